@@ -39,7 +39,7 @@ def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
         files.write_json(report.json(), folder / "report.json")
         (folder / "report.md").write_text(report.whole(), encoding="utf-8")
         picture = folder / asked.picture
-        drawn = replace(seen, tables=seen.tables or list(report.tables.values()))
+        drawn = replace(seen, tables=seen.tables or [own for own in report.tables.values() if own.rows])
         overview(report, drawn).savefig(picture)
         header = Header(asked.command, json.dumps(asked.flags, sort_keys=True), next(iter(asked.seeds), 0))
         write_run(folder / "recording.rrd", header, report, drawn, {"Charts": picture})

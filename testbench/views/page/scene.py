@@ -44,7 +44,6 @@ class Poses:
     first: int = 0  #: Index of the pose that is shown first.
     #: What the eye sees from the broad side, (n, 3) [m]; all that is drawn if None.
     near: Array | None = None
-    sweep: str = ""  #: Timeline from 0 to 100 % that a recording has for them; empty for none.
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """The recording of any run, made of what its page draws: arms in poses, charts, maps, figures, words.
 
-Every group of poses has a tab. All are on all timelines: `worst_first`, `pose` in the order of the page, and
-where there are such that are swept through, theirs in per cent; other poses spread over it, the worst first.
+Every group of poses has a tab. All are on both timelines: `worst_first`, and `pose` in the order of the page.
 """
 
 from collections.abc import Mapping, Sequence
@@ -162,13 +161,8 @@ def _around_map(seen: Seen, groups: Sequence[_Group]) -> tuple[Sequence[str], st
 def _write_scene(pen: Pen, cell: Cell, groups: Sequence[_Group]) -> None:
     """Arms, layers, words and charts of every group."""
     drawn: set[str] = set()
-    sweeps = dict.fromkeys(own.poses.sweep for own in groups if own.poses.sweep)
     for own in groups:
-        order, rank = np.arange(len(own.poses.names)), own.rank
-        times = {WORST: rank, POSE: 1 + order}
-        for sweep in sweeps:
-            step = order if own.poses.sweep == sweep else rank
-            times[sweep] = np.rint(100 * step / max(1, len(order) - 1)).astype(int)
+        times = {WORST: own.rank, POSE: 1 + np.arange(len(own.poses.names))}
         rows = pen.on(*(rr.TimeColumn(name, sequence=at) for name, at in times.items()))
         if own.arm not in drawn:
             drawn.add(own.arm)
@@ -207,10 +201,9 @@ def _write_line(rows: Pen, path: str, line: Line) -> None:
 
 def _tab(scene: Scene, own: _Group, *, first: bool) -> rrb.Container:
     """The arm and what is shown; at the right of the first tab the summary, and the group's charts."""
-    corner = rrb.Corner2D.LeftTop if own.poses.sweep else rrb.Corner2D.RightTop  # lines rise, or fall
     charts = [
         rrb.TimeSeriesView(
-            origin=own.path(chart), name=chart.title, plot_legend=rrb.PlotLegend(corner=corner)
+            origin=own.path(chart), name=chart.title, plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop)
         )
         for chart in (*own.charts, *own.mapped)
     ]

@@ -8,19 +8,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell, LoadedPoses, clear_poses, stream
 from testbench.bench.truths import TRUTHS, true_cell
 from testbench.data.dataset import Dataset
-from testbench.errors import Array
 from testbench.identify.prior import Prior, cad_prior, distorted
 from testbench.model.poses import WorkArea
 from testbench.plant import TYPICAL, Disturbances, disturb, settle_pair, with_markers
 
-PAYLOAD: Mapping[str, float] = {"kr500_l480": 460.3, "arm_6r": 20.0}
+PAYLOAD = {"kr500_l480": 460.3, "arm_6r": 20.0}
 """Largest mass that hangs from each arm [kg]."""
-AREA: Mapping[str, WorkArea] = {
+AREA = {
     "kr500_l480": WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0)),
     "arm_6r": WorkArea((-2.5, -2.5, 0.3), (2.5, 2.5, 2.5)),
 }
@@ -38,13 +38,12 @@ QUIET = Disturbances(own_weight=True)
 
 @dataclass(frozen=True)
 class Sound:
-    """A data set without a fault."""
+    """A data set without a mistake."""
 
     cell: Cell  #: The arm, as its folder has it.
     data: Dataset
     prior: Prior  #: What the folder believes of its compliances.
     loads: str  #: One of LOADS.
-    true_arm: str  #: One of TRUTHS.
     tracker: bool  #: Whether it is in the frames of a tracker's set-ups.
     declared: bool  #: Whether that is said; it is found out otherwise.
     disturbed: bool  #: Whether the true arm does what models do not know.
@@ -55,12 +54,14 @@ def sound(cells: Mapping[str, Cell], seed: int) -> Sound:
     rng = stream(seed, 30)
     name = str(rng.choice(list(PAYLOAD), p=[0.75, 0.25]))
     cell, loads, truth = cells[name], LOADS[seed % len(LOADS)], list(TRUTHS)[seed // len(LOADS) % len(TRUTHS)]
-    disturbances = _disturbances(name) if rng.random() < 0.5 else QUIET
-    true = disturb(true_cell(cell, truth, seed).plant, disturbances, stream(seed, 20))
+    disturbed = bool(rng.random() < 0.5)
+    typical = TYPICAL if name == "kr500_l480" else replace(TYPICAL, compensator=None)
+    true = true_cell(cell, truth, seed).plant
+    true = disturb(true, typical if disturbed else QUIET, stream(seed, 20))
     off = rng.uniform(0, 5e-3) * rng.standard_normal((len(cell.arm.markers), 3))
     true = replace(true, plant=with_markers(true.plant, off))
     poses = clear_poses(cell, AREA[name], int(rng.integers(10, 25)), rng)
-    asked = _loaded(cell, poses, loads, PAYLOAD[name], rng)
+    asked = _loaded(cell, poses, loads, rng)
     before, after = settle_pair(true, asked.q, asked.wrench, asked.point)
     sigma = float(rng.choice([20e-6, 50e-6, 100e-6]))
     first = np.unique(asked.pose, return_index=True)[1][asked.pose - 1]  # one unloaded reading of a pose
@@ -81,13 +82,11 @@ def sound(cells: Mapping[str, Cell], seed: int) -> Sound:
     if tracker:
         cell, data = _in_tracker(cell, data, rng)
     declared = tracker and bool(rng.random() < DECLARED)
-    return Sound(cell, data, prior, loads, truth, tracker, declared, disturbances is not QUIET)
+    return Sound(cell, data, prior, loads, tracker, declared, disturbed)
 
 
 def _in_tracker(cell: Cell, data: Dataset, rng: np.random.Generator) -> tuple[Cell, Dataset]:
     """The readings from one or two set-ups, and an arm's folder that has its targets roughly."""
-    from scipy.spatial.transform import Rotation
-
     stations = int(rng.integers(1, 3))
     station = 1 + data.pose * stations // (data.pose.max() + 1)
     before, after = data.before.copy(), data.after.copy()
@@ -100,14 +99,9 @@ def _in_tracker(cell: Cell, data: Dataset, rng: np.random.Generator) -> tuple[Ce
     return cell, replace(data, before=before, after=after, station=station)
 
 
-def _disturbances(name: str) -> Disturbances:
-    """What heavy arms do; only the KR 500 has a compensator."""
-    return TYPICAL if name == "kr500_l480" else replace(TYPICAL, compensator=None)
-
-
-def _loaded(cell: Cell, q: Array, loads: str, payload: float, rng: np.random.Generator) -> LoadedPoses:
+def _loaded(cell: Cell, q: np.ndarray, loads: str, rng: np.random.Generator) -> LoadedPoses:
     """What acts in which pose: of three loads there is one run each."""
-    each = len(LEVELS) if loads == "levels" else 1
+    each, payload = len(LEVELS) if loads == "levels" else 1, PAYLOAD[cell.arm.name]
     pose = np.repeat(np.arange(len(q)) + 1, each)
     wrench = np.zeros((len(pose), 6))
     if loads == "pressed":
@@ -115,6 +109,5 @@ def _loaded(cell: Cell, q: Array, loads: str, payload: float, rng: np.random.Gen
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
         wrench[:, :3] = GRAVITY * payload * rng.uniform(0.3, 0.7, (len(pose), 1)) * direction
     else:
-        shares = np.tile(LEVELS if each > 1 else [1.0], len(q))
-        wrench[:, 2] = -GRAVITY * payload * shares
+        wrench[:, 2] = -GRAVITY * payload * np.tile(LEVELS if each > 1 else [1.0], len(q))
     return LoadedPoses(np.repeat(q, each, axis=0), pose, wrench, np.tile(cell.vjm.load, (len(pose), 1)))
