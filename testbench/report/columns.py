@@ -170,10 +170,8 @@ EVERY = (
     Column("unfinished", "out of steps", form="d"),
     Column("cap_excess", "cap costs", form=".1e"),
     # readings of a real arm: series A and C
-    Column("words", "what it is"),
     Column("split", "split"),
     Column("judged", "judged on"),
-    Column("trained", "trained on"),
     Column("fit", "fit"),
     Column("poses", "poses", form="d"),
     Column("draws", "draws", form="d"),
@@ -189,19 +187,11 @@ EVERY = (
     Column("error.max_mm", "largest", "mm"),
     Column("error.inside_95_percent", "inside 95 %", "%", ".1f"),
     Column("joint", "joint"),
-    *(
-        Column(f"{end}_{name}_deg", f"{words} in {name}", "deg", ".0f")
-        for name in "AC"
-        for end, words in (("low", "least"), ("high", "greatest"))
-    ),
     Column("strange_to_A_percent", "poses of C far from A's angles", "%", ".0f"),
     Column("strange_to_C_percent", "poses of A far from C's angles", "%", ".0f"),
-    *(Column(f"rms_{by}_urad", f"RMS by {by}", "urad", ".0f") for by in ("A", "C", "both")),
+    *(Column(f"rms_{by}_urad", f"RMS by {by}", "urad", ".0f") for by in "AC"),
     Column("common_deg", "angles that both visited", "deg", ".0f"),
     Column("correlation", "correlation of A and C there", form=".2f"),
-    Column("urad_per_Nm", "compliance", "urad/(N m)", ".2f"),
-    Column("prototype_mm", "prototype", "mm"),
-    Column("here_mm", "here", "mm"),
     # plans of poses, beside random ones
     Column("plan", "poses by"),
     Column("criterion", "criterion"),
