@@ -3,12 +3,16 @@
 python tools/pages.py --runs runs/full
 """
 
+import csv
 import json
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -16,15 +20,20 @@ import typer
 from blocks import fill
 
 from testbench.errors import BenchError
+from testbench.report import report
 from testbench.shell import command
+from testbench.trials.spread import Spread
+from testbench.views.markdown import capital, grid
+from testbench.views.schema import Column, Table
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES, README = ROOT / "docs" / "studies", ROOT / "README.md"
 STUDIES = (
     "gravity_calibration", "single_link", "six_dof_arm", "solver_comparison", "loaded_stiffness",
     "identifiability", "noise_sensitivity", "model_error", "pose_selection", "which_model",
-    "regimes", "wrong_inputs", "real_ur10", "absolute_calibration", "compensation",
+    "regimes", "real_ur10", "absolute_calibration", "compensation",
 )  # fmt: skip
+ROWS, COLUMNS = 10, 7  #: Of the one table that a page shows.
 DEMO = re.compile(r"(<!-- demo -->\n).*?(<!-- end -->)", re.DOTALL)
 
 app = typer.Typer(add_completion=False)
@@ -52,21 +61,72 @@ def main(
 
 
 def page(name: str, run: Path) -> None:
-    """A study's page: how to run it, its figure, its report.md."""
-    _, _, rest = (run / "report.md").read_text(encoding="utf-8").partition("\n")
+    """A study's page: command, answer, picture, its first table in short; all tables as CSV beside it."""
+    found = report.read(json.loads((run / "report.json").read_text(encoding="utf-8")))
     pictures = [run / f"{name}.png", run / "models.png", run / "curves.png"]
     shutil.copyfile(next(png for png in pictures if png.is_file()), PAGES / f"{name}.png")
     asked = json.loads((run / "manifest.json").read_text(encoding="utf-8"))
     flags = f"--seed {asked['seed']} --seeds {asked['seeds']}"
     if "campaigns" in asked["scenario"]:
         flags += f" --campaigns {asked['scenario']['campaigns']}"
+    links = [f"[{table.title or key}]({name}/{key}.csv)" for key, table in _tables(found, PAGES / name)]
     parts = [
         f"# {name.replace('_', ' ').capitalize()}",
         f"    python scenarios/{name}.py {flags} --out runs/{name}",
+        found.question,
+        f"**{found.answer}**",
         f"![{name}]({name}.png)",
-        re.sub(r"!\[[^]]*\]\([^)]*\)\n", "", rest).strip(),
+        found.worst,
+        found.block("statements"),
+        _short(next(iter(found.tables.values()))),
+        found.title,
+        f"All tables: {', '.join(links)}. The run's report.md holds the rest.",
     ]
-    (PAGES / f"{name}.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
+    (PAGES / f"{name}.md").write_text("\n\n".join(filter(None, parts)) + "\n", encoding="utf-8")
+
+
+def _short(table: Table) -> str:
+    """A table's first columns, the headline among them, and its first rows."""
+    keep = [c for c in table.columns[1:] if c.key == table.headline]
+    keep += [c for c in table.columns[1:] if c not in keep][: COLUMNS - 1 - len(keep)]
+    columns = tuple(c for c in table.columns if c is table.columns[0] or c in keep)
+    rows = sorted(table.rows, key=lambda row: table.columns[0].cell(row) != table.bold)[:ROWS]
+    short = replace(table, columns=columns, rows=[row for row in table.rows if row in rows])
+    left = len(table.rows) - len(rows)
+    more = f"{left} more rows are in the CSV file." if left else ""
+    return "\n\n".join(filter(None, [f"## {capital(table.title)}" if table.title else "", grid(short), more]))
+
+
+def _tables(found: report.Report, folder: Path) -> Iterator[tuple[str, Table]]:
+    """Writes every table that has rows: a column a quantity, two more for the ends of its spread."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for key, table in found.tables.items():
+        if not table.rows:
+            continue
+        with (folder / f"{key}.csv").open("w", encoding="utf-8", newline="") as file:
+            cells = [[_cells(column, row) for column in table.columns] for row in table.rows]
+            wide = [any(len(own) > 1 for own in column) for column in zip(*cells, strict=True)]
+            heads = [_heads(c, spread) for c, spread in zip(table.columns, wide, strict=True)]
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(chain.from_iterable(heads))
+            for row in cells:
+                filled = [[*own, *[""] * 2][: len(head)] for own, head in zip(row, heads, strict=True)]
+                writer.writerow(chain.from_iterable(filled))
+        yield key, table
+
+
+def _heads(column: Column, spread: bool) -> list[str]:
+    return [column.title, *[f"{column.title} ({end})" for end in ("low", "high") if spread]]
+
+
+def _cells(column: Column, row: object) -> list[str]:
+    """A number as the report shows it, and the ends of its spread."""
+    value = column.value(row)
+    if isinstance(value, Spread):
+        low, high = value.ends
+        return [column.text(own) for own in (value.median, low, high)]
+    return [column.text(value)]
 
 
 def shown() -> str:

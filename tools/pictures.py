@@ -21,8 +21,7 @@ COLOURS = 256
 
 PICTURES = {
     "calibration": ("gravity_calibration", None, None, None),
-    "calibration_errors": ("gravity_calibration", "Errors", None, None),
-    "loading": ("gravity_calibration", "Loading", "load", 100),
+    "calibration_errors": ("gravity_calibration", "Where it errs", None, None),
     "recording_six_dof_arm": ("six_dof_arm", None, None, None),
     "recording_identify": ("identify", None, None, None),
     "recording_compensate": ("compensate", None, None, None),

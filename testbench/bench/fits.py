@@ -11,7 +11,6 @@ from testbench.bench.default import Recommendation, default_name, recommend, why
 from testbench.bench.fit_rows import Bound, Fits, Fitted, HeldOut, IntervalRow, IntervalsRow
 from testbench.bench.frame_rows import RegistrationRow
 from testbench.bench.judged import EstimatorFailed, of_model
-from testbench.bench.looks import UNSEEN, Looks
 from testbench.bench.many import Many, fit_many
 from testbench.bench.models import Model
 from testbench.bench.rows import MM, ErrorRow, error_row, fit_row
@@ -31,6 +30,18 @@ UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, 
 
 QUIET, CHANCE = 0.6, 1e-6
 """Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
+
+
+@dataclass(frozen=True)
+class Looks:
+    """What is seen of runs before anything is fitted."""
+
+    doubts: tuple[Doubt, ...] = ()  #: What may be wrong, the likeliest first.
+    #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
+    scale: float | None = None
+
+
+UNSEEN = Looks()  #: Of runs that nobody looked at.
 
 
 @dataclass(frozen=True)

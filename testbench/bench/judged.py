@@ -22,8 +22,13 @@ class Errors:
     check: Score  #: Errors on the check runs, against their readings.
     check_true: Score  #: The same against their true deflections.
     truth: Score  #: Errors against the true deflections.
-    places: Array  #: The same run by run, root mean square over the markers, (runs,) [m].
+    wrong: Array  #: The same marker by marker: true minus predicted, (runs, m, 3) [m].
     residuals: Array  #: Readings minus predictions of all measured runs, (runs, m, 3) [m].
+
+    @property
+    def places(self) -> Array:
+        """Errors against the true deflections run by run, RMS over the markers, (runs,) [m]."""
+        return np.asarray(np.sqrt(np.mean(np.sum(self.wrong**2, axis=-1), axis=-1)))
 
 
 @dataclass(frozen=True)
@@ -109,7 +114,7 @@ def judge_all(cell: Cell, campaign: Campaign, estimates: Sequence[Estimate]) -> 
             check=score(own[1], check.deflection),
             check_true=score(own[1], campaign.check_true.deflection),
             truth=score(own[2], truth.deflection),
-            places=np.sqrt(np.mean(np.sum((own[2] - truth.deflection) ** 2, axis=-1), axis=-1)),
+            wrong=truth.deflection - own[2],
             residuals=campaign.measured.deflection - own[3],
         )
         for own in zip(*predicted, strict=True)

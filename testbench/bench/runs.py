@@ -11,10 +11,9 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell
-from testbench.bench.fits import Runs
+from testbench.bench.fits import Looks, Runs
 from testbench.bench.frame_choice import frame_files, to_base
 from testbench.bench.frame_rows import registration_row
-from testbench.bench.looks import Looks, look
 from testbench.bench.many import Many
 from testbench.bench.payload import overloaded
 from testbench.bench.rows import UM
@@ -23,9 +22,12 @@ from testbench.data.export import Export, read_export
 from testbench.data.spool import Campaign
 from testbench.data.stream import read_campaign
 from testbench.errors import BenchError, InputError
-from testbench.identify.doubts import Doubt, HandedIn, open_places
+from testbench.identify.doubts import Doubt, HandedIn, doubts, open_places, scale
 from testbench.identify.in_base import in_base
+from testbench.identify.metric import metric
+from testbench.identify.prior import cad_prior
 from testbench.identify.registered import Registered
+from testbench.model.structure import all153
 
 
 class Source(Protocol):
@@ -106,14 +108,20 @@ def register(cell: Cell, export: Export, asked: Source) -> tuple[Cell, Registere
 
 
 def look_at(cell: Cell, export: Export, found: Registered, asked: Source) -> Looks:
-    """What may be wrong with runs of an arm, as its folder has it, that were registered."""
+    """What may be wrong with runs of an arm, as its folder has it, that were registered; how soft it is.
+
+    Raises:
+        InputError: When the runs are not of this arm.
+    """
+    prior = cad_prior(cell.arm)
     try:
-        looks = look(HandedIn(cell.vjm, export.data, found, _said(export, asked) != "auto"))
+        seen = doubts(HandedIn(cell.vjm, export.data, found, _said(export, asked) != "auto"), prior)
+        factor = scale(found.vjm, metric(prior, found.vjm, all153(found.vjm.arm)), found.data)
     except BenchError as err:
         raise InputError(asked.dataset, "", str(err)) from err
     masses = np.linalg.norm(export.data.wrench[:, :3], axis=1) / GRAVITY
     heavy = overloaded(cell.arm, masses.tolist())
-    return looks if heavy is None else replace(looks, doubts=(*looks.doubts, Doubt("payload", heavy)))
+    return Looks((*seen, *([] if heavy is None else [Doubt("payload", heavy)])), factor)
 
 
 def _said(export: Export, asked: Source) -> str:

@@ -9,16 +9,15 @@ import typer
 from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.bench.absolute import calibrated, read_all
-from testbench.bench.absolute_summary import reported
 from testbench.bench.campaign import build_cell
 from testbench.cli.arguments import ArmName, MapFile, SigmaUm
+from testbench.commands.calibrate import COMMAND, PICTURE, report, seen, write
+from testbench.commands.calibrate_numbers import left_of
 from testbench.errors import word
 from testbench.identify.absolute.fit import NAMES, ORDERS
 from testbench.identify.absolute.fit import Options as Tried
 from testbench.output.run import claim_folder
 from testbench.shell.options import Force, of_flag, takes
-from testbench.views.absolute.files import COMMAND, write
-from testbench.views.absolute.words import tables, words
 from testbench.views.terminal import grid, looked_at, plain_console, print_answer, print_statements
 
 
@@ -60,25 +59,26 @@ def command(asked: Options) -> None:
         with console.status("calibrating") as status:
             found = calibrated(cell.vjm, series, tried, notes)
             status.update("writing")
-            said = reported(found)
-            readings = {path.name: files.digest(path) for path in asked.readings}
-            write(cell, said, readings, _plain(asked, readings), asked.out)
-        text, out = words(said.report), asked.out
-        print_answer(console, text)
-        if said.report.steps:
-            console.print(grid(tables(said.report)["steps"]))
-        print_statements(console, text)
+            left = left_of(found)
+            said = report(found, left)
+            write(found, said, seen(cell, found, left), _plain(asked), asked.out)
+        out, steps = asked.out, said.tables["steps"]
+        print_answer(console, said)
+        if steps.rows:
+            console.print(grid(steps))
+        print_statements(console, said)
         lines = [
             *(f"- {note}" for note in found.notes),
             f"model      {out / 'model.json'}; judge it with: testbench score {word(out)} READINGS.csv",
-            f"report     {out / 'report.md'}, {out / 'report.json'}, {out / 'calibration.png'}",
+            f"report     {out / 'report.md'}, {out / 'report.json'}, {out / PICTURE}",
             *looked_at(out),
         ]
         console.print("\n".join(lines), soft_wrap=True)
 
 
-def _plain(asked: Options, readings: dict[str, str]) -> dict[str, object]:
+def _plain(asked: Options) -> dict[str, object]:
     """What was asked for, but for the place of the results, and which files were read."""
     flags = {k: v for k, v in asdict(asked).items() if k not in ("arm", "out", "force", "readings")}
+    readings = {path.name: files.digest(path) for path in asked.readings}
     mapping = asked.mapping and {asked.mapping.name: files.digest(asked.mapping)}
     return {**flags, "readings": readings, "mapping": mapping}

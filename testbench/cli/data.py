@@ -10,13 +10,11 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
 from testbench.bench.runs import files_read, look_at, read, register
-from testbench.bench.understood import understand
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
+from testbench.commands.data import COMMAND, listed, report, understand, write
 from testbench.errors import BenchError
 from testbench.output.run import claim_folder
 from testbench.shell.options import Force, takes
-from testbench.views.data import words
-from testbench.views.data.files import COMMAND, write
 from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements
 
 group = typer.Typer(no_args_is_help=True)
@@ -51,24 +49,21 @@ def check(asked: Options) -> None:
             inputs = [arm, *files_read(asked)]
             claim = claim_folder(asked.out, COMMAND, own=frozenset(), inputs=inputs, force=asked.force)
             held.enter_context(claim)
-        cell = build_cell(asked.arm)
-        export = read(cell, asked)
-        found = understand(export)
-        console = plain_console()
-        listed = "\n".join(["", *words.table(found), "", *words.lines(found)])
-        filed = cell
+        filed = build_cell(asked.arm)
+        export = read(filed, asked)
+        found, console = understand(export), plain_console()
+        columns = "\n".join(listed(found))
         try:
-            cell, registered = register(cell, export, asked)
+            cell, registered = register(filed, export, asked)
         except BenchError:
-            console.print(listed, soft_wrap=True)  # what was understood helps where no frame is found
+            console.print(columns, soft_wrap=True)  # what was understood helps where no frame is found
             raise
         looks = look_at(filed, export, registered, asked)
-        runs = words.CheckedRuns(asked.dataset.name, found, registered, looks)
-        said = words.words(runs)
+        said = report(found, asked.dataset.name, registered, looks)
         print_answer(console, said)
         print_statements(console, said)
-        console.print(listed, soft_wrap=True)
+        console.print(columns, soft_wrap=True)
         if asked.out is not None:
-            write(cell, runs, asked.out)
+            write(cell, registered, said, asked.out)
             lines = [f"picture    {asked.out / 'data.png'}", *looked_at(asked.out)]
             console.print("\n".join(lines), soft_wrap=True)

@@ -1,6 +1,7 @@
 """testbench identify ARM DATA --out DIR: stiffness models from measured runs."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -14,13 +15,13 @@ from testbench.bench.checked import check
 from testbench.bench.default import default_models, with_priors
 from testbench.bench.explained import explained
 from testbench.bench.fits import fit
-from testbench.bench.looks import check_strictly
 from testbench.bench.model_folder import DOCUMENT, FITS
 from testbench.bench.models import Model, named_models
 from testbench.bench.runs import files_read, read_runs
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.errors import BenchError, word
 from testbench.identify import robust
+from testbench.identify.doubts import Doubt
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.run import claim_folder
 from testbench.shell.options import Force, of_flag, takes
@@ -98,6 +99,13 @@ def command(asked: Options) -> None:
             f"           testbench compensate {word(out)} PROGRAM.csv --out CORRECTED.csv",
         ]
         console.print("\n".join(lines), soft_wrap=True)
+
+
+def check_strictly(said: Sequence[Doubt]) -> None:
+    """Refuse runs with a doubt, all of them in one line."""
+    if said:
+        count = "1 doubt" if len(said) == 1 else f"{len(said)} doubts"
+        raise BenchError(f"--strict: {count}: {'; '.join(doubt.sentence for doubt in said)}")
 
 
 def _plain(asked: Options, readings: dict[str, str]) -> dict[str, object]:

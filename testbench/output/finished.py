@@ -72,13 +72,13 @@ def read_run(folder: Path) -> Finished:
     return Finished(folder, told, plain, hashlib.sha256(text.encode()).hexdigest())
 
 
-def told_as(file: Path, err: ValidationError, what: str = "") -> InputError:
+def told_as(file: Path, err: ValidationError) -> InputError:
     """The first finding of pydantic in a file, in one line."""
     first = err.errors(include_url=False, include_context=False)[0]
     place = ".".join(map(str, first["loc"]))
     if first["type"] == "missing":
-        return InputError(file, place, f"{what}expected it, there is none")
-    return InputError(file, place, f"{what}{first['msg']}, got {str(first.get('input'))[:80]!r}")
+        return InputError(file, place, "expected it, there is none")
+    return InputError(file, place, f"{first['msg']}, got {str(first.get('input'))[:80]!r}")
 
 
 def read_plain(path: Path) -> JsonValue:

@@ -1,47 +1,16 @@
 """What studies that judge models by campaigns share: the best of a method, pairs, the map, the recording."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
 
-from testbench.bench.baselines import JOINTS, distinct
-from testbench.bench.campaign import Campaign, Cell
-from testbench.bench.default import DEFAULT
+from testbench.bench.baselines import JOINTS
 from testbench.bench.error_places import ErrorPlaces, Places, error_places
-from testbench.bench.judged import Result
-from testbench.bench.truths import CALLED, FAMILY
-from testbench.data.csvfile import write_csv
 from testbench.identify import Constraint
 from testbench.report.columns import columns
-from testbench.report.report import Report, say
-from testbench.report.table import TRIAL, Row, Trials, aligned, matched, merged, nested, paired
-from testbench.trials.spread import SAME, Number, Spread, middle, wins
-from testbench.views.gains import beside
-from testbench.views.markdown import Markdown
-from testbench.views.page.calibration import Calibrated, calibration_seen
-from testbench.views.page.page import Seen
-from testbench.views.recording.calibration import write_calibration
-from testbench.views.recording.drawing import Calibration
-from testbench.views.recording.stream import Header
-from testbench.views.schema import Best, Column, Table, best_of, pivot
+from testbench.report.table import Row, Trials, aligned, merged, nested, paired
+from testbench.trials.spread import wins
+from testbench.views.schema import Column, Table, best_of, pivot
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
-DRAWN = f"name {TRUE} check_true.rms_mm"
-RECORDED = f"name conservative {TRUE} times_less"
-ERROR = "rms_um"  #: What models are judged by in every case of a factor, such as noise or a disturbance.
-RMS = replace(columns(ERROR)[0], form=".0f")
-BY_CONE = (("MGCO56", "MLS56"), ("MGCO56 + prior", "MLS56 + prior"))
-DUELS = (*BY_CONE, ("MGCO56", JOINTS), ("MGCO56 + prior", JOINTS), (DEFAULT, JOINTS))
-"""What the cone does without a prior and with it, then both and the default against the incumbent."""
-METHODS: Mapping[Constraint, str] = {
-    "none": "least squares",
-    "psd": "GCO",
-    "free": "least squares, conservative of equal fit",
-}
-ARMS = Markdown(
-    "True arms: links of tubes, as in the model; links 10, 20 and 40 % off any tube; cast links; unequal "
-    "joints. The model and the prior stay those of the arm's folder."
-)
 
 
 def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
@@ -80,142 +49,6 @@ def pairs(trials: Trials, asked: Mapping[str, tuple[str, str]], value: str = TRU
     return found
 
 
-def at_case(trials: Trials, models: Sequence[Row]) -> Row:
-    """Who is best in one case, with any prior and with none; what the default gains; all these by true arm.
-
-    Args:
-        trials: Of the case.
-        models: The same merged, a row a model.
-    """
-    errors = {m.name: m.rms_um for m in models}
-    without = [m for m in models if not m.prior and m.name != JOINTS]
-    best, plain = (best_of({m.name: m.rms_um for m in own}).names for own in (models, without))
-    [rival, *_] = best_of({m.name: m.rms_um for m in without if m.constraint == "none"}).names
-    rivals = {"least_squares": (DEFAULT, rival), "joints": (DEFAULT, JOINTS)}
-    return Row(
-        leaders=Row(
-            best=best,
-            best_um=errors[best[0]],
-            default_um=errors[DEFAULT],
-            plain=plain,
-            plain_um=errors[plain[0]],
-            joints_um=errors[JOINTS],
-        ),
-        gains=pairs(trials, rivals, ERROR, 1e-3),
-        by_arm=by_arm(trials.where(name={*best, DEFAULT, *plain, JOINTS}), ERROR),
-    )
-
-
-def head(asked: str, seeds: Sequence[int], trials: Trials) -> Row:
-    """What report.json says first of the family of true arms, or of the one that was asked for."""
-    arms = {arm: len(own.values(TRIAL)) for (arm,), own in trials.groups("true_arm")}
-    seed = list(seeds) if len(seeds) > 1 else seeds[0]
-    return Row(seed=seed, noise=True, true_arm=asked, true_arms=arms)
-
-
-def named(names: Sequence[str]) -> str:
-    """Names in a sentence; of several that they are alike."""
-    return Best(tuple(names), 0.0).words
-
-
-def beside_rivals(models: Sequence[Row], gains: Row) -> list[Markdown]:
-    """Errors of the default, of least squares and of joints alone in one case, a sentence each rival."""
-    own = {m.name: m for m in models}
-    least_squares, joints = gains.least_squares, gains.joints
-    return [
-        say(
-            "{name} {rms_um:~.0f} um, least squares {other.rms_um:~.0f} um; {it:less}.",
-            own[least_squares.ours],
-            other=own[least_squares.theirs],
-            it=least_squares,
-        ),
-        say("Joints alone {rms_um:~.0f} um, {it:more trial}.", own[joints.theirs], it=joints),
-    ]
-
-
-def gains_told(gains: Row) -> str:
-    """The same for the title of a figure."""
-    return beside({"least squares": gains.least_squares, "joints alone": gains.joints}, "um")
-
-
-def duels(trials: Trials, asked: Sequence[tuple[str, str]], *by: str, of: str = "name") -> list[Row]:
-    """Two on the same readings, by case: ratio of errors, shares of trials in which ours is less, or alike.
-
-    Args:
-        trials: Of all.
-        asked: Ours and theirs.
-        by: Columns in which the rows of a case are alike.
-        of: The column of ours and theirs.
-    """
-    found = []
-    for ours, theirs in asked:
-        own = trials.where(**{of: ours})
-        a, b = own[ERROR], matched(own, trials.where(**{of: theirs}), ERROR, (*by, TRIAL))
-        won, lost = a < (1 - SAME) * b, b < (1 - SAME) * a
-        kept = own.keep(*by).add(ratio=a / b, won=won, tied=~won & ~lost)
-        for _, case in kept.groups(*by):
-            [row] = merged(case)
-            pair = Row({**row, "ours": ours, "theirs": theirs, "trials": len(case)})
-            found.append(shares(pair, "won", "tied"))
-    return found
-
-
-def shares(row: Row, *names: str) -> Row:
-    """Truth values as shares of trials, also where all trials agree."""
-    return Row(row, **{name: float(row[name]) for name in names})
-
-
-def by_cone(where: str, found: Sequence[Row]) -> Markdown:
-    """What the cone does by itself in one case, without a prior and with it.
-
-    Args:
-        where: The case.
-        found: Its duels.
-    """
-    plain, filled = (next(d for d in found if (d.ours, d.theirs) == pair) for pair in BY_CONE)
-    alike = ", and they err alike in {tied:yes}" if filled.tied else ""
-    return say(
-        "The cone by itself{where}: {plain.ours} beats {plain.theirs} in {plain.won:yes} of {trials} trials. "
-        f"With the prior it does in {{won:yes}}{alike}.",
-        filled,
-        plain=plain,
-        where=where,
-    )
-
-
-def existing(rows: Sequence[Row]) -> list[Row]:
-    """Models by case, without a completion that exists in no trial with noise: least squares once more."""
-    there = {row.name for row in rows if row.sigma_um > 0 and row.conservative is not False}
-    return [row for row in rows if row.constraint != "free" or row.name in there]
-
-
-def contract(models: Sequence[Row], where: str, judged: str) -> list[Row]:
-    """Rows of report.json's `models` of one case, judged by the check set or over the workspace."""
-    none = {"check": None, "workspace": None, "paper": None}
-    return [
-        Row(
-            {key: m[key] for key in ("constraint", "prior", "conservative", "solved")} | none,
-            name=f"{m.name}, {where}",
-            method=METHODS[m.constraint],
-            **{judged: Row(rms_mm=_mm(m.rms_um), p95_mm=_mm(m.p95_um))},
-        )
-        for m in models
-    ]
-
-
-def _mm(um: Number) -> Number:
-    return um.scaled(1e-3) if isinstance(um, Spread) else middle(um) / 1e3
-
-
-def arms_told(f: Row) -> Markdown:
-    """True arms in words, with their trials."""
-    if f.true_arm != FAMILY:
-        return say("True arm: {arm}.", arm=CALLED[f.true_arm])
-    return say(
-        "True arms in turn: {arms}.", arms=", ".join(f"{CALLED[arm]} ({n})" for arm, n in f.true_arms.items())
-    )
-
-
 def by_arm(trials: Trials, value: str, of: str = "name") -> list[Row]:
     """A quantity of every model, or of what another column names, by true arm; nothing of one arm."""
     several = len(trials.values("true_arm")) > 1
@@ -234,57 +67,3 @@ def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:
     at = Places(**nested({name: cells[0] for name, cells in drawn.keep("places.").columns.items()}).places)
     mm = dict(zip(drawn["name"], drawn["place_mm"], strict=True))
     return error_places(at, mm, [name for name in dict.fromkeys(compared) if name in mm])
-
-
-def write(
-    report: Report, header: Header, folder: Path, made: tuple[Cell, Campaign, Sequence[Result]], size: float
-) -> Seen:
-    """dataset.csv and recording.rrd of the first seed, see `draw`; what the page draws."""
-    cell, campaign, _ = made
-    write_csv(campaign.measured, cell.arm, folder / "dataset.csv")
-    return draw(calibration(report, header, size), folder, made)
-
-
-def draw(about: Calibration, folder: Path, made: tuple[Cell, Campaign, Sequence[Result]]) -> Seen:
-    """recording.rrd of the first seed; what the page draws.
-
-    Args:
-        about: Words, and the models that are told.
-        folder: Where to.
-        made: The first seed's true arm, campaign and results, of the models that are told at least.
-    """
-    cell, campaign, every = made
-    told = {m.name for m in about.models}
-    results = [result for result in every if result.model.name in told]
-    write_calibration(folder / "recording.rrd", about, cell, campaign, results)
-    return calibration_seen(Calibrated(cell, campaign, results, about.models, about.map, about.magnification))
-
-
-def calibration(
-    report: Report, header: Header, size: float, recorded: str = RECORDED, drawn: str = DRAWN
-) -> Calibration:
-    """What a recording is made of: words, and the models that are told.
-
-    Args:
-        report: It has `models`, `take` and `map`.
-        header: Of the recording.
-        size: Magnification of the drawn deflections [1].
-        recorded: Columns of the table that it says first.
-        drawn: Columns of errors, the first one what models are judged by.
-    """
-    f, (name, *errors) = Row(report.numbers), columns(drawn)
-    models = distinct(f.models)
-    names = [m.name for m in models]
-    best_first = sorted(models, key=lambda m: middle(errors[0].value(m)))
-    told = tuple(replace(column, exact=True) for column in columns(recorded))
-    return Calibration(
-        header=header,
-        summary=report.summary(Table(told, best_first, bold=f.take)),
-        notes=report.title,
-        errors=Table((name, *errors), models, bold=f.take),
-        models=models,
-        best=names.index(f.take) if f.take in names else 0,
-        shown=tuple(names.index(name) for name in dict.fromkeys([*f.map.compared, f.take]) if name in names),
-        map=f.map,
-        magnification=size,
-    )

@@ -40,8 +40,8 @@ def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
         files.write_json(report.json(), folder / f"{asked.stem}.json")
         (folder / f"{asked.stem}.md").write_text(report.whole(), encoding="utf-8")
         picture = folder / asked.picture
-        overview(report, seen).savefig(picture)
-        drawn = replace(seen, tables=seen.tables or list(report.tables.values()))
+        drawn = replace(seen, tables=seen.tables or [own for own in report.tables.values() if own.rows])
+        overview(report, drawn).savefig(picture)
         header = Header(asked.command, json.dumps(asked.flags, sort_keys=True), next(iter(asked.seeds), 0))
         write_run(folder / "recording.rrd", header, report, drawn, {"Charts": picture})
         write_page(folder, f"{asked.command}: {asked.name}", report, drawn)

@@ -76,6 +76,14 @@ class Run(Generic[S]):
     parameters: str  #: The settings as JSON.
 
     @property
+    def first(self) -> Trials:
+        """Rows of the first seed."""
+        return Trials.read(self.folder / "trials.parquet").where(seed=self.seeds[0])
+
+    @property
     def header(self) -> Header:
         """Of its recording."""
         return Header(self.name, self.parameters, self.seeds[0])
+
+
+AnyRun = Run[Any]

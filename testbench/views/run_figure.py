@@ -1,19 +1,23 @@
 """The picture of any run, made of what its page draws: the first poses from aside and above, its charts."""
 
+import math
 import re
 import textwrap
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
+from testbench.trials.spread import Spread, ends, middle
 from testbench.views.colours import hexadecimal
-from testbench.views.figure import SMALL, SOFT, Figure, page, quiet, say, short
+from testbench.views.figure import SMALL, SOFT, Figure, dots, log_ticks, page, quiet, say, short
 from testbench.views.markdown import Told, as_plain
 from testbench.views.page.charts import RunChart
 from testbench.views.page.page import Seen
 from testbench.views.page.scene import Layer, Poses
+from testbench.views.schema import Column, Table, brackets, looks
 
 SIDES = {"from aside": (0, 2), "from above": (0, 1)}
 """World axes to the right and up."""
@@ -23,10 +27,13 @@ KEYS, NAME = 3, 40  #: Names on a line of the key, letters of a line of one.
 SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z])")  #: Where one ends.
 BARS, NAMED = 40, 24  #: Poses up to which a chart has dots, and labels that an axis has room for.
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
+FOREST, ROW, ROWS = 0.9, 0.27, 15
+"""Height of a table of models without its rows, of a row [in]; rows at most."""
+FAR = 5.0  #: Times the least number from which the axis of the greatest is logarithmic [1].
 
 
 def overview(words: Told, seen: Seen) -> Figure:
-    """The first poses of the scene, and every chart.
+    """The first poses of the scene, the models of the first table that has some, and every chart.
 
     Args:
         words: Of the report; its answer is the title.
@@ -35,19 +42,23 @@ def overview(words: Told, seen: Seen) -> Figure:
     charts = [chart for chart in seen.runs if chart.labels]
     layers = [own for own in seen.scene.groups[0].layers if own.shown] if seen.scene else []
     key = KEY * -(-len(layers) // KEYS)
-    rows = [*([SCENE, key] if seen.scene else []), *[CHART] * len(charts)]
+    models = headline(seen.tables)
+    forest = [FOREST + ROW * len(models[0].rows)] if models else []
+    rows = [*forest, *([SCENE, key] if seen.scene else []), *[CHART] * len(charts)]
     figure = page(HEAD + sum(rows))
     figure.set_layout_engine("constrained", rect=(0.02, 0, 0.98, 1))  # panes of equal scale stick out
-    grid = figure.add_gridspec(len(rows), 2, height_ratios=rows)
+    grid = figure.add_gridspec(len(rows) or 1, 2, height_ratios=rows or [1])
     answer, *more = SENTENCE.split(as_plain(words.block("answer")))
     if seen.scene:
         own = seen.scene.groups[0]
         for k, (name, plane) in enumerate(SIDES.items()):
-            axes = figure.add_subplot(grid[0, k])
+            axes = figure.add_subplot(grid[len(forest), k])
             _poses(axes, own, plane)
             axes.set_title(f"{own.names[own.first]}, {name}", fontsize="medium")
-        _key(figure.add_subplot(grid[1, :]), layers)
+        _key(figure.add_subplot(grid[len(forest) + 1, :]), layers)
         more.append(f"{own.name}: {seen.scene.title}")
+    if models:
+        _forest(figure.add_subplot(grid[0, :]), *models)
     for k, chart in enumerate(charts, len(rows) - len(charts)):
         _chart(figure.add_subplot(grid[k, :]), chart)
     say(figure, answer, " ".join(more))
@@ -86,6 +97,45 @@ def _layer(axes: Axes, layer: Layer, k: int, shown: list[int]) -> None:
     axes.plot(*np.stack([at, to])[:, :, shown].transpose(2, 0, 1), color=colour, linewidth=1.4)
     if layer.kind == "arrows":
         axes.plot(*to[:, shown].T, "o", color=colour, markersize=3)
+
+
+def headline(tables: Sequence[Table]) -> tuple[Table, Column] | None:
+    """The first table of several models and the column that it is about; the winner first, then by size."""
+    for table in tables:
+        name, *others = table.columns
+        known = table.looks or looks(table.rows, name)
+        own = [row for row in table.rows if name.cell(row) in known]
+        told = [column for column in others if column.key == table.headline] or others[::-1]
+        for column in told:
+            sizes = [(name.cell(row) != table.bold, _size(column, row), k) for k, row in enumerate(own)]
+            order = [own[k] for *_, size, k in sorted(sizes) if np.isfinite(size)]
+            if len({_size(column, row) for row in order}) > 1:
+                return replace(table, rows=order[:ROWS], looks=known), column
+    return None
+
+
+def _size(column: Column, row: object) -> float:
+    """The number in a row, or its median; NaN of what is none."""
+    value = column.value(row)
+    known = isinstance(value, Spread | float | int) and column.form != "yes"
+    return middle(value) if known else math.nan
+
+
+def _forest(axes: Axes, table: Table, column: Column) -> None:
+    """A dot a model with the ends of its spread; the winner has a band."""
+    name = table.columns[0]
+    shades = [table.looks[name.cell(row)] for row in table.rows]
+    dots(axes, table.rows, name, column, shades)
+    if table.bold == name.cell(table.rows[0]):
+        axes.axhspan(-0.5, 0.5, color=shades[0].hex, alpha=0.1, linewidth=0, zorder=0)
+    reached = np.array([ends(column.value(row)) for row in table.rows])
+    if reached.max() > FAR * reached.min() > 0:
+        log_ticks(axes, "x", float(reached.min()), float(reached.max()))
+    else:
+        axes.set_xlim(min(0.0, float(reached.min())), None)
+    note = brackets(replace(table, columns=(name, column)))
+    title = table.title or "Models"
+    axes.set_title(f"{title}, lines: {note}" if note else title, fontsize="medium", loc="left")
 
 
 def _key(axes: Axes, layers: Sequence[Layer]) -> None:

@@ -101,7 +101,7 @@ def brackets(table: Table) -> str:
     return spans(column.value(row) for column in table.columns if not column.exact for row in table.rows)
 
 
-def pivot(table: Table, down: Column, across: Column, cell: Column) -> Table:
+def pivot(table: Table, down: Column, across: Column, cell: Column, *last: Column) -> Table:
     """A table with a row for every value of one column and a column for every value of another.
 
     Args:
@@ -109,6 +109,7 @@ def pivot(table: Table, down: Column, across: Column, cell: Column) -> Table:
         down: Names the rows.
         across: Names the columns, its unit in their headings.
         cell: What stands there.
+        last: Columns behind these, of quantities that do not vary with what heads a column.
     """
     heads = list(dict.fromkeys(across.cell(row) for row in table.rows))
     unit = f" {across.unit}" if across.unit else ""
@@ -116,12 +117,13 @@ def pivot(table: Table, down: Column, across: Column, cell: Column) -> Table:
     for row in table.rows:
         own = rows.setdefault(down.cell(row), {"name": down.cell(row)})
         own[f"c{heads.index(across.cell(row))}"] = cell.value(row)
+        own |= {column.key: column.value(row) for column in last}
     columns = [
         Column(f"c{k}", head + unit, "", cell.form, exact=cell.exact, rounding=cell.rounding)
         for k, head in enumerate(heads)
     ]
     return Table(
-        (Column("name", down.heading), *columns),
+        (Column("name", down.heading), *columns, *last),
         list(rows.values()),
         table.title,
         table.bold,

@@ -38,7 +38,10 @@ def _lines(text: str) -> str:
 
 
 def grid(table: Table) -> RichTable:
-    """A table: medians; below them percentiles of several trials or their range, and the paper's numbers."""
+    """A table: medians; below them percentiles of several trials or their range, and the paper's numbers.
+
+    Of a quantity over two factors only the medians: report.md and the page have its spread.
+    """
     found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False, title=table.title or None)
     for k, column in enumerate(table.columns):
         head = column.short or column.title.replace(", ", "\n").replace(" ", "\n")
@@ -47,7 +50,7 @@ def grid(table: Table) -> RichTable:
         first, *others = (_end(column, row) for column in table.columns)
         marked = table.bold == first
         found.add_row(f"* {first}" if marked else first, *others, style="bold green" if marked else "")
-        spreads = [not c.exact and _spreads(c.value(row)) for c in table.columns]
+        spreads = [not (c.exact or table.across) and _spreads(c.value(row)) for c in table.columns]
         for end, name in enumerate(_ends_named(table, row)) if any(spreads) else ():
             cells = [_end(c, row, end) if s else "" for c, s in zip(table.columns, spreads, strict=True)]
             found.add_row(f"  {name}", *cells[1:], style="dim")

@@ -15,7 +15,7 @@ from testbench.identify.evaluate import deflections
 from testbench.identify.prior import aggregate
 from testbench.identify.regularised import fit_each
 from testbench.model.structure import all153, mgco68, template56
-from testbench.studies.noise_sensitivity.fits import reread
+from testbench.studies.factorial.trial import reread
 from testbench.studies.regimes import fits
 from testbench.studies.regimes.campaigns import Clean, Grid
 from testbench.studies.regimes.judged import Judge

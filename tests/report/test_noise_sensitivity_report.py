@@ -4,18 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import bands, check_pivot, check_spread, check_table, curves, ends_of, looks_differ, unit_in
+from checks import bands, check_pivot, check_spread, curves, ends_of, looks_differ, unit_in
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.bench.truths import CALLED, member
-from testbench.report.campaigns import DUELS
-from testbench.studies.noise_sensitivity import figure
-from testbench.studies.noise_sensitivity.report import PARTS, figures, report
-from testbench.studies.noise_sensitivity.study import STUDY
-from testbench.studies.noise_sensitivity.trial import NoiseRow, Settings
+from testbench.bench.truths import member
+from testbench.studies.factorial.compare import DUELS
+from testbench.studies.factorial.trial import FitRow
+from testbench.studies.noise_sensitivity.study import BANDS, PARTS, STUDY, figures, report
+from testbench.studies.noise_sensitivity.trial import Settings
 from testbench.views.colours import look
-from testbench.views.gains import ratio
 
 SEEDS = range(4, 9)
 SETTINGS = Settings(first=4, sigmas=(0.0, 25e-6, 50e-6, 200e-6))
@@ -38,7 +36,7 @@ def rows_of(rng):
         structure, constraint, prior = MODELS[name]
         fixed = {"structure": structure, "constraint": constraint, "prior": prior, "instrument": None}
         known = {"name": name, "part": part, "truth": truth, "distance_m": None, "sigma_um": None}
-        return of_one_trial(NoiseRow, rng, **fixed | known | own)
+        return of_one_trial(FitRow, rng, **fixed | known | own)
 
     for part, truth in (("six_dof", "linear"), ("gravity", "nonlinear")):
         for sigma in SIGMAS:
@@ -62,12 +60,13 @@ def made(change=lambda *_: {}):
     return report(SETTINGS, SEEDS, trials), trials
 
 
-def told(found):
-    return "\n".join(found.claims)
+@pytest.fixture(scope="module")
+def whole():
+    return made()
 
 
-def test_numbers_are_medians_and_spreads_by_part_model_and_level_trial_by_trial():
-    found, trials = made()
+def test_numbers_are_medians_and_spreads_by_part_model_and_level_trial_by_trial(whole):
+    found, trials = whole
     check(found, STUDY.printed)
     f = found.numbers
     by_name = {m.name: m for m in f["models"]}
@@ -75,16 +74,16 @@ def test_numbers_are_medians_and_spreads_by_part_model_and_level_trial_by_trial(
         sigma, judged = TRACKER[part]
         assert len(f["sweeps"][part]) == len(MODELS) * len(SIGMAS)
         for level in f["sweeps"][part]:
-            own = trials.where(part=part, name=level.name, sigma_um=level.sigma_um)
+            own, calm, noisy = (
+                trials.where(part=part, name=level.name, sigma_um=x) for x in (level.sigma_um, 0.0, 200.0)
+            )
             check_spread(level.rms_um, own["rms_um"])
             check_spread(level.p95_um, own["p95_um"])
             assert (level.conservative, level.solved) == (own["conservative"].mean(), own["solved"].mean())
+            more = np.maximum(0, noisy["rms_um"] ** 2 - calm["rms_um"] ** 2)
+            check_spread(level.um_per_um, np.sqrt(more) / 200)
         own = trials.where(part=part, name=DEFAULT, sigma_um=sigma)["rms_um"]
         check_spread(f["gains"][part].joints.ours_mm, own / 1e3)
-        for name, slope in f["slopes"][part].items():
-            calm, noisy = (trials.where(part=part, name=name, sigma_um=x)["rms_um"] for x in (0.0, 200.0))
-            check_spread(slope.um_per_um, np.sqrt(np.maximum(0, noisy**2 - calm**2)) / 200)
-            check_spread(slope.noise_free_um, calm)
         assert len(f["paired"][part]) == len(DUELS) * (len(SIGMAS) - 1)
         for pair in f["paired"][part]:
             at = trials.where(part=part, sigma_um=pair.sigma_um)
@@ -104,143 +103,85 @@ def test_numbers_are_medians_and_spreads_by_part_model_and_level_trial_by_trial(
         assert row.won == np.mean(full < flat)
 
 
-def test_tables_show_the_numbers_under_headings_with_their_units():
-    found, _ = made()
-    f = found.numbers
-    for part in PARTS:
-        for key, what, words in (
-            ("rms", "rms_um", "RMS"),
-            ("short", "rms_um", "RMS"),
-            ("p95", "p95_um", "95 %"),
-        ):
-            table = found.tables[f"{part}_{key}"]
-            check_pivot(table, f["sweeps"][part], ("name", "sigma_um", what), "um")
-            assert table.title == f"{PARTS[part]}: {words} error, um, by noise of a reading"
-        slopes = {"model": "name", "error without noise, um": "noise_free_um"}
-        slopes["cost of a um of noise, um"] = "um_per_um"
-        check_table(found.tables[f"{part}_slopes"], [*f["slopes"][part].values()], slopes)
-        pairs = {"model": "ours", "against": "theirs", "noise of a reading, um": "sigma_um"}
-        pairs |= {"its error over the other's": "ratio", "better in": "won", "alike in": "tied"}
-        check_table(found.tables[f"{part}_paired"], f["paired"][part], pairs)
-    weights = {"truth": "truth", "model": "name", "distance, m": "distance_m"}
-    weights |= {"its error over the other's": "ratio", "better in": "won"}
-    check_table(found.tables["weighted"], f["weighted_over_flat"], weights)
-    read = {name: name for name in ("truth", "instrument")}
-    read |= {"distance, m": "distance_m", "RMS error, um": "rms_um"}
-    check_table(found.tables["instruments"], f["instruments"], read)
+def test_tables_show_errors_by_noise_with_its_cost_and_by_distance(whole):
+    f, tables = whole[0].numbers, whole[0].tables
+    for part, words in PARTS.items():
+        table = tables[part]
+        assert table.title == f"{words}: RMS error, um, by noise of a reading"
+        *levels, cost = table.columns
+        check_pivot(
+            replace(table, columns=tuple(levels)), f["sweeps"][part], ("name", "sigma_um", "rms_um"), "um"
+        )
+        assert cost.title == "cost of 1 um of noise, um"
+        shown = {row["name"]: cost.value(row) for row in table.rows}
+        assert shown == {level.name: level.um_per_um for level in f["sweeps"][part]}
+    read = [row | {"instrument": f"{row.truth} truth: {row.instrument}"} for row in f["instruments"]]
+    assert {row["instrument"].split(":")[0] for row in read} == {"linear truth", "nonlinear truth"}
+    shown = {row["name"] for row in tables["instruments"].rows}
+    assert shown == {row["instrument"] for row in read}
 
 
-@pytest.mark.parametrize("best", MODELS)
-def test_best_and_gain_are_those_at_the_noise_of_the_tracker_and_costs_those_up_to_the_largest(best):
-    errors = {name: 1000.0 + 100 * k for k, name in enumerate(MODELS)} | {best: 10.0}
+def test_the_answer_is_at_the_noise_of_the_tracker_and_the_worst_at_the_largest():
+    errors = {name: 1000.0 + 100 * k for k, name in enumerate(MODELS)} | {DEFAULT: 250.0}
 
     def change(row, _):
         if row.part == "instrument":
             return {}
-        sizes = {0.0: 0.0, TRACKER[row.part][0]: errors[row.name], 200.0: 2 * errors[row.name]}
+        sizes = {TRACKER[row.part][0]: errors[row.name], 200.0: 2 * errors[row.name]}
         return {"rms_um": sizes.get(row.sigma_um, 1.0)}
 
     found, _ = made(change)
-    plain = min((n for n in PLAIN if n != "Joints"), key=errors.get)
-    groups = [{n: errors[n] for n in MODELS if MODELS[n][2] == prior} for prior in (False, True)]
-    (least, most), (filled, _) = [(min(g, key=g.get), max(g, key=g.get)) for g in groups]
-    size = errors["MLS56"] / errors[DEFAULT]
-    less = f"{ratio(size)} times less" if size > 1 else f"{ratio(1 / size)} times as much"
-    both = f"{DEFAULT} {errors[DEFAULT]:.0f} um, least squares {errors['MLS56']:.0f} um; {less}."
-    joints = f"Joints alone {errors['Joints']:.0f} um, "
-    assert found.answer.startswith(f"{PARTS['gravity']}, 50 um of noise: {both} {joints}")
-    assert f"{PARTS['six_dof']}, 25 um of noise: {both} {joints}" in told(found)
-    assert f"Worst at 200 um of noise, KR 500, 8 poses: {DEFAULT} {2 * errors[DEFAULT]:.0f} um" in found.worst
-    for part, (sigma, _) in TRACKER.items():
-        said = f"{PARTS[part]}, {sigma:g} um of noise: least error {best} 10 um, without a prior {plain} "
-        assert f"{said}{errors[plain]:.0f} um." in found.claims
-        assert (
-            f"{PARTS[part]}: 1 um of noise costs {errors[least] / 100:.2f} um of error with {least}, "
-            f"{errors[most] / 100:.2f} um with {most}. With a prior it costs least with {filled}: "
-            f"{errors[filled] / 100:.2f} um."
-        ) in found.claims
-
-
-def test_models_that_err_alike_are_alike_and_then_the_cone_does_nothing():
-    def change(row, _):
-        free = {"conservative": row.constraint == "psd"}
-        same = {"MGCO69": 900.0, "MGCO56": 80.0}.get(row.name, 500.0) if row.sigma_um != 0 else 0.0
-        return free | ({"rms_um": same} if row.part == "gravity" else {})
-
-    found, _ = made(change)
-    text = told(found)
-    assert (
-        "0.40 um of error with MGCO56, 4.50 um with MGCO69. With a prior it costs least with MLS56 + p"
-        in text
+    both = (
+        f"{DEFAULT} 250 um, least squares 1100 um; 4.4 times less. Joints alone 1000 um, 4.0 times as much."
     )
-    assert "MLS56 + prior, MGCO56 + prior, MGCO69 + prior and ALL153 + prior (alike): 2.50 um." in text
-    assert "8 poses: at the largest noise the prior lowers the cost of noise to MGCO69; without noise" in text
-    assert (
-        "MGCO56 beats MLS56 in 100 % of 5 trials. With the prior it does in 0 %, and they err alike in"
-        in text
+    assert found.answer == f"KR 500, 8 poses, 50 um of noise: {both}"
+    assert found.claims[0] == f"108 runs of section 5.2, 25 um of noise: {both}"
+    assert found.worst == (
+        f"Worst at 200 um of noise, KR 500, 8 poses: {DEFAULT} 500 um, least squares 2200 um, joints alone "
+        "2000 um."
     )
-    for words in (
-        "joints alone in 0 %,",
-        " least squares in 0 %,",
-        "GCO in 100 %,",
-        "with prior in 100 % of",
-    ):
-        assert words in text
+
+
+def test_where_models_err_alike_the_cone_does_nothing_and_ties_are_counted():
+    same = {"MGCO69": 900.0, "MGCO56": 80.0}
+    found, _ = made(lambda row, _: {"rms_um": same.get(row.name, 500.0)})
+    assert found.claims[1] == (
+        "The cone by itself, KR 500, 8 poses, 50 um: MGCO56 beats MLS56 in 100 % of 5 trials. With the prior "
+        "it does in 0 %, and they err alike in 100 %."
+    )
 
 
 @pytest.mark.parametrize("won", READ_BY)
-def test_weights_are_told_of_every_case_and_instruments_by_name(won):
-    """Full covariances win with one truth and model, and lose in the other three cases."""
+def test_full_covariances_are_counted_by_truth_and_model(won):
+    """They win with one truth and model, and lose in the other three cases."""
 
     def change(row, _):
         better = (row.truth, row.name) == ("nonlinear", won)
-        own = {"flat weights": 40.0, "weighted": 20.0 if better else 80.0, "flat 50 um": 99.0}
+        own = {"flat weights": 40.0, "weighted": 20.0 if better else 80.0}
         return {"rms_um": own.get(row.instrument, 60.0)} if row.instrument else {}
 
-    text = told(made(change)[0])
-    assert "4 m: full covariances help in 1 of 4 cases; error over that of flat weights 0.50 to 2.00" in text
-    assert 'MGCO56 + prior: least error 40 um ("flat weights"), largest 99 um ("flat 50 um").' in text
+    said = "4 m: full covariances help in 1 of 4 cases; error over that of flat weights 0.50 to 2.00"
+    assert said in made(change)[0].claims[2]
 
 
-def test_errors_by_true_arm_are_those_of_its_trials_and_the_title_counts_them():
+def test_the_title_counts_the_true_arms(whole):
     arms = dict(zip(SEEDS, ("cast", "tubes", "cast", "tubes", "tubes"), strict=True))
-
-    def change(row, seed):
-        size = 40.0 if arms[seed] == "cast" else 10.0
-        return {"true_arm": arms[seed], "rms_um": size + seed * (row.instrument != "flat weights")}
-
-    found, trials = made(change)
-    gravity, weights = found.numbers["by_arm"]["gravity"], found.numbers["weighted_by_arm"]
-    own = {(row.name, row.true_arm): row.rms_um for row in gravity}
-    check_spread(own[DEFAULT, "cast"], [44, 46])
-    check_spread(own[DEFAULT, "tubes"], [15, 17, 18])
-    named = [row | {"name": f"{row.truth} truth, {row.name}"} for row in weights]
-    for name, value, rows in (("gravity_by_arm", "rms_um", gravity), ("weighted_by_arm", "ratio", named)):
-        check_pivot(found.tables[name], rows, ("name", "true_arm", value), called=({}, CALLED))
+    found, trials = made(lambda _, seed: {"true_arm": arms[seed]})
     assert "True arms in turn: cast links (2), links of tubes (3)." in found.title
-    one = report(replace(SETTINGS, true_arm="cast"), SEEDS, trials)
-    assert "True arm: cast links." in one.title
+    assert "True arm: cast links." in report(replace(SETTINGS, true_arm="cast"), SEEDS, trials).title
 
 
-def test_the_figure_draws_the_numbers_in_the_colour_of_each_model():
-    found, _ = made()
-    f = found.numbers
-    drawn = figures(found)["noise_sensitivity.png"]
+def test_the_figure_draws_the_numbers_in_the_colour_of_each_model(whole):
+    f, drawn = whole[0].numbers, figures(whole[0])["noise_sensitivity.png"]
     *left, right = drawn.axes
-    first = found.tables[STUDY.printed[0]].title.partition(":")[0]
-    size = f["leaders"]["gravity"].default_um.median
-    assert f"{first}, 50 um of noise: {DEFAULT} {size:.0f} um; least" in " ".join(
-        drawn.get_suptitle().split()
-    )
     for axes, (part, words) in zip(left, PARTS.items(), strict=True):
         assert axes.get_title() == words
         assert (unit_in(axes.get_xlabel()), unit_in(axes.get_ylabel())) == ("um", "um")
         lines, levels = curves(axes), {}
         for name in MODELS:
-            levels[name] = [row for row in f["sweeps"][part] if row.name == name]
+            levels[name] = [row for row in f["sweeps"][part] if row.name == name and row.sigma_um > 0]
             assert np.transpose(lines[name]).tolist() == [[r.sigma_um, r.rms_um.median] for r in levels[name]]
-        banded = [name for name in lines if name in figure.BANDS]
-        for name, band in zip(banded, bands(axes), strict=True):
+        for name, band in zip([name for name in lines if name in BANDS], bands(axes), strict=True):
             np.testing.assert_allclose(band, [(r.sigma_um, *ends_of(r.rms_um)) for r in levels[name]])
         shades = {line.get_label(): line.get_color() for line in axes.get_lines()}
         assert shades == {name: look(*own).hex for name, own in MODELS.items()}
@@ -251,5 +192,5 @@ def test_the_figure_draws_the_numbers_in_the_colour_of_each_model():
         own = [[r.distance_m, r.rms_um.median] for r in linear if r.instrument == name]
         assert np.transpose(curves(right)[name]).tolist() == own
     [flat] = [row.rms_um.median for row in linear if row.distance_m == 0]
-    assert any(np.allclose(line.get_ydata(), flat) for line in right.get_lines())
+    assert curves(right)["flat 50 um"][1].tolist() == [flat, flat]
     looks_differ(right.get_legend())

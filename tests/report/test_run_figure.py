@@ -1,10 +1,16 @@
 """The picture of a run holds the numbers and places that its page draws."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_up_run import REPORT, made_up_run
 
+from testbench.report.table import Row
+from testbench.trials.spread import spread
+from testbench.views.colours import look
 from testbench.views.run_figure import overview
+from testbench.views.schema import Column, Table
 
 
 @pytest.fixture(scope="module")
@@ -54,3 +60,49 @@ def test_charts_hold_every_number_in_its_colour_with_its_interval(figure, seen):
 def test_the_title_is_the_answer_and_the_caption_what_is_enlarged(figure):
     assert figure.get_suptitle() == "It is 3.000 mm off."
     assert figure.get_supxlabel() == "Runs: Errors x 10."
+
+
+def model(name, structure, constraint, error, *, prior=False):
+    return Row(name=name, structure=structure, constraint=constraint, prior=prior, error=error, n=3)
+
+
+MODELS = [
+    model("MLS56", "MLS56", "none", spread([0.9, 1.0, 1.3])),
+    model("MGCO56 + prior", "MGCO56", "psd", spread([0.2, 0.3, 0.4]), prior=True),
+    model("Joints", "Joints", "none", 0.5),
+    model("failed", "MGCO56", "psd", None),
+]
+COLUMNS = (Column("name", "model"), Column("error", "error", "mm"), Column("n", "trials", form="d"))
+
+
+@pytest.mark.parametrize("headline", ["error", ""])
+def test_models_are_dots_with_intervals_in_their_looks_and_the_winner_is_first(seen, headline):
+    plain = Table(COLUMNS[:2], [Row(name="a", error=1.0), Row(name="b", error=2.0)])
+    table = Table(COLUMNS, MODELS, "All models", "MGCO56 + prior", headline)
+    figure = overview(REPORT, replace(seen, scene=None, runs=(), tables=[plain, table]))
+    [axes] = figure.axes
+    names = [text.get_text() for text in axes.get_yticklabels()]
+    assert names == ["MGCO56 + prior  0.300", "Joints  0.500", "MLS56  1.000"]
+    assert (axes.get_xlabel(), axes.get_title("left")) == (
+        "error [mm]",
+        "All models, lines: range of 3 trials",
+    )
+    spans, dots = axes.get_lines()[::2], axes.get_lines()[1::2]
+    ends = [(0.2, 0.4), (0.5, 0.5), (0.9, 1.3)]
+    looks = [look("MGCO56", "psd", prior=True), look("Joints", "none"), look("MLS56", "none")]
+    for y, (line, dot, own, shade) in enumerate(zip(spans, dots, ends, looks, strict=True)):
+        assert tuple(line.get_xdata()) == pytest.approx(own)
+        assert (dot.get_marker(), dot.get_color(), dot.get_markerfacecolor()) == (
+            shade.mark,
+            shade.hex,
+            shade.face,
+        )
+        assert dot.get_ydata() == line.get_ydata()[:1] == [y]
+    [band] = axes.patches
+    assert (band.get_y(), band.get_height()) == (-0.5, 1.0)
+
+
+def test_without_models_there_is_no_forest(seen):
+    rows = [MODELS[0], MODELS[3]]
+    figure = overview(REPORT, replace(seen, scene=None, tables=[Table(COLUMNS, rows)]))
+    assert [axes.get_title() for axes in figure.axes] == ["Left (mm)"]

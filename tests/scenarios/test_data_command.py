@@ -1,11 +1,14 @@
 """`testbench data check` says what was understood of a file, and shows it; maps serve the other commands."""
 
+import json
 import re
 from pathlib import Path
 from random import Random
 
 import numpy as np
 import pytest
+from page_checks import drawn_in, layer_of, times_of
+from read_back import sound
 from run_here import here
 
 from testbench.arm.folder import load_arm
@@ -55,12 +58,30 @@ def test_a_spreadsheet_is_understood_and_shown(spreadsheet):
     assert words.startswith("16 runs in 8 poses, 3 targets: they move ")
     assert re.search(r"Most moves P\d in run \d+: \S+ mm; P\d in run \d+ is read farthest from where", words)
     assert re.search(r"deflections are (0\.9|1(\.0)?)\S* times what the arm's folder says", words)
-    assert sorted(p.name for p in out.iterdir()) == [
-        "data.png",
-        "manifest.json",
-        "recording.rrd",
-        "report.html",
-    ]
+    made = {"data.png", "manifest.json", "recording.rrd", "report.html", "report.json", "report.md"}
+    assert {p.name for p in out.iterdir()} == made
+    sound(out / "recording.rrd", "16 runs in 8 poses, 3 targets: they move ")
+
+
+def test_numbers_and_picture_are_those_of_the_file(spreadsheet):
+    out, _ = spreadsheet
+    report, drawn = json.loads((out / "report.json").read_text()), drawn_in(out / "report.html")
+    data = read_export(
+        MAPS / "spreadsheet.csv", load_arm(ROOT / "models" / ARM), mapped("spreadsheet")[2]
+    ).data
+    size = np.where(data.seen, 1e3 * np.linalg.norm(data.deflection, axis=2), np.nan)
+    ends = np.nanquantile(size, [0, 0.5, 1])
+    assert list(report["deflection_mm"].values()) == pytest.approx(ends)
+    assert (report["runs"], report["poses"], report["sigma_um"]) == (16, 8, pytest.approx(1e6 * data.sigma))
+    [M] = times_of(drawn["scene"]["title"])
+    before, after = layer_of(drawn["scene"]["groups"][0], "deflection")
+    np.testing.assert_allclose((after - before)[data.seen] / M, data.deflection[data.seen], atol=2e-4 / M)
+    moved, away = drawn["runs"]
+    for k, line in enumerate(moved["lines"]):
+        assert line["name"] == data.markers[k]
+        np.testing.assert_allclose(np.array(line["values"], dtype=float), size[:, k], rtol=1e-3)
+    most = max(x for line in away["lines"] for x in line["values"] if x)
+    assert most == pytest.approx(report["away"]["distance_mm"], rel=1e-3)
 
 
 def test_points_of_a_tracker_are_brought_into_the_base_and_fitted(tmp_path):

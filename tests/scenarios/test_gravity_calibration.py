@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from run_here import app_of, heed_ctrl_c, here, numbers_alone
 
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate
-from testbench.bench.truths import CALLED, FAMILY, TRUTHS, TrueArmName, true_cell
+from testbench.bench.truths import true_cell
 from testbench.cli.program import program
 from testbench.data.csvfile import read_csv, write_csv
 from testbench.model.vjm import tool_pose
@@ -35,9 +34,14 @@ KEYS = {
     "duality_gap", "f_m_excess_bound", "solve_seconds", "identification", "check", "check_true",
     "workspace", "paper",
 }  # fmt: skip
+MODELS = {
+    "Joints": 6, "MLS32": 32, "MLS56": 56, "MLS56, PSD of equal fit": 56, "MGCO47": 47, "MGCO56": 56,
+    "MGCO68": 68, "Joints + prior": 6, "MLS56 + prior": 56, "MGCO56 + prior": 56, "MGCO68 + prior": 68,
+    "ALL153 + prior": 153,
+}  # fmt: skip
 FILES = {
     "dataset.csv", "report.json", "report.md", "report.html", "recording.rrd", "manifest.json", "models.png",
-    "residuals.png", "error_map.png", "trials.parquet",
+    "trials.parquet",
 }  # fmt: skip
 
 
@@ -100,21 +104,13 @@ def test_the_page_shows_the_numbers_of_the_report_turns_the_arm_and_sorts(quick,
 def test_report_has_the_contracts_keys(quick):
     report = json.loads((quick[0] / "report.json").read_text())
     assert (report["scenario"], report["seed"]) == ("gravity_calibration", 3)
-    assert {"runs", "points", "deflection_min_mm", "deflection_max_mm", "sigma_um"} <= set(report["dataset"])
-    names = [m["name"] for m in report["models"]]
-    plain = ["Joints", "MLS32", "MLS56", "MLS56, PSD of equal fit", "MGCO47", "MGCO56", "MGCO68"]
-    filled = ["Joints + prior", "MLS56 + prior", "MGCO56 + prior", "MGCO68 + prior", "ALL153 + prior"]
-    assert names == plain + filled
-    assert [m["prior"] for m in report["models"]] == [False] * len(plain) + [True] * len(filled)
-    unknowns = [6, 32, 56, 56, 47, 56, 68, 6, 56, 56, 68, 153]
-    assert [m["parameters"] for m in report["models"]] == unknowns
+    assert {m["name"]: m["parameters"] for m in report["models"]} == MODELS
     for model in report["models"]:
         assert set(model) >= KEYS
         for name in ("identification", "check", "check_true", "workspace"):
             assert set(model[name]) == SCORES
-            assert 0 < model[name]["rms_mm"] <= model[name]["max_mm"]
         assert model["status"] == "solved" or model["constraint"] == "free"
-        assert (model["paper"] is not None) == (model["name"] in plain[1:3] + plain[4:])
+        assert model["prior"] == model["name"].endswith("prior")
         if not model["prior"] and model["name"] != "Joints":
             assert model["conservative"] == (model["constraint"] == "psd")
 
@@ -123,23 +119,15 @@ def test_the_map_holds_every_models_error_pose_by_pose_where_they_differ_most_fi
     """Of quick's 40 poses the root mean square is the error over the workspace; lengths have four digits."""
     report = json.loads((quick[0] / "report.json").read_text())
     found, models = report["map"], {m["name"]: m for m in report["models"]}
-    assert len(found["compared"]) == 3
-    assert [models[name]["constraint"] for name in found["compared"]] == ["none", "none", "psd"]
     assert found["compared"][1:] == ["Joints", report["take"]]
-    assert [models[name]["prior"] for name in found["compared"]] == [False, False, True]
     for name, mm in found["error_mm"].items():
-        assert len(mm) == len(found["q"]) == len(found["position_m"]) == len(found["deflection_mm"]) == 40
+        assert len(mm) == len(found["q"]) == len(found["position_m"]) == 40
         assert np.sqrt(np.mean(np.square(mm))) == pytest.approx(models[name]["workspace"]["rms_mm"], rel=1e-3)
         worst = found["worst"][name]
         assert worst["error_mm"] == max(mm) == mm[worst["place"]]
         assert worst["position_m"] == found["position_m"][worst["place"]]
-        degrees = np.degrees(found["q"][worst["place"]])
-        assert [float(x) for x in re.findall(r"-?[\d.]+", worst["joints"])] == pytest.approx(
-            degrees, abs=6e-3
-        )
     first, *_, last = (np.array(found["error_mm"][name]) for name in found["compared"])
     assert (np.diff(np.abs(first - last)) <= 0).all()
-    assert sorted(found["run"]) == list(range(1, 41))
     tool, _ = tool_pose(build_cell("kr500_l480").vjm, np.array(found["q"]))
     assert tool == pytest.approx(np.array(found["position_m"]), abs=2e-4)  # both are rounded
 
@@ -195,11 +183,6 @@ def test_every_prior_learns_how_wrong_it_is_and_is_that_of_the_folder():
     assert np.abs(true.plant.arm.links[2].compliance - model).max() > 0
 
 
-def test_every_true_arm_is_a_flag_and_has_words_for_the_title():
-    assert get_args(TrueArmName) == (FAMILY, *TRUTHS)
-    assert list(CALLED) == list(TRUTHS)
-
-
 def test_manifest_names_scenario_seed_versions_commit_and_model_files(quick):
     manifest = json.loads((quick[0] / "manifest.json").read_text())
     assert manifest["scenario"]["scenario"]["payload"] == 460.3
@@ -248,20 +231,13 @@ def test_same_seed_gives_the_same_models_in_other_processes_beside_other_seeds(q
 
 def test_seeds_differ_and_several_become_median_and_spread(quick, several):
     report = json.loads((several / "report.json").read_text())
-    assert report["seed"] == [3, 4]
-    assert report["true_arm"] == "family"
-    assert len(report["map"]["run"]) == 40  # of the first seed alone
-    cells = {(row["name"], row["true_arm"]): row["workspace"]["rms_mm"] for row in report["by_arm"]}
-    assert [arm for name, arm in cells if name == "MGCO56"] == ["off_40", "cast"]
+    assert (report["seed"], report["true_arm"]) == ([3, 4], "family")
     one = json.loads((quick[0] / "report.json").read_text())
-    for several, single in zip(report["models"], one["models"], strict=True):
-        f_m = several["f_m"]
-        assert set(f_m) == {"median", "p05", "p95", "least", "most", "trials"}
+    for own, single in zip(report["models"], one["models"], strict=True):
+        f_m = own["f_m"]
         assert f_m["trials"] == 2
         assert f_m["least"] < f_m["p05"] < f_m["median"] < f_m["p95"] < f_m["most"]
         assert single["f_m"] in (f_m["least"], f_m["most"])
-        assert several["paper"] == single["paper"]
-        assert cells[several["name"], "off_40"] == pytest.approx(single["workspace"]["rms_mm"], rel=0.02)
 
 
 def test_noise_free_linear_truth_separates_model_error_from_noise(tmp_path):

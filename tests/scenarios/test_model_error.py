@@ -46,19 +46,6 @@ def test_the_plant_of_the_true_arm_is_disturbed():
     assert len(set(moved.values())) == 3
 
 
-def test_the_stiff_compensator_costs_more_than_the_plain_one(report):
-    plain, stiff = (
-        cell(report, case)["rms_um"]["median"] for case in ("gravity compensator", "stiff compensator")
-    )
-    assert stiff > 2 * plain
-
-
-def test_all_together_cost_more_than_none(report):
-    for model in ("MLS56", "MGCO56 + prior"):
-        none, every = (cell(report, case, model)["rms_um"]["median"] for case in ("none", "all together"))
-        assert every > none
-
-
 def test_gco_stays_conservative_whatever_the_arm_does(report):
     for c in report["cells"]:
         if c["constraint"] == "psd" or c["structure"] == "Joints":
@@ -80,11 +67,6 @@ def test_joints_alone_and_both_methods_with_the_prior_are_judged_in_every_case(r
         if c["structure"] == "Joints":
             assert c["rms_um"]["median"] > 150
     assert {(b["ours"], b["theirs"]) for b in report["beats"]} >= {("MGCO56", "Joints"), ("MGCO56", "MLS56")}
-
-
-def test_the_claim_about_the_compensator_is_judged_for_every_model(report):
-    assert {row["name"] for row in report["claim"]} == {c["name"] for c in report["cells"]}
-    assert {row["case"] for row in report["claim"]} == {"gravity compensator", "stiff compensator"}
 
 
 @pytest.mark.parametrize(

@@ -158,7 +158,7 @@ def check_terminal(table, rows, means):
             value = _called(table, title, in_unit(title, path, at(row, path)))
             numbers = [middle(value), *ends_of(value)] if isinstance(value, Spread) else 3 * [value]
             for (end, cells), own in zip(ends.items(), numbers, strict=False):
-                spread = isinstance(_shown(table, title, value), Spread)
+                spread = not table.across and isinstance(_shown(table, title, value), Spread)
                 beside = max(map(abs, numbers)) if isinstance(value, Spread) else 0.0
                 shown = shows(cells[k], own, beside) if end == "median" or spread else cells[k] == ""
                 assert shown, (title, end)

@@ -7,9 +7,10 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.absolute import Calibrated
-from testbench.bench.absolute_summary import reported
 from testbench.bench.campaign import build_cell
 from testbench.bench.rows import UM
+from testbench.commands.calibrate import seen
+from testbench.commands.calibrate_numbers import left_of
 from testbench.data.series_csv import write_series
 from testbench.errors import Array
 from testbench.identify.absolute.fit import explain
@@ -40,7 +41,6 @@ from testbench.studies.absolute_calibration.settings import (
 from testbench.studies.absolute_calibration.trial import Asked, measure
 from testbench.studies.study import Run
 from testbench.trials.spread import spread
-from testbench.views.absolute.page import seen
 from testbench.views.figure import Figure
 from testbench.views.markdown import Markdown, counted
 from testbench.views.page.page import Seen
@@ -264,4 +264,5 @@ def write(run: Run[Settings]) -> Seen:
     cell = build_cell(find_arm(run.settings.arm_of(seed)))
     own = measure(cell, Asked(REAL, ABSOLUTE, run.settings.featured), seed)
     write_series(run.folder / "dataset.csv", cell.arm, own.series)
-    return seen(cell, reported(Calibrated(explain(own.gathered, MODELS[CHOSEN]), own.series, ())))
+    found = Calibrated(explain(own.gathered, MODELS[CHOSEN]), own.series, ())
+    return seen(cell, found, left_of(found))

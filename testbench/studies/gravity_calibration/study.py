@@ -19,6 +19,5 @@ STUDY = Study(
     printed=("short",),
     figures=report.figures,
     write=report.write,
-    extra=("residuals.png",),
     size=4,
 )

@@ -6,8 +6,8 @@ under exactly the recorded loads: a payload that was weighed wrongly spoils the 
 trial disturbs a true arm of the family, the next one in turn; the model and the prior stay the folder's.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -17,25 +17,41 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, simulate, stream
 from testbench.bench.campaign_flags import TrueArmFlag
-from testbench.bench.judged import identify_each
-from testbench.bench.models import Model
 from testbench.bench.rows import UM, dataset_row
 from testbench.bench.truths import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
-from testbench.plant import Disturbances, disturb, settle_pair
-from testbench.studies.model_error.cases import ALL, cases
-from testbench.studies.noise_sensitivity.fits import (
-    TrialRow,
+from testbench.errors import BenchError
+from testbench.plant import STIFF_COMPENSATOR, TYPICAL, Disturbances, disturb, settle_pair
+from testbench.studies.factorial.trial import (
+    Case,
+    FitRow,
+    fitted,
     judged,
     plain_models,
     reread,
     with_wrong_priors,
 )
 
-NAME = "model_error"
 MODELS, ONLY_WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68"), "MGCO68"
 """All are fitted with a prior too."""
 QUICK_WORKSPACE = 20
+NONE, ALL = "none", "all together"
+PLAIN_COMPENSATOR, STIFF = "gravity compensator", "stiff compensator"
+SWITCHES: dict[str, str] = {
+    "own weight": "own_weight",
+    PLAIN_COMPENSATOR: "compensator",
+    "nominal geometry": "geometry",
+    "joint sensors": "sensor_offset",
+    "payload mass": "mass_error",
+    "payload centre": "centre_error",
+    "stiffening joints": "stiffening",
+    "backlash": "backlash",
+    "hysteresis": "hysteresis",
+    "soft foundation": "foundation",
+}
+"""The field of Disturbances that each case switches on, at its typical size."""
+SIZED = ("sensor_offset", "mass_error", "centre_error", "stiffening", "backlash", "hysteresis", "foundation")
+"""Fields of Disturbances that are a size; the others are switches and bodies."""
 
 
 @dataclass(frozen=True)
@@ -65,74 +81,89 @@ class Settings:
     true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
 
 
-@dataclass(frozen=True, kw_only=True)
-class CaseRow(TrialRow):
-    """One fit of one trial."""
-
-    case: str  #: What the true arm does.
-    sigma_um: float  #: Noise of a reading along an axis.
-    moved_um: float  #: How far the disturbance moves the deflections to be predicted, RMS.
-
-
 def settings(options: Options, quick: bool, _: range) -> Settings:
     """What the flags ask for; raises BenchError for a disturbance that does not exist."""
-    cases(options.scale, options.only or ())
+    disturbances(options.scale, options.only or ())
     workspace = QUICK_WORKSPACE if quick else Settings.workspace
     only, sigma = tuple(options.only or ()), options.sigma_um / 1e6
     return Settings(options.arm, options.scale, sigma, workspace, only, options.true_arm)
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[CaseRow]]:
+def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbances]:
+    """What disturbs the arm by case, `scale` times as much as typical: none, each, stiff compensator, all.
+
+    Those of `only` are kept beside none, and all together are these alone; BenchError for one unknown.
+    """
+    for name in only:
+        if name not in SWITCHES:
+            raise BenchError(f"no disturbance {name!r}; disturbances are {', '.join(SWITCHES)}")
+    geometry = TYPICAL.geometry
+    if geometry is not None:
+        geometry = replace(geometry, position=scale * geometry.position, angle=scale * geometry.angle)
+    larger = {field: scale * getattr(TYPICAL, field) for field in SIZED}
+    sized = vars(replace(TYPICAL, geometry=geometry, **larger))
+    values = {name: {SWITCHES[name]: sized[SWITCHES[name]]} for name in only or SWITCHES}
+    alone = {name: Disturbances(**value) for name, value in values.items()}
+    stiff = {} if only else {STIFF: Disturbances(compensator=STIFF_COMPENSATOR)}
+    together = {field: size for value in values.values() for field, size in value.items()}
+    return {NONE: Disturbances(), **alone, **stiff, ALL: Disturbances(**together)}
+
+
+def sizes(scale: float, only: Sequence[str] = ()) -> dict[str, Mapping[str, object]]:
+    """What every case switches on, as plain data."""
+    return {
+        name: {key: value for key, value in asdict(case).items() if value}
+        for name, case in disturbances(scale, only).items()
+    }
+
+
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
     """Rows of some seeds, one a fit."""
     cell = build_cell(find_arm(asked.arm))
     plain = plain_models(cell, MODELS)
     found = []
     for seed in seeds:
-        models = with_wrong_priors(cell, plain, MODELS, seed)
+        every = with_wrong_priors(cell, plain, MODELS, seed)
+        models = [model for model in every if model.name != ONLY_WITH_PRIOR]
         true = true_cell(cell, member(asked.true_arm, seed), seed)
-        found.append(list(_trial(true, [m for m in models if m.name != ONLY_WITH_PRIOR], asked, seed)))
+        cases = list(_cases(true, asked, seed))
+        found.append(list(judged(true, cases, fitted(true, models, cases))))
     return found
 
 
-def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[CaseRow]:
+def _cases(cell: Cell, asked: Settings, seed: int) -> Iterator[Case]:
+    """Every disturbance without noise and with it."""
     scenario = Scenario(
         arm=cell.arm.name, truth="linear", noise=False, sigma=asked.sigma, workspace_poses=asked.workspace
     )
     campaign = simulate(cell, scenario, seed)  # for its poses and loads
-    arms = {
-        case: disturbed(cell, campaign, disturbances, seed)
-        for case, disturbances in cases(asked.scale, asked.only).items()
-    }
-    noises, true_arm = (0.0, asked.sigma), member(asked.true_arm, seed)
-    read = [reread(clean, noise, stream(seed, 1)) for clean, _ in arms.values() for noise in noises]
-    fits = [identify_each(cell, model, read) for model in models]
-    quiet = next(iter(arms.values()))[1].deflection
-    for k, (case, (_, truth)) in enumerate(arms.items()):
-        own = slice(len(noises) * k, len(noises) * (k + 1))
+    quiet = None
+    for name, own in disturbances(asked.scale, asked.only).items():
+        clean, truth = disturbed(cell, campaign, own, seed)
+        quiet = truth.deflection if quiet is None else quiet  # the first case is none
         moved = UM * float(np.sqrt(np.square(truth.deflection - quiet).sum(axis=2).mean()))
-        rows = [judged(cell, model, found[own], truth) for model, found in zip(models, fits, strict=True)]
-        for noise, data, found in zip(noises, read[own], zip(*rows, strict=True), strict=True):
-            measured = dataset_row(data) if case == ALL and noise > 0 else None
-            for row in found:
-                yield CaseRow(
-                    **vars(row),
-                    true_arm=true_arm,
-                    measured=measured,
-                    case=case,
-                    sigma_um=UM * noise,
-                    moved_um=moved,
-                )
+        for noise in (0.0, asked.sigma):
+            runs = reread(clean, noise, stream(seed, 1))
+            factors: dict[str, object] = {"case": name, "sigma_um": UM * noise, "moved_um": moved}
+            factors["measured"] = dataset_row(runs) if name == ALL and noise > 0 else None
+            yield Case(runs, truth, {"true_arm": member(asked.true_arm, seed), **factors})
 
 
-def disturbed(
-    cell: Cell, campaign: Campaign, disturbances: Disturbances, seed: int
-) -> tuple[Dataset, Dataset]:
+def disturbed(cell: Cell, campaign: Campaign, own: Disturbances, seed: int) -> tuple[Dataset, Dataset]:
     """Noise-free runs to identify from, and those to be judged by, of a disturbed arm, one for every case."""
-    true = disturb(cell.plant, disturbances, stream(seed, 20))
-    exact = replace(disturbances, mass_error=0.0, centre_error=0.0)
+    true = disturb(cell.plant, own, stream(seed, 20))
+    exact = replace(own, mass_error=0.0, centre_error=0.0)
     judge = replace(true, disturbances=exact, centre=np.zeros(3))
     found = []
     for arm, runs in ((true, campaign.identification), (judge, campaign.truth)):
         before, after = settle_pair(arm, runs.q, runs.wrench, runs.point)
         found.append(replace(runs, before=before.markers, after=after.markers))
     return found[0], found[1]
+
+
+def first_runs(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
+    """The arm, disturbed in every way, and its noisy runs of a seed."""
+    cell = true_cell(build_cell(find_arm(asked.arm)), member(asked.true_arm, seed), seed)
+    campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False, workspace_poses=1), seed)
+    clean, _ = disturbed(cell, campaign, disturbances(asked.scale, asked.only)[ALL], seed)
+    return cell, reread(clean, asked.sigma, stream(seed, 1))

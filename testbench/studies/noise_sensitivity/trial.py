@@ -1,50 +1,43 @@
-"""What noise costs: tracker noise from none to 200 um by method and structure, and better instruments.
+"""Levels of noise by two ways of reading, and laser trackers near and far.
 
 Every trial has a true arm of the family, the next one in turn; the model and the prior stay the folder's.
 Three parts. `six_dof`: the 108 runs of section 5.2, both positions and orientations, linear truth. `gravity`:
 the KR 500 under its payload, 8 poses, non-linear truth, judged all over the workspace. `instrument`: the same
 poses read by laser trackers near and far, weighted or not, all identified by one model; weighted or not near
-by also by the model that `identify` takes. All levels of a trial share their random numbers, so that
-differences between levels and methods are theirs alone.
+by also by the model that `identify` takes.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated
 
+import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import (
-    Campaign,
-    Cell,
-    Scenario,
-    Truth,
-    build_cell,
-    draw_poses,
-    simulate_at,
-    stream,
-)
+from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.bench.campaign_flags import TrueArmFlag
 from testbench.bench.default import DEFAULT
 from testbench.bench.full_pose import FullPose
 from testbench.bench.full_pose import simulate as simulate_full_pose
-from testbench.bench.judged import identify_each
 from testbench.bench.models import Model
 from testbench.bench.rows import UM, dataset_row
 from testbench.bench.truths import FAMILY, member, true_cell
+from testbench.data.dataset import Dataset
+from testbench.data.outliers import spoil
+from testbench.data.tracker import Drift, LaserTracker, drifted, precision, read_positions
 from testbench.errors import BenchError
-from testbench.studies.noise_sensitivity.fits import (
-    TrialRow,
+from testbench.studies.factorial.trial import (
+    Case,
+    FitRow,
+    fitted,
     judged,
     plain_models,
     reread,
     with_wrong_priors,
 )
-from testbench.studies.noise_sensitivity.instruments import FLAT_SIGMA, NEAR, UNWEIGHTED, WEIGHTED, readings
 
-NAME = "noise_sensitivity"
 LIGHT, HEAVY = "arm_6r", "kr500_l480"
 SIX_DOF = (JOINTS, "MLS32", "MLS56", "MGCO56", "MGCO69", "MGCO147")
 GRAVITY = (JOINTS, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
@@ -53,8 +46,14 @@ SIX_DOF_PRIOR, GRAVITY_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO69"), (JOINTS, "
 """Those that are fitted with a prior too."""
 INSTRUMENT = "MGCO56 + prior"  #: Instruments are compared by this model alone.
 MOST_UM = 10_000.0  #: Largest noise that an instrument can have [um].
-
-Part = Literal["six_dof", "gravity", "instrument"]
+FLAT_SIGMA = 50e-6  #: Noise of the instrument that reads all axes alike, wherever it stands [m].
+FLAT, WEIGHTED, UNWEIGHTED = "flat 50 um", "weighted", "flat weights"
+NEAR = 4.0  #: Distance at which instruments are compared [m].
+CENTRE = (2.2, 0.0, 1.6)  #: Middle of the work area, section 6 [m].
+LOST, MISREAD, BY = 0.1, 0.05, 1e-3
+"""Share of targets that are lost, share that are misread, and by how much [m]."""
+DRIFT = Drift(shift=20e-6, turn=5e-6)
+"""Drift of the frame between the two readings of a run: 20 um and 5 urad (20 um at 4 m) [assumed]."""
 
 
 @dataclass(frozen=True)
@@ -79,17 +78,6 @@ class Settings:
     true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
 
 
-@dataclass(frozen=True, kw_only=True)
-class NoiseRow(TrialRow):
-    """One fit of one trial."""
-
-    part: Part
-    truth: Truth
-    sigma_um: float | None = None  #: Noise of a reading along an axis; None of an instrument.
-    instrument: str | None = None  #: None of noise alike along all axes.
-    distance_m: float | None = None  #: Of the instrument; 0 of the one that reads alike wherever it stands.
-
-
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for: levels ascending, no noise at all among them.
 
@@ -110,82 +98,115 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
     return replace(found, sigmas=tuple(value / 1e6 for value in sorted({0.0, *levels})))
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[NoiseRow]]:
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
     """Rows of some seeds, one a fit."""
     light, heavy = build_cell(find_arm(LIGHT)), build_cell(find_arm(HEAVY))
     light_plain, heavy_plain = plain_models(light, SIX_DOF), plain_models(heavy, GRAVITY)
     found = []
     for seed in seeds:
-        true_arm = member(asked.true_arm, seed)
-        models = with_wrong_priors(light, light_plain, SIX_DOF_PRIOR, seed)
-        rows = list(_six_dof(true_cell(light, true_arm, seed), models, asked, seed))
-        gravity = seed - asked.first < asked.gravity_trials
-        instruments = seed - asked.first < asked.instrument_trials
+        arm = member(asked.true_arm, seed)
+        cell, models = true_cell(light, arm, seed), with_wrong_priors(light, light_plain, SIX_DOF_PRIOR, seed)
+        scenario = FullPose(arm=LIGHT, least=9e-3, most=41e-3, noise=False)
+        levels = _levels(asked, "six_dof", arm, simulate_full_pose(cell, scenario, seed))
+        rows = list(judged(cell, levels, fitted(cell, models, levels)))
+        gravity, instruments = (
+            seed - asked.first < n for n in (asked.gravity_trials, asked.instrument_trials)
+        )
         if gravity or instruments:
+            cell = true_cell(heavy, arm, seed)
             models = with_wrong_priors(heavy, heavy_plain, GRAVITY_PRIOR, seed)
-            cell = true_cell(heavy, true_arm, seed)
-            clean = _campaigns(cell, seed)
+            linear, bent = campaigns(cell, seed)
         if gravity:
-            rows += _gravity(cell, models, asked, clean["nonlinear"])
+            levels = _levels(asked, "gravity", arm, bent)
+            rows += judged(cell, levels, fitted(cell, models, levels))
         if instruments:
-            rows += _instruments(cell, {m.name: m for m in models}, asked, clean)
+            named = {model.name: model for model in models}
+            rows += [row for c in (linear, bent) for row in _instruments(cell, named, asked, arm, c)]
         found.append(rows)
     return found
 
 
-def _campaigns(cell: Cell, seed: int) -> dict[Truth, Campaign]:
-    """Campaigns under gravity without noise, in the same poses."""
-    scenario = Scenario(arm=cell.arm.name, noise=False)
-    poses = draw_poses(cell, scenario, seed)
-    bent = simulate_at(cell, scenario, seed, poses)
-    linear = simulate_at(cell, scenario.model_copy(update={"truth": "linear"}), seed, poses)
-    return {"linear": linear, "nonlinear": bent}
+def campaigns(cell: Cell, seed: int) -> list[Campaign]:
+    """Campaigns under gravity without noise, in the same poses: linear truth, then non-linear."""
+    bent = Scenario(arm=HEAVY, noise=False)
+    poses = draw_poses(cell, bent, seed)
+    linear = bent.model_copy(update={"truth": "linear"})
+    return [simulate_at(cell, scenario, seed, poses) for scenario in (linear, bent)]
 
 
-def _six_dof(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[NoiseRow]:
-    scenario = FullPose(arm=cell.arm.name, least=9e-3, most=41e-3, noise=False)
-    return _levels(cell, models, asked, simulate_full_pose(cell, scenario, seed), "six_dof")
-
-
-def _gravity(cell: Cell, models: Sequence[Model], asked: Settings, campaign: Campaign) -> Iterator[NoiseRow]:
-    measured = dataset_row(reread(campaign.identification, FLAT_SIGMA, stream(campaign.seed, 1)))
-    return (replace(row, measured=measured) for row in _levels(cell, models, asked, campaign, "gravity"))
-
-
-def _levels(
-    cell: Cell, models: Sequence[Model], asked: Settings, campaign: Campaign, part: Part
-) -> Iterator[NoiseRow]:
-    """Every level of noise with the fits of all models."""
-    data = [reread(campaign.identification, sigma, stream(campaign.seed, 1)) for sigma in asked.sigmas]
-    fits = [judged(cell, model, identify_each(cell, model, data), campaign.truth) for model in models]
-    for sigma, found in zip(asked.sigmas, zip(*fits, strict=True), strict=True):
-        for row in found:
-            yield NoiseRow(
-                **vars(row),
-                true_arm=member(asked.true_arm, campaign.seed),
-                part=part,
-                truth=campaign.scenario.truth,
-                sigma_um=UM * sigma,
-            )
+def _levels(asked: Settings, part: str, arm: str, campaign: Campaign) -> list[Case]:
+    """Every level of noise."""
+    clean, seed = campaign.identification, campaign.seed
+    factors: dict[str, object] = {"part": part, "truth": campaign.scenario.truth, "true_arm": arm}
+    if part == "gravity":
+        factors["measured"] = dataset_row(reread(clean, FLAT_SIGMA, stream(seed, 1)))
+    return [
+        Case(reread(clean, sigma, stream(seed, 1)), campaign.truth, {**factors, "sigma_um": UM * sigma})
+        for sigma in asked.sigmas
+    ]
 
 
 def _instruments(
-    cell: Cell, models: Mapping[str, Model], asked: Settings, clean: Mapping[Truth, Campaign]
-) -> Iterator[NoiseRow]:
+    cell: Cell, models: Mapping[str, Model], asked: Settings, arm: str, campaign: Campaign
+) -> Iterator[FitRow]:
     """The same poses read by several instruments; by the default model, the two ways of weighting alone."""
-    for truth, campaign in clean.items():
-        data, seed = campaign.identification, campaign.seed
-        read = list(readings(data, reread(data, FLAT_SIGMA, stream(seed, 1)), asked.distances, seed))
-        weights = [own for own in read if own[0] in (WEIGHTED, UNWEIGHTED) and own[1] == NEAR]
-        for by, some in ((INSTRUMENT, read), (DEFAULT, weights)):
-            names, distances, sets = zip(*some, strict=True)
-            fits = judged(cell, models[by], identify_each(cell, models[by], sets), campaign.truth)
-            for name, distance, row in zip(names, distances, fits, strict=True):
-                yield NoiseRow(
-                    **vars(row),
-                    true_arm=member(asked.true_arm, seed),
-                    part="instrument",
-                    truth=truth,
-                    instrument=name,
-                    distance_m=distance,
-                )
+    clean, seed = campaign.identification, campaign.seed
+    same = {"part": "instrument", "truth": campaign.scenario.truth, "true_arm": arm}
+    flat = reread(clean, FLAT_SIGMA, stream(seed, 1))
+    read = [
+        Case(runs, campaign.truth, {**same, "instrument": name, "distance_m": x})
+        for name, x, runs in readings(clean, flat, asked.distances, seed)
+    ]
+    weights = [
+        case
+        for case in read
+        if case.factors["instrument"] in (WEIGHTED, UNWEIGHTED) and case.factors["distance_m"] == NEAR
+    ]
+    for name, cases in ((INSTRUMENT, read), (DEFAULT, weights)):
+        yield from judged(cell, cases, fitted(cell, [models[name]], cases))
+
+
+def readings(
+    clean: Dataset, flat: Dataset, distances: Sequence[float], seed: int
+) -> Iterator[tuple[str, float, Dataset]]:
+    """Name of the instrument, its distance from the work area [m], its readings; the flat one is nowhere.
+
+    `clean` readings are without noise, `flat` ones have noise alike along all axes.
+    """
+    yield FLAT, 0.0, flat
+    for distance in distances:
+        tracker = LaserTracker((CENTRE[0], CENTRE[1] - distance, CENTRE[2]))
+        plain = by_laser(clean, tracker, seed)
+        yield WEIGHTED, distance, plain
+        yield UNWEIGHTED, distance, unweighted(plain)
+        yield "weighted, maximum errors", distance, by_laser(clean, replace(tracker, quality="mpe"), seed)
+        averaged = by_laser(clean, replace(tracker, repeats=3), seed)
+        yield "weighted, 3 readings averaged", distance, averaged
+        yield "weighted, frame drifts", distance, by_laser(clean, tracker, seed, DRIFT)
+        yield f"weighted, {100 * LOST:.0f} % of targets lost", distance, _lose(plain, seed)
+        misread, _ = spoil(plain, MISREAD, BY, stream(seed, 6))
+        yield f"weighted, {100 * MISREAD:.0f} % misread by {1e3 * BY:g} mm", distance, misread
+
+
+def by_laser(clean: Dataset, tracker: LaserTracker, seed: int, drift: Drift | None = None) -> Dataset:
+    """A noise-free dataset read by a laser tracker, weighted by what it knows of itself: not of its drift."""
+    rng = stream(seed, 1)
+    before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
+    if drift is not None:
+        after = drifted(after, drift, tracker.station, stream(seed, 2))
+    return replace(clean, before=before, after=after, precision=precision(tracker, before, after))
+
+
+def unweighted(data: Dataset) -> Dataset:
+    """The same readings weighted alike along every axis, by the sigma that they have in the mean."""
+    assert data.precision is not None
+    covariance = np.linalg.inv(data.precision)  # of the difference of two readings
+    variance = np.trace(covariance, axis1=2, axis2=3).mean() / 6  # three axes, two readings
+    return replace(data, sigma=float(np.sqrt(variance)), precision=None)
+
+
+def _lose(data: Dataset, seed: int) -> Dataset:
+    """The same without some of its targets."""
+    assert data.precision is not None
+    gone = stream(seed, 3).random((data.runs, len(data.markers))) < LOST
+    return replace(data, precision=np.where(gone[..., None, None], 0.0, data.precision))

@@ -11,7 +11,7 @@ from testbench.bench.full_pose import FullPose
 from testbench.bench.full_pose import simulate as simulate_full_pose
 from testbench.bench.truths import true_cell
 from testbench.data.dataset import Dataset, Mask, select
-from testbench.studies.noise_sensitivity.fits import reread
+from testbench.studies.factorial.trial import reread
 
 Kind = Literal["gravity", "full_pose"]
 """A weight and three markers (section 6), or wrenches along all axes and the tool's full pose (5.2)."""

@@ -1,49 +1,46 @@
 """What the trials say: Tables I and II under both truths, the order m, and the paper's statements judged."""
 
-import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import EQUAL_FIT, JOINTS
 from testbench.bench.campaign import build_cell
-from testbench.bench.full_pose import simulate
-from testbench.bench.judged import identify
 from testbench.data.csvfile import write_csv
-from testbench.report import campaigns
-from testbench.report.columns import KNOWN, columns
+from testbench.data.dataset import split
+from testbench.report.campaigns import error_map
+from testbench.report.columns import columns
 from testbench.report.report import Report, say
 from testbench.report.table import Row, Trials, aligned, merged, number, paired
 from testbench.studies import paper
+from testbench.studies.calibration_scene import calibration_scene, runs_of
 from testbench.studies.paper import SECTION_5_2
-from testbench.studies.six_dof_arm.trial import CLOSE, MODELS, ORDER_MODELS, ORDERED, TRUTHS, Settings, models
+from testbench.studies.six_dof_arm.trial import CLOSE, MODELS, ORDER_MODELS, ORDERED, TRUTHS, Settings
 from testbench.studies.study import Run
 from testbench.trials.spread import middle, span, wins
-from testbench.views.figure import Figure, curves, forest, of_seeds
+from testbench.views.figure import Figure, forest, of_seeds
 from testbench.views.gains import beside
-from testbench.views.map_figure import error_map
-from testbench.views.markdown import Markdown, counted, listed
+from testbench.views.markdown import Markdown, listed
 from testbench.views.page.page import Seen
 from testbench.views.schema import Table, best_of, show_truth
 
 ERROR = "check_true.p95_mm"  #: What models are judged by.
+BENT = f"nonlinear.{ERROR}"
 SAME = 1.02  #: An order m serves as well as 6 where F_M and the check error exceed those of m = 6 by less.
 EQUAL = 1e-7  #: Share of F_M by which GCO may exceed least squares and still fit as well.
-NOT_OF_A_MODEL = ("seed", "truth", "measured.", "places.", "place_mm")
-SHORT = f"name conservative check.p95_mm {ERROR} check.max_relative_percent times_less"
+NOT_OF_A_MODEL = ("seed", "truth", "measured.", "places.", "place_mm", "drawn.")
+SHORT = f"name conservative check.p95_mm {ERROR} {BENT} times_less"
 TABLE_II = (
-    f"name parameters rank conservative f_m f_m_floor check.p95_mm {ERROR} check.rms_mm check_true.rms_mm "
-    "check.p95_relative_percent check.max_relative_percent check_true.max_relative_percent times_less"
+    f"name parameters rank conservative f_m f_m_floor check.p95_mm {ERROR} {BENT} "
+    "check.max_relative_percent check_true.max_relative_percent times_less"
 )
 ORDER = f"name m f_m f_m_over_optimum block_rank min_scaled_eigenvalue {ERROR}"
-TIES = "truth seeds free also_conservative fits_as_well"
 CELLS = columns("check.p95_mm check.max_relative_percent")  #: Of Table II, that the paper's text gives.
 PANES = {
     ERROR: "linear truth, as in the paper",
     "check.p95_mm": "the same, against readings",
-    f"nonlinear.{ERROR}": "MuJoCo's non-linear truth",
+    BENT: "MuJoCo's non-linear truth",
 }
 COMPARED = (
     ("MGCO56 is the best model", "mgco56_best", "its 95 % error without noise is the least of the five"),
@@ -65,16 +62,11 @@ COMPARED = (
 )
 """Statements that compare two errors on the same data, what of `paired` counts it, and what is counted."""
 READING = Markdown(
-    "The paper's number stands in square brackets where its text gives it. Errors of *readings* include "
-    "their noise, as we take the paper's to do; *true* are errors of the same runs without noise. Joints: "
-    "joint stiffness only, links rigid, plain least squares. PSD of equal fit: of all solutions that fit as "
-    "MLS56 does the conservative one nearest to it; where there is none it is MLS56."
-)
-OF_TIES = Markdown(
-    "MLS56 has more unknowns than the data see; minimum norm fills the rest with a matrix that is not "
-    "conservative. We count the seeds in which the same fit has a conservative solution too, and those in "
-    "which GCO fits as well to a ten-millionth of F_M. Both solutions predict the same. Only in the other "
-    "seeds does the constraint change the fit."
+    "The paper's number stands in square brackets where its text gives it. The truth is linear, as in the "
+    "paper, but in the column of MuJoCo's, own weight included. Errors of *readings* include their "
+    "noise, as we take the paper's to do; *true* are errors of the same runs without noise. Joints: joint "
+    "stiffness only, links rigid, plain least squares. PSD of equal fit: of all solutions that fit as MLS56 "
+    "does the conservative one nearest to it; where there is none it is MLS56."
 )
 OF_CLAIMS = Markdown(
     f"{paper.RULE} Where one of the paper's numbers lies outside, we cannot tell two reasons apart: it is of "
@@ -99,8 +91,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         rule=paper.RULE,
     )
     f |= {"which_m": _which_m(f), "claims": list(_judged(f))}
-    straight, bent = "Linear truth, as in the paper", "MuJoCo's non-linear truth, own weight included"
-    short, whole = columns(SHORT, paper=False), columns(TABLE_II)
+    rows = _both(f)
     return Report(
         scenario="six_dof_arm",
         question=say("{arm} under any load: which stiffness model predicts its deflection best?", f),
@@ -115,16 +106,19 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         claims=list(_claims(f)),
         numbers=f,
         tables={
-            "short": Table(short, f.models, straight, f.take, headline=ERROR),
-            "short_nonlinear": Table(short, f.nonlinear.models, bent, headline=ERROR),
-            "linear": Table(whole, f.models, straight, f.take),
-            "nonlinear": Table(whole, f.nonlinear.models, bent),
-            "ties": Table(columns(TIES), f.ties, "Conservative: constraint or tie-break?"),
+            "short": Table(columns(SHORT, paper=False), rows, bold=f.take, headline=ERROR),
+            "models": Table(columns(TABLE_II), rows, bold=f.take),
             "claims": Table(columns("claim verdict why"), f.claims, "The paper's statements"),
             "order": Table(columns(ORDER), [*f.order.MGCO69, *f.order.MGCO56], "The order m, Eq. (20)"),
         },
-        body=["linear", READING, "nonlinear", "ties", OF_TIES, "claims", OF_CLAIMS, "order", OF_ORDER],
+        body=["models", READING, "claims", OF_CLAIMS, "order", OF_ORDER],
     )
+
+
+def _both(f: Row) -> list[Row]:
+    """A row a model, with what the other truth makes of it."""
+    bent = {m.name: m for m in f.nonlinear.models}
+    return [Row(m, nonlinear=bent[m.name]) for m in f.models]
 
 
 def _found(trials: Trials) -> Row:
@@ -159,7 +153,7 @@ def _found(trials: Trials) -> Row:
             nonlinear=paired(bent, gco, least_squares, ERROR),
             nonlinear_joints=paired(bent, gco, JOINTS, ERROR),
         ),
-        map=campaigns.error_map(straight, (least_squares, gco)),
+        map=error_map(straight, (least_squares, gco)),
     )
 
 
@@ -222,15 +216,14 @@ def _which_m(f: Row) -> Markdown:
 
 def _title(f: Row) -> Markdown:
     """What was measured."""
-    seeds = "{n} seeds: median ({ends})" if isinstance(f.seed, list) else "seed {seed}"
+    several = isinstance(f.seed, list)
+    seeds = f"{len(f.seed)} seeds: median ({span(len(f.seed))})" if several else f"seed {f.seed}"
     return say(
         f"{{arm}}: {{dataset.runs}} runs in {{dataset.poses}} poses under single-axis loads, full pose read "
         f"with {{dataset.sigma_um:.3g}} um and {{dataset.sigma_urad:.3g}} urad a reading; "
         f"{{dataset.check_runs}} check runs, deflections {{dataset.deflection_min_mm:.1f}} to "
         f"{{dataset.deflection_max_mm:.1f}} mm; {seeds}",
         f,
-        n=len(f.seed) if isinstance(f.seed, list) else 1,
-        ends=span(len(f.seed)) if isinstance(f.seed, list) else "",
     )
 
 
@@ -259,16 +252,13 @@ def _claims(f: Row) -> Iterator[Markdown]:
         tie,
         bent=bent.also_conservative,
     )
+    alike = " {best:list} err alike." if len(f.best) > 1 else ""
     yield say(
         "Against noisy readings {name} errs {check.p95_mm:~.3f} mm, noise alone {noise:.3f} mm: readings "
-        "tell these models apart badly. Compare the true errors.",
+        f"tell these models apart badly.{alike}",
         next(m for m in f.models if m.name == f.gains.joints.ours),
         noise=f.dataset.noise_p95_mm,
-    )
-    yield say(
-        "This arm bends almost only in its links, as the paper's does: MGCO56 is better than joints alone in "
-        "{mgco56_better_than_joints} of {seeds} seeds.",
-        f.paired,
+        best=f.best,
     )
     yield say(
         "Of the paper's {n} statements {held} are confirmed; their table says why the others are not.",
@@ -276,9 +266,6 @@ def _claims(f: Row) -> Iterator[Markdown]:
         held=sum(own.verdict == "confirmed" for own in f.claims),
     )
     yield f.which_m
-    if len(f.best) > 1:
-        rest = ", less than the rest" if len(f.best) < len(f.models) else ""
-        yield say(f"{{best:list}} err alike{rest}.", f)
 
 
 def _judged(f: Row) -> Iterator[paper.Claim]:
@@ -310,31 +297,21 @@ def _cells(m: Row) -> Iterator[paper.Claim]:
 
 
 def figures(found: Report) -> dict[str, Figure]:
-    """Errors of every model, of every order m, and where the best of each method err."""
+    """Errors of every model under both truths."""
     f = Row(found.numbers)
-    bent = {m.name: m for m in f.nonlinear.models}
-    rows = [Row(m, nonlinear=bent[m.name]) for m in f.models]
-    drawn = (*columns(f"name {ERROR} check.p95_mm"), replace(KNOWN[ERROR], key=f"nonlinear.{ERROR}"))
     gains = {"least squares": f.gains.least_squares, "joints alone": f.gains.joints}
     reading = (
         f"Errors of 95 % of the check runs. {of_seeds(f.seed)}. Dotted: joints alone; diamonds: the paper's."
     )
     answer = f"{f.arm}, section 5.2, true error of 95 % in the check runs: {beside(gains)}"
-    orders = {"f_m_over_optimum": "F_M", ERROR: "error of 95 % in the check runs, true"}
-    tried = f"Medians of {counted(len(f.order.seeds), 'seed')}."
-    return {
-        "six_dof_arm.png": forest(Table(drawn, rows), PANES, answer, reading, JOINTS),
-        "order.png": curves(found.tables["order"], orders, f.which_m, tried),
-        "error_map.png": error_map(f.map, f"{f.arm}, check runs under linear truth", f.seed),
-    }
+    return {"six_dof_arm.png": forest(Table(columns(TABLE_II), _both(f)), PANES, answer, reading, JOINTS)}
 
 
 def write(run: Run[Settings]) -> Seen:
-    """dataset.csv and recording.rrd of the first seed, linear truth; what the page draws."""
-    cell = build_cell(find_arm(run.settings.arm))
-    campaign = simulate(cell, run.settings.scenario, run.seeds[0])
-    write_csv(campaign.identification, cell.arm, run.folder / "dataset.csv")
-    results = identify(cell, campaign, models(cell), time.perf_counter)
-    drawn, told = f"name {ERROR} check_true.rms_mm", f"name conservative {ERROR} times_less"
-    about = campaigns.calibration(run.report, run.header, run.settings.magnification, told, drawn)
-    return campaigns.draw(about, run.folder, (cell, campaign, results))
+    """dataset.csv of the first seed, linear truth; what the page draws."""
+    asked = run.settings
+    cell = build_cell(find_arm(asked.arm))
+    measured, _ = runs_of(cell, asked.scenario, run.first.where(truth="linear", m=0))
+    fitted, _ = split(measured, np.arange(asked.scenario.poses) + 1)
+    write_csv(fitted, cell.arm, run.folder / "dataset.csv")
+    return calibration_scene(run, cell, asked.scenario, asked.scenario.poses)

@@ -14,7 +14,7 @@ STUDY = Study(
     row=trial.SixDofRow,
     trials=trial.trials,
     report=report.report,
-    printed=("short", "short_nonlinear"),
+    printed=("short",),
     figures=report.figures,
     write=report.write,
 )

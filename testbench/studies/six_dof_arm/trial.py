@@ -14,6 +14,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.arm.stiffness import eigenvalue_scale
 from testbench.bench.baselines import JOINTS, equal_fit
 from testbench.bench.campaign import Campaign, Cell, Truth, build_cell, stream
+from testbench.bench.campaign_row import Drawn, drawn
 from testbench.bench.error_places import Places, kept_mm, places_of
 from testbench.bench.full_pose import FullPose, simulate
 from testbench.bench.judged import Result, identify, judge
@@ -24,7 +25,6 @@ from testbench.identify import Estimate, gco
 from testbench.identify.factorised import LARGEST_ORDER, LocalSolves
 from testbench.trials.spread import Number
 
-NAME = "six_dof_arm"
 MODELS = ("MLS56", "MLS32", "MGCO147", "MGCO69", "MGCO56")  #: The models of Table I, in the paper's order.
 TRUTHS: tuple[Truth, ...] = ("linear", "nonlinear")
 CLOSE = 0.05  #: Share by which two errors may differ and still be nearly the same.
@@ -89,14 +89,14 @@ class SixDofRow(Judged):
     measured: Measured  #: What it was found from.
     places: Places | None  #: Poses of the check runs; None but under the linear truth of the first seed.
     place_mm: tuple[float, ...] | None  #: Error in each of them, without noise.
+    drawn: Drawn | None = None  #: For pictures, beside them.
     m: int = 0  #: Order of the vector space of Eq. (16); 0 where the model's own method was used.
     f_m_over_optimum: float | None = None  #: F_M, the best of some local solves, over the least possible.
     block_rank: int | None = None  #: Largest rank of a block.
     min_scaled_eigenvalue: float | None = None  #: Smallest of blocks scaled to unit diagonal [1].
-    max_eigenvalue: float | None = None  #: Largest of a block [m/N, rad/(N m)].
 
 
-ORDERED = ("f_m_over_optimum", "block_rank", "min_scaled_eigenvalue", "max_eigenvalue")
+ORDERED = ("f_m_over_optimum", "block_rank", "min_scaled_eigenvalue")
 """Columns of an order m alone."""
 
 
@@ -136,12 +136,15 @@ def models(cell: Cell) -> list[Model]:
 def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[SixDofRow]:
     for truth in TRUTHS:
         campaign = simulate(cell, asked.scenario.model_copy(update={"truth": truth}), seed)
-        own, mapped = measured(campaign), truth == "linear" and seed == asked.first
-        places = places_of(cell, campaign.truth) if mapped else None
-        for result in identify(cell, campaign, models, time.perf_counter):
-            place_mm = None if places is None else kept_mm(result.places)
+        own, first = measured(campaign), truth == "linear" and seed == asked.first
+        for k, result in enumerate(identify(cell, campaign, models, time.perf_counter)):
             yield SixDofRow(
-                **vars(judged(result)), truth=truth, measured=own, places=places, place_mm=place_mm
+                **vars(judged(result)),
+                truth=truth,
+                measured=own,
+                places=places_of(cell, campaign.truth) if first else None,
+                place_mm=kept_mm(result.places) if first else None,
+                drawn=drawn(campaign, result, whole=k == 0) if first else None,
             )
         if truth == "linear" and seed < asked.first + asked.ordered:
             for name in ORDER_MODELS:
@@ -191,7 +194,6 @@ def _orders(cell: Cell, campaign: Campaign, name: str, starts: int) -> Iterator[
             f_m_over_optimum=estimate.f_m / best.f_m,
             block_rank=max(int((e > RANK_TOLERANCE * e[-1]).sum()) for e in scaled),
             min_scaled_eigenvalue=float(min(e[0] for e in scaled if len(e) > 1)),
-            max_eigenvalue=float(max(e[-1] for e in estimate.eigenvalues)),
         )
 
 

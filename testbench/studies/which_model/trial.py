@@ -22,7 +22,7 @@ from testbench.bench.wrong_prior import PRIORS, prior_of
 from testbench.data.dataset import Dataset, select
 from testbench.identify import Constraint, Estimate, least_squares
 from testbench.identify.prior import Prior
-from testbench.studies.noise_sensitivity.fits import reread
+from testbench.studies.factorial.trial import reread
 from testbench.studies.which_model.judge import Case, Cover, Doubted, Error, case_of, cover, doubted, errors
 from testbench.trials.spread import Share
 

@@ -1,0 +1,266 @@
+"""What `testbench calibrate` found, in numbers: how far readings are off, what was tried, what the arm is."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.arm.folder import Joint
+from testbench.bench.absolute import Calibrated
+from testbench.bench.rows import MM, UM
+from testbench.data.series import Series
+from testbench.errors import Array
+from testbench.identify.absolute.choose import Step
+from testbench.identify.absolute.evidence import LOOSE, Choice
+from testbench.identify.absolute.fit import Calibration
+from testbench.identify.absolute.intervals import Part, deviations_root, intervals, own_values
+from testbench.identify.absolute.pull import pull_of
+from testbench.identify.absolute.scatter import residuals
+from testbench.identify.absolute.seen import hidden
+from testbench.identify.absolute.seen_words import sentences
+from testbench.identify.absolute.shared import aligned
+from testbench.identify.absolute.state import nominal
+from testbench.identify.absolute.unknowns import Unknowns
+from testbench.model.joint_errors import JointErrors
+from testbench.model.structure import Ids
+from testbench.report.table import Row
+
+FAR = 1.5  #: Error of a range over that of all readings, of held-out ones over the drawing, that is said.
+SIGNIFICANT = 3.0  #: Standard deviations above which the amplitude of an order is more than scatter.
+SPOILED = 0.5  #: A reading that counts less than this is listed as an outlier [1].
+WORST = 10  #: Outliers that are listed, the farthest.
+MOST, LEAST, EACH = 24, 4, 8
+"""Ranges of a joint at most and at least, and the poses that each should have on average."""
+LOOSE_FRAME = 0.01  #: Standard deviation of frames and mounts beforehand [m, rad].
+ORDERS = 4  #: Periodic errors that are spoken of: higher ones look like nothing else.
+Left = tuple[list[Array], list[Array]]
+"""Reading minus arm as drawn, and minus calibrated arm: of every series (rows, m, 3) [m], base axes."""
+
+
+def left_of(found: Calibrated) -> Left:
+    """What both arms leave of the readings; zero where a target was lost."""
+    state, series = found.calibration.state, found.series
+    drawn = aligned(nominal(state.vjm, state.weights, state.torque_scale), series)
+    before, after = (
+        [residuals(arm, one)[: len(one.markers)].transpose(2, 0, 1) for one in series]
+        for arm in (drawn, state)
+    )
+    return before, after
+
+
+def numbers(found: Calibrated, left: Left) -> Row:
+    """All that is told of a calibration; the keys are those of report.json."""
+    calibration, series = found.calibration, found.series
+    before, after = (
+        [np.linalg.norm(x, axis=2)[one.seen] for one, x in zip(series, every, strict=True)] for every in left
+    )
+    vjm, estimate, noise = calibration.state.vjm, calibration.estimate, calibration.noise
+    elastic = calibration.own.elastic
+    q = np.concatenate([np.repeat(one.q, one.seen.sum(axis=1), axis=0) for one in series])
+    every = np.concatenate(before), np.concatenate(after)
+    f = Row(
+        arm=vjm.arm.name,
+        series=[
+            Row(series=one.name, rows=one.rows, before=_errors(x), after=_errors(y))
+            for one, x, y in zip(series, before, after, strict=True)
+        ],
+        total_before=_errors(every[0]),
+        total_after=_errors(every[1]),
+        steps=[_step(step) for step in calibration.chosen.steps],
+        places=[row for k, joint in enumerate(vjm.arm.joints) for row in _ranges(joint, q[:, k], q, *every)],
+        spectrum=list(_spectrum(calibration)),
+        geometry=_values(calibration, "geometry"),
+        compliances=_compliances(calibration),
+        blocks=[]
+        if estimate is None or elastic is None
+        else [
+            Row(name=name, smallest=float(own[0]), largest=float(own[-1]))
+            for name, own in zip(elastic.names, estimate.eigenvalues, strict=True)
+        ],
+        program=estimate
+        and Row(
+            method=estimate.method,
+            constrained=estimate.constraint == "psd",
+            status=estimate.status,
+            conservative=estimate.conservative,
+        ),
+        noise=Row(
+            sigma_um=float(UM * np.sqrt(np.mean([one.sigma**2 for one in series]))),
+            open_position_um=UM * noise.open_position,
+            open_rotation_urad=UM * noise.open_rotation,
+            position_factor=float(noise.factor[0]),
+        ),
+        weight_alone=not any(one.wrench.any() or one.torque is not None for one in series),
+        left_open=list(_left_open(calibration)),
+        notes=list(found.notes),
+        **_pulled(calibration, series, left[1]),
+    )
+    return Row(f, **_validated(f))
+
+
+def _errors(distance: Array) -> Row:
+    """Distances of positions, (n,) [m]."""
+    mm = MM * distance
+    rms, p95 = float(np.sqrt((mm**2).mean())), float(np.percentile(mm, 95))
+    return Row(n=len(mm), mean_mm=float(mm.mean()), rms_mm=rms, p95_mm=p95, max_mm=float(mm.max()))
+
+
+def _step(step: Step) -> Row:
+    """A kind of error beside those kept before it: RMS distances of readings that were held out.
+
+    Blocks of joint space, and whole series realigned: the latter None of a single series, the former where
+    poses are too few to hold any out.
+    """
+    every = (step.before, step.after, step.series_before, step.series_after)
+    mm = [MM * math.sqrt(3) * x if math.isfinite(x) else None for x in every]  # root mean squares of an axis
+    keys = ("before_mm", "after_mm", "series_before_mm", "series_after_mm")
+    return Row(zip(keys, mm, strict=True), name=step.name, kept=step.kept)
+
+
+def _validated(f: Row) -> Row:
+    """RMS distance of held-out readings by geometry alone and by all that was kept, and whether it is bad.
+
+    `worse`: the calibrated arm predicts readings worse than the arm as drawn, or nothing says.
+    """
+    kept = [row.after_mm for row in f.steps if row.kept]
+    ends = (f.steps[0].before_mm, kept[-1] if kept else f.steps[0].before_mm) if f.steps else (None, None)
+    if ends[0] is None or ends[1] is None:
+        return Row(held_out_mm=None, worse=bool(f.steps) and f.steps[0].series_after_mm is None)
+    return Row(held_out_mm=list(ends), worse=ends[1] > FAR * f.total_before.rms_mm)
+
+
+def _ranges(joint: Joint, own: Array, q: Array, before: Array, after: Array) -> Iterator[Row]:
+    """Ranges of a joint from limit to limit, or over a turn of a hinge that turns farther.
+
+    Args:
+        joint: Of the arm.
+        own: Its angle at every position that was read, (n,) [rad, m].
+        q: All angles there, (n, joints).
+        before: Distance from the arm as drawn, (n,) [m].
+        after: From the calibrated arm, (n,) [m].
+    """
+    low, high = joint.lower, joint.upper
+    if not joint.prismatic and high - low > 2 * np.pi:
+        own, (low, high) = (own + np.pi) % (2 * np.pi) - np.pi, (-np.pi, np.pi)
+    count = max(LEAST, min(MOST, len(np.unique(q, axis=0)) // EACH))
+    edges = np.linspace(low, high, count + 1)
+    at = np.clip(np.searchsorted(edges, own, "right") - 1, 0, count - 1)
+    for k in range(count):
+        here = at == k
+        sizes = [float(MM * np.sqrt((x[here] ** 2).mean())) if here.any() else None for x in (before, after)]
+        yield Row(
+            joint=joint.name,
+            low=float(joint.shown * edges[k]),
+            high=float(joint.shown * edges[k + 1]),
+            unit=joint.shown_unit,
+            n=int(here.sum()),
+            before_mm=sizes[0],
+            after_mm=sizes[1],
+        )
+
+
+def unread(f: Row) -> list[Row]:
+    """Ranges without a reading, neighbours as one."""
+    found: list[Row] = []
+    for row in f.places:
+        if not row.n and found and (found[-1].joint, found[-1].high) == (row.joint, row.low):
+            found[-1] = Row(row, low=found[-1].low)
+        elif not row.n:
+            found.append(row)
+    return found
+
+
+def _spectrum(calibration: Calibration) -> Iterator[Row]:
+    """Amplitudes of every order of a joint that is on; the standard deviation is that along the amplitude."""
+    unknowns, own = calibration.own.unknowns, calibration.own
+    orders, size, first = unknowns.errors.orders, unknowns.errors.size, unknowns.starts["errors"]
+    if not orders or not np.isin(first, own.columns):
+        return
+    x, root = own_values(calibration), deviations_root(calibration)
+    for k, joint in enumerate(unknowns.vjm.arm.joints):
+        if joint.prismatic:
+            continue
+        columns = first + k * size + np.arange(2 * len(orders)).reshape(2, -1)  # sines, cosines
+        pair = x[columns].T
+        amplitude = np.linalg.norm(pair, axis=1)
+        along = np.where(amplitude[:, None] > 0, pair, 1.0)
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        lines = root[np.searchsorted(own.columns, columns)]  # (2, orders, c)
+        deviation = np.linalg.norm(np.einsum("oa,aoc->oc", along, lines), axis=1)
+        rows = [
+            Row(order=order, amplitude_urad=a, deviation_urad=s)
+            for order, a, s in zip(orders, (UM * amplitude).tolist(), (UM * deviation).tolist(), strict=True)
+        ]
+        yield Row(
+            joint=joint.name,
+            rms_urad=float(UM * np.sqrt((amplitude**2).sum() / 2)),
+            largest=max(rows, key=lambda row: float(row.amplitude_urad)),
+            significant=int((amplitude > SIGNIFICANT * deviation).sum()),
+            orders=rows,
+        )
+
+
+def _values(calibration: Calibration, part: Part) -> list[Row]:
+    """Numbers of a part, with the half width of their 95 % interval."""
+    known = [one for one in intervals(calibration) if one.part == part]
+    return [Row(name=one.name, value=one.value, half_95=one.half, unit=one.unit) for one in known]
+
+
+def _compliances(calibration: Calibration) -> list[Row]:
+    """Of every joint with that of the link before it, beside the same of the arm's folder."""
+    vjm, found, known = calibration.state.vjm, [], _values(calibration, "joint compliances")
+    for one, joint, link, axis in zip(known, vjm.arm.joints, vjm.arm.links, vjm.beam_axes, strict=False):
+        part = slice(0, 3) if joint.prismatic else slice(3, 6)
+        folder = joint.compliance + float(axis @ link.compliance[part, part] @ axis)
+        found.append(Row(one, folder=UM * folder))
+    return found
+
+
+def _pulled(calibration: Calibration, series: Sequence[Series], after: Sequence[Array]) -> Row:
+    """The share of positions that count less than a sound one, and the farthest of those that hardly do."""
+    pulls = [x[: len(one.markers)].T for x, one in zip(calibration.pulls, series, strict=True)]
+    counted = np.concatenate([pull[one.seen] for pull, one in zip(pulls, series, strict=True)])
+    outliers = [
+        Row(
+            series=one.name,
+            row=int(one.row[row]),
+            marker=one.markers[k],
+            error_mm=float(MM * np.linalg.norm(left[row, k])),
+            pull=float(pull[row, k]),
+        )
+        for one, pull, left in zip(series, pulls, after, strict=True)
+        for row, k in np.argwhere((pull < SPOILED) & one.seen)
+    ]
+    worst = sorted(outliers, key=lambda row: -float(row.error_mm))[:WORST]
+    return Row(less_pull_percent=float(100 * (counted < 1).mean()), outliers=worst)
+
+
+def _left_open(found: Calibration) -> tuple[str, ...]:
+    """What readings leave open, and what hides behind what; periodic errors of high orders count as known."""
+    own, unknowns = found.own, found.own.unknowns
+    few, columns = _slow(own)
+    deviation = np.zeros(unknowns.size)
+    deviation[own.columns[: own.rigid]] = found.chosen.learnt.deviation[own.columns[: own.rigid]]
+    loose = np.where(np.isinf(deviation), LOOSE_FRAME, deviation)[columns]
+    prior = np.diag(loose**2)
+    if own.elastic is not None:
+        L = LOOSE.uncertainty * own.elastic.L
+        prior[-len(L) :, -len(L) :] = L @ L.T
+    state = replace(found.state, errors=few.errors, n=np.zeros((len(found.state.n), few.errors.size)))
+    information = found.information[np.ix_(columns, columns)]
+    return sentences(hidden(few, information, prior, pull_of(few, state, found.series)))
+
+
+def _slow(own: Choice) -> tuple[Unknowns, Ids]:
+    """The unknowns without periodic errors of higher orders, and where they stand among all."""
+    unknowns, errors = own.unknowns, own.unknowns.errors
+    few = JointErrors(errors.orders[:ORDERS], errors.ratio, errors.play, errors.stiffening)
+    k, m = len(errors.orders), len(few.orders)
+    of = np.r_[np.arange(m), k + np.arange(m), np.arange(2 * k, errors.size)]
+    at = unknowns.starts["errors"] + errors.size * np.arange(unknowns.vjm.arm.n_joints)[:, None] + of
+    before, after = np.arange(unknowns.starts["errors"]), np.arange(unknowns.starts["elastic"], unknowns.size)
+    structure = unknowns.structure
+    if own.elastic is not None:
+        structure, after = own.elastic.structure, own.columns[own.rigid :]
+    return replace(unknowns, errors=few, structure=structure), np.concatenate([before, at.ravel(), after])

@@ -1,0 +1,1 @@
+"""One factorial campaign: studies choose the factors, this room fits, judges and compares."""

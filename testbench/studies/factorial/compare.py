@@ -1,0 +1,168 @@
+"""What reports of factorial campaigns share: errors by factor, ratios fit by fit, gains over incumbents."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from testbench.bench.baselines import JOINTS
+from testbench.bench.default import DEFAULT
+from testbench.bench.truths import CALLED, FAMILY
+from testbench.identify import Constraint
+from testbench.report.campaigns import pairs
+from testbench.report.columns import columns
+from testbench.report.report import say
+from testbench.report.table import TRIAL, Row, Trials, matched, merged
+from testbench.trials.spread import Number, Spread, middle, wins
+from testbench.views.gains import beside
+from testbench.views.markdown import Markdown
+from testbench.views.schema import Table, best_of, pivot
+
+ERROR = "rms_um"  #: What models are judged by.
+RMS = replace(columns(ERROR)[0], form=".0f")
+JUDGED = ("name", "structure", "constraint", "prior", ERROR, "p95_um", "conservative", "solved")
+"""Columns of a row whatever the factors are."""
+BY_CONE = (("MGCO56", "MLS56"), ("MGCO56 + prior", "MLS56 + prior"))
+DUELS = (*BY_CONE, ("MGCO56", JOINTS), ("MGCO56 + prior", JOINTS), (DEFAULT, JOINTS))
+"""What the cone does without a prior and with it, then both and the default against the incumbent."""
+PAIRS = "ours theirs ratio won tied"
+METHODS: Mapping[Constraint, str] = {
+    "none": "least squares",
+    "psd": "GCO",
+    "free": "least squares, conservative of equal fit",
+}
+
+
+def cells(trials: Trials, *by: str, also: Sequence[str] = ()) -> list[Row]:
+    """Medians and spreads of every model in every cell of some factors.
+
+    Args:
+        trials: A row a fit.
+        by: The factors.
+        also: Other columns to merge.
+    """
+    return merged(trials.keep(*JUDGED, *by, *also), "name", *by)
+
+
+def head(asked: str, seeds: Sequence[int], trials: Trials) -> Row:
+    """What report.json says first of the family of true arms, or of the one that was asked for."""
+    arms = {arm: len(own.values(TRIAL)) for (arm,), own in trials.keep("true_arm", TRIAL).groups("true_arm")}
+    seed = list(seeds) if len(seeds) > 1 else seeds[0]
+    return Row(seed=seed, noise=True, true_arm=asked, true_arms=arms)
+
+
+def arms_told(f: Row) -> Markdown:
+    """True arms in words, with their trials."""
+    if f.true_arm != FAMILY:
+        return say("True arm: {arm}.", arm=CALLED[f.true_arm])
+    return say(
+        "True arms in turn: {arms}.", arms=", ".join(f"{CALLED[arm]} ({n})" for arm, n in f.true_arms.items())
+    )
+
+
+def gains(trials: Trials, models: Sequence[Row], ours: str = DEFAULT) -> Row:
+    """One model beside the best least squares without a prior and beside joints alone, in one cell.
+
+    Args:
+        trials: Of the cell.
+        models: The same merged, a row a model.
+        ours: Name of the model.
+    """
+    squares = {m.name: m.rms_um for m in models if m.constraint == "none" and not m.prior}
+    squares.pop(JOINTS)
+    rival = max(best_of(squares).names)  # MLS32 is MLS56 without what no reading tells
+    return pairs(trials, {"least_squares": (ours, rival), "joints": (ours, JOINTS)}, ERROR, 1e-3)
+
+
+def beside_rivals(gains: Row) -> Iterator[Markdown]:
+    """The errors of these gains, a sentence each rival."""
+    squares, joints = gains.least_squares, gains.joints
+    yield say(
+        "{ours} {own:.0f} um, least squares {other:.0f} um; {it:less}.",
+        squares,
+        it=squares,
+        own=1e3 * middle(squares.ours_mm),
+        other=1e3 * middle(squares.theirs_mm),
+    )
+    yield say(
+        "Joints alone {other:.0f} um, {it:more trial}.", it=joints, other=1e3 * middle(joints.theirs_mm)
+    )
+
+
+def gains_told(gains: Row) -> str:
+    """The same for the title of a figure."""
+    return beside({"least squares": gains.least_squares, "joints alone": gains.joints}, "um")
+
+
+def duels(trials: Trials, asked: Sequence[tuple[str, str]], *by: str, of: str = "name") -> list[Row]:
+    """Two on the same readings, by cell: ratio of errors, shares of trials in which ours is less, or alike.
+
+    Args:
+        trials: Of all cells.
+        asked: Ours and theirs.
+        by: The factors; rows of a cell are alike in these.
+        of: The column of ours and theirs.
+    """
+    found = []
+    for ours, theirs in asked:
+        own = trials.where(**{of: ours})
+        a, b = own[ERROR], matched(own, trials.where(**{of: theirs}), ERROR, (*by, TRIAL))
+        for key, case in own.keep(*by, TRIAL).add(a=a, b=b, ratio=a / b).groups(*by):
+            [row] = merged(case.keep("ratio"))
+            won, lost = wins(case["a"], case["b"]), wins(case["b"], case["a"])
+            n = len(case)
+            cell = Row(zip(by, key, strict=True))
+            tied = (n - won - lost) / n
+            found.append(Row(cell, **row, won=won / n, tied=tied, ours=ours, theirs=theirs, trials=n))
+    return found
+
+
+def by_cone(where: str, found: Sequence[Row]) -> Markdown:
+    """What the cone does by itself in one cell, without a prior and with it.
+
+    Args:
+        where: The cell.
+        found: Its duels.
+    """
+    plain, filled = (next(d for d in found if (d.ours, d.theirs) == pair) for pair in BY_CONE)
+    alike = ", and they err alike in {tied:yes}" if filled.tied else ""
+    return say(
+        "The cone by itself{where}: {plain.ours} beats {plain.theirs} in {plain.won:yes} of {trials} trials. "
+        f"With the prior it does in {{won:yes}}{alike}.",
+        filled,
+        plain=plain,
+        where=where,
+    )
+
+
+def existing(rows: Sequence[Row]) -> list[Row]:
+    """Models by case, without a completion that exists in no trial with noise: least squares once more."""
+    there = {row.name for row in rows if row.sigma_um > 0 and row.conservative is not False}
+    return [row for row in rows if row.constraint != "free" or row.name in there]
+
+
+def errors(rows: Sequence[Row], down: str, across: str, title: str, last: str = "") -> Table:
+    """Errors by two factors, or by model and factor, as a table of both; last stand columns of other keys."""
+    return pivot(Table((), rows, title), *columns(f"{down} {across}"), RMS, *columns(last))
+
+
+def contract(models: Sequence[Row], where: str, judged: str) -> list[Row]:
+    """Rows of report.json's `models` of one cell, judged by the check set or over the workspace."""
+    none = {"check": None, "workspace": None, "paper": None}
+    return [
+        Row(
+            {key: m[key] for key in ("constraint", "prior", "conservative", "solved")} | none,
+            name=f"{m.name}, {where}",
+            method=METHODS[m.constraint],
+            **{judged: Row(rms_mm=_mm(m.rms_um), p95_mm=_mm(m.p95_um))},
+        )
+        for m in models
+    ]
+
+
+def _mm(um: Number) -> Number:
+    return um.scaled(1e-3) if isinstance(um, Spread) else middle(um) / 1e3
+
+
+def dataset(trials: Trials, seed: int) -> Row:
+    """What the dataset of a seed holds, of rows that all have it."""
+    found: Row = merged(trials.where(seed=seed).keep("measured."))[0].measured
+    return found

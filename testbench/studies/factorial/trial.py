@@ -1,0 +1,135 @@
+"""One trial of a factorial campaign: a case is a choice of every factor; models are fitted to it and judged.
+
+Factors are the true arm, the prior, noise, instruments, disturbances, loads, poses and the structure of the
+model. A study lists its cases and its models; rows are the same in all of them. All cases of a trial share
+their random numbers, so that differences between cases and models are theirs alone.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from testbench.bench.baselines import equal_fit
+from testbench.bench.campaign import Cell, Truth
+from testbench.bench.default import with_priors
+from testbench.bench.judged import identify_each
+from testbench.bench.models import Model, named_models
+from testbench.bench.rows import UM, DatasetRow
+from testbench.bench.wrong_prior import with_wrong_prior, wrong_prior
+from testbench.data.dataset import Dataset
+from testbench.data.tracker import Tracker, read_orientations, read_positions
+from testbench.errors import Array
+from testbench.identify import Constraint, Estimate
+from testbench.identify.evaluate import all_deflections, score
+from testbench.trials.spread import Share
+
+ANGLE_PER_LENGTH = 10.0
+"""Standard deviation of an orientation over that of a position [rad/m]: 250 urad beside 25 um."""
+WEIGHT = 25e-6  #: Sigma by which noise-free readings are weighted [m]: any will do.
+LEARNS = ("ALL153",)
+"""What `DEFAULT` fits: it alone learns its prior, which takes longer than the fit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitRow:
+    """One model in one case of one trial: what was chosen, and how it errs in poses never measured."""
+
+    name: str  #: Of the model.
+    structure: str
+    constraint: Constraint
+    prior: bool
+    rms_um: float
+    p95_um: float
+    conservative: Share
+    solved: Share  #: Whether the method found what it looks for.
+    true_arm: str  #: One of TRUTHS.
+    part: str | None = None  #: Of a study whose parts have cases of different kinds.
+    truth: Truth | None = None
+    prior_error: str | None = None  #: What is wrong with the prior, one of PRIORS.
+    poses: int | None = None  #: From how many is identified.
+    payload_kg: float | None = None
+    sigma_um: float | None = None  #: Noise of a reading along an axis; None of an instrument.
+    instrument: str | None = None  #: None of noise alike along all axes.
+    distance_m: float | None = None  #: Of the instrument; 0 of the one that reads alike wherever it stands.
+    case: str | None = None  #: What disturbs the true arm.
+    moved_um: float | None = None  #: How far that moves the deflections to be predicted, RMS.
+    measured: DatasetRow | None = None  #: The dataset, of one case of the trial alone.
+
+
+@dataclass(frozen=True)
+class Case:
+    """Runs to identify from, and true deflections in poses never measured, at one choice of every factor."""
+
+    runs: Dataset
+    judge: Dataset
+    factors: Mapping[str, object]  #: Fields of a row.
+
+
+Fits = Mapping[str, Sequence[Estimate]]  #: By model, one a case.
+
+
+def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Fits:
+    """Every model identified from the runs of every case."""
+    runs = [case.runs for case in cases]
+    return {model.name: identify_each(cell, model, runs) for model in models}
+
+
+def judged(cell: Cell, cases: Sequence[Case], fits: Fits) -> Iterator[FitRow]:
+    """Rows of every case, a model each, judged by true deflections."""
+    for k, case in enumerate(cases):
+        own = [estimates[k] for estimates in fits.values()]
+        predicted = all_deflections(cell.vjm, own, case.judge)
+        for name, estimate, moved in zip(fits, own, predicted, strict=True):
+            yield _row(name, estimate, moved, case)
+
+
+def _row(name: str, estimate: Estimate, moved: Array, case: Case) -> FitRow:
+    error = score(moved, case.judge.deflection)
+    return FitRow(
+        name=name,
+        structure=estimate.structure.name,
+        constraint=estimate.constraint,
+        prior=estimate.belief is not None,
+        rms_um=UM * error.rms,
+        p95_um=UM * error.p95,
+        conservative=estimate.conservative,
+        solved=estimate.status == "solved",
+        **case.factors,  # type: ignore[arg-type]  # fields of a row, by their names
+    )
+
+
+def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
+    """Models without a prior; beside MLS56 stands what is conservative and fits as well."""
+    models = named_models(cell, names)
+    models.insert(names.index("MLS56") + 1, equal_fit(cell))
+    return models
+
+
+def with_wrong_priors(cell: Cell, models: Sequence[Model], names: Sequence[str], seed: int) -> list[Model]:
+    """Models, those of these names with a prior that is wrong and believed as firmly for each, the default.
+
+    Args:
+        cell: The arm of the model: the prior is wrong about its folder.
+        models: Without a prior.
+        names: Of those that are fitted with it too.
+        seed: Of the prior's errors.
+    """
+    default = with_priors(named_models(cell, LEARNS), wrong_prior(cell, seed))
+    return [*with_wrong_prior(cell, models, names, seed), *default]
+
+
+def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
+    """A noise-free dataset read with noise: for every sigma [m] the same numbers; orientations follow it."""
+    tracker = Tracker(sigma, ANGLE_PER_LENGTH * sigma)
+    before, after = (read_positions(tracker, p, rng) for p in (clean.before, clean.after))
+    data = replace(clean, before=before, after=after, sigma=sigma or WEIGHT)
+    if clean.rotation_before is None or clean.rotation_after is None:
+        return data
+    turned = [
+        read_orientations(tracker, Rotation.from_rotvec(r).as_matrix(), rng)
+        for r in (clean.rotation_before, clean.rotation_after)
+    ]
+    sigma_rotation = ANGLE_PER_LENGTH * data.sigma
+    return replace(data, rotation_before=turned[0], rotation_after=turned[1], sigma_rotation=sigma_rotation)

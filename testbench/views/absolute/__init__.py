@@ -1,1 +1,0 @@
-"""A calibration by absolute readings in words, tables, a figure and files."""

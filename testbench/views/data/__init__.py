@@ -1,1 +1,0 @@
-"""Views of a file of measured runs: what was understood, in words, as a picture, as a recording."""
