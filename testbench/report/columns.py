@@ -229,6 +229,20 @@ EVERY = (
             ("better_than_joints", "better than joints", "", "d"),
         )
     ),
+    # a plan of poses
+    Column("run", "run", form="d"),
+    Column("task", "task", form="d"),
+    Column("load", "load"),
+    Column("expected_deflection_mm", "deflection", "mm", ".2f"),
+    Column("expected_sag_mm", "sag", "mm", ".2f"),
+    Column("error_there_mm", "error there", "mm"),
+    Column("travel_deg", "travel", "deg", ".0f"),
+    Column("travel_mm", "travel", "mm", ".0f"),
+    Column("way", "way"),
+    Column("greedy_mm", "best next pose", "mm"),
+    Column("random_median_mm", "random median", "mm"),
+    Column("random_p10_mm", "random 10 %", "mm"),
+    Column("random_p90_mm", "random 90 %", "mm"),
     # a corrected program
     Column("line", "line", form="d"),
     Column("label", "point"),
