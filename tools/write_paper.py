@@ -17,6 +17,7 @@ from printed_matrices import least_cost, printed_matrices, tables
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
 from testbench.errors import InputError
+from testbench.report.report import read_report
 from testbench.shell import command
 from testbench.studies.gravity_calibration.study import STUDY as GRAVITY_CALIBRATION
 from testbench.studies.loaded_stiffness.study import STUDY as LOADED_STIFFNESS
@@ -24,7 +25,6 @@ from testbench.studies.single_link import trial
 from testbench.studies.single_link.study import STUDY as SINGLE_LINK
 from testbench.studies.six_dof_arm.study import STUDY as SIX_DOF_ARM
 from testbench.studies.solver_comparison.study import STUDY as SOLVER_COMPARISON
-from testbench.studies.stored import read_report
 from testbench.studies.study import AnyStudy
 from testbench.views.markdown import Words
 
@@ -48,7 +48,8 @@ def main(
     out: Annotated[Path, typer.Option(help="Markdown to write.")] = PAGE,
 ) -> None:
     """Fill the template with the numbers of the reports."""
-    found = {study.name: read_report(runs / study.name) for study in STUDIES}
+    reports = {study.name: read_report(runs / study.name / "report.json") for study in STUDIES}
+    found = {k: {"report": own.numbers, "tables": own.tables, "words": own} for k, own in reports.items()}
     try:
         page = Words(TEMPLATE.parent, found | {"printed": printed()}, TEMPLATE.name).whole()
     except TemplateError as err:

@@ -95,8 +95,6 @@ EVERY = (
     # The order m of the vector space, Eq. (16)
     Column("m", "order m", form="d"),
     Column("f_m_over_optimum", "F_M over optimum", form=".5f"),
-    Column("block_rank", "largest rank of a block", form=".0f"),
-    Column("min_scaled_eigenvalue", "smallest scaled eigenvalue", form=".1e", rounding=1e-12),
     # Conservative by constraint, or by a choice among equal fits: seeds
     Column("truth", "truth"),
     Column("seeds", "seeds", form="d"),
@@ -170,10 +168,8 @@ EVERY = (
     Column("unfinished", "out of steps", form="d"),
     Column("cap_excess", "cap costs", form=".1e"),
     # readings of a real arm: series A and C
-    Column("words", "what it is"),
     Column("split", "split"),
     Column("judged", "judged on"),
-    Column("trained", "trained on"),
     Column("fit", "fit"),
     Column("poses", "poses", form="d"),
     Column("draws", "draws", form="d"),
@@ -189,19 +185,11 @@ EVERY = (
     Column("error.max_mm", "largest", "mm"),
     Column("error.inside_95_percent", "inside 95 %", "%", ".1f"),
     Column("joint", "joint"),
-    *(
-        Column(f"{end}_{name}_deg", f"{words} in {name}", "deg", ".0f")
-        for name in "AC"
-        for end, words in (("low", "least"), ("high", "greatest"))
-    ),
     Column("strange_to_A_percent", "poses of C far from A's angles", "%", ".0f"),
     Column("strange_to_C_percent", "poses of A far from C's angles", "%", ".0f"),
-    *(Column(f"rms_{by}_urad", f"RMS by {by}", "urad", ".0f") for by in ("A", "C", "both")),
+    *(Column(f"rms_{by}_urad", f"RMS by {by}", "urad", ".0f") for by in "AC"),
     Column("common_deg", "angles that both visited", "deg", ".0f"),
     Column("correlation", "correlation of A and C there", form=".2f"),
-    Column("urad_per_Nm", "compliance", "urad/(N m)", ".2f"),
-    Column("prototype_mm", "prototype", "mm"),
-    Column("here_mm", "here", "mm"),
     # plans of poses, beside random ones
     Column("plan", "poses by"),
     Column("criterion", "criterion"),
@@ -241,6 +229,20 @@ EVERY = (
             ("better_than_joints", "better than joints", "", "d"),
         )
     ),
+    # a plan of poses
+    Column("run", "run", form="d"),
+    Column("task", "task", form="d"),
+    Column("load", "load"),
+    Column("expected_deflection_mm", "deflection", "mm", ".2f"),
+    Column("expected_sag_mm", "sag", "mm", ".2f"),
+    Column("error_there_mm", "error there", "mm"),
+    Column("travel_deg", "travel", "deg", ".0f"),
+    Column("travel_mm", "travel", "mm", ".0f"),
+    Column("way", "way"),
+    Column("greedy_mm", "best next pose", "mm"),
+    Column("random_median_mm", "random median", "mm"),
+    Column("random_p10_mm", "random 10 %", "mm"),
+    Column("random_p90_mm", "random 90 %", "mm"),
     # a corrected program
     Column("line", "line", form="d"),
     Column("label", "point"),
