@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from testbench.errors import InputError
-from testbench.studies.stored import Stored, read_report
+from testbench.report.report import Report, read_report
 from testbench.views.markdown import grid, lines
 
 FROM = re.compile(r"(<!-- from (\w+): ([^>]*?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -52,16 +52,16 @@ def _from(page: Path, runs: Path, mark: re.Match[str]) -> str:
         raise InputError(page, mark[1].strip(), f"no study {name!r}") from err
     if not (runs / name / "report.json").is_file():
         return mark[0]
-    report = read_report(runs / name)
+    report = read_report(runs / name / "report.json")
     parts = [_part(page, report, part.strip()) for part in mark[3].split(";")]
     return _put(mark[1], "\n\n".join(parts), mark[4], mark[5])
 
 
-def _part(page: Path, report: Stored, name: str) -> str:
+def _part(page: Path, report: Report, name: str) -> str:
     if name in report.tables:
         return grid(report.tables[name])
-    if report.words.has(name):
-        return report.words.block(name)
+    if report.has(name):
+        return report.block(name)
     raise InputError(page, name, f"no such block, and no such table; tables are {', '.join(report.tables)}")
 
 

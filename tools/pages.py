@@ -31,7 +31,7 @@ PAGES, README = ROOT / "docs" / "studies", ROOT / "README.md"
 STUDIES = (
     "gravity_calibration", "single_link", "six_dof_arm", "solver_comparison", "loaded_stiffness",
     "identifiability", "noise_sensitivity", "model_error", "pose_selection", "which_model",
-    "regimes", "wrong_inputs", "real_ur10", "absolute_calibration", "compensation",
+    "regimes", "real_ur10", "absolute_calibration", "compensation",
 )  # fmt: skip
 ROWS, COLUMNS = 10, 7  #: Of the one table that a page shows.
 DEMO = re.compile(r"(<!-- demo -->\n).*?(<!-- end -->)", re.DOTALL)

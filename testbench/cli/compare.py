@@ -7,17 +7,15 @@ from typing import Annotated
 
 import typer
 
-from testbench.bench.compare_inputs import refuse_unlike
-from testbench.bench.compare_report import LETTERS
+from testbench.commands.compare import COMMAND, LETTERS, input_lines, printed, report, write
+from testbench.commands.compare_inputs import refuse_unlike
 from testbench.errors import BenchError
 from testbench.output.finished import read_run
 from testbench.output.replace import reading
 from testbench.output.run import claim_folder
 from testbench.shell.options import Force, takes
-from testbench.studies.compared import compare
 from testbench.views import terminal
-from testbench.views.compared.files import COMMAND, write
-from testbench.views.compared.words import input_lines, printed, words
+from testbench.views.markdown import as_plain
 
 
 @dataclass(frozen=True)
@@ -44,20 +42,21 @@ def command(asked: Options) -> None:
             runs = [read_run(folder) for folder in asked.runs]
             if not asked.anyway:
                 refuse_unlike(runs)
-            report = compare(runs)
-        write(runs, report, asked.out)
-        console, text, out = terminal.plain_console(), words(report), asked.out
-        terminal.print_answer(console, text)
-        terminal.print_statements(console, text)
-        for line in input_lines(report):
+            said = report(runs)
+        write(runs, said, asked.out)
+        console, out = terminal.plain_console(), asked.out
+        terminal.print_answer(console, said)
+        terminal.print_statements(console, said)
+        for line in input_lines(said):
             console.print(line)
-        for table in printed(report):
+        for table in printed(said):
             console.print()
             console.print(terminal.grid(table))
-        console.print()
         lines = [
-            *(f"{row.letter}          {row.folder}: {row.made}" for row in report.runs),
+            "",
+            *as_plain(said.title).split("; "),
             f"numbers    {out / 'report.json'}, {out / 'report.md'}",
+            f"picture    {out / 'compare.png'}",
             *terminal.looked_at(out),
         ]
         console.print("\n".join(lines), soft_wrap=True)

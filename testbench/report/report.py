@@ -1,12 +1,18 @@
 """A report: numbers, sentences and tables, each said once; every view is made of it."""
 
+import contextlib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
 from string import Formatter
 from typing import Any
 
-from testbench.report.table import Row, plain
+from pydantic import JsonValue
+
+from testbench.errors import InputError
+from testbench.output.finished import read_plain
+from testbench.report.table import Row, plain, rows
 from testbench.trials.spread import Spread, middle
 from testbench.views.colours import Look
 from testbench.views.gains import less, more, ratio
@@ -122,6 +128,36 @@ class Report:
         return data
 
 
+def read_report(file: Path, found: JsonValue = None) -> Report:
+    """A report that holds its words and tables; numbers as rows.
+
+    Args:
+        file: report.json, perhaps a stranger's.
+        found: What is in it, if it was read.
+
+    Raises:
+        InputError: When it is none, or not one of this version.
+    """
+    try:
+        return read(found or read_plain(file))  # type: ignore[arg-type]  # what is no table of keys raises
+    except KeyError as err:
+        raise InputError(file, str(err).strip("'"), "not a report of this version: expected it") from err
+    except (TypeError, ValueError, AttributeError, LookupError) as err:
+        raise InputError(file, "", f"not a report of this version: {err}") from err
+
+
+@contextlib.contextmanager
+def numbers_of(file: Path) -> Iterator[None]:
+    """What words and tables cannot make of a stranger's numbers is told as an InputError of the file."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as err:  # any: of the right types, and yet nothing that a run can find
+        problem = f"its numbers do not belong together: {type(err).__name__}: {err}"
+        raise InputError(file, "", problem) from err
+
+
 def read(found: Mapping[str, Any]) -> Report:
     """A report of what is in report.json; KeyError, TypeError or ValueError where that is none."""
     said = found["said"]
@@ -130,7 +166,7 @@ def read(found: Mapping[str, Any]) -> Report:
         **{name: Markdown(said[name]) for name in PARTS},
         claims=[Markdown(claim) for claim in said["claims"]],
         body=[Markdown(part) if isinstance(part, str) else str(part["table"]) for part in said["body"]],
-        numbers={key: own for key, own in found.items() if key not in ("scenario", "said", "tables")},
+        numbers=rows({key: own for key, own in found.items() if key not in ("scenario", "said", "tables")}),
         tables={name: _unpacked(own) for name, own in found["tables"].items()},
     )
 
@@ -166,7 +202,7 @@ def _unpacked(found: Mapping[str, Any]) -> Table:
     """A table of such data."""
     columns = [_column(k, own) for k, own in enumerate(found["columns"])]
     rows = [
-        Row(cells=[_number(cell) for cell in cells], paper={f"{k}": own for k, own in enumerate(paper)})
+        Row(cells=[number(cell) for cell in cells], paper={f"{k}": own for k, own in enumerate(paper)})
         for cells, paper in zip(found["rows"], found["paper"], strict=True)
     ]
     headline = found.get("headline", "")
@@ -192,6 +228,6 @@ def _column(k: int, found: Mapping[str, Any]) -> Column:
     return Column(**found, key=f"cells.{k}", paper=f"{k}")
 
 
-def _number(cell: Any) -> Any:
+def number(cell: Any) -> Any:
     """A median with its percentiles as such."""
     return Spread(**cell) if isinstance(cell, Mapping) and cell.keys() == SPREAD else cell

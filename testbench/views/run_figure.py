@@ -47,7 +47,7 @@ def overview(words: Told, seen: Seen) -> Figure:
     rows = [*forest, *([SCENE, key] if seen.scene else []), *[CHART] * len(charts)]
     figure = page(HEAD + sum(rows))
     figure.set_layout_engine("constrained", rect=(0.02, 0, 0.98, 1))  # panes of equal scale stick out
-    grid = figure.add_gridspec(len(rows), 2, height_ratios=rows)
+    grid = figure.add_gridspec(len(rows) or 1, 2, height_ratios=rows or [1])
     answer, *more = SENTENCE.split(as_plain(words.block("answer")))
     if seen.scene:
         own = seen.scene.groups[0]

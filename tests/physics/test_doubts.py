@@ -6,33 +6,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mistakes import MISTAKES, named
 from scipy.spatial.transform import Rotation
+from sound_sets import sound
 
 from testbench.bench import full_pose
 from testbench.bench.campaign import Scenario, simulate, stream
 from testbench.data.dataset import Dataset, select
-from testbench.errors import BenchError
-from testbench.identify.doubts import HandedIn, doubts, open_places
+from testbench.identify.doubts import HandedIn, doubts
 from testbench.identify.doubts.find import AT_A_TIME
 from testbench.identify.prior import cad_prior
 from testbench.identify.readings import MOST_READINGS
 from testbench.identify.registered import Registered, registered
 from testbench.model.loaded import displacement
 from testbench.model.vjm import chain, generalised_load, tool_pose
-from testbench.studies.wrong_inputs.faults import FAULTS
-from testbench.studies.wrong_inputs.sound import sound
 
 SEEDS = {"levels": 10, "pressed": 11, "tracker": 17}
 """A set of every kind, of a KR 500: three hung masses, forces in all directions, a tracker's frame."""
-
-
-def named(given):
-    """Doubts about a data set, as `testbench identify` finds them."""
-    try:
-        found = registered(given.cell.vjm, given.data, "tracker" if given.declared else "auto")
-    except BenchError:
-        return [open_places(given.cell.vjm, given.data)]
-    return doubts(HandedIn(given.cell.vjm, given.data, found, given.declared), given.prior)
 
 
 @pytest.fixture(scope="module")
@@ -56,11 +46,12 @@ def test_sound_runs_raise_no_doubt(sets, kind):
     assert named(sets[kind]) == []
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_planted_mistake_is_named_first(sets, fault):
-    kind = "levels" if FAULTS[fault].possible(sets["levels"]) else "pressed"
-    [first, *_] = named(FAULTS[fault].plant(sets[kind], stream(1, 40)))
-    assert first.name in FAULTS[fault].names
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_planted_mistake_is_named_first(sets, name):
+    mistake = MISTAKES[name]
+    kind = "levels" if mistake.possible(sets["levels"]) else "pressed"
+    [first, *_] = named(mistake.plant(sets[kind], stream(1, 40)))
+    assert first.name in mistake.names.split()
     assert len(first.sentence) < 300
 
 
@@ -75,7 +66,8 @@ def test_a_reading_that_outweighs_all_others_is_named(sets):
 
 @pytest.mark.parametrize("fault", ["joint_sign", "millimetres", "longer", "kilograms", "tracker_moved"])
 def test_it_is_named_in_a_trackers_frame_too(sets, fault):
-    assert named(FAULTS[fault].plant(sets["tracker"], stream(1, 40)))[0].name in FAULTS[fault].names
+    own = MISTAKES[fault].plant(sets["tracker"], stream(1, 40))
+    assert named(own)[0].name in MISTAKES[fault].names.split()
 
 
 def test_sizes_are_told(sets):

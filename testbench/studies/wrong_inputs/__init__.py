@@ -1,1 +1,0 @@
-"""Wrong inputs, planted, and whether they are found out."""

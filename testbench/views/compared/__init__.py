@@ -1,1 +1,0 @@
-"""Runs beside one another: tables, words, recording."""

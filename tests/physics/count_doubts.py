@@ -1,0 +1,108 @@
+"""How often each mistake is named, and how often sound sets are doubted: the table of docs/wrong_inputs.md.
+
+python tests/physics/count_doubts.py --seed 1000 --seeds 500 --planted 100
+"""
+
+import sys
+from argparse import ArgumentParser
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+from mistakes import MISTAKES, named
+from sound_sets import PAYLOAD, sound
+from threadpoolctl import threadpool_limits
+
+from testbench.bench.campaign import build_cell, stream
+
+MODELS = Path(__file__).resolve().parents[2] / "models"
+Z = 1.959964  #: Of a normal quantity, within which 95 % of it lie.
+
+
+@cache
+def cells():
+    threadpool_limits(1)
+    return {name: build_cell(MODELS / name) for name in PAYLOAD}
+
+
+def judge(seed, planted, only):
+    """Case, kind of data set and first doubt: of the sound set of a seed, then of every mistake."""
+    own = sound(cells(), seed)
+    kind = ("one target" if len(own.data.markers) == 1 else "several targets", own.loads)
+    kind += ("with backlash and the like" if own.disturbed else "as the models",)
+    found = [("sound", kind, first(own))]
+    for name in only if seed in planted else ():
+        if MISTAKES[name].possible(own):
+            found.append((name, kind, first(MISTAKES[name].plant(own, stream(seed, 40)))))
+    return found
+
+
+def first(own):
+    return next((doubt.name for doubt in named(own)), None)
+
+
+def right(case, doubt):
+    """Whether the first doubt names the mistake; of a sound set, whether there is none."""
+    return doubt is None if case == "sound" else doubt in MISTAKES[case].names.split()
+
+
+def rate(held):
+    """Per cent in which something holds, with 95 % interval (Wilson's score)."""
+    n, share = len(held), float(np.mean(held))
+    middle = (share + Z**2 / (2 * n)) / (1 + Z**2 / n)
+    half = Z / (1 + Z**2 / n) * np.sqrt(share * (1 - share) / n + Z**2 / (4 * n**2))
+    return f"{100 * share:.1f} ({100 * (middle - half):.1f} to {100 * (middle + half):.1f})"
+
+
+def table(found):
+    """A row for each mistake that is not always named, the most seldom first, then one for all others."""
+    rows, always, sets = [], [], 0
+    for name, mistake in MISTAKES.items():
+        own = [doubt for case, _, doubt in found if case == name]
+        held = [right(name, doubt) for doubt in own]
+        if own and all(held):
+            always, sets = [*always, mistake.words], sets + len(own)
+        elif own:
+            silent = 100 * own.count(None) / len(own)
+            other = Counter(d for d, well in zip(own, held, strict=True) if d and not well).most_common(2)
+            instead = ", ".join(f"{doubt} ({count})" for doubt, count in other)
+            names = mistake.names.replace(" ", " or ")
+            cells = f"{len(own)} | {rate(held)} | {silent:.1f} | {instead}"
+            rows.append((np.mean(held), f"| {mistake.words} | {names} | {cells} |"))
+    yield "| mistake | doubt that names it | sets | named first, % (95 %) | no doubt, % | named instead |"
+    yield "| --- | --- | ---: | ---: | ---: | --- |"
+    yield from (row for _, row in sorted(rows, key=lambda row: row[0]))
+    yield f"| each of {len(always)}: {'; '.join(always)} | its own | {sets} | 100 | 0 | |"
+
+
+def words(found):
+    """Shares over all data sets, and by kind of set."""
+    for kind in ("all", *sorted({kind for _, kinds, _ in found for kind in kinds})):
+        own = [(case, doubt) for case, kinds, doubt in found if kind in ("all", *kinds)]
+        alarms = [doubt is not None for case, doubt in own if case == "sound"]
+        held = [(right(case, doubt), doubt is None) for case, doubt in own if case != "sound"]
+        if held:
+            well, silent = (rate(column) for column in zip(*held, strict=True))
+            yield f"{kind}: {len(held)} data sets with a mistake, named first {well} %, no doubt {silent} %; "
+            yield f"{len(alarms)} sound ones, {rate(alarms)} % with a doubt.\n"
+
+
+def main():
+    flags = ArgumentParser(description=__doc__)
+    flags.add_argument("--seed", type=int, default=1000, help="first seed")
+    flags.add_argument("--seeds", type=int, default=100, help="sound data sets")
+    flags.add_argument("--planted", type=int, default=100, help="data sets in which mistakes are planted")
+    flags.add_argument("--fault", action="append", choices=MISTAKES, help="again for more; all else")
+    asked = flags.parse_args()
+    planted = range(asked.seed, asked.seed + asked.planted)
+    work = partial(judge, planted=planted, only=asked.fault or list(MISTAKES))
+    with ProcessPoolExecutor() as workers:
+        seeds = range(asked.seed, asked.seed + asked.seeds)
+        found = [row for own in workers.map(work, seeds) for row in own]
+    sys.stdout.write("\n".join([*table(found), "", "".join(words(found))]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,323 @@
+"""Mistakes that are planted in sound data sets one by one, and the doubts that name them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from sound_sets import PAYLOAD, Sound
+
+from testbench.arm.mjcf import GRAVITY
+from testbench.errors import BenchError
+from testbench.identify.doubts import Doubt, HandedIn, doubts, open_places
+from testbench.identify.prior import Prior
+from testbench.identify.registered import registered
+from testbench.model.vjm import tool_pose
+
+POSES = 12  #: Of a set-up in which the tracker moves by half a millimetre.
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """What is done, and what names it."""
+
+    words: str
+    #: Fields of the data set that become wrong; a data set where the arm's folder does.
+    change: Callable[[Sound, np.random.Generator], dict | Sound]
+    names: str  #: Of doubts that are right.
+    #: Whether it shows: in one load no sensor's zero, on one target no exchange.
+    possible: Callable[[Sound], bool] = lambda _: True
+
+    def plant(self, own: Sound, rng: np.random.Generator) -> Sound:
+        """The data set with the mistake."""
+        made = self.change(own, rng)
+        return made if isinstance(made, Sound) else replace(own, data=replace(own.data, **made))
+
+
+def named(own: Sound) -> list[Doubt]:
+    """Doubts about a data set, as `testbench identify` finds them."""
+    vjm, data = own.cell.vjm, own.data
+    try:
+        found = registered(vjm, data, "tracker" if own.declared else "auto")
+    except BenchError as why:
+        return [open_places(vjm, data) or Doubt("refused", str(why))]
+    return doubts(HandedIn(vjm, data, found, own.declared), own.prior)
+
+
+def bump(rng, size):
+    """A move of this size in any direction, (3,)."""
+    direction = rng.standard_normal(3)
+    return size * direction / np.linalg.norm(direction)
+
+
+def any_run(own, rng):
+    return int(rng.integers(own.data.runs))
+
+
+def any_reading(own, rng):
+    return any_run(own, rng), int(rng.integers(len(own.data.markers)))
+
+
+def both(change):
+    """Readings before and after alike."""
+    return lambda own, _: {"before": change(own.data.before), "after": change(own.data.after)}
+
+
+def moved(axis, degrees, shift=(0.0, 0.0, 0.0)):
+    R = Rotation.from_rotvec(np.deg2rad(degrees) * np.array(axis) / np.linalg.norm(axis)).as_matrix()
+    return both(lambda x: x @ R.T + np.array(shift))
+
+
+def exchanged(x):
+    return x[:, [1, 0, *range(2, x.shape[1])]]
+
+
+def names_once(own, rng):
+    here = (own.data.pose == rng.choice(own.data.pose))[:, None, None]
+    return both(lambda x: np.where(here, exchanged(x), x))(own, rng)
+
+
+def target(own, rng):
+    off = tool_pose(own.cell.vjm, own.data.q)[1] @ bump(rng, 0.06)
+    return both(lambda x: np.concatenate([x[:, :-1], x[:, -1:] + off[:, None]], axis=1))(own, rng)
+
+
+def joint(change):
+    """Angles of any joint but the first and the last."""
+
+    def of(own, rng):
+        q = own.data.q.copy()
+        change(q, int(rng.integers(1, 5)))
+        return {"q": q}
+
+    return of
+
+
+def zero(q, k):
+    q[:, k] += np.deg2rad(1.5)
+
+
+def reverse(q, k):
+    q[:, k] *= -1
+
+
+def exchange(q, k):
+    q[:, [k, k + 1]] = q[:, [k + 1, k]]
+
+
+def one_pose(own, rng):
+    q, pose = own.data.q.copy(), rng.choice(own.data.pose)
+    q[own.data.pose == pose, int(rng.integers(1, 4))] += 0.15
+    return {"q": q}
+
+
+def pose_before(own, x):
+    """Readings of the pose before."""
+    return np.roll(x, own.data.runs // len(np.unique(own.data.pose)), axis=0)
+
+
+def readings(name, rows, change):
+    """Some readings otherwise."""
+
+    def of(own, rng):
+        x, where = getattr(own.data, name).copy(), rows(own, rng)
+        x[where] = change(own, x[where], where, rng)
+        return {name: x}
+
+    return of
+
+
+def swapped_once(own, _):
+    d = own.data
+    r = int(np.argmax(np.linalg.norm(d.deflection, axis=2).max(axis=1)))
+    here = (np.arange(d.runs) == r)[:, None, None]
+    return {"before": np.where(here, d.after, d.before), "after": np.where(here, d.before, d.after)}
+
+
+def copied(own, rng):
+    after, pose = own.data.after.copy(), own.data.pose
+    first, other = rng.choice(np.unique(pose), 2, replace=False)
+    after[np.flatnonzero(pose == first)[0]] = own.data.after[np.flatnonzero(pose == other)[0]]
+    return {"after": after}
+
+
+def first_station(d):
+    return np.ones(d.runs, dtype=bool) if d.station is None else d.station == d.station[0]
+
+
+def tracker_touched(own, rng):
+    """The tracker's stand between the two readings: 3 mm and 1 mrad."""
+    turn, shift, after = bump(rng, 1e-3), bump(rng, 3e-3), own.data.after.copy()
+    here = first_station(own.data)
+    centre = after[here].reshape(-1, 3).mean(axis=0)
+    after[here] = (after[here] - centre) @ Rotation.from_rotvec(turn).as_matrix().T + centre + shift
+    return {"after": after}
+
+
+def bumped(own, rng):
+    """The tracker moves between two poses, three of which at least are before it and behind."""
+    d, here = own.data, first_station(own.data)
+    poses = np.unique(d.pose[here])
+    behind = here & (d.pose >= poses[int(rng.integers(3, len(poses) - 2))])
+    shift = np.where(behind[:, None, None], bump(rng, 5e-4), 0.0)
+    return both(lambda x: x + shift)(own, rng)
+
+
+def longer(own, _):
+    """Another arm's folder."""
+    vjm, placements = own.cell.vjm, own.cell.vjm.placements.copy()
+    placements[2, :3, 3] *= 1 + 0.15 / np.linalg.norm(placements[2, :3, 3])
+    return replace(own, cell=replace(own.cell, vjm=replace(vjm, placements=placements)))
+
+
+def folder(factor):
+    return lambda own, _: replace(own, prior=Prior("wrong", factor * own.prior.C_theta))
+
+
+def loads(change):
+    return lambda own, rng: {"wrench": change(own, own.data.wrench.copy(), rng)}
+
+
+def times(factor):
+    return loads(lambda _, w, __: factor * w)
+
+
+def sensor_zero(own, w, rng):
+    """6.6 % of the payload's weight off: 300 N on the KR 500."""
+    w[:, int(rng.integers(3))] += rng.choice([-1, 1]) * 0.0664 * GRAVITY * PAYLOAD[own.cell.arm.name]
+    return w
+
+
+def tool_axes(own, w, _):
+    w[:, :3] = np.einsum("ryx,ry->rx", tool_pose(own.cell.vjm, own.data.q)[1], w[:, :3])
+    return w
+
+
+def one_level(_, w, __):
+    force = np.linalg.norm(w, axis=1)
+    w[force > 0.99 * force.max()] *= 0.8
+    return w
+
+
+def one_run(own, w, rng):
+    w[any_run(own, rng)] *= 0.5
+    return w
+
+
+def in_base(own):
+    return not own.tracker
+
+
+def long(own):
+    """Whether a set-up has the poses that tell a small move of the tracker from errors of the arm."""
+    return len(np.unique(own.data.pose[first_station(own.data)])) >= POSES
+
+
+def several(own):
+    return len(own.data.markers) > 1
+
+
+def off_2_mm(_, x, __, rng):
+    return x + bump(rng, 2e-3)
+
+
+SINGLE = "reading run"
+MISTAKES = {
+    "frame_tilted": Mistake(
+        "frame turned 4 deg about a tilted axis", moved((0.6, 0.8, 0.3), 4), "frame", in_base
+    ),
+    "frame_turned": Mistake(
+        "frame turned 4 deg about the vertical", moved((0, 0, 1), 4), "frame joint_zero", in_base
+    ),
+    "frame_moved": Mistake("frame 110 mm away", moved((0, 0, 1), 0, (0.1, -0.05, 0)), "frame", in_base),
+    "mirrored": Mistake("sign of y", both(lambda x: x * [1, -1, 1]), "mirrored"),
+    "axes": Mistake("x, y, z are y, z, x", both(lambda x: x[..., [1, 2, 0]]), "frame", in_base),
+    "millimetres": Mistake("millimetres as metres", both(lambda x: 1e3 * x), "unit"),
+    "inches": Mistake("inches as metres", both(lambda x: x / 0.0254), "unit"),
+    "inches_mm": Mistake("inches as millimetres", both(lambda x: x / 25.4), "unit"),
+    "centimetres": Mistake("centimetres as metres", both(lambda x: 100 * x), "unit"),
+    "radians": Mistake(
+        "joint angles in radians as degrees", lambda own, _: {"q": np.deg2rad(own.data.q)}, "angle_unit"
+    ),
+    "names": Mistake("two targets' names exchanged", both(exchanged), "markers", several),
+    "target": Mistake("a target 60 mm off on the tool", target, "targets", in_base),
+    "joint_zero": Mistake("a joint's zero 1.5 deg off", joint(zero), "joint_zero"),
+    "joint_sign": Mistake("a joint's sign", joint(reverse), "joint_sign"),
+    "joint_order": Mistake("two joints exchanged", joint(exchange), "joint_order"),
+    "order": Mistake(
+        "readings of the pose before", lambda own, rng: both(lambda x: pose_before(own, x))(own, rng), "order"
+    ),
+    "names_once": Mistake("two targets' names exchanged in one pose", names_once, "pose", several),
+    "one_pose": Mistake("a joint angle of one pose 0.15 rad off", one_pose, "pose"),
+    "one_reading": Mistake(
+        "an unloaded reading 2 mm off", readings("before", any_reading, off_2_mm), SINGLE, several
+    ),
+    "longer": Mistake("another arm's folder, a link 150 mm longer", longer, "link"),
+    "equal": Mistake("after equals before", lambda own, _: {"after": own.data.before}, "equal"),
+    "equal_once": Mistake(
+        "after equals before in one run",
+        readings("after", any_run, lambda own, _, r, __: own.data.before[r]),
+        "equal",
+    ),
+    "swapped": Mistake(
+        "before and after exchanged",
+        lambda own, _: {"before": own.data.after, "after": own.data.before},
+        "sign",
+    ),
+    "swapped_once": Mistake("before and after exchanged in one run", swapped_once, "run run_load reading"),
+    "after_order": Mistake(
+        "loaded readings of the pose before",
+        lambda own, _: {"after": pose_before(own, own.data.after)},
+        "order",
+    ),
+    "copied": Mistake("loaded readings of another pose in one run", copied, "repeated"),
+    "after_unit": Mistake(
+        "loaded readings in millimetres", lambda own, _: {"after": 1e3 * own.data.after}, "unit"
+    ),
+    "tracker_moved": Mistake(
+        "tracker touched between the readings: 3 mm, 1 mrad", tracker_touched, "tracker_moved"
+    ),
+    "bumped": Mistake("tracker moved by 0.5 mm between two poses", bumped, "tracker_moved", long),
+    "touched": Mistake(
+        "a target touched in one run: 2 mm", readings("after", any_reading, off_2_mm), SINGLE, several
+    ),
+    "slipped": Mistake(
+        "the tool slipped in one run: 2 mm", readings("after", any_run, off_2_mm), SINGLE, several
+    ),
+    "kilograms": Mistake("forces in kg", times(1 / GRAVITY), "scale"),
+    "kilonewtons": Mistake("forces in kN", times(1e-3), "scale"),
+    "comma": Mistake("forces ten times too large", times(10.0), "scale"),
+    "force_sign": Mistake("sign of the forces", times(-1.0), "sign"),
+    "force_zero": Mistake(
+        "force sensor 6.6 % off, 300 N on a KR 500",
+        loads(sensor_zero),
+        "force_offset",
+        lambda own: own.loads != "hung",
+    ),
+    "force_axis": Mistake(
+        "force along x instead of z", loads(lambda _, w, __: w[:, [2, 1, 0, 3, 4, 5]]), "force_axes"
+    ),
+    "tool_axes": Mistake("forces in the tool's axes", loads(tool_axes), "force_axes"),
+    "payload": Mistake(
+        "one of three loads 20 % off", loads(one_level), "level", lambda own: own.loads == "levels"
+    ),
+    "load_order": Mistake(
+        "three loads in reversed order",
+        loads(lambda _, w, __: w.reshape(-1, 3, 6)[:, ::-1].reshape(-1, 6)),
+        "levels",
+        lambda own: own.loads == "levels",
+    ),
+    "one_load": Mistake("a load stated as half in one run", loads(one_run), "run_load"),
+    "load_point": Mistake(
+        "load point 300 mm off", lambda own, rng: {"point": own.data.point + bump(rng, 0.3)}, "load_point"
+    ),
+    "point_unit": Mistake(
+        "load point in millimetres", lambda own, _: {"point": 1e3 * (own.data.point + 0.05)}, "load_point"
+    ),
+    "noise": Mistake(
+        "noise stated 20 times too small", lambda own, _: {"sigma": own.data.sigma / 20}, "noise"
+    ),
+    "soft_folder": Mistake("folder ten times too soft", folder(10.0), "scale"),
+    "stiff_folder": Mistake("folder ten times too stiff", folder(0.1), "scale"),
+}
+"""Mistakes by name, made with readings, loads and the arm's folder."""

@@ -1,0 +1,113 @@
+"""Sound data sets: arms that are as arms are, readings as an engineer would hand them in.
+
+Drawn are the arm, the true arm of the family, what disturbs it, how wrong the folder is, how many poses,
+which loads, how good the tracker is and where it stands, how far targets are from where the folder has them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from testbench.arm.mjcf import GRAVITY
+from testbench.bench.campaign import Cell, LoadedPoses, clear_poses, stream
+from testbench.bench.truths import TRUTHS, true_cell
+from testbench.data.dataset import Dataset
+from testbench.identify.prior import Prior, cad_prior, distorted
+from testbench.model.poses import WorkArea
+from testbench.plant import TYPICAL, Disturbances, disturb, settle_pair, with_markers
+
+PAYLOAD = {"kr500_l480": 460.3, "arm_6r": 20.0}
+"""Largest mass that hangs from each arm [kg]."""
+AREA = {
+    "kr500_l480": WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0)),
+    "arm_6r": WorkArea((-2.5, -2.5, 0.3), (2.5, 2.5, 2.5)),
+}
+"""Where the tool of each arm may be."""
+LEVELS = (0.35, 0.65, 1.0)  #: Shares of the payload that hang one after the other.
+LOADS = ("hung", "levels", "pressed")
+"""One hung mass; three, one after the other in every pose; forces in all directions, one a run."""
+SCALE, SHAPE = 0.35, 0.3
+"""Standard deviations of the logarithms of the folder's common factor and of each compliance's own [1]."""
+TRACKER, DECLARED, ROUGH = 1 / 3, 0.5, 15e-3
+"""Share of the sets in a tracker's frames, and of these that say so; how far their targets are from where the
+folder has them [m]."""
+QUIET = Disturbances(own_weight=True)
+
+
+@dataclass(frozen=True)
+class Sound:
+    """A data set without a mistake."""
+
+    cell: Cell  #: The arm, as its folder has it.
+    data: Dataset
+    prior: Prior  #: What the folder believes of its compliances.
+    loads: str  #: One of LOADS.
+    tracker: bool  #: Whether it is in the frames of a tracker's set-ups.
+    declared: bool  #: Whether that is said; it is found out otherwise.
+    disturbed: bool  #: Whether the true arm does what models do not know.
+
+
+def sound(cells: Mapping[str, Cell], seed: int) -> Sound:
+    """The data set of a seed."""
+    rng = stream(seed, 30)
+    name = str(rng.choice(list(PAYLOAD), p=[0.75, 0.25]))
+    cell, loads, truth = cells[name], LOADS[seed % len(LOADS)], list(TRUTHS)[seed // len(LOADS) % len(TRUTHS)]
+    disturbed = bool(rng.random() < 0.5)
+    typical = TYPICAL if name == "kr500_l480" else replace(TYPICAL, compensator=None)
+    true = true_cell(cell, truth, seed).plant
+    true = disturb(true, typical if disturbed else QUIET, stream(seed, 20))
+    off = rng.uniform(0, 5e-3) * rng.standard_normal((len(cell.arm.markers), 3))
+    true = replace(true, plant=with_markers(true.plant, off))
+    poses = clear_poses(cell, AREA[name], int(rng.integers(10, 25)), rng)
+    asked = _loaded(cell, poses, loads, rng)
+    before, after = settle_pair(true, asked.q, asked.wrench, asked.point)
+    sigma = float(rng.choice([20e-6, 50e-6, 100e-6]))
+    first = np.unique(asked.pose, return_index=True)[1][asked.pose - 1]  # one unloaded reading of a pose
+    data = Dataset(
+        markers=cell.arm.markers,
+        run=np.arange(len(asked.q)) + 1,
+        pose=asked.pose,
+        q=asked.q,
+        wrench=asked.wrench,
+        point=asked.point,
+        before=(before.markers + sigma * rng.standard_normal(before.markers.shape))[first],
+        after=after.markers + sigma * rng.standard_normal(after.markers.shape),
+        sigma=sigma,
+    )
+    scale = float(np.exp(SCALE * rng.standard_normal()))
+    prior = distorted(cad_prior(cell.arm), scale=scale, shape=SHAPE, rng=rng)
+    tracker = bool(rng.random() < TRACKER)
+    if tracker:
+        cell, data = _in_tracker(cell, data, rng)
+    declared = tracker and bool(rng.random() < DECLARED)
+    return Sound(cell, data, prior, loads, tracker, declared, disturbed)
+
+
+def _in_tracker(cell: Cell, data: Dataset, rng: np.random.Generator) -> tuple[Cell, Dataset]:
+    """The readings from one or two set-ups, and an arm's folder that has its targets roughly."""
+    stations = int(rng.integers(1, 3))
+    station = 1 + data.pose * stations // (data.pose.max() + 1)
+    before, after = data.before.copy(), data.after.copy()
+    for k in range(1, stations + 1):
+        turn = np.array([0, 0, rng.uniform(-np.pi, np.pi)]) + np.deg2rad(0.5) * rng.standard_normal(3)
+        R, t, own = Rotation.from_rotvec(turn).as_matrix(), rng.uniform(-5, 5, 3), station == k
+        before[own], after[own] = (x[own] @ R.T + t for x in (before, after))
+    rough = cell.vjm.markers + ROUGH * rng.standard_normal(cell.vjm.markers.shape)
+    cell = replace(cell, vjm=replace(cell.vjm, markers=rough))
+    return cell, replace(data, before=before, after=after, station=station)
+
+
+def _loaded(cell: Cell, q: np.ndarray, loads: str, rng: np.random.Generator) -> LoadedPoses:
+    """What acts in which pose: of three loads there is one run each."""
+    each, payload = len(LEVELS) if loads == "levels" else 1, PAYLOAD[cell.arm.name]
+    pose = np.repeat(np.arange(len(q)) + 1, each)
+    wrench = np.zeros((len(pose), 6))
+    if loads == "pressed":
+        direction = rng.standard_normal((len(pose), 3))
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        wrench[:, :3] = GRAVITY * payload * rng.uniform(0.3, 0.7, (len(pose), 1)) * direction
+    else:
+        wrench[:, 2] = -GRAVITY * payload * np.tile(LEVELS if each > 1 else [1.0], len(q))
+    return LoadedPoses(np.repeat(q, each, axis=0), pose, wrench, np.tile(cell.vjm.load, (len(pose), 1)))
