@@ -24,9 +24,7 @@ class Options:
     out: Annotated[
         Path | None, typer.Option(help="Picture to write, .png, .gif or .mp4; recording.png if not given.")
     ] = None
-    gif: Annotated[
-        bool, typer.Option("--gif", help="Moving along the timeline; the loading if there is one.")
-    ] = False
+    gif: Annotated[bool, typer.Option("--gif", help="Moving along the timeline.")] = False
     tab: Annotated[str | None, typer.Option(help="Tab in front, such as Errors.")] = None
     timeline: Annotated[str | None, typer.Option(help="Active timeline, such as load.")] = None
     at: Annotated[int | None, typer.Option(min=0, help="Place on the timeline; the first if not given.")] = (

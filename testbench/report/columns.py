@@ -95,8 +95,6 @@ EVERY = (
     # The order m of the vector space, Eq. (16)
     Column("m", "order m", form="d"),
     Column("f_m_over_optimum", "F_M over optimum", form=".5f"),
-    Column("block_rank", "largest rank of a block", form=".0f"),
-    Column("min_scaled_eigenvalue", "smallest scaled eigenvalue", form=".1e", rounding=1e-12),
     # Conservative by constraint, or by a choice among equal fits: seeds
     Column("truth", "truth"),
     Column("seeds", "seeds", form="d"),
@@ -231,6 +229,20 @@ EVERY = (
             ("better_than_joints", "better than joints", "", "d"),
         )
     ),
+    # a plan of poses
+    Column("run", "run", form="d"),
+    Column("task", "task", form="d"),
+    Column("load", "load"),
+    Column("expected_deflection_mm", "deflection", "mm", ".2f"),
+    Column("expected_sag_mm", "sag", "mm", ".2f"),
+    Column("error_there_mm", "error there", "mm"),
+    Column("travel_deg", "travel", "deg", ".0f"),
+    Column("travel_mm", "travel", "mm", ".0f"),
+    Column("way", "way"),
+    Column("greedy_mm", "best next pose", "mm"),
+    Column("random_median_mm", "random median", "mm"),
+    Column("random_p10_mm", "random 10 %", "mm"),
+    Column("random_p90_mm", "random 90 %", "mm"),
     # a corrected program
     Column("line", "line", form="d"),
     Column("label", "point"),

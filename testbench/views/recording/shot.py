@@ -3,7 +3,7 @@
 import io
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +17,7 @@ from testbench.views.recording.film import check_ffmpeg, write_film
 from testbench.views.recording.viewer import newest
 
 STILL, MOVING = "1600x1000", "800x566"  #: Usual sizes; a film of the latter is 800 x 500.
-LOADING = ("Loading", "load")  #: Tab and timeline of the weight being hung.
-FRAMES = 21  #: Most pictures of a film: the loading has as many steps.
+FRAMES = 21  #: Most pictures of a film.
 BARS = 66  #: Height of the viewer's own bar and of the tabs, which a film leaves out [pixel].
 
 
@@ -60,8 +59,6 @@ def shot(folder: Path, png: Path, sight: Sight) -> Path:
 def film(folder: Path, path: Path, sight: Sight) -> Path:
     """Render it along a timeline as a GIF, or as an MP4 if the path says so, from one point of view.
 
-    Where neither tab nor timeline is named, it is the loading of a recording that has one.
-
     Args:
         folder: Of a run, or a recording.
         path: The GIF or MP4.
@@ -85,8 +82,6 @@ def film(folder: Path, path: Path, sight: Sight) -> Path:
 
 def _frames(client: ViewerClient, sight: Sight) -> Iterator[bytes]:
     """A picture a place, the viewer's own bars left out."""
-    if sight.tab is None and sight.timeline is None and headless.has(client, *LOADING):
-        sight = replace(sight, tab=LOADING[0], timeline=LOADING[1])
     if sight.tab is not None:
         headless.bring_forward(client, sight.tab)
     headless.hide_bars(client)
