@@ -130,7 +130,7 @@ def dots(
     numbers = [value.text(middle(value.value(row))) for row in rows]
     axes.set_yticks(range(len(rows)), [f"{a}{b}" for a, b in zip(heads, numbers, strict=True)])
     axes.set_ylim(len(rows) - 0.5, -0.5)
-    axes.set_xlabel(_labelled(value))
+    axes.set_xlabel(labelled(value))
     quiet(axes)
 
 
@@ -265,7 +265,7 @@ def curves(
             if rows:
                 draw_line(axes, x, columns[key_], Line(rows, known[called], called, called in bands))
         log_ticks(axes, "y", *axes.dataLim.intervaly)
-        axes.set(xlabel=x.title, ylabel=_labelled(columns[key_]))
+        axes.set(xlabel=x.title, ylabel=labelled(columns[key_]))
         axes.set_title(title, fontsize="medium")
         quiet(axes)
     key(part, axes.get_legend_handles_labels(), columns=7)
@@ -292,7 +292,7 @@ def over(table: Table, answer: str, reading: str) -> Figure:
     log_ticks(axes, "x", *axes.dataLim.intervalx)
     at = {middle(x.value(row)): x.cell(row) for row in table.rows}
     axes.set_xticks(list(at), list(at.values()))
-    axes.set(xlabel=_labelled(x), ylabel=_labelled(y))
+    axes.set(xlabel=labelled(x), ylabel=labelled(y))
     axes.grid(axis="y", color=SOFT, alpha=0.2)
     axes.legend(edgecolor="none", framealpha=1)
     quiet(axes)
@@ -300,70 +300,6 @@ def over(table: Table, answer: str, reading: str) -> Figure:
     return figure
 
 
-def _labelled(column: Column) -> str:
+def labelled(column: Column) -> str:
+    """A quantity with its unit beside an axis."""
     return f"{column.heading} [{column.unit}]" if column.unit else column.heading
-
-
-def sweeps(panes: Mapping[str, Table], answer: str, reading: str, bands: Sequence[str] = ()) -> Figure:
-    """Lines over swept quantities on logarithmic axes, a pane a table with a legend of its own.
-
-    Args:
-        panes: By title; the columns of a table name the line, sweep and are drawn. Lines that are of models
-            have their colours, others those that the table gives.
-        answer: See `say`.
-        reading: The same.
-        bands: Names of the lines whose spread is drawn.
-    """
-    down = -(-len(panes) // 2)
-    figure = page(1.0 + 4.6 * down)
-    grid = figure.add_gridspec(down, 2)
-    for k, (title, table) in enumerate(panes.items()):
-        alone = k % 2 == 0 and k == len(panes) - 1
-        axes, (name, x, y) = figure.add_subplot(grid[k // 2, slice(None) if alone else k % 2]), table.columns
-        for line, look in (table.looks or looks(table.rows, name)).items():
-            rows = [row for row in table.rows if name.cell(row) == line]
-            draw_line(axes, x, y, Line(rows, look, line, line in bands))
-        log_ticks(axes, "y", *axes.dataLim.intervaly)
-        log_ticks(axes, "x", *axes.dataLim.intervalx)
-        at = {middle(x.value(row)): x.cell(row) for row in table.rows}
-        axes.set_xticks(list(at), list(at.values()))
-        axes.set(xlabel=_labelled(x), ylabel=_labelled(y))
-        axes.set_title(title, fontsize="medium")
-        axes.legend(frameon=False, fontsize=SMALL, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.14))
-        quiet(axes)
-    say(figure, answer, reading)
-    return figure
-
-
-def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
-    """Medians and spreads of models by what names a row, a pane a table: nothing joins one row to the next.
-
-    Args:
-        panes: By title; the columns of a table name the row and the model, and are drawn.
-        answer: See `say`.
-        reading: The same.
-    """
-    rows, (down, name, value) = (table := next(iter(panes.values()))).rows, table.columns
-    places, known = list(dict.fromkeys(down.cell(row) for row in rows)), looks(rows, name)
-    figure = page(2.4 + 0.6 * len(places))
-    part = body(figure)
-    sides = part.subplots(1, len(panes), sharey=True, squeeze=False)[0]
-    for axes, (title, own) in zip(sides, panes.items(), strict=True):
-        for k, (model, look) in enumerate(known.items()):
-            shown = [row for row in own.rows if name.cell(row) == model]
-            y = [places.index(down.cell(row)) + 0.8 * ((k + 0.5) / len(known) - 0.5) for row in shown]
-            for row, at in zip(shown, y, strict=True):
-                axes.plot(ends(value.value(row)), (at, at), color=look.hex, alpha=0.5)
-            middles = [middle(value.value(row)) for row in shown]
-            style = {"markerfacecolor": look.face, "markersize": look.size(5), "label": model}
-            axes.plot(middles, y, look.mark, color=look.hex, **style)
-        log_ticks(axes, "x", *axes.dataLim.intervalx)
-        axes.set(xlabel=_labelled(value))
-        axes.set_title(title, fontsize="medium")
-        axes.grid(axis="y", alpha=0.2)
-        quiet(axes)
-    sides[0].set_yticks(range(len(places)), places)
-    sides[0].set_ylim(len(places) - 0.5, -0.5)
-    key(part, sides[0].get_legend_handles_labels(), columns=5)
-    say(figure, answer, reading)
-    return figure
