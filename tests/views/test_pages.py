@@ -14,7 +14,7 @@ from testbench.studies.loaded_stiffness.study import STUDY
 from testbench.views.markdown import grid
 
 ROOT = Path(__file__).resolve().parents[2]
-GENERATED = ("paper.md",)
+GENERATED = ("paper.md", "wrong_inputs.md")
 MEASURED = re.compile(r"\d\.\d+ (?:mm|um|ms|s|times)\b|\d us\b|\d\.\d+ ?%")
 """What a measured number looks like: decimals with a unit."""
 
