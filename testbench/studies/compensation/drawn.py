@@ -14,10 +14,7 @@ from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, Set
 from testbench.studies.compensation.trial import execute, identified, prior_in_turn, work
 from testbench.views.colours import CHOICE, LOAD, MEASURED, TASK, Look
 from testbench.views.colours import JOINTS as BLUE
-from testbench.views.magnified import arrow_scale
-from testbench.views.page.charts import Line, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
+from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen, arrow_scale
 
 LOOKS = {
     "not corrected": Look(MEASURED, 1, prior=True),

@@ -50,7 +50,7 @@ from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import spread
 from testbench.views.figure import Figure
 from testbench.views.markdown import Markdown, counted
-from testbench.views.page.page import Seen
+from testbench.views.scene import Seen
 from testbench.views.schema import Table, pivot
 
 MEDIAN = 0.97  #: Share removed that a trial's median is asked about.
