@@ -313,6 +313,10 @@ EVERY = (
     ),
     Column("gears_kept_percent", "joint errors kept", "%", ".1f"),
     Column("links_kept_percent", "links kept", "%", ".1f"),
+    # what runs tell, and what would help
+    Column("place", "", form="d"),
+    Column("measure", "measured besides"),
+    Column("expected_error_mm", "expected error", "mm", short="expected\nerror mm"),
     # jobs of a corrected robot
     Column("job", "job"),
     Column("removed_percent", "removed", "%", ".1f"),
@@ -323,11 +327,6 @@ EVERY = (
     Column("after.median_mm", "after", "mm"),
     Column("after.p95_mm", "after, 95th percentile", "mm"),
     Column("after.most_mm", "after, largest", "mm"),
-    Column("by_trial_percent", "median removed, trial by trial", "%", ".1f"),
-    Column("median_kept", "trials with a median of 97 %", form="yes"),
-    Column("nine_kept", "trials with 90 % removed in 95 % of points", form="yes"),
-    Column("trials_worse", "trials with a point made worse", form="d"),
-    Column("covered_by_trial_percent", "covered, trial by trial", "%", ".1f"),
     Column("solved", "solved", form="yes"),
     Column("unseen_percent", "without bound", "%", ".1f"),
     Column("buckled", "trials without equilibrium", form="d"),

@@ -23,10 +23,10 @@ from testbench.studies.study import Run
 from testbench.trials.spread import span, spread
 from testbench.views import colours
 from testbench.views.colours import CHOICE, Look, look
-from testbench.views.figure import Figure, forest, over
+from testbench.views.figure import Figure, forest, sweeps
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown, counted
-from testbench.views.page.page import Seen
+from testbench.views.scene import Seen
 from testbench.views.schema import Table, pivot
 
 BY = ("arm", "true_arm", "campaign", "poses", "name")  #: What a row of the report is of.
@@ -236,7 +236,7 @@ def figures(found: Report) -> dict[str, Figure]:
     ]
     styles = {row.fit: replace(LOOKS[row.name], prior=row.arm == f.arms[0]) for row in rows}
     table = Table(columns("fit poses error_mm"), rows, looks=styles)
-    return {f"{s.NAME}.png": over(table, answer, f"{reading}; bands: {span(f.trials)}.")}
+    return {f"{s.NAME}.png": sweeps({"": table}, answer, f"{reading}; bands: {span(f.trials)}.")}
 
 
 def write(run: Run[s.Settings]) -> Seen:

@@ -18,7 +18,7 @@ from testbench.studies.loaded_stiffness.trial import Settings
 from testbench.studies.study import Run
 from testbench.trials.spread import spread
 from testbench.views.colours import GCO, LEAST_SQUARES, NOMINAL, SERIES, Look
-from testbench.views.figure import Figure, over
+from testbench.views.figure import Figure, sweeps
 from testbench.views.markdown import Markdown
 from testbench.views.schema import Best, Table, best_of, pivot
 
@@ -186,8 +186,8 @@ def figures(found: Report) -> dict[str, Figure]:
     light = {r.method: r for r in f.rows if (r.load_N, r.truth) == (f.loads_N[-1], LIGHT)}
     words = ", ".join(say("{name} {off}", name=NAMES[m], off=_off(row)) for m, row in light.items())
     return {
-        "loaded_stiffness.png": over(
-            Table(BY_LOAD, [row for row in f.rows if row.prediction not in exact], looks=LOOKS),
+        "loaded_stiffness.png": sweeps(
+            {"": Table(BY_LOAD, [row for row in f.rows if row.prediction not in exact], looks=LOOKS)},
             say("{arm} without weight under {load:.4g} N: {words}", f, load=f.loads_N[-1], words=words),
             f"RMS of the tool's error over {f.poses} poses, from the true compliances; dashed: with the "
             "arm's own weight." + f" Exact to rounding, not drawn: {'; '.join(exact)}." * bool(exact),

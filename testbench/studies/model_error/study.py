@@ -20,8 +20,7 @@ from testbench.studies.model_error import trial
 from testbench.studies.model_error.trial import ALL, NONE, PLAIN_COMPENSATOR, STIFF, Options, Settings
 from testbench.studies.study import Run, Study
 from testbench.trials.spread import middle, span
-from testbench.views.factor_figure import ranges
-from testbench.views.figure import Figure
+from testbench.views.figure import Figure, ranges
 from testbench.views.markdown import Markdown, counted
 from testbench.views.schema import Table
 

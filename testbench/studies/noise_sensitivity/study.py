@@ -34,8 +34,7 @@ from testbench.studies.noise_sensitivity.trial import (
 from testbench.studies.study import Run, Study
 from testbench.trials.spread import middle, span
 from testbench.views.colours import GCO, GREY, SERIES, Look
-from testbench.views.factor_figure import sweeps
-from testbench.views.figure import Figure
+from testbench.views.figure import Figure, sweeps
 from testbench.views.markdown import Markdown
 from testbench.views.schema import ALIKE, Table
 

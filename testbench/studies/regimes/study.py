@@ -20,9 +20,9 @@ from testbench.studies.regimes.trial import FEATURED_POSES, FEATURED_SIGMA, NONE
 from testbench.studies.study import Run, Study
 from testbench.trials.gain import gained
 from testbench.trials.spread import SAME, Number, Spread, ends, middle, most_trials, span
-from testbench.views.factor_figure import maps
 from testbench.views.figure import Figure
 from testbench.views.markdown import Markdown, capital, counted
+from testbench.views.ratio_maps import maps
 from testbench.views.schema import Table, pivot
 
 KINDS = {"gravity": "a weight, three markers", "full_pose": "six wrenches, full pose"}

@@ -17,11 +17,18 @@ from testbench.views.colours import MEASURED, NOMINAL, look
 from testbench.views.fits import COUNTS
 from testbench.views.identified.report import IdentifiedReport, RunRow
 from testbench.views.identified.words import tables
-from testbench.views.magnified import arrow_scale
-from testbench.views.page.charts import Line, PlaceMap, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
-from testbench.views.picked import of_all, picked
+from testbench.views.scene import (
+    Layer,
+    Line,
+    PlaceMap,
+    Poses,
+    RunChart,
+    Scene,
+    Seen,
+    arrow_scale,
+    of_all,
+    picked,
+)
 from testbench.views.schema import Table, show
 
 MOVED, LEFT = 0.12, 0.2  #: Length of most arrows of deflections and of errors over the reach [1].
