@@ -9,8 +9,7 @@ import numpy as np
 from testbench import files
 from testbench.arm.folder import Arm
 from testbench.bench.campaign import Cell
-from testbench.bench.fit_rows import Fits
-from testbench.bench.fits import Identified, Runs
+from testbench.bench.fits import Fits, Identified, Runs
 from testbench.bench.model_document import AboutRow, loaded_by, weights_row
 from testbench.bench.model_folder import copy_arm, write_parts
 from testbench.bench.stiffness_document import (
