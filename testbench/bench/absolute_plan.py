@@ -5,21 +5,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.bench.absolute_plan_report import AbsolutePlanReport
-from testbench.bench.absolute_plan_settings import AbsolutePlanSettings
-from testbench.bench.absolute_plan_summary import Judged, summary
 from testbench.bench.campaign import Cell, stream
-from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
-from testbench.bench.plan import WORKSPACE, nearest_turn, straight_way
-from testbench.bench.plan_settings import structure
+from testbench.bench.plan import Planned, around, reach_of, search
+from testbench.bench.plan_settings import PlanSettings, structure
 from testbench.bench.rows import MM, UM
-from testbench.data.series import Series
+from testbench.data.series import Series, select_rows
 from testbench.design import absolute
 from testbench.design.absolute import Sizes, Union
-from testbench.design.forecast import Forecast
-from testbench.design.planning import Chosen, Search, choose
-from testbench.design.refine import Reach
+from testbench.design.planning import Search, choose
 from testbench.errors import Array, BenchError
+from testbench.identify.absolute.pull import pull_of
+from testbench.identify.absolute.seen import LOOSE, hidden
+from testbench.identify.absolute.seen_words import sentences
 from testbench.identify.absolute.state import Frame, Mount, nominal
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.metric import metric
@@ -32,17 +29,15 @@ FRAME, MOUNT = "tracker", "target"  #: Names of what is unknown of the set-up.
 
 
 @dataclass(frozen=True)
-class AbsolutePlanned:
-    """A plan and what it promises."""
+class AbsolutePlanned(Planned):
+    """A plan of absolute readings and what it promises."""
 
-    found: Candidates  #: Feasible poses, and what it took to find them.
-    chosen: Chosen  #: The poses, in the order of measuring.
-    workspace: Array  #: Poses over which it is judged, (poses, n) [rad, m].
-    forecast: Forecast  #: Errors there [m].
-    report: AbsolutePlanReport  #: What was asked for, and what readers see.
+    union: Union  #: What is unknown.
+    q: Array  #: Poses over which it is judged, (poses, n) [rad, m].
+    wanted: Array  #: Predictions there, `absolute.position_rows`.
 
 
-def plan_absolute(cell: Cell, settings: AbsolutePlanSettings) -> AbsolutePlanned:
+def plan_absolute(cell: Cell, settings: PlanSettings) -> AbsolutePlanned:
     """The poses whose absolute readings calibrate an arm best, and what they promise.
 
     Raises:
@@ -52,42 +47,22 @@ def plan_absolute(cell: Cell, settings: AbsolutePlanSettings) -> AbsolutePlanned
     """
     if not cell.arm.joints:
         raise BenchError(f"{cell.arm.name}: expected an arm with joints")
-    union, found, workspace = union_of(cell, settings), search(cell, settings), around(cell, settings)
-    wanted = absolute.position_rows(union, workspace)
-    chosen = choose_poses(cell, settings, union, found.q, wanted)
-    forecast = absolute.promise(chosen, wanted)
-    report = summary(cell, settings, Judged(union, found, chosen, workspace, wanted, forecast))
-    return AbsolutePlanned(found, chosen, workspace, forecast, report)
-
-
-def search(cell: Cell, settings: AbsolutePlanSettings) -> Candidates:
-    """Feasible poses; PoseError where there are fewer than the plan needs."""
-    checks = build_checks(cell, settings.conditions)
-    found = find(checks, settings.candidates_wanted, stream(settings.seed, 0), least=settings.poses)
-    return replace(found, q=nearest_turn(found.q, cell.arm))
-
-
-def around(cell: Cell, settings: AbsolutePlanSettings) -> Array:
-    """Poses that stand for the workspace, (poses, n) [rad, m]."""
-    checks = build_checks(cell, Conditions(settings.area))
-    return find(checks, WORKSPACE, stream(settings.seed, 2), least=1).q
-
-
-def choose_poses(cell: Cell, settings: AbsolutePlanSettings, union: Union, q: Array, wanted: Array) -> Chosen:
-    """The best poses found from candidates (candidates, n) [rad, m]; wanted are rows of predictions."""
-    checks = build_checks(cell, settings.conditions)
-    examined = absolute.candidate_set(union, q, settings.poses)
-    search = Search(
+    union, found, q = union_of(cell, settings), search(cell, settings), around(cell, settings)
+    wanted = absolute.position_rows(union, q)
+    examined = absolute.candidate_set(union, found.q, settings.poses)
+    looked = Search(
         measured=lambda q, _load: absolute.measured_rows(union, q),
         poses=settings.poses,
         limits=cell.arm.limits,
-        reach=Reach(lambda q: feasible(checks, q), straight_way(cell, settings.station)),
+        reach=reach_of(cell, settings),
         rng=stream(settings.seed, 1),
     )
-    return choose(search, absolute.criterion_of(settings.criterion, examined.problem, wanted), examined)
+    best = choose(looked, absolute.criterion_of(settings.criterion, examined.problem, wanted), examined)
+    there, over = (absolute.promise(best, rows) for rows in (absolute.position_rows(union, best.q), wanted))
+    return AbsolutePlanned(cell, settings, found, best, there, over, over, union, q, wanted)
 
 
-def union_of(cell: Cell, settings: AbsolutePlanSettings) -> Union:
+def union_of(cell: Cell, settings: PlanSettings) -> Union:
     """What is unknown where a tracker reads an arm absolutely."""
     pose, vjm = one_pose(cell.vjm, settings), cell.vjm
     unknowns = unknowns_of(
@@ -105,13 +80,14 @@ def union_of(cell: Cell, settings: AbsolutePlanSettings) -> Union:
     sizes = Sizes(
         shift=settings.geometry_mm / MM, turn=settings.geometry_mm / MM, error=settings.gear_urad / UM
     )
+    assert settings.uncertainty_percent is not None
     own = metric(prior, vjm, unknowns.structure)
     L = absolute.expected_root(unknowns, sizes, own, settings.uncertainty_percent / 100)
     hinges = np.array([not joint.prismatic for joint in cell.arm.joints])
     return Union(unknowns, state, L, pose, np.where(hinges, settings.rest_urad / UM, 0.0))
 
 
-def one_pose(vjm: Vjm, settings: AbsolutePlanSettings) -> Series:
+def one_pose(vjm: Vjm, settings: PlanSettings) -> Series:
     """How a pose is read: under own weight, then under one load after the other."""
     masses = np.array([0.0, *settings.loads_kg])
     rows = len(masses)
@@ -134,3 +110,15 @@ def one_pose(vjm: Vjm, settings: AbsolutePlanSettings) -> Series:
         rotation=np.tile(np.eye(3), (rows, 1, 1)) if settings.orientations else None,
         sigma_rotation=sigma if settings.orientations else None,
     )
+
+
+def left_open(union: Union, q: Array) -> tuple[str, ...]:
+    """What poses (poses, n) [rad, m] leave unknown, in words."""
+    once = absolute.at(replace(union, pose=select_rows(union.pose, np.arange(1))), q)
+    pull = pull_of(
+        union.unknowns, union.state, (once,), lambda series: absolute.information_of(union, series.q)
+    )
+    tells, prior = absolute.information_of(union, q), union.L @ union.L.T
+    set_up = union.unknowns.starts["geometry"]
+    prior[:set_up, :set_up] = LOOSE**2 * np.eye(set_up)
+    return sentences(hidden(union.unknowns, tells, prior, pull))

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from testbench.bench.plan_settings import Place
+from testbench.bench.plan_input import Place
 from testbench.errors import BenchError
 from testbench.plant import TYPICAL, Disturbances, GearErrors, GeometryErrors
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -10,38 +11,46 @@ from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell, stream
 from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
+from testbench.bench.plan_input import Place
 from testbench.bench.plan_promise import fitted
-from testbench.bench.plan_report import PlanReport
-from testbench.bench.plan_settings import Place, PlanSettings, structure
-from testbench.bench.plan_summary import summary
+from testbench.bench.plan_settings import PlanSettings, structure
 from testbench.bench.rows import UM
+from testbench.data.columns import Columns, find_columns, joint_coordinates
+from testbench.data.components import vector
+from testbench.data.mapping import read_map
 from testbench.data.station import Station
+from testbench.data.table import read_table
 from testbench.design.forecast import Forecast, open_to, widened, without_bound
-from testbench.design.planning import Plan, candidate_set, make_plan
+from testbench.design.observability import observability
+from testbench.design.planning import Chosen, Plan, candidate_set, make_plan
 from testbench.design.refine import Reach
 from testbench.design.rows import Experiment
-from testbench.design.specification import Specification, Tasks, task_rows, workspace_rows
+from testbench.design.specification import Specification, Tasks, loads_of, task_rows, workspace_rows
 from testbench.design.whole_arm import promise_on
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, BenchError, InputError, check_array
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.model.load import Load
-from testbench.plant import build_site, contacts
+from testbench.plant import build_site, collisions, contacts
 
 WORKSPACE = 200  #: Poses that stand for the workspace.
 STEP, SLIDE_STEP = math.radians(5), 0.02
 """Largest steps of a hinge [rad] and a slide [m] between collision checks on the way from pose to pose."""
 NAMED = 5  #: Tasks that a message names; more are counted.
+MAX_TASKS = 1000
 
 
 @dataclass(frozen=True)
 class Planned:
     """A plan and what it promises."""
 
+    cell: Cell  #: The arm.
+    settings: PlanSettings  #: What was asked for.
     found: Candidates  #: Feasible poses, and what it took to find them.
-    plan: Plan  #: The poses, in the order of measuring.
-    workspace: Forecast  #: Errors over the specification's workspace, under the first load.
-    report: PlanReport  #: What was asked for, and what readers see.
+    plan: Chosen  #: The poses, in the order of measuring; `Plan` where they are for tasks.
+    poses: Forecast  #: Errors to expect in them [m].
+    forecast: Forecast  #: At the tasks; of absolute readings over the workspace [m].
+    workspace: Forecast  #: Over the workspace, under the first load [m].
 
 
 def hung(cell: Cell, mass: float) -> Load:
@@ -63,15 +72,40 @@ def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
         settings: What is asked for, such as PlanSettings(loads_kg=(460.3,), poses=12).
 
     Returns:
-        The poses in the order of measuring, `.plan.q`, and what readers see, `.report`.
+        The poses in the order of measuring, `.plan.q`, and the errors to expect at the tasks, `.forecast`.
 
     Raises:
         BenchError: When a number is out of range, or too little is measured without a prior.
         PoseError: When there are fewer feasible poses than the plan needs.
     """
+    if settings.absolute:
+        raise BenchError("absolute: expected a plan for tasks")
     q = check_array(q, (None, cell.arm.n_joints), "tasks q [rad, m]")
-    tasks, found = Tasks(q, hung(cell, settings.loads_kg[0])), search(cell, settings)
-    return judge(cell, settings, found, choose(cell, settings, tasks, found))
+    return plan_for(cell, settings, Tasks(q, hung(cell, settings.loads_kg[0])))
+
+
+def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
+    """The same of tasks with loads of their own."""
+    found = search(cell, settings)
+    best = choose(cell, settings, tasks, found)
+    spec = best.specification
+    indices = observability(best.examined.problem, best.chosen)
+    if spec.uncertainty is None and indices.seen < indices.of:
+        raise BenchError(
+            f"poses: {settings.poses} poses see {indices.seen} of the {indices.of} directions that these "
+            "loads can show; give more --poses, or leave out --no-prior"
+        )
+    fit = fitted(spec, cad_prior(cell.arm), best.q, best.load)
+    poses, forecast, around = (
+        widened(promise_on(fit, at, load))
+        for at, load in (
+            (best.q, loads_of(spec, best.load)),
+            (tasks.q, tasks.load),
+            (spec.workspace, spec.loads[0]),
+        )
+    )
+    around = without_bound(around, open_to(best.examined.problem, workspace_rows(spec)))
+    return Planned(cell, settings, found, best, poses, forecast, around)
 
 
 def search(cell: Cell, settings: PlanSettings) -> Candidates:
@@ -97,53 +131,35 @@ def nearest_turn(q: Array, arm: Arm) -> Array:
     return np.where(hinge & (near >= lower) & (near <= upper), near, q)
 
 
-def specify(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Specification:
-    """The settings as the design of experiments wants them; PoseError where the arm can be nowhere."""
-    own = metric(cad_prior(cell.arm), cell.vjm, structure(cell, settings.model))
-    percent = settings.uncertainty_percent
+def around(cell: Cell, settings: PlanSettings) -> Array:
+    """Poses that stand for the workspace, (poses, n) [rad, m]; PoseError where the arm can be nowhere."""
     checks = build_checks(cell, Conditions(settings.area))
-    return Specification(
-        experiment=Experiment(cell.vjm, own, cell.vjm.markers, settings.sigma_um / UM),
-        loads=(
-            *(hung(cell, mass) for mass in settings.loads_kg),
-            *(pulled(cell, force) for force in settings.pulls_n),
-        ),
-        tasks=tasks,
-        workspace=find(checks, WORKSPACE, stream(settings.seed, 2), least=1).q,
-        uncertainty=None if percent is None else percent / 100,
-        poses=settings.poses,
-    )
+    return find(checks, WORKSPACE, stream(settings.seed, 2), least=1).q
+
+
+def reach_of(cell: Cell, settings: PlanSettings) -> Reach:
+    """Where the arm can go."""
+    checks = build_checks(cell, settings.conditions)
+    return Reach(lambda q: feasible(checks, q), straight_way(cell, settings.station))
 
 
 def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, found: Candidates) -> Plan:
     """The best plan found; BenchError where without a prior poses are too few or loads show too little."""
-    spec = specify(cell, settings, tasks)
+    own = metric(cad_prior(cell.arm), cell.vjm, structure(cell, settings.model))
+    percent = settings.uncertainty_percent
+    loads = [hung(cell, mass) for mass in settings.loads_kg]
+    spec = Specification(
+        experiment=Experiment(cell.vjm, own, cell.vjm.markers, settings.sigma_um / UM),
+        loads=(*loads, *(pulled(cell, force) for force in settings.pulls_n)),
+        tasks=tasks,
+        workspace=around(cell, settings),
+        uncertainty=None if percent is None else percent / 100,
+        poses=settings.poses,
+    )
     if spec.uncertainty is None:
         _check_without_prior(spec, found.q)
-    checks = build_checks(cell, settings.conditions)
-    reach = Reach(lambda q: feasible(checks, q), straight_way(cell, settings.station))
-    return make_plan(spec, settings.criterion, found.q, reach, stream(settings.seed, 1))
-
-
-def judge(cell: Cell, settings: PlanSettings, found: Candidates, plan: Plan) -> Planned:
-    """What a plan promises, beside others; BenchError where without a prior it leaves directions open."""
-    workspace = _around(cell, plan)
-    report = summary(cell, settings, found, plan, workspace)
-    indices = report.observability
-    if settings.uncertainty_percent is None and indices.seen < indices.of:
-        raise BenchError(
-            f"poses: {settings.poses} poses see {indices.seen} of the {indices.of} directions that these "
-            "loads can show; give more --poses, or leave out --no-prior"
-        )
-    return Planned(found, plan, workspace, report)
-
-
-def _around(cell: Cell, plan: Plan) -> Forecast:
-    """Errors over the workspace under the first load; infinite where the plan's loads leave them open."""
-    spec = plan.specification
-    fit = fitted(spec, cad_prior(cell.arm), plan.q, plan.load)
-    found = widened(promise_on(fit, spec.workspace, spec.loads[0]))
-    return without_bound(found, open_to(plan.examined.problem, workspace_rows(spec)))
+    rng = stream(settings.seed, 1)
+    return make_plan(spec, settings.criterion, found.q, reach_of(cell, settings), rng)
 
 
 def straight_way(cell: Cell, station: Station | None) -> Callable[[Array, Array], bool]:
@@ -173,3 +189,49 @@ def _check_without_prior(spec: Specification, q: Array) -> None:
             "these loads cannot show, so that the error has no bound; needed is a prior (leave out "
             "--no-prior) or a load in another direction (--pull)"
         )
+
+
+def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) -> Tasks:
+    """Read tasks, one pose a row, and check that the arm can take them.
+
+    Columns: JOINT_rad or JOINT_deg of every joint, of a slide JOINT_m or JOINT_mm. force_*_N and moment_*_Nm
+    (optional): load of the process, world axes. point_*_m (optional with them): where it acts, in the tool's
+    frame; the arm's load point if not given.
+
+    Tasks without such columns have the load `hung`. A map says how the file names the columns otherwise.
+
+    Raises:
+        InputError: Names line, joint or bodies, and what was expected.
+    """
+    names = read_map(mapping, cell.arm)
+    table = read_table(path, lambda name: names.find(name) is not None, names.layout)
+    columns = find_columns(table, names, cell.arm)
+    q = joint_coordinates(columns, cell.arm)
+    if not 1 <= table.rows <= MAX_TASKS:
+        raise table.error(
+            min(table.rows, MAX_TASKS), "", f"expected 1 to {MAX_TASKS} tasks, got {table.rows}"
+        )
+    for line, pair in zip(table.lines.tolist(), collisions(cell.room, q), strict=True):
+        if pair:
+            raise InputError(path, f"line {line}", f"{pair[0]} collides with {pair[1]} in this pose")
+    return Tasks(q, _read_load(columns, hung))
+
+
+def _read_load(columns: Columns, hung: Load) -> Load:
+    """The load of every task."""
+    table = columns.table
+    force, moment, point = (vector(columns, what) for what in ("force", "moment", "point"))
+    if force is None and moment is None:
+        if point is None:
+            return hung
+        raise InputError(
+            table.path,
+            f"line {table.header}",
+            "expected force_x_N, force_y_N, force_z_N where point_x_m, point_y_m, point_z_m are given",
+        )
+    none = np.zeros((table.rows, 3))
+    wrench = np.hstack([none if part is None else part for part in (force, moment)])
+    idle = np.flatnonzero(~wrench.any(axis=1))
+    if len(idle):
+        raise table.error(idle[0], "", "expected a load, got zero force and moment")
+    return Load(wrench, np.tile(hung.point, (table.rows, 1)) if point is None else point)

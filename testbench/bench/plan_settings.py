@@ -4,13 +4,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell
 from testbench.bench.candidates import Conditions
 from testbench.bench.models import EVERY, named_models, own_names
+from testbench.bench.plan_input import LOAD_RANGE, PULL_RANGE, Place
 from testbench.bench.rows import UM
 from testbench.data.export import SIGMA_RANGE
 from testbench.data.station import Station
+from testbench.design.absolute import CRITERIA
 from testbench.design.planning import check_criterion
 from testbench.errors import BenchError
 from testbench.identify.prior import RANGE
@@ -18,27 +19,87 @@ from testbench.model.poses import WorkArea
 from testbench.model.structure import Structure
 from testbench.plant import Payload
 
-Place = tuple[float, float, float]
-LOAD_RANGE = (1e-3, 1e4)  #: Masses that can hang from an arm [kg], as in bench.Scenario.
-PULL_RANGE = (GRAVITY * LOAD_RANGE[0], GRAVITY * LOAD_RANGE[1])  #: Sizes of forces that can pull [N].
 HIGHEST = 1000.0  #: Height of a floor, up or down [m]; beyond it a unit is a slip.
 MOST_POSES = 200
 MOST_CANDIDATES = 50_000  #: Also times loads and pulls: memory grows with them.
+HIGHEST_ORDER = 30  #: Of the periodic errors that joints have, as true arms of the bench.
+MOST_ORDERS = 12  #: Of those that are unknowns of a plan.
 
 
-class Site:
-    """Where poses may be and what reads them: what settings of plans share."""
+@dataclass(frozen=True, kw_only=True)
+class PlanSettings:
+    """What is asked for."""
 
-    tracker_m: Place | None  #: Where the tracker stands [m].
-    acceptance_deg: float | None  #: Half angle in which a target returns the beam [deg].
-    box_m: tuple[Place, Place] | None  #: Corners of the box that holds the tool [m].
+    #: Whether the tracker's frame, targets, geometry and joint errors are unknown too: no tasks then.
+    absolute: bool = False
+    #: Name of the model whose structure is to be identified; "ALL" for all links and joints.
+    model: str = EVERY
+    criterion: str = "test"  #: Key of planning.CRITERIA; of absolute readings one of absolute.CRITERIA.
+    poses: int = 12  #: How many are to be measured.
+    #: Masses that may be hung; after an absolute reading without a weight each of them is, one by one.
+    loads_kg: tuple[float, ...] = ()
+    #: Forces that may pull at the load point instead, world axes; a plan chooses a load for every pose.
+    pulls_n: tuple[Place, ...] = ()
+    orientations: bool = False  #: Whether one target is read, and how it is turned.
+    sigma_um: float = 50.0  #: Standard deviation of one reading along one axis; in urad about one.
+    uncertainty_percent: float | None = 30.0  #: Of the CAD prior; None for an identification without a prior.
+    geometry_mm: float = 1.0  #: Expected error of geometry along an axis, and in mrad about one.
+    gear_urad: float = 30.0  #: Expected coefficient of a joint's periodic error, up to order 30.
+    orders: int = 3  #: Orders of those that are identified; the others are noise of a pose.
+    tracker_m: Place | None = None  #: Where it stands; None leaves visibility unchecked.
+    #: Half angle in which fixed targets return the beam; None for targets turned by hand.
+    acceptance_deg: float | None = None
+    #: Lower and upper corner of where the tool may be; None for anywhere.
+    box_m: tuple[Place, Place] | None = None
+    sling_m: float = 0.5  #: From the load point to the weight.
+    candidates_wanted: int = 5000  #: Feasible poses to choose from.
+    floor_z_m: float | None = None  #: Height of a floor that the arm's folder does not have.
+    seed: int = 1  #: Root of all randomness.
 
-    def check_site(self) -> None:
-        """Refuse an acceptance without a tracker, and a box that is turned over, by BenchError."""
+    def __post_init__(self) -> None:
+        if not self.absolute:
+            check_criterion(self.criterion)
+        elif self.criterion not in CRITERIA:
+            known = ", ".join(CRITERIA)
+            raise BenchError(f"no criterion {self.criterion!r} of absolute readings; criteria are {known}")
+        self._check_loads()
+        doubled = 1 if self.absolute else 2  # of deflections it is doubled for doubters
+        ranges: tuple[tuple[str, float | None, float, float], ...] = (
+            ("--poses", self.poses, 1, MOST_POSES),
+            ("--candidates", self.candidates_wanted, self.poses, MOST_CANDIDATES),
+            ("--sigma-um", self.sigma_um, UM * SIGMA_RANGE[0], UM * SIGMA_RANGE[1]),
+            ("--uncertainty-percent", self.uncertainty_percent, 100 * RANGE[0], 100 / doubled * RANGE[1]),
+            ("--geometry-mm", self.geometry_mm, 1e-6, 100),
+            ("--gear-urad", self.gear_urad, 1e-6, 1e5),
+            ("--orders", self.orders, 0, MOST_ORDERS),
+            ("--floor-z [m]", self.floor_z_m, -HIGHEST, HIGHEST),
+        )
+        for own in ranges:
+            _check_range(*own)
         if self.acceptance_deg is not None and self.tracker_m is None:
             raise BenchError("--acceptance-deg: expected --tracker with it")
         if self.box_m is not None and not all(a < b for a, b in zip(*self.box_m, strict=True)):
             raise BenchError(f"--box [m]: expected the lower corner first, got {self.box_m}")
+
+    def _check_loads(self) -> None:
+        loads, pulls = self.loads_kg, self.pulls_n
+        if len(set(loads)) < len(loads) or not (loads or self.absolute):
+            least = "" if self.absolute else "at least one, "
+            raise BenchError(f"--load: expected {least}each once, got {list(loads)}")
+        if len(set(pulls)) < len(pulls):
+            raise BenchError(f"--pull: expected each once, got {list(pulls)}")
+        for load in loads:
+            _check_range("--load [kg]", load, *LOAD_RANGE)
+        for pull in pulls:
+            _check_range("--pull [N], its size", math.hypot(*pull), *PULL_RANGE)
+        choices = 1 if self.absolute else len(loads) + len(pulls)
+        every = choices * self.candidates_wanted
+        _check_range("--load and --pull, times --candidates", every, 1, MOST_CANDIDATES)
+
+    @property
+    def rest_urad(self) -> float:
+        """Standard deviation of what a joint does beyond the orders that are identified."""
+        return self.gear_urad * math.sqrt(HIGHEST_ORDER - self.orders)
 
     @property
     def station(self) -> Station | None:
@@ -53,62 +114,11 @@ class Site:
         """Where the tool may be."""
         return None if self.box_m is None else WorkArea(*self.box_m)
 
-
-@dataclass(frozen=True, kw_only=True)
-class PlanSettings(Site):
-    """What is asked for."""
-
-    #: Name of the model whose structure is to be identified; "ALL" for all links and joints.
-    model: str = EVERY
-    criterion: str = "test"  #: Key of planning.CRITERIA.
-    poses: int = 12  #: How many are to be measured.
-    loads_kg: tuple[float, ...]  #: Masses that may be hung.
-    #: Forces that may pull at the load point instead, world axes; a plan chooses a load for every pose.
-    pulls_n: tuple[Place, ...] = ()
-    sigma_um: float = 50.0  #: Standard deviation of one reading along one axis.
-    uncertainty_percent: float | None = 30.0  #: Of the CAD prior; None for an identification without a prior.
-    tracker_m: Place | None = None  #: Where it stands; None leaves visibility unchecked.
-    #: Half angle in which fixed targets return the beam; None for targets turned by hand.
-    acceptance_deg: float | None = None
-    #: Lower and upper corner of where the tool may be; None for anywhere.
-    box_m: tuple[Place, Place] | None = None
-    sling_m: float = 0.5  #: From the load point to the weight.
-    candidates_wanted: int = 5000  #: Feasible poses to choose from.
-    floor_z_m: float | None = None  #: Height of a floor that the arm's folder does not have.
-    seed: int = 1  #: Root of all randomness.
-
-    def __post_init__(self) -> None:
-        check_criterion(self.criterion)
-        if not self.loads_kg or len(set(self.loads_kg)) < len(self.loads_kg):
-            raise BenchError(f"--load: expected at least one, each once, got {list(self.loads_kg)}")
-        for load in self.loads_kg:
-            check_range("--load [kg]", load, *LOAD_RANGE)
-        if len(set(self.pulls_n)) < len(self.pulls_n):
-            raise BenchError(f"--pull: expected each once, got {list(self.pulls_n)}")
-        for pull in self.pulls_n:
-            check_range("--pull [N], its size", math.hypot(*pull), *PULL_RANGE)
-        check_range("--poses", self.poses, 1, MOST_POSES)
-        check_range("--candidates", self.candidates_wanted, self.poses, MOST_CANDIDATES)
-        loads = len(self.loads_kg) + len(self.pulls_n)
-        check_range(
-            "--load and --pull, times --candidates", loads * self.candidates_wanted, 1, MOST_CANDIDATES
-        )
-        check_range("--sigma-um", self.sigma_um, *(UM * end for end in SIGMA_RANGE))
-        if self.uncertainty_percent is not None:  # doubled for doubters
-            check_range("--uncertainty-percent", self.uncertainty_percent, 100 * RANGE[0], 50 * RANGE[1])
-        if self.floor_z_m is not None:
-            check_range("--floor-z [m]", self.floor_z_m, -HIGHEST, HIGHEST)
-        self.check_site()
-
-    @property
-    def pulls(self) -> list[str]:
-        """Its pulls by their names."""
-        return [pull_words(pull) for pull in self.pulls_n]
-
     @property
     def conditions(self) -> Conditions:
         """What a pose must satisfy; under the largest load, as the others hang inside its outline."""
-        return Conditions(self.area, self.station, Payload(max(self.loads_kg), self.sling_m))
+        payload = Payload(max(self.loads_kg), self.sling_m) if self.loads_kg else None
+        return Conditions(self.area, self.station, payload)
 
 
 def pull_words(pull: Sequence[float]) -> str:
@@ -116,9 +126,8 @@ def pull_words(pull: Sequence[float]) -> str:
     return f"pull {', '.join(f'{x:g}' for x in pull)} N"
 
 
-def check_range(what: str, value: float, low: float, high: float) -> None:
-    """Refuse by BenchError what is out of range."""
-    if not low <= value <= high:  # false for NaN
+def _check_range(what: str, value: float | None, low: float, high: float) -> None:
+    if value is not None and not low <= value <= high:  # false for NaN
         raise BenchError(f"{what}: expected {low:g} to {high:g}, got {value:g}")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.arm.decimal import read_decimals
 from testbench.bench.campaign import stream
-from testbench.bench.plan_settings import Place
+from testbench.bench.plan_input import Place
 from testbench.data.dataset import Dataset
 from testbench.data.station import check_position
 from testbench.data.tracker import LaserTracker, precision, read_positions

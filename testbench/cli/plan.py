@@ -1,33 +1,32 @@
 """testbench plan ARM --task TASKS --load KG, or --absolute: the poses to measure, and what they promise."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench import plan as plans
 from testbench.bench.absolute_plan import plan_absolute
-from testbench.bench.absolute_plan_settings import AbsolutePlanSettings
 from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.models import EVERY, plain_name, right_name
 from testbench.bench.payload import overloaded, overpulled, payload_of
-from testbench.bench.plan_input import box, place, pull, read_tasks
+from testbench.bench.plan import hung, plan_for, read_tasks
+from testbench.bench.plan_input import box, place, pull
 from testbench.bench.plan_settings import PlanSettings, structure
-from testbench.cli.absolute_plan import Absolute
 from testbench.cli.arguments import ArmName, MapFile, Noise, mass
+from testbench.commands.plan import COMMAND, printed, report, write
+from testbench.commands.plan_numbers import numbers
 from testbench.design.planning import check_criterion
 from testbench.errors import BenchError
 from testbench.output.run import claim_folder
 from testbench.plant import Payload
 from testbench.shell.options import Force, of_flag, takes
-from testbench.views import terminal
-from testbench.views.plan import absolute_files, absolute_tables
-from testbench.views.plan.files import COMMAND, write
-from testbench.views.plan.tables import tables, words
+from testbench.views.terminal import looked_at, plain_console, print_words
 
 MORE = "under More in plan.md"
+USUAL = {True: ("I", 50, 1000), False: ("test", 12, 5000)}
+"""Criterion, poses and candidates of a plan of absolute readings, and of one for tasks."""
 
 
 @dataclass(frozen=True)
@@ -88,126 +87,88 @@ class Options:
     force: Force = False
 
 
+@dataclass(frozen=True)
+class Absolute:
+    """Flags of a plan of absolute readings."""
+
+    absolute: Annotated[
+        bool,
+        typer.Option(
+            "--absolute",
+            help="For absolute readings: frame, targets, geometry, joint errors and compliances unknown.",
+        ),
+    ] = False
+    orientations: Annotated[
+        bool, typer.Option("--orientations", help="Read one target, and how it is turned, to as many urad.")
+    ] = False
+    geometry_mm: Annotated[
+        float, typer.Option(help="Expected error of geometry along an axis, and in mrad, with --absolute.")
+    ] = 1.0
+    gear_urad: Annotated[
+        float, typer.Option(help="Expected coefficient of a joint's periodic errors, with --absolute.")
+    ] = 30.0
+    orders: Annotated[
+        int, typer.Option(help="Orders of them that are unknowns; others are noise of a pose.")
+    ] = 3
+
+    def __post_init__(self) -> None:
+        """Refuse the others without the first, by BenchError."""
+        for own in fields(self):
+            if not self.absolute and getattr(self, own.name) != own.default:
+                raise BenchError(f"--{own.name.replace('_', '-')}: expected --absolute with it")
+
+
 @takes(Options, Absolute)
 def command(asked: Options, absolute: Absolute) -> None:
     """Choose the poses, judge them, write the folder of the plan."""
-    if absolute.absolute:
-        _plan_absolutely(asked, absolute)
-    elif asked.task is None:
+    if not absolute.absolute and asked.task is None:
         raise BenchError("--task: expected a CSV of tasks, or --absolute")
-    else:
-        _plan_deflections(asked, asked.task)
-
-
-def _plan_deflections(asked: Options, task: Path) -> None:
     folder = find_arm(asked.arm)
-    given = [folder, task, *([asked.mapping] if asked.mapping else [])]
+    given = [folder, *filter(None, [asked.task, asked.mapping])]
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         cell = replace(build_cell(asked.arm), floor=asked.floor_z)
-        settings = _settings(cell, asked)
+        settings = _settings(cell, asked, absolute)
         with of_flag("--model"):
             structure(cell, settings.model)  # refused here, not after the search
-        tasks = read_tasks(task, cell, plans.hung(cell, settings.loads_kg[0]), asked.mapping)
-        console = terminal.plain_console()
-        doubts = overloaded(cell.arm, settings.loads_kg), overpulled(cell.arm, settings.pulls_n)
-        for doubt in filter(None, doubts):
+        console = plain_console()
+        tasks = asked.task and read_tasks(asked.task, cell, hung(cell, settings.loads_kg[0]), asked.mapping)
+        heavy = overloaded(cell.arm, (0.0, *settings.loads_kg)), overpulled(cell.arm, settings.pulls_n)
+        for doubt in filter(None, heavy):
             console.print(f"Doubt: {doubt}", soft_wrap=True)
-        with console.status("looking for feasible poses") as status:
-            found = plans.search(cell, settings)
-            status.update(f"choosing {settings.poses} of {len(found.q)} poses")
-            chosen = plans.choose(cell, settings, tasks, found)
-            status.update("judging the plan")
-            planned = plans.judge(cell, settings, found, chosen)
+        with console.status(f"choosing {settings.poses} poses") as status:
+            made = plan_for(cell, settings, tasks) if tasks else plan_absolute(cell, settings)
+            said, out = report(numbers(made), cell.arm), asked.out
             status.update("writing")
-            write(cell, planned, folder, task, asked.out)
-        terminal.print_words(console, words(planned.report), [tables(planned.report)["short"]], MORE)
-        out = asked.out
+            write(made, said, folder, asked.task, out)
+        print_words(console, said, [printed(said)], MORE)
+        tables = f", {out / 'tasks_expected.csv'}" if tasks else ""
         lines = [
             f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}",
-            f"numbers    {out / 'plan.json'}, {out / 'tasks_expected.csv'}",
+            f"numbers    {out / 'plan.json'}{tables}",
             f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
-            *terminal.looked_at(out),
+            *looked_at(out),
         ]
         console.print("\n".join(lines), soft_wrap=True)
 
 
-def _plan_absolutely(asked: Options, absolute: Absolute) -> None:
-    folder = find_arm(asked.arm)
-    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=[folder], force=asked.force):
-        cell = replace(build_cell(asked.arm), floor=asked.floor_z)
-        settings = _absolute_settings(cell, asked, absolute)
-        with of_flag("--model"):
-            structure(cell, settings.model)
-        console = terminal.plain_console()
-        if doubt := overloaded(cell.arm, (0.0, *settings.loads_kg)):
-            console.print(f"Doubt: {doubt}", soft_wrap=True)
-        with console.status(f"choosing {settings.poses} poses"):
-            planned = plan_absolute(cell, settings)
-            absolute_files.write(cell, planned, folder, asked.out)
-        report, out = planned.report, asked.out
-        terminal.print_words(
-            console, absolute_tables.words(report), [absolute_tables.tables(report)["short"]], MORE
-        )
-        lines = [
-            f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}; numbers {out / 'plan.json'}",
-            f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
-            *terminal.looked_at(out),
-        ]
-        console.print("\n".join(lines), soft_wrap=True)
-
-
-def _absolute_settings(cell: Cell, asked: Options, flags: Absolute) -> AbsolutePlanSettings:
-    """The flags as settings; BenchError where one excludes --absolute or is out of range."""
-    more = ("--pull", asked.pull), ("--map", asked.mapping)
-    for flag, given in (("--task", asked.task), ("--no-prior", asked.no_prior), *more):
-        if given:
-            raise BenchError(f"{flag}: expected no --absolute with it")
-    usual = AbsolutePlanSettings
-    percent = asked.uncertainty_percent
-    with of_flag("--model"):
-        model = right_name(cell.arm, asked.model or EVERY)
-    return AbsolutePlanSettings(
-        model=model,
-        criterion=asked.criterion or usual.criterion,
-        poses=usual.poses if asked.poses is None else asked.poses,
-        loads_kg=tuple(asked.load or ()),
-        orientations=flags.orientations,
-        sigma_um=asked.sigma_um,
-        uncertainty_percent=usual.uncertainty_percent if percent is None else percent,
-        geometry_mm=flags.geometry_mm,
-        gear_urad=flags.gear_urad,
-        orders=flags.orders,
-        tracker_m=None if asked.tracker is None else place(asked.tracker),
-        acceptance_deg=asked.acceptance_deg,
-        box_m=None if asked.box is None else box(asked.box),
-        sling_m=asked.sling_m,
-        candidates_wanted=usual.candidates_wanted if asked.candidates is None else asked.candidates,
-        floor_z_m=asked.floor_z,
-        seed=asked.seed,
-    )
-
-
-def _settings(cell: Cell, asked: Options) -> PlanSettings:
-    """The flags as settings.
-
-    Raises:
-        BenchError: When two flags exclude each other, or one is out of range.
-    """
-    if asked.uncertainty_percent is not None and asked.no_prior:
-        raise BenchError("--uncertainty-percent: expected no --no-prior with it")
-    if asked.acceptance_deg is not None and asked.tracker is None:
-        raise BenchError("--acceptance-deg: expected --tracker with it")
-    percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
-    criterion = asked.criterion or PlanSettings.criterion
-    with of_flag("--criterion"):
-        check_criterion(criterion)
+def _settings(cell: Cell, asked: Options, flags: Absolute) -> PlanSettings:
+    """The flags as settings; BenchError where two exclude each other, or one is out of range."""
+    _check(asked, flags)
+    criterion, poses, candidates = USUAL[flags.absolute]
+    criterion = asked.criterion or criterion
+    if not flags.absolute:
+        with of_flag("--criterion"):
+            check_criterion(criterion)
     with of_flag("--model"):
         model = right_name(cell.arm, asked.model or (plain_name(cell) if asked.no_prior else EVERY))
+    loads = asked.load or ([] if flags.absolute else [payload_of(cell.arm, None, "--load")])
+    percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
     settings = PlanSettings(
+        **vars(flags),
         model=model,
         criterion=criterion,
-        poses=PlanSettings.poses if asked.poses is None else asked.poses,
-        loads_kg=tuple(asked.load or [payload_of(cell.arm, None, "--load")]),
+        poses=poses if asked.poses is None else asked.poses,
+        loads_kg=tuple(loads),
         pulls_n=tuple(map(pull, asked.pull or [])),
         sigma_um=asked.sigma_um,
         uncertainty_percent=None if asked.no_prior else percent,
@@ -216,9 +177,24 @@ def _settings(cell: Cell, asked: Options) -> PlanSettings:
         box_m=None if asked.box is None else box(asked.box),
         sling_m=asked.sling_m,
         floor_z_m=asked.floor_z,
-        candidates_wanted=PlanSettings.candidates_wanted if asked.candidates is None else asked.candidates,
+        candidates_wanted=candidates if asked.candidates is None else asked.candidates,
         seed=asked.seed,
     )
-    with of_flag("--sling-m"):
-        Payload(max(settings.loads_kg), settings.sling_m)
+    if loads:
+        with of_flag("--sling-m"):
+            Payload(max(loads), settings.sling_m)
     return settings
+
+
+def _check(asked: Options, flags: Absolute) -> None:
+    """Refuse what excludes --absolute, and what excludes --no-prior."""
+    others = {
+        "--task": asked.task,
+        "--no-prior": asked.no_prior,
+        "--pull": asked.pull,
+        "--map": asked.mapping,
+    }
+    if named := [flag for flag, given in others.items() if flags.absolute and given]:
+        raise BenchError(f"{named[0]}: expected no --absolute with it")
+    if asked.uncertainty_percent is not None and asked.no_prior:
+        raise BenchError("--uncertainty-percent: expected no --no-prior with it")

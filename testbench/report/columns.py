@@ -104,8 +104,6 @@ EVERY = (
     # The order m of the vector space, Eq. (16)
     Column("m", "order m", form="d"),
     Column("f_m_over_optimum", "F_M over optimum", form=".5f"),
-    Column("block_rank", "largest rank of a block", form=".0f"),
-    Column("min_scaled_eigenvalue", "smallest scaled eigenvalue", form=".1e", rounding=1e-12),
     # Conservative by constraint, or by a choice among equal fits: seeds
     Column("truth", "truth"),
     Column("seeds", "seeds", form="d"),
@@ -179,10 +177,8 @@ EVERY = (
     Column("unfinished", "out of steps", form="d"),
     Column("cap_excess", "cap costs", form=".1e"),
     # readings of a real arm: series A and C
-    Column("words", "what it is"),
     Column("split", "split"),
     Column("judged", "judged on"),
-    Column("trained", "trained on"),
     Column("fit", "fit"),
     Column("poses", "poses", form="d"),
     Column("draws", "draws", form="d"),
@@ -198,19 +194,11 @@ EVERY = (
     Column("error.max_mm", "largest", "mm"),
     Column("error.inside_95_percent", "inside 95 %", "%", ".1f"),
     Column("joint", "joint"),
-    *(
-        Column(f"{end}_{name}_deg", f"{words} in {name}", "deg", ".0f")
-        for name in "AC"
-        for end, words in (("low", "least"), ("high", "greatest"))
-    ),
     Column("strange_to_A_percent", "poses of C far from A's angles", "%", ".0f"),
     Column("strange_to_C_percent", "poses of A far from C's angles", "%", ".0f"),
-    *(Column(f"rms_{by}_urad", f"RMS by {by}", "urad", ".0f") for by in ("A", "C", "both")),
+    *(Column(f"rms_{by}_urad", f"RMS by {by}", "urad", ".0f") for by in "AC"),
     Column("common_deg", "angles that both visited", "deg", ".0f"),
     Column("correlation", "correlation of A and C there", form=".2f"),
-    Column("urad_per_Nm", "compliance", "urad/(N m)", ".2f"),
-    Column("prototype_mm", "prototype", "mm"),
-    Column("here_mm", "here", "mm"),
     # plans of poses, beside random ones
     Column("plan", "poses by"),
     Column("criterion", "criterion"),
@@ -250,6 +238,20 @@ EVERY = (
             ("better_than_joints", "better than joints", "", "d"),
         )
     ),
+    # a plan of poses
+    Column("run", "run", form="d"),
+    Column("task", "task", form="d"),
+    Column("load", "load"),
+    Column("expected_deflection_mm", "deflection", "mm", ".2f"),
+    Column("expected_sag_mm", "sag", "mm", ".2f"),
+    Column("error_there_mm", "error there", "mm"),
+    Column("travel_deg", "travel", "deg", ".0f"),
+    Column("travel_mm", "travel", "mm", ".0f"),
+    Column("way", "way"),
+    Column("greedy_mm", "best next pose", "mm"),
+    Column("random_median_mm", "random median", "mm"),
+    Column("random_p10_mm", "random 10 %", "mm"),
+    Column("random_p90_mm", "random 90 %", "mm"),
     # a corrected program
     Column("line", "line", form="d"),
     Column("label", "point"),
@@ -277,15 +279,12 @@ EVERY = (
     Column("cases", "cases", form="d"),
     Column("where", "which cases"),
     Column("over_joints", "over joints alone", form=".2f"),
-    Column("over_best", "over the best fixed", form=".2f"),
     Column("over_least", "over the best of the case", form=".2f"),
     Column("loses", "loses to joints alone", form="yes"),
     Column("best_in", "is the best in", form="yes"),
-    Column("misfit", "F_M over floor", form=".2f"),
     Column("chosen", "what the default chose"),
     Column("share", "share of cases", form="yes"),
     Column("covered_percent", "covered", "%", ".1f"),
-    Column("by_case_percent", "covered, case by case", "%", ".1f"),
     Column("half_mm", "half width", "mm"),
     Column("ideal_mm", "of the ideal", "mm"),
     Column("over_ideal", "half width over the ideal", form=".2f"),
@@ -294,10 +293,7 @@ EVERY = (
     Column("unchecked", "is named as unchecked", form="yes"),
     Column("otherwise", "where another one is wrong", form="yes"),
     Column("either", "contradicted or unchecked", form="yes"),
-    Column("off_tubes_percent", "off tubes", "%", ".0f"),
-    Column("cad_mm", "error of the folder's values", "mm"),
     # Models by cases of a factor: noise, instruments, disturbances
-    Column("p95_um", "95 % error", "um", ".1f", rounding=ROUNDING_UM),
     Column("um_per_um", "cost of 1 um of noise", "um", ".2f", short="cost\nof\n1 um\num"),
     Column("tied", "alike in", form="yes"),
     Column("instrument", "instrument"),

@@ -26,6 +26,7 @@ class Asked:
     picture: str  #: Name of the PNG.
     seeds: range = range(0)
     more: More | None = None  #: What else the command leaves.
+    stem: str = "report"  #: Name of its numbers and words without suffix.
 
 
 def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
@@ -36,8 +37,8 @@ def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
 
     with whole_folder(out) as folder:
         found = asked.more(folder) if asked.more else {}
-        files.write_json(report.json(), folder / "report.json")
-        (folder / "report.md").write_text(report.whole(), encoding="utf-8")
+        files.write_json(report.json(), folder / f"{asked.stem}.json")
+        (folder / f"{asked.stem}.md").write_text(report.whole(), encoding="utf-8")
         picture = folder / asked.picture
         drawn = replace(seen, tables=seen.tables or [own for own in report.tables.values() if own.rows])
         overview(report, drawn).savefig(picture)

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.bench.absolute_plan import around, union_of
-from testbench.bench.absolute_plan_settings import AbsolutePlanSettings
-from testbench.bench.absolute_plan_summary import left_open
+from testbench.bench.absolute_plan import left_open, union_of
 from testbench.bench.campaign import build_cell, stream
 from testbench.bench.candidates import Conditions, build_checks, find
+from testbench.bench.plan import around
+from testbench.bench.plan_settings import PlanSettings
 from testbench.design import absolute
 from testbench.design.criteria import mean_square
 from testbench.design.exchange import exchange, greedy
@@ -23,7 +23,7 @@ from testbench.identify.absolute.state import targets, tell
 
 KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
 POSES = 12
-ASKED = AbsolutePlanSettings(model="Joints", poses=POSES, orders=1, loads_kg=(300.0,))
+ASKED = PlanSettings(absolute=True, criterion="I", model="Joints", poses=POSES, orders=1, loads_kg=(300.0,))
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from checks import at, bands, check_pivot, curves, key_of, looks_differ, tables_
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.bench.plan_report import Expected
+from testbench.bench.plan_promise import Expected
 from testbench.bench.truths import CALLED
 from testbench.studies.pose_selection import settings as s
 from testbench.studies.pose_selection.measure import Model, Where

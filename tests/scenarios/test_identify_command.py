@@ -16,7 +16,7 @@ from testbench.cli.program import program
 from testbench.model.load import Load
 from testbench.model.loaded import displacement, secant
 from testbench.model.vjm import chain
-from testbench.views.recording.pen import snake
+from testbench.views.recording.stream import snake
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = {"model.json", "posterior.npz", "models.json", "rigid.xml", "elastic.toml", "manifest.json"} | {

@@ -24,7 +24,7 @@ from testbench.studies.identifiability.trial import Settings
 from testbench.studies.study import Run
 from testbench.trials.spread import Number, middle, span, spread, wins
 from testbench.views.colours import Look, look
-from testbench.views.figure import Figure, forest, least, of_seeds, over
+from testbench.views.figure import Figure, forest, least, of_seeds, sweeps
 from testbench.views.gains import beside
 from testbench.views.identifiability.figure import shares
 from testbench.views.identifiability.report import seen_report
@@ -504,8 +504,8 @@ def _drawn(f: Row, swept: str, reading: str) -> Figure:
     name, x, rms = columns(f"name {SWEPT[swept]} {TRUE}")
     own = [row for row in rows if row.name == SHOWN]
     said = ", ".join(f"{rms.text(middle(rms.value(row)))} mm at {x.cell(row)}" for row in (own[0], own[-1]))
-    return over(
-        Table((name, x, rms), bands, looks=_looks(f.models)),
+    return sweeps(
+        {"": Table((name, x, rms), bands, looks=_looks(f.models))},
         f"{SHOWN}: {said} {'poses' if swept == 'poses' else 'times softer than the truth'}",
         f"{of_seeds(f.seed)}. Bands: the same of some. {reading}",
     )

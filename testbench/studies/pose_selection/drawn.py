@@ -5,6 +5,7 @@ import numpy as np
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell
 from testbench.bench.rows import MM
+from testbench.commands.plan_drawn import ORDER, OURS, SCALE, World
 from testbench.design.rows import deflection_rows
 from testbench.design.specification import promise_of
 from testbench.errors import Array
@@ -15,9 +16,7 @@ from testbench.studies.study import Run
 from testbench.trials.spread import middle
 from testbench.views.page.charts import Line, PlaceMap, RunChart
 from testbench.views.page.page import Seen
-from testbench.views.page.scene import Poses, Scene
-from testbench.views.plan.page import ORDER, OURS, SCALE
-from testbench.views.plan.world import World, places
+from testbench.views.page.scene import Scene
 
 ERRORS = "Error to expect after identification, in each planned pose (mm)"
 OVER = "Error of the predicted deflection, median over the trials (mm)"
@@ -34,19 +33,16 @@ def drawn(run: Run[Settings], bench: Bench) -> Seen:
         cell, asked.scope.ground.station, _tool(cell, chosen.q), tasks, _tool(cell, asked.scene.candidates)
     )
     force = np.tile([0.0, 0.0, -GRAVITY * asked.scope.payload], (spec.poses, 1))
-    names = [f"Run {k}" for k in range(1, spec.poses + 1)]
-    words = [
-        f"Error to expect after identification {mm:.3f} mm. {cell.arm.words(q)}."
-        for q, mm in zip(chosen.q, error, strict=True)
-    ]
-    plan = world.around(
-        Poses(ORDER, names, words, world.rigid(chosen.q), None, world.measured(chosen.q, force))
-    )
+    words = {
+        f"Run {k}": f"Error to expect after identification {mm:.3f} mm. {cell.arm.words(q)}."
+        for k, (q, mm) in enumerate(zip(chosen.q, error, strict=True), start=1)
+    }
+    plan = world.poses(ORDER, words, chosen.q, world.measured(chosen.q, force))
     left = np.array([middle(value) for value in run.report.numbers["where"].workspace_mm])
     texts = [f"Error {mm:.3f} mm. {cell.arm.words(q)}." for q, mm in zip(all_over, left, strict=True)]
     line = Line(PLANNED.name, OURS, left)
     return Seen(
-        scene=Scene(cell, SCALE, [plan, places(world, all_over, texts, int(left.argmax()))]),
+        scene=Scene(cell, SCALE, [plan, world.all_over(all_over, texts, int(left.argmax()))]),
         map=PlaceMap(OVER, 1, _tool(cell, all_over), [line]),
         runs=[RunChart(ERRORS, 0, [str(k) for k in range(1, spec.poses + 1)], [Line("plan", OURS, error)])],
     )

@@ -7,7 +7,6 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.candidates import REASONS
-from testbench.bench.plan_report import Found
 from testbench.bench.truths import CALLED, TRUTHS
 from testbench.bench.wrong_prior import SCALE, SHAPE, UNCERTAINTY
 from testbench.errors import Array
@@ -48,7 +47,11 @@ def numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
         prior=Row(scale=SCALE, shape_percent=100 * SHAPE, believed_within_percent=100 * UNCERTAINTY),
         tracker_m=scope.ground.station,
         dataset=_dataset(asked, featured.where(plan="test", seed=seeds[0])),
-        candidates=Found(len(scene.candidates), scene.drawn, dict(zip(REASONS, scene.rejected, strict=True))),
+        candidates=Row(
+            found=len(scene.candidates),
+            drawn=scene.drawn,
+            rejected=dict(zip(REASONS, scene.rejected, strict=True)),
+        ),
         models=[model | {"parameters": int(model.parameters), "paper": None} for model in models],
         where=merged(featured.where(plan="test").keep("where."))[0].where,
         plans=[plan for plan in plans if not plan.variant],

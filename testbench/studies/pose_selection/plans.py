@@ -10,7 +10,7 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell, stream
 from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
-from testbench.bench.plan_summary import overall
+from testbench.bench.plan_promise import overall
 from testbench.bench.rows import MM
 from testbench.bench.wrong_prior import wrong_prior
 from testbench.data.station import Station

@@ -13,9 +13,7 @@ from scipy.stats import wishart
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell, stream
-from testbench.bench.plan_promise import fitted, half_widths, joints_alone
-from testbench.bench.plan_report import Expected
-from testbench.bench.plan_summary import overall
+from testbench.bench.plan_promise import Expected, fitted, half_widths, joints_alone, overall
 from testbench.bench.rows import MM
 from testbench.bench.truths import FAMILY, TRUTHS, member, true_cell
 from testbench.bench.wrong_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior

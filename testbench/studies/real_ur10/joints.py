@@ -1,4 +1,4 @@
-"""The joints: where they were turned, their periodic errors by order, and their springs."""
+"""The joints: where they were turned, their periodic errors, and their springs."""
 
 from collections.abc import Sequence
 
@@ -8,65 +8,44 @@ from testbench.arm.folder import Joint
 from testbench.bench.rows import UM
 from testbench.data.series import Series
 from testbench.errors import Array
-from testbench.report.table import Row
-from testbench.studies.real_ur10.ladder import TWO, WAVES
-from testbench.studies.real_ur10.trial import LadderRow
+from testbench.report.table import Row, Trials
+from testbench.studies.real_ur10.trial import BOTH, TO_A, TO_C, TWO, WAVES
 
 STRANGE = 2.0
 """Distance of an angle from those that trained, beyond which order 60 has turned by a third [deg]."""
-ANGLES = np.arange(-180.0, 180.0, 1.0)  #: Where the curve of a joint's error is drawn [deg].
+ANGLES = np.arange(-180.0, 180.0, 1.0)  #: Where the error of a joint is compared [deg].
 FIRST = 3
-"""Lowest order of that curve: an axis that is not where it is drawn looks like orders 1 and 2."""
-FEW = 15  #: Angles that both series visited, below which their curves are not compared.
-TRAINED = {"A to C": "A", "C to A": "C", "both": "both"}
+"""Lowest order that counts: an axis that is not where it is drawn looks like orders 1 and 2."""
+FEW = 15  #: Angles that both series visited, below which their errors are not compared.
+TRAINED = {TO_C: "A", TO_A: "C", BOTH: "both"}
 """What trains on a split."""
 
 
-def joint_reports(
-    joints: Sequence[Joint], series: Sequence[Series], ladder: Sequence[LadderRow]
-) -> list[Row]:
-    """One report a joint."""
+def joint_rows(joints: Sequence[Joint], series: Sequence[Series], ladder: Trials) -> list[Row]:
+    """A row a joint: its angles, and its error by A, by C and by both."""
+    waves = {}
+    for name, by in TRAINED.items():
+        own = ladder.where(split=name, name=WAVES)["waves"][0]
+        waves[by] = UM * np.array(own).reshape(len(joints), 2, -1)  # sines, cosines
     a, c = (np.degrees(one.q) for one in series)
-    waves = {name: _waves(ladder, name, len(joints)) for name in TRAINED}
     return [
-        _report(joints[j].name, a[:, j], c[:, j], {k: w[:, j] for k, w in waves.items()})
-        for j in range(len(joints))
+        _joint(joint.name, a[:, j], c[:, j], {by: own[j] for by, own in waves.items()})
+        for j, joint in enumerate(joints)
     ]
 
 
-def _waves(ladder: Sequence[LadderRow], name: str, joints: int) -> Array:
-    """Sines and cosines of all joints by the readings of a split, (2, n, orders) [urad]."""
-    own = next(row.waves for row in ladder if (row.split, row.name, row.judged) == (name, WAVES.name, None))
-    return np.asarray(UM * np.array(own).reshape(joints, 2, -1).swapaxes(0, 1))
-
-
-def _report(name: str, a: Array, c: Array, waves: dict[str, Array]) -> Row:
-    of_a, of_c, both = waves.values()
-    curves, seen = [_curve(w) for w in (of_a, of_c)], [_far(ANGLES, q) <= STRANGE for q in (a, c)]
-    common = seen[0] & seen[1]
-    alike = np.corrcoef(curves[0][common], curves[1][common])[0, 1] if common.sum() > FEW else None
-    drawn = [
-        [float(y) if s else None for y, s in zip(*own, strict=True)] for own in zip(curves, seen, strict=True)
-    ]
+def _joint(name: str, a: Array, c: Array, waves: dict[str, Array]) -> Row:
+    at_a, at_c = (_far(ANGLES, q) <= STRANGE for q in (a, c))
+    common, seen = at_a & at_c, {"A": at_a, "C": at_c, "both": at_a | at_c}
+    curves = {by: _curve(own) for by, own in waves.items()}
+    alike = np.corrcoef(curves["A"][common], curves["C"][common])[0, 1] if common.sum() > FEW else None
     return Row(
         joint=name,
-        low_A_deg=float(a.min()),
-        high_A_deg=float(a.max()),
-        low_C_deg=float(c.min()),
-        high_C_deg=float(c.max()),
         strange_to_A_percent=float(100 * (_far(c, a) > STRANGE).mean()),
         strange_to_C_percent=float(100 * (_far(a, c) > STRANGE).mean()),
         common_deg=float(common.mean() * 360),
         correlation=None if alike is None else float(alike),
-        rms_A_urad=_rms(curves[0][seen[0]]),
-        rms_C_urad=_rms(curves[1][seen[1]]),
-        rms_both_urad=_rms(_curve(both)[seen[0] | seen[1]]),
-        amplitude_A_urad=np.hypot(*of_a).tolist(),
-        amplitude_C_urad=np.hypot(*of_c).tolist(),
-        amplitude_both_urad=np.hypot(*both).tolist(),
-        angle_deg=ANGLES.tolist(),
-        curve_A_urad=drawn[0],
-        curve_C_urad=drawn[1],
+        **{f"rms_{by}_urad": float(np.sqrt((own[seen[by]] ** 2).mean())) for by, own in curves.items()},
     )
 
 
@@ -75,10 +54,6 @@ def _curve(waves: Array) -> Array:
     angle = np.radians(np.outer(ANGLES, np.arange(1, waves.shape[1] + 1)))[:, FIRST - 1 :]
     sines, cosines = waves[:, FIRST - 1 :]
     return np.asarray(np.sin(angle) @ sines + np.cos(angle) @ cosines)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt((values**2).mean()))
 
 
 def _far(angles: Array, known: Array) -> Array:
@@ -90,12 +65,11 @@ def _far(angles: Array, known: Array) -> Array:
     return np.asarray(np.minimum(at - ring[place - 1], ring[place] - at))
 
 
-def compliances(ladder: Sequence[LadderRow]) -> list[Row]:
+def compliances(ladder: Trials) -> list[Row]:
     """Of joint springs without and with joint errors, by A, by C, by both."""
     return [
-        Row(trained=TRAINED[row.split], name=row.name, urad_per_Nm=[UM * c for c in row.joints])
-        for model in TWO
-        for name in TRAINED
-        for row in ladder
-        if (row.split, row.name, row.judged) == (name, model.name, None)
+        Row(trained=by, name=name, urad_per_Nm=[UM * c for c in own["joints"][0]])
+        for name in TWO
+        for split, by in TRAINED.items()
+        if len(own := ladder.where(split=split, name=name))
     ]

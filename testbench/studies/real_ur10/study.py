@@ -1,24 +1,21 @@
 """A real UR10: what explains its readings, and what foretells those that were never fitted."""
 
 from testbench.arm.catalogue import find_arm
-from testbench.studies.real_ur10 import recording, report, trained, trial
-from testbench.studies.real_ur10.readings import ARM
+from testbench.studies.real_ur10 import drawn, report, trial
 from testbench.studies.study import Study
 
 STUDY = Study(
     name="real_ur10",
     about="Public readings of a UR10: geometry, springs, links and joint errors, series against series.",
-    options=trial.Options,
+    options=trial.Flags,
     settings=trial.settings,
     seeds=(20, 1),
-    arms=lambda _: [find_arm(ARM)],
-    row=trial.SubsetRow,
+    arms=lambda _: [find_arm(trial.ARM)],
+    row=trial.FitRow,
     trials=trial.trials,
     report=report.report,
-    printed=("short",),
+    printed=("models",),
     figures=report.figures,
-    write=recording.write,
+    write=drawn.write,
     data="errors.csv",
-    size=4,
-    prepare=trained.prepare,
 )

@@ -1,62 +1,146 @@
-"""A seed: random poses of C in growing numbers, and what a model that learnt from them foretells."""
+"""Readings of a UR10, the models that may explain them, and what these foretell, seed by seed.
+
+A seed draws random poses of C in growing numbers. The first seed has the whole ladder of models besides, on
+every split of the readings: no draw changes it.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, replace
 
 import numpy as np
-from pydantic import Field
 
+from testbench.arm.catalogue import find_arm
+from testbench.bench.absolute import FRAME_POSES, read_all
 from testbench.bench.absolute_model import belief_of
-from testbench.bench.campaign import stream
-from testbench.bench.rows import MM
-from testbench.data.series import select_rows
+from testbench.bench.campaign import Cell, build_cell, stream
+from testbench.bench.rows import MM, UM
+from testbench.data.series import Series, select_rows
 from testbench.errors import Array
-from testbench.identify.absolute.fit import ORDERS, Calibration, explain, gather
-from testbench.identify.absolute.fit import Options as Tried
+from testbench.identify.absolute.choose import blocks_of
+from testbench.identify.absolute.fit import ORDERS, Calibration, Options, explain, gather
 from testbench.identify.absolute.posterior import Placed, evenly, inside, known, place, predict
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.prior import cad_prior
-from testbench.studies.real_ur10.ladder import ERRORS, LADDER, QUICK, SPRINGS, TWO
-from testbench.studies.real_ur10.readings import THIN, Judged, Readings, read
+from testbench.identify.prior import Strength, cad_prior
+from testbench.model.vjm import Vjm
 
-SPLITS = ("both", "blocks", "C to A", "A to C")
-"""The dearest first."""
-DRAWS: Mapping[int, int] = {50: 20, 100: 20, 200: 6, 500: 3, 1000: 3}
-"""Random poses of C that a model learns from, and in how many seeds at most: many are dear."""
-QUICK_DRAWS: Mapping[int, int] = {60: 1}
+ARM = "ur10"
+FILES = {"A": "series_A_every_8th.csv", "C": "series_C.csv"}
+"""Of the arm's folder, by the name that their authors gave the series."""
+SPRINGS, ERRORS, LINKS = "joint springs", "joint errors", "links"
+WEAK = Strength(5.0)  #: Compliances five times as uncertain as they are large: hardly a prior.
+GEOMETRY, JOINTS, WAVES, CHOSEN = "geometry", "+ joint springs", "+ joint errors", "chosen"
+LINKS_LS, LINKS_GCO, LINKS_PRIOR = "+ links, LS", "+ links, GCO", "+ links, GCO + prior"
+ALL = "+ joint errors + links"
+
+
+def _with(*names: str) -> Options:
+    return Options(only=frozenset(names))
+
+
+LADDER: Mapping[str, Options] = {
+    GEOMETRY: _with(),
+    JOINTS: _with(SPRINGS),
+    LINKS_LS: replace(_with(SPRINGS, LINKS), constraint="none", strength=WEAK),
+    LINKS_GCO: replace(_with(SPRINGS, LINKS), strength=WEAK),
+    LINKS_PRIOR: _with(SPRINGS, LINKS),
+    WAVES: _with(SPRINGS, ERRORS),
+    ALL: _with(SPRINGS, ERRORS, LINKS),
+    CHOSEN: Options(),
+}
+"""Models, from geometry alone to what cross-validation keeps: gear ratio, play and stiffening tried too."""
+TWO = (JOINTS, WAVES)  #: Without joint errors and with them.
+BLOCKS, TO_C, TO_A, BOTH, AGAIN = "blocks", "A to C", "C to A", "both", "blocks, realigned"
+SPLITS = {
+    BLOCKS: "trained on half of the blocks of joint space of both series, judged on the others",
+    TO_C: "trained on A, judged on C, its frame and target by 50 of its poses",
+    TO_A: "trained on C, judged on A, its frame and target by 50 of its poses",
+    AGAIN: "as blocks, frames and targets of the others by 50 of their poses",
+    BOTH: "trained on both series, judged on nothing",
+}
+DRAW = "random poses of C"  #: What trains where the number of poses is in question.
 ENOUGH = 50  #: Highest order where the number of poses is in question: more change little and cost twice.
-QUICK_ORDERS = 30  #: Highest order of periodic errors with --quick.
 JUDGING = 200  #: Random poses of C, never of those that trained, and about as many of A, that judge these.
-ALIGNED = 50  #: Rows of A that tell its frame and target.
 INTERVALS = 250  #: Positions, evenly spaced, whose 95 % ellipsoids are worked out.
 
 
 @dataclass(frozen=True)
-class Error:
-    """Distances of positions that were not fitted from a model."""
-
-    n: int
-    mean_mm: float
-    rms_mm: float
-    p95_mm: float
-    p99_mm: float
-    max_mm: float
-    inside_95_percent: float  #: Share of some positions inside their 95 % ellipsoid.
+class Flags:
+    """Flags of the study: none, its readings are what they are."""
 
 
 @dataclass(frozen=True)
-class LadderRow:
-    """A model of the ladder; its numbers as the readings that trained it made them."""
+class Settings:
+    """What is tried."""
 
-    split: str
+    thin: int  #: Every so many rows of the readings are taken.
+    orders: int  #: Highest order of periodic errors.
+    models: tuple[str, ...]  #: Of the ladder.
+    first: int  #: The first seed, which tries the ladder.
+    draws: Mapping[int, int]  #: Random poses that train, and in how many seeds, from the first, at most.
+
+
+def settings(_: Flags, quick: bool, seeds: range) -> Settings:
+    """What the flags ask for: many random poses are dear, hence tried in few seeds."""
+    if quick:
+        return Settings(6, 30, (GEOMETRY, *TWO), seeds[0], {60: 1})
+    return Settings(1, ORDERS, tuple(LADDER), seeds[0], {50: 20, 100: 20, 200: 6, 500: 3, 1000: 3})
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Readings that judge a model."""
+
+    series: Series
+    frame_poses: int | None  #: Rows that tell its frame and target anew; None for those of the training.
+
+
+def read(thin: int) -> tuple[Cell, tuple[Series, ...]]:
+    """The arm, and every `thin`-th row of both series, called A and C."""
+    folder = find_arm(ARM)
+    cell = build_cell(folder)
+    series, _ = read_all([folder / "readings" / name for name in FILES.values()], cell.arm, None, None)
+    some = [select_rows(one, np.arange(0, one.rows, thin)) for one in series]
+    return cell, tuple(replace(one, name=name) for name, one in zip(FILES, some, strict=True))
+
+
+def split(name: str, series: Sequence[Series]) -> tuple[tuple[Series, ...], tuple[Judged, ...]]:
+    """Readings that train, and others that judge."""
+    a, c = series
+    if name == TO_C:
+        return (a,), (Judged(c, FRAME_POSES),)
+    if name == TO_A:
+        return (c,), (Judged(a, FRAME_POSES),)
+    if name == BOTH:
+        return (a, c), ()
+    pairs = list(zip(series, blocks_of(series), strict=True))
+    even, odd = (tuple(select_rows(one, own % 2 == k) for one, own in pairs) for k in (0, 1))
+    return even, tuple(Judged(one, FRAME_POSES if name == AGAIN else None) for one in odd)
+
+
+@dataclass(frozen=True)
+class Error:
+    """Distances of positions that were not fitted from a model; None where nothing judges."""
+
+    n: int = 0
+    mean_mm: float | None = None
+    rms_mm: float | None = None
+    p95_mm: float | None = None
+    p99_mm: float | None = None
+    max_mm: float | None = None
+    inside_95_percent: float | None = None  #: Share of some positions inside their 95 % ellipsoid.
+
+
+@dataclass(frozen=True)
+class FitRow:
+    """A model, as the readings that trained it made it, beside readings that judge it."""
+
+    split: str  #: One of SPLITS, or DRAW.
     name: str  #: Of the model.
-    judged: str | None  #: Series that judges it; None of the row that says what the model is.
-    error: Error | None
-    left_um: tuple[
-        float, ...
-    ]  #: Readings minus model of all judged rows, base axes, (3 rows,); of some models.
+    judged: str  #: Series that judges it, empty for none.
     poses: int  #: That trained it.
+    error: Error
+    #: Readings minus model of all judged rows, base axes, (3 rows,) [um]; of those that are drawn.
+    left_um: tuple[float, ...]
     method: str | None  #: How compliances were found; None of a rigid arm.
     parameters: int  #: Unknowns of the arm, frames and targets not counted.
     conservative: bool
@@ -68,99 +152,103 @@ class LadderRow:
     declined: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class SubsetRow:
-    """A model trained on random poses of C, judged on poses of C that it never saw, or on A."""
-
-    poses: int
-    name: str  #: Of the model.
-    judged: str
-    error: Error
-
-
-@dataclass(frozen=True)
-class Options:
-    """Flags of the study: none, its readings are what they are."""
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What is tried."""
-
-    thin: int  #: Every so many rows of the readings are taken.
-    orders: int  #: Highest order of periodic errors.
-    models: tuple[str, ...]  #: Of the ladder.
-    splits: tuple[str, ...]
-    first: int  #: The first seed.
-    draws: Mapping[int, int]  #: Random poses that train, and in how many seeds, from the first, at most.
-    #: Made of the rest by `trained.prepare`; empty before.
-    ladder: Annotated[tuple[LadderRow, ...], Field(exclude=True)] = ()
-
-
-def settings(_: Options, quick: bool, seeds: range) -> Settings:
-    """What the flags ask for."""
-    return Settings(
-        thin=THIN if quick else 1,
-        orders=QUICK_ORDERS if quick else ORDERS,
-        models=tuple(one.name for one in (QUICK if quick else LADDER)),
-        splits=SPLITS,
-        first=seeds[0],
-        draws=QUICK_DRAWS if quick else DRAWS,
-    )
-
-
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[SubsetRow]]:
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
     """Rows of some seeds; the seed draws the poses, and nothing else."""
-    readings = read(asked.thin)
-    return [list(_trial(asked, readings, seed)) for seed in seeds]
+    cell, series = read(asked.thin)
+    found = []
+    for seed in seeds:
+        ladder = _ladder(asked, cell.vjm, series) if seed == asked.first else ()
+        found.append([*ladder, *_draws(asked, cell.vjm, series, seed)])
+    return found
 
 
-def _trial(asked: Settings, readings: Readings, seed: int) -> Iterator[SubsetRow]:
-    a, c = readings.series
+def models_of(asked: Settings, name: str) -> list[str]:
+    """Models that are tried on a split: of the one that judges nothing, those that are looked into.
+
+    Choosing is dear: from one series to the other it is left out.
+    """
+    if name == BOTH:
+        return [one for one in asked.models if one in (*TWO, CHOSEN)]
+    return [one for one in asked.models if name == BLOCKS or one != CHOSEN]
+
+
+def _ladder(asked: Settings, vjm: Vjm, series: Sequence[Series]) -> Iterator[FitRow]:
+    """Every model on every split: gathered once a split."""
+    for name in (BOTH, BLOCKS, TO_A, TO_C):
+        (train, judged), tried = split(name, series), models_of(asked, name)
+        options = Options() if CHOSEN in tried else Options(only=frozenset({SPRINGS, ERRORS, LINKS}))
+        found = gather(vjm, train, cad_prior(vjm.arm), replace(options, orders=asked.orders))
+        for model in tried:
+            own = explain(found, LADDER[model])
+            about = replace(_about(own, model), split=name, poses=sum(one.rows for one in train))
+            if not judged:
+                yield about
+            for one in judged:
+                yield _judged(own, about, one)
+            if name == BLOCKS and model in (GEOMETRY, *TWO):
+                for one in split(AGAIN, series)[1]:
+                    yield _judged(own, replace(about, split=AGAIN), one)
+
+
+def _draws(asked: Settings, vjm: Vjm, series: Sequence[Series], seed: int) -> Iterator[FitRow]:
+    """Models of random poses of C, judged on poses of C that they never saw, and on A."""
+    a, c = series
     order = stream(seed).permutation(c.rows)
     rest = select_rows(c, order[max(asked.draws) :][:JUDGING])
-    few = select_rows(a, np.unique(np.linspace(0, a.rows - 1, JUDGING + ALIGNED).astype(int)))
-    tests = {"C": Judged(rest, None), "A": Judged(few, ALIGNED)}
-    vjm = readings.cell.vjm
+    few = select_rows(a, np.unique(np.linspace(0, a.rows - 1, JUDGING + FRAME_POSES).astype(int)))
+    tried = Options(orders=min(asked.orders, ENOUGH), only=frozenset({SPRINGS, ERRORS}))
     for poses in [n for n, draws in asked.draws.items() if seed < asked.first + draws]:
-        own = (select_rows(c, order[:poses]),)
-        tried = Tried(orders=min(asked.orders, ENOUGH), only=frozenset({SPRINGS, ERRORS}))
-        gathered = gather(vjm, own, cad_prior(vjm.arm), tried)
+        found = gather(vjm, (select_rows(c, order[:poses]),), cad_prior(vjm.arm), tried)
         for model in TWO:
-            found = explain(gathered, model.options)
-            for name, judged in tests.items():
-                at = placed(found, judged)
-                error = judge(found, at, judged, left(at, judged))
-                yield SubsetRow(poses, model.name, name, error)
+            own = explain(found, LADDER[model])
+            about = replace(_about(own, model), split=DRAW, poses=poses, waves=())
+            for one in (Judged(rest, None), Judged(few, FRAME_POSES)):
+                yield _judged(own, about, one)
 
 
-def placed(found: Calibration, judged: Judged) -> Placed:
-    """The frame and target of readings that judge a model."""
+def _about(found: Calibration, model: str) -> FitRow:
+    """What a model is, whatever judges it."""
+    estimate, own, steps = found.estimate, found.own, found.chosen.steps
+    K, n = 2 * len(found.state.errors.orders), found.state.vjm.arm.n_joints
+    certificate = None if estimate is None else estimate.certificate
+    return FitRow(
+        split="",
+        name=model,
+        judged="",
+        poses=0,
+        error=Error(),
+        left_um=(),
+        method=None if estimate is None else estimate.method,
+        parameters=int((own.columns >= own.unknowns.starts["geometry"]).sum()),
+        conservative=estimate is None or bool(estimate.conservative),
+        min_eigenvalue=0.0 if estimate is None else float(estimate.min_eigenvalue),
+        duality_gap=None if certificate is None else float(certificate.duality_gap),
+        joints=tuple(np.diag(found.state.C_theta)[-n:].tolist()),
+        waves=tuple(found.state.n[:, :K].ravel().tolist()) if "harmonics" in found.chosen.kinds else (),
+        kept=tuple(step.name for step in steps if step.kept),
+        declined=tuple(step.name for step in steps if not step.kept),
+    )
+
+
+def _judged(found: Calibration, about: FitRow, judged: Judged) -> FitRow:
+    """Readings minus model in base axes, but those that told frame and target."""
     belief, series = belief_of(found), judged.series
     if judged.frame_poses is None:
-        return known(found.state, belief, series)
-    return place(found.state, belief, series, evenly(series, judged.frame_poses))
+        at = known(found.state, belief, series)
+    else:
+        at = place(found.state, belief, series, evenly(series, judged.frame_poses))
+    off = np.delete(residuals(at.state, series)[0].T, at.rows, axis=0)
+    drawn = about.split == BLOCKS and about.name in TWO
+    left = tuple(np.round(UM * off, 2).ravel().tolist()) if drawn else ()
+    return replace(about, judged=series.name, error=_error(found, at, series, off), left_um=left)
 
 
-def left(at: Placed, judged: Judged) -> Array:
-    """Readings minus model in base axes, those that told frame and target left out, (rows, 3) [m]."""
-    every = residuals(at.state, judged.series)[0].T
-    return np.asarray(np.delete(every, at.rows, axis=0))
-
-
-def judge(found: Calibration, at: Placed, judged: Judged, off: Array) -> Error:
-    """Distances of readings from a model, `off` being what is `left`, and how many lie where it was sure."""
+def _error(found: Calibration, at: Placed, series: Series, off: Array) -> Error:
+    """Distances of what is left, (rows, 3) [m], and how many readings lie where the model was sure."""
     far = MM * np.linalg.norm(off, axis=1)
-    rest = np.setdiff1d(np.arange(judged.series.rows), at.rows)
+    rest = np.setdiff1d(np.arange(series.rows), at.rows)
     some = rest[np.linspace(0, len(rest) - 1, min(len(rest), INTERVALS)).astype(int)]
-    within = inside(predict(at, belief_of(found), select_rows(judged.series, some)))
-    p95, p99 = np.percentile(far, [95, 99])
-    return Error(
-        n=len(far),
-        mean_mm=float(far.mean()),
-        rms_mm=float(np.sqrt((far**2).mean())),
-        p95_mm=float(p95),
-        p99_mm=float(p99),
-        max_mm=float(far.max()),
-        inside_95_percent=float(100 * within.mean()),
-    )
+    within = inside(predict(at, belief_of(found), select_rows(series, some)))
+    p95, p99 = np.percentile(far, [95, 99]).tolist()
+    rms, most = float(np.sqrt((far**2).mean())), float(far.max())
+    return Error(len(far), float(far.mean()), rms, p95, p99, most, float(100 * within.mean()))

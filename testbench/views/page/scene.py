@@ -42,9 +42,8 @@ class Poses:
     bent: Frames | None  #: Under load, its deflection magnified.
     layers: Sequence[Layer] = ()
     first: int = 0  #: Index of the pose that is shown first.
-    near: Array | None = (
-        None  #: What the eye sees from the broad side, (n, 3) [m]; all that is drawn if None.
-    )
+    #: What the eye sees from the broad side, (n, 3) [m]; all that is drawn if None.
+    near: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,318 @@
+"""The numbers of a plan: what it promises, its certificate, and the plans beside it."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.bench.absolute_plan import AbsolutePlanned, left_open
+from testbench.bench.campaign import stream
+from testbench.bench.error_places import Meaning, bounded_mm, error_places, places_at
+from testbench.bench.plan import Planned
+from testbench.bench.plan_promise import (
+    Expected,
+    error_map,
+    fitted,
+    half_widths,
+    joints_alone,
+    overall,
+    rms,
+    unshown,
+    within,
+)
+from testbench.bench.plan_settings import pull_words
+from testbench.bench.rows import MM
+from testbench.design import absolute
+from testbench.design.baselines import RANDOM, PriorInfluence, baselines, prior_influence
+from testbench.design.criteria import Linear, mean_square
+from testbench.design.exchange import greedy
+from testbench.design.forecast import Forecast, widened
+from testbench.design.observability import observability
+from testbench.design.planning import Plan, promise, seen_at_most
+from testbench.design.rows import Ids, deflection_rows, information
+from testbench.design.specification import loads_of, task_rows
+from testbench.design.whole_arm import promise_on
+from testbench.errors import Array
+from testbench.identify.prior import cad_prior
+from testbench.model.structure import all153
+from testbench.model.vjm import chain, tool_pose
+from testbench.plant import has_surroundings
+from testbench.report.table import Row
+
+TARGET = 0.1  #: Error for which the fewest poses are told [mm].
+MORE, LITTLE = 4, 0.10  #: So many more poses that bring less than this share are not worth their time.
+CHANCE = 100  #: Random plans of absolute readings that a plan is compared with.
+COUNTS = (10, 20, 30, 50, 75, 100, 150, 200)  #: Numbers of poses for which their errors are told.
+CALIBRATED = "calibrated"  #: Name of the arm after a calibration.
+POSITION = Meaning("expected error", "of the targets' positions after calibration", "RMS")
+
+
+def numbers(made: Planned) -> Row:
+    """All numbers of plan.json."""
+    cell, plan, arm = made.cell, made.plan, made.cell.arm
+    lower, upper = arm.limits
+    margins = arm.shown * np.minimum(plan.q - lower, upper - plan.q).min(axis=0)
+    efficiency = min(plan.efficiency, 1.0)
+    own = Row(
+        vars(made.settings),
+        arm=arm.name,
+        base_m=cell.vjm.base[:3, 3].tolist(),
+        joints=[joint.name for joint in arm.joints],
+        units=[joint.shown_unit for joint in arm.joints],
+        margins=margins.tolist(),
+        surrounded=has_surroundings(cell.room),
+        error_mm=overall(made.forecast),
+        certificate=Row(
+            efficiency=efficiency,
+            phi=plan.value,
+            phi_bound=plan.relaxed.bound,
+            examined=len(plan.examined.q),
+        ),
+        candidates=Row(found=len(made.found.q), drawn=made.found.drawn, rejected=made.found.rejected),
+    )
+    own.update(_absolute(made) if isinstance(made, AbsolutePlanned) else _pairs(made))
+    own["blocked"] = [row.run for row in own.plan if row.way == "via"]
+    return own
+
+
+def _pairs(made: Planned) -> Row:
+    """What only a plan for tasks has."""
+    cell, plan, prior = made.cell, made.plan, cad_prior(made.cell.arm)
+    assert isinstance(plan, Plan)
+    spec, rows = plan.specification, task_rows(plan.specification)
+    own, influence = spec.experiment.metric, prior_influence(plan, rows)
+    alone = fitted(joints_alone(spec, prior), prior, plan.q, plan.load)
+    drawn, rng = len(made.found.q) * len(spec.loads), stream(made.settings.seed, 3)
+    others = baselines(plan, rows, drawn=drawn, rng=rng)
+    around, chance = made.workspace, others.random[made.settings.poses]
+    hidden = MM * math.sqrt(influence.hidden)
+    return Row(
+        model=own.structure.name,
+        whole_arm=own.structure.n == all153(cell.arm).n,
+        prior=None if spec.uncertainty is None else own.prior,
+        within_percent=100 * within(spec),
+        half_width_95_mm=MM * float(np.median(half_widths(made.forecast))),
+        joints_alone_mm=MM * promise_on(alone, spec.tasks.q, spec.tasks.load).overall,
+        workspace_error_mm=overall(around) if math.isfinite(around.overall) else None,
+        error_if_prior_twice_as_uncertain_mm=_doubted(made, plan),
+        random_plans=Row(
+            plans=RANDOM,
+            planned_mm=MM * promise(plan, rows).overall,
+            median_mm=_finite(MM * float(np.median(chance))),
+            best_tenth_mm=_percentile(chance, 10),
+        ),
+        plan=_runs(made, plan),
+        tasks=_tasks(made, plan, rms(rows @ own.expected)),
+        observability=observability(plan.examined.problem, plan.chosen),
+        directions=_directions(plan, influence),
+        curve=[
+            _count(
+                poses, _finite(MM * others.greedy[poses - 1]), *(_percentile(errors, p) for p in (50, 10, 90))
+            )
+            for poses, errors in others.random.items()
+        ],
+        greedy_mm=[_finite(MM * error) for error in others.greedy],
+        advice=_advice(MM * others.greedy),
+        map=error_map(cell, plan, around),
+        unshown=unshown(plan, hidden / (MM * made.forecast.overall)),
+    )
+
+
+def _doubted(made: Planned, plan: Plan) -> Expected | None:
+    """The error at the tasks were the prior twice as uncertain; None without one."""
+    spec = plan.specification
+    if spec.uncertainty is None:
+        return None
+    doubted = replace(spec, uncertainty=2 * spec.uncertainty)
+    fit = fitted(doubted, cad_prior(made.cell.arm), plan.q, plan.load)
+    return overall(widened(promise_on(fit, spec.tasks.q, spec.tasks.load)))
+
+
+def _poses(arm: Arm, made: tuple[Array, Array], forecast: Forecast, moved: tuple[str, Array]) -> list[Row]:
+    """A row a pose: joints in their units, what moves the tool there, the error to expect.
+
+    Args:
+        arm: Whose poses they are.
+        made: Joints, (poses, n) [rad, m], and where the tool is, (poses, 3) [m].
+        forecast: Errors there.
+        moved: What moves it, and by how much, (poses,) [m].
+    """
+    (q, tool), (name, far) = made, moved
+    return [
+        Row(
+            {f"expected_{name}_mm": float(MM * far[k])},
+            q_shown=(arm.shown * q[k]).tolist(),
+            expected_error_mm=float(MM * forecast.error[k]),
+            expected_error_p05_mm=float(MM * forecast.low[k]),
+            expected_error_p95_mm=float(MM * forecast.high[k]),
+            tool_m=tool[k].tolist(),
+        )
+        for k in range(len(q))
+    ]
+
+
+def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
+    """The poses of the plan, how far it is to each, and whether the straight way is free."""
+    arm, q = made.cell.arm, made.plan.q
+    slides = np.array([joint.prismatic for joint in arm.joints], dtype=bool)
+    steps = np.abs(np.diff(q, axis=0, prepend=q[:1]))
+    turned, slid = (steps[:, own].max(axis=1, initial=0.0) for own in (~slides, slides))
+    ways = ["start", *("clear" if clear else "via" for clear in made.plan.clear)]
+    tools = chain(made.cell.vjm, q).position
+    return [
+        Row(
+            row,
+            run=k + 1,
+            q=q[k].tolist(),
+            travel_deg=float(np.rad2deg(turned[k])),
+            travel_mm=float(MM * slid[k]),
+            way=ways[k],
+        )
+        for k, row in enumerate(_poses(arm, (q, tools), made.poses, moved))
+    ]
+
+
+def _runs(made: Planned, plan: Plan) -> list[Row]:
+    """The poses of a plan for tasks, and what hangs or pulls in each."""
+    spec, masses = plan.specification, made.settings.loads_kg
+    load = loads_of(spec, plan.load)
+    moved = rms(deflection_rows(spec.experiment, plan.q, load) @ spec.experiment.metric.expected)
+    found = _measured(made, ("deflection", moved))
+    for row, index, wrench in zip(found, plan.load, load.wrench, strict=True):
+        pulls = index >= len(masses)  # they come behind all that hangs
+        row["load_kg"] = 0.0 if pulls else float(masses[index])
+        row["pull_N"] = wrench[:3].tolist() if pulls else None
+        row["load"] = pull_words(row.pull_N) if pulls else f"{row.load_kg:g} kg"
+    return found
+
+
+def _tasks(made: Planned, plan: Plan, moved: Array) -> list[Row]:
+    tasks, vjm = plan.specification.tasks, made.cell.vjm
+    wrench, point = (np.broadcast_to(x, (len(tasks.q), x.shape[-1])) for x in vars(tasks.load).values())
+    at = tasks.q, chain(vjm, tasks.q).position
+    return [
+        Row(
+            row,
+            task=k + 1,
+            force_N=wrench[k, :3].tolist(),
+            moment_Nm=wrench[k, 3:].tolist(),
+            point_m=point[k].tolist(),
+        )
+        for k, row in enumerate(_poses(vjm.arm, at, made.forecast, ("deflection", moved)))
+    ]
+
+
+def _directions(plan: Plan, influence: PriorInfluence) -> Row:
+    """Unknowns, what loads can show of them, and what rests on the prior."""
+    spec, problem = plan.specification, plan.examined.problem
+    believed = spec.uncertainty is not None
+    return Row(
+        unknowns=spec.experiment.metric.structure.n,
+        shown=problem.r,
+        at_most=seen_at_most(spec, problem),
+        seen=observability(problem, plan.chosen).seen,
+        outweighed=influence.outweighed if believed else problem.r,
+        hidden_mm=MM * math.sqrt(influence.hidden),
+        prior_share_percent=100 * influence.prior_share if believed else 0.0,
+    )
+
+
+def _count(
+    poses: int, best: float | None, middle: float | None, low: float | None, high: float | None
+) -> Row:
+    """Errors of other plans of so many poses: of the greedy one, of random ones median and tenths [mm]."""
+    return Row(
+        poses=poses,
+        greedy_mm=best,
+        random_median_mm=middle,
+        random_p10_mm=low,
+        random_p90_mm=high,
+    )
+
+
+def _advice(greedy: Array) -> Row:
+    """Fewest poses that reach the target, and from where on more always bring little.
+
+    Args:
+        greedy: Errors at the tasks with 1, 2, ... poses, each the best next one, [mm].
+    """
+    reached = np.flatnonzero(greedy <= TARGET)
+    ahead = np.r_[greedy[MORE:], np.full(MORE, np.inf)]
+    with np.errstate(invalid="ignore"):
+        pays = np.isinf(greedy) | (ahead <= (1 - LITTLE) * greedy)
+    judged = len(greedy) - MORE
+    last = np.flatnonzero(pays[:judged])
+    enough = int(last[-1]) + 2 if len(last) else 1
+    return Row(
+        target_mm=TARGET,
+        fewest=int(reached[0]) + 1 if len(reached) else None,
+        examined_up_to=len(greedy),
+        more=MORE,
+        little_percent=100 * LITTLE,
+        enough=enough if enough <= judged else None,
+    )
+
+
+def _percentile(errors: Array, percent: float) -> float | None:
+    """A percentile of errors [m] of which some may be infinite, [mm]."""
+    return _finite(MM * float(np.percentile(errors, percent, method="lower")))
+
+
+def _finite(value: float) -> float | None:
+    """The number, None where it has no bound."""
+    return float(value) if math.isfinite(value) else None
+
+
+def _absolute(made: AbsolutePlanned) -> Row:
+    """What only a plan of absolute readings has."""
+    arm, union, plan, q, asked = made.cell.arm, made.union, made.plan, made.q, made.settings.poses
+    criterion, error = _judge(made)
+    rng, problem = stream(made.settings.seed, 3), plan.examined.problem
+    middle, low, _ = _random(made, error, asked, rng)
+    counts = sorted({asked, *(count for count in COUNTS if count <= max(2 * asked, COUNTS[1]))})
+    order = greedy(problem, criterion, problem.rows, counts[-1])
+    at = places_at(arm, q, tool_pose(made.cell.vjm, q)[0], absolute.sag(union, q))
+    return Row(
+        model=union.unknowns.structure.name,
+        prior=cad_prior(arm).name,
+        targets=list(union.pose.markers),
+        unknowns=_counts(made),
+        beyond_mm=MM * float(np.sqrt(np.square(absolute.joint_rest(union, q)).mean())),
+        random_plans=Row(plans=CHANCE, median_mm=middle, best_tenth_mm=low),
+        plan=_measured(made, ("sag", absolute.sag(union, plan.q))),
+        hidden=list(left_open(union, plan.q)),
+        curve=[_count(k, error(order[:k]), *_random(made, error, k, rng)) for k in counts],
+        map=error_places(at, {CALIBRATED: bounded_mm(made.forecast.error)}, means=POSITION),
+    )
+
+
+def _counts(made: AbsolutePlanned) -> Row:
+    """How many unknowns there are of each kind, and how many directions so many poses can see."""
+    found = Row()
+    for (name, start), (_, end) in pairwise(made.union.unknowns.starts.items()):
+        kind = name.split()[0]
+        found[kind] = found.get(kind, 0) + end - start
+    return Row(found, seen=made.plan.examined.problem.r)
+
+
+def _judge(made: AbsolutePlanned) -> tuple[Linear, Callable[[Ids], float]]:
+    """Criterion I; and the RMS error over the workspace after some candidates were read [mm]."""
+    problem, wanted = made.plan.examined.problem, made.wanted
+    hidden = max(0.0, float(np.trace(mean_square(wanted) @ problem.hidden)))  # no such plan sees it
+    criterion = Linear("I", mean_square(wanted @ problem.lift))
+    return (
+        criterion,
+        lambda plan: MM * math.sqrt(hidden + 1 / criterion.information(information(problem, plan))),
+    )
+
+
+def _random(
+    made: AbsolutePlanned, error: Callable[[Ids], float], poses: int, rng: np.random.Generator
+) -> list[float]:
+    """Errors of random plans of the drawn candidates: median, best and worst tenth [mm]."""
+    drawn = len(made.found.q)
+    plans = [rng.choice(drawn, poses, replace=drawn < poses) for _ in range(CHANCE)]
+    return [float(x) for x in np.percentile([error(plan) for plan in plans], [50, 10, 90])]
