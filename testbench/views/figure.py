@@ -306,7 +306,7 @@ def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
         reading: The same.
     """
     rows, (down, name, value) = (table := next(iter(panes.values()))).rows, table.columns
-    places, known = list(dict.fromkeys(down.cell(row) for row in rows)), looks(rows, name)
+    places, known = list(dict.fromkeys(down.cell(row) for row in rows)), table.looks or looks(rows, name)
     figure = page(2.4 + 0.6 * len(places))
     part = body(figure)
     sides = part.subplots(1, len(panes), sharey=True, squeeze=False)[0]
