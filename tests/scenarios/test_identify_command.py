@@ -155,7 +155,7 @@ def test_the_recording_has_what_is_left_in_each_run_worst_first_and_the_map(made
     assert left == sorted(left, reverse=True)
     assert left[0] == pytest.approx(max(row["taken_mm"] for row in report["residuals"]), rel=1e-6)
     assert len(left) == len(report["residuals"])
-    balls = columns(chunks, f"/world/map/{snake(report['recommended'])}")["Points3D:positions"][0]
+    balls = columns(chunks, f"/world/map/{snake(report['recommended'])}/field")["Points3D:positions"][0]
     assert len(balls) == 200
 
 
