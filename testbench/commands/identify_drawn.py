@@ -15,11 +15,18 @@ from testbench.model.vjm import chain, generalised_load
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.table import Row, find
 from testbench.views.colours import MEASURED, NOMINAL, look
-from testbench.views.magnified import arrow_scale
-from testbench.views.page.charts import Line, PlaceMap, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
-from testbench.views.picked import of_all, picked
+from testbench.views.scene import (
+    Layer,
+    Line,
+    PlaceMap,
+    Poses,
+    RunChart,
+    Scene,
+    Seen,
+    arrow_scale,
+    of_all,
+    picked,
+)
 
 MOVED, LEFT = 0.12, 0.2  #: Length of most arrows of deflections and of errors over the reach [1].
 LEFT_MM = "What is left in each run, at the target where it is worst (mm)"

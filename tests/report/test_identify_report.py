@@ -9,8 +9,8 @@ import reports
 from testbench.commands.identify import printed, report
 from testbench.report.table import Row
 from testbench.views.colours import look
-from testbench.views.page.page import Seen
 from testbench.views.run_figure import overview
+from testbench.views.scene import Seen
 
 MODELS = {
     "Joints": ("Joints", "none", False),

@@ -24,9 +24,9 @@ from testbench.bench.plan_input import read_masses
 from testbench.cli.arguments import mass
 from testbench.cli.program import COMMANDS, program
 from testbench.data.csvfile import write_csv
-from testbench.views.page.page import Seen
 from testbench.views.recording.run import write_run
 from testbench.views.recording.stream import Header
+from testbench.views.scene import Seen
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"
