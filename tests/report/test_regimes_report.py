@@ -12,7 +12,7 @@ from testbench.bench.rows import DatasetRow
 from testbench.studies.regimes.study import FREE, KINDS, STUDY, costs, figures, pays, report
 from testbench.studies.regimes.trial import FULL_POSE, GRAVITY, PRIORS, CellRow, Settings
 from testbench.trials.spread import Spread
-from testbench.views import ratio_maps
+from testbench.views import ratio_figure
 
 SEEDS = range(3, 6)
 SETTINGS = Settings(
@@ -189,6 +189,6 @@ def test_the_figure_draws_medians_hatches_what_is_open_and_frames_what_beats_joi
         assert [t.get_text() for t in axes.get_yticklabels()] == [f"{count}" for count in poses]
         assert (unit_in(axes.get_xlabel()), axes.get_ylabel()) == ("um", "poses")
         assert structure in axes.get_title()
-    green, brown = (ratio_maps.COLOURS(ratio_maps.SCALE(ratio)) for ratio in (0.2, 5.0))
+    green, brown = (ratio_figure.COLOURS(ratio_figure.SCALE(ratio)) for ratio in (0.2, 5.0))
     assert green[1] > green[0]
     assert brown[0] > brown[1]

@@ -22,7 +22,7 @@ from testbench.trials.gain import gained
 from testbench.trials.spread import SAME, Number, Spread, ends, middle, most_trials, span
 from testbench.views.figure import Figure
 from testbench.views.markdown import Markdown, capital, counted
-from testbench.views.ratio_maps import maps
+from testbench.views.ratio_figure import maps
 from testbench.views.schema import Table, pivot
 
 KINDS = {"gravity": "a weight, three markers", "full_pose": "six wrenches, full pose"}
