@@ -1,69 +1,59 @@
-"""Recordings: time and size of a calibration of two hundred runs and two hundred places."""
+"""Recordings: time and size of one of two hundred runs and two hundred places."""
 
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 from measure import MODELS, Row, at_most, interleave, spread
 
-from testbench.bench.campaign import Scenario, build_cell, simulate
-from testbench.bench.error_places import error_places, kept_mm, places_of
-from testbench.bench.judged import Result, identify
-from testbench.bench.models import named_models
-from testbench.bench.rows import FitRow, fit_row
-from testbench.model.poses import WorkArea
-from testbench.views.recording.calibration import write_calibration
-from testbench.views.recording.drawing import Calibration
+from testbench.bench.campaign import Cell, build_cell, clear_poses
+from testbench.plant.shapes import elastic_frames, origins, rigid_frames
+from testbench.report.report import Report
+from testbench.views.colours import MEASURED, look
+from testbench.views.markdown import Markdown
+from testbench.views.recording.run import write_run
 from testbench.views.recording.stream import Header
-from testbench.views.schema import Column, Table
+from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen
 
-POSES, CHECK_POSES, PLACES = 140, 60, 200
-REPEATS = 5
+RUNS, REPEATS = 200, 5
 MEBIBYTE = 2**20
-ANYWHERE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
+SAID = Markdown("It is written.")
+LOOKS = {name: look(name, "psd" if "GCO" in name else "none") for name in ("MLS32", "MGCO56", "Joints")}
 
 
-def _row(result: Result) -> FitRow:
-    return fit_row(result.model.name, result.estimate, result.seconds)
+def _poses(cell: Cell, name: str, rng: np.random.Generator) -> Poses:
+    """Poses with a ghost, markers and an arrow a model and marker."""
+    q = clear_poses(cell, None, RUNS, rng)
+    theta = 0.01 * rng.standard_normal((RUNS, cell.arm.n_theta))
+    rigid, bent = rigid_frames(cell.room, q), elastic_frames(cell.plant, q, theta)
+    at = origins(cell.room, cell.arm.markers, bent)
+    arrows = [
+        Layer(model, own.colour, "arrows", at, at + rng.normal(scale=0.1, size=at.shape))
+        for model, own in LOOKS.items()
+    ]
+    names = [f"{name} {k}" for k in range(RUNS)]
+    words = [f"Joints at {cell.arm.words(own)}." for own in q]
+    return Poses(name, names, words, rigid, bent, [Layer("markers", MEASURED, "dots", at), *arrows])
 
 
 def logging_two_hundred_poses() -> list[Row]:
-    """Seconds and bytes of one recording: five models, three markers, every run in a pose of its own."""
-    cell = build_cell(MODELS / "kr500_l480")
-    scenario = Scenario(
-        arm="kr500_l480",
-        station=ANYWHERE,
-        identification_poses=POSES,
-        check_poses=CHECK_POSES,
-        identification_runs=POSES,
-        check_runs=CHECK_POSES,
-        workspace_poses=PLACES,
+    """Seconds and bytes of one recording: three models and markers, every run in a pose of its own."""
+    cell, rng = build_cell(MODELS / "kr500_l480"), np.random.default_rng(1)
+    groups = [_poses(cell, name, rng) for name in ("Places", "Runs")]
+    lines = [Line(name, own, rng.random(RUNS)) for name, own in LOOKS.items()]
+    seen = Seen(
+        Scene(cell, "Deflections x 50.", groups),
+        PlaceMap("Error (mm)", 0, groups[0].rigid.positions[:, -1], lines),
+        [RunChart("Left (mm)", 1, groups[1].names, lines)],
     )
-    campaign = simulate(cell, scenario, 1)
-    results = identify(cell, campaign, named_models(cell), time.perf_counter)
-    errors = {result.model.name: kept_mm(result.places) for result in results}
-    about = Calibration(
-        header=Header("recordings", scenario.model_dump_json(), 1),
-        summary="",
-        notes="",
-        errors=Table((Column("name", "model"), Column("f_m", "F_M")), rows := [_row(r) for r in results]),
-        models=rows,
-        best=3,
-        shown=(0, 3),
-        map=error_places(places_of(cell, campaign.truth), errors, ("MLS32", "MGCO56")),
-        magnification=50,
-    )
+    words, header = Report("recordings", SAID, SAID, SAID, {}, {}, []), Header("recordings", "{}", 1)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "recording.rrd"
-        [times] = interleave(REPEATS, lambda: write_calibration(path, about, cell, campaign, results))
+        [times] = interleave(REPEATS, lambda: write_run(path, header, words, seen, {}))
         size = path.stat().st_size / MEBIBYTE
-    what = (
-        f"{POSES + CHECK_POSES} runs, {PLACES} places, {len(results)} models, {len(cell.arm.markers)} markers"
-    )
+    what = f"{RUNS} runs, {RUNS} places, {len(LOOKS)} models, {len(cell.arm.markers)} markers"
+    seconds = f"{spread(times, digits=2)} s: {what}"
     return [
-        at_most(
-            "(e) logging a calibration", np.median(times), "s", 1, f"{spread(times, digits=2)} s: {what}"
-        ),
+        at_most("(e) logging a calibration", np.median(times), "s", 1, seconds),
         at_most("(e) its file", size, "MiB", 2, what),
     ]

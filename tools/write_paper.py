@@ -2,7 +2,8 @@
 
 python tools/write_paper.py [RUNS] [--out FILE]
 
-The template is jinja2's; under a study's name it finds its `report`, its `tables` and its `words`.
+The template is jinja2's; under a study's name it finds its `report`, its `tables` and its `words`,
+under `printed` what the printed matrices of section 5.1 tell.
 """
 
 import sys
@@ -11,12 +12,16 @@ from typing import Annotated
 
 import typer
 from jinja2 import TemplateError
+from printed_matrices import least_cost, printed_matrices, tables
 
+from testbench.arm.catalogue import find_arm
+from testbench.bench.campaign import build_cell
 from testbench.errors import InputError
 from testbench.report.report import read_report
 from testbench.shell import command
 from testbench.studies.gravity_calibration.study import STUDY as GRAVITY_CALIBRATION
 from testbench.studies.loaded_stiffness.study import STUDY as LOADED_STIFFNESS
+from testbench.studies.single_link import trial
 from testbench.studies.single_link.study import STUDY as SINGLE_LINK
 from testbench.studies.six_dof_arm.study import STUDY as SIX_DOF_ARM
 from testbench.studies.solver_comparison.study import STUDY as SOLVER_COMPARISON
@@ -46,7 +51,7 @@ def main(
     reports = {study.name: read_report(runs / study.name / "report.json") for study in STUDIES}
     found = {k: {"report": own.numbers, "tables": own.tables, "words": own} for k, own in reports.items()}
     try:
-        page = Words(TEMPLATE.parent, found, TEMPLATE.name).whole()
+        page = Words(TEMPLATE.parent, found | {"printed": printed()}, TEMPLATE.name).whole()
     except TemplateError as err:
         raise InputError(TEMPLATE, "", str(err)) from err
     try:
@@ -54,6 +59,13 @@ def main(
     except OSError as err:
         raise InputError(out, "", f"cannot be written: {err.strerror}") from err
     print(out)
+
+
+def printed(seed: int = 1000) -> dict[str, object]:
+    """Tables of what the printed matrices of section 5.1 tell, under the check loads of a seed."""
+    cell, asked = build_cell(find_arm(trial.NAME)), trial.Settings()
+    numbers = printed_matrices(cell, asked, trial.measure(cell, asked, seed).truth)
+    return {"tables": tables(numbers), "claim": least_cost(numbers)}
 
 
 if __name__ == "__main__":

@@ -3,22 +3,22 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from testbench import files
 from testbench.arm.folder import Arm
-from testbench.bench.absolute_document import CalibrationDocument, ErrorsRow, FrameRow, MountRow, NoiseRow
-from testbench.bench.model_document import AboutRow, Document, Rows, about_of, loaded_by, weights_row
+from testbench.bench.model_document import CalibrationDocument, Document, Rows
 from testbench.bench.model_folder import (
     Kind,
+    about_of,
+    about_said,
     copy_arm,
     numbers_of,
     read_arm,
     read_arrays,
     read_document,
     weights_of,
+    weights_said,
     write_parts,
 )
 from testbench.correct.arm_model import About
@@ -33,8 +33,9 @@ from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.model.joint_errors import JointErrors
 from testbench.model.kinematics import build_vjm
-from testbench.model.load import Load
+from testbench.model.load import Load, resultant
 from testbench.model.structure import all153, joints_only
+from testbench.model.vjm import tool_pose
 from testbench.output.replace import reading
 
 CALIBRATION = Kind("absolute calibration", range(1, 3), 2, CalibrationDocument, "testbench calibrate")
@@ -59,11 +60,50 @@ def write_model(
     Raises:
         InputError: When a file of the arm cannot be copied.
     """
-    belief, digests = belief_of(calibration), copy_arm(calibration.state.vjm.arm, folder)
-    document = _document(calibration, belief, digests, _about_row(calibration, data, doubts))
-    elastic = belief.own.elastic
+    state, own, noise = calibration.state, calibration.own, calibration.noise
+    belief, elastic, errors = belief_of(calibration), own.elastic, state.errors
+    kept = [step.name for step in calibration.chosen.steps if step.kept]
+    vjm = own.unknowns.vjm
+    loads = [resultant(tool_pose(vjm, s.q)[1], [Load(s.wrench, s.point)]) for s in calibration.series]
+    method = f"absolute calibration: {', '.join(['geometry', *kept])}"
+    joints = elastic is not None and elastic.structure.n == vjm.arm.n_joints
+    said = {
+        "arm": vjm.arm.name,
+        "digests": copy_arm(vjm.arm, folder),
+        "compliances": "none" if elastic is None else "joints" if joints else "links",
+        "theta_0": state.theta_0.tolist(),
+        "C_theta": state.C_theta.tolist(),
+        "errors": {
+            "orders": list(errors.orders),
+            "ratio": errors.ratio,
+            "play": errors.play,
+            "stiffening": errors.stiffening,
+            "coefficients": state.n.tolist(),
+            "torque_scale": state.torque_scale.tolist(),
+        },
+        "weights": weights_said(state.weights),
+        "noise": {
+            "open_position_m": float(noise.open_position),
+            "open_rotation_rad": float(noise.open_rotation),
+            "factor": noise.factor.tolist(),
+        },
+        "columns": belief.columns.tolist(),
+        "frames": {
+            name: {"rotation": one.rotation.tolist(), "translation_m": one.translation.tolist()}
+            for name, one in state.frames.items()
+        },
+        "mounts": {
+            name: {
+                "markers": list(one.markers),
+                "points_m": one.points.tolist(),
+                "rotation": one.rotation.tolist(),
+            }
+            for name, one in state.mounts.items()
+        },
+        "about": about_said(method, data, doubts, loads),
+    }
     L = np.zeros((0, 0)) if elastic is None else elastic.L
-    write_parts(document, folder, root=belief.root, L=L)
+    write_parts(CALIBRATION, said, folder, root=belief.root, L=L)
 
 
 def belief_of(calibration: Calibration) -> Belief:
@@ -79,69 +119,6 @@ def belief_of(calibration: Calibration) -> Belief:
     return Belief(
         Choice(unknowns, columns, own.elastic), calibration.root[frames:, frames:], calibration.noise
     )
-
-
-def _about_row(calibration: Calibration, data: Mapping[str, str], doubts: Sequence[str]) -> AboutRow:
-    kept = [step.name for step in calibration.chosen.steps if step.kept]
-    loads = [
-        loaded_by(calibration.own.unknowns.vjm, s.q, Load(s.wrench, s.point)) for s in calibration.series
-    ]
-    force, moment = map(max, zip(*loads, strict=True))
-    return AboutRow(
-        method=f"absolute calibration: {', '.join(['geometry', *kept])}",
-        data=dict(data),
-        doubts=list(doubts),
-        force_N=force,
-        moment_Nm=moment,
-        versions=files.versions(),
-    )
-
-
-def _document(
-    calibration: Calibration, belief: Belief, digests: dict[str, str], about: AboutRow
-) -> CalibrationDocument:
-    state, own = calibration.state, calibration.own
-    rigid: Literal["none"] = "none"
-    kind = rigid if own.elastic is None else _kind(own.elastic.structure.n == state.vjm.arm.n_joints)
-    return CalibrationDocument(
-        format=2,
-        kind="absolute calibration",
-        arm=state.vjm.arm.name,
-        digests=digests,
-        compliances=kind,
-        theta_0=state.theta_0.tolist(),
-        C_theta=state.C_theta.tolist(),
-        errors=ErrorsRow(
-            orders=list(state.errors.orders),
-            ratio=state.errors.ratio,
-            play=state.errors.play,
-            stiffening=state.errors.stiffening,
-            coefficients=state.n.tolist(),
-            torque_scale=state.torque_scale.tolist(),
-        ),
-        weights=weights_row(state.weights),
-        noise=NoiseRow(
-            open_position_m=float(calibration.noise.open_position),
-            open_rotation_rad=float(calibration.noise.open_rotation),
-            factor=calibration.noise.factor.tolist(),
-        ),
-        columns=belief.columns.tolist(),
-        frames={
-            name: FrameRow(rotation=one.rotation.tolist(), translation_m=one.translation.tolist())
-            for name, one in state.frames.items()
-        },
-        mounts={
-            name: MountRow(
-                markers=list(one.markers), points_m=one.points.tolist(), rotation=one.rotation.tolist()
-            )
-            for name, one in state.mounts.items()
-        },
-        about=about,
-    )
-
-
-def _kind(joints: bool) -> Literal["joints", "links"]:
-    return "joints" if joints else "links"
 
 
 def read_model(folder: Path) -> tuple[State, Belief]:

@@ -1,16 +1,11 @@
-"""What every model.json says, whatever the kind of model: typed rows, the unit in the name."""
+"""What model.json says, of either kind of model: typed rows of what is read back, the unit in the name."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
-import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field, JsonValue
+from pydantic_core import PydanticCustomError
 
 from testbench.arm.document import Strict
-from testbench.correct.arm_model import About
-from testbench.errors import Array
-from testbench.model.load import Load, resultant
-from testbench.model.vjm import Vjm, tool_pose
-from testbench.model.weights import Weights
 
 LARGEST = 1e12  #: Of a model's numbers, whatever the unit: squares of products of them are finite.
 LONGEST, NAME = 20_000, 255
@@ -24,6 +19,15 @@ Numbers = Annotated[list[Number], Field(max_length=MOST)]
 Rows = Annotated[list[Numbers], Field(max_length=MOST)]
 Texts = Annotated[list[str], Field(max_length=MOST_TEXTS)]
 Size = Annotated[float, Field(ge=0, le=LARGEST)]
+Few = Annotated[int, Field(ge=0, le=10_000)]
+Free = dict[str, JsonValue]  #: For people: nothing is computed from it.
+LEAST = 1e-30  #: Of what is divided by, besides zero, which says that there is none.
+
+
+def _divides(scale: float) -> float:
+    if 0 < scale < LEAST:
+        raise PydanticCustomError("scale", "Input should be 0 or at least {least}", {"least": LEAST})
+    return scale
 
 
 class Row(Strict):
@@ -69,22 +73,101 @@ class Document(Row):
     digests: dict[str, str]
     weights: WeightsRow
     posterior: str | None = None  #: SHA-256 of posterior.npz.
-    checksum: str | None = None  #: Of all the rest, see `bench.model_seal`.
+    checksum: str | None = None  #: Of all the rest, see `model_folder.sealed`.
 
 
-def weights_row(weights: Weights) -> WeightsRow:
-    """Masses and centres as a row."""
-    return WeightsRow(mass_kg=weights.mass.tolist(), centre_m=weights.centre.tolist())
+class Entry(Row):
+    """An entry of C_theta, and of its mirror where the structure is symmetric [m/N, rad/(N m), rad/N]."""
+
+    row: str  #: Link and axis, such as link_2.phi_x, or a joint.
+    column: str
+    value: Number
 
 
-def loaded_by(vjm: Vjm, q: Array, load: Load) -> tuple[float, float]:
-    """Largest force [N] and largest moment about the tool's origin [N m] over some poses, (poses, n)."""
-    total = resultant(tool_pose(vjm, q)[1], [load])
-    return float(np.linalg.norm(total[:, :3], axis=1).max()), float(
-        np.linalg.norm(total[:, 3:], axis=1).max()
-    )
+class StructureRow(Row):
+    """Which compliances were unknown, and what they are."""
+
+    name: str
+    symmetric: bool
+    entries: list[Entry]
 
 
-def about_of(row: AboutRow) -> About:
-    """Where a model comes from."""
-    return About(row.method, tuple(row.data), tuple(row.doubts), row.force_N, row.moment_Nm)
+class SpreadRow(Row):
+    """Of the distribution in posterior.npz."""
+
+    #: Of Student's distribution; null for the normal one.
+    degrees_of_freedom: Annotated[float, Field(gt=0, le=LARGEST)] | None
+    heavy_rows: Annotated[int, Field(ge=0)]  #: Last rows of root that are the prior's, of Student's.
+    pull: Size
+    on_boundary: bool
+
+
+class StiffnessDocument(Document):
+    """model.json of `testbench identify`; docs/formats.md says what `Free` parts hold."""
+
+    format: Literal[1]
+    kind: Literal["stiffness"]
+    name: str  #: Of the model, such as ALL153 + prior.
+    conservative: bool
+    structure: StructureRow
+    links: dict[str, Rows]  #: Compliance of every link in its beam frame.
+    #: Of every joint; null where it is counted in that of the link before it.
+    joints: dict[str, Number | None]
+    units: str  #: Of both.
+    prior: Free | None
+    runs: Free
+    certificate: Free
+    unseen: Free
+    spread: SpreadRow
+    notes: Texts
+    about: AboutRow
+
+
+class FrameRow(Row):
+    """The base in a tracker's frame."""
+
+    rotation: Rows
+    translation_m: Numbers
+
+
+class MountRow(Row):
+    """Targets on the tool, by name."""
+
+    markers: list[str]
+    points_m: Rows
+    rotation: Rows
+
+
+class ErrorsRow(Row):
+    """Errors of the joints, a row of coefficients a joint."""
+
+    orders: list[Few]
+    ratio: bool
+    play: bool
+    stiffening: bool
+    coefficients: Rows
+    torque_scale: list[Annotated[Size, AfterValidator(_divides)]]
+
+
+class NoiseRow(Row):
+    """How far readings scatter; factors of every kind of equations."""
+
+    open_position_m: Size
+    open_rotation_rad: Size
+    factor: list[Annotated[float, Field(gt=0, le=LARGEST)]]
+
+
+class CalibrationDocument(Document):
+    """model.json of `testbench calibrate`."""
+
+    format: Literal[1, 2]
+    kind: Literal["absolute calibration"]
+    compliances: Literal["none", "joints", "links"]
+    theta_0: Numbers
+    C_theta: Rows
+    errors: ErrorsRow
+    noise: NoiseRow
+    columns: list[Few]
+    frames: dict[str, FrameRow]
+    mounts: dict[str, MountRow]
+    about: AboutRow | None = None  #: Null in format 1.

@@ -1,10 +1,13 @@
 """The folder of a model of an arm: model.json and posterior.npz beside the files of the arm.
 
-What is common to all kinds of models: which files, whose arm, what is refused.
+What is common to all kinds of models: which files, whose arm, what is refused. Checksums find what changed
+since a model was written: they detect accidents, not forgery.
 """
 
 import contextlib
+import hashlib
 import io
+import json
 import shutil
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -22,8 +25,8 @@ from testbench.arm.document import Strict
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mesh import MAX_BYTES as MESH_BYTES
 from testbench.arm.mjcf import assets, read_mjcf
-from testbench.bench.model_document import Document, Head, WeightsRow
-from testbench.bench.model_seal import check_document, check_posterior, sealed
+from testbench.bench.model_document import AboutRow, Document, Head, WeightsRow
+from testbench.correct.arm_model import About
 from testbench.errors import Array, BenchError, InputError, check_array, open_file, read_bytes, read_text
 from testbench.model.weights import Weights
 
@@ -107,8 +110,32 @@ def read_document(folder: Path, kinds: Mapping[str, Kind]) -> Document:
         )
     found = _valid(kind.document, text, path)
     if found.format >= kind.sealed or found.checksum is not None:
-        check_document(path, text, found.checksum)
+        _check_sealed(path, text, found.checksum)
     return found
+
+
+def _check_sealed(path: Path, text: str, said: str | None) -> None:
+    """Refuse a model.json of another checksum than it says, or none."""
+    if said is None:
+        raise InputError(path, "checksum", "expected one, as this format has it")
+    try:
+        found = _checksum(json.loads(text))
+    except (ValueError, RecursionError) as err:
+        raise InputError(path, "", f"expected JSON that Python reads: {err}") from err
+    if found != said:
+        raise InputError(path, "checksum", "the file has changed since the model was written")
+
+
+def sealed(document: Mapping[str, object], posterior: bytes) -> dict[str, object]:
+    """What model.json is to hold, as plain data, with checksums of posterior.npz and of itself."""
+    whole = {**document, "posterior": hashlib.sha256(posterior).hexdigest()}
+    return {**whole, "checksum": _checksum(whole)}
+
+
+def _checksum(document: Mapping[str, object]) -> str:
+    """SHA-256 of a model.json as one line of JSON, keys sorted, without the checksum itself."""
+    own = {key: value for key, value in document.items() if key != "checksum"}
+    return hashlib.sha256(json.dumps(own, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def _valid(document: type[D], text: str, path: Path) -> D:
@@ -170,11 +197,32 @@ def check_arm(folder: Path, found: Document, arm: str | Path) -> None:
             raise InputError(folder, "", f"is a model of another arm, {found.arm} ({digests})")
 
 
-def write_parts(document: Document, folder: Path, **arrays: Array) -> None:
-    """Write posterior.npz of these arrays, and model.json with the checksums of both."""
+def write_parts(kind: Kind, said: Mapping[str, object], folder: Path, **arrays: Array) -> None:
+    """Write posterior.npz of these arrays, and what is said as model.json with the checksums of both."""
+    document = kind.document.model_validate({"format": kind.formats[-1], "kind": kind.name, **said})
     np.savez_compressed(folder / POSTERIOR, **arrays)  # type: ignore[arg-type]  # stubs: allow_pickle
     whole = sealed(document.model_dump(), (folder / POSTERIOR).read_bytes())
     files.write_json(whole, folder / DOCUMENT)
+
+
+def about_said(method: str, data: Mapping[str, str], doubts: Sequence[str], loads: Sequence[Array]) -> object:
+    """Where a model comes from, under which loads about the tool's origin, each (poses, 6) [N, N m]."""
+    force, moment = (
+        float(max(np.linalg.norm(own[:, k : k + 3], axis=1).max() for own in loads)) for k in (0, 3)
+    )
+    return {
+        "method": method,
+        "data": dict(data),
+        "doubts": list(doubts),
+        "force_N": force,
+        "moment_Nm": moment,
+        "versions": files.versions(),
+    }
+
+
+def about_of(row: AboutRow) -> About:
+    """The same of a model that was read."""
+    return About(row.method, tuple(row.data), tuple(row.doubts), row.force_N, row.moment_Nm)
 
 
 def read_arrays(folder: Path, found: Document, names: Sequence[str]) -> tuple[Array, ...]:
@@ -184,7 +232,8 @@ def read_arrays(folder: Path, found: Document, names: Sequence[str]) -> tuple[Ar
         InputError: When it has changed since it was written, is too large, or lacks one of them.
     """
     raw = read_bytes(path := folder / POSTERIOR, MAX_ROOT)
-    check_posterior(path, raw, found.posterior)
+    if found.posterior not in (None, hashlib.sha256(raw).hexdigest()):
+        raise InputError(path, "", "has changed since the model was written")
     try:
         with zipfile.ZipFile(io.BytesIO(raw)) as packed:
             size = sum(entry.file_size for entry in packed.infolist())
@@ -217,6 +266,11 @@ def _numbers(array: npt.NDArray[np.generic], name: str) -> Array:
     if np.abs(found).max(initial=0.0) > LARGEST_OF_ROOT:
         raise BenchError(f"{name}: expected numbers up to {LARGEST_OF_ROOT:g}")
     return found
+
+
+def weights_said(weights: Weights) -> object:
+    """Masses and centres of all bodies."""
+    return {"mass_kg": weights.mass.tolist(), "centre_m": weights.centre.tolist()}
 
 
 def weights_of(row: WeightsRow, arm: Arm) -> Weights:

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.bench.campaign import Cell
+from testbench.bench.campaign import Cell, clear_poses, stream
 from testbench.bench.predict_input import Asked, carried
-from testbench.bench.stiffness_map import StiffnessMap, stiffness_map
 from testbench.correct.arm_model import ArmModel
 from testbench.correct.beyond import Extent, extent
 from testbench.correct.predicted import Prediction, predict
@@ -14,6 +13,23 @@ from testbench.correct.stiffness import Stiffness, give_halves, stiffness
 from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.model.poses import WorkArea
+from testbench.model.vjm import tool_pose
+
+PLACES = 600  #: Poses over the workspace.
+FORCE = 1000.0  #: Of the map where neither a flag nor the arm's payload says one [N].
+
+
+@dataclass(frozen=True)
+class StiffnessMap:
+    """Poses all over the workspace, the softest first."""
+
+    force: float  #: [N].
+    q: Array  #: Joints, (places, n) [rad, m].
+    position: Array  #: Tool, (places, 3) [m].
+    worst: Array  #: How far the force moves the tool in the worst direction, (places,) [m].
+    direction: Array  #: That direction, unit vectors, (places, 3).
+    #: Half widths of how far it moves the tool along the principal axes, the softest first, (places, 3) [m].
+    half: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,5 +87,16 @@ def predicted(model: ArmModel, asked: Asked, wanted: Wanted) -> Predicted:
         stiffness=tool,
         give_half=give_halves(model, asked.q, tool, wanted.force),
         extent=extent(model, asked.q, asked.loads),
-        map=stiffness_map(model, cell, wanted.force, wanted.area),
+        map=_map(model, cell, wanted),
     )
+
+
+def _map(model: ArmModel, cell: Cell, wanted: Wanted) -> StiffnessMap:
+    """The compliance of Eq. (7) under own weight alone, times a force, at clear poses drawn at random."""
+    q = clear_poses(cell, wanted.area, PLACES, stream(0))
+    found = stiffness(model, q)
+    position, _ = tool_pose(model.vjm, q)
+    half = give_halves(model, q, found, wanted.force)
+    worst: Array = wanted.force * found.give[:, 0]
+    order = np.argsort(-worst, kind="stable")
+    return StiffnessMap(wanted.force, *(x[order] for x in (q, position, worst, found.softest, half)))

@@ -12,8 +12,7 @@ from testbench.bench.load_model import load_model
 from testbench.bench.payload import overloaded, payload_of
 from testbench.bench.plan_input import box
 from testbench.bench.predict_input import read_asked
-from testbench.bench.prediction import Wanted, predicted
-from testbench.bench.stiffness_map import FORCE
+from testbench.bench.prediction import FORCE, Wanted, predicted
 from testbench.cli.arguments import Load, MapFile
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
 from testbench.correct.arm_model import ArmModel

@@ -24,11 +24,9 @@ class Options:
     out: Annotated[
         Path | None, typer.Option(help="Picture to write, .png, .gif or .mp4; recording.png if not given.")
     ] = None
-    gif: Annotated[
-        bool, typer.Option("--gif", help="Moving along the timeline; the loading if there is one.")
-    ] = False
-    tab: Annotated[str | None, typer.Option(help="Tab in front, such as Errors.")] = None
-    timeline: Annotated[str | None, typer.Option(help="Active timeline, such as load.")] = None
+    gif: Annotated[bool, typer.Option("--gif", help="Moving along the timeline.")] = False
+    tab: Annotated[str | None, typer.Option(help="Tab in front, such as Tables.")] = None
+    timeline: Annotated[str | None, typer.Option(help="Active timeline, such as pose.")] = None
     at: Annotated[int | None, typer.Option(min=0, help="Place on the timeline; the first if not given.")] = (
         None
     )

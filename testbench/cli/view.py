@@ -14,7 +14,7 @@ from testbench.output.manifest import read_manifest
 from testbench.shell.options import takes
 from testbench.shell.serve import HERE, Server
 from testbench.views.recording import viewer
-from testbench.views.recording.web import opener, web_viewer
+from testbench.views.recording.viewer import opener, web_viewer
 from testbench.views.terminal import plain_console
 
 PAGE = "report.html"

@@ -68,6 +68,12 @@ def body_names(room: Room) -> list[str]:
     return [model.body(i).name or f"body_{i}" for i in range(model.nbody)]
 
 
+def origins(room: Room, names: Sequence[str], frames: "Frames") -> Array:
+    """Origins of named bodies, (rows, len(names), 3) [m]."""
+    known = body_names(room)
+    return np.asarray(frames.positions[:, [known.index(name) for name in names]])
+
+
 def visual_shapes(room: Room) -> list[Shape]:
     """The visual geoms of an arm; sticks from body to body where it has none."""
     model = room.model

@@ -15,10 +15,7 @@ from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.table import Row, Trials, nested
 from testbench.studies.study import AnyRun
 from testbench.views.colours import LOAD, MEASURED, Look, look
-from testbench.views.magnified import round_scale
-from testbench.views.page.charts import Line, PlaceMap, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
+from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen, round_scale
 
 ARROWS = 0.25  #: Length of an arrow longer than 95 % of all over the reach of the arm [1].
 FORCE = 0.2  #: Length of the arrow of the largest force over the reach [1].

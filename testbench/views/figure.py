@@ -3,7 +3,7 @@
 import math
 import textwrap
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -31,6 +31,7 @@ SMALL = 9.0  #: Least size of letters [pt].
 STEPS = {3: (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), 300: (1, 2, 5), math.inf: (1,)}
 """Ticks of a decade by how many times the least the greatest value is at most."""
 DECADES = 6  #: Most decades of an axis that have a tick each.
+FAR = 5.0  #: Times the least number from which an axis is logarithmic [1].
 TITLE, CAPTION = 92, 150  #: Letters of a line of the title and of the words below.
 
 
@@ -130,7 +131,7 @@ def dots(
     numbers = [value.text(middle(value.value(row))) for row in rows]
     axes.set_yticks(range(len(rows)), [f"{a}{b}" for a, b in zip(heads, numbers, strict=True)])
     axes.set_ylim(len(rows) - 0.5, -0.5)
-    axes.set_xlabel(_labelled(value))
+    axes.set_xlabel(labelled(value))
     quiet(axes)
 
 
@@ -241,98 +242,60 @@ def forest(
     return figure
 
 
-def curves(
-    table: Table, panes: Mapping[str, str], answer: str, reading: str, bands: Sequence[str] = ()
+def sweeps(
+    panes: Mapping[str, Table], answer: str, reading: str, bands: Sequence[str] | None = None
 ) -> Figure:
-    """Lines of a table's models over a swept quantity, a pane a column, on logarithmic ordinates.
-
-    Args:
-        table: Rows that are of models, see `schema.looks`; those of one name are one line over the second
-            column.
-        panes: Titles by the keys of the columns that are drawn.
-        answer: See `say`.
-        reading: The same.
-        bands: Names of the lines whose spread is drawn.
-    """
-    down = -(-len(panes) // 2)
-    figure, (name, x, *_) = page(0.8 + 3.6 * down), table.columns
-    columns = {column.key: column for column in table.columns}
-    part, known = body(figure), table.looks or looks(table.rows, name)
-    lines = {called: [row for row in table.rows if name.cell(row) == called] for called in known}
-    sides = part.subplots(down, 2, squeeze=False).flat
-    for axes, (key_, title) in zip(sides, panes.items(), strict=True):
-        for called, rows in lines.items():
-            if rows:
-                draw_line(axes, x, columns[key_], Line(rows, known[called], called, called in bands))
-        log_ticks(axes, "y", *axes.dataLim.intervaly)
-        axes.set(xlabel=x.title, ylabel=_labelled(columns[key_]))
-        axes.set_title(title, fontsize="medium")
-        quiet(axes)
-    key(part, axes.get_legend_handles_labels(), columns=7)
-    say(figure, answer, reading)
-    return figure
-
-
-def over(table: Table, answer: str, reading: str) -> Figure:
-    """Lines of a table's rows over a swept quantity, on logarithmic axes; spreads as bands.
-
-    Args:
-        table: Its columns name the line, sweep and are drawn; its looks are of the lines.
-        answer: See `say`.
-        reading: The same.
-    """
-    name, x, y = table.columns
-    figure, lines = page(5.8), dict.fromkeys(name.cell(row) for row in table.rows)
-    axes = figure.subplots()
-    for line in lines:
-        rows = [row for row in table.rows if name.cell(row) == line]
-        spread = any(isinstance(y.value(row), Spread) for row in rows)
-        draw_line(axes, x, y, Line(rows, table.looks[line], line, spread))
-    log_ticks(axes, "y", *axes.dataLim.intervaly)
-    log_ticks(axes, "x", *axes.dataLim.intervalx)
-    at = {middle(x.value(row)): x.cell(row) for row in table.rows}
-    axes.set_xticks(list(at), list(at.values()))
-    axes.set(xlabel=_labelled(x), ylabel=_labelled(y))
-    axes.grid(axis="y", color=SOFT, alpha=0.2)
-    axes.legend(edgecolor="none", framealpha=1)
-    quiet(axes)
-    say(figure, answer, reading)
-    return figure
-
-
-def _labelled(column: Column) -> str:
-    return f"{column.heading} [{column.unit}]" if column.unit else column.heading
-
-
-def sweeps(panes: Mapping[str, Table], answer: str, reading: str, bands: Sequence[str] = ()) -> Figure:
-    """Lines over swept quantities on logarithmic axes, a pane a table with a legend of its own.
+    """Lines over swept quantities on logarithmic ordinates, a pane a table; alike lines share one legend.
 
     Args:
         panes: By title; the columns of a table name the line, sweep and are drawn. Lines that are of models
             have their colours, others those that the table gives.
         answer: See `say`.
         reading: The same.
-        bands: Names of the lines whose spread is drawn.
+        bands: Names of the lines whose spread is drawn; None for all that have one.
     """
-    down = -(-len(panes) // 2)
-    figure = page(1.0 + 4.6 * down)
-    grid = figure.add_gridspec(down, 2)
-    for k, (title, table) in enumerate(panes.items()):
-        alone = k % 2 == 0 and k == len(panes) - 1
-        axes, (name, x, y) = figure.add_subplot(grid[k // 2, slice(None) if alone else k % 2]), table.columns
-        for line, look in (table.looks or looks(table.rows, name)).items():
-            rows = [row for row in table.rows if name.cell(row) == line]
-            draw_line(axes, x, y, Line(rows, look, line, line in bands))
-        log_ticks(axes, "y", *axes.dataLim.intervaly)
-        log_ticks(axes, "x", *axes.dataLim.intervalx)
-        at = {middle(x.value(row)): x.cell(row) for row in table.rows}
-        axes.set_xticks(list(at), list(at.values()))
-        axes.set(xlabel=_labelled(x), ylabel=_labelled(y))
+    across = min(2, len(panes))
+    down = -(-len(panes) // across)
+    known = [table.looks or looks(table.rows, table.columns[0]) for table in panes.values()]
+    shared = all(own == known[0] for own in known)
+    figure = page(1.6 + (3.9 if shared else 4.4) * down)
+    part = body(figure)
+    grid = part.add_gridspec(down, across)
+    for k, ((title, table), lines) in enumerate(zip(panes.items(), known, strict=True)):
+        alone = k % across == 0 and k == len(panes) - 1
+        axes = part.add_subplot(grid[k // across, slice(None) if alone else k % across])
+        _sweep(axes, table, lines, lines if bands is None else bands)
         axes.set_title(title, fontsize="medium")
-        axes.legend(frameon=False, fontsize=SMALL, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.14))
-        quiet(axes)
+        if not shared:
+            axes.legend(
+                frameon=False, fontsize=SMALL, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.14)
+            )
+    if shared:
+        key(part, part.axes[0].get_legend_handles_labels(), columns=7 if across == 2 else 4)
     say(figure, answer, reading)
     return figure
+
+
+def _sweep(axes: Axes, table: Table, lines: Mapping[str, Look], bands: Collection[str]) -> None:
+    """Lines of a table in one pane."""
+    name, x, y = table.columns
+    for line, look in lines.items():
+        rows = [row for row in table.rows if name.cell(row) == line]
+        if rows:
+            spread = line in bands and any(isinstance(y.value(row), Spread) for row in rows)
+            draw_line(axes, x, y, Line(rows, look, line, spread))
+    log_ticks(axes, "y", *axes.dataLim.intervaly)
+    at = {middle(x.value(row)): x.cell(row) for row in table.rows}
+    if max(at) > FAR * min(at) > 0:
+        log_ticks(axes, "x", *axes.dataLim.intervalx)
+    axes.set_xticks(list(at), list(at.values()))
+    axes.set(xlabel=labelled(x), ylabel=labelled(y))
+    quiet(axes)
+
+
+def labelled(column: Column) -> str:
+    """A quantity with its unit beside an axis."""
+    return f"{column.heading} [{column.unit}]" if column.unit else column.heading
 
 
 def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
@@ -344,7 +307,7 @@ def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
         reading: The same.
     """
     rows, (down, name, value) = (table := next(iter(panes.values()))).rows, table.columns
-    places, known = list(dict.fromkeys(down.cell(row) for row in rows)), looks(rows, name)
+    places, known = list(dict.fromkeys(down.cell(row) for row in rows)), table.looks or looks(rows, name)
     figure = page(2.4 + 0.6 * len(places))
     part = body(figure)
     sides = part.subplots(1, len(panes), sharey=True, squeeze=False)[0]
@@ -358,7 +321,7 @@ def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
             style = {"markerfacecolor": look.face, "markersize": look.size(5), "label": model}
             axes.plot(middles, y, look.mark, color=look.hex, **style)
         log_ticks(axes, "x", *axes.dataLim.intervalx)
-        axes.set(xlabel=_labelled(value))
+        axes.set(xlabel=labelled(value))
         axes.set_title(title, fontsize="medium")
         axes.grid(axis="y", alpha=0.2)
         quiet(axes)

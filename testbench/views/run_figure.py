@@ -12,11 +12,9 @@ from matplotlib.ticker import MaxNLocator
 
 from testbench.trials.spread import Spread, ends, middle
 from testbench.views.colours import hexadecimal
-from testbench.views.figure import SMALL, SOFT, Figure, dots, log_ticks, page, quiet, say, short
+from testbench.views.figure import FAR, SMALL, SOFT, Figure, dots, log_ticks, page, quiet, say, short
 from testbench.views.markdown import Told, as_plain
-from testbench.views.page.charts import RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses
+from testbench.views.scene import Layer, Poses, RunChart, Seen
 from testbench.views.schema import Column, Table, brackets, looks
 
 SIDES = {"from aside": (0, 2), "from above": (0, 1)}
@@ -29,7 +27,6 @@ BARS, NAMED = 40, 24  #: Poses up to which a chart has dots, and labels that an 
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
 FOREST, ROW, ROWS = 0.9, 0.27, 15
 """Height of a table of models without its rows, of a row [in]; rows at most."""
-FAR = 5.0  #: Times the least number from which the axis of the greatest is logarithmic [1].
 
 
 def overview(words: Told, seen: Seen) -> Figure:

@@ -4,17 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from printed_matrices import OWN, least_cost, printed_matrices, readings, tables
 
 from testbench.bench.full_pose import simulate
 from testbench.studies.paper import EQ_22, EQ_23
-from testbench.studies.single_link.judge import noise_scale, rank_beyond_noise
-from testbench.studies.single_link.printed import printed_matrices, readings
 from testbench.studies.single_link.trial import (
     GCO,
     LEAST_SQUARES,
     Settings,
     measure,
     models,
+    noise_scale,
+    rank_beyond_noise,
     trials,
     wrenches_within,
 )
@@ -95,6 +96,9 @@ def test_eq_22_differs_from_the_truth_as_noise_of_a_deflection_under_axis_loads(
     np.testing.assert_allclose(pin.position_rms_by_column_over_sigma, by_column, rtol=0, atol=0.005)
     assert pin.likelihood_ratio_deflection_to_reading > 2
     assert pin.random_loads_share_as_small < 0.03
+    facts = tables(printed)["facts"]
+    assert facts.rows[0].value == pin.position_rms_over_sigma
+    assert "share of random loads that give as little" in [row.what for row in facts.rows]
 
 
 def test_eq_22_has_a_negative_eigenvalue_and_eq_23_is_of_rank_4_within_its_rounding(printed):
@@ -110,7 +114,8 @@ def test_eq_22_is_the_papers_dataset_and_eq_23_is_not_its_optimum(single_link, p
     data = readings(single_link, STUDY.campaign, LOADS, LOADS @ np.array(EQ_22).T)
     C = estimates(single_link, data)[LEAST_SQUARES]
     np.testing.assert_allclose(C, EQ_22, rtol=0, atol=1e-15)
-    own = printed.eq_23_from_the_data_of_eq_22
+    own = printed[OWN]
+    assert least_cost(printed).verdict == "not confirmed"
     assert own.optimum_f_m + own.optimum_f_m_excess_bound < own.printed_f_m_within_rounding[0]
     distance = [row.rms_to_eq_23_over_sigma for row in own.order]
     assert int(np.argmin(distance)) + 1 == 4  # the order that the paper seems to have used

@@ -4,8 +4,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from testbench.views.recording.pen import Line, text_view
-from testbench.views.recording.stream import Header, layout, recording
+from testbench.views.colours import Look
+from testbench.views.recording.stream import Header, layout, recording, text_view
 
 ROWS = np.arange(3)
 RED = (200, 60, 20)
@@ -24,7 +24,7 @@ def written(path, *timelines):
             own.rows("world/arm", rr.Scalars.columns(scalars=ROWS))  # so both timelines are there
             if timeline in timelines:
                 own.rows("world/arm/link", rr.Transform3D.columns(translation=[[0, 0, 1]] * 3))
-                own.line(Line("chart/line", "line", RED), ROWS)
+                own.line("chart/line", "line", Look(RED, 0, prior=False), ROWS)
                 own.texts("text", ["A sentence that has letters enough to be read by somebody."] * 3)
     return path
 

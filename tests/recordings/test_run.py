@@ -1,15 +1,19 @@
 """Any run is recorded as its page draws it: places, ends, numbers, orders and words are the same."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import rerun as rr
 from made_up_run import REPORT, made_up_run
 from PIL import Image
-from read_back import chunks_of, columns, document, on, rerun, series, views
+from read_back import chunks_of, columns, document, on, rerun, series, sound, views
+from rerun.chunk import RrdReader
 
 from testbench.views.colours import SCALE
-from testbench.views.page.page import Seen
 from testbench.views.recording.run import write_run
 from testbench.views.recording.stream import Header
+from testbench.views.scene import Seen
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +55,7 @@ def test_the_file_is_one_whole_recording_and_equal_runs_are_equal(file, seen, tm
 def test_every_view_has_data_where_the_reader_lands(file, chunks):
     names = [name for _, _, name in views(file)]
     assert "Runs (m): Errors x 10." in names
-    assert "Left (mm), worst first" in names
+    assert {"Left (mm)", "Error (mm)"} <= set(names)
     for origin, kind, name in views(file):
         under = [c for c in on(chunks, "worst_first") if f"{c.entity_path}/".startswith(f"/{origin}/")]
         assert under, (origin, kind, name)
@@ -119,7 +123,7 @@ def test_words_say_which_pose_is_shown_and_what_colours_are(chunks):
 
 def test_a_map_has_a_ball_a_place_the_larger_and_brighter_the_more(chunks, seen):
     mm, known = seen.map.lines[0].values, np.isfinite(seen.map.lines[0].values)
-    data = columns(chunks, "/world/map/one")
+    data = columns(chunks, "/world/map/one/field")
     assert np.array(data["Points3D:positions"][0]) == pytest.approx(seen.map.at[known], abs=1e-6)
     radii = np.array(data["Points3D:radii"][0])
     assert (np.argsort(radii) == np.argsort(mm[known])).all()
@@ -128,6 +132,70 @@ def test_a_map_has_a_ball_a_place_the_larger_and_brighter_the_more(chunks, seen)
     assert colours[int(np.argmin(mm[known]))] == SCALE[0]
     labels = [text for row in columns(chunks, "/map_key_mm/number")["Points2D:labels"] for text in row]
     assert (labels[0], labels[-1]) == ("0.500 mm", "5.000 mm")
+    k = int(np.nanargmax(mm))
+    worst = columns(chunks, "/world/map/one/worst")
+    assert worst["Points3D:labels"] == [["worst 5.000 mm"]]
+    assert worst["Points3D:positions"][0][0][:2] == pytest.approx(seen.map.at[k, :2], abs=1e-6)
+    assert len(columns(chunks, "/world/map/one/none")["Ellipsoids3D:centers"][0]) == 1
+    x, y, z = seen.map.at[k]
+    assert f"- one: 5.000 mm, E, x {x:.2f}, y {y:.2f}, z {z:.2f} m" in document(chunks, "/map_words")
+    shown = series(chunks, "/charts/places/error_mm/one")
+    assert np.array(shown, float) == pytest.approx(mm, nan_ok=True)
+
+
+def test_lines_have_the_colour_of_their_model_and_a_cross_where_it_has_a_prior(chunks, seen):
+    shapes = {}
+    for line in seen.runs[0].lines:
+        data = columns(chunks, f"/charts/runs/left_mm/{line.name}")
+        for part in ("SeriesLines:colors", "SeriesPoints:colors"):
+            assert [c >> shift & 255 for c in data[part][0] for shift in (24, 16, 8)] == [*line.look.colour]
+        assert data["SeriesLines:names"] == [[line.name]]
+        shapes[line.name] = data["SeriesPoints:markers"][0][0]
+    assert (shapes["one"] == rr.components.MarkerShape.Cross.value) != (
+        shapes["other"] == rr.components.MarkerShape.Cross.value
+    )
+
+
+def test_a_map_without_an_arm_is_drawn_alone(seen, tmp_path):
+    write_run(tmp_path / "a.rrd", Header("made_up", "{}", 1), REPORT, Seen(map=seen.map), {})
+    chunks = sound(tmp_path / "a.rrd", "It is 3.000 mm off.")
+    assert "- one: 5.000 mm, place 5, " in document(chunks, "/map_words")
+
+
+def test_a_failure_half_way_leaves_the_earlier_file_whole(seen, tmp_path, monkeypatch):
+    path = tmp_path / "recording.rrd"
+    path.write_bytes(b"earlier")
+
+    def fail(*_, **__):
+        assert rr.strict_mode()
+        raise RuntimeError("half-way")
+
+    monkeypatch.setattr(rr.RecordingStream, "send_columns", fail)
+    with pytest.raises(RuntimeError, match="half-way"):
+        write_run(path, Header("made_up", "{}", 1), REPORT, seen, {})
+    assert path.read_bytes() == b"earlier"
+    assert list(tmp_path.iterdir()) == [path]
+    assert not rr.strict_mode()
+
+
+def test_runs_whose_views_differ_have_other_layouts(seen, tmp_path):
+    """Or the viewer would show one by the layout of the other."""
+    found = []
+    for name in ("a", "b"):
+        scene = replace(seen.scene, title=f"Errors x {name}.")
+        write_run(
+            tmp_path / f"{name}.rrd", Header("made_up", "{}", 1), REPORT, replace(seen, scene=scene), {}
+        )
+        (entry,) = RrdReader(tmp_path / f"{name}.rrd").recordings()
+        found.append(entry.application_id)
+    assert found[0] != found[1]
+
+
+def test_seed_scenario_and_versions_are_properties(chunks):
+    properties = columns(chunks, "/__properties/study")
+    assert (properties["seed"], properties["scenario"]) == ([[1]], [["made_up"]])
+    versions = columns(chunks, "/__properties/versions")
+    assert {"testbench", "mujoco", "pin", "rerun-sdk", "numpy"} <= set(versions)
 
 
 def test_a_run_without_a_scene_has_its_figures_and_tables(tmp_path):

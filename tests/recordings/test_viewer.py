@@ -1,19 +1,32 @@
-"""Opening and rendering recordings: which file, which program, what is said where something is missing."""
+"""Opening and rendering recordings: which file, which program, how a film plays, what is missing."""
 
 import contextlib
+import io
 import os
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from made_up_run import REPORT, made_up_run
 from PIL import Image
 
 from testbench.errors import BenchError, InputError
 from testbench.views.recording import headless, viewer
+from testbench.views.recording import shot as shots
 from testbench.views.recording.run import write_run
-from testbench.views.recording.shot import BARS, Sight, film, shot
+from testbench.views.recording.shot import (
+    BARS,
+    LARGEST,
+    LONGEST,
+    PLAYED,
+    REST,
+    Sight,
+    film,
+    shot,
+    write_film,
+)
 from testbench.views.recording.stream import Header
-from testbench.views.recording.web import web_viewer
+from testbench.views.recording.viewer import web_viewer
 
 
 @pytest.fixture
@@ -152,3 +165,89 @@ def test_half_a_recording_is_told_at_once_and_by_its_reason(folder, monkeypatch)
     (folder / "half.rrd").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(BenchError, match=r"half\.rrd: cannot be read: .*decode"):
         shot(folder / "half.rrd", folder / "picture.png", Sight(size="640x400"))
+
+
+# --- films
+
+
+def png(pixels):
+    data = io.BytesIO()
+    Image.fromarray(pixels).save(data, "PNG")
+    return data.getvalue()
+
+
+def steps(count):
+    """A bar that grows on grey, as PNGs."""
+    pictures = np.full((count, 60, 300, 3), 40, np.uint8)
+    for k in range(count):
+        pictures[k, 20:40, : 1 + k * 10] = (0, 158, 115)
+    return [png(picture) for picture in pictures]
+
+
+def test_a_film_shows_every_step_and_rests_at_both_ends(tmp_path):
+    write_film(tmp_path / "part", ".gif", steps(21))
+    shown, rests = [], []
+    with Image.open(tmp_path / "part") as gif:
+        assert gif.info["loop"] == 0
+        for k in range(gif.n_frames):
+            gif.seek(k)
+            rests.append(gif.info["duration"])
+            shown.append(int((np.asarray(gif.convert("RGB"))[30, :, 1] > 100).sum()))
+    assert shown == [1 + 10 * k for k in range(21)]
+    assert rests[0] == rests[-1] == REST
+    assert sum(rests[1:-1]) == pytest.approx(PLAYED, rel=0.1)
+    assert max(rests[1:-1]) <= LONGEST
+
+
+def test_a_large_film_shrinks_until_it_plays_at_once(tmp_path, rng):
+    noise = [png(rng.integers(0, 256, (320, 480, 3), dtype=np.uint8)) for _ in range(10)]
+    write_film(tmp_path / "part", ".gif", noise)
+    assert (tmp_path / "part").stat().st_size <= LARGEST
+    with Image.open(tmp_path / "part") as gif:
+        assert gif.n_frames == 10
+        assert gif.width / gif.height == pytest.approx(480 / 320, rel=0.01)
+
+
+def test_what_stays_large_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(shots, "LARGEST", 100)
+    with pytest.raises(BenchError, match="choose a smaller --size"):
+        write_film(tmp_path / "part", ".gif", steps(3))
+
+
+def ffmpeg(folder, monkeypatch, *lines):
+    """A program of that name, and no other program."""
+    program = folder / "ffmpeg"
+    program.write_text("\n".join(["#!/bin/sh", *lines]))
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{folder}:/usr/bin:/bin")
+
+
+def test_an_mp4_is_made_by_ffmpeg_of_all_pictures(tmp_path, monkeypatch):
+    ffmpeg(tmp_path, monkeypatch, "for last; do :; done", 'echo "$@" > "$last"')
+    write_film(tmp_path / "part", ".mp4", steps(21))
+    said = (tmp_path / "part").read_text()
+    assert "-f mp4" in said
+    assert said.split()[-1] == str(tmp_path / "part")
+
+
+def test_an_mp4_without_ffmpeg_or_with_one_that_fails_is_one_line(tmp_path, monkeypatch):
+    ffmpeg(tmp_path, monkeypatch, "echo no such codec >&2", "exit 3")
+    with pytest.raises(BenchError, match="exit code 3: no such codec"):
+        write_film(tmp_path / "part", ".mp4", steps(2))
+    monkeypatch.setenv("PATH", str(tmp_path / "empty"))
+    with pytest.raises(BenchError, match="needs the program ffmpeg"):
+        write_film(tmp_path / "part", ".mp4", steps(2))
+
+
+def test_a_film_goes_through_its_timeline_from_its_first_place(monkeypatch):
+    gone, picture = [], png(np.zeros((200, 10, 3), np.uint8))
+    for name, answer in {"hide_bars": None, "settled": picture, "still": picture}.items():
+        monkeypatch.setattr(headless, name, lambda *_, answer=answer: answer)
+    monkeypatch.setattr(headless, "places", lambda *_: ("pose", 3, 40))
+    monkeypatch.setattr(headless, "go", lambda _, timeline, at: gone.append((timeline, at)))
+    pictures = list(shots._frames(None, Sight()))
+    first, *steps = gone
+    assert first == steps[0] == ("pose", 3)
+    assert steps[-1] == ("pose", 40)
+    assert steps == sorted(steps)
+    assert len(pictures) == len(steps)

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_spread, curves, tables_of, unit_in
+from checks import check_spread, tables_of, unit_in
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.studies.solver_comparison.figure import LOOKS
-from testbench.studies.solver_comparison.report import figures, report
+from testbench.studies.solver_comparison.report import LOOKS, figures, report
 from testbench.studies.solver_comparison.trial import (
     ORDERS,
     Data,
@@ -19,6 +18,7 @@ from testbench.studies.solver_comparison.trial import (
     TrialRow,
     settings,
 )
+from testbench.trials.spread import ends, middle
 from testbench.views.colours import GCO
 from testbench.views.markdown import grid
 from testbench.views.schema import show
@@ -91,26 +91,23 @@ def test_who_is_above_whom_is_judged_by_f_m(least):
     assert f["met_up_to_the_certified_bound"] == (least != "a")
     assert f["largest_relative_excess_of_d_over_any"] == pytest.approx(0.0 if least == "d" else 0.2)
     assert ("never ends above" in found.answer) == (least != "a")
-    assert ("In 3 seeds (d) ends above another solver by up to" in found.claims[0]) == (least != "d")
-    middle = np.nanmedian(trials.where(key="a")["solver.ratio_to_conic"])
-    assert f"(a) takes {middle:.0f} times as long" in found.answer
+    assert ("In 3 seeds (d) ends up to " in found.claims[0]) == (least != "d")
+    times = np.nanmedian(trials.where(key="a")["solver.ratio_to_conic"])
+    assert f"(a) takes {times:.0f} times as long" in found.answer
     assert f"takes {show(1000 * rows['d'].seconds.median, '.3g')} ms" in found.answer
 
 
-def test_the_figure_draws_ways_and_ends_of_every_solver():
-    found, trials = made()
-    left, right = figures(found)["solver_comparison.png"].axes
-    assert unit_in(left.get_xlabel()) == "s"
-    steps = [line for line in left.get_lines() if line.get_drawstyle() == "steps-post"]
-    for row in found.numbers["solvers"]:
-        own, look = trials.where(key=row.key), LOOKS[row.key]
-        x, y = curves(left)[row.solver]
-        assert x.tolist() == own["solver.seconds"].tolist()
-        assert y.tolist() == [way[-1] for way in own["solver.way_gap"]]
-        way = np.column_stack([own["solver.way_seconds"][0], own["solver.way_gap"][0]])
-        [step] = [line for line in steps if np.array_equal(line.get_xydata()[:-1], way)]
-        assert step.get_color() == look.hex
+def test_the_figure_draws_time_and_bound_of_every_solver_in_its_colour():
+    found, _ = made()
+    rows = found.numbers["solvers"]
+    panes = {"seconds_to_1_percent": "s", "relative_excess_bound": None}
+    for axes, (key, unit) in zip(figures(found)["solver_comparison.png"].axes, panes.items(), strict=True):
+        assert unit is None or unit_in(axes.get_xlabel()) == unit
+        for y, row in enumerate(rows):
+            line, dot = [
+                own for own in axes.get_lines() if np.ravel(own.get_ydata()).tolist() in ([y], [y, y])
+            ]
+            assert tuple(line.get_xdata()) == ends(row[key])
+            assert np.ravel(dot.get_xdata())[0] == middle(row[key])
+            assert dot.get_color() == LOOKS[row.key].hex
     assert [key for key, look in LOOKS.items() if look.colour == GCO] == ["d"]
-    strips = [line for line in right.get_lines() if line.get_marker() == "."]
-    for strip, row in zip(strips, found.numbers["local_minima"].values(), strict=True):
-        assert strip.get_ydata() == pytest.approx(np.maximum(row.excess, 1e-10))

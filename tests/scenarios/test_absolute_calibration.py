@@ -1,10 +1,9 @@
 """The study of absolute calibration: a quick run, and what its rows and words are made of."""
 
-import numpy as np
 import pytest
 from run_here import app_of_study, check_files, check_refused, quick_study
 
-from testbench.studies.absolute_calibration.settings import ALL, CHOSEN, INCUMBENT, Options, settings
+from testbench.studies.absolute_calibration.settings import ALL, CHOSEN, Options, settings
 
 APP = app_of_study("absolute_calibration")
 quick, report, rows = quick_study(APP, "--seed", 304, "--seeds", 1)
@@ -14,11 +13,8 @@ def picked(rows, **fixed):
     return [row for row in rows if all(row[key] == value for key, value in fixed.items())]
 
 
-def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
+def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick, blank_panes):
     check_files(quick, "absolute_calibration.png")
-
-
-def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
     assert blank_panes(quick[0] / "recording.rrd") == []
 
 
@@ -26,26 +22,9 @@ def test_every_trial_has_the_rows_that_its_questions_need(rows, report):
     true = {row["true_arm"] for row in rows}
     assert true == {"real", "no joint errors", "rigid links", "kinder", "nastier"}
     assert {row["readings"] for row in rows} == {20}
-    assert {row["poses"]: row["campaign"] for row in rows} == {
-        20: "absolute alone",
-        15: "mixed",
-        10: "pairs alone",
-    }
-    assert report["arms"] == ["ur10"]
-    assert report["dataset"]["runs"] == 20
-
-
-def test_the_report_is_the_rows(rows, report):
-    [row] = picked(rows, true_arm="real", campaign="absolute alone", name=CHOSEN)
-    [own] = [model for model in report["models"] if model["name"] == CHOSEN]
-    assert own["error_mm"]["median"] == pytest.approx(row["error_mm"])
-    assert own["over_optimum"] == pytest.approx(row["error_mm"] / row["optimum_mm"])
-    assert own["inside"]["positions_percent"] == 100 * row["positions.inside"] / row["positions.of"]
-    [hidden] = [h for h in report["hiding"] if (h["true_arm"], h["name"]) == ("rigid links", INCUMBENT)]
-    [row] = picked(rows, true_arm="rigid links", name=INCUMBENT)
-    off = np.array(row["compliance_off"])
-    shown = hidden["bias_2_percent"], hidden["off_2_percent"]
-    assert shown == pytest.approx((100 * off[1], 100 * abs(off[1])))
+    poses = {row["campaign"]: row["poses"] for row in rows}
+    assert poses == {"absolute alone": 20, "mixed": 15, "pairs alone": 10}
+    assert (report["arms"], report["dataset"]["runs"]) == (["ur10"], 20)
 
 
 def test_noise_allows_less_than_any_model_leaves_that_lacks_an_error(rows):

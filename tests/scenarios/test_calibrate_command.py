@@ -20,7 +20,7 @@ from testbench.arm.folder import load_arm
 from testbench.bench import absolute_model
 from testbench.bench.absolute import read_all, score
 from testbench.bench.absolute_model import read_model
-from testbench.bench.model_seal import sealed
+from testbench.bench.model_folder import sealed
 from testbench.cli.program import program
 from testbench.errors import InputError
 from testbench.identify.absolute.posterior import Placed, predict, without

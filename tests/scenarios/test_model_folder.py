@@ -12,7 +12,7 @@ import testbench as tb
 from testbench.bench.campaign import Scenario, simulate
 from testbench.bench.default import with_priors
 from testbench.bench.fits import Runs, fit
-from testbench.bench.model_seal import sealed
+from testbench.bench.model_folder import sealed
 from testbench.bench.models import named_models
 from testbench.bench.stiffness_write import write_stiffness
 from testbench.cli.program import program

@@ -7,10 +7,9 @@ import pytest
 
 from testbench.bench.models import MODELS, named_models
 from testbench.model.structure import all153, template56
-from testbench.studies.identifiability.methods import WITH_PRIOR
+from testbench.studies.identifiability.fits import FILLINGS
 from testbench.views import colours
 from testbench.views.colours import CHOICE, SCALE, SERIES, look
-from testbench.views.recording.style import drawn
 
 APART = 0.05  #: Least distance of two models' colours in OKLab: a just noticeable one is 0.02.
 GROUNDS = ((252, 252, 252), (28, 28, 30))  #: A page, and a label in the dark viewer.
@@ -49,7 +48,7 @@ TOGETHER = (
             name, "none" if words[:2] == "LS" else "psd", words != "least trace", filling
         )
         for name in ("MGCO68", "ALL153")
-        for words, (filling, _) in WITH_PRIOR.items()
+        for words, filling in FILLINGS.items()
         if words != "GCO + prior"
     }
 )
@@ -80,11 +79,6 @@ def test_purple_is_load_and_nothing_else():
         _, red, yellow = oklab(colour)
         hue, chroma = np.degrees(np.arctan2(yellow, red)) % 360, np.hypot(red, yellow)
         assert (chroma > 0.04 and 290 < hue < 358) == (name == "LOAD"), (name, hue)
-
-
-def test_a_recording_has_the_colours_of_the_figures():
-    for own in TOGETHER.values():
-        assert drawn(own).colour == own.colour
 
 
 def test_one_model_has_one_colour_whatever_a_study_calls_its_structure():

@@ -7,8 +7,7 @@ import pytest
 
 from testbench.bench.error_places import Places, error_places
 from testbench.views.map_figure import error_map
-from testbench.views.scale import scale_for
-from testbench.views.worst import worst_rows
+from testbench.views.scene import scale_of
 
 COUNT = 30
 NAMES = ("MLS56", "MGCO56", "ALL153 + prior")
@@ -84,7 +83,7 @@ def test_places_without_a_bound_come_first_and_are_drawn_as_rings(at, errors):
 
 def test_the_figure_has_every_place_from_two_sides_in_one_scale_and_names_the_worst(at, errors):
     found = error_places(at, errors, NAMES)
-    figure, scale = error_map(found, "arm under 9 kg", [7, 8]), scale_for(found)
+    figure, scale = error_map(found, "arm under 9 kg", [7, 8]), scale_of(*map(found.errors, NAMES))
     assert scale.logarithmic  # the joints, far beyond, are not compared
     panes = figure.axes[: 2 * len(NAMES)]
     position = np.array(found.position_m)
@@ -125,21 +124,9 @@ def test_arms_that_move_in_a_plane_on_a_line_or_not_at_all_have_panes_too(at, er
         assert min(axes.get_position().size) > 0.01
 
 
-def test_rows_titles_and_the_scale_of_colours_are_of_the_errors_in_millimetres(at, errors):
-    """Typical is the RMS, greatest the largest; the key ends where the errors of the compared models do."""
-    found = error_places(at, errors, NAMES)
-    rows = {row.model: row for row in worst_rows(found)}
-    for name, own in errors.items():
-        own = np.array(own)
-        assert rows[name].typical_mm == pytest.approx(np.sqrt(np.mean(own**2)))
-        assert rows[name].worst_mm == own.max()
-        k = rows[name].place - 1  # on the timeline, from 1
-        assert found.error_mm[name][k] == own.max()
-        assert rows[name].where_m == ", ".join(f"{x:.2f}" for x in found.position_m[k])
-        assert abs(rows[name].typical_mm / own.max() - 1) > 0.02
-    figure = error_map(found, "an arm")
-    titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
-    assert titles == [f"{name}: RMS {rows[name].typical_mm:.3f} mm" for name in NAMES]
+def test_titles_and_the_scale_of_colours_are_of_the_errors_in_millimetres(at, errors):
+    """The key ends where the errors of the compared models do."""
+    figure = error_map(error_places(at, errors, NAMES), "an arm")
     bar = figure.axes[-1]
     assert bar.get_ylabel().endswith("[mm]") or "[mm," in bar.get_ylabel()
     drawn = np.concatenate([errors[name] for name in NAMES])

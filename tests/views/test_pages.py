@@ -14,7 +14,7 @@ from testbench.studies.loaded_stiffness.study import STUDY
 from testbench.views.markdown import grid
 
 ROOT = Path(__file__).resolve().parents[2]
-GENERATED = ("paper.md",)
+GENERATED = ("paper.md", "wrong_inputs.md")
 MEASURED = re.compile(r"\d\.\d+ (?:mm|um|ms|s|times)\b|\d us\b|\d\.\d+ ?%")
 """What a measured number looks like: decimals with a unit."""
 
@@ -35,11 +35,11 @@ def page(tmp_path, text):
 
 
 def test_a_mark_holds_the_words_and_tables_of_its_run_and_nothing_beside_it_changes(runs, tmp_path):
-    text = "Before 1.5 mm.\n\n<!-- from loaded_stiffness: title; tangent -->\nold\n<!-- end -->\n\nAfter.\n"
+    text = "Before 1.5 mm.\n\n<!-- from loaded_stiffness: title; rows -->\nold\n<!-- end -->\n\nAfter.\n"
     own = page(tmp_path, text)
     assert fill(own, runs, tmp_path / "none.json")
     found, report = own.read_text(), read_report(runs / STUDY.name / "report.json")
-    inside = f"{report.block('title')}\n\n{grid(report.tables['tangent'])}"
+    inside = f"{report.block('title')}\n\n{grid(report.tables['rows'])}"
     assert found == text.replace("old\n", f"{inside}\n\n")
     assert fill(own, runs, tmp_path / "none.json")
     assert own.read_text() == found  # once more changes nothing

@@ -17,90 +17,74 @@ from testbench.identify.absolute.fit import explain
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, find, number, paired
-from testbench.studies.absolute_calibration.figure import curves
-from testbench.studies.absolute_calibration.settings import (
-    ABSOLUTE,
-    ALL,
-    BY_POSES,
-    CAMPAIGN,
-    CHOSEN,
-    GEARS,
-    GEOMETRY,
-    HIDING,
-    INCUMBENT,
-    JOINTS_ONLY,
-    LINKS,
-    MIXED,
-    MODELS,
-    NAME,
-    NO_GEARS,
-    REAL,
-    TRUE_ARMS,
-    Settings,
-)
+from testbench.studies.absolute_calibration import settings as s
 from testbench.studies.absolute_calibration.trial import Asked, measure
 from testbench.studies.study import Run
-from testbench.trials.spread import spread
-from testbench.views.figure import Figure
+from testbench.trials.spread import span, spread
+from testbench.views import colours
+from testbench.views.colours import CHOICE, Look, look
+from testbench.views.figure import Figure, forest, sweeps
+from testbench.views.gains import beside
 from testbench.views.markdown import Markdown, counted
-from testbench.views.page.page import Seen
+from testbench.views.scene import Seen
 from testbench.views.schema import Table, pivot
 
+BY = ("arm", "true_arm", "campaign", "poses", "name")  #: What a row of the report is of.
 PARTS = ("positions", "geometry", "joint_errors", "joints", "entries")  #: Of what should lie in its interval.
 INSIDE = " ".join(f"inside.{part}_percent" for part in PARTS)
 BY_NUMBER = f"name arm poses trials error_mm over_optimum {INSIDE}"
-HIDDEN = (
-    "name arm true_arm error_mm bias_2_percent off_2_percent bias_3_percent off_3_percent geometry_off "
-    f"{INSIDE.rpartition(' ')[0]} gears_kept_percent links_kept_percent"
+CASES = (
+    "name arm true_arm campaign poses error_mm loaded_mm bias_2_percent off_2_percent bias_3_percent "
+    "off_3_percent geometry_off inside.joints_percent gears_kept_percent links_kept_percent"
 )
-CAMPAIGNS = "campaign arm poses readings name error_mm loaded_mm off_2_percent off_3_percent"
-READING = Markdown(
+OPTIMUM = "noise-only optimum"
+LOOKS = {
+    s.GEOMETRY: Look(colours.GREY, 0, prior=False),
+    s.INCUMBENT: Look(colours.JOINTS, 1, prior=False),
+    s.WITH_GEARS: Look(colours.JOINTS_PRIOR, 2, prior=False),
+    s.WITH_LINKS: look("ALL153", "psd", prior=True),
+    s.ALL_LS: Look(colours.LEAST_SQUARES, 3, prior=True),
+    s.ALL: Look(colours.GCO, 4, prior=True),
+    s.CHOSEN: CHOICE,
+    OPTIMUM: Look(colours.TASK, 0, prior=True),
+}
+OF_MODELS = Markdown(
     "![absolute_calibration](absolute_calibration.png)\n\n"
-    "A fit of everything has what the true arm has. What cross-validation chooses may lack the links: their "
-    "bending is then in the springs of the joints, whose intervals do not count it. The noise-only optimum "
-    "knows how large geometric errors, joint errors and noise are, which orders there are, and compliances "
-    "to 30 % of the truth."
+    "A fit of everything has what the true arm has. Cross-validation may drop the links: their bending is "
+    "then in the springs of the joints, whose intervals do not count it. The noise-only optimum knows how "
+    "large geometric errors, joint errors and noise are, which orders there are, and compliances to 30 % of "
+    "the truth. Inside: shares over all numbers of all trials; joint compliances with the link before. "
+    "Entries of C are inside less often: readings tell few of them, and the wrong prior fills the others."
 )
-OF_INTERVALS = Markdown(
-    "Inside: shares over all numbers of all trials. Joint errors: coefficients of the orders that the arm "
-    "has. Joint compliances: with the link before, about the joint's axis. Entries of C are inside less "
-    "often: readings tell few of them, and the prior that fills the others is wrong. Geometric errors that "
-    "readings cannot tell one from another have the interval of their learnt prior; they are counted."
-)
-OF_HIDING = Markdown(
+OF_CASES = Markdown(
     "c2, c3: compliance of joint 2 and 3 with the link before. Geometry off: RMS error along the "
-    "combinations of geometric errors that the fit of everything knows to 0.1 mm or mrad. True arms: "
-    + "; ".join(f"{name}: {true.words}" for name, true in TRUE_ARMS.items())
+    "combinations of geometric errors that the fit of everything knows to 0.1 mm or mrad. A pair is a pose "
+    "read unloaded and under the payload. True arms: "
+    + "; ".join(f"{name}: {true.words}" for name, true in s.TRUE_ARMS.items())
     + "."
 )
-OF_CAMPAIGNS = Markdown(
-    "A pair is a pose read unloaded and under the payload; absolute readings are under own weight alone."
-)
 
 
-def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
     """By arm, true arm, campaign, number of poses and model."""
-    real = trials.where(true_arm=REAL)
-    alone = real.where(campaign=ABSOLUTE, name=BY_POSES)
-    featured = trials.where(campaign=ABSOLUTE, poses=asked.featured, name=HIDING)
-    campaigns = real.where(readings=asked.featured, name=CAMPAIGN)
     arms = [arm for arm in asked.arms if arm in trials.values("arm")]
+    places = {name: trials.values(name) for name in BY} | {"arm": arms, "name": [*s.MODELS]}
+    rows = [_merged(Row(zip(BY, key, strict=True)), own) for key, own in trials.groups(*BY)]
     f = Row(
         seed=list(seeds) if len(seeds) > 1 else seeds[0],
         trials=len(seeds),
         arms=arms,
         featured=asked.featured,
-        true_arms={name: true.words for name, true in TRUE_ARMS.items()},
-        gains=[_gains(arm, alone.where(arm=arm, poses=asked.featured)) for arm in arms],
-        models=_rows(asked, alone, "poses"),
-        hiding=_rows(asked, featured, "true_arm"),
-        campaigns=_rows(asked, campaigns, "campaign"),
-        dataset=Row(runs=asked.featured, points=asked.featured, sigma_um=UM * TRUE_ARMS[REAL].sigma),
+        true_arms={name: true.words for name, true in s.TRUE_ARMS.items()},
+        gains=[
+            _gains(arm, trials.where(arm=arm, poses=asked.featured, true_arm=s.REAL, campaign=s.ABSOLUTE))
+            for arm in arms
+        ],
+        models=sorted(rows, key=lambda row: [places[name].index(row[name]) for name in BY]),
+        dataset=Row(runs=asked.featured, points=asked.featured, sigma_um=UM * s.TRUE_ARMS[s.REAL].sigma),
     )
-    tables = _tables(f)
-    body = [READING, *(f"poses, {arm}" for arm in arms), "models", OF_INTERVALS, "hiding", OF_HIDING]
     return Report(
-        scenario=NAME,
+        scenario=s.NAME,
         question=Markdown(
             "What do absolute readings tell of an arm: which errors hide behind which, how many poses are "
             "enough, what do loaded pairs add?"
@@ -120,48 +104,31 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         ),
         claims=[_each(f, *claim) for claim in CLAIMS],
         numbers=f,
-        tables=tables,
-        body=[*body, "campaigns", OF_CAMPAIGNS],
+        tables=_tables(f),
+        body=["short", "models", OF_MODELS, "cases", OF_CASES],
     )
-
-
-def _rows(asked: Settings, trials: Trials, second: str) -> list[Row]:
-    """A row by arm, then by a second column as it comes, then by model."""
-    by = ("arm", second, "name")
-    rows = [_told(Row(zip(by, key, strict=True)), own) for key, own in trials.groups(*by)]
-    places = {"arm": asked.arms, second: trials.values(second), "name": [*MODELS]}
-    return sorted(rows, key=lambda row: [places[name].index(row[name]) for name in by])
 
 
 def _gains(arm: str, own: Trials) -> Row:
     """What cross-validation chooses on one arm from the featured poses, trial by trial."""
-    springs, geometry = (paired(own, CHOSEN, theirs, "error_mm") for theirs in (INCUMBENT, GEOMETRY))
+    springs, geometry = (paired(own, s.CHOSEN, theirs, "error_mm") for theirs in (s.INCUMBENT, s.GEOMETRY))
     return Row(arm=arm, springs=springs, geometry=geometry)
 
 
-def _inside(own: Trials) -> Row:
-    """How many numbers lie in their 95 % intervals, over all trials; None where the model has none."""
-    found = Row()
-    for part in PARTS:
-        count, inside = (np.nansum(own[f"{part}.{name}"].astype(float)) for name in ("of", "inside"))
-        found[f"{part}_percent"] = 100 * inside / count if count else None
-    return found
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def _told(key: Row, own: Trials) -> Row:
+def _merged(key: Row, own: Trials) -> Row:
     """What a model makes of some true arms and a campaign, over their trials."""
-    found = Row(key, trials=len(own), inside=_inside(own))
-    found |= {name: number(own[name]) for name in ("poses", "readings")}
+    found = Row(key, trials=len(own), inside=Row())
+    found["readings"] = number(own["readings"])
     for name in ("error_mm", "loaded_mm", "optimum_mm", "geometry_off"):
         found[name] = None if np.isnan(own[name]).any() else spread(own[name])
-    found["over_optimum"] = _rms(own["error_mm"] / own["optimum_mm"])
-    for name, part in (("gears", GEARS), ("links", LINKS)):
+    known = found.optimum_mm is not None
+    found["over_optimum"] = _rms(own["error_mm"] / own["optimum_mm"]) if known else None
+    for part in PARTS:
+        count, inside = (np.nansum(own[f"{part}.{name}"].astype(float)) for name in ("of", "inside"))
+        found.inside[f"{part}_percent"] = 100 * inside / count if count else None
+    for name, part in (("gears", s.GEARS), ("links", s.LINKS)):
         share = 100 * np.mean([part in kept for kept in own["kept"]])
-        found[f"{name}_kept_percent"] = share if key.name == CHOSEN else None
+        found[f"{name}_kept_percent"] = share if key.name == s.CHOSEN else None
     off = 100 * np.array([cells[1:3] for cells in own["compliance_off"]])
     for joint, shares in zip((2, 3), off.T, strict=False):  # none of a rigid arm
         found[f"bias_{joint}_percent"] = float(np.median(shares))
@@ -169,24 +136,27 @@ def _told(key: Row, own: Trials) -> Row:
     return found
 
 
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _by_poses(f: Row) -> list[Row]:
+    """Rows of real arms that were measured absolutely, by number of poses."""
+    alike = (s.REAL, s.ABSOLUTE)
+    return [row for row in f.models if (row.true_arm, row.campaign) == alike and row.name in s.BY_POSES]
+
+
 def _tables(f: Row) -> dict[str, Table]:
-    """Errors by number of poses and arm, intervals, what hides, campaigns."""
-    name, arm, poses, error = columns("name arm poses error_mm")
-    featured = [row for row in f.models if row.poses == f.featured]
+    """Errors from the featured poses, by number of poses with intervals, and by true arm and campaign."""
+    name, arm, error = columns("name arm error_mm")
+    own = _by_poses(f)
+    featured = [row for row in own if row.poses == f.featured]
     title = f"RMS error where nothing was measured, {f.featured} poses, own weight, mm"
-    by_poses = {
-        own: Table((), [row for row in f.models if row.arm == own], f"error by number of poses, {own}, mm")
-        for own in f.arms
-    }
+    cases = [row for row in f.models if row.readings == f.featured and row.name in s.HIDING]
     return {
-        "short": pivot(Table((), featured, title), name, arm, error),
-        **{
-            f"poses, {own}": pivot(table, name, replace(poses, unit="poses"), error)
-            for own, table in by_poses.items()
-        },
-        "models": Table(columns(BY_NUMBER), f.models, "Intervals"),
-        "hiding": Table(columns(HIDDEN), f.hiding, f"Which errors hide behind which, {f.featured} poses"),
-        "campaigns": Table(columns(CAMPAIGNS), f.campaigns, f"Campaigns of {f.featured} readings"),
+        "short": replace(pivot(Table((), featured, title), name, arm, error), looks=LOOKS),
+        "models": Table(columns(BY_NUMBER), own, "Intervals", looks=LOOKS),
+        "cases": Table(columns(CASES), cases, f"True arms and campaigns, {f.featured} readings", looks=LOOKS),
     }
 
 
@@ -202,6 +172,26 @@ def _answer(f: Row) -> Iterator[str]:
         )
 
 
+CLAIMS = (
+    (
+        "Errors that a model lacks hide in its springs. Joint 2's compliance is off by {own}.",
+        "{stiff.off_2_percent:.0f} % without joint errors, {unseen.bias_2_percent:+.0f} % without links "
+        "({arm})",
+    ),
+    ("The error over the least that noise allows is {own}.", "{chosen.over_optimum:.2f} times on {arm}"),
+    (
+        "{n} readings, under the payload, absolute alone and mixed with loaded pairs: {own}.",
+        "{alone.loaded_mm:~.3f} and {mixed.loaded_mm:~.3f} mm ({arm})",
+    ),
+    (
+        "Inside their 95 % intervals lie {own}.",
+        "{chosen.inside.positions_percent:.0f} % of positions, {chosen.inside.joints_percent:.0f} % of joint "
+        "compliances ({arm})",
+    ),
+)
+"""What else there is to say, what matters most first: a sentence, and what it says of every arm."""
+
+
 def _each(f: Row, sentence: str, part: str) -> Markdown:
     """A sentence whose {own} is said of every arm, of its rows by name."""
     own = [say(part, _of_arm(f, arm)) for arm in f.arms]
@@ -209,60 +199,51 @@ def _each(f: Row, sentence: str, part: str) -> Markdown:
 
 
 def _of_arm(f: Row, arm: str) -> Row:
-    """Rows that sentences speak of, from the featured poses."""
-    by_poses = {"geometry": GEOMETRY, "springs": INCUMBENT, "chosen": CHOSEN}
-    hidden = {
-        "unseen": (NO_GEARS, INCUMBENT),
-        "stiff": (JOINTS_ONLY, INCUMBENT),
-        "without": (NO_GEARS, CHOSEN),
-    }
+    """Rows that sentences speak of, from the featured poses or as many readings."""
+
+    def of(name: str, true_arm: str = s.REAL, campaign: str = s.ABSOLUTE) -> Row:
+        rows = [row for row in f.models if row.readings == f.featured]
+        return find(rows, arm=arm, name=name, true_arm=true_arm, campaign=campaign)
+
     return Row(
-        {key: find(f.models, arm=arm, poses=f.featured, name=name) for key, name in by_poses.items()},
         arm=arm,
-        alone=find(f.campaigns, arm=arm, campaign=ABSOLUTE, name=ALL),
-        mixed=find(f.campaigns, arm=arm, campaign=MIXED, name=ALL),
-        **{key: find(f.hiding, arm=arm, true_arm=true, name=name) for key, (true, name) in hidden.items()},
+        springs=of(s.INCUMBENT),
+        chosen=of(s.CHOSEN),
+        alone=of(s.ALL),
+        mixed=of(s.ALL, campaign=s.MIXED),
+        unseen=of(s.INCUMBENT, s.NO_GEARS),
+        stiff=of(s.INCUMBENT, s.JOINTS_ONLY),
     )
 
 
-CLAIMS = (
-    ("Geometry alone errs {own}.", "{geometry.error_mm:~.3f} mm on {arm}"),
-    ("The error over the least that noise allows is {own}.", "{chosen.over_optimum:.2f} times on {arm}"),
-    (
-        "Inside their 95 % intervals lie {own}.",
-        "{chosen.inside.positions_percent:.0f} % of positions, {chosen.inside.joints_percent:.0f} % of joint "
-        "compliances ({arm})",
-    ),
-    (
-        "Joint errors that a model lacks hide in its springs: joint 2's compliance is {own}.",
-        "{stiff.off_2_percent:.0f} % off on {arm}",
-    ),
-    (
-        "{n} readings, under the payload, absolute alone and mixed with loaded pairs: {own}.",
-        "{alone.loaded_mm:~.3f} and {mixed.loaded_mm:~.3f} mm ({arm})",
-    ),
-    (
-        "Arms without joint errors: cross-validation keeps them in {own}.",
-        "{without.gears_kept_percent:.0f} % of the trials ({arm})",
-    ),
-    (
-        "Links that a model lacks hide in its springs, too: joint 2's compliance is {own} (medians).",
-        "{unseen.bias_2_percent:+.0f} % off on {arm}",
-    ),
-)
-"""What else there is to say, what matters most first: a sentence, and what it says of every arm."""
-
-
 def figures(found: Report) -> dict[str, Figure]:
-    """Error by number of poses, what hides behind what, and what a mixed campaign gains."""
-    return {"absolute_calibration.png": curves(Row(found.numbers))}
+    """Error by number of poses of every arm; of one number the errors alone."""
+    f, short = Row(found.numbers), found.tables["short"]
+    gains = "; ".join(f"{g.arm} {beside({'joint springs': g.springs})}" for g in f.gains)
+    answer = f"{f.featured} poses, error where nothing was measured: {gains}"
+    reading = (
+        f"RMS errors under own weight, {f.dataset.sigma_um:g} um a reading, medians of {f.trials} trials"
+    )
+    own = _by_poses(f)
+    if len({row.poses for row in own}) == 1:
+        panes = {column.key: "RMS error, mm" for column in short.columns[1:]}
+        return {f"{s.NAME}.png": forest(short, panes, answer, f"{reading}; lines: {span(f.trials)}.")}
+    best = [Row(row, name=OPTIMUM, error_mm=row.optimum_mm) for row in own if row.name == s.ALL]
+    rows = [
+        Row(row, fit=f"{row.arm}: {row.name}")
+        for row in (*own, *best)
+        if row.name in (s.INCUMBENT, s.CHOSEN, OPTIMUM)
+    ]
+    styles = {row.fit: replace(LOOKS[row.name], prior=row.arm == f.arms[0]) for row in rows}
+    table = Table(columns("fit poses error_mm"), rows, looks=styles)
+    return {f"{s.NAME}.png": sweeps({"": table}, answer, f"{reading}; bands: {span(f.trials)}.")}
 
 
-def write(run: Run[Settings]) -> Seen:
+def write(run: Run[s.Settings]) -> Seen:
     """dataset.csv: the campaign of the first trial; what is drawn: how cross-validation explains it."""
     seed = run.seeds[0]
     cell = build_cell(find_arm(run.settings.arm_of(seed)))
-    own = measure(cell, Asked(REAL, ABSOLUTE, run.settings.featured), seed)
+    own = measure(cell, Asked(s.REAL, s.ABSOLUTE, run.settings.featured), seed)
     write_series(run.folder / "dataset.csv", cell.arm, own.series)
-    found = Calibrated(explain(own.gathered, MODELS[CHOSEN]), own.series, ())
+    found = Calibrated(explain(own.gathered, s.MODELS[s.CHOSEN]), own.series, ())
     return seen(cell, found, left_of(found))

@@ -15,31 +15,9 @@ from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.fit import Calibration, Gathered, explain, gather
 from testbench.identify.absolute.intervals import deviations_root
-from testbench.identify.prior import Prior
 from testbench.plant import build_plant
+from testbench.studies.absolute_calibration import settings as s
 from testbench.studies.absolute_calibration.optimum import optimum_mm
-from testbench.studies.absolute_calibration.settings import (
-    ABSOLUTE,
-    ALL,
-    BY_POSES,
-    CAMPAIGN,
-    CAMPAIGNS,
-    CHECKING,
-    CHOSEN,
-    FINAL,
-    HIDING,
-    HIDING_ARMS,
-    MIXED,
-    MODELS,
-    OTHER_ARMS,
-    PAIRS,
-    PAYLOAD,
-    REAL,
-    TRUE_ARMS,
-    WITH_LINKS,
-    Settings,
-    campaign,
-)
 
 STIFF = 1e-3  #: Compliance of rigid links over what the folder says [1].
 KNOWN = 1e-4  #: Standard deviation below which geometry is known [m, rad].
@@ -79,23 +57,23 @@ class FitRow:
     geometry_off: float
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
+def trials(asked: s.Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
     """Rows of some seeds."""
     cells = {name: build_cell(find_arm(name)) for name in asked.arms}
     return [list(_trial(cells[asked.arm_of(seed)], asked, seed)) for seed in seeds]
 
 
-def _trial(cell: Cell, asked: Settings, seed: int) -> Iterator[FitRow]:
+def _trial(cell: Cell, asked: s.Settings, seed: int) -> Iterator[FitRow]:
     for n in asked.numbers_of(seed):
-        models = (*BY_POSES, WITH_LINKS) if n == asked.featured else BY_POSES
-        yield from rows(measure(cell, Asked(REAL, ABSOLUTE, n), seed), models, optimum=True)
-    for true in HIDING_ARMS:
-        yield from rows(measure(cell, Asked(true, ABSOLUTE, asked.featured), seed), HIDING)
-    for true in OTHER_ARMS:
-        yield from rows(measure(cell, Asked(true, ABSOLUTE, asked.featured), seed), FINAL)
-    for name in (MIXED, PAIRS):
-        poses, loaded = (round(share * asked.featured) for share in CAMPAIGNS[name])
-        yield from rows(measure(cell, Asked(REAL, name, poses, loaded), seed), CAMPAIGN)
+        models = (*s.BY_POSES, s.WITH_LINKS) if n == asked.featured else s.BY_POSES
+        yield from rows(measure(cell, Asked(s.REAL, s.ABSOLUTE, n), seed), models, optimum=True)
+    for true in s.HIDING_ARMS:
+        yield from rows(measure(cell, Asked(true, s.ABSOLUTE, asked.featured), seed), s.HIDING)
+    for true in s.OTHER_ARMS:
+        yield from rows(measure(cell, Asked(true, s.ABSOLUTE, asked.featured), seed), s.FINAL)
+    for name in (s.MIXED, s.PAIRS):
+        poses, loaded = (round(share * asked.featured) for share in s.CAMPAIGNS[name])
+        yield from rows(measure(cell, Asked(s.REAL, name, poses, loaded), seed), s.CAMPAIGN)
 
 
 @dataclass(frozen=True)
@@ -116,7 +94,6 @@ class Measured:
     seed: int
     arm: str
     truth: Truth
-    prior: Prior
     series: tuple[Series, ...]
     check: Series  #: True positions in the checking poses.
     loaded: Series  #: The same under the payload.
@@ -128,26 +105,26 @@ def measure(cell: Cell, asked: Asked, seed: int) -> Measured:
 
     The arm, its frames and its poses are the same in all that is asked of a seed.
     """
-    name, true = cell.arm.name, TRUE_ARMS[asked.true_arm]
+    name, true = cell.arm.name, s.TRUE_ARMS[asked.true_arm]
     own = true_cell(cell, member(FAMILY, seed // 2), seed)
     if true.rigid_links:
         arm = own.plant.arm
         links = tuple(replace(link, compliance=STIFF * link.compliance) for link in arm.links)
         own = replace(own, truth=build_plant(replace(arm, links=links)))
-    series, truth = simulate_series(own, campaign(name, true, asked.poses, loaded=asked.loaded), seed)
-    q, prior = clear_poses(cell, None, CHECKING, stream(seed, 900)), wrong_prior(cell, seed)
+    series, truth = simulate_series(own, s.campaign(name, true, asked.poses, loaded=asked.loaded), seed)
+    q = clear_poses(cell, None, s.CHECKING, stream(seed, 900))
     plain = checking(series[0], truth, 0, q)
-    hung = hanging(cell, q, plain.pose, PAYLOAD[name])
+    hung = hanging(cell, q, plain.pose, s.PAYLOAD[name])
     loaded = checking(series[0], truth, 0, q, (hung.wrench, hung.point))
-    gathered = gather(cell.vjm, series, prior, MODELS[CHOSEN])
-    return Measured(asked, seed, name, truth, prior, series, plain, loaded, gathered)
+    gathered = gather(cell.vjm, series, wrong_prior(cell, seed), s.MODELS[s.CHOSEN])
+    return Measured(asked, seed, name, truth, series, plain, loaded, gathered)
 
 
 def rows(measured: Measured, models: Sequence[str], *, optimum: bool = False) -> list[FitRow]:
     """What some models make of the readings; the one of everything is among them."""
     best = optimum_mm(measured.gathered, measured.truth, measured.check) if optimum else None
-    found = {name: explain(measured.gathered, MODELS[name]) for name in models}
-    known = _known(found[ALL])
+    found = {name: explain(measured.gathered, s.MODELS[name]) for name in models}
+    known = _known(found[s.ALL])
     return [_row(measured, name, own, known, best) for name, own in found.items()]
 
 

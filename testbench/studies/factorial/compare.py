@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from testbench.bench.baselines import JOINTS
 from testbench.bench.default import DEFAULT
 from testbench.bench.truths import CALLED, FAMILY
@@ -11,7 +13,7 @@ from testbench.report.campaigns import pairs
 from testbench.report.columns import columns
 from testbench.report.report import say
 from testbench.report.table import TRIAL, Row, Trials, matched, merged
-from testbench.trials.spread import Number, Spread, middle, wins
+from testbench.trials.spread import SAME, Number, Spread, middle, wins
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
 from testbench.views.schema import Table, best_of, pivot
@@ -23,7 +25,7 @@ JUDGED = ("name", "structure", "constraint", "prior", ERROR, "p95_um", "conserva
 BY_CONE = (("MGCO56", "MLS56"), ("MGCO56 + prior", "MLS56 + prior"))
 DUELS = (*BY_CONE, ("MGCO56", JOINTS), ("MGCO56 + prior", JOINTS), (DEFAULT, JOINTS))
 """What the cone does without a prior and with it, then both and the default against the incumbent."""
-PAIRS = "ours theirs ratio won tied"
+MARGIN = 0.05  #: Share by which an error must exceed the incumbent's for a model to lose.
 METHODS: Mapping[Constraint, str] = {
     "none": "least squares",
     "psd": "GCO",
@@ -72,8 +74,8 @@ def gains(trials: Trials, models: Sequence[Row], ours: str = DEFAULT) -> Row:
     return pairs(trials, {"least_squares": (ours, rival), "joints": (ours, JOINTS)}, ERROR, 1e-3)
 
 
-def beside_rivals(gains: Row) -> Iterator[Markdown]:
-    """The errors of these gains, a sentence each rival."""
+def beside_rivals(gains: Row, each: str = "trial") -> Iterator[Markdown]:
+    """The errors of these gains, a sentence each rival; each is what a trial is called."""
     squares, joints = gains.least_squares, gains.joints
     yield say(
         "{ours} {own:.0f} um, least squares {other:.0f} um; {it:less}.",
@@ -82,9 +84,8 @@ def beside_rivals(gains: Row) -> Iterator[Markdown]:
         own=1e3 * middle(squares.ours_mm),
         other=1e3 * middle(squares.theirs_mm),
     )
-    yield say(
-        "Joints alone {other:.0f} um, {it:more trial}.", it=joints, other=1e3 * middle(joints.theirs_mm)
-    )
+    sentence = f"Joints alone {{other:.0f}} um, {{it:more {each}}}."
+    yield say(sentence, it=joints, other=1e3 * middle(joints.theirs_mm))
 
 
 def gains_told(gains: Row) -> str:
@@ -166,3 +167,24 @@ def dataset(trials: Trials, seed: int) -> Row:
     """What the dataset of a seed holds, of rows that all have it."""
     found: Row = merged(trials.where(seed=seed).keep("measured."))[0].measured
     return found
+
+
+def over_incumbent(trials: Trials, incumbent: str, chosen: str, *by: str) -> Trials:
+    """Rows with their errors over those of others in the same case.
+
+    Args:
+        trials: A row a model and case.
+        incumbent: Name of the model to beat.
+        chosen: Name of what is chosen from the others, which the best of a case is not.
+        by: What tells a case from another, beside the trial.
+    """
+    keys = list(zip(*(trials[name].tolist() for name in (TRIAL, *by)), strict=True))
+    number = {key: k for k, key in enumerate(dict.fromkeys(keys))}
+    case, fixed = np.array([number[key] for key in keys]), trials["name"] != chosen
+    least = np.full(len(number), np.inf)
+    np.minimum.at(least, case[fixed], trials[ERROR][fixed])
+    over = trials[ERROR] / matched(trials, trials.where(name=incumbent), ERROR, (TRIAL, *by))
+    over_least = trials[ERROR] / least[case]
+    return trials.add(
+        over_joints=over, loses=over > 1 + MARGIN, over_least=over_least, best_in=over_least < 1 + SAME
+    )

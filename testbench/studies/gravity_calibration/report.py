@@ -20,7 +20,7 @@ from testbench.trials.spread import middle, span
 from testbench.views.figure import Figure, forest, least, of_seeds
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
-from testbench.views.page.page import Seen
+from testbench.views.scene import Seen
 from testbench.views.schema import Table
 
 PAPERS_ARM = "kr500_l480"

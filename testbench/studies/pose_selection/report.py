@@ -18,10 +18,10 @@ from testbench.studies.pose_selection.trial import first_runs
 from testbench.studies.study import Run
 from testbench.trials.spread import middle, most_trials, span
 from testbench.views.colours import GREY, SERIES, Look
-from testbench.views.figure import Figure, curves, forest, of_seeds
+from testbench.views.figure import Figure, forest, of_seeds, sweeps
 from testbench.views.gains import more
 from testbench.views.markdown import Markdown, counted
-from testbench.views.page.page import Seen
+from testbench.views.scene import Seen
 from testbench.views.schema import Table, pivot
 
 CRITERIA = "plan efficiency_percent expected_tasks_mm tasks_mm workspace_mm"
@@ -313,11 +313,12 @@ def _curves(f: Row, answer: str, reading: str) -> Figure:
         "bare.tasks_mm": "at the tasks, identified without prior",
         "joints.tasks_mm": "at the tasks, joints alone by least squares",
     }
-    shown = (
-        *columns("plan poses tasks_mm workspace_mm"),
-        *(replace(KNOWN["tasks_mm"], key=k) for k in others),
-    )
-    return curves(Table(shown, rows, looks=LOOKS), PLACES | others, answer, reading, ("test", RANDOM))
+    shown = [*columns("tasks_mm workspace_mm"), *(replace(KNOWN["tasks_mm"], key=k) for k in others)]
+    panes = {
+        (PLACES | others)[column.key]: Table((*columns("plan poses"), column), rows, looks=LOOKS)
+        for column in shown
+    }
+    return sweeps(panes, answer, reading, ("test", RANDOM))
 
 
 def _one_look(keys: str, rows: list[Row]) -> Table:

@@ -5,17 +5,12 @@ import csv
 import numpy as np
 
 from testbench.bench.rows import MM, UM
-from testbench.plant.shapes import rigid_frames
+from testbench.plant.shapes import origins, rigid_frames
 from testbench.report.table import Trials
 from testbench.studies.real_ur10.report import LOOKS
 from testbench.studies.real_ur10.trial import BLOCKS, TWO, Settings, read, split
 from testbench.studies.study import Run
-from testbench.views.magnified import arrow_scale
-from testbench.views.page.charts import Line, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
-from testbench.views.picked import of_all, picked
-from testbench.views.recording.arm import origins
+from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen, arrow_scale, of_all, picked
 
 LONGEST = 0.3  #: Most arrows of errors over the reach [1].
 
@@ -42,7 +37,7 @@ def write(run: Run[Settings]) -> Seen:
     sizes = [MM * np.linalg.norm(error, axis=1) for error in errors]
     some = picked(sizes[-1], np.arange(len(q)))
     rigid = rigid_frames(cell.room, q[some])
-    at = origins(cell, cell.arm.markers, rigid)
+    at = origins(cell.room, cell.arm.markers, rigid)
     A = arrow_scale(errors[0][some], LONGEST * cell.vjm.reach)
     names = [f"Series {named[k][0]}, run {named[k][1]}" for k in some]
     lines = [Line(name, LOOKS[name], mm[some]) for name, mm in zip(TWO, sizes, strict=True)]

@@ -10,13 +10,10 @@ from testbench.bench.campaign import Cell, build_cell
 from testbench.bench.rows import UM, dataset_row
 from testbench.data.csvfile import write_csv
 from testbench.identify.factorised import order_range
-from testbench.report.columns import SI, columns
+from testbench.report.columns import columns
 from testbench.report.report import Report, say
-from testbench.report.table import Cells, Row, Trials, aligned, merged, number, paired
+from testbench.report.table import Cells, Row, Trials, aligned, find, merged, number, paired
 from testbench.studies import paper
-from testbench.studies.single_link import printed
-from testbench.studies.single_link.figure import single_link
-from testbench.studies.single_link.judge import judge
 from testbench.studies.single_link.trial import (
     GCO,
     LEAST_SQUARES,
@@ -24,19 +21,19 @@ from testbench.studies.single_link.trial import (
     SYMMETRIC,
     Draw,
     Settings,
+    judge,
     measure,
     models,
 )
 from testbench.studies.study import Run
 from testbench.trials.spread import span, wins
-from testbench.views.figure import Figure
+from testbench.views.figure import Figure, forest
+from testbench.views.gains import beside
 from testbench.views.markdown import Markdown, counted
-from testbench.views.schema import Column, Table, best_of, show_truth
+from testbench.views.schema import Table, best_of, show_truth
 
 POSITION, ROTATION = "prediction.position_rms_um", "prediction.rotation_rms_urad"
-QUANTITIES = (
-    POSITION,
-    ROTATION,
+ENTRIES = (
     "entries.translation_rms_um_per_N",
     "entries.coupling_translation_rms_um_per_Nm",
     "entries.coupling_rotation_rms_urad_per_N",
@@ -49,32 +46,17 @@ SHAPE = (
 )
 ERRORS = (
     f"name {POSITION} prediction.position_relative_percent {ROTATION} prediction.rotation_relative_percent "
-    f"{' '.join(QUANTITIES[2:])}"
+    f"{' '.join(ENTRIES)}"
 )
-RECORDED = f"name conservative symmetric negative_eigenvalue_matrix {POSITION} {ROTATION}"
+OF_AN_ORDER = ("f_m_over_optimum", "excess_percent", "reaches_optimum")
 ORDER = f"m f_m excess_percent reaches_optimum {POSITION} {ROTATION}"
-OWN = "m f_m rms_to_eq_23_over_sigma"
 OTHERS = {LEAST_SQUARES: "least squares", SYMMETRIC: "least squares with a symmetric matrix"}
-AXES = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
 HALF = 3  #: Entries of translation, as many of rotation.
 OF_SHAPE = Markdown(
     "In square brackets: the paper's printed matrix, Eq. (22) or Eq. (23), a single draw. The sign of the "
     "smallest eigenvalue of Eq. (23) lies below its printed digits. MLS21 is not in the paper: least "
     "squares with symmetry and nothing else. A link has no joints: there is no model of joints alone to "
-    "compare with. F_M of MLS36 is 0 whatever the noise: 36 equations determine 36 unknowns. The floor of "
-    "the others spreads their 15 spare equations evenly, 2 sqrt(3 (1 - 21/36)) = 2.24. Under axis loads 3 "
-    "of them are in positions and 12 in rotations: sqrt(3) (sqrt(3/18) + sqrt(12/18)) = 2.12."
-)
-OF_MATRICES = Markdown(
-    "Rows and columns of a matrix are x, y, z, phi_x, phi_y, phi_z, in m/N, rad/N and rad/(N m); "
-    "eigenvalues stand in ascending order, in these mixed units as the paper's. The readings of this seed "
-    "are in dataset.csv."
-)
-PICTURES = Markdown(
-    "**Pictures** Entry ij over the root of the true entries ii and jj, signed log, one range of colours, "
-    "first draw. Grey: 0. Brown: as large as a true diagonal. Yellow: ten times as large. Blue to cyan: "
-    "negative. **Blue on a diagonal gives energy away**, here in the corner x, where the truth is "
-    "stiffest.\n\n**Scrub** `sweep` is the order m of the vector space, Eq. 20 (tab Order m)."
+    "compare with. F_M of MLS36 is 0 whatever the noise: 36 equations determine 36 unknowns."
 )
 
 
@@ -82,6 +64,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     """Medians and spreads of every method and order; truth values as shares of the draws."""
     cell = build_cell(find_arm(NAME))
     first = measure(cell, asked, seeds[0])
+    searched = trials.pick(trials["m"] > 0)
     f = Row(
         seed=seeds[0],
         draws=len(seeds),
@@ -91,20 +74,13 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         noise_per="deflection",
         loads=asked.loads,
         dataset=_dataset(asked, first),
-        truth_matrix=cell.arm.C_theta.tolist(),
-        units="matrices: m/N, 1/N, rad/(N m); eigenvalues in these mixed units, as the paper's",
         order_range=order_range(models(cell)[-1].structure, first.identification.runs),
-        eq_22_23=printed.printed_matrices(cell, asked, first.truth),
         rule=paper.RULE,
+        **_found(cell, trials.where(m=0), first),
+        order_draws=len(searched.values("seed")),
+        order=[_order(own) for _, own in searched.groups("m")],
     )
-    known = _printed(cell, first, f.eq_22_23)
-    solved, searched = trials.where(m=0), trials.pick(trials["m"] > 0)
-    f |= _found(cell, solved, known) | {
-        "order_draws": len(searched.values("seed")),
-        "order": [_order(own) for _, own in searched.groups("m")],
-    }
-    f |= {"worst": _worst_entry(f), "which_m": _which_m(f)}
-    f |= {"claims": list(_judged(f))}
+    f |= {"worst": _worst_entry(f, cell), "which_m": _which_m(f), "claims": list(_judged(f))}
     return Report(
         scenario=NAME,
         question=Markdown(
@@ -122,17 +98,10 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         tables={
             "shape": Table(columns(SHAPE), f.models, "What kind of matrix"),
             "errors": Table(columns(ERRORS), f.models, "How far off", headline=POSITION),
-            "paired": _wins(f),
             "claims": Table(columns("claim verdict why"), f.claims, "The paper's statements"),
             "order": Table(columns(ORDER, paper=False), f.order, "The order m, Eq. (20)"),
-            "printed": printed.table(f.eq_22_23),
-            "own": Table(columns(OWN), f.eq_22_23[printed.OWN].order, "The order m on the paper's own data"),
-            "matrices": _entries(f),
         },
-        body=[
-            *("shape", OF_SHAPE, "errors", _of_errors(f), "paired", "claims", Markdown(paper.RULE), "order"),
-            *("printed", "own", "matrices", OF_MATRICES),
-        ],
+        body=["shape", OF_SHAPE, "errors", _of_errors(f), "claims", Markdown(paper.RULE), "order"],
     )
 
 
@@ -148,22 +117,20 @@ def _dataset(asked: Settings, draw: Draw) -> Row:
     )
 
 
-def _printed(cell: Cell, draw: Draw, found: Row) -> dict[str, Row]:
-    """The printed matrices judged as ours are; whether Eq. (23) is negative lies below its printed digits."""
-    ls, ours = (Row(vars(judge(cell, np.array(C), draw.truth))) for C in (paper.EQ_22, paper.EQ_23))
-    unknown = {"negative_eigenvalue": None, "negative_eigenvalue_matrix": None}
-    return {
-        LEAST_SQUARES: Row(ls, conservative=ls.symmetric, f_m=0.0),
-        GCO: Row(ours | unknown, conservative=ours.symmetric, f_m=found[printed.OWN].printed_f_m),
-    }
-
-
-def _found(cell: Cell, trials: Trials, known: dict[str, Row]) -> Row:
+def _found(cell: Cell, trials: Trials, first: Draw) -> Row:
     """Every method over all draws, and GCO beside the others in the same draws."""
-    every = [_model(cell, own, known.get(name)) for (name,), own in trials.groups("name")]
-    first = {name: np.reshape(own["C"][0], (6, 6)) for (name,), own in trials.groups("name")}
+    ls, gco = (Row(vars(judge(cell, np.array(C), first.truth))) for C in (paper.EQ_22, paper.EQ_23))
+    unknown = {"negative_eigenvalue": None, "negative_eigenvalue_matrix": None}  # below the printed digits
+    printed = {
+        LEAST_SQUARES: Row(ls, conservative=ls.symmetric, f_m=0.0),
+        GCO: Row(gco | unknown, conservative=gco.symmetric),
+    }
+    every = [_model(cell, own, printed.get(name)) for (name,), own in trials.groups("name")]
     better = {
-        other: {_last(key): wins(*aligned(trials, (GCO, other), key).T) for key in QUANTITIES}
+        other: {
+            key.rpartition(".")[2]: wins(*aligned(trials, (GCO, other), key).T)
+            for key in (POSITION, ROTATION, *ENTRIES)
+        }
         for other in OTHERS
     }
     return Row(
@@ -178,11 +145,10 @@ def _found(cell: Cell, trials: Trials, known: dict[str, Row]) -> Row:
         paired=Row(
             {other: Row(draws=len(trials.values("seed")), gco_better=own) for other, own in better.items()}
         ),
-        first_draw=Row({name: printed.with_eigenvalues(C) for name, C in first.items()}),
     )
 
 
-def _model(cell: Cell, trials: Trials, known: Row | None) -> Row:
+def _model(cell: Cell, trials: Trials, printed: Row | None) -> Row:
     [m] = merged(trials.drop("seed", "m", "condition", "C", "eigenvalues", *OF_AN_ORDER))
     error = np.array(trials["C"].tolist()).reshape(-1, 6, 6) - cell.arm.C_theta
     return Row(
@@ -190,17 +156,12 @@ def _model(cell: Cell, trials: Trials, known: Row | None) -> Row:
         rank_of_C=_counts(trials["rank_of_C"]),
         entry_rms=np.sqrt((error**2).mean(axis=0)).tolist(),
         entry_bias=error.mean(axis=0).tolist(),
-        min_eigenvalues_micro=trials["matrix_eigenvalue_micro"].tolist(),
-        paper=known,
+        paper=printed,
     )
 
 
-OF_AN_ORDER = ("f_m_over_optimum", "excess_percent", "reaches_optimum")
-
-
 def _order(trials: Trials) -> Row:
-    kept = ("m", "name", "f_m", *OF_AN_ORDER, "conservative", "eigenvalues", "prediction.")
-    [row] = merged(trials.keep(*kept))
+    [row] = merged(trials.keep("m", "name", "f_m", *OF_AN_ORDER, "conservative", "prediction."))
     shares = {key: float(row[key]) for key in ("reaches_optimum", "conservative")}
     return Row(row | shares, rank_of_C=_counts(trials["rank_of_C"]))
 
@@ -212,14 +173,14 @@ def _counts(ranks: Cells) -> dict[str, int]:
 
 def _named(f: Row) -> Row:
     """The methods by what they are called in words."""
-    called = {LEAST_SQUARES: "ls", SYMMETRIC: "symmetric", GCO: "ours"}
-    return Row({called[m.name]: m for m in f.models})
+    called = {"ls": LEAST_SQUARES, "symmetric": SYMMETRIC, "ours": GCO}
+    return Row({key: find(f.models, name=name) for key, name in called.items()})
 
 
-def _worst_entry(f: Row) -> Row:
+def _worst_entry(f: Row, cell: Cell) -> Row:
     """The entry on the diagonal of C that GCO finds worst, over its true value; RMS errors in the unit."""
     by = _named(f)
-    true, gco, theirs = (np.diag(C) for C in (f.truth_matrix, by.ours.entry_rms, by.ls.entry_rms))
+    true, gco, theirs = (np.diag(C) for C in (cell.arm.C_theta, by.ours.entry_rms, by.ls.entry_rms))
     k = int(np.argmax(gco / true))
     unit = "um/N" if k < HALF else "urad/(N m)"
     sizes = {"true": true, "gco": gco, "least_squares": theirs}
@@ -247,6 +208,8 @@ def _which_m(f: Row) -> Markdown:
 def _title(f: Row) -> Markdown:
     """What was measured."""
     loads = "10 N or 10 N m along one axis" if f.loads == "axes" else "random within 10 N and 10 N m"
+    if f.loads == "random":
+        loads += ", condition number {condition_of_the_loads:.1f}"
     return say(
         f"Single link, Eq. (21): {{dataset.runs}} loads ({loads}), noise of a deflection "
         f"{{dataset.sigma_of_a_deflection_um:g}} um and {{dataset.sigma_of_a_deflection_urad:g}} urad; "
@@ -270,48 +233,34 @@ def _answer(f: Row) -> Markdown:
 
 def _claims(f: Row) -> Iterator[Markdown]:
     """What else there is to say, what matters most first."""
-    symmetric = _named(f).symmetric
     yield say(
         "Least squares of a symmetric matrix (MLS21) errs {prediction.position_rms_um:~.1f} um: "
         "{gain:more draw}.",
-        symmetric,
+        _named(f).symmetric,
         gain=f.gains.symmetric,
     )
-    if symmetric.unique is True:
-        yield say(
-            "The loads determine all {parameters} entries: here the constraint makes the matrix "
-            "conservative, not the choice among equal fits.",
-            symmetric,
-        )
-    yield f.which_m
     yield say(
-        "Of {n} statements, the paper's and ours, {held} are confirmed; their table says why the others "
-        "are not.",
-        n=len(f.claims),
-        held=sum(own.verdict == "confirmed" for own in f.claims),
+        "GCO is nearer the truth than MLS21 in {position_rms_um} of {draws} draws in position, in "
+        "{rotation_rms_urad} in rotation; nearer than MLS36 in {ls.position_rms_um} and "
+        "{ls.rotation_rms_urad}.",
+        f.paired[SYMMETRIC].gco_better,
+        ls=Row(f.paired[LEAST_SQUARES].gco_better),
+        draws=f.draws,
     )
-    yield say("Least position error: {best_position:list}. Least rotation error: {best_rotation:list}.", f)
-    if f.loads == "random":
-        yield say(
-            "The random loads have a condition number of {condition_of_the_loads:.1f}, axis loads of 1. "
-            "Directions that are rarely loaded are read with that much more noise.",
-            f,
-        )
+    yield f.which_m
 
 
 def _of_errors(f: Row) -> Markdown:
-    true, by = f.truth_matrix[0][0], _named(f)
+    by = _named(f)
     return say(
         "Errors of predictions are RMS distances from the true deflection, without the noise of readings, "
         "which would add {noise:.0f} um in quadrature. The loads are fresh, spread evenly over |F| <= 10 N "
         "and |M| <= 10 N m. Errors of C are RMS over the nine entries of a block. In square brackets: the "
         "printed matrices under the check loads of our first draw. GCO pays with a bias where the truth is "
-        "near zero: it cannot find c11 = {true:.3f} um/N below zero. It finds {ours:.2f} um/N in the mean, "
-        "least squares {ls:.2f}.",
+        "near zero: its c11 is {ours:.2f} um/N too large in the mean, that of least squares {ls:.2f}.",
         noise=f.dataset.sigma_of_a_deflection_um * math.sqrt(3),
-        true=UM * true,
-        ours=UM * (true + by.ours.entry_bias[0][0]),
-        ls=UM * (true + by.ls.entry_bias[0][0]),
+        ours=UM * by.ours.entry_bias[0][0],
+        ls=UM * by.ls.entry_bias[0][0],
     )
 
 
@@ -329,14 +278,6 @@ def _judged(f: Row) -> Iterator[paper.Claim]:
     for other, words in OTHERS.items():
         held, test = f.paired[other].gco_better["position_rms_um"], "its position error is the smaller one"
         yield paper.comparison(f"GCO predicts better than {words}", test, held, f.draws)
-    own = f.eq_22_23[printed.OWN]
-    least, most = own.printed_f_m_within_rounding
-    yield paper.judged(
-        "Eq. (23) has the least F_M of a conservative matrix",
-        least <= own.optimum_f_m + (own.optimum_f_m_excess_bound or 0.0),
-        f"F_M is {own.printed_f_m:.3f}, {least:.2f} to {most:.2f} within its rounding; the certified "
-        f"optimum of the paper's own data has {own.optimum_f_m:.3f}",
-    )
     low, high = f.order_range
     failing = [f"m = {row.m}" for row in f.order if row.m >= low and row.m not in _sure(f)]
     yield paper.judged(
@@ -346,60 +287,24 @@ def _judged(f: Row) -> Iterator[paper.Claim]:
     )
 
 
-def _wins(f: Row) -> Table:
-    """In how many draws GCO is closer to the truth, by quantity."""
-    rows = [
-        Row(
-            name=column.heading,
-            **{other: own.gco_better[_last(column.key)] for other, own in f.paired.items()},
-        )
-        for column in columns(" ".join(QUANTITIES))
-    ]
-    name = Column("name", f"draws in which {GCO} is closer to the truth")
-    return Table((name, *(Column(other, f"than {other}", form="d") for other in OTHERS)), rows)
-
-
-def _matrices(f: Row) -> dict[str, Row]:
-    """The truth, the first draw, and what the paper prints, by title."""
-    return {
-        "truth, Eq. (21)": printed.with_eigenvalues(np.array(f.truth_matrix)),
-        **{f"{name}, first draw": C for name, C in f.first_draw.items()},
-        "LS, Eq. (22)": f.eq_22_23.eq_22,
-        "GCO, Eq. (23)": f.eq_22_23.eq_23,
-        "optimum of the paper's data": f.eq_22_23[printed.OWN].optimum,
-    }
-
-
-def _entries(f: Row) -> Table:
-    """Every matrix row by row, then its eigenvalues; those of every order m."""
-    rows = []
-    for name, C in _matrices(f).items():
-        rows += [(f"{name}: {axis}", own) for axis, own in zip(AXES, C.matrix, strict=True)]
-        rows.append((f"{name}: eigenvalues", C.eigenvalues_matrix))
-        if not np.array_equal(C.matrix, np.transpose(C.matrix)):
-            rows.append((f"{name}: eigenvalues of the symmetric part", C.eigenvalues_symmetric_part))
-    rows += [
-        (f"m = {row.m}: eigenvalues, median of {f.order_draws} draws", row.eigenvalues) for row in f.order
-    ]
-    heads = [Column(f"own.{k}", axis, SI, ".3f", exact=True, scale=UM) for k, axis in enumerate(AXES)]
-    found = [Row(name=name, own=own) for name, own in rows]
-    return Table(
-        (Column("name", "matrix and row"), *heads), found, f"Matrices of seed {f.seed}, and the paper's"
-    )
-
-
 def figures(found: Report) -> dict[str, Figure]:
-    """Smallest eigenvalues over the draws, and what the order m costs."""
+    """Errors of every method in position, rotation and the entries of C."""
     f = Row(found.numbers)
-    by = _named(f)
-    return {"single_link.png": single_link(f, by.ls, by.ours)}
+    by, loads = _named(f), "axis" if f.loads == "axes" else f.loads
+    negative = [f"{100 * m.negative_eigenvalue_matrix:.4g} %" for m in (by.ours, by.ls)]
+    answer = (
+        f"Single link, position error: {beside({'least squares': f.gains.least_squares}, 'um')}; a negative "
+        f"eigenvalue in {' and '.join(negative)} of the draws"
+    )
+    reading = (
+        f"Section 5.1, {loads} loads. Dots: medians, lines: {span(f.draws)} of {f.draws} draws; grey "
+        "diamonds: the paper's printed matrices. Dotted line: least squares with a symmetric matrix."
+    )
+    panes = {POSITION: "position", ROTATION: "rotation", ENTRIES[0]: "entries of C, force to position"}
+    return {"single_link.png": forest(found.tables["errors"], panes, answer, reading, SYMMETRIC)}
 
 
 def write(run: Run[Settings]) -> None:
     """dataset.csv of the first draw."""
     draw = measure(build_cell(find_arm(NAME)), run.settings, run.seeds[0])
     write_csv(draw.identification, (), run.folder / "dataset.csv")
-
-
-def _last(key: str) -> str:
-    return key.rpartition(".")[2]

@@ -11,7 +11,6 @@ import typer
 from scipy.special import chdtri
 
 from testbench.arm.catalogue import find_arm
-from testbench.arm.stiffness import eigenvalue_scale
 from testbench.bench.baselines import JOINTS, equal_fit
 from testbench.bench.campaign import Campaign, Cell, Truth, build_cell, stream
 from testbench.bench.campaign_row import Drawn, drawn
@@ -20,8 +19,7 @@ from testbench.bench.full_pose import FullPose, simulate
 from testbench.bench.judged import Result, identify, judge
 from testbench.bench.models import Model, named_models
 from testbench.bench.rows import MM, UM, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
-from testbench.errors import Array
-from testbench.identify import Estimate, gco
+from testbench.identify import gco
 from testbench.identify.factorised import LARGEST_ORDER, LocalSolves
 from testbench.trials.spread import Number
 
@@ -31,7 +29,6 @@ CLOSE = 0.05  #: Share by which two errors may differ and still be nearly the sa
 ORDER_MODELS = ("MGCO69", "MGCO56")
 ORDER_SEEDS, QUICK_ORDER_SEEDS = 20, 1
 ORDER_STARTS, QUICK_ORDER_STARTS = 5, 2
-RANK_TOLERANCE = 1e-6  #: Eigenvalue of a block of unit diagonal below which it counts as zero.
 
 
 @dataclass(frozen=True)
@@ -87,17 +84,12 @@ class SixDofRow(Judged):
 
     truth: Truth  #: Kind of truth.
     measured: Measured  #: What it was found from.
-    places: Places | None  #: Poses of the check runs; None but under the linear truth of the first seed.
-    place_mm: tuple[float, ...] | None  #: Error in each of them, without noise.
+    #: Poses of the check runs; None but under the linear truth of the first seed.
+    places: Places | None = None
+    place_mm: tuple[float, ...] | None = None  #: Error in each of them, without noise.
     drawn: Drawn | None = None  #: For pictures, beside them.
     m: int = 0  #: Order of the vector space of Eq. (16); 0 where the model's own method was used.
     f_m_over_optimum: float | None = None  #: F_M, the best of some local solves, over the least possible.
-    block_rank: int | None = None  #: Largest rank of a block.
-    min_scaled_eigenvalue: float | None = None  #: Smallest of blocks scaled to unit diagonal [1].
-
-
-ORDERED = ("f_m_over_optimum", "block_rank", "min_scaled_eigenvalue")
-"""Columns of an order m alone."""
 
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
@@ -176,32 +168,17 @@ def judged(result: Result) -> Judged:
 
 
 def _orders(cell: Cell, campaign: Campaign, name: str, starts: int) -> Iterator[SixDofRow]:
-    """F_M, rank, eigenvalues and check error of every order m of one model."""
+    """F_M and check error of every order m of one model."""
     [model] = named_models(cell, [name])
     best = gco(cell.vjm, model.structure, campaign.identification)
     for m in range(1, LARGEST_ORDER + 1):
         estimator = LocalSolves(stream(campaign.seed, 10 + m), m, starts)
         estimate = estimator(cell.vjm, model.structure, campaign.identification)
         own = judged(judge(cell, campaign, Model(name, model.structure, estimator), estimate, 0.0))
-        scaled = _scaled_eigenvalues(estimate)
         yield SixDofRow(
             **vars(own),
             truth="linear",
             measured=measured(campaign),
-            places=None,
-            place_mm=None,
             m=m,
             f_m_over_optimum=estimate.f_m / best.f_m,
-            block_rank=max(int((e > RANK_TOLERANCE * e[-1]).sum()) for e in scaled),
-            min_scaled_eigenvalue=float(min(e[0] for e in scaled if len(e) > 1)),
         )
-
-
-def _scaled_eigenvalues(estimate: Estimate) -> list[Array]:
-    """Eigenvalues of every block scaled to unit diagonal, ascending."""
-    found = []
-    for block in estimate.structure.blocks:
-        C = estimate.C_theta[np.ix_(block, block)]
-        d = eigenvalue_scale(C)
-        found.append(np.asarray(np.linalg.eigvalsh(C / np.outer(d, d))))
-    return found

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
@@ -41,9 +40,6 @@ MINIMA_STARTS, MINIMA_SEEDS = 50, 3
 WITHIN = 1.01  #: F_M over the least one at which a solver is called there: within 1 %.
 REPEATS = 5  #: Calls of a conic program, of which the median time counts; one more comes first, not timed.
 ORDERS = (6, 4, 3)  #: Orders m of the vector space whose local minima are counted.
-CURVE_POINTS = 150  #: Points kept of a solver's way down.
-
-Way = list[tuple[float, float]]  #: Least F_M so far: seconds, F_M.
 
 
 @dataclass(frozen=True)
@@ -90,9 +86,8 @@ class SolverRow:
     f_m_excess_bound: float  #: F_M over its certified lower bound.
     relative_excess_bound: float  #: The same, relative to the bound.
     seconds: float  #: Wall time of the whole call, reduction of the dataset included.
-    seconds_to_1_percent: (
-        float | None
-    )  #: Until F_M was within 1 % of the conic program's; None where it never was.
+    #: Until F_M was within 1 % of the conic program's; None where it never was.
+    seconds_to_1_percent: float | None
     ratio_to_conic: float | None  #: The same over the conic program's whole time.
     whole_ratio_to_conic: float  #: Whole time over the conic program's.
     evaluations: int | None  #: Of F_M; None where nobody counts them.
@@ -101,8 +96,6 @@ class SolverRow:
     conservative: bool  #: Whether every block is positive semi-definite.
     status: str  #: What the solver says.
     check_true: ErrorRow  #: Errors of the check runs, without noise.
-    way_seconds: tuple[float, ...]  #: When it improved, thinned.
-    way_gap: tuple[float, ...]  #: Least F_M over the certified lower bound by then, minus 1.
 
 
 @dataclass(frozen=True)
@@ -140,7 +133,7 @@ class Solved:
 
     key: str  #: Its letter.
     estimate: Estimate  #: The model.
-    way: Way  #: How it came down.
+    way: list[tuple[float, float]]  #: Seconds and F_M of every improvement.
     seconds: float  #: Wall time of the whole call, reduction of the dataset included.
     evaluations: int | None = None  #: Of F_M; None where nobody counts them.
     solves: Sequence[float] | None = None  #: F_M of its local solves; None where there are none.
@@ -234,7 +227,7 @@ def _factor_solvers(cell: Cell, model: Model, asked: Settings, campaign: Campaig
 
 def _searched(cell: Cell, model: Model, asked: Settings, campaign: Campaign, run: Search) -> Solved:
     key, solver, random = run
-    way: Way = []
+    way: list[tuple[float, float]] = []
     start = perf_counter()
     problem = factorise(reduce(cell.vjm, model.structure, campaign.identification), asked.m)
     rng = stream(campaign.seed, random)
@@ -261,7 +254,6 @@ def _row(cell: Cell, model: Model, campaign: Campaign, row: Solved, conic: Solve
     excess = certify(estimate, dual=proof.dual).f_m_excess_bound
     there = next((seconds for seconds, value in row.way if value <= WITHIN * best), None)
     elsewhere = [value > best * (1 + CLOSE) for value in row.solves or ()]
-    way = _thin(row.way, best - proof.f_m_excess_bound)
     return SolverRow(
         f_m=estimate.f_m,
         excess_f_m=estimate.f_m - best,
@@ -278,18 +270,7 @@ def _row(cell: Cell, model: Model, campaign: Campaign, row: Solved, conic: Solve
         conservative=estimate.conservative,
         status=estimate.status,
         check_true=error_row(judge(cell, campaign, model, estimate, row.seconds).check_true),
-        way_seconds=tuple(seconds for seconds, _ in way),
-        way_gap=tuple(value for _, value in way),
     )
-
-
-def _thin(way: Way, lower: float) -> Way:
-    """Seconds and gap F_M / lower - 1 of a way down, evenly spread over the logarithm of the gap."""
-    gaps = np.array([value / lower - 1 for _, value in way])
-    level = np.log(np.maximum(gaps, 1e-12))
-    wanted = np.linspace(level[0], level[-1], CURVE_POINTS)
-    kept = np.unique(np.r_[np.searchsorted(-level, -wanted), len(way) - 1])
-    return [(way[k][0], float(gaps[k])) for k in kept if k < len(way)]
 
 
 def _minima(conic: Estimate, asked: Settings, seed: int, m: int) -> Minima:

@@ -7,30 +7,37 @@ meets every prior once: a Latin square.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS, equal_fit
+from testbench.bench.baselines import JOINTS
 from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.bench.default import choose, with_priors
-from testbench.bench.judged import identify_each
-from testbench.bench.models import MODELS, Model, named_models
-from testbench.bench.truths import TRUTHS, true_cell
-from testbench.bench.wrong_prior import PRIORS, prior_of
+from testbench.bench.models import MODELS, Model
+from testbench.bench.rows import MM, UM
+from testbench.bench.truths import TRUTHS, distance_from_tubes, true_cell
+from testbench.bench.wrong_prior import PRIORS, prior_of, wrong_link
 from testbench.data.dataset import Dataset, select
-from testbench.identify import Constraint, Estimate, least_squares
+from testbench.errors import Array
+from testbench.identify import Estimate, intervals, least_squares
+from testbench.identify.contradiction import contradicted, unchecked
+from testbench.identify.evaluate import all_deflections, score
+from testbench.identify.hierarchy import KIND
+from testbench.identify.intervals import CONFIDENCE
+from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
-from testbench.studies.factorial.trial import reread
-from testbench.studies.which_model.judge import Case, Cover, Doubted, Error, case_of, cover, doubted, errors
-from testbench.trials.spread import Share
+from testbench.studies.factorial.trial import Case, FitRow, fitted, judged, plain_models, reread
 
 POSES = (8, 12, 20)  #: From how many is identified; the last one is how many there are.
 CHECK_POSES = 3
 RUNS = 2  #: In every pose.
 QUICK_WORKSPACE = 40
 CHOSEN = "default"  #: What `bench.default` chooses from the readings.
+PLAIN = (JOINTS, "MLS56", "MGCO56", "MGCO68")
 COVERED = (CHOSEN, JOINTS, "MGCO56 + prior", "ALL153 + prior")
 """Whose intervals are judged; those of joints alone show what noise alone would promise."""
 
@@ -56,37 +63,35 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Fit:
-    """A method's estimate in one case."""
+class Cover:
+    """95 % intervals of the components of deflection over the workspace."""
 
-    method: str
-    estimate: Estimate
-    chosen: str | None = None  #: Of the default: the method that it chose.
+    covered_percent: float  #: Share of the true components that lie inside.
+    half_mm: float  #: Median half width.
+    ideal_mm: float  #: Half width of the narrowest intervals, all alike, that cover 95 %.
 
 
 @dataclass(frozen=True)
-class FitRow:
-    """One method in one case; the case as in `Case`."""
+class Doubted:
+    """What the readings are said to tell of the prior."""
 
-    true_arm: str
-    prior_error: str
-    off_tubes_percent: float
-    cad_mm: float
-    wrong: str | None
+    contradicted: tuple[str, ...]  #: Links and joints, or "joints", whose scales they contradict.
+    #: Links and joints that may be off as the wrong link is; None where no link of the prior is wrong.
+    unchecked: tuple[str, ...] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodRow(FitRow):
+    """One method in one case."""
+
+    off_tubes_percent: float  #: Median distance of the true links from tubes.
+    cad_um: float  #: RMS error over the workspace of the folder's compliances as they are.
+    wrong: str | None  #: What is ten times off in the prior: a link's name, or "joints"; None for nothing.
+    #: Of a wrong link: RMS of the true deflection over the workspace that is its own, over the whole [1].
     link_share: float | None
-    poses: int  #: From how many was identified.
-    name: str  #: Of the method.
-    structure: str
-    constraint: Constraint
-    prior: bool  #: Whether it knows the prior.
-    workspace: Error
-    check_true: Error
-    misfit: float  #: F_M over the floor to expect of noise [1].
-    conservative: Share
-    solved: Share  #: Whether the method found what it looks for.
-    chosen: str | None  #: Of the default: the method that it chose.
-    cover: Cover | None  #: Of the methods whose intervals are judged.
-    doubted: Doubted | None  #: Of the default.
+    chosen: str | None = None  #: Of the default: the method that it chose.
+    cover: Cover | None = None  #: Of the methods whose intervals are judged.
+    doubted: Doubted | None = None  #: Of the default.
 
 
 def settings(options: Options, quick: bool, _: range) -> Settings:
@@ -95,40 +100,31 @@ def settings(options: Options, quick: bool, _: range) -> Settings:
     return Settings(options.arm, workspace=workspace, stiffer=options.stiffer)
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[MethodRow]]:
     """Rows of some seeds, one a truth, method and number of poses."""
     cell = build_cell(find_arm(asked.arm))
-    plain, bare = without_prior(cell), to_fill(cell)
+    plain, bare = plain_models(cell, PLAIN), to_fill(cell)
     found = []
     for seed in seeds:
         poses = draw_poses(cell, scenario(asked), seed)
-        rows: list[FitRow] = []
+        rows: list[MethodRow] = []
         for truth, name in pairs(seed):
             true, prior = true_cell(cell, truth, seed, asked.stiffer), prior_of(cell, name, seed)
             campaign = simulate_at(true, scenario(asked), seed, poses)
-            fits = identified(true, [*plain, *with_priors(bare, prior)], read(campaign), prior)
-            case = case_of(true, (truth, name), campaign, fits[0].estimate)
-            rows += _rows(true, case, campaign, fits, prior)
+            factors = {"true_arm": truth, "prior_error": name, "sigma_um": UM * asked.sigma}
+            cases = [
+                Case(runs, campaign.truth, {**factors, "poses": n})
+                for runs, n in zip(read(campaign), POSES, strict=True)
+            ]
+            rows += _rows(true, [*plain, *with_priors(bare, prior)], cases, prior, seed)
         found.append(rows)
     return found
 
 
-def without_prior(cell: Cell) -> list[Model]:
-    """Methods that know of no prior."""
-    joints, mls56, *others = named_models(cell, (JOINTS, "MLS56", "MGCO56", "MGCO68"))
-    return [joints, mls56, equal_fit(cell), *others]
-
-
 def to_fill(cell: Cell) -> list[Model]:
     """Methods that are fitted with a prior, learnt from the readings."""
-    mgco56 = MODELS["MGCO56"](cell)
-    return [
-        MODELS[JOINTS](cell),
-        replace(mgco56, name="MLS56", estimator=least_squares),
-        mgco56,
-        MODELS["MGCO68"](cell),
-        MODELS["ALL153"](cell),
-    ]
+    joints, mgco56, mgco68, all153 = (MODELS[name](cell) for name in (JOINTS, "MGCO56", "MGCO68", "ALL153"))
+    return [joints, replace(mgco56, name="MLS56", estimator=least_squares), mgco56, mgco68, all153]
 
 
 def pairs(seed: int) -> list[tuple[str, str]]:
@@ -157,34 +153,76 @@ def read(campaign: Campaign) -> list[Dataset]:
     return [select(every, every.pose <= poses) for poses in POSES]
 
 
-def identified(cell: Cell, models: Sequence[Model], data: Sequence[Dataset], prior: Prior) -> list[Fit]:
-    """What is chosen by default, then every method, from few and from many poses."""
-    found = []
-    for runs in data:
-        own = choose(cell, runs, prior)
-        found.append(Fit(CHOSEN, own.estimate, own.name))
-    for model in models:
-        found += [Fit(model.name, estimate) for estimate in identify_each(cell, model, data)]
-    return found
-
-
-def _rows(cell: Cell, case: Case, campaign: Campaign, fits: Sequence[Fit], prior: Prior) -> Iterator[FitRow]:
-    estimates = [fit.estimate for fit in fits]
-    workspace, check = (errors(cell, estimates, own) for own in (campaign.truth, campaign.check))
-    for k, (fit, estimate) in enumerate(zip(fits, estimates, strict=True)):
-        yield FitRow(
-            **vars(case),
-            poses=POSES[k % len(POSES)],
-            name=fit.method,
-            structure=estimate.structure.name,
-            constraint=estimate.constraint,
-            prior=estimate.belief is not None,
-            workspace=workspace[k],
-            check_true=check[k],
-            misfit=estimate.f_m / estimate.f_m_floor,
-            conservative=estimate.conservative,
-            solved=estimate.status == "solved",
-            chosen=fit.chosen,
-            cover=cover(cell, estimate, campaign.truth) if fit.method in COVERED else None,
-            doubted=None if fit.chosen is None else doubted(cell, case, estimate, prior),
+def _rows(
+    cell: Cell, models: Sequence[Model], cases: Sequence[Case], prior: Prior, seed: int
+) -> Iterator[MethodRow]:
+    """What is chosen by default and every method, from few and from many poses, in one truth."""
+    chosen = [choose(cell, case.runs, prior) for case in cases]
+    fits = {CHOSEN: [own.estimate for own in chosen], **fitted(cell, models, cases)}
+    truth, far = cases[0].judge, PRIORS[str(cases[0].factors["prior_error"])].far
+    link = wrong_link(cell, seed) if far == "link" else None
+    off = [distance_from_tubes(own.compliance) for own in cell.plant.arm.links]
+    folder = _moved(cell, chosen[0].estimate, cell.arm.C_theta, truth)
+    share = None if link is None else _share(cell, link, truth, chosen[0].estimate)
+    for (k, name), row in zip(product(range(len(cases)), fits), judged(cell, cases, fits), strict=True):
+        estimate = fits[name][k]
+        yield MethodRow(
+            **vars(row),
+            off_tubes_percent=100 * float(np.median(off)),
+            cad_um=UM * score(folder, truth.deflection).rms,
+            wrong=KIND if far == "joints" else None if link is None else cell.arm.links[link].name,
+            link_share=share,
+            chosen=chosen[k].name if name == CHOSEN else None,
+            cover=cover(cell, estimate, truth) if name in COVERED else None,
+            doubted=_doubted(cell, link, estimate, prior) if name == CHOSEN else None,
         )
+
+
+def _moved(cell: Cell, estimate: Estimate, C_theta: Array, truth: Dataset) -> Array:
+    """Deflections by other compliances; any estimate lends its structure."""
+    return np.asarray(all_deflections(cell.vjm, [replace(estimate, C_theta=C_theta)], truth)[0])
+
+
+def _share(cell: Cell, link: int, truth: Dataset, estimate: Estimate) -> float:
+    """RMS of the true deflection that is one link's over that of the whole arm, both linear [1]."""
+    C, at = cell.plant.arm.C_theta, slice(6 * link, 6 * link + 6)
+    own = np.zeros_like(C)
+    own[at, at] = C[at, at]
+    part, whole = (_moved(cell, estimate, M, truth) for M in (own, C))
+    return float(np.linalg.norm(part) / np.linalg.norm(whole))
+
+
+def cover(cell: Cell, estimate: Estimate, truth: Dataset) -> Cover:
+    """The intervals of an estimate beside true deflections."""
+    found, true = intervals(cell.vjm, estimate, truth), truth.deflection
+    return covers(found.centre, (found.upper - found.lower) / 2, true)
+
+
+def covers(centre: Array, half: Array, true: Array) -> Cover:
+    """How well intervals of these half widths cover what is true, arrays of one shape [m]."""
+    error = np.abs(centre - true)
+    return Cover(
+        covered_percent=100 * float(np.mean(error <= half)),
+        half_mm=MM * float(np.median(half)),
+        ideal_mm=MM * float(np.quantile(error, CONFIDENCE)),
+    )
+
+
+def _doubted(cell: Cell, link: int | None, estimate: Estimate, prior: Prior) -> Doubted:
+    """What the readings contradict of a prior and, if one link of it is wrong, which scales they leave open.
+
+    Open in the direction in which that link is wrong: stiffer than a prior that is ten times too soft. An
+    estimate without a prior leaves all of it open.
+    """
+    if estimate.belief is None:
+        names = [*(part.name for part in cell.arm.links), *(part.name for part in cell.arm.joints)]
+        return Doubted((), tuple(names))
+    heard = tuple(scale.name for scale in contradicted(estimate.belief))
+    if link is None:
+        return Doubted(heard, None)
+    left = unchecked(estimate.regression, metric(prior, cell.vjm, estimate.structure))
+    traces = [
+        np.trace(prior.C_theta[k : k + 6, k : k + 6]) / np.trace(cell.arm.C_theta[k : k + 6, k : k + 6])
+        for k in range(0, 6 * len(cell.arm.links), 6)
+    ]
+    return Doubted(heard, left.stiffer if traces[link] > np.median(traces) else left.softer)

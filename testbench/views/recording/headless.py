@@ -165,12 +165,6 @@ def go(client: ViewerClient, timeline: str, at: int) -> None:
     client.set_time(timeline, sequence=at, play_state="paused")
 
 
-def has(client: ViewerClient, tab: str, timeline: str) -> bool:
-    """Whether the recording has a tab and a timeline of these names."""
-    blueprint = client.get_blueprint("recording").blueprint
-    return tab in _tabs(blueprint) and timeline in [t.name for t in shown(client).timelines]
-
-
 def bring_forward(client: ViewerClient, tab: str) -> None:
     """Make a tab of the layout the active one.
 

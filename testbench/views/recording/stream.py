@@ -1,20 +1,33 @@
-"""One file a study: strict, closed with its footer in any case, and replaced only by a whole one."""
+"""One file a run: strict, closed in any case, replaced only by a whole one; and what draws in it."""
 
 import contextlib
 import hashlib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.components import MarkerShape
 
+from testbench.errors import Array
 from testbench.files import versions
 from testbench.output.whole import whole_file
-from testbench.views.recording.pen import Pen
+from testbench.views.colours import GREY, Colour, Look
 
 SCRUB = 10.0  #: How long the timeline that a reader lands on is played [s].
+MARKDOWN = "text/markdown"
+SHAPES = (
+    MarkerShape.Circle,
+    MarkerShape.Square,
+    MarkerShape.Diamond,
+    MarkerShape.Up,
+    MarkerShape.Down,
+    MarkerShape.Plus,
+)
+"""One a shade of a family; with a prior a cross."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +37,60 @@ class Header:
     scenario: str  #: Name of the scenario.
     parameters: str  #: The scenario as JSON.
     seed: int  #: Root of what is drawn.
-    scales: Mapping[str, float] = field(default_factory=dict)  #: Magnifications by name [1].
+
+
+@dataclass(frozen=True)
+class Pen:
+    """A recording that is being written, and the times of the rows that go into it."""
+
+    stream: rr.RecordingStream
+    times: tuple[rr.TimeColumn, ...] = ()
+
+    def on(self, *times: rr.TimeColumn) -> "Pen":
+        """The same on other timelines."""
+        return replace(self, times=times)
+
+    def still(self, path: str, *what: rr.AsComponents) -> None:
+        """What does not change, or the looks of what does."""
+        self.stream.log(path, *what, static=True)
+
+    def documents(self, documents: Mapping[str, str]) -> None:
+        """Markdown that does not change, by path."""
+        for path, text in documents.items():
+            self.still(path, rr.TextDocument(text, media_type=MARKDOWN))
+
+    def names(self, path: str, at: Array, texts: Sequence[str], colour: Colour) -> None:
+        """Texts that stand still at places (n, 2) or (n, 3)."""
+        points = rr.Points2D if np.shape(at)[1] == 2 else rr.Points3D
+        self.still(path, points(at, labels=texts, colors=colour, radii=0.0, show_labels=True))
+
+    def rows(self, path: str, columns: Iterable[rr.ComponentColumn]) -> None:
+        """A row a time."""
+        self.stream.send_columns(path, self.times, columns)
+
+    def texts(self, path: str, texts: Sequence[str]) -> None:
+        """Markdown, one a time."""
+        self.rows(path, rr.TextDocument.columns(text=texts, media_type=[MARKDOWN] * len(texts)))
+
+    def line(self, path: str, name: str, look: Look | None, values: Array) -> None:
+        """A line of a plot, a value a time, NaN for none; without a look it is thin and grey."""
+        colour, width = (look.colour, 2.0) if look else (GREY, 1.0)
+        self.still(path, rr.SeriesLines(colors=colour, widths=width, names=name))
+        if look is not None:
+            shape = MarkerShape.Cross if look.prior else SHAPES[look.place % len(SHAPES)]
+            self.still(path, rr.SeriesPoints(colors=colour, markers=shape, names=name, marker_sizes=4.0))
+        known = np.isfinite(values)
+        self.rows(path, rr.Scalars.columns(scalars=values[known]).partition(known.astype(int)))
+
+
+def snake(title: str) -> str:
+    """A title as a path."""
+    return re.sub(r"\W+", "_", title.lower()).strip("_")
+
+
+def text_view(origin: str, name: str) -> rrb.TextDocumentView:
+    """The view of a document."""
+    return rrb.TextDocumentView(origin=origin, name=name)
 
 
 @contextlib.contextmanager
@@ -68,8 +134,7 @@ def recording(path: Path, kind: str, header: Header, blueprint: rrb.Blueprint) -
 
 def _write_properties(stream: rr.RecordingStream, header: Header) -> None:
     stream.send_recording_name(f"{header.scenario}, seed {header.seed}")
-    values: dict[str, Any] = {k: v for k, v in vars(header).items() if k != "scales"} | dict(header.scales)
-    stream.send_property("study", rr.AnyValues(**values))
+    stream.send_property("study", rr.AnyValues(**vars(header)))
     stream.send_property("versions", rr.AnyValues(drop_untyped_nones=True, **versions()))
 
 

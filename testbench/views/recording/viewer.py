@@ -1,5 +1,7 @@
-"""The newest recording of a run, and the viewer as a program of its own: in a window, or started for us."""
+"""The newest recording of a run; the viewer as a program of its own, in a window, for us or in a browser."""
 
+import http.client
+import json
 import os
 import socket
 import subprocess
@@ -21,8 +23,12 @@ BEGINS = b"RRF2"  #: What a recording of Rerun begins with.
 ENDS, LAST = b"RRF2FOOT", 32
 """What stands at the end of one that was closed, and among how many bytes there."""
 VERIFIED = b"1 file verified"  #: What the viewer's program says of a sound one.
-LOOK_EVERY = 0.25
-"""Between two looks at a program that is waited for [s]."""
+LOOK_EVERY = 0.25  #: Between two looks at a program that is waited for [s].
+START = 30.0  #: Longest wait for the program, and for a file of it [s].
+FILES = ("", "re_viewer.js", "re_viewer_bg.wasm", "favicon.ico")
+"""What its page consists of, the page first."""
+NOTHING = f"http://{HERE}/none.rrd"
+"""A recording to be opened by its address: without one the program listens for readings too."""
 
 
 def newest(folder: Path) -> Path:
@@ -132,3 +138,49 @@ def check_runs(process: subprocess.Popen[bytes]) -> None:
     """Refuse a viewer that has ended by itself."""
     if process.poll() is not None:
         raise BenchError(f"the viewer ended with exit code {process.returncode} before it showed anything")
+
+
+def web_viewer() -> dict[str, bytes]:
+    """Its files by name, the page as the empty one.
+
+    Raises:
+        BenchError: When the program fails.
+    """
+    port = free_port()
+    flags = [NOTHING, "--serve-web", "--web-viewer-port", str(port), "--port", "auto"]
+    with started(flags, {}) as process:
+
+        def asked() -> dict[str, bytes] | None:
+            check_runs(process)
+            try:
+                return {name: _get(port, name) for name in FILES}
+            except OSError:  # it is not listening yet
+                return None
+
+        return wait(asked, START, f"the web viewer did not answer in {START:g} s")
+
+
+def opener(recording: str, viewer: str) -> bytes:
+    """A page that opens a recording in the web viewer, which asks for whole addresses.
+
+    Args:
+        recording: Path of the recording beside this page.
+        viewer: Path of the viewer's page beside it.
+    """
+    whole = f"new URL({json.dumps(recording)}, location.href).href"
+    to = f"{json.dumps(viewer)} + '?url=' + encodeURIComponent({whole})"
+    head = '<!doctype html><meta charset="utf-8"><title>Recording</title>'
+    return f"{head}<script>location.replace({to})</script>".encode()
+
+
+def _get(port: int, name: str) -> bytes:
+    connection = http.client.HTTPConnection(HERE, port, timeout=START)
+    try:
+        connection.request("GET", f"/{name}")
+        answer = connection.getresponse()
+        content = answer.read()
+        if answer.status != http.HTTPStatus.OK:
+            raise OSError(f"{name}: {answer.status}")
+        return content
+    finally:
+        connection.close()

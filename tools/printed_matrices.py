@@ -1,4 +1,4 @@
-"""What the printed Eq. (22) and (23) say of the paper's own experiment, and of its optimiser."""
+"""What the printed Eq. (22) and (23) tell of the experiment and optimiser of the paper, for docs/paper.md."""
 
 import math
 
@@ -13,15 +13,18 @@ from testbench.identify import gco, reduce
 from testbench.identify.regression import f_m
 from testbench.report.columns import columns
 from testbench.report.table import Row
-from testbench.studies.paper import EQ_22, EQ_23
-from testbench.studies.single_link.judge import (
+from testbench.studies.paper import EQ_22, EQ_23, Claim, judged
+from testbench.studies.single_link.trial import (
+    Settings,
     eigenvalues,
+    models,
     noise_scale,
+    of_every_order,
     prediction_errors,
     rank_beyond_noise,
     rms,
+    wrenches_within,
 )
-from testbench.studies.single_link.trial import Settings, models, of_every_order, wrenches_within
 from testbench.trials.spread import spread
 from testbench.views.schema import Table
 
@@ -53,15 +56,30 @@ FACTS = {
 """What the table says, by where its number is."""
 
 
-def table(found: Row) -> Table:
-    """What the printed matrices say, a number a line."""
+def tables(found: Row) -> dict[str, Table]:
+    """What the printed matrices say, a number a line; the order m on the paper's own data."""
     rows = []
     for path, what in FACTS.items():
         value = found
         for part in path.split("."):
             value = value[int(part) if isinstance(value, list) else part]
         rows.append(Row(what=what, value=value))
-    return Table(columns("what value"), rows, "What the printed Eq. (22) and (23) tell")
+    return {
+        "facts": Table(columns("what value"), rows),
+        "order": Table(columns("m f_m rms_to_eq_23_over_sigma"), found[OWN].order),
+    }
+
+
+def least_cost(found: Row) -> Claim:
+    """The paper's statement of Eq. (23), judged."""
+    own = found[OWN]
+    least, most = own.printed_f_m_within_rounding
+    return judged(
+        "Eq. (23) has the least F_M of a conservative matrix",
+        least <= own.optimum_f_m + (own.optimum_f_m_excess_bound or 0.0),
+        f"F_M is {own.printed_f_m:.3f}, {least:.2f} to {most:.2f} within its rounding; the certified "
+        f"optimum of the paper's own data has {own.optimum_f_m:.3f}",
+    )
 
 
 def printed_matrices(cell: Cell, asked: Settings, truth: Dataset) -> Row:
