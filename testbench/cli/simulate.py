@@ -11,8 +11,7 @@ import typer
 from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.absolute_settings import AbsoluteCampaign
-from testbench.bench.absolute_truth import simulate_series
+from testbench.bench.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.bench.campaign import Cell, LoadedPoses, Scenario, build_cell, hanging, measure, stream
 from testbench.bench.candidates import Conditions, build_checks, find
 from testbench.bench.payload import overloaded, overpulled, payload_of

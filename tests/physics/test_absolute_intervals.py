@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.bench.absolute_model import belief_of
-from testbench.bench.absolute_settings import REAL_ARM, AbsoluteCampaign
-from testbench.bench.absolute_truth import simulate_series
+from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.bench.campaign import clear_poses, stream
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.intervals import intervals
