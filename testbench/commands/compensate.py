@@ -28,12 +28,8 @@ from testbench.report.report import Report, lines, say
 from testbench.report.table import Row
 from testbench.trials.spread import ENOUGH
 from testbench.views.colours import GCO, LOAD, MEASURED, TASK, Look
-from testbench.views.magnified import arrow_scale
 from testbench.views.markdown import Markdown, capital, ended
-from testbench.views.page.charts import Line, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
-from testbench.views.picked import of_all, picked
+from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen, arrow_scale, of_all, picked
 from testbench.views.schema import Table
 
 COMMAND = "testbench compensate"  #: As manifest.json names it.

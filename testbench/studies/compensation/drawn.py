@@ -8,22 +8,20 @@ from testbench.bench.rows import MM
 from testbench.data.dataset import Dataset
 from testbench.plant import settle
 from testbench.plant.shapes import elastic_frames, rigid_frames
-from testbench.studies.compensation.arms import true_arm
 from testbench.studies.compensation.jobs import jobs
-from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, Settings
-from testbench.studies.compensation.trial import execute, identified, prior_in_turn, work
-from testbench.views.colours import CHOICE, LOAD, MEASURED, TASK, Look
-from testbench.views.colours import JOINTS as BLUE
-from testbench.views.magnified import arrow_scale
-from testbench.views.page.charts import Line, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
+from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, LEAST_SQUARES, Settings
+from testbench.studies.compensation.trial import execute, identified, order, prior_in_turn, true_arm, work
+from testbench.views.colours import CHOICE, LOAD, MEASURED, TASK, Look, look
+from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen, arrow_scale
 
 LOOKS = {
-    "not corrected": Look(MEASURED, 1, prior=True),
-    JOINTS: Look(BLUE, 2, prior=False),
+    JOINTS: look("Joints", "none"),
+    LEAST_SQUARES: look("MLS56", "none"),
+    "MGCO56": look("MGCO56", "psd"),
     DEFAULT: CHOICE,
 }
+"""How models are drawn."""
+DRAWN = {"not corrected": Look(MEASURED, 1, prior=True), **{name: LOOKS[name] for name in (JOINTS, DEFAULT)}}
 """How the tool is drawn, not corrected and corrected by each model; what wins is last."""
 LONGEST, FORCE = 0.3, 1e-4  #: Most errors as they are drawn [m]; length of the force's arrow [m/N].
 
@@ -32,8 +30,8 @@ def seen(true: Cell, asked: Settings, data: Dataset, seed: int) -> Seen:
     """The jobs of a trial: where the tool was asked to be, and where it is without correction and with."""
     own = work(asked, seed)
     fits = {fit.name: fit for fit in identified(true, {ADVISED: data}, prior_in_turn(true, seed))}
-    done = execute(true_arm(true, seed, IDEAL), own, [fits[name] for name in (JOINTS, DEFAULT)])
-    off = dict(zip(LOOKS, (done.before, *done.after), strict=True))
+    orders = [order(fits[name], own) for name in (JOINTS, DEFAULT)]
+    off = dict(zip(DRAWN, execute(true_arm(true, seed, IDEAL), own, orders), strict=True))
     size = {name: MM * np.linalg.norm(metres, axis=1) for name, metres in off.items()}
     where = np.concatenate([job.position for job in jobs()])
     labels = [f"{job.name} {k + 1}" for job in jobs() for k in range(len(job.position))]
@@ -53,12 +51,12 @@ def seen(true: Cell, asked: Settings, data: Dataset, seed: int) -> Seen:
             Layer("tool asked, all points", TASK, "dots", where[None]),
             *(
                 Layer(f"tool {name}", look.colour, "arrows", where[:, None], (where + M * off[name])[:, None])
-                for name, look in LOOKS.items()
+                for name, look in DRAWN.items()
             ),
             Layer("force", LOAD, "arrows", (tip - FORCE * own.load.wrench[:, :3])[:, None], tip[:, None]),
         ],
         first=int(size[DEFAULT].argmax()),
     )
-    lines = [Line(name, look, size[name]) for name, look in LOOKS.items()]
+    lines = [Line(name, look, size[name]) for name, look in DRAWN.items()]
     chart = RunChart("How far the tool is off at each point (mm)", 0, labels, lines)
     return Seen(scene=Scene(true, f"What is off, and how the arm bends, x {M:g}.", [group]), runs=[chart])

@@ -48,11 +48,6 @@ def on_panel(at: Array) -> Array:
     )
 
 
-def way_along(job: Job) -> Array:
-    """How far every point is from the first, point by point, (points,) [m]."""
-    return np.cumsum(np.r_[0.0, np.linalg.norm(np.diff(job.position, axis=0), axis=1)])
-
-
 def pattern() -> Array:
     """Holes, row by row, there and back, (holes, 2): along y and up the panel [m]."""
     y, s = (np.linspace(-half, half, n) for half, n in zip(PATTERN, HOLES, strict=True))

@@ -24,7 +24,6 @@ from testbench.identify.metric import metric
 from testbench.model.load import Load
 from testbench.plant import Payload
 from testbench.studies.compensation.jobs import TIP, Job, jobs, typical, wrenches
-from testbench.studies.compensation.rows import Angles, PlanRow
 from testbench.studies.compensation.settings import (
     AREA,
     BOTH,
@@ -35,6 +34,8 @@ from testbench.studies.compensation.settings import (
     SLING,
     STATION,
     WEIGHT,
+    Angles,
+    PlanRow,
     Settings,
 )
 from testbench.studies.study import Everywhere

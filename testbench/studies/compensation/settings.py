@@ -1,4 +1,4 @@
-"""What the study of compensation tries: campaigns, models, jobs."""
+"""What the study of compensation tries: campaigns, models, jobs; and the rows of its tables."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -12,7 +12,6 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS
 from testbench.errors import BenchError
 from testbench.model.poses import WorkArea
-from testbench.studies.compensation.rows import Scene
 
 NAME = "compensation"
 ARM = "kr500_l480"  #: The panel stands in its work area.
@@ -43,7 +42,50 @@ LEAST_SQUARES = "MLS56"
 IDENTIFIED = (JOINTS, LEAST_SQUARES, "MGCO56", DEFAULT)
 MODELS = (NOMINAL, PRIOR, *IDENTIFIED, PERFECT)
 
-EMPTY = Scene()
+Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
+
+
+@dataclass(frozen=True)
+class PlanRow:
+    """A planned campaign."""
+
+    loads: str  #: What loads the arm, WEIGHT or BOTH.
+    poses: int
+    q_rad: tuple[float, ...]  #: Joint angles, one pose after the other, (poses * n,) [rad].
+    load: tuple[int, ...]  #: Which of the loads acts in each, (poses,).
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What all trials share."""
+
+    candidates: Angles = ()  #: Feasible poses to measure.
+    drilling: Angles = ()  #: Programmed joints of the drilling pattern.
+    milling: Angles = ()  #: The same of the milling path.
+    plans: tuple[PlanRow, ...] = ()
+
+
+@dataclass(frozen=True)
+class JobRow:
+    """One job of one trial, corrected by one model."""
+
+    true_arm: str
+    arm: str  #: What it does that no model knows, one of ARMS.
+    by: str  #: How poses were chosen, PLANNED or RANDOM; empty for a model that is not identified.
+    loads: str  #: What loaded the arm, WEIGHT or BOTH; the same.
+    poses: int  #: How many were measured; 0 for the same.
+    name: str  #: Of the model.
+    chosen: str | None  #: Of the default: what it chose.
+    job: str
+    force: float  #: Of the process [N].
+    #: Distance of the loaded tool from where it was asked, not corrected, point by point, (points,) [mm].
+    before_mm: tuple[float, ...]
+    after_mm: tuple[float, ...]  #: The same, corrected.
+    inside: int  #: Components of what is left that lie in their 95 % interval, of those that have a bound.
+    of: int  #: So many have one; 0 for a model that has no intervals.
+    unseen: int  #: And so many have none, as the readings say nothing of them.
+    buckled: bool  #: Whether the model had no equilibrium under the process; nothing is corrected then.
+    solved: int  #: Points for which joints were found.
 
 
 @dataclass(frozen=True)
@@ -80,7 +122,7 @@ class Settings:
     numbers: tuple[int, ...] = NUMBERS  #: Poses of the campaigns.
     candidates: int = CANDIDATES  #: Feasible poses to choose from.
     #: Made of the rest by `plans.prepare`; empty before.
-    scene: Annotated[Scene, Field(exclude=True)] = EMPTY
+    scene: Annotated[Scene, Field(exclude=True)] = Scene()
 
     def ways(self, arm: str) -> tuple[Way, ...]:
         """The campaigns of one of ARMS."""

@@ -1,7 +1,7 @@
 """What a corrected robot removes: identified, compensated, executed on the true elastic arm, measured."""
 
 from testbench.arm.catalogue import find_arm
-from testbench.studies.compensation import plans, report, rows, settings, trial
+from testbench.studies.compensation import plans, report, settings, trial
 from testbench.studies.study import Study
 
 STUDY = Study(
@@ -11,7 +11,7 @@ STUDY = Study(
     settings=settings.settings,
     seeds=(100, 6),
     arms=lambda asked: [find_arm(asked.arm)],
-    row=rows.JobRow,
+    row=settings.JobRow,
     trials=trial.trials,
     report=report.report,
     printed=("short",),
