@@ -11,11 +11,9 @@ from testbench.plant.shapes import elastic_frames, origins, rigid_frames
 from testbench.report.report import Report
 from testbench.views.colours import MEASURED, look
 from testbench.views.markdown import Markdown
-from testbench.views.page.charts import Line, PlaceMap, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
 from testbench.views.recording.run import write_run
 from testbench.views.recording.stream import Header
+from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen
 
 RUNS, REPEATS = 200, 5
 MEBIBYTE = 2**20

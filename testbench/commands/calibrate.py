@@ -20,12 +20,19 @@ from testbench.report.report import Report, lines, say
 from testbench.report.table import Row
 from testbench.trials.gain import gained
 from testbench.views.colours import GCO, MEASURED, NOMINAL, Look
-from testbench.views.magnified import arrow_scale
 from testbench.views.markdown import Markdown, ended
-from testbench.views.page.charts import Line, PlaceMap, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
-from testbench.views.picked import of_all, picked
+from testbench.views.scene import (
+    Layer,
+    Line,
+    PlaceMap,
+    Poses,
+    RunChart,
+    Scene,
+    Seen,
+    arrow_scale,
+    of_all,
+    picked,
+)
 from testbench.views.schema import Table
 
 COMMAND = "testbench calibrate"  #: As manifest.json names it.

@@ -18,10 +18,8 @@ from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, say
 from testbench.report.table import Row
 from testbench.views.colours import GREY, LOAD, NOMINAL
-from testbench.views.magnified import arrow_scale
 from testbench.views.markdown import Markdown, ended
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
+from testbench.views.scene import Layer, Poses, Scene, Seen, arrow_scale
 from testbench.views.schema import Table, show
 
 COMMAND = "testbench check"  #: As manifest.json names it.

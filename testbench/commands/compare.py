@@ -25,7 +25,7 @@ from testbench.trials.spread import Spread, middle, triple
 from testbench.views.colours import GREY, Look, look
 from testbench.views.gains import less
 from testbench.views.markdown import Markdown, as_markdown, as_plain, counted, ended, listed
-from testbench.views.page.page import Seen
+from testbench.views.scene import Seen
 from testbench.views.schema import Column, Table
 
 COMMAND = "testbench compare"  #: As manifest.json names it.

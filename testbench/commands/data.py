@@ -23,12 +23,8 @@ from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, say
 from testbench.report.table import Row
 from testbench.views.colours import LOAD, MEASURED, NOMINAL, Look
-from testbench.views.magnified import arrow_scale
 from testbench.views.markdown import Markdown, capital, counted, ended
-from testbench.views.page.charts import Line, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
-from testbench.views.picked import of_all, picked
+from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen, arrow_scale, of_all, picked
 from testbench.views.schema import NUMBER, Table, plain, show, written_out
 
 COMMAND = "testbench data check"  #: As manifest.json names it.

@@ -23,10 +23,7 @@ from testbench.report.report import Report
 from testbench.report.table import Row
 from testbench.views.colours import GREY, LOAD, MEASURED, NOMINAL, TASK, Look
 from testbench.views.colours import look as look_of
-from testbench.views.page.charts import Line, PlaceMap, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
-from testbench.views.picked import evenly, of_all, picked
+from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen, evenly, of_all, picked
 
 OURS, WORK = Look(NOMINAL, 0, prior=True), Look(TASK, 1, prior=True)
 ORDER, SCALE = "Plan, in the order of measuring", "Nothing is magnified; loads are arrows of one length."

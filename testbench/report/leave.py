@@ -9,7 +9,8 @@ from testbench import files
 from testbench.bench.model_folder import digests
 from testbench.output.run import whole_folder
 from testbench.report.report import Report
-from testbench.views.page.page import Seen, write_page
+from testbench.views.page.page import write_page
+from testbench.views.scene import Seen
 
 More = Callable[[Path], Mapping[str, object]]
 """Writes what else a command leaves into the folder; what it returns goes into manifest.json."""

@@ -30,8 +30,9 @@ from testbench.trials.engine import run_study
 from testbench.trials.experiment import Experiment
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 from testbench.views import terminal
-from testbench.views.page.page import Seen, write_page
+from testbench.views.page.page import write_page
 from testbench.views.recording.run import write_run
+from testbench.views.scene import Seen
 
 PREPARED = "prepared"  #: Folder in a run's, of what is made once for all trials.
 

@@ -8,8 +8,8 @@ from typing import Any, Generic, Protocol, TypeVar
 from testbench.report.report import Report
 from testbench.report.table import Trials
 from testbench.views.figure import Figure
-from testbench.views.page.page import Seen
 from testbench.views.recording.stream import Header
+from testbench.views.scene import Seen
 
 O = TypeVar("O")  # noqa: E741 - options
 S = TypeVar("S")

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from testbench.bench.error_places import ErrorPlaces
 from testbench.views.figure import SIZES, SMALL, SOFT, log_ticks, page, quiet, say
-from testbench.views.scale import scale_for
+from testbench.views.scene import scale_of
 from testbench.views.schema import plain
 
 SIDES = {"z": (0, 2), "y": (0, 1)}
@@ -37,7 +37,7 @@ def error_map(found: ErrorPlaces, title: str, seed: int | list[int] = 0) -> Figu
     panes = figure.subplots(
         2, len(found.compared), sharex="col", sharey="row", height_ratios=rows, squeeze=False
     )
-    scale = scale_for(found)
+    scale = scale_of(*(found.errors(name) for name in found.compared))
     norm = (LogNorm if scale.logarithmic else Normalize)(*scale.ends, clip=True)
     for name, column in zip(found.compared, panes.T, strict=True):
         share = scale.shares(found.errors(name))

@@ -14,9 +14,7 @@ from testbench.trials.spread import Spread, ends, middle
 from testbench.views.colours import hexadecimal
 from testbench.views.figure import FAR, SMALL, SOFT, Figure, dots, log_ticks, page, quiet, say, short
 from testbench.views.markdown import Told, as_plain
-from testbench.views.page.charts import RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses
+from testbench.views.scene import Layer, Poses, RunChart, Seen
 from testbench.views.schema import Column, Table, brackets, looks
 
 SIDES = {"from aside": (0, 2), "from above": (0, 1)}

@@ -11,9 +11,9 @@ from read_back import chunks_of, columns, document, on, rerun, series, sound, vi
 from rerun.chunk import RrdReader
 
 from testbench.views.colours import SCALE
-from testbench.views.page.page import Seen
 from testbench.views.recording.run import write_run
 from testbench.views.recording.stream import Header
+from testbench.views.scene import Seen
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,7 @@ from testbench.report.report import Report
 from testbench.report.table import Row
 from testbench.views.colours import GCO, MEASURED, Look
 from testbench.views.markdown import Markdown
-from testbench.views.page.charts import Line, PlaceMap, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
+from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen
 from testbench.views.schema import Table
 
 POSES, PLACES = 5, 7

@@ -34,8 +34,8 @@ from testbench.trials.rows import columns, tabled
 from testbench.trials.spread import Spread
 from testbench.views.colours import look
 from testbench.views.markdown import Markdown
-from testbench.views.page.page import Seen
 from testbench.views.run_figure import overview
+from testbench.views.scene import Seen
 
 NAMES = {"Joints": "none", "MLS56": "none", "MGCO56": "psd", "MGCO56 + prior": "psd", "ALL153 + prior": "psd"}
 SIZES = dict(zip(NAMES, (0.3, 1.4, 0.6, 0.2, 0.1), strict=True))
@@ -240,7 +240,7 @@ def test_tables_of_a_study_without_models_show_the_number_that_differs(tmp_path)
 
 def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path):
     def only(report):
-        models = [{"name": own["name"], "fit": own["identification"]} for own in report["models"]]
+        models = [{"name": own["name"], "identification": own["identification"]} for own in report["models"]]
         report.clear()
         report["models"] = models
 

@@ -12,8 +12,8 @@ from testbench.plant.shapes import Mesh, Shape, visual_shapes
 from testbench.trials.spread import Spread
 from testbench.views.colours import look
 from testbench.views.page import html
-from testbench.views.page.charts import Line, PlaceMap, RunChart
-from testbench.views.page.solids import TRIANGLES, solid
+from testbench.views.page.data import TRIANGLES, chart_plain, map_plain, solid
+from testbench.views.scene import Line, PlaceMap, RunChart
 from testbench.views.schema import Column, Table, looks
 
 SIZE = np.array([0.3, 0.3, 0.5])
@@ -113,7 +113,7 @@ def test_charts_and_maps_leave_out_what_is_no_number():
     line = Line("a", look("MLS56", "none"), np.array([1.0, nan]))
     chart = RunChart("error (mm)", 0, ["1", "2"], [line], limit=nan)
     places = PlaceMap("error (mm)", 0, np.array([[nan, 0, 0], [1.0, 2, 3]]), [line])
-    chart, places = (json.loads(html.data(own.plain())) for own in (chart, places))
+    chart, places = (json.loads(html.data(own)) for own in (chart_plain(chart), map_plain(places)))
     assert chart["limit"] is None
     assert places["at"] == [None, [1, 2, 3]]
     assert [own["lines"][0]["values"] for own in (chart, places)] == [[1.0, None]] * 2

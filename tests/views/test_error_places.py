@@ -7,7 +7,7 @@ import pytest
 
 from testbench.bench.error_places import Places, error_places
 from testbench.views.map_figure import error_map
-from testbench.views.scale import scale_for
+from testbench.views.scene import scale_of
 
 COUNT = 30
 NAMES = ("MLS56", "MGCO56", "ALL153 + prior")
@@ -83,7 +83,7 @@ def test_places_without_a_bound_come_first_and_are_drawn_as_rings(at, errors):
 
 def test_the_figure_has_every_place_from_two_sides_in_one_scale_and_names_the_worst(at, errors):
     found = error_places(at, errors, NAMES)
-    figure, scale = error_map(found, "arm under 9 kg", [7, 8]), scale_for(found)
+    figure, scale = error_map(found, "arm under 9 kg", [7, 8]), scale_of(*map(found.errors, NAMES))
     assert scale.logarithmic  # the joints, far beyond, are not compared
     panes = figure.axes[: 2 * len(NAMES)]
     position = np.array(found.position_m)

@@ -26,7 +26,7 @@ from testbench.views.colours import CHOICE, Look, look
 from testbench.views.figure import Figure, forest, sweeps
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown, counted
-from testbench.views.page.page import Seen
+from testbench.views.scene import Seen
 from testbench.views.schema import Table, pivot
 
 BY = ("arm", "true_arm", "campaign", "poses", "name")  #: What a row of the report is of.

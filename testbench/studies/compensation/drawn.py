@@ -12,10 +12,7 @@ from testbench.studies.compensation.jobs import jobs
 from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, LEAST_SQUARES, Settings
 from testbench.studies.compensation.trial import execute, identified, order, prior_in_turn, true_arm, work
 from testbench.views.colours import CHOICE, LOAD, MEASURED, TASK, Look, look
-from testbench.views.magnified import arrow_scale
-from testbench.views.page.charts import Line, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
+from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen, arrow_scale
 
 LOOKS = {
     JOINTS: look("Joints", "none"),

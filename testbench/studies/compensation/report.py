@@ -47,7 +47,7 @@ from testbench.trials.spread import span, spread
 from testbench.views.figure import Figure, ranges
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
-from testbench.views.page.page import Seen
+from testbench.views.scene import Seen
 from testbench.views.schema import Table, pivot
 
 PART = 0.9  #: Share removed that cases are counted at.

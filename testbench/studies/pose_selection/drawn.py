@@ -14,9 +14,7 @@ from testbench.studies.pose_selection.measure import Bench, poses_of
 from testbench.studies.pose_selection.settings import PLANNED, Angles, Settings
 from testbench.studies.study import Run
 from testbench.trials.spread import middle
-from testbench.views.page.charts import Line, PlaceMap, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Scene
+from testbench.views.scene import Line, PlaceMap, RunChart, Scene, Seen
 
 ERRORS = "Error to expect after identification, in each planned pose (mm)"
 OVER = "Error of the predicted deflection, median over the trials (mm)"

@@ -21,7 +21,7 @@ from testbench.views.colours import GREY, SERIES, Look
 from testbench.views.figure import Figure, forest, of_seeds, sweeps
 from testbench.views.gains import more
 from testbench.views.markdown import Markdown, counted
-from testbench.views.page.page import Seen
+from testbench.views.scene import Seen
 from testbench.views.schema import Table, pivot
 
 CRITERIA = "plan efficiency_percent expected_tasks_mm tasks_mm workspace_mm"

@@ -10,11 +10,7 @@ from testbench.report.table import Trials
 from testbench.studies.real_ur10.report import LOOKS
 from testbench.studies.real_ur10.trial import BLOCKS, TWO, Settings, read, split
 from testbench.studies.study import Run
-from testbench.views.magnified import arrow_scale
-from testbench.views.page.charts import Line, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
-from testbench.views.picked import of_all, picked
+from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen, arrow_scale, of_all, picked
 
 LONGEST = 0.3  #: Most arrows of errors over the reach [1].
 

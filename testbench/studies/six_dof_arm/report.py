@@ -22,7 +22,7 @@ from testbench.trials.spread import middle, span, wins
 from testbench.views.figure import Figure, forest, of_seeds
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown, listed
-from testbench.views.page.page import Seen
+from testbench.views.scene import Seen
 from testbench.views.schema import Table, best_of, show_truth
 
 ERROR = "check_true.p95_mm"  #: What models are judged by.

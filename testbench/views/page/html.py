@@ -5,6 +5,7 @@ import functools
 import json
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -12,10 +13,10 @@ from markdown_it import MarkdownIt
 from markupsafe import Markup
 
 from testbench.trials.spread import Spread
-from testbench.views.page.charts import look_plain
-from testbench.views.page.scene import Json
+from testbench.views.colours import Look
 from testbench.views.schema import Column, Table, brackets, looks
 
+Json = Mapping[str, object]
 FOLDER = Path(__file__).parent
 SCRIPTS = ("tables.js", "charts.js", "raster.js", "scene.js", "maps.js", "page.js")
 """In the order in which they are run."""
@@ -49,6 +50,11 @@ def grid(table: Table) -> Json:
         "brackets": brackets(table),
         "looks": {name: look_plain(own) for name, own in shown.items()},
     }
+
+
+def look_plain(look: Look) -> Json:
+    """Colour, shape and filling of a model's dots."""
+    return {"colour": look.hex, "mark": look.mark, "filled": look.prior}
 
 
 def _drawn(column: Column, table: Table) -> bool:

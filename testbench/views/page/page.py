@@ -1,30 +1,16 @@
-"""What stands on the page of a run, and the writing of it."""
+"""The page of a run: its words, what is drawn, and the pictures that lie in its folder, in one file."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from testbench import files
-from testbench.views.colours import SCALE
 from testbench.views.markdown import Told, as_plain
 from testbench.views.page import html
-from testbench.views.page.charts import PlaceMap, RunChart
-from testbench.views.page.scene import Json, Scene
-from testbench.views.schema import Table
+from testbench.views.page.data import seen_plain
+from testbench.views.scene import Seen as Seen
 
 NAME = "report.html"
 MARKED, FACTS = ("answer", "worst", "statements"), ("question", "title")
 """Blocks of Markdown, and those that are text."""
-
-
-@dataclass(frozen=True)
-class Seen:
-    """What of a run is drawn, beside its words."""
-
-    scene: Scene | None = None
-    map: PlaceMap | None = None  #: Only beside a scene.
-    runs: Sequence[RunChart] = ()  #: Only beside a scene.
-    tables: Sequence[Table] = ()  #: Those that can be sorted and drawn, the first one first.
 
 
 def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
@@ -42,7 +28,7 @@ def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
         words={name: _block(words, name) for name in MARKED}
         | {name: as_plain(_block(words, name)) for name in FACTS},
         rest=words.rest(),
-        drawn=_plain(seen),
+        drawn=seen_plain(seen),
         pictures=pictures,
         others=[name for name in (*files.inside(folder), "manifest.json") if name != NAME],
         versions=files.versions(),
@@ -52,14 +38,3 @@ def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
 
 def _block(words: Told, name: str) -> str:
     return words.block(name) if words.has(name) else ""
-
-
-def _plain(seen: Seen) -> Json:
-    """All that is drawn as JSON data."""
-    return {
-        "scene": seen.scene.plain() if seen.scene else None,
-        "map": seen.map.plain() if seen.map else None,
-        "runs": [chart.plain() for chart in seen.runs],
-        "tables": [html.grid(table) for table in seen.tables],
-        "ramp": SCALE,
-    }

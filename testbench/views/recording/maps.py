@@ -11,10 +11,9 @@ from rerun.components import FillMode
 from testbench.errors import Array
 from testbench.views.colours import GREY, SCALE
 from testbench.views.markdown import Markdown, as_markdown, place
-from testbench.views.page.charts import PlaceMap
 from testbench.views.recording.stream import Pen, snake, text_view
 from testbench.views.recording.world import frame, orbit
-from testbench.views.scale import Scale, scale_of
+from testbench.views.scene import PlaceMap, Scale, scale_of
 from testbench.views.schema import show
 
 MOST = 4  #: Maps side by side at most.

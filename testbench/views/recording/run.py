@@ -25,12 +25,10 @@ from testbench.views.colours import (
     Colour,
 )
 from testbench.views.markdown import Told, as_markdown, grid
-from testbench.views.page.charts import Line, RunChart
-from testbench.views.page.page import Seen
-from testbench.views.page.scene import Layer, Poses, Scene
 from testbench.views.recording.maps import map_tab, write_map
 from testbench.views.recording.stream import Header, Pen, layout, recording, snake, text_view
 from testbench.views.recording.world import frame, orbit, reach, write_arm, write_layer
+from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen
 
 WORST, POSE = "worst_first", "pose"
 """Timelines: the one that a reader lands on, and the order of the page, from 1."""

@@ -13,8 +13,8 @@ from testbench.bench.campaign import Cell
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, Shape, body_names, join_meshes, visual_shapes
 from testbench.views.colours import MEASURED, Colour
-from testbench.views.page.scene import Layer
 from testbench.views.recording.stream import Pen
+from testbench.views.scene import Layer
 
 GHOST = (*MEASURED, 70)  #: The arm under load: seen through.
 THICK = {"dots": 0.008, "specks": 0.004, "arrows": 0.004, "lines": 0.0025}
