@@ -93,6 +93,11 @@ class Trials:
         """All other columns."""
         return Trials({name: own for name, own in self.columns.items() if not _named(name, names)})
 
+    def inside(self, name: str) -> "Trials":
+        """Columns whose names begin with this one and a dot, without both."""
+        start = f"{name}."
+        return Trials({own.removeprefix(start): cells for own, cells in self.keep(start).columns.items()})
+
     def add(self, **more: Any) -> "Trials":
         """With more columns, or others of the same names."""
         return Trials({**self.columns, **{name: np.asarray(cells) for name, cells in more.items()}})
