@@ -340,33 +340,6 @@ def looks_differ(legend):
     assert len(set(seen)) == len(seen), seen
 
 
-def summaries(study, settings, seeds, trials):
-    """What tests of a study's views begin with.
-
-    Args:
-        study: The study.
-        settings: What it was asked for.
-        seeds: Of its trials.
-        trials: Makes the rows up, from rng.
-
-    Returns:
-        The summary of any rows, a fixture of made-up rows, and one of their report, both made once.
-    """
-
-    def summed(found):
-        return study.summary(settings, seeds, found)
-
-    @pytest.fixture(scope="module")
-    def made():
-        return trials(np.random.default_rng(2021))
-
-    @pytest.fixture(scope="module")
-    def report(made):
-        return summed(made)
-
-    return summed, made, report
-
-
 def check_spread(spread, values):
     """A spread is median and percentiles of these numbers, or the one that all of them are."""
     if not isinstance(spread, Spread):
