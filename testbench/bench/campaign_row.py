@@ -104,11 +104,12 @@ def campaign_rows(
 
 def drawn(campaign: Campaign, errors: Errors, *, whole: bool) -> Drawn:
     """What pictures need of a model; `whole` with the runs, once a campaign."""
-    measured, over = (_runs(data) if whole else None for data in (campaign.measured, campaign.truth))
+    measured, over = (runs_row(data) if whole else None for data in (campaign.measured, campaign.truth))
     return Drawn(measured, over, _flat(errors.residuals), _flat(errors.wrong))
 
 
-def _runs(data: Dataset) -> Runs:
+def runs_row(data: Dataset) -> Runs:
+    """A dataset for a row: see `dataset_of`."""
     turned = data.rotation_before, data.rotation_after
     arrays = (data.q, data.wrench, data.point, data.before, data.after)
     ids = (tuple(own.tolist()) for own in (data.run, data.pose))

@@ -13,15 +13,13 @@ from testbench.bench.campaign import build_cell
 from testbench.bench.models import named_models, plain_name
 from testbench.bench.runs import files_read, read, register
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
+from testbench.commands.identifiability import figure, report
 from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.place import PNG, claim_file
 from testbench.output.whole import whole_file
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal
-from testbench.views.identifiability.figure import shares
-from testbench.views.identifiability.report import seen_report, table
-from testbench.views.identifiability.words import words
 
 
 @dataclass(frozen=True)
@@ -48,11 +46,11 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Say what is seen, what is not, and what would help."""
-    figure = asked.figure
+    png = asked.figure
     with ExitStack() as held:
-        if figure is not None:
+        if png is not None:
             inputs = [find_arm(asked.arm), *files_read(asked)]
-            held.enter_context(claim_file(figure, PNG, inputs=inputs, force=asked.force))
+            held.enter_context(claim_file(png, PNG, inputs=inputs, force=asked.force))
         cell = build_cell(asked.arm)
         with of_flag("--model"):
             [entry] = named_models(cell, [asked.model or plain_name(cell)])
@@ -60,13 +58,13 @@ def command(asked: Options) -> None:
         cell, found = register(cell, export, asked)
         strength = Strength(asked.uncertainty_percent / 100)
         told = describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength)
-        seen, said = seen_report(told), words(told, cell.arm.name)
+        said = report(told, cell.arm.name)
         console = terminal.plain_console()
         console.print("\n".join((*export.notes, *found.notes)), soft_wrap=True)
-        terminal.print_words(console, said, [table(seen)], "" if asked.more else "with --more")
+        terminal.print_words(console, said, [said.tables["help"]], "" if asked.more else "with --more")
         if asked.more:
             console.print(Markdown(said.block("more")))
-        if figure is not None:
-            with whole_file(figure) as part:
-                shares(seen).savefig(part, format="png")
-            console.print(f"figure     {figure}", soft_wrap=True)
+        if png is not None:
+            with whole_file(png) as part:
+                figure(said).savefig(part, format="png")
+            console.print(f"figure     {png}", soft_wrap=True)

@@ -322,6 +322,10 @@ EVERY = (
     ),
     Column("gears_kept_percent", "joint errors kept", "%", ".1f"),
     Column("links_kept_percent", "links kept", "%", ".1f"),
+    # what runs tell, and what would help
+    Column("place", "", form="d"),
+    Column("measure", "measured besides"),
+    Column("expected_error_mm", "expected error", "mm", short="expected\nerror mm"),
     # jobs of a corrected robot
     Column("job", "job"),
     Column("removed_percent", "removed", "%", ".1f"),

@@ -1,12 +1,13 @@
 """What the data cannot see: ranks, words, shares and what would help, before any solve."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from testbench.bench.campaign import Scenario, simulate
+from testbench.commands.identifiability import report as said
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify.identifiability import describe
@@ -16,8 +17,6 @@ from testbench.identify.prior import Prior, Strength, cad_prior
 from testbench.identify.reduction import generic_rows, non_redundant
 from testbench.identify.regression import rank, reduce
 from testbench.model.structure import Structure, all153, free36, mgco47, mgco68, mgco69, mgco147, template56
-from testbench.views.identifiability.report import seen_report
-from testbench.views.identifiability.words import sentences
 
 STRENGTH = Strength(0.3)
 
@@ -128,7 +127,7 @@ def test_words_name_the_link_and_the_joint_that_trade(kr500, gravity):
         s = Structure.of(kr500.arm, links=links, joints=joints, entries=((3, 3), (4, 4)))
         report = report_of(kr500, s, gravity)
         assert len(report.lost_to_structure) == 1
-        assert f"No experiment tells apart: {text}." in sentences(report)
+        assert f"No experiment tells apart: {text}." in said(report).claims
 
 
 def test_joint_1_is_not_loaded_by_gravity_and_a_side_load_restores_it(kr500, gravity):
@@ -136,8 +135,8 @@ def test_joint_1_is_not_loaded_by_gravity_and_a_side_load_restores_it(kr500, gra
     report = report_of(kr500, s, gravity)
     assert (report.rank, report.rank_of_structure) == (1, 2)
     assert report.share[0] == 0.0
-    assert "Not loaded in any pose: joint_1." in sentences(report)
-    assert any(text.startswith("The prior decides") and "joint_1" in text for text in sentences(report))
+    assert "Not loaded in any pose: joint_1." in said(report).claims
+    assert any(text.startswith("The prior decides") and "joint_1" in text for text in said(report).claims)
     assert proposal(report, "the force as a side load along world y").rank == 2
     side = np.zeros_like(gravity.wrench)
     side[:, 1] = 4500.0
@@ -239,7 +238,7 @@ def test_data_that_see_all_say_so(single_link):
     s = Structure.of(single_link.arm, links=[single_link.arm.links[0].name])
     report = report_of(single_link, s, data)
     assert report.rank == 21
-    assert sentences(report)[0].endswith("see 21 directions of them: all.")
+    assert said(report).claims[0].endswith("see 21 directions of them: all.")
 
 
 def test_data_without_load_are_a_report_not_a_crash(kr500, gravity):
@@ -248,10 +247,10 @@ def test_data_without_load_are_a_report_not_a_crash(kr500, gravity):
     assert report.rank == 0
     assert not report.share.any()
     assert report.error == np.inf
-    seen = seen_report(report)
-    json.dumps(asdict(seen), allow_nan=False)
-    assert seen.expected_error_mm is None
-    assert any("unbounded" in text for text in seen.sentences)
+    told = said(report)
+    json.dumps(told.json(), allow_nan=False)
+    assert told.numbers["expected_error_mm"] is None
+    assert told.answer.startswith("These runs bound no prediction of MGCO47")
 
 
 def test_a_bad_prior_is_refused(kr500, gravity):

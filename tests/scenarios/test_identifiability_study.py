@@ -1,15 +1,7 @@
 """The study of identifiability as a stranger runs it: its files, its contract, its claims."""
 
-from itertools import product
-
 import pytest
 from run_here import ROOT, app_of_study, check_files, here, quick_study
-
-from testbench.bench.campaign import Scenario, simulate
-from testbench.bench.wrong_prior import wrong_prior
-from testbench.identify import gco, least_squares, with_prior
-from testbench.identify.evaluate import deflections, score
-from testbench.studies.identifiability.methods import STRUCTURES, Asked, fit_each
 
 APP = app_of_study("identifiability")
 SEEDS = 3
@@ -18,18 +10,13 @@ quick, report, rows = quick_study(APP, "--seed", 2, "--seeds", SEEDS, "--campaig
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
-    check_files(quick, "identifiability.png", "poses.png", "prior_scale.png", "shares.png")
-
-
-def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
-    assert blank_panes(quick[0] / "recording.rrd") == []
+    check_files(quick, "identifiability.png")
 
 
 def test_every_row_is_stored_and_the_report_counts_them(rows, report):
-    fits = [row for row in rows if row["part"]]
-    assert {row["seed"] for row in fits} == {report["seed"]} == {2}
+    assert {row["seed"] for row in rows if row["part"]} == {report["seed"]} == {2}
     assert {row["seed"] for row in rows} == {2, 3, 4}
-    linear = {row["fit.name"]: row for row in fits if row["part"] == "linear"}
+    linear = {row["fit.name"]: row for row in rows if row["part"] == "linear"}
     assert list(linear) == [m["name"] for m in report["models"]]
     for m in report["models"]:
         assert m["workspace"]["rms_mm"] == linear[m["name"]]["fit.workspace.rms_mm"]
@@ -51,11 +38,11 @@ def test_a_wrong_prior_beats_none_and_its_scale_does_not_matter(report):
     rms = {m["name"]: m["workspace"]["rms_mm"] for m in report["models"]}
     assert 3 * rms["MGCO68, GCO + prior"] < rms["MGCO68"]
     assert rms["MGCO68, GCO + prior"] < rms["MGCO68, least trace"]
+    assert rms["MGCO68, GCO + prior"] == pytest.approx(rms["MGCO68, LS + prior"], rel=1e-3)
     low, high = (
         row["workspace"]["rms_mm"] for row in report["scales"] if row["name"] == "MGCO68, GCO + prior"
     )
     assert low == pytest.approx(high, rel=1e-3)
-    assert report["fixed_scale"]["MGCO68"] != pytest.approx(high, rel=1e-3)
 
 
 def test_joints_alone_are_judged_everywhere_and_links_are_no_part_of_them(report):
@@ -64,28 +51,10 @@ def test_joints_alone_are_judged_everywhere_and_links_are_no_part_of_them(report
         assert (plain["parameters"], plain["rank"], plain["conservative"]) == (6, 5, True)
         # no prior of a joint makes up for a link: both are off by what links give
         assert filled["workspace"]["rms_mm"] == pytest.approx(plain["workspace"]["rms_mm"], rel=0.1)
-    assert report["joints"]["name"] == report["joints_nonlinear"]["name"] == "Joints"
-    assert {"Joints", "Joints, LS + prior"} <= {row["name"] for row in report["poses"]}
     assert [b["poses"] for b in report["beaten"]] == [8, 20]
 
 
-def test_gco_is_as_good_as_least_squares_with_the_same_prior(report):
-    for found in report["never_worse"].values():
-        assert found["seeds"] == 1
-        assert found["worst_ratio"] == pytest.approx(1, abs=1e-3)  # the cone does not bind here
-
-
-def test_the_robust_loss_does_without_the_outliers_and_one_structure_is_chosen(report):
-    out = report["outliers"]
-    assert out["robust_mm"] < 1.2 * out["clean_mm"] < out["plain_mm"]
-    assert out["spoiled"] == round(0.05 * report["dataset"]["points"])
-    [chosen] = [row for row in report["choice"]["rows"] if row["is_recommended"] is True]
-    assert report["choice"]["recommended"] == [chosen["name"]]
-    assert report["choice"]["chosen_workspace_mm"] == chosen["workspace"]["rms_mm"]
-
-
-def test_more_poses_and_the_scenario_asked_for(report):
-    assert report["seen"]["unknowns"] == 68
+def test_more_poses_help_and_eight_are_the_campaign_itself(report):
     few, many = (row for row in report["poses"] if row["name"] == "MGCO68")
     assert (few["poses"], many["poses"]) == (8, 20)
     whole = next(m for m in report["models"] if m["name"] == "MGCO68")
@@ -96,8 +65,7 @@ def test_more_poses_and_the_scenario_asked_for(report):
 @pytest.mark.parametrize(
     ("flags", "text"),
     [
-        (["--seeds", "0"], "--seeds"),
-        (["--arm", "no/such/arm"], "no/such/arm: expected a folder"),
+        (["--campaigns", "0"], "--campaigns"),
         (["--arm", str(ROOT / "models" / "single_link")], "expected an arm of at least 4 links"),
     ],
 )
@@ -108,20 +76,3 @@ def test_bad_flags_are_one_line_exit_code_2_and_touch_nothing(flags, text, tmp_p
     assert done.stderr.count("\n") == 1
     assert text in done.stderr
     assert (tmp_path / "report.json").read_text() == "earlier"
-
-
-def test_a_fit_of_a_campaign_is_made_once_and_is_what_its_method_makes_alone(kr500):
-    campaign = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=10), 3)
-    asked = [
-        Asked(*own) for own in product(("MGCO56", "MGCO68"), ("LS + prior", "GCO + prior"), (0.5, 2.0, 2.0))
-    ]
-    found = fit_each(kr500, campaign, asked, 3)
-    assert len(found) == 8
-    for own, fit in found.items():
-        method = with_prior(
-            least_squares if own.method == "LS + prior" else gco, wrong_prior(kr500, 3, own.scale)
-        )
-        alone = method(kr500.vjm, STRUCTURES[own.structure](kr500), campaign.identification)
-        assert fit.estimate.belief.strength == alone.belief.strength
-        error = score(deflections(kr500.vjm, alone, campaign.truth), campaign.truth.deflection)
-        assert fit.row.workspace.rms_mm == pytest.approx(1e3 * error.rms, rel=1e-6)

@@ -7,7 +7,7 @@ import pytest
 
 from testbench.bench.models import MODELS, named_models
 from testbench.model.structure import all153, template56
-from testbench.studies.identifiability.methods import WITH_PRIOR
+from testbench.studies.identifiability.fits import FILLINGS
 from testbench.views import colours
 from testbench.views.colours import CHOICE, SCALE, SERIES, look
 
@@ -48,7 +48,7 @@ TOGETHER = (
             name, "none" if words[:2] == "LS" else "psd", words != "least trace", filling
         )
         for name in ("MGCO68", "ALL153")
-        for words, (filling, _) in WITH_PRIOR.items()
+        for words, filling in FILLINGS.items()
         if words != "GCO + prior"
     }
 )

@@ -2,7 +2,7 @@
 
 from testbench.arm.catalogue import find_arm
 from testbench.studies.identifiability import report, trial
-from testbench.studies.identifiability.campaigns import TrialRow
+from testbench.studies.identifiability.fits import TrialRow
 from testbench.studies.study import Study
 
 STUDY = Study(

@@ -12,17 +12,12 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, build_cell, of_arm
-from testbench.studies.identifiability import campaigns, coverage
-from testbench.studies.identifiability.campaigns import TrialRow, Tried
+from testbench.studies.identifiability import coverage, fits
 from testbench.studies.identifiability.coverage import Covered
+from testbench.studies.identifiability.fits import TrialRow, Tried
 
 SIX_DOF = "arm_6r"  #: The arm of section 5.2: the data see all its predictions.
-QUICK = Tried(
-    structures=("MGCO56", "MGCO68"),
-    scales=(0.5, 2.0),
-    poses=(8, 20),
-    choice=("Joints", "MGCO56", "MGCO68"),
-)
+QUICK = Tried(structures=("MGCO56", "MGCO68"), scales=(0.5, 2.0), poses=(8, 20))
 
 
 @dataclass(frozen=True)
@@ -82,6 +77,6 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[TrialRow]]:
     for seed in seeds:
         k, rows = seed - asked.first, list[TrialRow]()
         if k < asked.campaigns:
-            rows += campaigns.rows(cell, asked.scenario, asked.tried, seed)
+            rows += fits.rows(cell, asked.scenario, asked.tried, seed, first=k == 0)
         found.append(rows + [TrialRow(intervals=row) for row in drawn(k)])
     return found
