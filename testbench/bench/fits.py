@@ -1,4 +1,4 @@
-"""A user's runs fitted by several models, and which model to take."""
+"""A user's runs fitted by several models, and which model to take: what models.json holds."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,12 +8,10 @@ from scipy.special import gammainc
 
 from testbench.bench.campaign import Cell
 from testbench.bench.default import Recommendation, default_name, recommend, why
-from testbench.bench.fit_rows import Bound, Fits, Fitted, HeldOut, IntervalRow, IntervalsRow
-from testbench.bench.frame_rows import RegistrationRow
 from testbench.bench.judged import EstimatorFailed, of_model
 from testbench.bench.many import Many, fit_many
 from testbench.bench.models import Model
-from testbench.bench.rows import MM, ErrorRow, error_row, fit_row
+from testbench.bench.rows import MM, ErrorRow, FitRow, error_row, fit_row
 from testbench.data.dataset import Dataset, in_order
 from testbench.data.stream import SHOWN, some
 from testbench.errors import Array, BenchError
@@ -21,6 +19,7 @@ from testbench.identify import Estimate, Method, intervals
 from testbench.identify.contradiction import Unchecked, unchecked
 from testbench.identify.contradiction import doubts as contradictions
 from testbench.identify.doubts import Doubt
+from testbench.identify.estimate import Rejected
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.metric import metric
 from testbench.identify.regression import BLOCK_RUNS, ROUNDING
@@ -53,7 +52,7 @@ class Runs:
     used: Dataset  #: Those to fit.
     check: Dataset | None  #: Those held back; None if there are none.
     notes: tuple[str, ...] = ()  #: What was understood of them.
-    registration: RegistrationRow | None = None  #: Frames and targets; None where no frame fitted.
+    registration: Mapping[str, object] | None = None  #: Frames and targets; None where no frame fitted.
     looks: Looks = UNSEEN  #: What may be wrong with them.
     many: Many | None = None  #: All, where they are too many to hold.
 
@@ -61,6 +60,67 @@ class Runs:
     def total(self) -> int:
         """How many there are."""
         return self.every.runs if self.many is None else self.many.every.runs
+
+
+@dataclass(frozen=True)
+class IntervalsRow:
+    """95 % intervals of predicted deflections, each by itself."""
+
+    confidence: float  #: Of each [1].
+    on_boundary: bool  #: Whether the cone holds the estimate: then they are not exact.
+    unbounded: int  #: Components that the data leave without a bound.
+    components: int  #: How many there are.
+    half_width_mm: float | None  #: Median over those with a bound.
+    half_width_max_mm: float | None  #: The largest of those.
+    #: One a run and marker: `centre_mm`, `lower_mm`, `upper_mm` along the world axes, null without a bound.
+    deflections: tuple[Mapping[str, object], ...]
+
+
+@dataclass(frozen=True)
+class Fitted(FitRow):
+    """A model fitted to a user's runs."""
+
+    equations: int  #: Of the readings.
+    identification: ErrorRow  #: Errors on the runs that were fitted, against their readings.
+    check: ErrorRow | None  #: The same on those held back; None if there are none.
+    #: Where it is checked, or was fitted; None if not asked for, or where only others have a prior.
+    intervals: IntervalsRow | None
+    learnt: bool  #: Whether the readings taught its prior: then its intervals count how wrong that may be.
+    links: Mapping[str, list[list[float]]]  #: Compliance of every link in its beam frame.
+    #: Compliance of every joint; None where it is aggregated: counted in that of the link before it.
+    joints: Mapping[str, float | None]
+    units: str  #: Of both.
+    rejected: tuple[Rejected, ...]  #: Readings that the fit does without.
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Mean F_M of a model on poses and load levels held out in turn, and its standard error."""
+
+    name: str
+    f_m: float
+    standard_error: float
+
+
+@dataclass(frozen=True)
+class Fits:
+    """models.json."""
+
+    dataset: str  #: Name of the file.
+    arm: str  #: Name of the arm.
+    runs: int  #: That were fitted.
+    poses: int  #: They are in.
+    models: tuple[Fitted, ...]  #: What was found.
+    recommended: str  #: Name of the model to take.
+    why: str  #: Why this one.
+    held_out: tuple[HeldOut, ...]  #: What the recommendation rests on.
+    #: What may be wrong with the runs, the likeliest first, then with the prior of the model to take.
+    doubts: tuple[Doubt, ...]
+    unchecked: Unchecked  #: What the readings do not check of its prior.
+    notes: tuple[str, ...]  #: What was understood of the runs.
+    registration: Mapping[str, object] | None  #: Frames and targets; None where no frame fitted.
+    #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
+    scale: float | None = None
 
 
 @dataclass(frozen=True)
@@ -255,7 +315,7 @@ def _fit(
     cell: Cell, model: Model, timed: tuple[Estimate, float], errors: Judged, spread: IntervalsRow | None
 ) -> Fitted:
     estimate, seconds = timed
-    C = estimate.C_theta
+    blocks = (estimate.C_theta[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(len(cell.arm.links)))
     return Fitted(
         **vars(fit_row(model.name, estimate, seconds, prior=estimate.belief is not None)),
         equations=estimate.regression.equations,
@@ -263,10 +323,7 @@ def _fit(
         check=errors[1],
         intervals=spread,
         learnt=estimate.belief is not None and estimate.belief.moves is not None,
-        links={
-            link.name: C[6 * i : 6 * i + 6, 6 * i : 6 * i + 6].tolist()
-            for i, link in enumerate(cell.arm.links)
-        },
+        links={link.name: C.tolist() for link, C in zip(cell.arm.links, blocks, strict=True)},
         joints=_joints(cell, estimate),
         units=UNITS,
         rejected=estimate.rejected,
@@ -290,6 +347,7 @@ def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> IntervalsRow:
     found = intervals(cell.vjm, estimate, data)
     half = MM * (found.upper - found.lower) / 2
     known = half[np.isfinite(half)]
+    ends = {"centre_mm": found.centre, "lower_mm": found.lower, "upper_mm": found.upper}
     return IntervalsRow(
         confidence=found.confidence,
         on_boundary=found.on_boundary,
@@ -298,18 +356,12 @@ def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> IntervalsRow:
         half_width_mm=float(np.median(known)) if known.size else None,
         half_width_max_mm=float(known.max()) if known.size else None,
         deflections=tuple(
-            IntervalRow(
-                run=int(data.run[i]),
-                marker=marker,
-                centre_mm=tuple((MM * found.centre[i, k]).tolist()),
-                lower_mm=_bounds(found.lower[i, k]),
-                upper_mm=_bounds(found.upper[i, k]),
-            )
-            for i in range(data.runs)
+            {"run": run, "marker": marker, **{key: _bounded(own[i, k]) for key, own in ends.items()}}
+            for i, run in enumerate(data.run.tolist())
             for k, marker in enumerate(data.markers)
         ),
     )
 
 
-def _bounds(metres: Array) -> tuple[Bound, ...]:
-    return tuple(MM * float(x) if np.isfinite(x) else None for x in metres)
+def _bounded(metres: Array) -> list[float | None]:
+    return [MM * float(x) if np.isfinite(x) else None for x in metres]

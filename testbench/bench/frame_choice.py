@@ -1,5 +1,6 @@
 """The frame of a user's readings: found, said, or given as a TOML file."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, get_args
@@ -9,10 +10,11 @@ from pydantic import Field, ValidationError
 
 from testbench.arm.document import Strict, parse_toml
 from testbench.bench.campaign import Cell
+from testbench.bench.rows import MM
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError, InputError, read_text
 from testbench.identify.registered import Choice, Registered, registered
-from testbench.identify.registration import Frame
+from testbench.identify.registration import Frame, spread
 
 MAX_BYTES = 20_000
 Metres = Annotated[float, Field(ge=-1000, le=1000)]
@@ -89,3 +91,43 @@ def read_frames(path: Path) -> tuple[Frame, ...]:
         )
         for one in given
     )
+
+
+def registration_row(registered: Registered) -> dict[str, object] | None:
+    """Frames and targets, and how well the unloaded readings fit them; None where no frame fitted.
+
+    Of a frame the base's position in it, turn as a rotation vector, and largest standard deviations, 0 for
+    one that was given; of a target its place in the tool's frame, its distance from where the arm's folder
+    has it, None if it has not, and its largest standard deviation.
+    """
+    found = registered.registration
+    if found is None:
+        return None
+    away = MM * np.linalg.norm(found.targets - found.nominal, axis=1)
+    frames = [one.of(registered.vjm.base) for one in found.frames]
+    return {
+        "frame": registered.frame,
+        "frames": [
+            {
+                "station": one.station,
+                "position_mm": (MM * one.translation).tolist(),
+                "rotation_deg": np.degrees(one.rotation_vector).tolist(),
+                "position_sd_mm": MM * spread(one.covariance[3:, 3:]),
+                "rotation_sd_deg": math.degrees(one.deviation),
+            }
+            for one in frames
+        ],
+        "targets": [
+            {
+                "marker": name,
+                "position_mm": (MM * found.targets[k]).tolist(),
+                "from_nominal_mm": float(away[k]) if np.isfinite(away[k]) else None,
+                "position_sd_mm": MM * float(found.target_deviations[k].max()),
+            }
+            for k, name in enumerate(found.markers)
+        ],
+        "rms_mm": MM * found.rms,
+        "noise_mm": MM * found.noise,
+        "readings": found.readings,
+        "wild": found.wild,
+    }

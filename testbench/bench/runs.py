@@ -12,8 +12,7 @@ from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell
 from testbench.bench.fits import Looks, Runs
-from testbench.bench.frame_choice import frame_files, to_base
-from testbench.bench.frame_rows import registration_row
+from testbench.bench.frame_choice import frame_files, registration_row, to_base
 from testbench.bench.many import Many
 from testbench.bench.payload import overloaded
 from testbench.bench.rows import UM

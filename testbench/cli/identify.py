@@ -11,26 +11,21 @@ import typer
 from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell
-from testbench.bench.checked import check
 from testbench.bench.default import default_models, with_priors
-from testbench.bench.explained import explained
 from testbench.bench.fits import fit
 from testbench.bench.model_folder import DOCUMENT, FITS
 from testbench.bench.models import Model, named_models
 from testbench.bench.runs import files_read, read_runs
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
+from testbench.commands.identify import COMMAND, MAP, PICTURE, Source, printed, tell
 from testbench.errors import BenchError, word
 from testbench.identify import robust
 from testbench.identify.doubts import Doubt
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.run import claim_folder
 from testbench.shell.options import Force, of_flag, takes
-from testbench.views import fits as views
 from testbench.views import terminal
-from testbench.views.identified.files import COMMAND, Source, write
-from testbench.views.markdown import as_plain
 
-FIGURES = ("identify.png", "error_map.png")
 OLD = frozenset((FITS,))  #: All that earlier versions left.
 
 
@@ -80,20 +75,17 @@ def command(asked: Options) -> None:
         models = _models(cell, asked)
         found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
         if asked.strict:
+            from testbench.bench.checked import check  # here: it reads the arm once more
+
             check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
-        readings = {asked.dataset.name: files.digest(asked.dataset)}
-        made = explained(filed, cell, found, widths=asked.intervals)
-        text = write(Source(filed, cell, readings, _plain(asked, readings)), made, asked.out)
-        console, out = terminal.plain_console(), asked.out
-        console.print(as_plain(views.words(found.fits).block("title")))
-        for table in views.tables(found.fits).values():
-            console.print(terminal.grid(table))
-        terminal.print_answer(console, text)
-        terminal.print_statements(console, text)
+        readings, out = {asked.dataset.name: files.digest(asked.dataset)}, asked.out
+        source = Source(filed, cell, readings, _plain(asked, readings), asked.intervals)
+        said, console = tell(source, found, out), terminal.plain_console()
+        terminal.print_words(console, said, [printed(said)])
         lines = [
             f"model      {out / DOCUMENT}: {found.fits.recommended}; all others: {out / FITS}",
             f"report     {out / 'report.md'}, {out / 'report.json'}",
-            f"figures    {', '.join(str(out / name) for name in FIGURES if (out / name).exists())}",
+            f"figures    {', '.join(str(out / name) for name in (PICTURE, MAP) if (out / name).exists())}",
             *terminal.looked_at(out),
             f"next       testbench predict {word(out)} POSES.csv",
             f"           testbench compensate {word(out)} PROGRAM.csv --out CORRECTED.csv",

@@ -117,7 +117,7 @@ def models_of(run: Finished) -> dict[str, Row]:
 def _model(run: Finished, own: Mapping[str, Any]) -> Row:
     errors = {}
     for kind in KINDS:
-        cell = own.get(kind) or (own.get("fit") if kind == "identification" else None)
+        cell = own.get(kind)
         mm = number(cell.get("rms_mm")) if isinstance(cell, dict) else None
         if not isinstance(mm, float | int | Spread):
             continue

@@ -126,6 +126,13 @@ def of_regression(
     )
 
 
+def told(vjm: Vjm, regression: Regression, prior: Prior, strength: Strength) -> tuple[tuple[str, ...], Array]:
+    """Link or joint of every parameter, and what the data take off its prior's variance, (n,)."""
+    scaled = any_metric(prior, vjm, regression.structure)
+    R = posterior(whitened(regression, scaled)[0], precision_root(scaled, strength)[0])
+    return _places(vjm, regression.structure)[0], _share(R, scaled, strength)
+
+
 def _rows(vjm: Vjm, regression: Regression, data: Dataset) -> tuple[Array, Array]:
     """What the data see, and what they and many more poses under their loads would see, (rows, n) each."""
     own = np.vstack([term.R for term in regression.terms])

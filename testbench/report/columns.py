@@ -83,6 +83,15 @@ EVERY = (
     Column("file_columns", "columns of the file"),
     Column("values", "values"),
     Column("rows", "rows"),
+    # models of one's own runs
+    Column("intervals.half_width_mm", "+- (95 %)", "mm"),
+    Column("elsewhere.half_width_mm", "+- (95 %) over the workspace", "mm"),
+    Column("elsewhere.apart_mm", "apart there", "mm"),
+    Column("which_run", "run"),
+    Column("moved_mm", "deflection", "mm"),
+    Column("taken_mm", "residual", "mm"),
+    Column("told_percent", "told by the readings", "%", ".0f"),
+    Column("decided_by_prior", "unknowns that the prior decides", form="d"),
     # an arm that is checked
     Column("number", "number"),
     Column("part", "link or joint"),
@@ -257,7 +266,7 @@ EVERY = (
     Column("p95_mm", "95 %", "mm"),
     Column("max_mm", "largest", "mm"),
     # a prediction
-    Column("pose", "pose"),
+    Column("pose", "pose", form="d"),
     Column("deflection_mm", "tool moves", "mm", short="moves\nmm"),
     Column("half_words", "+- (95 %)", "mm", short="+- 95 %\nmm"),
     *(Column(f"deflections_mm.{k}", axis, "mm", short=f"{axis}\nmm") for k, axis in enumerate("xyz")),

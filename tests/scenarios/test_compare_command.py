@@ -240,7 +240,7 @@ def test_tables_of_a_study_without_models_show_the_number_that_differs(tmp_path)
 
 def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path):
     def only(report):
-        models = [{"name": own["name"], "fit": own["identification"]} for own in report["models"]]
+        models = [{"name": own["name"], "identification": own["identification"]} for own in report["models"]]
         report.clear()
         report["models"] = models
 

@@ -10,12 +10,12 @@ from run_here import here
 from scipy.spatial.transform import Rotation
 
 from testbench.bench.campaign import Scenario, simulate
-from testbench.bench.frame_choice import read_frames, to_base
-from testbench.bench.frame_rows import registration_row
+from testbench.bench.frame_choice import read_frames, registration_row, to_base
 from testbench.bench.tracker_runs import by_trackers
 from testbench.cli.program import program
 from testbench.errors import InputError
 from testbench.identify.registered import registered
+from testbench.report.table import rows as as_rows
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM, POSES = ROOT / "models" / "kr500_l480", ROOT / "docs" / "poses.csv"
@@ -117,7 +117,7 @@ def test_the_base_is_told_wherever_it_stands_in_its_world(kr500, tmp_path):
     moved[:3, 3] = 0.5, -2.0, 0.7
     cells = kr500, replace(kr500, vjm=replace(kr500.vjm, base=moved @ kr500.vjm.base))
     notes, rows = zip(
-        *((f.notes, registration_row(f)) for _, f in (to_base(c, data) for c in cells)), strict=True
+        *((f.notes, as_rows(registration_row(f))) for _, f in (to_base(c, data) for c in cells)), strict=True
     )
     for one, other in zip(*(row.frames for row in rows), strict=True):
         for key in ("position_mm", "rotation_deg", "position_sd_mm", "rotation_sd_deg"):
@@ -129,7 +129,8 @@ def test_the_base_is_told_wherever_it_stands_in_its_world(kr500, tmp_path):
         place = [x / 1e3 for x in frame.position_mm]
         given += f"[[frame]]\nstation = {frame.station}\nposition_m = {place}\nrotation_xyz_deg = {turn}\n"
     (tmp_path / "frame.toml").write_text(given)
-    same = [registration_row(to_base(cell, data, str(tmp_path / "frame.toml"))[1]) for cell in cells]
+    found = (to_base(cell, data, str(tmp_path / "frame.toml"))[1] for cell in cells)
+    same = [as_rows(registration_row(own)) for own in found]
     assert same[1].rms_mm == pytest.approx(same[0].rms_mm, rel=1e-3)
     assert same[1].frames[1].position_mm == pytest.approx(rows[0].frames[1].position_mm)
 

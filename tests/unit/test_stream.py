@@ -224,6 +224,6 @@ def test_of_many_runs_that_are_held_whole_some_have_intervals_and_the_notes_say_
         CELL, named_models(CELL, ["Joints"]), Runs("r", data, data, None), lambda: 0.0, widths=True
     ).fits
     assert fits.runs == 80
-    asked = [row.run for row in fits.models[0].intervals.deflections[::3]]
+    asked = [row["run"] for row in fits.models[0].intervals.deflections[::3]]
     assert asked == [1, 10, 19, 27, 36, 45, 54, 62, 71, 80]
     assert "intervals are of 10 of 80 runs" in fits.notes[-1]

@@ -1,0 +1,280 @@
+"""What `testbench identify` writes and says of fits: which model to take, how good, how sure."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from testbench import files
+from testbench.bench.baselines import JOINTS, is_least_squares
+from testbench.bench.campaign import Cell
+from testbench.bench.fits import Identified
+from testbench.bench.model_folder import FITS
+from testbench.bench.stiffness_write import write_stiffness
+from testbench.commands.identify_drawn import seen
+from testbench.commands.identify_rows import COUNTS, left_by, numbers
+from testbench.report.columns import columns
+from testbench.report.leave import Asked, leave
+from testbench.report.report import Report, lines, say
+from testbench.report.table import Row, find
+from testbench.trials.gain import Gain, gained
+from testbench.views.markdown import Markdown, capital, ended
+from testbench.views.schema import Table
+
+COMMAND = "testbench identify"  #: As manifest.json names it.
+PICTURE, MAP = "identify.png", "error_map.png"
+MOST = 30  #: Runs that are listed, the worst.
+FIT = "name parameters rank conservative f_m f_m_floor identification.rms_mm"
+CHECK, HELD, HALF = " check.rms_mm", " f_m_held_out", " intervals.half_width_mm"
+ELSEWHERE = " elsewhere.half_width_mm elsewhere.apart_mm"
+
+
+@dataclass(frozen=True)
+class Source:
+    """What was read, and what was asked for."""
+
+    filed: Cell  #: The arm as its folder has it.
+    cell: Cell  #: The same with the targets that were found.
+    data: Mapping[str, str]  #: SHA-256 of every file of readings, by its name.
+    flags: Mapping[str, object]  #: As plain data.
+    widths: bool  #: Whether intervals are wanted.
+
+
+def tell(source: Source, found: Identified, out: Path) -> Report:
+    """Write the model, all fits, report, pictures, recording, page and manifest.json; return what to say.
+
+    Raises:
+        InputError: When they cannot be written.
+    """
+    left = left_by(source.cell, found)
+    f = numbers(source.filed, source.cell, found, left, widths=source.widths)
+    said = report(f)
+
+    def more(folder: Path) -> dict[str, object]:
+        files.write_json(asdict(found.fits), folder / FITS)
+        write_stiffness(source.cell, found, found.runs, source.data, folder)
+        _write_map(f.map, f.arm, folder)
+        return {}
+
+    arm = [source.cell.arm.rigid.parent]
+    asked = Asked(COMMAND, f.arm, source.flags, arm, PICTURE, more=more)
+    leave(out, asked, said, seen(source.filed, found, f, left))
+    return said
+
+
+def _write_map(places: Row | None, arm: str, folder: Path) -> None:
+    """The workspace in colours, where a model that is compared has a bound anywhere."""
+    if places is not None and any(name in places.errors.worst for name in places.errors.compared):
+        from testbench.views.map_figure import error_map  # here: matplotlib takes a quarter of a second
+
+        error_map(places.errors, f"{arm} under {_load(places)}").savefig(folder / MAP)
+
+
+def report(f: Row) -> Report:
+    """What there is to say of fits."""
+    taken, worst = find(f.models, name=f.recommended), max(f.residuals, key=lambda row: row.taken_mm)
+    runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:MOST]
+    return Report(
+        scenario="identify",
+        question=say("Which stiffness model of {arm} to take, and how sure is it?", f),
+        title=say(
+            "{arm}: {runs} runs in {poses} poses of {dataset} fitted; errors are distances at the markers, "
+            "against readings",
+            f,
+        ),
+        answer=lines(_answer(f, taken)),
+        worst=lines(
+            [
+                _least_sure(f),
+                say("Worst in run {which_run}: {taken_mm:.3f} mm are left of {moved_mm:.3f} mm.", worst),
+            ]
+        ),
+        claims=list(_claims(f, taken)),
+        numbers=f,
+        tables={
+            "models": _models(f),
+            "runs": Table(columns("which_run pose moved_mm taken_mm"), runs, "What is left in each run"),
+            "told": Table(
+                columns("part parameters told_percent decided_by_prior"), f.seen.blocks, "What the runs tell"
+            ),
+        },
+        body=["models", _reading(f), "runs", _about_runs(f), "told", _about_told(f), *_elsewhere(f)],
+    )
+
+
+def _models(f: Row) -> Table:
+    """Every model on a line; what was not asked for has no column."""
+    keys = FIT + CHECK * (f.models[0].check is not None)
+    keys += HELD * any(m.f_m_held_out is not None for m in f.models)
+    keys += HALF * any(m.intervals for m in f.models)
+    headline = "check.rms_mm" if CHECK in keys else "identification.rms_mm"
+    return Table(
+        columns(keys + ELSEWHERE * (f.map is not None), paper=False),
+        f.models,
+        "Models",
+        f.recommended,
+        headline,
+    )
+
+
+def printed(said: Report) -> Table:
+    """The models for a terminal of 80 columns."""
+    own = said.tables["models"]
+    kept = [c for c in own.columns if c.key not in (HELD.strip(), *ELSEWHERE.split())]
+    return Table(tuple(kept), own.rows, "", own.bold)
+
+
+def _beside(f: Row, taken: Row, name: str) -> Gain | None:
+    """The model to take beside another one in the runs held back; None where one was not judged there."""
+    errors = {m.name: m.check.rms_mm for m in f.models if m.check is not None}
+    if name == taken.name or not {name, taken.name} <= errors.keys():
+        return None
+    return gained(taken.name, name, [errors[taken.name]], [errors[name]])
+
+
+def _answer(f: Row, taken: Row) -> Iterator[Markdown]:
+    """What to take, beside least squares and joints alone in the runs held back."""
+    wrong = any(doubt["name"] != "prior" for doubt in f.doubts)
+    plain = [m for m in f.models if m.check and is_least_squares(m.structure, m.constraint, prior=m.prior)]
+    best = min(plain, key=lambda m: m.check.rms_mm, default=None)
+    ls = _beside(f, taken, best.name) if best and not wrong else None
+    joints = _beside(f, taken, JOINTS)
+    first = "First look at the runs, see the doubt below; if they are right, take" if wrong else "Take"
+    checked = ": {check.rms_mm:.3f} mm RMS in the runs held back" if taken.check else ""
+    beside = ", least squares {ls.theirs_mm:.3f} mm; {ls:less}" if ls else ""
+    yield say(f"{first} {{name}}{checked}{beside}.", taken, ls=ls)
+    half = bool(taken.intervals) and taken.intervals.half_width_mm is not None
+    if joints:
+        sure = (
+            "; a deflection along an axis is predicted to +- {intervals.half_width_mm:.3f} mm (95 %, median)"
+            * half
+        )
+        yield say(f"Joints alone {{it.theirs_mm:.3f}} mm, {{it:more}}{sure}.", taken, it=joints)
+    else:
+        sure = (
+            " and predicts a deflection along an axis to +- {intervals.half_width_mm:.3f} mm (95 %, median)"
+            * half
+        )
+        yield say(f"It fits the readings to {{identification.rms_mm:.3f}} mm RMS{sure}.", taken)
+
+
+def _least_sure(f: Row) -> Markdown:
+    """Where over the workspace the model to take is least sure, and others there."""
+    if f.map is None:
+        return Markdown()
+    errors = f.map.errors
+    if f.recommended not in errors.worst:
+        return Markdown("Nowhere in the workspace is there a bound.")
+    at = errors.worst[f.recommended]
+    there = {name: errors.error_mm[name][at.place] for name in errors.compared[::-1]}
+    sizes = [f"{name} no bound" if mm is None else f"{name} +- {mm:.3f} mm" for name, mm in there.items()]
+    return say(
+        "Least sure at {position_m:place}: {sizes}. Joints {joints}.", vars(at), sizes=", ".join(sizes)
+    )
+
+
+def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
+    wrong = sorted(f.doubts, key=lambda doubt: doubt["name"] == "prior")
+    yield from (say("Doubt: {text}", text=ended(doubt["sentence"])) for doubt in wrong)
+    yield say("Why {recommended}: {why}", f, why=ended(f.why))
+    yield from (say("Not certified: {name} ({status}).", m) for m in f.models if m.status != "solved")
+    if taken.check is None:
+        yield Markdown("No pose was held back (--check-pose): how well a model fits is not how it predicts.")
+    yield from _of_intervals(f, taken)
+    yield from (say("{text}", text=ended(capital(text))) for text in f.notes)
+    if f.scale is not None:
+        yield say(
+            "As a whole the deflections are {scale:.3g} times what the arm's folder says of these loads.", f
+        )
+    if taken.aggregated:
+        yield say(
+            "Aggregated in {name}: the compliance of {aggregated:list} counts to the link before it.",
+            taken,
+        )
+    yield from (say("{text}", text=ended(capital(text))) for text in taken.advice)
+
+
+def _of_intervals(f: Row, taken: Row) -> Iterator[Markdown]:
+    """What no reading checks, and what the intervals do not count."""
+    known = [m for m in f.models if m.intervals]
+    if stiffer := f.unchecked.stiffer:
+        counts = " The intervals count on it." if taken.intervals and taken.learnt else ""
+        yield say(
+            f"The readings would not show ten times stiffer than in the folder: {{x:list}}.{counts}",
+            x=stiffer,
+        )
+    if softer := f.unchecked.softer:
+        yield say("The readings would not show ten times softer: {x:list}.", x=softer)
+    if held := [m.name for m in known if m.intervals.on_boundary]:
+        yield say(
+            "The intervals of {x:list} are not exact: the semi-definite condition holds the estimate.",
+            x=held,
+        )
+    if any(m.intervals.unbounded for m in known):
+        yield Markdown(
+            "A component has no bound where the data do not see what it depends on; half widths are of "
+            "the others."
+        )
+    if taken.intervals and not taken.prior:
+        yield Markdown(
+            "The intervals count noise alone: without a prior nobody knows what the model leaves out."
+        )
+
+
+def _reading(f: Row) -> Markdown:
+    """What the columns of the models are."""
+    every = f.map is not None or any(m.intervals for m in f.models)
+    held = any(m.f_m_held_out is not None for m in f.models)
+    return lines(
+        [
+            "*F_M held out*: the mean on poses and load levels held out in turn." if held else "",
+            f"*+- (95 %)*: median half width of the interval of a deflection; {COUNTS}." if every else "",
+            say("*Apart*: from where {recommended} has the loaded tool, median.", f) if f.map else "",
+        ]
+    )
+
+
+def _about_runs(f: Row) -> Markdown:
+    more = f" The worst {MOST} of {{n}} runs; all are in report.json." * (len(f.residuals) > MOST)
+    return say(
+        "Of {recommended}, at the target where it is worst. Noise alone stays below {noise_p95_mm:.3f} mm in "
+        f"95 % of runs.{more}",
+        f,
+        n=len(f.residuals),
+    )
+
+
+def _about_told(f: Row) -> Markdown:
+    return say(
+        "Of the {unknowns} unknowns of {structure} the runs see {seen} directions. Shares are beside a prior "
+        "known to {prior_uncertainty_percent:.0f} %. `testbench identifiability` names what is not seen, and "
+        "what would help.",
+        f.seen,
+    )
+
+
+def _load(places: Row) -> str:
+    """The load in words."""
+    return f"{places.force_N:.0f} N" + (f" and {places.moment_Nm:.0f} N m" if places.moment_Nm else "")
+
+
+def _elsewhere(f: Row) -> list[Markdown]:
+    """How sure the tool's deflection is all over the workspace."""
+    heading = Markdown("## How sure it is elsewhere")
+    if f.map is None:
+        return [heading, say("No map: {no_map}.", f)]
+    own, worst = f.map, f.map.errors.worst.get(f.recommended)
+    spread = say(
+        "Under {load}, the largest load that was fitted, in {places} poses over the workspace. "
+        "Half widths of the 95 % interval of the tool's deflection, along its widest axis: {least_mm:.3f} mm "
+        "at least, {median_mm:.3f} mm in the median, below {p95_mm:.3f} mm in 95 % of them.",
+        own,
+        load=_load(own),
+    )
+    unbounded = say(
+        "**No bound in {without_bound} of {places} poses**: there the deflection depends on what no reading "
+        "shows. A prior gives one, or other poses and loads do.",
+        own,
+    )
+    soft = say("{missing:list}: so soft that the load finds no equilibrium.", own)
+    parts = [spread if worst else "", unbounded if own.without_bound else "", soft if own.missing else ""]
+    return [heading, lines(parts)]

@@ -1,0 +1,132 @@
+"""What `testbench identify` draws: the arm in its runs and over the workspace, what models leave there."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from testbench.bench.campaign import Cell
+from testbench.bench.error_places import ErrorPlaces
+from testbench.bench.fits import Identified
+from testbench.bench.rows import MM
+from testbench.commands.identify_rows import COUNTS, compared, longest
+from testbench.data.dataset import Ids
+from testbench.errors import Array
+from testbench.model.vjm import chain, generalised_load
+from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report.table import Row, find
+from testbench.views.colours import MEASURED, NOMINAL, look
+from testbench.views.scene import (
+    Layer,
+    Line,
+    PlaceMap,
+    Poses,
+    RunChart,
+    Scene,
+    Seen,
+    arrow_scale,
+    of_all,
+    picked,
+)
+
+MOVED, LEFT = 0.12, 0.2  #: Length of most arrows of deflections and of errors over the reach [1].
+LEFT_MM = "What is left in each run, at the target where it is worst (mm)"
+NOWHERE = "no bound"
+
+
+def seen(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array]) -> Seen:
+    """What page, picture and recording draw; the arm as its folder has it."""
+    data = found.runs.every
+    names = compared(f.models, f.recommended)
+    some = picked(longest(left[names[-1]]), np.flatnonzero(data.seen.any(axis=1)))
+    groups: list[Poses] = []
+    title, charts = "", []
+    if len(some):
+        runs, title = _runs(cell, found, f, {name: left[name] for name in names}, some)
+        groups.append(runs)
+        lines = [_line(f, name, MM * longest(left[name])[some]) for name in names]
+        labels, note = [str(data.run[k]) for k in some], of_all(len(some), found.runs.total, "runs")
+        charts = [RunChart(LEFT_MM, 0, labels, lines, f.noise_p95_mm, note)]
+    if f.map is not None:
+        groups.append(_places(cell, f.map.errors, f.recommended))
+    return Seen(
+        scene=Scene(cell, title, groups) if groups else None,
+        map=None if f.map is None else _map(f, len(groups) - 1),
+        runs=charts,
+    )
+
+
+def _line(f: Row, name: str, values: Array) -> Line:
+    own = find(f.models, name=name)
+    return Line(name, look(own.structure, own.constraint, own.prior), values)
+
+
+def _runs(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array], some: Ids) -> tuple[Poses, str]:
+    """The arm bent by the model to take, targets as read and as each model has them; what is magnified."""
+    data, reach, taken = found.runs.every, cell.vjm.reach, f.recommended
+    hidden = np.where(data.seen[some][..., None], 0.0, np.nan)
+    moved, off = data.deflection[some] + hidden, {name: own[some] + hidden for name, own in left.items()}
+    M, A = arrow_scale(moved, MOVED * reach), arrow_scale(off[taken], LEFT * reach)
+    before = data.before[some] + hidden
+    at = before + M * moved
+    load = generalised_load(chain(cell.vjm, data.q[some]), data.wrench[some], data.point[some])
+    theta: Array = (found.taken.C_theta @ load).T  # Eq. (6)
+    rows = [f.residuals[k] for k in some]
+    errors = [
+        Layer(f"error of {name}", _line(f, name, at).look.colour, "arrows", at, at - A * own)
+        for name, own in off.items()
+    ]
+    poses = Poses(
+        name="Runs, against their readings",
+        names=[f"Run {row.which_run}" for row in rows],
+        words=[_said(row, list(left), cell.arm.words(data.q[k])) for row, k in zip(rows, some, strict=True)],
+        rigid=rigid_frames(cell.room, data.q[some]),
+        bent=elastic_frames(cell.plant, data.q[some], M * theta),
+        layers=[
+            Layer("targets read unloaded", NOMINAL, "dots", before),
+            Layer("read under load", MEASURED, "dots", at),
+            Layer("deflection as read", MEASURED, "lines", before, at),
+            *errors,
+        ],
+        first=int(longest(left[taken])[some].argmax()),
+    )
+    return poses, f"Deflections x {M:g}, arrows of errors from reading to model x {A:g}."
+
+
+def _said(row: Row, names: list[str], joints: str) -> str:
+    left = ", ".join(f"{name} {row.residual_mm[name]:.3f} mm" for name in names)
+    return f"Pose {row.pose}, moves {row.moved_mm:.3f} mm. Left at the worst target: {left}. {joints}."
+
+
+def _places(cell: Cell, errors: ErrorPlaces, taken: str) -> Poses:
+    """The arm all over the workspace."""
+    half, q = errors.errors(taken), np.array(errors.q)
+    sizes = zip(errors.deflection_mm, half, errors.joints, strict=True)
+    return Poses(
+        name="Workspace, under the largest load",
+        names=[f"Place {k} of {len(q)}" for k in range(1, len(q) + 1)],
+        words=[
+            f"The tool moves {moved:.3f} mm, {_bound(mm)} (95 %). {joints}." for moved, mm, joints in sizes
+        ],
+        rigid=rigid_frames(cell.room, q),
+        bent=None,
+        layers=[Layer("tool", MEASURED, "dots", np.array(errors.position_m)[:, None])],
+        first=int(np.nan_to_num(half).argmax()),
+    )
+
+
+def _bound(mm: float) -> str:
+    return f"+- {mm:.3f} mm" if np.isfinite(mm) else NOWHERE
+
+
+def _map(f: Row, group: int) -> PlaceMap:
+    """A map a model; joints alone have none: what they leave out is in no half width."""
+    errors = f.map.errors
+    half = {name: errors.errors(name) for name in errors.compared}
+    return PlaceMap(
+        f"Half width of the 95 % interval of the tool's deflection under the largest load (mm); {COUNTS}",
+        group,
+        np.array(errors.position_m),
+        [_line(f, name, mm) for name, mm in half.items()],
+        heading="How sure it is elsewhere",
+        without="" if all(np.isfinite(mm).all() for mm in half.values()) else NOWHERE,
+    )

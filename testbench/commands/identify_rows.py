@@ -1,0 +1,206 @@
+"""What fits of a user's runs leave: errors run by run, certainty over the workspace, what the runs tell."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from testbench.bench.baselines import JOINTS
+from testbench.bench.campaign import Cell, clear_poses, stream
+from testbench.bench.error_places import Meaning, bounded_mm, error_places, kept_mm, places_at
+from testbench.bench.fits import Fitted, Identified
+from testbench.bench.rows import MM
+from testbench.bench.stiffness_write import weights_known
+from testbench.correct.arm_model import of_estimate
+from testbench.correct.predicted import predict
+from testbench.errors import Array, NoEquilibrium, PoseError
+from testbench.identify.evaluate import all_deflections, noise_limit
+from testbench.identify.identifiability import told
+from testbench.identify.prior import Strength, cad_prior
+from testbench.model.load import Load
+from testbench.model.vjm import tool_pose
+from testbench.report.table import Row
+
+PLACES = 200  #: Poses over the workspace.
+USUAL = Strength(0.3)  #: Of the prior that readings are compared with, as `testbench identifiability` does.
+DECIDED = 0.05  #: Share that data tell of an unknown below which the prior decides it [1].
+COUNTS = "noise and the prior count, not what a model leaves out: joints alone look too sure"
+"""What every interval of a model is told with."""
+HALF_WIDTH = Meaning(
+    "half width",
+    f"of the 95 % interval of the tool's deflection, along the axis where it is widest; {COUNTS}",
+    "median",
+)
+OF_MODEL = (
+    "name structure constraint prior learnt method status parameters rank conservative f_m f_m_floor "
+    "identification check advice"
+).split()
+"""What report.json takes from models.json."""
+
+
+def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array], *, widths: bool) -> Row:
+    """report.json of fits.
+
+    Args:
+        filed: The arm as its folder has it.
+        cell: The same with the targets that were found.
+        found: Its fits.
+        left: Of `left_by`.
+        widths: Whether intervals are wanted.
+    """
+    fits, note, places = found.fits, "", None
+    if widths:
+        try:
+            places = elsewhere(filed, found)
+        except (PoseError, NoEquilibrium) as err:
+            note = str(err)
+    return Row(
+        arm=fits.arm,
+        dataset=fits.dataset,
+        runs=fits.runs,
+        poses=fits.poses,
+        recommended=fits.recommended,
+        why=fits.why,
+        models=[_model(own, found, places) for own in fits.models],
+        noise_p95_mm=MM * noise_limit(found.runs.every),
+        residuals=_residuals(found, left),
+        seen=_seen(cell, found),
+        map=places,
+        no_map="intervals were not asked for" if not widths else note,
+        doubts=[vars(doubt) for doubt in fits.doubts],
+        unchecked=Row(vars(fits.unchecked)),
+        notes=list(fits.notes),
+        scale=fits.scale,
+    )
+
+
+def _model(own: Fitted, found: Identified, places: Row | None) -> Row:
+    """A model; its compliances are in models.json."""
+    held = {other.name: other.f_m for other in found.fits.held_out}
+    spread = vars(own.intervals) if own.intervals else {}
+    return Row(
+        {key: getattr(own, key) for key in OF_MODEL},
+        aggregated=[name for name, compliance in own.joints.items() if compliance is None],
+        f_m_held_out=held.get(own.name),
+        intervals=Row({key: value for key, value in spread.items() if key != "deflections"}),
+        elsewhere=None if places is None else _there(own.name, places),
+    )
+
+
+def _there(name: str, places: Row) -> Row | None:
+    """How sure a model is over the workspace, and how far from the one to take; None where not known."""
+    if name not in places.errors.error_mm:
+        return None
+    mm, apart = places.errors.errors(name), places.apart_mm.get(name)
+    return Row(
+        half_width_mm=places.errors.typical_mm(name) if np.isfinite(mm).any() else None,
+        unbounded=places.errors.unbounded(name),
+        apart_mm=float(np.median(apart)) if apart else None,
+    )
+
+
+def left_by(cell: Cell, found: Identified) -> dict[str, Array]:
+    """Reading minus model by its name, (runs, m, 3) [m]; 0 where a target was lost."""
+    data, names = found.runs.every, list(found.estimates)
+    moved = all_deflections(cell.vjm, [found.estimates[name] for name in names], data)
+    return dict(zip(names, np.where(data.seen[..., None], data.deflection - moved, 0.0), strict=True))
+
+
+def longest(vectors: Array) -> Array:
+    """Length of the longest of every run, (runs, m, 3) to (runs,)."""
+    return np.asarray(np.linalg.norm(vectors, axis=2).max(axis=1))
+
+
+def _residuals(found: Identified, left: Mapping[str, Array]) -> list[Row]:
+    """Of every run how far its target that moves most moves, and what each model leaves at its worst one."""
+    data, check = found.runs.every, found.runs.check
+    held = np.isin(data.pose, [] if check is None else check.pose)
+    moved = MM * longest(np.where(data.seen[..., None], data.deflection, 0.0))
+    sizes = {name: (MM * longest(own)).tolist() for name, own in left.items()}
+    return [
+        Row(
+            run=int(data.run[k]),
+            which_run=f"{data.run[k]}{' (held back)' if held[k] else ''}",
+            pose=int(data.pose[k]),
+            held_back=bool(held[k]),
+            moved_mm=float(moved[k]),
+            residual_mm={name: mm[k] for name, mm in sizes.items()},
+            taken_mm=sizes[found.fits.recommended][k],
+        )
+        for k in range(data.runs)
+    ]
+
+
+def _seen(cell: Cell, found: Identified) -> Row:
+    """What the runs tell of each link and joint, beside a prior known to 30 %."""
+    regression = found.taken.regression
+    component, share = told(cell.vjm, regression, cad_prior(cell.arm), USUAL)
+    own = {name: share[np.array(component) == name] for name in dict.fromkeys(component)}
+    return Row(
+        structure=found.taken.structure.name,
+        unknowns=found.taken.structure.n,
+        seen=regression.rank,
+        prior_uncertainty_percent=100 * USUAL.uncertainty,
+        blocks=[
+            Row(
+                part=name,
+                parameters=len(shares),
+                told_percent=100 * float(shares.mean()),
+                decided_by_prior=int((shares < DECIDED).sum()),
+            )
+            for name, shares in own.items()
+        ],
+    )
+
+
+def compared(models: Sequence[Row] | Sequence[Fitted], taken: str) -> list[str]:
+    """Least squares, GCO without prior, joints alone, where they are, and last the model to take."""
+    others = [m for m in models if not m.prior and m.name != taken]
+    links = [m for m in others if m.structure != JOINTS]
+    kinds = ([m for m in links if m.constraint == kind] for kind in ("none", "psd"))
+    return [*(own[0].name for own in (*kinds, [m for m in others if m.structure == JOINTS]) if own), taken]
+
+
+def elsewhere(cell: Cell, found: Identified) -> Row:
+    """How sure the deflection of the tool is over the workspace, under the largest load that was fitted.
+
+    Raises:
+        PoseError: When no poses can be drawn.
+        NoEquilibrium: When the model to take has none.
+    """
+    data, taken = found.runs.used, found.fits.recommended
+    k = int(np.linalg.norm(data.wrench[:, :3], axis=1).argmax())
+    load = Load(data.wrench[k], data.point[k])
+    q, weights = clear_poses(cell, None, PLACES, stream(0)), weights_known(cell.arm)[0]
+    moved, half, missing = {}, {}, []
+    for name in compared(found.fits.models, taken):
+        own = of_estimate(cell.vjm, found.estimates[name], weights)
+        try:
+            there = predict(own, q, [load], points=np.zeros((0, 3)))
+        except NoEquilibrium:
+            if name == taken:
+                raise
+            missing.append(name)
+        else:
+            moved[name], half[name] = there.deflection[:, 0], there.widest[:, 0]
+    at = places_at(cell.arm, q, tool_pose(cell.vjm, q)[0], np.linalg.norm(moved[taken], axis=1))
+    # joints alone are not compared: what they leave out is in no half width
+    shown = [name for name in half if name != JOINTS or name == taken]
+    errors = error_places(at, {name: bounded_mm(own) for name, own in half.items()}, shown, HALF_WIDTH)
+    order = np.array(errors.run) - 1
+    apart = {name: np.linalg.norm(own - moved[taken], axis=1) for name, own in moved.items() if name != taken}
+    return Row(
+        force_N=float(np.linalg.norm(load.wrench[:3])),
+        moment_Nm=float(np.linalg.norm(load.wrench[3:])),
+        places=len(q),
+        errors=errors,
+        apart_mm={name: kept_mm(own[order]) for name, own in apart.items()},
+        missing=missing,
+        **_certainty(MM * half[taken]),
+    )
+
+
+def _certainty(half: Array) -> Mapping[str, float | None]:
+    """Of half widths (n,) [mm] least, median and 95 %, and how many have no bound."""
+    known = half[np.isfinite(half)]
+    low, middle, most = np.quantile(known, (0, 0.5, 0.95)).tolist() if known.size else (None,) * 3
+    return {"without_bound": len(half) - known.size, "least_mm": low, "median_mm": middle, "p95_mm": most}
