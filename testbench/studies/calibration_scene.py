@@ -12,7 +12,7 @@ from testbench.bench.rows import MM
 from testbench.data.dataset import Dataset, Ids, in_order
 from testbench.errors import Array
 from testbench.plant.shapes import elastic_frames, rigid_frames
-from testbench.report.table import Row, Trials, nested
+from testbench.report.table import Row, Trials
 from testbench.studies.study import AnyRun
 from testbench.views.colours import LOAD, MEASURED, Look, look
 from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen, round_scale
@@ -41,8 +41,9 @@ def runs_of(cell: Cell, setup: Setup, first: Trials) -> tuple[Dataset, Dataset]:
         setup: Sigmas of its readings.
         first: Rows of the seed, that of the first model first.
     """
-    row = nested({name: cells[0] for name, cells in first.keep("drawn.").columns.items()}).drawn
-    return dataset_of(cell, setup, Runs(**row.measured)), dataset_of(cell, setup, Runs(**row.over))
+    kinds = [first.inside("drawn").inside(kind).columns.items() for kind in ("measured", "over")]
+    rows = [Runs(**{name: cells[0] for name, cells in own}) for own in kinds]
+    return dataset_of(cell, setup, rows[0]), dataset_of(cell, setup, rows[1])
 
 
 def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> Seen:

@@ -131,7 +131,7 @@ def dots(
     numbers = [value.text(middle(value.value(row))) for row in rows]
     axes.set_yticks(range(len(rows)), [f"{a}{b}" for a, b in zip(heads, numbers, strict=True)])
     axes.set_ylim(len(rows) - 0.5, -0.5)
-    axes.set_xlabel(_labelled(value))
+    axes.set_xlabel(labelled(value))
     quiet(axes)
 
 
@@ -289,11 +289,12 @@ def _sweep(axes: Axes, table: Table, lines: Mapping[str, Look], bands: Collectio
     if max(at) > FAR * min(at) > 0:
         log_ticks(axes, "x", *axes.dataLim.intervalx)
     axes.set_xticks(list(at), list(at.values()))
-    axes.set(xlabel=_labelled(x), ylabel=_labelled(y))
+    axes.set(xlabel=labelled(x), ylabel=labelled(y))
     quiet(axes)
 
 
-def _labelled(column: Column) -> str:
+def labelled(column: Column) -> str:
+    """A quantity with its unit beside an axis."""
     return f"{column.heading} [{column.unit}]" if column.unit else column.heading
 
 
@@ -320,7 +321,7 @@ def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
             style = {"markerfacecolor": look.face, "markersize": look.size(5), "label": model}
             axes.plot(middles, y, look.mark, color=look.hex, **style)
         log_ticks(axes, "x", *axes.dataLim.intervalx)
-        axes.set(xlabel=_labelled(value))
+        axes.set(xlabel=labelled(value))
         axes.set_title(title, fontsize="medium")
         axes.grid(axis="y", alpha=0.2)
         quiet(axes)

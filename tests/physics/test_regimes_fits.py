@@ -17,8 +17,7 @@ from testbench.identify.regularised import fit_each
 from testbench.model.structure import all153, mgco68, template56
 from testbench.studies.factorial.trial import reread
 from testbench.studies.regimes import fits
-from testbench.studies.regimes.campaigns import Clean, Grid
-from testbench.studies.regimes.judged import Judge
+from testbench.studies.regimes.trial import Clean, Grid, expected
 
 SEEDS = (11, 12, 13)
 
@@ -125,12 +124,11 @@ def test_where_no_equal_fit_is_sought_there_is_none(kr500):
 def test_the_error_to_expect_is_what_noise_does_to_least_squares(kr500):
     structure, sigma = template56(kr500.arm), 50e-6
     clean = hung(kr500, SEEDS[0], 12)
-    judge = Judge(kr500.vjm, clean, Grid(kr500.arm.name, (12,), (sigma,)))
     exact = reduce(kr500.vjm, structure, replace(clean.runs, sigma=sigma))
-    [expected] = judge.expected([exact])
+    [size] = expected(kr500.vjm, clean, Grid(kr500.arm.name, (12,), (sigma,)), [exact])
     rng, draws = stream(SEEDS[0], 1), 300
     seen = [reduce(kr500.vjm, structure, reread(clean.runs, sigma, rng)) for _ in range(draws)]
     found = fit_each([exact, *seen], "none", [None] * (draws + 1))
     moved = np.array([deflections(kr500.vjm, own, clean.judge) for own in found])
     error = 1e6 * np.sqrt(np.square(moved[1:] - moved[0]).sum(axis=3).mean())
-    assert error == pytest.approx(expected, rel=0.2)  # of one direction 300 draws tell it to 4 %
+    assert error == pytest.approx(size, rel=0.2)  # of one direction 300 draws tell it to 4 %

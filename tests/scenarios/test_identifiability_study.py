@@ -51,7 +51,6 @@ def test_joints_alone_are_judged_everywhere_and_links_are_no_part_of_them(report
         assert (plain["parameters"], plain["rank"], plain["conservative"]) == (6, 5, True)
         # no prior of a joint makes up for a link: both are off by what links give
         assert filled["workspace"]["rms_mm"] == pytest.approx(plain["workspace"]["rms_mm"], rel=0.1)
-    assert [b["poses"] for b in report["beaten"]] == [8, 20]
 
 
 def test_more_poses_help_and_eight_are_the_campaign_itself(report):

@@ -74,17 +74,17 @@ def gains(trials: Trials, models: Sequence[Row], ours: str = DEFAULT) -> Row:
     return pairs(trials, {"least_squares": (ours, rival), "joints": (ours, JOINTS)}, ERROR, 1e-3)
 
 
-def beside_rivals(gains: Row, each: str = "") -> Iterator[Markdown]:
-    """The errors of these gains, a sentence each rival; each is what a trial is called, where it is none."""
+def beside_rivals(gains: Row, each: str = "trial") -> Iterator[Markdown]:
+    """The errors of these gains, a sentence each rival; each is what a trial is called."""
     squares, joints = gains.least_squares, gains.joints
     yield say(
-        f"{{ours}} {{own:.0f}} um, least squares {{other:.0f}} um; {{it:less {each}}}.",
+        "{ours} {own:.0f} um, least squares {other:.0f} um; {it:less}.",
         squares,
         it=squares,
         own=1e3 * middle(squares.ours_mm),
         other=1e3 * middle(squares.theirs_mm),
     )
-    sentence = f"Joints alone {{other:.0f}} um, {{it:more {each or 'trial'}}}."
+    sentence = f"Joints alone {{other:.0f}} um, {{it:more {each}}}."
     yield say(sentence, it=joints, other=1e3 * middle(joints.theirs_mm))
 
 

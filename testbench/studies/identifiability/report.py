@@ -14,30 +14,18 @@ from testbench.data.csvfile import write_csv
 from testbench.report.campaigns import TRUE
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
-from testbench.report.table import Row, Trials, aligned, find, merged, nested, paired
+from testbench.report.table import Row, Trials, find, merged, paired
 from testbench.studies.identifiability.coverage import CONFIDENCE
 from testbench.studies.identifiability.trial import Settings
 from testbench.studies.study import Run
-from testbench.trials.spread import Number, span, spread, wins
+from testbench.trials.spread import span
 from testbench.views.colours import look
 from testbench.views.figure import Figure, forest, least, of_seeds
 from testbench.views.gains import beside
-from testbench.views.markdown import Markdown, listed
+from testbench.views.markdown import Markdown
 from testbench.views.schema import Table, best_of, pivot
 
-METHODS = {
-    ("none", "none"): "least squares",
-    ("free", "none"): "conservative least squares of equal fit",
-    ("none", "prior"): "least squares with prior",
-    ("psd", "none"): "GCO",
-    ("psd", "least trace"): "GCO of least trace",
-    ("psd", "prior"): "GCO with prior",
-    ("psd", "log-det prior"): "GCO with log-det prior",
-}
-"""In words, by constraint and what fills the directions that the data do not see."""
-SHOWN = "MGCO56, GCO + prior"
-DUELS = ((SHOWN, JOINTS), ("MGCO56", JOINTS), ("MGCO56", "MLS56"), (SHOWN, "MGCO56, LS + prior"))
-"""Against the incumbent, then what the cone does without a prior and with it."""
+VARIED = "MGCO56, GCO + prior"
 BENT = f"nonlinear.{TRUE}"
 SHORT = f"name conservative {TRUE} {BENT}"
 MODELS = f"name parameters rank conservative uncertainty_percent check.rms_mm check_true.rms_mm {TRUE} {BENT}"
@@ -76,7 +64,8 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
 def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
     fits = {part: _fits(trials, part) for part in ("linear", "nonlinear", "scale", "poses")}
     models, nonlinear = (_models(fits[part]) for part in ("linear", "nonlinear"))
-    roots, covered = list(seeds[: asked.campaigns]), [*_covered(trials)]
+    roots = list(seeds[: asked.campaigns])
+    covered = [coverage(own) for (name,), own in trials.inside("intervals").groups("name") if name]
     return Row(
         seed=roots[0] if len(roots) == 1 else roots,
         arm=asked.scenario.arm,
@@ -89,25 +78,29 @@ def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
         nonlinear=nonlinear,
         scales=_swept(fits["scale"], "scale"),
         poses=_swept(fits["poses"], "poses"),
-        duels=_duels(fits["linear"]),
-        duels_nonlinear=_duels(fits["nonlinear"]),
         gains=_gains(fits["linear"], models),
         gains_nonlinear=_gains(fits["nonlinear"], nonlinear),
-        beaten=[_beaten(int(x), own) for (x,), own in fits["poses"].groups("x")],
         coverage={row.interval: row for row in covered if row.kind != "family"},
         family_coverage={row.interval: row for row in covered if row.kind == "family"},
-        best=_leaders(models),
-        best_without_prior=_leaders([m for m in models if not m.prior]),
-        best_nonlinear=_leaders(nonlinear),
+        best=_best(models),
+        best_without_prior=_best([m for m in models if not m.prior]),
         joints=find(models, name=JOINTS),
         joints_nonlinear=find(nonlinear, name=JOINTS),
-        worth=_worth(models),
+        worth=[
+            Row(
+                name=m.name,
+                without_mm=m.workspace.rms_mm,
+                with_mm=find(models, name=f"{m.name}, GCO + prior").workspace.rms_mm,
+            )
+            for m in models
+            if (m.constraint, m.filling) == ("psd", "none")
+        ],
     )
 
 
 def _dataset(asked: Settings, trials: Trials) -> Row:
     """What was measured in the first seed; runs, points and poses are those that identify."""
-    own = nested({name: cells[0] for name, cells in trials.keep("measured.").columns.items()}).measured
+    own = Row({name: cells[0] for name, cells in trials.inside("measured").columns.items()})
     counts = {"runs": own.identification_runs, "points": own.identification_points}
     counts |= {"poses": asked.scenario.identification_poses, "workspace_poses": own.workspace_poses}
     names = ("deflection_min_mm", "deflection_max_mm", "sigma_um")
@@ -116,8 +109,8 @@ def _dataset(asked: Settings, trials: Trials) -> Row:
 
 def _fits(trials: Trials, part: str) -> Trials:
     """Models of one part, as if there were no others."""
-    own = trials.where(part=part).drop("part", "intervals.", "measured.", "runs.")
-    found = Trials({name.removeprefix("fit."): cells for name, cells in own.columns.items()})
+    own = trials.where(part=part)
+    found = own.inside("fit").add(seed=own["seed"], x=own["x"])
     return found.add(**{name: found[name].astype(int) for name in ("parameters", "rank")})
 
 
@@ -132,40 +125,20 @@ def _swept(fits: Trials, key: str) -> list[Row]:
     return merged(fits.keep("name", TRUE).add(**{key: at}), "name", key)
 
 
-def _duels(fits: Trials) -> list[Row]:
-    """Pairs of models by true errors, seed by seed; none in a single seed."""
-    found = []
-    for ours, theirs in DUELS:
-        a, b = aligned(fits, (ours, theirs), TRUE).T
-        pair = Row(ours=ours, theirs=theirs, seeds=len(a), wins=wins(a, b))
-        found.append(Row(pair, ties=len(a) - wins(a, b) - wins(b, a), ratio=spread(a / b)))
-    return [row for row in found if row.seeds > 1]
+def _best(models: Sequence[Row]) -> list[str]:
+    """The models of least error over the workspace; of those alike one that is by GCO comes first."""
+    own = {m.name: m for m in distinct(models)}
+    alike = best_of({name: m.workspace.rms_mm for name, m in own.items()}).names
+    return sorted(alike, key=lambda name: own[name].constraint != "psd")
 
 
 def _gains(fits: Trials, models: Sequence[Row]) -> Row:
-    """The best of all models beside least squares without a prior and joints alone; None beside itself.
-
-    Of those alike one that is by GCO.
-    """
-    own = {m.name: m for m in distinct(models)}
-    best = best_of({name: m.workspace.rms_mm for name, m in own.items()}).names
-    ours = sorted(best, key=lambda name: own[name].constraint != "psd")[0]
-    plain = [m for m in own.values() if is_least_squares(m.structure, m.constraint, prior=m.prior)]
-    theirs = best_of({m.name: m.workspace.rms_mm for m in plain}).names[0]
-    return Row(least_squares=paired(fits, ours, theirs, TRUE), joints=paired(fits, ours, JOINTS, TRUE))
-
-
-def _beaten(poses: int, fits: Trials) -> Row:
-    """In how many seeds GCO without a prior beats joints alone over the workspace, with so many poses."""
-    both = aligned(fits, ("MGCO56", JOINTS), TRUE)
-    return Row(poses=poses, wins=wins(*both.T), seeds=len(both))
-
-
-def _covered(trials: Trials) -> Iterator[Row]:
-    """Every kind of interval."""
-    own = trials.keep("intervals.")
-    every = Trials({name.removeprefix("intervals."): cells for name, cells in own.columns.items()})
-    yield from (coverage(one) for (name,), one in every.groups("name") if name)
+    """The best of all models beside least squares without a prior and joints alone; None beside itself."""
+    ours = _best(models)[0]
+    plain = [m for m in models if is_least_squares(m.structure, m.constraint, prior=m.prior)]
+    return Row(
+        least_squares=paired(fits, ours, _best(plain)[0], TRUE), joints=paired(fits, ours, JOINTS, TRUE)
+    )
 
 
 def coverage(own: Trials) -> Row:
@@ -188,29 +161,6 @@ def coverage(own: Trials) -> Row:
         datasets=len(own),
         intervals=inside.size,
     )
-
-
-def _leaders(models: Sequence[Row]) -> Row:
-    """Methods of least error over the workspace, each with its best structures; several are alike."""
-    methods: dict[tuple[str, str], dict[str, Number]] = {}
-    for m in distinct(models):
-        methods.setdefault((m.constraint, m.filling), {})[m.structure] = m.workspace.rms_mm
-    found = {}
-    for method, errors in methods.items():
-        names = best_of(errors).names
-        found[f"{METHODS[method]} ({listed([*names])})"] = errors[names[0]]
-    best = best_of(found).names
-    return Row(methods=best, rms_mm=found[best[0]])
-
-
-def _worth(models: Sequence[Row]) -> list[Row]:
-    """GCO's error over the workspace without a prior and with it."""
-    errors = {(m.filling, m.structure): m.workspace.rms_mm for m in models if m.constraint == "psd"}
-    return [
-        Row(name=name, without_mm=errors[filling, name], with_mm=errors["prior", name])
-        for filling, name in errors
-        if filling == "none" and ("prior", name) in errors
-    ]
 
 
 def _tables(f: Row) -> dict[str, Table]:
@@ -253,15 +203,9 @@ def _answer(f: Row) -> Iterator[Markdown]:
             it=ls,
         )
     else:
-        yield say("Best over the workspace is {best}.", best=_who(f.best))
+        yield say("Best over the workspace is {best:list}.", f)
     more = ", {it:more seed}" if joints else ""
     yield say(f"Joints alone {{workspace.rms_mm:~.3f}} mm{more}.", f.joints, it=joints)
-
-
-def _who(best: Row) -> Markdown:
-    """Who is best, and how far off."""
-    alike = " (alike)" if len(best.methods) > 1 else ""
-    return say(f"{{methods:list}}{alike}, {{rms_mm:.3f}} mm", best | {"methods": [*best.methods]})
 
 
 def _worst(f: Row) -> Markdown:
@@ -281,21 +225,22 @@ def _worst(f: Row) -> Markdown:
 
 def _claims(f: Row) -> Iterator[Markdown]:
     """What else there is to say, what matters most first."""
-    without, words = f.best_without_prior, "{name} {without_mm:~.3f} mm without, {with_mm:~.3f} mm with it"
+    words = "{name} {without_mm:~.3f} mm without, {with_mm:~.3f} mm with it"
     yield say(
-        "Without a prior the least error is that of {who}: {rms_mm:~.3f} mm. What a prior is worth to GCO: "
-        "{each}.",
-        without,
-        who=without.methods[0],
+        "Without a prior {name} errs least, {workspace.rms_mm:~.3f} mm. A prior's worth to GCO: {each}.",
+        find(f.models, name=f.best_without_prior[0]),
         each=Markdown("; ".join(say(words, w) for w in f.worth[:3])),
     )
-    if f.beaten[0].seeds > 1:
-        yield say(
-            "With {poses} poses MGCO56 without a prior beats Joints in {wins} of {seeds} seeds.",
-            f.beaten[0],
-            poses=", ".join(f"{row.poses}" for row in f.beaten),
-            wins=", ".join(f"{row.wins}" for row in f.beaten),
-        )
+    own = [row for row in f.scales if row.name == VARIED]
+    yield say(
+        "The prior's scale is learnt: {name} errs {rms_mm:~.3f} mm with one {least:g} times too soft, "
+        "{most_mm:~.3f} mm with one {most:g} times.",
+        own[0].workspace,
+        name=VARIED,
+        least=own[0].scale,
+        most=own[-1].scale,
+        most_mm=own[-1].workspace.rms_mm,
+    )
     exact = [row for row in f.coverage.values() if row.kind != "set"]
     learnt, believed = (
         [r for r in f.family_coverage.values() if r.interval.endswith(how)] for how in ("learnt", "believed")
@@ -334,5 +279,5 @@ def figures(found: Report) -> dict[str, Figure]:
 def write(run: Run[Settings]) -> None:
     """dataset.csv of the first seed."""
     cell = build_cell(find_arm(run.settings.arm))
-    row = nested({name: cells[0] for name, cells in run.first.keep("runs.").columns.items()}).runs
-    write_csv(dataset_of(cell, run.settings.scenario, Runs(**row)), cell.arm, run.folder / "dataset.csv")
+    runs = Runs(**{name: cells[0] for name, cells in run.first.inside("runs").columns.items()})
+    write_csv(dataset_of(cell, run.settings.scenario, runs), cell.arm, run.folder / "dataset.csv")

@@ -4,25 +4,48 @@ A trial is a seed: poses, noise, and true arms of two kinds of the family, which
 poses, which are nested, and random numbers, so that differences between cells and methods are theirs alone.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Literal
 
+import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Cell, build_cell
+from testbench.bench.campaign import Cell, Scenario, build_cell, draw_poses, simulate_at, stream
+from testbench.bench.full_pose import FullPose
+from testbench.bench.full_pose import simulate as simulate_full_pose
 from testbench.bench.rows import UM, DatasetRow, dataset_row
-from testbench.bench.truths import TRUTHS
-from testbench.data.dataset import Dataset
-from testbench.errors import BenchError
-from testbench.identify import reduce
+from testbench.bench.truths import TRUTHS, true_cell
+from testbench.data.dataset import Dataset, Mask, select
+from testbench.errors import Array, BenchError
+from testbench.identify import Estimate, reduce
+from testbench.identify.evaluate import all_deflections
 from testbench.identify.prior import Strength, cad_prior
+from testbench.identify.regression import RANK_TOLERANCE, Regression
 from testbench.identify.regularised import fit_each
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
-from testbench.studies.regimes.campaigns import MEASURE, Grid, Kind
-from testbench.studies.regimes.fits import with_prior, without_prior
-from testbench.studies.regimes.judged import Judge
+from testbench.model.vjm import Vjm
+from testbench.studies.factorial.trial import reread
+from testbench.studies.regimes.fits import Compared, with_prior, without_prior
+
+Kind = Literal["gravity", "full_pose"]
+"""A weight and three markers (section 6), or wrenches along all axes and the tool's full pose (5.2)."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The cells of one kind of reading."""
+
+    arm: str  #: Name of the arm.
+    poses: tuple[int, ...]  #: Ascending: fewer poses are the first ones of the most.
+    sigmas: tuple[float, ...]  #: Of a reading along an axis [m].
+
+    @property
+    def cells(self) -> list[tuple[int, float]]:
+        """Poses and noise of every cell."""
+        return [(poses, sigma) for poses in self.poses for sigma in self.sigmas]
+
 
 STRUCTURES = (template56, mgco47, mgco68, all153)
 AT_ONCE = 2  #: Kinds of true arm in one trial.
@@ -33,6 +56,7 @@ FEATURED_POSES, FEATURED_SIGMA = 8, 50e-6  #: Of section 6: the cell whose model
 NONE = "none"
 PRIORS = {"30 %": Strength(0.3), "300 %": Strength(3.0)}
 """How firmly the CAD prior is believed, by name; it is right where the truth is tubes."""
+ONE = np.sqrt(0.5)  #: Sigma of a reading at which F_M is the RMS distance itself [m].
 
 
 @dataclass(frozen=True)
@@ -83,12 +107,10 @@ class CellRow:
     gco_fitted_um: float
     conservative: bool  #: Whether least squares is.
     binds: bool  #: Whether the cone changes the fit: nothing conservative fits as well as least squares.
-    taken: float  #: Chi squared a seen direction that GCO leaves beyond least squares [1].
     expected: float  #: Error that noise is expected to leave least squares, over the deflection GCO predicts.
-    rank: int  #: Directions that the data see.
-    free: int  #: Directions that they do not.
+    free: int  #: Directions that the data do not see.
     solved: bool  #: Whether GCO is.
-    measured: DatasetRow | None  #: The dataset, of one row a trial.
+    measured: DatasetRow | None = None  #: The dataset, of one row a trial.
 
 
 def settings(options: Options, quick: bool, _: range) -> Settings:
@@ -104,12 +126,9 @@ def settings(options: Options, quick: bool, _: range) -> Settings:
     found = Settings(truths)
     if not quick:
         return found
-    return replace(
-        found,
-        judged=40,
-        gravity=replace(found.gravity, poses=(4, 8, 20), sigmas=(50e-6, 150e-6)),
-        full_pose=replace(found.full_pose, poses=(2, 8), sigmas=(100e-6, 400e-6)),
-    )
+    gravity = replace(found.gravity, poses=(4, 8, 20), sigmas=(50e-6, 150e-6))
+    full_pose = replace(found.full_pose, poses=(2, 8), sigmas=(100e-6, 400e-6))
+    return replace(found, judged=40, gravity=gravity, full_pose=full_pose)
 
 
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[CellRow]]:
@@ -123,30 +142,78 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[CellRow]]:
     return found
 
 
+@dataclass(frozen=True)
+class Clean:
+    """An arm's true deflections."""
+
+    runs: Dataset  #: In the poses to identify from.
+    judge: Dataset  #: In poses never measured.
+    seed: int  #: Of poses, truth and noise.
+
+    def first(self, poses: int) -> Mask:
+        """Which runs are in the first poses, (runs,)."""
+        return np.asarray(np.isin(self.runs.pose, np.unique(self.runs.pose)[:poses]))
+
+    def read(self, grid: Grid) -> list[Dataset]:
+        """Every cell's runs with noise: at every level, and in every cell, the same random numbers."""
+        noisy = {sigma: reread(self.runs, sigma, stream(self.seed, 1)) for sigma in grid.sigmas}
+        return [select(noisy[sigma], self.first(poses)) for poses, sigma in grid.cells]
+
+
+def _gravity(cell: Cell, grid: Grid, judged: int, truths: Sequence[str], seed: int) -> list[Clean]:
+    """Under a weight: MuJoCo settles every true arm in the same poses."""
+    most = max(grid.poses)
+    scenario = Scenario(
+        arm=cell.arm.name,
+        noise=False,
+        identification_poses=most,
+        identification_runs=most,
+        workspace_poses=judged,
+    )
+    poses = draw_poses(cell, scenario, seed)
+    campaigns = (simulate_at(true_cell(cell, name, seed), scenario, seed, poses) for name in truths)
+    return [Clean(c.identification, c.truth, seed) for c in campaigns]
+
+
+def _full_pose(cell: Cell, grid: Grid, judged: int, truths: Sequence[str], seed: int) -> list[Clean]:
+    """Under wrenches along all axes, to first order and with deflections in range, as in section 5.2."""
+    scenario = FullPose(
+        arm=cell.arm.name, noise=False, poses=max(grid.poses), least=9e-3, most=41e-3, check_runs=judged
+    )
+    campaigns = (simulate_full_pose(true_cell(cell, name, seed), scenario, seed) for name in truths)
+    return [Clean(c.identification, c.truth, seed) for c in campaigns]
+
+
+MEASURE: Mapping[Kind, Callable[[Cell, Grid, int, Sequence[str], int], list[Clean]]] = {
+    "gravity": _gravity,
+    "full_pose": _full_pose,
+}
+"""Of an arm, its grid, the poses to judge by, names of truths and a seed: what is true, a truth each."""
+
+
 def first_runs(cell: Cell, asked: Settings, seed: int) -> Dataset:
     """The runs of the featured cell, of a trial's first arm."""
     grid = replace(asked.gravity, sigmas=(FEATURED_SIGMA,))
-    [clean] = MEASURE["gravity"](cell, grid, 1, asked.arms(seed)[:1], seed)
+    [clean] = _gravity(cell, grid, 1, asked.arms(seed)[:1], seed)
     return clean.read(replace(grid, poses=(FEATURED_POSES,)))[0]
 
 
 def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[CellRow]:
     """Rows of one kind of reading."""
-    grid, prior = asked.grids[kind], cad_prior(cell.arm)
-    truths = asked.arms(seed)
+    grid, prior, truths = asked.grids[kind], cad_prior(cell.arm), asked.arms(seed)
     arms = MEASURE[kind](cell, grid, asked.judged, truths, seed)
     structures = [make(cell.arm) for make in STRUCTURES]
     for truth, clean in zip(truths, arms, strict=True):
-        data, judge = clean.read(grid), Judge(cell.vjm, clean, grid)
+        data = clean.read(grid)
         own = [reduce(cell.vjm, joints_only(cell.arm), runs) for runs in data]
-        incumbent = judge.anywhere(fit_each(own, "none", [None] * len(own)))
+        joints = anywhere(cell.vjm, clean, fit_each(own, "none", [None] * len(own)))
         for structure in structures:
             own = [reduce(cell.vjm, structure, runs) for runs in data]
             found = {NONE: without_prior(own)}
             found |= {name: with_prior(cell.vjm, own, prior, believed) for name, believed in PRIORS.items()}
-            expected = judge.expected(own)
+            noise = expected(cell.vjm, clean, grid, own)
             for name, compared in found.items():
-                judged = {"joints_um": incumbent, **judge.columns(compared, expected)}
+                columns = {"joints_um": joints, **_columns(cell.vjm, clean, grid, compared, noise)}
                 for k, (poses, sigma) in enumerate(grid.cells):
                     yield CellRow(
                         kind=kind,
@@ -155,6 +222,63 @@ def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[CellRo
                         uncertainty=name,
                         poses=poses,
                         sigma_um=UM * sigma,
-                        measured=None,
-                        **{column: cells[k] for column, cells in judged.items()},  # type: ignore[arg-type]
+                        **{column: cells[k] for column, cells in columns.items()},  # type: ignore[arg-type]
                     )
+
+
+def _columns(
+    vjm: Vjm, clean: Clean, grid: Grid, found: Compared, noise: Array
+) -> dict[str, Array | Sequence[object]]:
+    """What is told of all fits by column of a row, a cell each."""
+    none = [None] * len(found.ls)
+    return {
+        "ls_um": anywhere(vjm, clean, found.ls),
+        "gco_um": anywhere(vjm, clean, found.gco),
+        "equal_um": anywhere(vjm, clean, found.equal) if found.equal else none,
+        "lent_um": anywhere(vjm, clean, found.lent) if found.lent else none,
+        "ls_fitted_um": _fitted(vjm, clean, grid, found.ls),
+        "gco_fitted_um": _fitted(vjm, clean, grid, found.gco),
+        "conservative": [estimate.conservative for estimate in found.ls],
+        "binds": found.binds,
+        "expected": noise / _rms(all_deflections(vjm, found.gco, clean.judge)),
+        "free": [estimate.structure.n - estimate.regression.rank for estimate in found.ls],
+        "solved": [estimate.status == "solved" for estimate in found.gco],
+    }
+
+
+def _rms(vectors: Array) -> Array:
+    """Of vectors over runs and markers, (models, runs, m, 3) [m], a model each [um]."""
+    return np.asarray(UM * np.sqrt(np.square(vectors).sum(axis=3).mean(axis=(1, 2))))
+
+
+def anywhere(vjm: Vjm, clean: Clean, estimates: Sequence[Estimate]) -> Array:
+    """RMS error in poses never measured, of an estimate a cell, (cells,) [um]."""
+    return _rms(all_deflections(vjm, estimates, clean.judge) - clean.judge.deflection)
+
+
+def _fitted(vjm: Vjm, clean: Clean, grid: Grid, estimates: Sequence[Estimate]) -> Array:
+    """RMS error in the runs that each was identified from, against the truth, (cells,) [um]."""
+    error = all_deflections(vjm, estimates, clean.runs) - clean.runs.deflection
+    first = [clean.first(poses) for poses, _ in grid.cells]
+    return np.array([_rms(own[None, k])[0] for own, k in zip(error, first, strict=True)])
+
+
+def expected(vjm: Vjm, clean: Clean, grid: Grid, regressions: Sequence[Regression]) -> Array:
+    """RMS error in poses never measured that noise is expected to leave least squares, (cells,) [um].
+
+    From rows and sigma alone; where the data leave directions free it is that of the directions seen.
+    """
+    rows = reduce(vjm, regressions[0].structure, replace(clean.judge, sigma=ONE)).terms[0].R
+    first = {poses: k for k, (poses, _) in reversed(list(enumerate(grid.cells)))}
+    once = {poses: _amplified(regressions[k], rows) / grid.cells[k][1] for poses, k in first.items()}
+    return np.array([UM * once[poses] * sigma for poses, sigma in grid.cells])
+
+
+def _amplified(regression: Regression, rows: Array) -> float:
+    """Root of the summed variances that least squares leaves rows, (k, n) [m per unit of pi], in metres."""
+    touched = regression.columns > 0
+    A = np.vstack([np.sqrt(t.equations / 3) * t.R[:, touched] for t in regression.terms])
+    scale = np.linalg.norm(A, axis=0)
+    _, s, Vt = np.linalg.svd(A / scale, full_matrices=False)
+    kept = s > RANK_TOLERANCE * s[0]
+    return float(np.linalg.norm(rows[:, touched] / scale @ Vt[kept].T / s[kept]))
