@@ -214,7 +214,8 @@ def error_map(found: PlaceMap, title: str) -> Figure:
     largest = ", ".join(f"{name} {values[name][k]:.3f} mm" for name, k in worst.items())
     where = "; ".join(f"{name} at {place(at[k])}" for name, k in worst.items())
     rings = f" Grey rings: {found.without}." if found.without else ""
-    say(figure, f"{title}, {what.lower()}: at most {largest}", f"{found.title}. Circles, the worst place: {where}.{rings}")
+    reading = f"{found.title}. Circles, the worst place: {where}.{rings}"
+    say(figure, f"{title}, {what.lower()}: at most {largest}", reading)
     return figure
 
 
