@@ -287,6 +287,7 @@ EVERY = (
     Column("um_per_um", "cost of 1 um of noise", "um", ".2f", short="cost\nof\n1 um\num"),
     Column("instrument", "instrument"),
     Column("distance_m", "distance", "m", "g"),
+    Column("payload_kg", "weight", "kg", "g"),
     Column("case", "disturbance", called={"none": "no disturbance"}),
     Column("moved_um", "moves deflections by", "um", ".0f"),
     Column("added_um", "adds to the error", "um", "+.0f"),
