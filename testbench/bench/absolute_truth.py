@@ -1,21 +1,93 @@
-"""Absolute readings of a true arm: what trackers read of it, and the truth to judge a calibration by.
+"""Absolute readings of a true arm: what is measured, what trackers read, and the truth to judge by.
 
 Arm, geometry, gears and springs are MuJoCo's; nothing here is shared with the model that is fitted.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from testbench.bench.absolute_settings import AbsoluteCampaign
 from testbench.bench.campaign import Cell, LoadedPoses, clear_poses, hanging, stream
-from testbench.bench.set_ups import Frame, draw_mounts, draw_stations
+from testbench.bench.plan_input import Place
 from testbench.data.dataset import Ids, Mask
 from testbench.data.series import Series
 from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.errors import Array, BenchError
-from testbench.plant import DisturbedPlant, Gears, disturb, part_of, settle_disturbed
+from testbench.plant import (
+    TYPICAL,
+    Disturbances,
+    DisturbedPlant,
+    GearErrors,
+    Gears,
+    GeometryErrors,
+    Plant,
+    disturb,
+    part_of,
+    settle_disturbed,
+    unloaded,
+)
+
+MOST_POSES = 20_000
+Mass = Annotated[float, Field(ge=0, le=10_000)]
+
+REAL_ARM = Disturbances(
+    own_weight=True, geometry=TYPICAL.geometry, sensor_offset=TYPICAL.sensor_offset, gear=GearErrors()
+)
+"""What absolute readings show of an arm: own weight, typical errors of geometry and joint offsets, gears."""
+NEAREST, FARTHEST = 1.5, 3.0  #: How far from the base a tracker stands, over the arm's reach [1].
+LOWEST, HIGHEST = 0.8, 2.0  #: Its height over the base [m].
+TILT = 0.02  #: How far from upright it stands, about each horizontal axis, standard deviation [rad].
+
+Generators = Sequence[np.random.Generator]
+
+
+class AbsoluteCampaign(BaseModel):
+    """Series of absolute readings of one true arm; each has its own poses."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    series: int = Field(default=1, ge=1, le=50)  #: Set-ups.
+    poses: int = Field(default=200, ge=1, le=MOST_POSES)  #: Of each series.
+    #: What hangs in a pose, one after the other, a row each [kg]; 0 for own weight alone.
+    masses: tuple[Mass, ...] = Field(default=(0.0,), min_length=1)
+    #: How many poses of a series see all the masses, the first of them only the others; None for all.
+    loaded_poses: int | None = Field(default=None, ge=0)
+    targets: int = Field(default=1, ge=1)  #: So many of the arm's markers are read.
+    orientations: bool = False  #: Whether the orientation of the mount is read too.
+    sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)  #: Of one position along one axis [m].
+    sigma_rotation: float = Field(default=50e-6, ge=1e-9, le=0.1)  #: Of one orientation about an axis [rad].
+    noise: bool = True  #: Whether readings are noisy.
+    #: Where the trackers stand, a series each and then from the first again [m]; None for anywhere around.
+    trackers: tuple[Place, ...] | None = Field(default=None, min_length=1)
+    #: How far the mount of the targets is from where the arm's folder has it, standard deviations.
+    mount: GeometryErrors = GeometryErrors(position=2e-3, angle=5e-3)
+    #: Whether each mount is turned about the last axis by a random multiple of 90 degrees.
+    quarter_turns: bool = False
+    share_frame: bool = False  #: Whether all series have one tracker that stays where it is.
+    share_target: bool = False  #: Whether all series have one mount that stays on the tool.
+    #: Scatter of every joint's angle from one approach of a pose to the next, standard deviation [rad, m].
+    repeatability: float = Field(default=0.0, ge=0, le=0.01)
+    outliers: float = Field(default=0.0, ge=0, le=0.5)  #: Share of positions that are outliers [1].
+    outlier_size: float = Field(default=2e-3, ge=0, le=1)  #: How far they are off, in any direction [m].
+    disturbances: Disturbances = REAL_ARM  #: What the true arm does.
+
+    @model_validator(mode="after")
+    def _loads_differ(self) -> "AbsoluteCampaign":
+        if len(set(self.masses)) < len(self.masses):
+            raise BenchError(f"masses: expected different ones, got {self.masses}")
+        return self
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame in another: x there = rotation @ x here + position."""
+
+    rotation: Array  #: (3, 3).
+    position: Array  #: (3,) [m].
 
 
 @dataclass(frozen=True)
@@ -129,6 +201,45 @@ def simulate_series(
         clean = _series(cell, asked, k, rows, (position, rotation))
         found.append(_noisy(clean, noise) if asked.noise else clean)
     return tuple(found), truth
+
+
+def draw_stations(cell: Cell, asked: AbsoluteCampaign, rngs: Generators) -> tuple[Frame, ...]:
+    """The world in the tracker's frame, of every series: facing anywhere, and never quite upright."""
+    found = [_station(cell, asked, k, rng) for k, rng in enumerate(rngs)]
+    return tuple(found[:1] * len(found) if asked.share_frame else found)
+
+
+def _station(cell: Cell, asked: AbsoluteCampaign, k: int, rng: np.random.Generator) -> Frame:
+    azimuth, heading = rng.uniform(-np.pi, np.pi, 2)
+    distance, height = cell.vjm.reach * rng.uniform(NEAREST, FARTHEST), rng.uniform(LOWEST, HIGHEST)
+    tilt = Rotation.from_rotvec([*(TILT * rng.standard_normal(2)), 0.0])
+    around = np.array([distance * np.cos(azimuth), distance * np.sin(azimuth), height])
+    place = cell.vjm.base[:3, 3] + around
+    if asked.trackers is not None:
+        place = np.array(asked.trackers[k % len(asked.trackers)])
+    R = (tilt * Rotation.from_rotvec([0.0, 0.0, heading])).as_matrix()
+    return Frame(R, -R @ place)
+
+
+def draw_mounts(plant: Plant, asked: AbsoluteCampaign, rngs: Generators) -> tuple[Frame, ...]:
+    """The mount of the targets in the tool's frame, of every series."""
+    found = [_mount(plant, asked, rng) for rng in rngs]
+    return tuple(found[:1] * len(found) if asked.share_target else found)
+
+
+def _mount(plant: Plant, asked: AbsoluteCampaign, rng: np.random.Generator) -> Frame:
+    shift, turn = asked.mount.position * rng.standard_normal(3), asked.mount.angle * rng.standard_normal(3)
+    quarters = rng.integers(4) if asked.quarter_turns else 0
+    R = Rotation.from_rotvec(np.pi / 2 * quarters * last_axis(plant)) * Rotation.from_rotvec(turn)
+    return Frame(R.as_matrix(), shift)
+
+
+def last_axis(plant: Plant) -> Array:
+    """Unit axis of the last joint in the tool's frame, (3,)."""
+    arm = plant.arm
+    (_, link), (_, tool) = unloaded(plant, np.zeros((1, arm.n_joints)), [arm.links[-1].name, arm.tool])
+    axis = plant.model.jnt_axis[plant.joints[-1]]  # hinges and slides only: joint and dof are counted alike
+    return np.asarray(tool[0].T @ link[0] @ axis)
 
 
 def _check(cell: Cell, asked: AbsoluteCampaign) -> None:

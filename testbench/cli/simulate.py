@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,20 +11,24 @@ import typer
 from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
+from testbench.bench.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.bench.campaign import Cell, LoadedPoses, Scenario, build_cell, hanging, measure, stream
 from testbench.bench.candidates import Conditions, build_checks, find
 from testbench.bench.payload import overloaded, overpulled, payload_of
 from testbench.bench.plan_input import read_masses, read_payload, read_pulls
 from testbench.bench.tracker_runs import by_trackers, places
-from testbench.cli.absolute import Absolute, campaign, files, write_readings
 from testbench.cli.arguments import ArmName, MapFile, Noise, mass
 from testbench.data.csvfile import write_csv
 from testbench.data.posefile import read_poses
+from testbench.data.series import Series
+from testbench.data.series_csv import write_series
 from testbench.errors import Array, BenchError, InputError
 from testbench.output.place import Kind, claim_file
+from testbench.output.whole import whole_files
 from testbench.plant import check_poses
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb
+from testbench.plant.gear import GearErrors
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import plain_console
 
@@ -71,13 +75,48 @@ class Options:
     force: Force = False
 
 
+@dataclass(frozen=True)
+class Absolute:
+    """Flags of absolute readings: where targets are, not how far a load moved them."""
+
+    absolute: Annotated[
+        bool,
+        typer.Option(
+            "--absolute",
+            help="Where targets are in the tracker's frame: under own weight, then under every load, if any.",
+        ),
+    ] = False
+    series: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=50,
+            help="Set-ups, each with a frame, poses and a mount some 2 mm off; OUT_1.csv and so on.",
+        ),
+    ] = 1
+    orientations: Annotated[
+        bool, typer.Option("--orientations", help="Read one target, and how it is turned, to as many urad.")
+    ] = False
+    gear_urad: Annotated[
+        float,
+        typer.Option(min=0, max=10_000, help="Periodic errors of every joint, a coefficient up to order 30."),
+    ] = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse the others without the first, by BenchError."""
+        for own in fields(self):
+            if not self.absolute and getattr(self, own.name) != own.default:
+                flag = own.name.replace("_", "-")
+                raise BenchError(f"--{flag}: expected --absolute with it")
+
+
 @takes(Options, Absolute)
 def command(asked: Options, absolute: Absolute) -> None:
     """Settle the true arm, read the markers, write the dataset."""
     inputs = [find_arm(asked.arm), *filter(None, [asked.file, asked.mapping])]
     kind = READINGS if absolute.absolute else DATASET
     with ExitStack() as held:
-        for path in files(asked.out, absolute.series):
+        for path in _files(asked.out, absolute.series):
             held.enter_context(claim_file(path, kind, inputs=inputs, force=asked.force))
         cell = build_cell(asked.arm)
         if absolute.absolute:
@@ -91,11 +130,50 @@ def _read_absolutely(cell: Cell, asked: Options, absolute: Absolute) -> None:
     masses = _one_after_the_other(cell, asked)
     q = _given_poses(cell, asked, len(masses) * absolute.series)
     _say_overload(console, cell, masses)
-    for path, own in write_readings(cell, campaign(cell, asked, absolute, masses), asked.seed, q, asked.out):
+    for path, own in _write_readings(
+        cell, _campaign(cell, asked, absolute, masses), asked.seed, q, asked.out
+    ):
         text = (
             f"{path}: {own.rows} rows in {len(np.unique(own.pose))} poses, targets {', '.join(own.markers)}"
         )
         console.print(text, soft_wrap=True)
+
+
+def _files(out: Path, series: int) -> list[Path]:
+    """A file a series."""
+    return [out] if series == 1 else [out.with_stem(f"{out.stem}_{k + 1}") for k in range(series)]
+
+
+def _campaign(cell: Cell, asked: Options, flags: Absolute, masses: Sequence[float]) -> AbsoluteCampaign:
+    """What is measured where these masses hang, one after the other [kg]."""
+    geometry = GeometryErrors(*[asked.geometry_mm / 1e3] * 2) if asked.geometry_mm else None
+    gear = GearErrors(sigma=flags.gear_urad / 1e6) if flags.gear_urad else None
+    return AbsoluteCampaign(
+        series=flags.series,
+        poses=asked.poses or 1,  # of no effect where a file has them
+        masses=tuple(masses),
+        targets=1 if flags.orientations else len(cell.arm.markers),
+        orientations=flags.orientations,
+        sigma=asked.sigma_um / 1e6,
+        sigma_rotation=asked.sigma_um / 1e6,
+        trackers=tuple(places(asked.tracker)) if asked.tracker else None,
+        disturbances=Disturbances(own_weight=True, geometry=geometry, gear=gear),
+    )
+
+
+def _write_readings(
+    cell: Cell, asked: AbsoluteCampaign, seed: int, q: Array | None, out: Path
+) -> list[tuple[Path, Series]]:
+    """Measure and write every series; the name of its file is that of its frame and its mount."""
+    found, _ = simulate_series(cell, asked, seed, q)
+    named = [
+        (path, replace(own, name=path.stem, frame=path.stem, target=path.stem))
+        for path, own in zip(_files(out, asked.series), found, strict=True)
+    ]
+    with whole_files([path for path, _ in named]) as parts:
+        for part, (_, own) in zip(parts, named, strict=True):
+            write_series(part, cell.arm, own)
+    return named
 
 
 def _one_after_the_other(cell: Cell, asked: Options) -> tuple[float, ...]:

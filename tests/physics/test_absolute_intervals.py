@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.bench.absolute_judged import check, checking, judged, true_joints, true_unknowns
 from testbench.bench.absolute_model import belief_of
-from testbench.bench.absolute_settings import REAL_ARM, AbsoluteCampaign
-from testbench.bench.absolute_truth import simulate_series
+from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.bench.campaign import clear_poses, stream
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.intervals import intervals
@@ -17,6 +15,7 @@ from testbench.identify.absolute.posterior import place
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.prior import cad_prior
 from testbench.plant import GearErrors
+from testbench.studies.absolute_calibration.beside import check, checking, judged, true_joints, true_unknowns
 
 SEEDS = range(501, 507)
 ON = frozenset({"joint springs", "links", "joint errors"})
@@ -38,8 +37,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say(arms):
     """Pooled over some arms; 5 of 60 joints outside are three standard deviations too many."""
     parts = {}
     for _, _, truth, own in arms:
-        for one in judged(own, truth):
-            parts.setdefault(one.part, []).append(one.inside)
+        for part, (held, _) in judged(own, truth).items():
+            parts.setdefault(part, []).append(held)
     shares = {part: np.mean(inside) for part, inside in parts.items()}
     assert set(shares) == {"geometry", "joint errors", "joint compliances", "entries"}
     for part in ("geometry", "joint errors", "joint compliances"):
@@ -51,9 +50,9 @@ def test_positions_lie_in_their_ellipsoids(arms, kr500):
     inside, error = [], []
     for seed, series, truth, own in arms:
         q = clear_poses(kr500, None, 50, stream(seed, 900))
-        found = check(own, checking(series, truth, 0, q), stream(seed, 901))
-        inside.append(found.inside)
-        error.append(found.error)
+        far, within = check(own, checking(series, truth, 0, q), stream(seed, 901))
+        inside.append(within)
+        error.append(far)
     assert 0.9 < np.mean(inside) < 0.985
     assert np.sqrt(np.mean(np.square(error))) < 0.15e-3
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.bench.absolute_settings import REAL_ARM, AbsoluteCampaign
-from testbench.bench.absolute_truth import simulate_series
+from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.bench.campaign import Cell
 from testbench.identify.absolute import state as absolute
 from testbench.identify.absolute.state import Mount, nominal, targets, tell

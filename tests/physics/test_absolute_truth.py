@@ -5,9 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from testbench.bench.absolute_settings import REAL_ARM, AbsoluteCampaign
-from testbench.bench.absolute_truth import simulate_series, true_poses
-from testbench.bench.set_ups import Frame
+from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign, Frame, simulate_series, true_poses
 from testbench.errors import BenchError
 from testbench.model.vjm import chain
 from testbench.plant import Disturbances, GeometryErrors, settle

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from testbench.bench.absolute_settings import REAL_ARM, AbsoluteCampaign
-from testbench.bench.absolute_truth import simulate_series
+from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.bench.campaign import Scenario, simulate
 from testbench.correct.arm_model import About, bending, of_compliances
 from testbench.correct.beyond import extent

@@ -175,15 +175,7 @@ def test_the_recording_has_the_errors_of_the_report_worst_first(made, report):
     assert after[0] == pytest.approx(report["total_after"]["max_mm"], rel=1e-6)
 
 
-def test_one_reading_cannot_tell_its_frame_and_is_told_so(made, readings, tmp_path):
-    few = tmp_path / readings[0].name
-    few.write_text("\n".join(readings[0].read_text().splitlines()[:2]))
-    done = run("score", made[0], few)
-    assert done.returncode == 2
-    assert "its rows leave frame or target open" in done.stderr
-
-
-def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings):
+def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, tmp_path):
     done = run("score", made[0], readings[2], "--frame-poses", 20, "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
@@ -194,6 +186,19 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings):
     assert found["n"] == 100
     words = run("score", made[0], readings[2], "--frame-poses", 20).stdout
     assert f"100 positions: {found['mean_mm']:.3f} mm mean" in words
+    same = (
+        tmp_path / readings[0].name
+    )  # a series by the name of one that was fitted: its tracker stands elsewhere
+    for lines, told in (
+        (None, "with --frame-poses it gets a frame of its own"),
+        (2, "leave frame or target open"),
+    ):
+        same.write_text(
+            "\n".join(readings[2 if lines is None else 0].read_text().splitlines()[:lines]) + "\n"
+        )
+        done = run("score", made[0], same)
+        assert done.returncode == 2
+        assert told in " ".join(done.stderr.split())
 
 
 FLAT = {"rotation": [[1.0, 1.0, 1.0]] * 3, "translation_m": [0.0] * 3}
@@ -236,23 +241,28 @@ def test_a_model_keeps_the_metric_of_its_day(made, readings, monkeypatch):
     assert score(*read_model(made[0]), series, 20) == score(state, belief, series, 20)
 
 
-def few(path, folder):
-    (folder / "few.csv").write_text("\n".join(path.read_text().splitlines()[:5]) + "\n")
-    return folder / "few.csv"
-
-
 @pytest.mark.parametrize(
-    ("flags", "words"),
+    ("lines", "flags", "words"),
     [
-        (("few",), "few: 4 poses with a reading are too few"),
-        (("none.csv",), "none.csv: "),
-        (("--without", "springs"), "--without: no errors called springs"),
-        (("--orders", "0"), "--orders"),
+        (5, (), "part: 4 poses with a reading are too few"),
+        (41, ("r_3.csv",), "expected new readings: 40 of its 40 stand in another file too"),
+        (41, ("none.csv",), "none.csv: "),
+        (41, ("--without", "springs"), "--without: no errors called springs"),
+        (41, ("--orders", "0"), "--orders"),
     ],
 )
-def test_what_cannot_be_calibrated_is_said_and_nothing_is_written(arm, readings, flags, words, tmp_path):
-    given = [few(readings[2], tmp_path)] if flags == ("few",) else [readings[2], *flags]
-    done = run("calibrate", arm, *given, "--out", tmp_path / "out")
+def test_what_cannot_be_calibrated_is_said_and_nothing_is_written(readings, lines, flags, words, tmp_path):
+    (part := tmp_path / "part.csv").write_text("\n".join(readings[2].read_text().splitlines()[:lines]) + "\n")
+    more = [readings[2] if flag == "r_3.csv" else flag for flag in flags]
+    done = run(
+        "calibrate",
+        readings[0].parent / "flagged",
+        *(more if len(more) == 1 else ()),
+        part,
+        *(more if len(more) > 1 else ()),
+        "--out",
+        tmp_path / "out",
+    )
     assert done.returncode == 2
     assert words in " ".join(done.stderr.split())
     assert not (tmp_path / "out").exists()
@@ -333,31 +343,12 @@ def test_a_model_that_foretells_worse_than_the_drawing_says_so(poses, told, tmp_
     assert [step["name"] for step in found["steps"] if step["kept"]] == ["joint springs"]
 
 
-def test_a_file_whose_rows_stand_in_another_is_refused(arm, readings):
-    """As a series that is held out it would be no news."""
-    part = arm.parent / "part.csv"
-    part.write_text("\n".join(readings[2].read_text().splitlines()[:41]) + "\n")
-    done = run("calibrate", arm, *readings[1:], part, "--out", arm.parent / "twice")
-    assert done.returncode == 2
-    assert "part.csv: expected new readings: 40 of its 40 stand in another file too" in done.stderr
-
-
-def test_a_new_series_by_the_name_of_a_known_one_is_refused_without_frame_poses(made, readings, tmp_path):
-    """Its tracker stands elsewhere."""
-    same = shutil.copyfile(readings[2], tmp_path / readings[0].name)
-    done = run("score", made[0], same)
-    assert done.returncode == 2
-    assert "with --frame-poses it gets a frame of its own" in " ".join(done.stderr.split())
-    assert run("score", made[0], same, "--frame-poses", 20).returncode == 0
-
-
-def test_the_page_shows_what_was_tried_and_opens_at_the_worst_reading_of_all(made, report, open_page):
+def test_the_page_shows_what_was_tried_and_opens_at_the_worst_reading_of_all(
+    made, report, open_page, blank_panes
+):
     told = [f"{row['after_mm']:.3f}" for row in report["steps"]]
     shown = check_page(open_page, made[0] / "report.html", told)
     assert f"{report['total_after']['max_mm']:.3f} mm calibrated" in said(shown)
-
-
-def test_no_pane_of_the_recording_is_blank_on_any_timeline(made, blank_panes):
     assert blank_panes(made[0] / "recording.rrd") == []
 
 

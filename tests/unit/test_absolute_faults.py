@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.bench.absolute_settings import AbsoluteCampaign
-from testbench.bench.absolute_truth import simulate_series
+from testbench.bench.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.bench.campaign import build_cell
 from testbench.data.series import select_rows
 from testbench.errors import BenchError

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from testbench.bench.absolute_settings import REAL_ARM, AbsoluteCampaign
+from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign
 from testbench.errors import BenchError
 from testbench.identify.absolute.fit import Options as Fit
 from testbench.plant import Disturbances, GearErrors

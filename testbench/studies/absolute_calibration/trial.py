@@ -6,22 +6,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.absolute_judged import Judged, check, checking, judged, true_unknowns
 from testbench.bench.absolute_truth import Truth, simulate_series
 from testbench.bench.campaign import Cell, build_cell, clear_poses, hanging, stream
+from testbench.bench.rows import MM
 from testbench.bench.truths import FAMILY, member, true_cell
 from testbench.bench.wrong_prior import wrong_prior
+from testbench.data.dataset import Mask
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.fit import Calibration, Gathered, explain, gather
 from testbench.identify.absolute.intervals import deviations_root
 from testbench.plant import build_plant
 from testbench.studies.absolute_calibration import settings as s
-from testbench.studies.absolute_calibration.optimum import optimum_mm
+from testbench.studies.absolute_calibration.beside import check, checking, judged, optimum_mm, true_unknowns
 
 STIFF = 1e-3  #: Compliance of rigid links over what the folder says [1].
 KNOWN = 1e-4  #: Standard deviation below which geometry is known [m, rad].
-MM = 1e3
 
 
 @dataclass(frozen=True)
@@ -138,10 +138,10 @@ def _known(own: Calibration) -> Array:
 
 def _row(measured: Measured, name: str, own: Calibration, known: Array, optimum: float | None) -> FitRow:
     asked, rng = measured.asked, stream(measured.seed, 901)
-    seen = check(own, measured.check, rng)
-    parts = {part.part: part for part in judged(own, measured.truth)}
-    held = {part: _held(one) for part, one in parts.items()}
-    joints = parts.get("joint compliances")
+    error, within = check(own, measured.check, rng)
+    parts = judged(own, measured.truth)
+    held = {part: _held(*one) for part, one in parts.items()}
+    _, joints = parts.get("joint compliances", (None, np.zeros(0)))
     return FitRow(
         arm=measured.arm,
         true_arm=asked.true_arm,
@@ -150,23 +150,23 @@ def _row(measured: Measured, name: str, own: Calibration, known: Array, optimum:
         readings=sum(one.rows for one in measured.series),
         name=name,
         kept=tuple(step.name for step in own.chosen.steps if step.kept),
-        error_mm=_rms_mm(seen.error),
-        loaded_mm=_rms_mm(check(own, measured.loaded, rng).error),
+        error_mm=_rms_mm(error),
+        loaded_mm=_rms_mm(check(own, measured.loaded, rng)[0]),
         optimum_mm=optimum,
-        positions=Held(seen.inside.size, int(seen.inside.sum())),
+        positions=Held(within.size, int(within.sum())),
         geometry=held.get("geometry"),
         joint_errors=held.get("joint errors"),
         joints=held.get("joint compliances"),
         entries=held.get("entries"),
-        compliance_off=() if joints is None else tuple(joints.relative.tolist()),
+        compliance_off=tuple(joints.tolist()),
         geometry_off=_geometry_off(own, measured.truth, known),
     )
 
 
-def _held(part: Judged) -> Held | None:
+def _held(inside: Mask, relative: Array) -> Held | None:
     """Those that the truth has, such as joint errors of its orders; None where it has none."""
-    there = np.isfinite(part.relative)
-    return Held(int(there.sum()), int(part.inside[there].sum())) if there.any() else None
+    there = np.isfinite(relative)
+    return Held(int(there.sum()), int(inside[there].sum())) if there.any() else None
 
 
 def _rms_mm(error: Array) -> float:

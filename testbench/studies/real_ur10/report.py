@@ -212,7 +212,7 @@ def _claims(f: Row, own: Models) -> Iterator[Markdown]:
     if trial.ALL in own:
         yield say(
             "Links beside joint errors change {w.blocks_mm:.3f} to {a.blocks_mm:.3f} mm in blocks. Without "
-            "these and hardly a prior, GCO leaves {gco.c_to_a_mm:.3f} mm from C to A, least squares "
+            "joint errors, with hardly a prior, GCO leaves {gco.c_to_a_mm:.3f} mm from C to A, least squares "
             "{ls.c_to_a_mm:.3f} mm.",
             w=own[trial.WAVES],
             a=own[trial.ALL],
