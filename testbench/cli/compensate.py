@@ -18,10 +18,10 @@ from testbench.cli.arguments import Load, MapFile
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked
 from testbench.correct.step import Hold
-from testbench.data.motion.formats import format_of
+from testbench.data.motion.formats import CSV, WRITERS, format_of
 from testbench.data.program import read_program
 from testbench.errors import InputError
-from testbench.output.place import claim_file, inside
+from testbench.output.place import Kind, claim_file, inside
 from testbench.output.run import claim_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.terminal import grid, looked_at, plain_console, print_answer, print_statements
@@ -73,10 +73,11 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Correct a program for what the process load does to the arm; write it, and a page beside it."""
-    to, given = _places(asked), [asked.model, asked.program, *([asked.mapping] if asked.mapping else [])]
+    to = program_to, form, folder = _places(asked)
+    given = [asked.model, asked.program, *([asked.mapping] if asked.mapping else [])]
     with (
-        claim_file(to.program, to.kind, inputs=given, force=asked.force),
-        claim_folder(to.report, COMMAND, own=frozenset(), inputs=given, force=asked.force),
+        claim_file(program_to, _kind(form), inputs=given, force=asked.force),
+        claim_folder(folder, COMMAND, own=frozenset(), inputs=given, force=asked.force),
     ):
         aim = _aim(asked)
         model = load_model(asked.model, asked.arm)
@@ -87,7 +88,7 @@ def command(asked: Options) -> None:
         found = correct_program(model, program, aim, cell.room, start=start)
         if found.unreached and not asked.keep_unreachable:
             raise _unreached(asked, found)
-        said = report(found, to.program.name)
+        said = report(found)
         write(cell, found, said, _plain(asked), to)
         console = plain_console()
         for note in notes:
@@ -96,9 +97,9 @@ def command(asked: Options) -> None:
         console.print(grid(said.tables["worst"]))
         print_statements(console, said)
         lines = [
-            f"corrected  {to.program}",
-            f"report     {', '.join(str(to.report / name) for name in WRITTEN)}",
-            *looked_at(to.report),
+            f"corrected  {program_to}",
+            f"report     {', '.join(str(folder / name) for name in WRITTEN)}",
+            *looked_at(folder),
         ]
         console.print("\n".join(lines), soft_wrap=True)
 
@@ -111,7 +112,14 @@ def _places(asked: Options) -> Places:
     if asked.report and inside(asked.out, asked.report):
         raise InputError(asked.out, "", f"expected a place outside of {asked.report}, the folder of --report")
     with of_flag("--format" if asked.format else "--out"):
-        return Places(asked.out, format_of(asked.out, asked.format), asked.report or beside)
+        return asked.out, format_of(asked.out, asked.format), asked.report or beside
+
+
+def _kind(form: str) -> Kind:
+    """What a corrected program looks like."""
+    if form == CSV:
+        return Kind("a corrected program", rb"[^\n]*correction_")
+    return Kind(f"a program in {WRITERS[form].title}", WRITERS[form].begins)
 
 
 def _aim(asked: Options) -> Aim:

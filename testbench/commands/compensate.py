@@ -1,7 +1,7 @@
 """What `testbench compensate` writes, says and draws: how far off a program is, and what puts it right."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,6 @@ from testbench.data.motion.formats import CSV, WRITERS, write_moves
 from testbench.data.program import unread
 from testbench.data.program_corrected import write_program
 from testbench.errors import Array
-from testbench.output.place import Kind
 from testbench.output.whole import whole_file
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.columns import columns
@@ -32,68 +31,40 @@ from testbench.views.markdown import Markdown, capital, ended
 from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen, arrow_scale, of_all, picked
 from testbench.views.schema import Table
 
+Places = tuple[Path, str, Path]
+"""The corrected program, "csv" or a robots' language as of `format_of`, and the folder of the report."""
 COMMAND = "testbench compensate"  #: As manifest.json names it.
-WRITTEN = ("report.md", "report.json", "compensation.png")  #: For people.
-MRAD = 1e3
+WRITTEN, MRAD = ("report.md", "report.json", "compensation.png"), 1e3
 FITTED, MOST = 4, 200  #: Points to which a frame is fitted at least, and at most, evenly picked.
 SUDDEN = 0.2  #: Change of a force over its size that is sudden [1].
 TURNED = 1e-2  #: A turn that is left counts from here [mrad].
 JUMPS = 0.2  #: Change of a correction from a point to the next that is said [deg, mm].
 OPEN = 0.25  #: Width of what is left over the error from which it is said what keeps it open [1].
-ALL, FEW = 20, 8  #: Points up to which a table lists all, and how many of more.
+MOST_ROWS = 12  #: Points that a table lists.
 SHARE, LEAST = 0.15, 0.3  #: Length of most errors over the size of the path, which counts this at least [m].
 FORCE = 0.25  #: Length of the force's arrow over that size [1].
-MEANT = {
-    "unloaded": "where the model has the tool without the process load",
-    "drawn": "where the drawn arm has the tool",
-}
-HELD = {
-    "pose": "position and orientation",
-    "axis": "position and the spindle's axis",
-    "position": "position alone",
-}
 BEFORE, AFTER = "as programmed", "corrected, within (95 %)"
 FAINT = (150, 205, 190)  #: Of intervals: pale green.
 LOOKS = {BEFORE: Look(MEASURED, 1, prior=True), AFTER: Look(GCO, 0, prior=True)}
 
 
-@dataclass(frozen=True)
-class Places:
-    """Where results go."""
-
-    program: Path  #: The corrected program.
-    format: str  #: "csv" or a robots' language, as of `format_of`.
-    report: Path  #: Folder of the report.
-
-    @property
-    def kind(self) -> Kind:
-        """What a corrected program looks like."""
-        if self.format == CSV:
-            return Kind("a corrected program", rb"[^\n]*correction_")
-        own = WRITERS[self.format]
-        return Kind(f"a program in {own.title}", own.begins)
-
-
 def write(cell: Cell, found: CorrectedProgram, said: Report, flags: Mapping[str, object], to: Places) -> None:
     """The corrected program and the folder of its report; InputError when they cannot be written."""
-    program, q = found.program, found.found.q
-    with whole_file(to.program) as part:
-        if to.format == CSV:
+    (file, form, folder), (program, q) = to, (found.program, found.found.q)
+    with whole_file(file) as part:
+        if form == CSV:
             write_program(part, program, q, more_columns(found))
         else:
-            write_moves(part, WRITERS[to.format], q, found.model.arm.joints, program.labels)
-        digest = {to.program.name: files.digest(part)}  # a kill may leave the earlier one beside the report
+            write_moves(part, WRITERS[form], q, found.model.arm.joints, program.labels)
+        digest = {file.name: files.digest(part)}  # a kill may leave the earlier one beside the report
         arm, name = [cell.arm.rigid.parent], program.path.name
         asked = Asked(COMMAND, name, flags, arm, WRITTEN[-1], more=lambda _: {"corrected": digest})
-        leave(to.report, asked, said, seen(cell, found, said))
+        leave(folder, asked, said, seen(cell, found, said))
 
 
-def report(found: CorrectedProgram, output: str) -> Report:
-    """What there is to say of a corrected program, written to a file of this name."""
-    f = _numbers(found, output)
-    tables = _tables(f)
-    after = " after those that are not corrected" if f.corrected < f.points else ""
-    note = f"Of every stretch of the program the point of the largest error{after}." if f.points > ALL else ""
+def report(found: CorrectedProgram) -> Report:
+    """What there is to say of a corrected program."""
+    f = _numbers(found)
     return Report(
         scenario="compensate",
         question=Markdown("Where does the loaded tool go, and what puts it right?"),
@@ -106,8 +77,8 @@ def report(found: CorrectedProgram, output: str) -> Report:
         ),
         claims=list(_claims(f)),
         numbers=f,
-        tables=tables,
-        body=[Markdown("## What was asked"), _asked(f), "sizes", "worst", Markdown(note), "joints"],
+        tables=_tables(f),
+        body=[_about_model(f), "sizes", "worst"],
     )
 
 
@@ -115,7 +86,7 @@ def _within(half: float | None) -> str:
     return "corrected without a bound" if half is None else f"corrected within {half:.3f} mm"
 
 
-def _numbers(found: CorrectedProgram, output: str) -> Row:
+def _numbers(found: CorrectedProgram) -> Row:
     own, model, program = found.found, found.model, found.program
     points = _points(found)
     loaded = [row for row in points if row.before_mm > 0]
@@ -123,6 +94,7 @@ def _numbers(found: CorrectedProgram, output: str) -> Row:
     unseen = sum(row.half_95_mm is None for row in points)
     force = np.linalg.norm(sum(load.wrench[:, :3] for load in found.loads), axis=1)
     absolute = model.absolute and own.asked == "drawn"
+    held = (own.held & own.corrected[:, None]).sum(axis=0)
     before_mm, half_mm = sizes(before), None if unseen else sizes(half)
     return Row(
         program=program.path.name,
@@ -140,17 +112,14 @@ def _numbers(found: CorrectedProgram, output: str) -> Row:
         half_fitted_mm=_fitted(found) if absolute else None,
         loaded=len(loaded),
         unseen=unseen,
-        solver_mm=float(MM * np.linalg.norm(own.after, axis=1)[own.corrected].max(initial=0.0)),
         **_turns(found),
         jump=_jump(found),
         worst=max(points, key=lambda row: float(row.before_mm)),
         extrapolated=extent(model, own.start, found.loads).sentences,
         open=most_open(model, own.q, found.loads, np.array(found.aim.point), absolute),
-        data=model.about.data,
         doubts=model.about.doubts,
         unread=unread(program),
-        output=output,
-        joints=_joints(found),
+        held={joint.name: int(n) for joint, n in zip(model.arm.joints, held, strict=True) if n},
         rows=points,
     )
 
@@ -171,16 +140,6 @@ def _points(found: CorrectedProgram) -> list[Row]:
             reason=own.refused[k],
         )
         for k in range(program.points)
-    ]
-
-
-def _joints(found: CorrectedProgram) -> list[Row]:
-    """A row a joint: its largest correction [deg, mm], and the points at which it stops at its limit."""
-    own = found.found
-    most, held = np.abs(own.q - own.start).max(axis=0), (own.held & own.corrected[:, None]).sum(axis=0)
-    return [
-        Row(joint=joint.name, largest_correction=float(joint.shown * x), unit=joint.shown_unit, held=int(n))
-        for joint, x, n in zip(found.model.arm.joints, most, held, strict=True)
     ]
 
 
@@ -259,8 +218,6 @@ def _answer(f: Row) -> Iterator[str]:
 
 
 def _claims(f: Row) -> Iterator[Markdown]:
-    if f.unseen:
-        yield say("**Not seen**: the model has not seen what decides at {unseen:counted point}.", f)
     for sentence in f.unread:
         yield say("{text}.", text=sentence)
     if f.half_fitted_mm:
@@ -270,22 +227,13 @@ def _claims(f: Row) -> Iterator[Markdown]:
             f,
         )
     if left := f.points - f.corrected:
-        stay = "stays" if left == 1 else "stay"
-        yield say(
-            f"**Not corrected**: {{left:counted point}} {stay} as programmed, the reason beside each.",
-            left=left,
-        )
-    for sentence in f.extrapolated:
-        yield say(
-            "{text}. Intervals do not count what a model does not foresee there.", text=capital(sentence)
-        )
+        yield say("**Not corrected**: {left:counted point}, the reason beside each.", left=left)
+    for text in f.extrapolated:
+        yield say("{text}. Intervals do not count what no model foresees there.", text=capital(text))
     if f.open and (not f.half_95_mm or f.half_95_mm.median > OPEN * f.before_mm.median):
         advice = ": identify it under loads that turn it" if f.open.joint else ""
-        yield say(
-            f"What stays open is mostly {{open.name}}, {{share:.0f}} % of it{advice}.",
-            f,
-            share=100 * f.open.share,
-        )
+        share = 100 * f.open.share
+        yield say(f"{{share:.0f}} % of what stays open comes from {{open.name}}{advice}.", f, share=share)
     yield from _moves(f)
     for doubt in f.doubts:
         yield say("Doubt of the model: {text}", text=ended(doubt))
@@ -301,11 +249,9 @@ def _moves(f: Row) -> Iterator[Markdown]:
         )
     if f.turns_mrad:
         yield say("Its orientation is not held: the tool turns by {turns_mrad:.3f} mrad at most.", f)
-    for joint in (joint for joint in f.joints if joint.held):
-        yield say(
-            "{joint} stops at its limit in {held:counted point}; there the tool keeps its position alone.",
-            joint,
-        )
+    for joint, n in f.held.items():
+        stops = "{joint} stops at its limit in {n:counted point}; there the tool keeps its position alone."
+        yield say(stops, joint=joint, n=n)
     if f.jump and f.jump.load and f.points > 2:
         yield say("The load jumps, and the correction with it: most from line {line} to the next.", f.jump)
     elif f.jump and f.jump.size > JUMPS:
@@ -316,56 +262,28 @@ def _moves(f: Row) -> Iterator[Markdown]:
         )
 
 
-def _asked(f: Row) -> Markdown:
-    """What the program means, what acts, and by which model."""
-    knows = "It knows compliances: what loads do is corrected, errors of geometry stay."
-    if f.absolute:
-        knows = "It knows geometry, joint errors and own weight too."
-    elif f.asked == "drawn":
-        knows = (
-            "It knows compliances: what loads and own weight do is corrected, by the masses of the arm's "
-            "folder; errors of geometry stay."
-        )
-    low, high = f.force_n
-    most = f" to {high:.0f}" if high > 1.001 * low else ""
-    data = ", from {data:list}" if f.data else ""
-    texts = (
-        f"A point of the program asks for {MEANT[f.asked]}.",
-        "Written to {output}.",
-        f"Put right: {HELD[f.hold]}.",
-        f"Forces on the tool: {low:.0f}{most} N.",
-        f"Model: {{method}}{data}. {knows}",
-        "By the model the solver leaves {solver_mm:.1e} mm.",
-    )
-    return Markdown("\n".join(f"- {say(text, f)}" for text in texts))
+def _about_model(f: Row) -> Markdown:
+    knows = "geometry, joint errors, compliances and own weight"
+    if not f.absolute:
+        own = "own weight by the masses of the folder" if f.asked == "drawn" else "no own weight"
+        knows = f"compliances, {own}: errors of geometry stay"
+    return say("Model: {method}. It knows {knows}.", f, knows=knows)
 
 
 def _tables(f: Row) -> dict[str, Table]:
-    """How far the tool is off, the worst points, and the joints."""
+    """How far the tool is off, and the points that are not corrected, then those of the largest error."""
     errors = {BEFORE: f.before_mm, AFTER: f.half_95_mm}
     off = [
-        Row(what=name, median_mm=own.median, p95_mm=own.p95, max_mm=own.max)
-        for name, own in errors.items()
-        if own
+        Row({f"{key}_mm": mm for key, mm in own.items()}, what=name) for name, own in errors.items() if own
     ]
     sizes_of = columns(f"what median_mm {'p95_mm' if f.loaded >= ENOUGH else ''} max_mm")
     turn, reason = "turn_left_mrad" if f.turned else "", "reason" if f.corrected < f.points else ""
     points = columns(f"line label before_mm half_95_mm {turn} {reason}")
-    held = "held" if any(joint.held for joint in f.joints) else ""
-    joints = columns(f"joint largest_correction unit {held}")
-    title = "How far the loaded tool is off"
+    worst = sorted(f.rows, key=lambda row: (not row.reason, -float(row.before_mm)))[:MOST_ROWS]
     return {
-        "sizes": Table(sizes_of, off, title, headline="median_mm", looks=LOOKS),
-        "worst": Table(points, _worst(f.rows), "Worst points", headline="before_mm"),
-        "joints": Table(joints, f.joints, "Corrections of the joints"),
+        "sizes": Table(sizes_of, off, "How far the loaded tool is off", headline="median_mm", looks=LOOKS),
+        "worst": Table(points, worst, f"Worst points, {len(worst)} of {f.points:,}", headline="before_mm"),
     }
-
-
-def _worst(points: Sequence[Row]) -> list[Row]:
-    """Points that are not corrected, then the one of the largest error in every stretch of the program."""
-    stretches = np.array_split(np.arange(len(points)), len(points) if len(points) <= ALL else FEW)
-    most = [max((points[k] for k in part), key=lambda row: float(row.before_mm)) for part in stretches]
-    return [row for row in points if row.reason][:FEW] + [row for row in most if not row.reason]
 
 
 def seen(cell: Cell, found: CorrectedProgram, said: Report) -> Seen:
@@ -375,15 +293,10 @@ def seen(cell: Cell, found: CorrectedProgram, said: Report) -> Seen:
     rows = [points[k] for k in some]
     before, half = (np.array([row[key] for row in rows], dtype=float) for key in ("before_mm", "half_95_mm"))
     errors = [Line(name, LOOKS[name], mm) for name, mm in ((BEFORE, before), (AFTER, half))]
-    title, note = (
-        "How far the loaded tool is off at each point (mm)",
-        of_all(len(some), len(points), "points"),
-    )
+    note, labels = of_all(len(some), len(points), "points"), [row.label for row in rows]
+    chart = RunChart("How far the loaded tool is off at each point (mm)", 0, labels, errors, note=note)
     scale, groups = _groups(cell, found, rows, some)
-    return Seen(
-        scene=Scene(cell, f"What is off, and how the arm bends, x {scale:g}.", groups),
-        runs=[RunChart(title, 0, [row.label for row in rows], errors, note=note)],
-    )
+    return Seen(Scene(cell, f"What is off, and how the arm bends, x {scale:g}.", groups), runs=[chart])
 
 
 def _groups(cell: Cell, found: CorrectedProgram, rows: Sequence[Row], some: Ids) -> tuple[float, list[Poses]]:

@@ -20,7 +20,7 @@ from testbench.output.whole import whole_file
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
-from testbench.report.report import Report, lines, say
+from testbench.report.report import Report, say
 from testbench.report.table import Row
 from testbench.views.colours import GCO, MEASURED, NOMINAL, Look
 from testbench.views.markdown import Markdown, capital, ended
@@ -40,7 +40,7 @@ from testbench.views.schema import Table
 
 COMMAND = "testbench predict"  #: As manifest.json names it.
 PICTURE, TABLE = "predict.png", "predictions.csv"
-WORST, FARTHEST, FEW = 20, 14, 5  #: Poses that the report lists, that a chart can name, of the terminal.
+WORST, FEW = 14, 5  #: Poses that the report lists, and those of the terminal.
 POSES = (
     "pose deflection_mm half_words deflections_mm.0 deflections_mm.1 deflections_mm.2 turn_mrad "
     "stiffness_n_per_um.0 softest"
@@ -59,7 +59,7 @@ def write(made: Predicted, said: Report, flags: Mapping[str, object], out: Path)
         return {}
 
     arm = [made.model.arm.rigid.parent]
-    leave(out, Asked(COMMAND, made.asked.path.name, flags, arm, PICTURE, more=poses), said, seen(made, said))
+    leave(out, Asked(COMMAND, made.asked.path.name, flags, arm, PICTURE, more=poses), said, seen(made))
 
 
 def prediction_columns(joints: Sequence[Joint]) -> list[str]:
@@ -99,6 +99,7 @@ def report(made: Predicted) -> Report:
     first, one = f.worst[0], f.poses == 1
     moves = "{moved}" if one else "up to {moved}, in pose {pose} of {poses:,}"
     where = "" if one else " in pose {softest.pose}"
+    title = "The pose" if one else f"The {len(f.worst)} poses that move most"
     return Report(
         scenario="predict",
         question=say("Where does the tool of {arm} go under {loads}, and how stiff is it?", f),
@@ -119,8 +120,8 @@ def report(made: Predicted) -> Report:
         ),
         claims=list(_claims(f)),
         numbers=f,
-        tables={"worst": Table(columns(POSES), f.worst, "Poses", headline="deflection_mm")},
-        body=["worst", _about_poses(f), Markdown("## Model"), *_about_model(f)],
+        tables={"worst": Table(columns(POSES), f.worst, title, headline="deflection_mm")},
+        body=["worst", _about_poses(f), _about_model(f)],
     )
 
 
@@ -128,7 +129,6 @@ def _numbers(made: Predicted) -> Row:
     """All numbers but those of every pose, which are in predictions.csv."""
     found, size = made.found, MM * made.found.size
     about, extent = made.model.about, made.extent
-    point = int(size.max(axis=0).argmax())
     return Row(
         arm=made.model.arm.name,
         absolute=made.model.absolute,
@@ -136,14 +136,11 @@ def _numbers(made: Predicted) -> Row:
         file=made.asked.path.name,
         loads=made.asked.words,
         poses=len(size),
-        points=list(made.names),
         linear=made.linear,
         confidence_percent=100 * found.confidence,
         least_mm=float(size[:, 0].min()),
         median_mm=float(np.median(size[:, 0])),
         most_mm=float(size[:, 0].max()),
-        farthest=made.names[point],
-        farthest_mm=float(size[:, point].max()),
         unseen_percent=float(100 * np.isinf(found.half).any(axis=2).mean()),
         other_off_mm=float(MM * found.apart.max()),
         position_half_mm=finite(MM * np.median(found.position_half[:, 0].max(axis=1))),
@@ -232,59 +229,44 @@ def _claims(f: Row) -> Iterator[Markdown]:
         f.map,
     )
     if f.unseen_percent:
-        yield say(
-            "**Not seen**: the data of the model leave {unseen_percent:.0f} % of the deflections without an "
-            "interval.",
-            f,
-        )
+        yield say("**Not seen**: {unseen_percent:.0f} % of the deflections have no interval.", f)
     if f.map.unseen_percent:
         yield say(
             "**Not seen**: in {unseen_percent:.0f} % of these poses a force in some direction; there the "
             "tool may be softer than is said.",
             f.map,
         )
-    way = "By the equilibrium of Eq. (7); Eq. (6) alone would"
-    way = "By Eq. (6); the equilibrium of Eq. (7) would" if f.linear else way
-    yield say(f"{way} change the tool's deflection by up to {{other_off_mm:.3f}} mm.", f)
+    way = "Eq. (6); the equilibrium of Eq. (7)" if f.linear else "the equilibrium of Eq. (7); Eq. (6)"
+    yield say(f"By {way} would change the tool's deflection by up to {{other_off_mm:.3f}} mm.", f)
     if f.doubts:
         yield say("The model itself has {n:counted doubt}: see report.md.", n=len(f.doubts))
 
 
 def _about_poses(f: Row) -> Markdown:
     every = f"; all {f.poses:,} poses and all points are in {TABLE}" if f.poses > len(f.worst) else ""
-    own = say(
+    return say(
         f"The tool's origin, loaded minus unloaded, own weight in both, the largest first{every}. The "
         "interval is the widest of the three along x, y and z. *Softest*: the least stiffness of the loaded "
         "tool against a force at its origin, and its direction."
     )
-    all_of_them = (
-        "Over all poses it moves {least_mm:.3f} to {most_mm:.3f} mm, {median_mm:.3f} mm in the median."
-    )
-    farthest = "Of all points {farthest} moves most, {farthest_mm:.3f} mm."
-    another = len(f.points) > 1 and f.farthest != f.points[0]
-    return lines([own, say(all_of_them, f) if f.poses > 1 else "", say(farthest, f) if another else ""])
 
 
-def _about_model(f: Row) -> list[Markdown]:
+def _about_model(f: Row) -> Markdown:
     """What the positions are, how large the loads are for it, its doubts."""
-    known = (
-        "calibrated by absolute readings: positions are the calibrated ones, of the tool's origin +- "
-        "{position_half_mm:.3f} mm (median)"
-    )
-    if not f.absolute:
-        known = (
-            "compliances identified from deflections: positions are those of the arm as drawn, with its sag"
-        )
-    beyond = "{force_ratio:.2f} times the largest force that the model was identified under"
-    parts = [beyond] if f.force_ratio is not None else []
-    parts += ["{moment_ratio:.2f} times the largest moment"] if f.moment_ratio is not None else []
+    known = "those of the arm as drawn, with its sag: the model knows compliances alone"
+    if f.absolute:
+        known = "the calibrated ones, of the tool's origin +- {position_half_mm:.3f} mm (median)"
     loads = "Loads reach {force_n:,.0f} N and {moment_nm:,.0f} N m about the tool's origin"
-    doubts = "\n".join(say("- Doubt: {text}", text=ended(text)) for text in f.doubts)
-    about = say(f"{{arm}}, {known}. {{method}}.", f)
-    return [about, say("; ".join([loads, ", ".join(parts)] if parts else [loads]) + ".", f), Markdown(doubts)]
+    if f.force_ratio is not None:
+        loads += "; {force_ratio:.2f} times the largest force that the model was identified under"
+    if f.moment_ratio is not None:
+        loads += ", {moment_ratio:.2f} times the largest moment"
+    texts = [say("{method}.", f), say(f"Positions are {known}.", f), say(f"{loads}.", f)]
+    doubts = [say("Doubt of the model: {text}", text=ended(text)) for text in f.doubts]
+    return Markdown("## Model\n\n" + "\n".join(f"- {text}" for text in [*texts, *doubts]))
 
 
-def seen(made: Predicted, said: Report) -> Seen:
+def seen(made: Predicted) -> Seen:
     """The arm bent by its loads in the poses of the file, and where it is soft."""
     some = picked(made.found.size[:, 0], np.arange(len(made.found.size)))
     reach, field = made.cell.vjm.reach, made.map
@@ -306,23 +288,14 @@ def seen(made: Predicted, said: Report) -> Seen:
         scene=Scene(made.cell, title, [_asked(made, some, M, G), _places(made)]),
         map=PlaceMap(where, 1, field.position, [soft], heading="Where it is soft"),
         runs=[chart],
-        tables=[farthest(said, FARTHEST)],
-    )
-
-
-def farthest(said: Report, most: int) -> Table:
-    """The poses that move most."""
-    table = said.tables["worst"]
-    rows = table.rows[:most]
-    return replace(
-        table, rows=rows, title=f"The {len(rows)} poses that move most" if len(rows) > 1 else "The pose"
     )
 
 
 def printed(said: Report) -> Table:
     """The first poses, for a terminal."""
-    table = farthest(said, FEW)
-    return replace(table, columns=tuple(column for column in table.columns if column.key != "turn_mrad"))
+    table = said.tables["worst"]
+    own = tuple(column for column in table.columns if column.key != "turn_mrad")
+    return replace(table, columns=own, rows=table.rows[:FEW])
 
 
 def _asked(made: Predicted, some: Ids, M: float, G: float) -> Poses:

@@ -158,7 +158,7 @@ def test_what_no_reading_has_seen_is_said_and_blank(kr500, tmp_path, q):
     assert done.returncode == 0, done.stderr
     said = " ".join(done.stdout.split())
     assert "not seen by the data" in said
-    assert "Not seen: the data of the model leave 100 % of the deflections without an interval" in said
+    assert "Not seen: 100 % of the deflections have no interval" in said
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["worst"][0]["half_mm"] is None
     with (tmp_path / "out" / "predictions.csv").open() as table:
