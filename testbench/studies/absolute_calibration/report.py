@@ -221,7 +221,8 @@ def figures(found: Report) -> dict[str, Figure]:
     f, short = Row(found.numbers), found.tables["short"]
     gains = "; ".join(f"{g.arm} {beside({'joint springs': g.springs})}" for g in f.gains)
     answer = f"{f.featured} poses, error where nothing was measured: {gains}"
-    reading = f"RMS errors under own weight, {f.dataset.sigma_um:g} um a reading, medians of {f.trials} trials, arms in turn"
+    noise = f"{f.dataset.sigma_um:g} um a reading"
+    reading = f"RMS errors under own weight, {noise}, medians of {f.trials} trials, arms in turn"
     own = _by_poses(f)
     if len({row.poses for row in own}) == 1:
         titles = {column.key: "RMS error, mm" for column in short.columns[1:]}
