@@ -6,7 +6,7 @@ from testbench import files
 from testbench.views.markdown import Told, as_plain
 from testbench.views.page import html
 from testbench.views.page.data import seen_plain
-from testbench.views.scene import Seen as Seen
+from testbench.views.scene import Seen
 
 NAME = "report.html"
 MARKED, FACTS = ("answer", "worst", "statements"), ("question", "title")
