@@ -31,7 +31,7 @@ MODELS = (
 PAGE = 3  #: Of these columns, the last ones, that a terminal has no room for.
 READING = Markdown(
     "*F_M held out*: the mean on poses and load levels held out in turn. *+- (95 %)*: median half width of "
-    f"the interval of a deflection; {COUNTS}. *Apart*: from where the model to take has the loaded tool, median."
+    f"the interval of a deflection; {COUNTS}. *Apart*: from the loaded tool of the model to take, median."
 )
 
 
