@@ -10,6 +10,7 @@ import pytest
 import read_back
 from checks import check_words
 from made_up import of_one_trial
+from made_up_run import REPORT
 from read_back import document
 from run_here import here
 
@@ -22,12 +23,11 @@ from testbench.bench.model_folder import digests
 from testbench.bench.rows import ErrorRow
 from testbench.cli.program import program
 from testbench.commands.compare_rows import differ
+from testbench.report.columns import columns as quantities
 from testbench.report.report import read_report
-from testbench.report.table import Trials
+from testbench.report.table import Row, Trials
 from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.gravity_calibration.trial import Settings
-from testbench.studies.loaded_stiffness.study import STUDY as LOADED
-from testbench.studies.loaded_stiffness.trial import Settings as LoadedSettings
 from testbench.studies.run import to_json
 from testbench.trials.parquet import write_trials
 from testbench.trials.rows import columns, tabled
@@ -36,6 +36,7 @@ from testbench.views.colours import look
 from testbench.views.markdown import Markdown
 from testbench.views.run_figure import overview
 from testbench.views.scene import Seen
+from testbench.views.schema import Table
 
 NAMES = {
     "Joints": "none",
@@ -220,29 +221,30 @@ def test_folders_of_arms_are_compared_in_their_order_whatever_they_are_called(on
     assert rows == {"arm or model, folder": ["kr500_l480", "mine"]}
 
 
-def test_tables_of_a_study_without_models_show_the_number_that_differs(tmp_path):
-    first, asked, seeds = tmp_path / "first", LoadedSettings(arm="kr500_l480", loads=2, poses=3), range(1, 2)
+def test_tables_without_models_are_paired_by_row_and_column_and_show_the_number_that_differs(tmp_path):
+    first = tmp_path / "first"
     first.mkdir()
-    found = list(zip(seeds, LOADED.trials(asked, seeds), strict=True))
-    report = LOADED.report(asked, seeds, Trials.of(found))
-    files.write_json(to_json(report), first / "report.json")
-    files.write_manifest(first, command="scenarios/loaded_stiffness.py", scenario={}, seeds=seeds, models={})
-    rows = report.tables["rows"]
-    [place] = [k for k, c in enumerate(rows.columns) if c.key == "max_um"]
-    column = rows.columns[place]
+    rows = [
+        Row(prediction=p, load_N=n, rms_um=n / 100 + len(p)) for p in ("Eq. (6)", "(7)") for n in (10.0, 99.0)
+    ]
+    table = Table(quantities("prediction load_N rms_um"), rows, "By load")
+    own = replace(REPORT, tables={"rows": table}, body=["rows"])
+    files.write_json(own.json(), first / "report.json")
+    files.write_manifest(first, command="testbench predict", scenario={}, seeds=range(0), models={})
 
     def plant(report):
-        report["tables"]["rows"]["rows"][1][place] *= 3
+        report["tables"]["rows"]["rows"][1][2] *= 3
+        report["tables"]["rows"]["rows"].reverse()  # whatever their order
 
     text, report = said(tmp_path, first, changed(first, tmp_path / "planted", "report.json", plant))
-    start = r"A and B differ in 1 of \d+ numbers: 0 by more than their spread, 1 by more than 2 % "
-    assert re.match(start, text)
-    assert re.search(rf"Farthest apart: .*, {column.title}, ", text)
+    assert text.startswith(
+        "A and B differ in 1 of 4 numbers: 0 by more than their spread, 1 by more than 2 % "
+    )
+    assert "Farthest apart: Eq. (6), load 99 N, RMS error, um, 7.99 in A, 23.97 in B." in text
     [number] = report["beside"][0]["numbers"]
-    assert number["quantity"] == column.title
-    assert number["ratio"] == pytest.approx(3)
+    assert (number["quantity"], number["ratio"]) == ("RMS error, um", pytest.approx(3))
     page = (tmp_path / "out" / "report.md").read_text()
-    assert f"{number['row']}, {column.title} | {number['shown_a']} | {number['shown_b']} | 3 |" in page
+    assert "| By load: Eq. (6), load 99 N, RMS error, um | 7.99 | 23.97 | 3 |" in page
 
 
 def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path):
