@@ -27,7 +27,7 @@ DOORS = {
     "pinocchio": "model/kinematics.py",
     "rerun": "views/recording",
     "clarabel": "identify/cone.py",
-    "jinja2": ("views/markdown.py", "views/page/html.py"),
+    "jinja2": "views/page/html.py",
     **dict.fromkeys(("markdown_it", "markupsafe"), "views/page/html.py"),
     "pyarrow": ("trials", "data/table.py", "report/table.py"),
     "distributed": "trials/cluster.py",

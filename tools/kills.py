@@ -19,7 +19,6 @@ import re
 import secrets
 import shutil
 import signal
-import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -30,6 +29,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pyarrow import parquet
+
+from testbench.trials.records import stored_seeds
 
 ROOT = Path(__file__).resolve().parents[1]
 MAIN = (sys.executable, "-c", "from testbench.cli import main; main()")
@@ -306,20 +307,14 @@ def killed(case: Case, place: Bench, after: float, way: str, rng: random.Random)
 
 
 def stored(out: Path) -> dict[Path, int]:
-    """Trials of a run by the files that hold them; stores are read from copies, which locks nothing."""
+    """Trials of a run by the files that hold them; those under way too."""
     found = {}
     for ended in out.rglob("trials.parquet"):
         if not re.search(UNDER_WAY, ended.relative_to(out).as_posix()):
             found[ended.with_suffix("")] = int(parquet.read_schema(ended).metadata[b"trials"])
-    for store in out.rglob("trials.sqlite"):
-        with tempfile.TemporaryDirectory() as folder:
-            for file in store.parent.glob(f"{store.name}*"):
-                shutil.copy(file, folder)
-            with (
-                contextlib.closing(sqlite3.connect(Path(folder, store.name))) as copy,
-                contextlib.suppress(sqlite3.OperationalError),  # its tables are not there yet
-            ):
-                ((found[store.with_suffix("")],),) = copy.execute("SELECT count(*) FROM trials")
+    for store in out.rglob("trials.log"):
+        with contextlib.suppress(FileNotFoundError):  # it has just ended
+            found[store.with_suffix("")] = len(stored_seeds(store))
     return found
 
 

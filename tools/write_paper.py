@@ -7,11 +7,12 @@ under `printed` what the printed matrices of section 5.1 tell.
 """
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from jinja2 import TemplateError
+from jinja2 import Environment, StrictUndefined, TemplateError
 from printed_matrices import least_cost, printed_matrices, tables
 
 from testbench.arm.catalogue import find_arm
@@ -26,7 +27,8 @@ from testbench.studies.single_link.study import STUDY as SINGLE_LINK
 from testbench.studies.six_dof_arm.study import STUDY as SIX_DOF_ARM
 from testbench.studies.solver_comparison.study import STUDY as SOLVER_COMPARISON
 from testbench.studies.study import AnyStudy
-from testbench.views.markdown import Words
+from testbench.views.markdown import as_markdown, counted, grid
+from testbench.views.schema import show_truth, written_out
 
 ROOT = Path(__file__).resolve().parents[1]
 RUNS, PAGE = ROOT / "runs" / "full", ROOT / "docs" / "paper.md"
@@ -51,7 +53,7 @@ def main(
     reports = {study.name: read_report(runs / study.name / "report.json") for study in STUDIES}
     found = {k: {"report": own.numbers, "tables": own.tables, "words": own} for k, own in reports.items()}
     try:
-        page = Words(TEMPLATE.parent, found | {"printed": printed()}, TEMPLATE.name).whole()
+        page = _filled(found | {"printed": printed()})
     except TemplateError as err:
         raise InputError(TEMPLATE, "", str(err)) from err
     try:
@@ -59,6 +61,20 @@ def main(
     except OSError as err:
         raise InputError(out, "", f"cannot be written: {err.strerror}") from err
     print(out)
+
+
+def _filled(values: Mapping[str, object]) -> str:
+    """The template with these values; what is no Markdown is escaped, of several blank lines one is left."""
+    jinja = Environment(undefined=StrictUndefined, finalize=_kept, trim_blocks=True, lstrip_blocks=True)
+    jinja.filters |= {"grid": grid, "counted": counted, "yes": show_truth}
+    template = jinja.from_string(TEMPLATE.read_text(encoding="utf-8"))
+    lines = written_out(template.render(values)).strip().split("\n")
+    kept = [b for a, b in zip(["", *lines], lines, strict=False) if a.strip() or b.strip()]
+    return "\n".join(line.rstrip() for line in kept) + "\n"
+
+
+def _kept(value: object) -> str:
+    return value if isinstance(value, str) and hasattr(value, "__html__") else as_markdown(value)
 
 
 def printed(seed: int = 1000) -> dict[str, object]:

@@ -17,12 +17,13 @@ from testbench.bench.model_folder import DOCUMENT, FITS
 from testbench.bench.models import Model, named_models
 from testbench.bench.runs import files_read, read_runs
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
-from testbench.commands.identify import COMMAND, MAP, PICTURE, Source, printed, tell
+from testbench.commands.identify import COMMAND, PICTURE, Source, printed, tell
 from testbench.errors import BenchError, word
 from testbench.identify import robust
 from testbench.identify.doubts import Doubt
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.run import claim_folder
+from testbench.report.leave import MAP
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal
 

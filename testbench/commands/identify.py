@@ -21,7 +21,7 @@ from testbench.views.markdown import Markdown, capital, ended
 from testbench.views.schema import Table
 
 COMMAND = "testbench identify"  #: As manifest.json names it.
-PICTURE, MAP = "identify.png", "error_map.png"
+PICTURE = "identify.png"
 MOST = 30  #: Runs that are listed, the worst.
 FIT = "name parameters rank conservative f_m f_m_floor identification.rms_mm"
 CHECK, HELD, HALF = " check.rms_mm", " f_m_held_out", " intervals.half_width_mm"
@@ -52,21 +52,13 @@ def tell(source: Source, found: Identified, out: Path) -> Report:
     def more(folder: Path) -> dict[str, object]:
         files.write_json(asdict(found.fits), folder / FITS)
         write_stiffness(source.cell, found, found.runs, source.data, folder)
-        _write_map(f.map, f.arm, folder)
         return {}
 
     arm = [source.cell.arm.rigid.parent]
-    asked = Asked(COMMAND, f.arm, source.flags, arm, PICTURE, more=more)
+    title = f"{f.arm} under {_load(f.map)}" if f.map else ""
+    asked = Asked(COMMAND, f.arm, source.flags, arm, PICTURE, more=more, map=title)
     leave(out, asked, said, seen(source.filed, found, f, left))
     return said
-
-
-def _write_map(places: Row | None, arm: str, folder: Path) -> None:
-    """The workspace in colours, where a model that is compared has a bound anywhere."""
-    if places is not None and any(name in places.errors.worst for name in places.errors.compared):
-        from testbench.views.map_figure import error_map  # here: matplotlib takes a quarter of a second
-
-        error_map(places.errors, f"{arm} under {_load(places)}").savefig(folder / MAP)
 
 
 def report(f: Row) -> Report:

@@ -43,7 +43,7 @@ def claim(place: Path, folder: Path, *, shared: bool = False) -> Iterator[None]:
         yield
     finally:
         with contextlib.suppress(OSError):
-            if not shared or _locked(file, fcntl.LOCK_EX | fcntl.LOCK_NB):
+            if not shared or locked(file, fcntl.LOCK_EX | fcntl.LOCK_NB):
                 path.unlink()
         os.close(file)
 
@@ -68,7 +68,7 @@ def _try(file: int, path: Path, kind: int = fcntl.LOCK_EX) -> str | None:
     status = os.fstat(file)
     if not stat.S_ISREG(status.st_mode) or status.st_size:
         raise InputError(path, "", "expected an empty file, the claim of a run; move it away")
-    if not _locked(file, kind | fcntl.LOCK_NB):
+    if not locked(file, kind | fcntl.LOCK_NB):
         return _holder(status.st_ino)
     with contextlib.suppress(FileNotFoundError):
         if os.path.samestat(status, path.lstat()):
@@ -76,7 +76,8 @@ def _try(file: int, path: Path, kind: int = fcntl.LOCK_EX) -> str | None:
     return "another run"  # that has just ended, and took its claim away
 
 
-def _locked(file: int, kind: int) -> bool:
+def locked(file: int, kind: int) -> bool:
+    """Whether an open file is ours from now on; so it is where there are no locks."""
     try:
         fcntl.flock(file, kind)
     except BlockingIOError:
@@ -123,7 +124,7 @@ def turn(folder: Path, *, shared: bool = False) -> Iterator[None]:
     """
     file = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        _locked(file, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
+        locked(file, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
         yield
     finally:
         os.close(file)

@@ -65,4 +65,4 @@ def has_digest(path: Path, sha256: str | None) -> bool:
 
 def is_run(folder: Path) -> bool:
     """Whether a folder is that of a run, finished or under way."""
-    return read_manifest(folder).command is not None or (folder / "trials.sqlite").is_file()
+    return read_manifest(folder).command is not None or (folder / "trials.log").is_file()

@@ -23,7 +23,7 @@ from testbench.output.scratch import (
 
 SUFFIXES = frozenset((".json", ".md", ".csv", ".parquet", ".png", ".rrd", ".html"))
 """Of files of runs whose manifest does not name them: older ones."""
-UNDER_WAY = frozenset(("trials.sqlite", "trials.sqlite-journal", "prepared"))
+UNDER_WAY = frozenset(("trials.log", "prepared"))
 """What a study keeps in its folder beside the files of a finished run."""
 INSTEAD = "choose another folder, or write into this one by --force"
 

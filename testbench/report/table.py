@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
-from pyarrow import parquet
 
 from testbench.trials.gain import Gain, gained
 from testbench.trials.rows import flatten
@@ -46,6 +45,8 @@ class Trials:
         Raises:
             ValueError: When a number is one that no trial can have.
         """
+        from pyarrow import parquet  # here: commands have no trials
+
         table = parquet.read_table(path, use_threads=False)
         columns = {name: table[name].combine_chunks() for name in table.column_names}
         for name, cells in columns.items():

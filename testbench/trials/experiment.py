@@ -12,7 +12,7 @@ from testbench import files
 from testbench.errors import BenchError, InputError
 from testbench.trials.rows import LARGEST, SEED
 
-FORMAT = "testbench trials 4"
+FORMAT = "testbench trials 5"
 
 
 @dataclass(frozen=True)

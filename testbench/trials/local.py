@@ -1,20 +1,25 @@
-"""Trials on the cores of this machine."""
+"""Trials on the cores of this machine: each in a program of its own."""
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack
+import sys
+import traceback
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import chain, islice
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
+from socket import socketpair
 
+from testbench.child import child
 from testbench.errors import BenchError
-from testbench.trials.chunk import Chunk, Chunks, Work, WorkersLost, do_chunk
-from testbench.trials.worker import started
+from testbench.trials.engine import Chunk, Chunks, Work, WorkersLost, do_chunk, here
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1"
 )
+START = "import sys; sys.path[:] = {path!r}; from testbench.trials.local import main; main()"
+ALONE = ("-P", "-c")  #: Flags of Python: nothing is imported from where it happens to run.
 MOST_A_CORE = 8  #: Most processes of a core: each takes the memory of a program.
 SHARE = Path(
     "/sys/fs/cgroup/cpu.max"
@@ -39,11 +44,6 @@ def on_cores(work: Work, chunks: Iterable[Sequence[int]], *, workers: int | None
     else:
         first = list(islice(rest, most))
         yield from _in_processes(work, chain(first, rest), len(first))
-
-
-def here(work: Work, chunks: Iterable[Sequence[int]]) -> Chunks:
-    """The backend of this process."""
-    return (do_chunk(work, seeds) for seeds in chunks)
 
 
 def cores() -> int:
@@ -93,3 +93,36 @@ def _take(link: Connection) -> Chunk | None:
     if isinstance(found, Exception):
         raise found
     return found
+
+
+@contextmanager
+def started(environment: Mapping[str, str]) -> Iterator[Connection]:
+    """A process in the block: takes work, then seeds, each answered as by `answer`; it ends with this one.
+
+    Args:
+        environment: More of its environment.
+    """
+    ours, theirs = socketpair()
+    path = [path or str(Path.cwd()) for path in sys.path]
+    command = [sys.executable, *ALONE, START.format(path=path)]
+    program = child(command, {**os.environ, **environment}, out=theirs.fileno())
+    with Connection(ours.detach()) as link, theirs, program:
+        theirs.close()  # then the end of the process is the end of what can be read
+        yield link
+
+
+def answer(work: Work, seeds: Sequence[int]) -> Chunk | Exception:
+    """The chunk, or a fault of ours in words, since not every exception can travel."""
+    try:
+        return do_chunk(work, seeds)
+    except Exception:
+        return RuntimeError(f"in a worker:\n{traceback.format_exc()}")
+
+
+def main() -> None:
+    """Do chunks until nobody asks. The link is its standard output; what others print goes to the error."""
+    with Connection(os.dup(1)) as link, suppress(EOFError, ConnectionError):
+        os.dup2(2, 1)
+        work = link.recv()
+        while True:
+            link.send(answer(work, link.recv()))

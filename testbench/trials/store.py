@@ -1,59 +1,61 @@
-"""The trial store: finished trials in an SQLite file, committed as they come, whatever stops the run.
+"""The trial store: finished trials in a file that grows as they come, whatever stops the run.
 
-SQLite is what makes a trial whole or absent after a kill, a crash or a full disk, keeps a second run out and
-gives trials back in the order of their seeds, however they came. Each has a checksum of its experiment, its
-seed and its rows: edited numbers, swapped trials and those of another study are seen.
+A trial is whole or absent after a kill, a crash or a full disk; a lock of the kernel keeps a second run out;
+trials come back in the order of their seeds, however they came. Each has a checksum of experiment, seed and
+rows: edited numbers, swapped trials and those of another study are seen.
 """
 
 import contextlib
+import fcntl
 import hashlib
 import json
 import os
-import sqlite3
+import stat
+from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Generic, TypeVar
 
 from testbench import files
 from testbench.errors import BenchError, InputError
+from testbench.output.lock import locked
 from testbench.output.manifest import read_manifest
-from testbench.output.scratch import folder_for, sweep, writing
+from testbench.output.scratch import folder_for, sweep, sync_names, writing
 from testbench.trials.experiment import Experiment, check_header
-from testbench.trials.packed import pack, unpack
-from testbench.trials.rows import SEED, Table, check_types, columns, restorer
-from testbench.trials.storefile import AWAY, check_plain, open_file, remove_file, told
+from testbench.trials.records import HEADER, MAGIC, pack, read_at, record, records, unpack
+from testbench.trials.rows import Table, check_types, columns, restorer
 
-FILE, WHOLE = "trials.sqlite", "trials.parquet"
+FILE, WHOLE = "trials.log", "trials.parquet"
 """Trials of a run that is under way, and of one that has come to its end."""
+AWAY = "move it away to start afresh"
 
 R = TypeVar("R")
 
 
 class TrialStore(Generic[R]):
-    """The stored trials of an experiment: a byte a trial in memory. Open one with `open_store`."""
+    """The stored trials of an experiment: eight bytes a trial in memory. Open one with `open_store`."""
 
-    def __init__(
-        self, path: Path, experiment: Experiment, row: type[R], database: sqlite3.Connection
-    ) -> None:
+    def __init__(self, path: Path, experiment: Experiment, row: type[R], file: int) -> None:
         self.path = path
         self.experiment = experiment
         self.row = row
         self.columns = columns(row)
         self.header = experiment.header
         self.finished = False
-        self.taken = 0  #: Trials that a finished run beside it holds too.
-        self._database = database
-        self._done = bytearray(len(experiment.seeds))
+        self.held = 0  #: Trials in the file, perhaps more than are asked for.
+        self.taken = 0  #: Those that a finished run beside it holds too.
+        self._file, self._end = file, 0
+        self._places = array("q", bytes(8 * len(experiment.seeds)))
         self._key = hashlib.sha256(json.dumps(self.header, sort_keys=True).encode())
 
     @property
     def count(self) -> int:
         """Trials of the experiment that are stored."""
-        return self._done.count(1)
+        return len(self._places) - self._places.count(0)
 
     def missing(self) -> Iterator[int]:
         """Seeds that are not stored, in order."""
-        return (seed for seed, done in zip(self.experiment.seeds, self._done, strict=True) if not done)
+        return (seed for seed, place in zip(self.experiment.seeds, self._places, strict=True) if not place)
 
     def trials(self) -> Iterator[tuple[int, tuple[R, ...]]]:
         """Stored trials in the order of the seeds: seed, and its rows as they were returned."""
@@ -66,63 +68,72 @@ class TrialStore(Generic[R]):
 
     def tables(self) -> Iterator[tuple[int, Table]]:
         """Stored trials in the order of the seeds, one at a time in memory: seed and rows by column."""
-        query = "SELECT seed, CAST(rows AS BLOB) FROM trials WHERE seed BETWEEN ? AND ? ORDER BY seed"
         with _told(self.path):
-            for seed, rows in self._database.execute(query, (self.header[SEED], self.experiment.seeds[-1])):
-                yield seed, unpack(rows)
+            for seed, place in zip(self.experiment.seeds, self._places, strict=True):
+                if place:
+                    yield seed, unpack(read_at(self._file, place))
 
     def append(self, seeds: Sequence[int], found: Iterable[Table]) -> None:
-        """Add finished trials' rows, from `chunk.do_chunk`; they are on the disk when this returns.
+        """Add finished trials' rows, from `engine.do_chunk`; they are on the disk when this returns.
 
         Raises:
             BenchError: When rows are not of the store's type.
             InputError: When the file cannot be written; it then holds what it held before.
         """
         self._insert(zip(seeds, found, strict=True))
-        self._mark(seeds)
 
     def load(self, *, resume: bool) -> None:
         """Find the trials of a run that was stopped or has ended; InputError where `open_store` says."""
-        with _told(self.path):
-            [(header,)] = self._database.execute("SELECT header FROM about").fetchmany(2)
-            ((held,),) = self._database.execute("SELECT count(*) FROM trials")
-            if not isinstance(header, str) or not isinstance(found := json.loads(header), dict):
-                raise ValueError("its header is no table of keys")
-        if held and not resume:
-            raise InputError(
-                self.path,
-                "",
-                f"holds {held} trials of a run that was stopped: --resume goes on with it; choose another "
-                "folder, or remove the file, to start afresh",
-            )
-        if held:
-            check_header(self.path, found, self.header)
-            self._mark(self._verified())
-            return
-        whole = self.path.with_name(WHOLE)
-        if resume and os.path.lexists(whole):
-            self._insert(self._of_whole(whole))
-        with _told(self.path), self._database:
-            self._database.execute("UPDATE about SET header = ?", (json.dumps(self.header),))
-            self._mark(seed for (seed,) in self._database.execute("SELECT seed FROM trials"))
-        self.taken = self.count
+        with _told(self.path), open(self._file, "rb", closefd=False) as file:
+            begins = file.read(len(MAGIC))
+            if not MAGIC.startswith(begins):
+                raise InputError(self.path, "", f"expected a store of trials of this version; {AWAY}")
+            self._read(records(file) if begins == MAGIC else iter(()), resume=resume)
+        with writing(self.path):
+            os.ftruncate(self._file, self._end)  # what was cut short goes
+            if not self.held:
+                self._begin()
+                whole = self.path.with_name(WHOLE)
+                if resume and os.path.lexists(whole):
+                    self._insert(self._of_whole(whole))
+                self.taken = self.held
 
-    def _verified(self) -> Iterator[int]:
-        """Seeds of the stored trials; InputError where one is not as it was stored, by a run of this kind."""
-        with _told(self.path):
-            query = "SELECT seed, CAST(rows AS BLOB), sha256 FROM trials"
-            for seed, rows, sha256 in self._database.execute(query):
-                if not isinstance(rows, bytes) or sha256 != self._sha256(seed, rows):
+    def _read(self, found: Iterator[tuple[int, int, bytes, bytes]], *, resume: bool) -> None:
+        """Places of the trials in the file; InputError where one is not as it was stored, by such a run."""
+        first = next(found, None)
+        if first is None:
+            return
+        place, seed, sha256, data = first
+        if seed != HEADER or hashlib.sha256(data).digest() != sha256:
+            raise ValueError("it has no header")
+        if not isinstance(header := json.loads(data), dict):
+            raise ValueError("its header is no table of keys")
+        for place, seed, sha256, data in found:
+            self.held += 1
+            if resume and self.held == 1:
+                check_header(self.path, header, self.header)
+            if resume:
+                if sha256 != self._sha256(seed, data):
                     problem = "expected what was stored, its checksum is of something else: it was edited or"
                     raise InputError(self.path, f"seed {seed}", f"{problem} is damaged; {AWAY}")
-                self._check_rows(self.path, seed, unpack(rows))
-                yield seed
+                self._check_rows(self.path, seed, unpack(data))
+                self._mark(seed, place)
+            self._end = place + len(record(seed, data, sha256))
+        if self.held and not resume:
+            problem = f"holds {self.held} trials of a run that was stopped: --resume goes on with it; choose"
+            raise InputError(self.path, "", f"{problem} another folder, or remove the file, to start afresh")
+
+    def _begin(self) -> None:
+        """An empty file of this experiment."""
+        header = json.dumps(self.header).encode()
+        self._write(MAGIC + record(HEADER, header, hashlib.sha256(header).digest()))
+        sync_names(self.path.parent)
 
     def _of_whole(self, whole: Path) -> Iterator[tuple[int, Table]]:
         """Trials of a run that has come to its end."""
         from testbench.trials.parquet import read_trials
 
-        check_plain(whole)
+        _check_plain(whole)
         wanted = read_manifest(whole.parent).sha256.get(WHOLE)
         if wanted is not None and files.digest(whole) != wanted:
             problem = "expected what its run left, by manifest.json: it was edited or is damaged"
@@ -147,19 +158,33 @@ class TrialStore(Generic[R]):
         return own.digest()
 
     def _insert(self, trials: Iterable[tuple[int, Table]]) -> None:
-        with _told(self.path), self._database as transaction:
-            lines = ((seed, rows, self._sha256(seed, rows)) for seed, rows in self._packed(trials))
-            transaction.executemany("INSERT OR REPLACE INTO trials VALUES (?, ?, ?)", lines)
+        """All of some trials, or none."""
+        end, held = self._end, self.held
+        try:
+            for seed, table in trials:
+                check_types(table, self.columns)
+                rows, place = pack(table), self._end
+                self._write(record(seed, rows, self._sha256(seed, rows)))
+                self._mark(seed, place)
+                self.held += 1
+            with writing(self.path):
+                os.fsync(self._file)
+        except BaseException:
+            os.ftruncate(self._file, end)
+            self._end, self.held = end, held
+            for k, place in enumerate(self._places):
+                self._places[k] = 0 if place >= end else place
+            raise
 
-    def _packed(self, trials: Iterable[tuple[int, Table]]) -> Iterator[tuple[int, bytes]]:
-        for seed, table in trials:
-            check_types(table, self.columns)
-            yield seed, pack(table)
+    def _write(self, data: bytes) -> None:
+        with writing(self.path):
+            start = self._end
+            while self._end < start + len(data):
+                self._end += os.pwrite(self._file, data[self._end - start :], self._end)
 
-    def _mark(self, seeds: Iterable[int]) -> None:
-        for seed in seeds:
-            if seed in self.experiment.seeds:
-                self._done[seed - self.experiment.seeds[0]] = 1
+    def _mark(self, seed: int, place: int) -> None:
+        if seed in self.experiment.seeds:
+            self._places[seed - self.experiment.seeds[0]] = place
 
 
 def write_parquet(store: TrialStore[R], folder: Path) -> Path:
@@ -184,29 +209,62 @@ def open_store(
             trials of something else (resume), or of a run that was stopped (no resume).
     """
     path = folder / FILE
-    with contextlib.ExitStack() as stack:
-        stack.enter_context(folder_for(folder))
+    with folder_for(folder):
         with writing(path):
             sweep(folder)
-        database = stack.enter_context(contextlib.closing(open_file(path)))
-        store = None
-        try:
-            store = TrialStore(path, experiment, row, database)
-            store.load(resume=resume)
-            yield store
-            if store.finished and path.with_name(WHOLE).exists():
-                remove_file(path)
-        finally:
-            with contextlib.suppress(sqlite3.Error):  # a damaged one stays
-                ((held,),) = database.execute("SELECT count(*) FROM trials")
-                if held <= (store.taken if store else 0):
-                    remove_file(path)
+        made = not os.path.lexists(path)
+        with _opened(path) as file:
+            store = None
+            try:
+                store = TrialStore(path, experiment, row, file)
+                store.load(resume=resume)
+                made = True
+                yield store
+                if store.finished and path.with_name(WHOLE).exists():
+                    store.taken = store.held
+            finally:
+                if made and (store is None or store.held <= store.taken):
+                    path.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[int]:
+    """The file, locked; made where there is none.
+
+    Raises:
+        InputError: When something else stands there, which is left as it is; when another run writes it, or
+            it cannot be written.
+    """
+    if os.path.lexists(path):
+        _check_plain(path)
+    with writing(path):
+        file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+    try:
+        with writing(path):
+            status, ours = os.fstat(file), locked(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            ours = ours and os.path.lexists(path) and os.path.samestat(status, path.lstat())
+        if not ours:
+            problem = "another run is writing it: wait for it or choose another folder"
+            raise InputError(path, "", problem)
+        if status.st_nlink > 1:
+            raise InputError(path, "", f"has {status.st_nlink} names (hard links), expected one; {AWAY}")
+        yield file
+    finally:
+        os.close(file)
+
+
+def _check_plain(path: Path) -> None:
+    """Refuse a link, a folder and a device."""
+    if not stat.S_ISREG(path.lstat().st_mode):
+        raise InputError(path, "", f"expected a file, got a link, a folder or a device; {AWAY}")
 
 
 @contextlib.contextmanager
 def _told(path: Path) -> Iterator[None]:
-    """What SQLite's failures mean."""
+    """What is stored and no trial is told."""
     try:
         yield
-    except (sqlite3.Error, ValueError, RecursionError) as err:  # JSON that is too deep
-        raise told(path, err) from err
+    except OSError as err:
+        raise InputError(path, "", f"cannot be read: {err.strerror}") from err
+    except (ValueError, RecursionError) as err:  # JSON that is too deep
+        raise InputError(path, "", f"expected a store of trials: {err}: it is damaged; {AWAY}") from err

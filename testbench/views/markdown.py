@@ -1,26 +1,13 @@
-"""Reports in words: one Markdown template a study serves terminal, report.md and recording.
+"""Text as Markdown: what is a stranger's is escaped; tables, lists and places in words."""
 
-A template extends `report.md.j2` and fills its blocks: `question`, `title`, `answer` and `worst` are one
-line each, `statements` a list, `body` the rest of report.md. It sees what its study gives it.
-What a sentence claims is computed before, so that a test can hold it against the numbers.
-"""
-
-import functools
 import re
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Protocol
 
-from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PrefixLoader, StrictUndefined, Template
-
 from testbench.errors import shown
-from testbench.views.gains import less, more
-from testbench.views.schema import Table, brackets, show, show_truth, written_out
+from testbench.views.schema import Table, show
 
-TEMPLATES = Path(__file__).parent / "templates"
-NAME = "report.md.j2"
 MOST = 5  #: Statements that are told at once; the others stand under "More".
-LINES = ("question", "title", "answer", "worst")  #: Blocks of one line.
 LIVE = re.compile(
     r"""[`<|$~] | \] (?=[(\[:]|$)        # code, tags, cells, formulas; links and pictures
     | \\ (?=[!-/:-@\[-`{-~]|$)        # what takes the meaning of the next letter
@@ -54,11 +41,6 @@ def as_plain(markdown: str) -> str:
     return ESCAPED.sub(r"\1", markdown)
 
 
-def _kept(value: object) -> str:
-    """What a template's expression becomes."""
-    return value if isinstance(value, str) and hasattr(value, "__html__") else as_markdown(value)
-
-
 def grid(table: Table) -> Markdown:
     """A table in Markdown: medians with their spread, the paper's numbers in square brackets."""
     rows = []
@@ -83,122 +65,8 @@ class Told(Protocol):
     """The words of a report, whatever makes them."""
 
     def block(self, name: str) -> Markdown:
-        """One part, such as question, title, answer, worst, statements, more, body."""
+        """One part, empty where it has none: question, title, answer, worst, statements, more, body."""
         ...
-
-    def has(self, name: str) -> bool:
-        """Whether there is such a part."""
-        ...
-
-    def worst_lines(self) -> list[str]:
-        """Where it is worst, if that is said."""
-        ...
-
-    def rest(self) -> str:
-        """What stands below the first sentences."""
-        ...
-
-
-class Words:
-    """The words of one report; macros of the template serve all of its blocks.
-
-    Args:
-        folder: Where the study's template is.
-        values: What the template sees by name: the report, its tables.
-        name: Of the template.
-    """
-
-    def __init__(self, folder: Path, values: Mapping[str, object], name: str = NAME) -> None:
-        self._template: Template = _environment(folder).get_template(f"own/{name}")
-        module = vars(self._template.make_module(dict(values)))
-        self._values = {**values, **{k: v for k, v in module.items() if not k.startswith("_")}}
-
-    def block(self, name: str, **more: object) -> Markdown:
-        """One block; of those in `LINES` a single line.
-
-        Args:
-            name: Of the block.
-            more: What it sees beside the values of the report, such as one row.
-        """
-        context = self._template.new_context(self._values | more)
-        text = written_out("".join(self._template.blocks[name](context)).strip())
-        return Markdown(line(text) if name in LINES else text)
-
-    def summary(self, *parts: Table | str, then: Sequence[str] = ("statements",)) -> str:
-        """What a recording says first: question, answer in bold, the worst place, tables, what else there is.
-
-        Args:
-            parts: Tables, and words as they are.
-            then: Names of the blocks at the end.
-        """
-        texts = [part if isinstance(part, str) else _titled(part) for part in parts]
-        head = [f"### {self.block('question')}", f"#### **{self.block('answer')}**", *self.worst_lines()]
-        return "\n\n".join([*head, *texts, *map(self.block, then)])
-
-    def worst_lines(self) -> list[str]:
-        """Where it is worst and by how much; nothing where that is not said."""
-        return [*filter(None, [self.block("worst")])] if self.has("worst") else []
-
-    def has(self, name: str) -> bool:
-        """Whether the template fills a block."""
-        return name in self._template.blocks
-
-    def rest(self) -> str:
-        """What of report.md stands below the statements."""
-        if self.has("body"):
-            more = self.block("more") if self.has("more") else ""
-            return f"{self.block('body')}\n\n{'## More' if more else ''}\n\n{more}".strip()
-        _, mark, below = self.whole().partition("\n## ")
-        return mark.lstrip() + below
-
-    def whole(self) -> str:
-        """report.md."""
-        lines = written_out(self._template.render(self._values)).strip().split("\n")
-        kept = [b for a, b in zip(["", *lines], lines, strict=False) if a.strip() or b.strip()]
-        return "\n".join(line.rstrip() for line in kept) + "\n"
-
-
-def _titled(table: Table) -> str:
-    """A table below its title, with what its brackets hold."""
-    title = f"{table.title[:1].upper()}{table.title[1:]}:" if table.title else ""
-    note = f"In brackets: {brackets(table)}." if brackets(table) else ""
-    return "\n\n".join(filter(None, [as_markdown(title), grid(table), note]))
-
-
-@functools.cache  # compiling a template takes longer than filling it
-def _environment(folder: Path) -> Environment:
-    own, shared = FileSystemLoader(folder), FileSystemLoader(TEMPLATES)
-    found = Environment(
-        loader=ChoiceLoader([PrefixLoader({"own": own}), shared]),
-        undefined=StrictUndefined,
-        autoescape=True,  # what macros and blocks make is told apart from what they are given
-        finalize=_kept,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    found.filters |= {"show": show, "yes": show_truth, "grid": grid, "listed": listed, "place": place}
-    found.filters |= {"less": less, "more": more, "counted": counted, "ended": ended, "line": line}
-    found.filters |= {"told": told, "untold": untold}
-    return found
-
-
-def told(text: str) -> Markdown:
-    """The first statements of a list."""
-    return Markdown("\n".join(_bullets(text)[:MOST]))
-
-
-def untold(text: str) -> Markdown:
-    """The others."""
-    return Markdown("\n".join(_bullets(text)[MOST:]))
-
-
-def _bullets(text: str) -> list[str]:
-    return [row for row in text.splitlines() if row.startswith("- ")]
-
-
-def line(text: str) -> str:
-    """Words on one line."""
-    return " ".join(text.split())
 
 
 def ended(sentence: str) -> str:

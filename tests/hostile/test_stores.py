@@ -3,13 +3,11 @@
 What is refused stays byte by byte as it was; what is resumed ends as a run that was left alone, bit by bit.
 """
 
-import contextlib
 import hashlib
 import json
 import os
 import re
 import shutil
-import sqlite3
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -18,8 +16,10 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
+from testbench.trials.records import HEADER, MAGIC, record, records
+
 RESUME = ("--workers", "1", "--resume")
-STORE, WHOLE = "trials.sqlite", "trials.parquet"
+STORE, WHOLE = "trials.log", "trials.parquet"
 FULL = 30_000  #: Largest file that the disk takes [byte]: a store of some trials fits.
 Spoil = Callable[[Path], object]
 
@@ -34,7 +34,7 @@ def begun(attack, tmp_path_factory):
     lab.mkdir()
     stopped = attack(lab, "trials", "run", *RESUME, largest=FULL)
     assert stopped.code == 2, stopped
-    assert re.fullmatch(r"error: run/trials\.sqlite: .*; \d+ of 30 trials are stored, .*\n", stopped.err)
+    assert re.fullmatch(r"error: run/trials\.log: .*; \d+ of 30 trials are stored, .*\n", stopped.err)
     return lab, whole
 
 
@@ -44,26 +44,35 @@ def run(begun, tmp_path):
     return Path(shutil.copytree(begun[0], tmp_path / "lab")) / "run"
 
 
-def sql(statements: str) -> Spoil:
-    """What another program does to the store."""
+def trials(change: Callable[[list[tuple[int, bytes, bytes]]], list[tuple[int, bytes, bytes]]]) -> Spoil:
+    """Other trials behind the header: seed, checksum, rows."""
 
     def spoil(run: Path) -> None:
-        with contextlib.closing(sqlite3.connect(run / STORE)) as database:
-            database.executescript(statements)
-            database.commit()
+        head, *own = opened(run)
+        closed(run, [head, *change(own)])
 
     return spoil
+
+
+def opened(run: Path) -> list[tuple[int, bytes, bytes]]:
+    with (run / STORE).open("rb") as file:
+        file.seek(len(MAGIC))
+        return [(seed, sha256, rows) for _, seed, sha256, rows in records(file)]
+
+
+def closed(run: Path, own: list[tuple[int, bytes, bytes]]) -> None:
+    lines = (record(seed, rows, sha256) for seed, sha256, rows in own)
+    (run / STORE).write_bytes(MAGIC + b"".join(lines))
 
 
 def header(change: Callable[[dict], object]) -> Spoil:
     """Another header."""
 
     def spoil(run: Path) -> None:
-        with contextlib.closing(sqlite3.connect(run / STORE)) as database:
-            ((text,),) = database.execute("SELECT header FROM about").fetchall()
-            change(about := json.loads(text))
-            database.execute("UPDATE about SET header = ?", (json.dumps(about),))
-            database.commit()
+        (_, _, text), *own = opened(run)
+        change(about := json.loads(text))
+        text = json.dumps(about).encode()
+        closed(run, [(HEADER, hashlib.sha256(text).digest(), text), *own])
 
     return spoil
 
@@ -72,15 +81,12 @@ def forged(change: Callable[[str], str], seed: int | None = None) -> Spoil:
     """Other rows of the first trial under a right checksum, perhaps of another seed."""
 
     def spoil(run: Path) -> None:
-        with contextlib.closing(sqlite3.connect(run / STORE)) as database:
-            ((text,),) = database.execute("SELECT header FROM about").fetchall()
-            first, rows = database.execute("SELECT seed, rows FROM trials ORDER BY seed").fetchone()
-            own = first if seed is None else seed
-            rows = zlib.compress(change(zlib.decompress(rows).decode()).encode())
-            key = f"{json.dumps(json.loads(text), sort_keys=True)}{own} ".encode()
-            insert = "INSERT OR REPLACE INTO trials VALUES (?, ?, ?)"
-            database.execute(insert, (own, rows, hashlib.sha256(key + rows).digest()))
-            database.commit()
+        head, (first, sha256, rows), *own = opened(run)
+        key = json.dumps(json.loads(head[2]), sort_keys=True)
+        seed_, more = (first, []) if seed is None else (seed, [(first, sha256, rows)])
+        rows = zlib.compress(change(zlib.decompress(rows).decode()).encode())
+        sha256 = hashlib.sha256(f"{key}{seed_} ".encode() + rows).digest()
+        closed(run, [head, (seed_, sha256, rows), *more, *own])
 
     return spoil
 
@@ -110,65 +116,17 @@ def other_bytes(place: int, new: bytes) -> Spoil:
     return spoil
 
 
-def journal(statement: str, of: Path) -> bytes:
-    """What SQLite would take back of a statement, had its process been killed; the file is left as it was."""
-    with contextlib.closing(sqlite3.connect(of, isolation_level=None)) as database:
-        database.execute("PRAGMA cache_size = 1")
-        database.execute("BEGIN")
-        database.execute(statement)
-        kept = of.with_name(f"{of.name}-journal").read_bytes()
-        database.execute("ROLLBACK")
-    return kept
-
-
-def alien_journal(run: Path) -> None:
-    """One of another program's file, which SQLite would write into the store."""
-    other = run.parent / "other.sqlite"
-    with contextlib.closing(sqlite3.connect(other)) as database:
-        database.executescript("CREATE TABLE mine (x); INSERT INTO mine VALUES (zeroblob(90000))")
-    kept = journal("UPDATE mine SET x = zeroblob(80000)", other)
-    other.unlink()
-    (run / f"{STORE}-journal").write_bytes(kept)
-
-
-def own_journal(run: Path) -> None:
-    """A store that was killed while it wrote."""
-    store, before = run / STORE, (run / STORE).read_bytes()
-    with contextlib.closing(sqlite3.connect(store, isolation_level=None)) as database:
-        database.execute("PRAGMA cache_size = 1")
-        database.execute("BEGIN")
-        database.execute("UPDATE trials SET rows = zeroblob(9000)")
-        killed = store.read_bytes(), (run / f"{STORE}-journal").read_bytes()
-        database.execute("ROLLBACK")
-    assert killed[0] != before
-    store.write_bytes(killed[0])
-    (run / f"{STORE}-journal").write_bytes(killed[1])
-
-
-def alone(run: Path) -> None:
-    alien_journal(run)
-    (run / STORE).unlink()
-
-
-TABLES = "has other tables"
 PLAIN = "expected a file, got a link, a folder or a device"
 LINE: dict[str, tuple[Spoil, str]] = {
-    "a virtual table": (sql("CREATE VIRTUAL TABLE v USING fts5(x)"), TABLES),
-    "a view": (sql("CREATE VIEW v AS SELECT 1"), TABLES),
-    "an index of an expression": (sql("CREATE INDEX i ON trials(abs(rows))"), TABLES),
-    "a trigger": (sql("CREATE TRIGGER t AFTER INSERT ON trials BEGIN DELETE FROM trials; END"), TABLES),
     "swapped checksums": (
-        sql("UPDATE trials SET sha256 = (SELECT sha256 FROM trials t WHERE t.seed = 11 - trials.seed)"),
+        trials(lambda own: [(own[0][0], own[1][1], own[0][2]), *own[1:]]),
         "seed 5: expected what was stored",
     ),
     "400,000 rows of another": (
-        sql(
-            "WITH RECURSIVE r(s) AS (SELECT 100 UNION ALL SELECT s + 1 FROM r WHERE s < 400000) "
-            "INSERT INTO trials SELECT s, '[]', '0' FROM r"
-        ),
+        trials(lambda own: [(s, bytes(32), b"[]") for s in range(100, 400_000)]),
         "seed 100: expected what was stored",
     ),
-    "a long row": (sql("UPDATE trials SET rows = hex(zeroblob(9000000)) WHERE seed = 5"), "too big"),
+    "a long row": (other_bytes(len(MAGIC) + 8, b"\x7f\xff\xff\xff"), "damaged"),
     "another format": (header(lambda h: h.update(format="testbench trials 2")), "format: the trials in this"),
     "another version": (header(lambda h: h["versions"].update(numpy="9")), "version of numpy"),
     "another study": (header(lambda h: h.update(scenario="\x1b[2J[red]")), "scenario: the trials in this"),
@@ -184,22 +142,10 @@ LINE: dict[str, tuple[Spoil, str]] = {
     "100 MB, packed": (forged(lambda _: "0" * 10**8), "expected at most"),
     "columns of other lengths": (forged(lambda rows: rows.replace("[", "[1,", 1)), "seed 5: rows"),
     "depth": (forged(lambda _: "[" * 10**6), "damaged"),
-    "a claim of 2^31 pages": (other_bytes(28, b"\x7f\xff\xff\xff"), "damaged"),
-    "pages of 256 bytes": (other_bytes(16, b"\x01\x00"), "damaged"),
-    "pages that lead back": (other_bytes(4096, bytes([5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2])), "damaged"),
-    "UTF-16": (other_bytes(56, b"\0\0\0\2"), "damaged"),
     "notes": (instead(STORE, lambda path: path.write_bytes(b"notes\n" * 999)), "of this version"),
     "a pipe": (instead(STORE, os.mkfifo), PLAIN),
     "a folder": (instead(STORE, Path.mkdir), PLAIN),
     "a link": (instead(STORE, lambda path: path.symlink_to("/etc/hostname")), PLAIN),
-    "a log of another kind": (instead(f"{STORE}-wal", Path.touch), "is of no store"),
-    "a link for a journal": (instead(f"{STORE}-journal", lambda path: path.symlink_to("/etc/passwd")), PLAIN),
-    "another's journal": (alien_journal, "is not the journal of trials.sqlite"),
-    "a journal alone": (alone, "is of no store"),
-    "a sparse journal": (
-        lambda run: (alien_journal(run), os.truncate(run / f"{STORE}-journal", 2**36)),
-        "is not the journal of trials.sqlite",
-    ),
     "a link for a whole run": (
         lambda run: ((run / STORE).unlink(), (run / WHOLE).symlink_to("/dev/zero")),
         "expected a file",
@@ -211,9 +157,8 @@ LINE: dict[str, tuple[Spoil, str]] = {
 }
 RIGHT: dict[str, Spoil] = {
     "as it was left": lambda run: None,
-    "killed while it wrote": own_journal,
+    "killed while it wrote": lambda run: os.truncate(run / STORE, (run / STORE).stat().st_size - 5),
     "seeds that nobody asked for": forged(lambda rows: rows, seed=2**63 - 1),
-    "a journal of nothing": lambda run: (run / f"{STORE}-journal").write_bytes(bytes(9999)),
     "room behind its end": lambda run: os.truncate(run / STORE, 2**36),
 }
 

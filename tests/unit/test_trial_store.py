@@ -1,15 +1,14 @@
 """The trial store and its Parquet files: what is stored comes back, what is damaged or foreign is refused."""
 
-import contextlib
+import errno
 import hashlib
 import json
 import math
 import os
-import re
-import sqlite3
 import zlib
 from dataclasses import dataclass, replace
 from typing import Literal
+from unittest import mock
 
 import numpy as np
 import pyarrow as pa
@@ -17,14 +16,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from testbench.errors import BenchError, InputError
-from testbench.trials.chunk import do_chunk
+from testbench.trials.engine import do_chunk
 from testbench.trials.experiment import Experiment
-from testbench.trials.packed import LONGEST, pack
 from testbench.trials.parquet import batches, open_trials
+from testbench.trials.records import HEADER, LONGEST, MAGIC, pack, record, records
 from testbench.trials.spread import Number, Share
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 from testbench.trials.stored import series
-from testbench.trials.storefile import JOURNAL as MAGIC
 
 TOY = Experiment("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
 
@@ -246,97 +244,91 @@ def test_dataclasses_that_are_no_table_are_refused(tmp_path, row):
     assert not (tmp_path / "a").exists()
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda data: data[:-1],
-        lambda data: data[:4096],
-        lambda data: data[:100],
-        lambda data: data.replace(b"CREATE TABLE trials", b"CREATE TABLE pebble"),
-        lambda data: data.replace(pack({"x": [8 / 3]}), pack({"x": [7 / 3]})),
-        lambda data: b"notes of mine\n" * 100,
-    ],
-)
-def test_a_damaged_store_is_one_line_and_left_alone(tmp_path, damage):
-    fill(tmp_path, [7, 8])
-    path = tmp_path / FILE
-    path.write_bytes(damage(path.read_bytes()))
-    before = files(tmp_path)
-    with (
-        pytest.raises(BenchError) as caught,
-        open_store(tmp_path, TOY, row=X, resume=True) as store,
-    ):
-        list(store.trials())
-    assert re.search(
-        r"trials\.sqlite: (seed \d: )?expected (a store of trials|what was stored)", str(caught.value)
-    )
-    assert "\n" not in str(caught.value)
-    assert files(tmp_path) == before
+def opened(path):
+    """Header and records of a store: seed, checksum, rows."""
+    with path.open("rb") as file:
+        file.seek(len(MAGIC))
+        return [tuple(own) for _, *own in records(file)]
 
 
+def closed(path, own):
+    path.write_bytes(MAGIC + b"".join(record(seed, rows, sha256) for seed, sha256, rows in own))
+
+
+def checksum(seed, rows, header=TOY.header):
+    return hashlib.sha256(f"{json.dumps(header, sort_keys=True)}{seed} ".encode() + rows).digest()
+
+
+def signed(text):
+    return HEADER, hashlib.sha256(text).digest(), text
+
+
+ONE, NOISE = pack({"x": [1.0]}), bytes(32)
 EDITS = {
-    "a number": (f"UPDATE trials SET rows = x'{pack({'x': [2.5]}).hex()}' WHERE seed = 8", "seed 8"),
-    "the seed": ("UPDATE trials SET seed = 9 WHERE seed = 8", "seed 9"),
-    "swapped": (
-        "UPDATE trials SET rows = (SELECT rows FROM trials t WHERE t.seed = 15 - trials.seed)",
-        "seed 7",
-    ),
-    "no checksum": ("UPDATE trials SET sha256 = NULL", "seed 7"),
-    "no text": ("UPDATE trials SET rows = 7, sha256 = 7", "seed 7"),
-    "bytes": ("UPDATE trials SET rows = x'ff00' WHERE seed = 8", "seed 8"),
-    "a row of another study": (f"INSERT INTO trials VALUES (9, x'{pack({'x': [1.0]}).hex()}', 0)", "seed 9"),
-    "tables of an earlier version": (
-        "DROP TABLE trials; CREATE TABLE trials (seed INTEGER PRIMARY KEY, rows TEXT, sha256 TEXT)",
-        "expected a store of trials of this version",
-    ),
-    "no header": ("DELETE FROM about", "expected a store of trials"),
-    "two headers": ("INSERT INTO about VALUES ('{}')", "expected a store of trials"),
-    "a header that is none": ("UPDATE about SET header = NULL", "expected a store of trials"),
-    "a deep header": (
-        "UPDATE about SET header = replace(hex(zeroblob(100000)), '00', '[')",
-        "expected a store of trials",
-    ),
-    "a header of no JSON": ("UPDATE about SET header = x'00'", "expected a store of trials"),
-    "a header of another type": ("UPDATE about SET header = '[]'", "expected a store of trials"),
-    "another table": ("CREATE TABLE mine (x)", "it has other tables"),
-    "a trigger": (
-        "CREATE TRIGGER t AFTER INSERT ON trials BEGIN DELETE FROM trials; END",
-        "it has other tables",
-    ),
-    "endless": (
-        "DROP TABLE trials; CREATE VIEW trials AS WITH RECURSIVE r(seed, rows, sha256) AS "
-        "(SELECT 1, '', '' UNION ALL SELECT seed + 1, '', '' FROM r) SELECT * FROM r",
-        "it has other tables",
-    ),
-    "another log": ("PRAGMA journal_mode=WAL", "of this version"),
-    "another program": ("PRAGMA application_id=1", "of this version"),
+    "a number": (lambda head, a, b: [head, a, (8, b[1], pack({"x": [2.5]}))], "seed 8: expected what"),
+    "the seed": (lambda head, a, b: [head, a, (9, *b[1:])], "seed 9: expected what"),
+    "swapped": (lambda head, a, b: [head, (7, *b[1:]), (8, *a[1:])], "seed 7: expected what"),
+    "no checksum": (lambda head, a, b: [head, (7, NOISE, a[2]), b], "seed 7: expected what"),
+    "a row of another study": (lambda *own: [*own, (9, NOISE, ONE)], "seed 9: expected what"),
+    "no header": (lambda _, a, b: [a, b], "it has no header"),
+    "two headers": (lambda head, *own: [head, head, *own], "seed -1: expected what"),
+    "an edited header": (lambda head, *own: [(*head[:2], head[2] + b" "), *own], "it has no header"),
+    "a deep header": (lambda _, *own: [signed(b"[" * 100_000), *own], "expected a store of trials"),
+    "a header of no JSON": (lambda _, *own: [signed(b"\0"), *own], "expected a store of trials"),
+    "a header of another type": (lambda _, *own: [signed(b"[]"), *own], "no table of keys"),
+    "deep": (lambda *own: [*own, forged(zlib.compress(b"[" * 100_000))], "expected a store of trials"),
+    "endless": (lambda *own: [*own, forged(zlib.compress(bytes(2 * LONGEST)))], "packed rows"),
+    "no columns": (lambda *own: [*own, forged(zlib.compress(b"[1.0]"))], "expected columns"),
+    "no text": (lambda *own: [*own, forged(zlib.compress(b"\xff"))], "expected a store of trials"),
+    "not packed": (lambda *own: [*own, forged(b'{"x": [1.0]}')], "packed rows"),
+    "cut": (lambda *own: [*own, forged(ONE[:-1])], "packed rows"),
+    "more behind": (lambda *own: [*own, forged(ONE + b"!")], "packed rows"),
+    "other columns": (lambda *own: [*own, forged(pack({"y": [1.0]}))], "seed 9: rows"),
+    "a word": (lambda *own: [*own, forged(pack({"x": ["1.0"]}))], "seed 9: rows"),
+    "uneven": (lambda *own: [*own, forged(pack({"x": [1.0], "y": []}))], "seed 9: rows"),
+    "a long record": (lambda *own: [*own, (9, NOISE, bytes(LONGEST + 1))], "a record of 167"),
 }
+"""Edits of header and two trials, and what is said; forged rows have a right checksum."""
+
+
+def forged(rows):
+    return 9, checksum(9, rows), rows
 
 
 @pytest.mark.parametrize("edit", EDITS)
-def test_a_store_that_was_edited_is_one_line_and_left_alone(tmp_path, edit):
+def test_a_store_that_was_edited_or_forged_is_one_line_and_left_alone(tmp_path, edit):
     fill(tmp_path, [7, 8])
-    statement, said = EDITS[edit]
-    with contextlib.closing(sqlite3.connect(tmp_path / FILE)) as database:
-        database.executescript(statement)
-        database.commit()
+    change, said = EDITS[edit]
+    closed(tmp_path / FILE, change(*opened(tmp_path / FILE)))
     before = files(tmp_path)
-    with pytest.raises(InputError, match=r"trials\.sqlite") as caught:
+    with pytest.raises(InputError, match=r"trials\.log") as caught:
         missing(tmp_path)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
     assert files(tmp_path) == before
 
 
+@pytest.mark.parametrize("cut", [-1, -60, None, 0])
+@pytest.mark.parametrize("more", [b"", bytes(100)])
+def test_what_a_kill_cut_short_is_done_again(tmp_path, cut, more):
+    """In the last trial, before it, in the header, at the beginning; zeros behind it after a crash."""
+    fill(tmp_path, [7, 8])
+    data, head = (tmp_path / FILE).read_bytes(), len(MAGIC) + 20
+    kept = data[:head] if cut is None else data[:cut] if cut else b""
+    (tmp_path / FILE).write_bytes(kept + (more if cut else b""))
+    if not (more and cut == -1):  # zeros in place of rows are no cut
+        left = [8, 9, 10, 11] if cut in (-1, -60) else list(TOY.seeds)
+        assert missing(tmp_path) == left
+        fill(tmp_path, left, resume=True)
+        assert set(files(tmp_path)) == {WHOLE}
+
+
 def test_trials_of_another_study_that_are_whole_are_refused(tmp_path):
     """Rows and checksums, of other settings, under this study's header."""
     for name, scenario in (("mine", TOY.scenario), ("alien", {})):
         fill(tmp_path / name, [7, 8], Experiment("toy", scenario, TOY.seeds))
-    with contextlib.closing(sqlite3.connect(tmp_path / "mine" / FILE)) as database:
-        database.execute("ATTACH ? AS alien", (str(tmp_path / "alien" / FILE),))
-        database.execute("DELETE FROM trials WHERE seed = 8")
-        database.execute("INSERT INTO trials SELECT * FROM alien.trials WHERE seed = 8")
-        database.commit()
+    mine, alien = (opened(tmp_path / name / FILE) for name in ("mine", "alien"))
+    closed(tmp_path / "mine" / FILE, [*mine[:2], alien[2]])
     with pytest.raises(InputError, match="seed 8: expected what was stored"):
         missing(tmp_path / "mine")
 
@@ -362,12 +354,8 @@ PLACES = {
     "hard link": lambda path, own: os.link(own, path),
     "pipe": lambda path, own: os.mkfifo(path),
     "folder": lambda path, own: path.mkdir(),
-    "empty": lambda path, own: path.touch(),
     "notes": lambda path, own: path.write_text("mine\n" * 40),
     "sparse": lambda path, own: (path.touch(), os.truncate(path, 2**36)),
-    "other program's": lambda path, own: (
-        sqlite3.connect(path).executescript("CREATE TABLE trials (x)").close()
-    ),
 }
 
 
@@ -378,34 +366,11 @@ def test_what_is_no_store_is_one_line_and_left_alone(tmp_path, kind, resume):
     (tmp_path / "run").mkdir()
     PLACES[kind](tmp_path / "run" / FILE, tmp_path / "other" / FILE)
     before, status = files(tmp_path / "other"), (tmp_path / "run" / FILE).lstat()
-    with pytest.raises(InputError, match=r"run/trials\.sqlite: .*move it away"):
+    with pytest.raises(InputError, match=r"run/trials\.log: .*move it away"):
         fill(tmp_path / "run", [9], resume=resume)
     assert files(tmp_path / "other") == before
     assert list((tmp_path / "run").iterdir()) == [tmp_path / "run" / FILE]
     assert (tmp_path / "run" / FILE).lstat().st_mtime_ns == status.st_mtime_ns
-
-
-@pytest.mark.parametrize("suffix", ["-journal", "-wal", "-shm"])
-@pytest.mark.parametrize("kind", ["link", "pipe", "folder"])
-def test_what_lies_beside_a_store_is_not_followed(tmp_path, suffix, kind):
-    fill(tmp_path, [7, 8])
-    (tmp_path / "mine").write_text("mine")
-    PLACES[kind](tmp_path / f"{FILE}{suffix}", tmp_path / "mine")
-    with pytest.raises(InputError, match=f"{FILE}{suffix}: .*move it away"):
-        missing(tmp_path)
-    assert (tmp_path / "mine").read_text() == "mine"
-
-
-def test_a_journal_that_names_another_file_is_refused(tmp_path):
-    """SQLite would delete that file."""
-    fill(tmp_path, [7, 8])
-    (tmp_path / "mine").write_text("mine")
-    path = str(tmp_path / "mine").encode()
-    tail = path + len(path).to_bytes(4, "big") + sum(path).to_bytes(4, "big") + MAGIC
-    (tmp_path / f"{FILE}-journal").write_bytes(MAGIC + bytes(504) + bytes(4) + tail)
-    with pytest.raises(InputError, match="names another file"):
-        missing(tmp_path)
-    assert (tmp_path / "mine").exists()
 
 
 @pytest.mark.parametrize("where", [90, -1, -100, None])
@@ -424,34 +389,8 @@ def test_a_damaged_whole_file_is_one_line_and_left_alone(tmp_path, where):
     assert files(tmp_path) == {WHOLE: bytes(data)}
 
 
-FORGED = {
-    "deep": zlib.compress(b"[" * 100_000),
-    "endless": zlib.compress(bytes(2 * LONGEST)),
-    "no columns": zlib.compress(b"[1.0]"),
-    "no text": zlib.compress(b"\xff"),
-    "not packed": b'{"x": [1.0]}',
-    "cut": pack({"x": [1.0]})[:-1],
-    "more behind": pack({"x": [1.0]}) + b"!",
-    "of another study": pack({"y": [1.0]}),
-    "a word": pack({"x": ["1.0"]}),
-    "uneven": pack({"x": [1.0], "y": []}),
-}
-
-
-@pytest.mark.parametrize("kind", FORGED)
-def test_forged_rows_under_a_right_checksum_are_one_line(tmp_path, kind):
-    fill(tmp_path, [7, 8])
-    rows, key = FORGED[kind], json.dumps(TOY.header, sort_keys=True)
-    sha256 = hashlib.sha256(f"{key}8 ".encode() + rows).digest()
-    with contextlib.closing(sqlite3.connect(tmp_path / FILE)) as database:
-        database.execute("UPDATE trials SET rows = ?, sha256 = ? WHERE seed = 8", (rows, sha256))
-        database.commit()
-    with pytest.raises(InputError, match=r"trials\.sqlite: (expected a store of trials|seed 8: rows)"):
-        missing(tmp_path)
-
-
 def test_what_is_longer_than_can_be_read_back_is_not_stored(tmp_path, monkeypatch):
-    monkeypatch.setattr("testbench.trials.packed.LONGEST", 100)
+    monkeypatch.setattr("testbench.trials.records.LONGEST", 100)
     with open_store(tmp_path, TOY, row=X, resume=False) as store:
         with pytest.raises(BenchError, match="expected at most 100 bytes of a trial"):
             put(store, {7: [X(1 / 3)] * 6})
@@ -557,8 +496,11 @@ def test_one_run_at_a_time_writes_a_folder(tmp_path):
 def test_a_full_disk_loses_nothing_that_is_stored(tmp_path):
     with open_store(tmp_path, TOY, row=X, resume=False) as store:
         put(store, {7: [X(1.0)]})
-        store._database.execute("PRAGMA max_page_count=3")  # as many as there are
-        with pytest.raises(InputError, match=r"trials\.sqlite: cannot be written: the disk is full"):
+        full = [9, OSError(errno.ENOSPC, "No space left on device")]
+        with (
+            mock.patch("os.pwrite", side_effect=full),
+            pytest.raises(InputError, match=r"trials\.log: cannot be written: No space left"),
+        ):
             put(store, {8: [X(k / 7) for k in range(4000)]})
         assert store.count == 1
         put(store, {9: [X(2.0)]})

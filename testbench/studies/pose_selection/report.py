@@ -319,7 +319,9 @@ def figures(found: Report) -> dict[str, Figure]:
             (INCUMBENT, "tasks_mm", ", joints alone by least squares"),
         )
     }
-    return {"pose_selection.png": sweeps(panes, answer, reading, ("test", RANDOM))}
+    return {
+        "pose_selection.png": sweeps(panes, answer, reading.replace("lines:", "bands:"), ("test", RANDOM))
+    }
 
 
 def write(run: Run[Settings]) -> Seen:

@@ -1,0 +1,50 @@
+"""The study of docs/add_study.md runs as it stands there: files, numbers, picture, page and recording."""
+
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+from run_here import ROOT, check_files
+
+MOST = 80  #: Lines of a study with one factor.
+NAMED = re.compile(r"`payload/(\w+\.py)`:\n\n```python\n(.*?)```", re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("study") / "payload"
+    folder.mkdir()
+    for name, code in NAMED.findall((ROOT / "docs" / "add_study.md").read_text()):
+        (folder / name).write_text(code)
+    command = [sys.executable, folder / "run.py", "--quick", "--seeds", "2", "--out", folder / "out"]
+    return folder / "out", subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_it_leaves_what_every_study_leaves_and_is_short(run):
+    check_files(run, "payload.png")
+    files = list(run[0].parent.glob("*.py"))
+    assert {file.name for file in files} == {"payload.py", "run.py"}
+    assert sum(len(file.read_text().splitlines()) for file in files) <= MOST
+
+
+def test_its_numbers_are_those_of_its_trials(run):
+    out, _ = run
+    report = json.loads((out / "report.json").read_text())
+    rows = parquet.read_table(out / "trials.parquet").to_pylist()
+    assert {row["name"] for row in rows} == {"Joints", "MLS56", "MGCO56 + prior"}
+    assert len(report["cells"]) == 3 * 4
+    for cell in report["cells"]:
+        own = [
+            r["rms_um"] for r in rows if (r["name"], r["payload_kg"]) == (cell["name"], cell["payload_kg"])
+        ]
+        assert cell["rms_um"]["median"] == pytest.approx(np.median(own))
+    plain, filled = (
+        np.median([row["rms_um"] for row in rows if (row["name"], row["payload_kg"]) == (name, 150.0)])
+        for name in ("MLS56", "MGCO56 + prior")
+    )
+    answer = f"Weight 150 kg: MGCO56 + prior {filled:.0f} um, least squares {plain:.0f} um; "
+    assert report["said"]["answer"].startswith(answer)
