@@ -15,7 +15,19 @@ from matplotlib.ticker import MaxNLocator
 from testbench.errors import Array
 from testbench.trials.spread import Spread, ends, middle
 from testbench.views.colours import hexadecimal
-from testbench.views.figure import FAR, SIZES, SMALL, SOFT, Figure, dots, log_ticks, page, quiet, say, short
+from testbench.views.figure import (
+    FAR,
+    SIZES,
+    SMALL,
+    SOFT,
+    Figure,
+    forest_pane,
+    log_ticks,
+    page,
+    quiet,
+    say,
+    short,
+)
 from testbench.views.markdown import Told, as_plain, place
 from testbench.views.scene import Layer, PlaceMap, Poses, RunChart, Seen, scale_of
 from testbench.views.schema import Column, Table, brackets, looks, plain
@@ -130,10 +142,7 @@ def _size(column: Column, row: object) -> float:
 def _forest(axes: Axes, table: Table, column: Column) -> None:
     """A dot a model with the ends of its spread; the winner has a band."""
     name = table.columns[0]
-    shades = [table.looks[name.cell(row)] for row in table.rows]
-    dots(axes, table.rows, name, column, shades)
-    if table.bold == name.cell(table.rows[0]):
-        axes.axhspan(-0.5, 0.5, color=shades[0].hex, alpha=0.1, linewidth=0, zorder=0)
+    forest_pane(axes, table, column)
     reached = np.array([ends(column.value(row)) for row in table.rows])
     if reached.max() > FAR * reached.min() > 0:
         log_ticks(axes, "x", float(reached.min()), float(reached.max()))
