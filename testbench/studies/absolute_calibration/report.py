@@ -221,22 +221,21 @@ def figures(found: Report) -> dict[str, Figure]:
     f, short = Row(found.numbers), found.tables["short"]
     gains = "; ".join(f"{g.arm} {beside({'joint springs': g.springs})}" for g in f.gains)
     answer = f"{f.featured} poses, error where nothing was measured: {gains}"
-    reading = (
-        f"RMS errors under own weight, {f.dataset.sigma_um:g} um a reading, medians of {f.trials} trials"
-    )
+    noise = f"{f.dataset.sigma_um:g} um a reading"
+    reading = f"RMS errors under own weight, {noise}, medians of {f.trials} trials, arms in turn"
     own = _by_poses(f)
     if len({row.poses for row in own}) == 1:
-        panes = {column.key: "RMS error, mm" for column in short.columns[1:]}
-        return {f"{s.NAME}.png": forest(short, panes, answer, f"{reading}; lines: {span(f.trials)}.")}
+        titles = {column.key: "RMS error, mm" for column in short.columns[1:]}
+        return {f"{s.NAME}.png": forest(short, titles, answer, f"{reading}; lines: {span(f.trials)}.")}
     best = [Row(row, name=OPTIMUM, error_mm=row.optimum_mm) for row in own if row.name == s.ALL]
-    rows = [
-        Row(row, fit=f"{row.arm}: {row.name}")
-        for row in (*own, *best)
-        if row.name in (s.INCUMBENT, s.CHOSEN, OPTIMUM)
-    ]
-    styles = {row.fit: replace(LOOKS[row.name], prior=row.arm == f.arms[0]) for row in rows}
-    table = Table(columns("fit poses error_mm"), rows, looks=styles)
-    return {f"{s.NAME}.png": sweeps({"": table}, answer, f"{reading}; bands: {span(f.trials)}.")}
+    drawn = {name: LOOKS[name] for name in (s.INCUMBENT, s.ALL, s.CHOSEN, OPTIMUM)}
+    panes = {
+        arm: Table(
+            columns("name poses error_mm"), [row for row in (*own, *best) if row.arm == arm], looks=drawn
+        )
+        for arm in f.arms
+    }
+    return {f"{s.NAME}.png": sweeps(panes, answer, f"{reading}; bands: {span(f.trials)}.")}
 
 
 def write(run: Run[s.Settings]) -> Seen:
