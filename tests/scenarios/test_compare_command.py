@@ -28,7 +28,6 @@ from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.gravity_calibration.trial import Settings
 from testbench.studies.loaded_stiffness.study import STUDY as LOADED
 from testbench.studies.loaded_stiffness.trial import Settings as LoadedSettings
-from testbench.studies.run import to_json
 from testbench.trials.parquet import write_trials
 from testbench.trials.rows import columns, tabled
 from testbench.trials.spread import Spread
@@ -86,7 +85,7 @@ def calibration(out, seeds, scale=1.0, sigma=50e-6):
     wide = {seed: np.exp(np.random.default_rng(seed).normal()) for seed in seeds}
     trials = [(s, [row(n, mm * wide[s], s, seeds[0]) for n, mm in sizes.items()]) for s in seeds]
     out.mkdir()
-    files.write_json(to_json(STUDY.report(asked, seeds, Trials.of(trials))), out / "report.json")
+    files.write_json(STUDY.report(asked, seeds, Trials.of(trials)).json(), out / "report.json")
     flat = [(seed, tabled(rows)) for seed, rows in trials]
     write_trials(out / "trials.parquet", {}, columns(CampaignRow), len(seeds), flat)
     plain = {**asdict(asked), "scenario": asked.scenario.model_dump(mode="json")}
@@ -218,7 +217,7 @@ def test_tables_of_a_study_without_models_show_the_number_that_differs(tmp_path)
     first.mkdir()
     found = list(zip(seeds, LOADED.trials(asked, seeds), strict=True))
     report = LOADED.report(asked, seeds, Trials.of(found))
-    files.write_json(to_json(report), first / "report.json")
+    files.write_json(report.json(), first / "report.json")
     files.write_manifest(first, command="scenarios/loaded_stiffness.py", scenario={}, seeds=seeds, models={})
     rows = report.tables["rows"]
     [place] = [k for k, c in enumerate(rows.columns) if c.key == "max_um"]
