@@ -20,13 +20,11 @@ from testbench.errors import BenchError, InputError
 from testbench.output.run import claim_folder, whole_folder
 from testbench.report.report import Report
 from testbench.report.table import Trials
-from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
-from testbench.shell.progress import show_progress
+from testbench.shell.trials import choose_backend, show_progress
 from testbench.studies.patched import checked, constants
 from testbench.studies.study import AnyStudy, Everywhere, P, Run
-from testbench.trials.chunk import Backend
-from testbench.trials.engine import run_study
+from testbench.trials.engine import Backend, run_study
 from testbench.trials.experiment import Experiment
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 from testbench.views import terminal
