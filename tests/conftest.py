@@ -12,7 +12,6 @@ from legible import check_legible
 from matplotlib.figure import Figure
 from panes import blank_panes, viewer  # noqa: F401
 from PIL import Image
-from read_figure import leave
 from serial_arms import turned_arm
 from threadpoolctl import threadpool_limits
 
@@ -60,7 +59,7 @@ def laid_out() -> Iterator[None]:
     def lay_out(figure: Figure, file: Path, **_: object) -> None:
         figure.draw_without_rendering()
         check_legible(figure)
-        leave(figure, Path(file), picture)
+        picture.save(file, "PNG")
 
     with mock.patch.object(Figure, "savefig", lay_out):
         yield

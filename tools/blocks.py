@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from testbench.errors import InputError
-from testbench.report.report import Report, read_report
+from testbench.report.report import LISTS, PARTS, Report, read_report
 from testbench.views.markdown import grid, lines
 
 FROM = re.compile(r"(<!-- from (\w+): ([^>]*?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -60,7 +60,7 @@ def _from(page: Path, runs: Path, mark: re.Match[str]) -> str:
 def _part(page: Path, report: Report, name: str) -> str:
     if name in report.tables:
         return grid(report.tables[name])
-    if report.has(name):
+    if name in (*PARTS, *LISTS) and report.block(name):
         return report.block(name)
     raise InputError(page, name, f"no such block, and no such table; tables are {', '.join(report.tables)}")
 

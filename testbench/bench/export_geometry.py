@@ -1,7 +1,8 @@
 """The identified geometry: constants of the virtual joints folded into the poses of the joints."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -29,20 +30,25 @@ class Rigid:
         return found
 
 
+@dataclass(frozen=True)
+class Frames:
+    """Where a URDF's frames stand in the model; they are there for every q and every geometry."""
+
+    names: Sequence[str]  #: Links of the URDF: the first, those behind the joints, the tip; n + 2.
+    root: Array  #: The first link in the model's world, (4, 4) [m].
+    links: Sequence[Array]  #: Links in the model's bodies, the base's first, (n + 1) of (4, 4) [m].
+    tip: Array  #: The tip in the model's tool, (4, 4) [m].
+
+
 def in_order(poses: Iterable[Array]) -> Array:
     """The product of poses, (4, 4) [m]."""
-    whole = np.eye(4)
-    for pose in poses:
-        whole = whole @ pose
-    return whole
+    return np.asarray(reduce(np.matmul, poses, np.eye(4)))
 
 
 def within(frame: Array, pose: Array) -> Array:
     """A pose in a frame, both in a third, (4, 4) [m]."""
     back = frame[:3, :3].T
-    found = np.eye(4)
-    found[:3, :3], found[:3, 3] = back @ pose[:3, :3], back @ (pose[:3, 3] - frame[:3, 3])
-    return found
+    return _pose(back @ pose[:3, :3], back @ (pose[:3, 3] - frame[:3, 3]))
 
 
 def drawn(vjm: Vjm) -> Rigid:
@@ -66,17 +72,16 @@ def identified(state: State) -> Rigid:
 def _bent(pose: Array, frame: Array, theta: Array) -> Array:
     """The pose behind a link whose end is moved by constants, (6,) [m, rad]."""
     p, _, R = bend(pose[:3, 3:], np.eye(3)[..., None], frame, theta[None])
-    found = np.eye(4)
-    found[:3, :3], found[:3, 3] = R[..., 0] @ pose[:3, :3], p[:, 0]
-    return found
+    return _pose(R[..., 0] @ pose[:3, :3], p[:, 0])
 
 
 def _moved(axis: Array, by: float, *, prismatic: bool) -> Array:
+    return _pose(np.eye(3), by * axis) if prismatic else _pose(rotation(axis, by), np.zeros(3))
+
+
+def _pose(R: Array, p: Array) -> Array:
     found = np.eye(4)
-    if prismatic:
-        found[:3, 3] = by * axis
-    else:
-        found[:3, :3] = rotation(axis, by)
+    found[:3, :3], found[:3, 3] = R, p
     return found
 
 
@@ -100,28 +105,18 @@ def apart(a: Array, b: Array) -> tuple[float, float]:
     return float(position), float(np.abs(a[:, :3, :3] - b[:, :3, :3]).max())
 
 
-@dataclass(frozen=True)
-class Moved:
-    """How far something moves the tool, over random poses."""
-
-    rms_mm: float
-    max_mm: float
+def by_geometry(state: State, q: Array) -> tuple[float, float]:
+    """How far errors of geometry move the tool from the arm as drawn: RMS and at most [mm]."""
+    return _far(tool_poses(state.vjm, q, state.theta_0)[:, :3, 3] - tool_poses(state.vjm, q)[:, :3, 3])
 
 
-def by_geometry(state: State, q: Array) -> Moved:
-    """How far errors of geometry move the tool from the arm as drawn."""
-    return _far(tool_poses(state.vjm, q, state.theta_0), tool_poses(state.vjm, q))
-
-
-def by_the_rest(state: State, q: Array) -> Moved:
-    """How far own weight and errors of the joints move it beside."""
+def by_the_rest(state: State, q: Array) -> tuple[float, float]:
+    """How far own weight and errors of the joints move it beside: RMS and at most [mm]."""
     none = np.zeros((len(q), 6))
     told = tell(state, q, none, none[:, :3]).where
-    rest = tool_poses(state.vjm, q, state.theta_0)
-    rest[:, :3, 3] -= told.position
-    return _far(rest, np.zeros_like(rest))
+    return _far(tool_poses(state.vjm, q, state.theta_0)[:, :3, 3] - told.position)
 
 
-def _far(a: Array, b: Array) -> Moved:
-    far = 1e3 * np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1)
-    return Moved(float(np.sqrt(np.mean(far**2))), float(far.max()))
+def _far(off: Array) -> tuple[float, float]:
+    far = 1e3 * np.linalg.norm(off, axis=1)
+    return float(np.sqrt(np.mean(far**2))), float(far.max())

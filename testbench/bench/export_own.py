@@ -1,17 +1,23 @@
-"""The robot's own URDF: its chain found by the names of its joints, its origins as identified."""
+"""The robot's own URDF: its chain found by the names of its joints, its origins as identified.
+
+A robot's file and the arm's folder draw one robot with other frames: another base, other axes of the links,
+another zero along a joint's axis. The axes are the same lines: one's are laid onto the other's.
+"""
 
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import BEGINS, BEGINS_NEW, with_origins
-from testbench.bench.export_align import align, axis_lines, onto_axis
 from testbench.bench.export_geometry import (
+    Frames,
     Rigid,
     apart,
     drawn,
@@ -22,7 +28,7 @@ from testbench.bench.export_geometry import (
 )
 from testbench.errors import Array, InputError, read_text
 from testbench.identify.absolute.state import State
-from testbench.model.vjm import skew
+from testbench.model.vjm import rotation, skew
 from testbench.plant.adopt.chain import JointOf
 from testbench.plant.adopt.names import fit_names
 from testbench.plant.adopt.source import MAX_BYTES, read_xml
@@ -33,6 +39,9 @@ SAME = 1e-4
 """Most that a robot's own drawing differs from the arm's [m, rad]: a right angle of five digits does so."""
 STILL = 1e-12  #: Less than this is rounding [m, 1].
 SHAPES = ("visual", "collision")
+STEPS = 30  #: Of Gauss-Newton from each start.
+UNTOLD = 1e-4
+"""Smallest singular value that counts, over the largest: rounding does not tell where parallel axes end."""
 
 
 @dataclass(frozen=True)
@@ -127,20 +136,8 @@ def _check_joints(file: Path, bodies: tuple[Body, ...], names: tuple[str, ...], 
             raise InputError(file, f"<joint name={name!r}>", problem)
 
 
-@dataclass(frozen=True)
-class Placed:
-    """Where the frames of a URDF stand in the model; they are there for every q and every geometry."""
-
-    root: Array  #: The first link in the model's world, (4, 4) [m].
-    links: tuple[
-        Array, ...
-    ]  #: The links behind the joints in the model's bodies, base first, (n + 1) of (4, 4).
-    tip: Array  #: The tip in the model's tool, (4, 4) [m].
-    off: float  #: Most that the two drawings differ [m, rad].
-
-
-def place(own: Own, state: State) -> Placed:
-    """Where a robot's own frames stand in the model.
+def place(own: Own, state: State) -> tuple[Frames, float]:
+    """Where a robot's own frames stand in the model, and how far the two drawings differ at most [m, rad].
 
     Raises:
         InputError: When the robot's own drawing is not that of the arm; says how far off it is.
@@ -165,7 +162,8 @@ def place(own: Own, state: State) -> Placed:
         onto_axis(link, theirs, ours, slide=slide)
         for link, theirs, ours, slide in zip(links[1:], axes, vjm.axes, slides, strict=True)
     ]
-    return Placed(root, (links[0], *exact), within(model.tool, exact[-1] @ rigid.tool), max(far))
+    names = [own.root, *(own.bodies[k].name for k in own.moving), own.tip]
+    return Frames(names, root, (links[0], *exact), within(model.tool, exact[-1] @ rigid.tool)), max(far)
 
 
 def _tips(rigid: Rigid, axes: Array, slides: list[bool], q: Array) -> Array:
@@ -181,7 +179,7 @@ def _tips(rigid: Rigid, axes: Array, slides: list[bool], q: Array) -> Array:
     return np.asarray(found @ rigid.tool)
 
 
-def own_urdf(own: Own, placed: Placed, geometry: Rigid) -> str:
+def own_urdf(own: Own, placed: Frames, geometry: Rigid) -> str:
     """The robot's URDF with the origins of its joints as identified.
 
     Raises:
@@ -202,3 +200,79 @@ def own_urdf(own: Own, placed: Placed, geometry: Rigid) -> str:
     if moved:
         poses[own.names[cuts[-1]]] = wanted @ within(in_order([body.pose for body in behind[1:]]), np.eye(4))
     return with_origins(own.file, own.text, poses)
+
+
+def axis_lines(bodies: Sequence[Array], axes: Array, slides: Sequence[bool]) -> Array:
+    """Twists of the joints at q = 0 in the frame of the poses, (n, 6): turn, then speed at the origin [1, m].
+
+    Args:
+        bodies: Poses of the joints' bodies, (n) of (4, 4) [m].
+        axes: Their unit axes in their bodies, (n, 3).
+        slides: Which of them slide.
+    """
+    found = []
+    for pose, axis, slide in zip(bodies, axes, slides, strict=True):
+        d = pose[:3, :3] @ axis
+        found.append([*np.zeros(3), *d] if slide else [*d, *np.cross(pose[:3, 3], d)])
+    return np.array(found)
+
+
+def align(theirs: Array, ours: Array) -> Array:
+    """The pose of their frame in ours that lays their axes onto ours best, (4, 4) [m].
+
+    Where axes leave it open, as the height of a base below parallel axes, it moves least.
+
+    Args:
+        theirs: Twists, (n, 6), see `axis_lines`.
+        ours: The same of the model.
+    """
+    found = [_descend(theirs, ours, start) for start in Rotation.create_group("O").as_matrix()]
+    return min(found, key=lambda one: one[0])[1]
+
+
+def _descend(theirs: Array, ours: Array, R: Array) -> tuple[float, Array]:
+    """Gauss-Newton from a rotation: the sum of squares that is left, and the pose."""
+    t = np.zeros(3)
+    for _ in range(STEPS):
+        r, J = _residual(theirs, ours, R, t)
+        step = np.asarray(np.linalg.lstsq(J, -r, rcond=UNTOLD)[0], dtype=float)
+        angle = float(np.linalg.norm(step[:3]))
+        if angle > 0:
+            R = rotation(step[:3] / angle, angle) @ R
+        t = t + step[3:]
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = R, t
+    left = float(np.sum(_residual(theirs, ours, R, t)[0] ** 2))
+    return left if np.isfinite(left) else np.inf, pose
+
+
+def _residual(theirs: Array, ours: Array, R: Array, t: Array) -> tuple[Array, Array]:
+    """Differences of all twists, (6 n,), and their derivatives by a turn and a shift, (6 n, 6)."""
+    turn, speed = theirs[:, :3] @ R.T, theirs[:, 3:] @ R.T
+    r = np.hstack([turn, speed + np.cross(t, turn)]) - ours
+    J = np.zeros((len(theirs), 6, 6))
+    for k, (w, v) in enumerate(zip(turn, speed, strict=True)):
+        J[k, :3, :3] = -skew(w)
+        J[k, 3:, :3] = -skew(v) - skew(t) @ skew(w)
+        J[k, 3:, 3:] = -skew(w)
+    return r.ravel(), J.reshape(-1, 6)
+
+
+def onto_axis(frame: Array, theirs: Array, ours: Array, *, slide: bool) -> Array:
+    """A link's frame in the model's body, its axis exactly on the model's through the body's origin.
+
+    Args:
+        frame: About that, (4, 4) [m].
+        theirs: Unit axis in the link, (3,).
+        ours: Unit axis in the body, (3,).
+        slide: Whether the joint slides: then the axis has no place.
+    """
+    d = frame[:3, :3] @ theirs
+    across = np.cross(d, ours)
+    sine = float(np.linalg.norm(across))
+    found = frame.copy()
+    if sine > 0:
+        found[:3, :3] = rotation(across / sine, float(np.arctan2(sine, d @ ours))) @ found[:3, :3]
+    if not slide:
+        found[:3, 3] = (ours @ found[:3, 3]) * ours
+    return found

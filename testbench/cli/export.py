@@ -10,8 +10,7 @@ import typer
 
 from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
-from testbench.bench.export import Exported, beside_of, draft_new, draft_own, export
-from testbench.bench.export_beside import BEGINS
+from testbench.bench.export import BEGINS, Exported, beside_of, draft_new, draft_own, export
 from testbench.bench.load_model import load_model
 from testbench.errors import BenchError, InputError
 from testbench.output.finished import read_plain
@@ -115,15 +114,15 @@ def _arm_beside(document: Path) -> str | None:
 
 
 def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
-    back, moved, rest = done.back, done.geometry, done.rest
     at = f"{done.urdf}, replaced" if replaced and done.drawing_off is not None else done.urdf
+    (moved, moved_most), (rest, rest_most) = done.geometry_mm, done.rest_mm
     lines = [
         f"{arm}: the identified geometry is in {at}, its tool is {done.tip!r}",
-        f"read back by Pinocchio in {back.poses} poses: at most {back.position_um:.6f} um and "
-        f"{back.rotation_urad:.6f} urad from the model",
-        f"it moves the tool by {moved.rms_mm:.3f} mm RMS, {moved.max_mm:.3f} mm at most, from the drawing",
+        f"read back by Pinocchio in {done.poses} poses: at most {done.position_um:.6f} um and "
+        f"{done.rotation_urad:.6f} urad from the model",
+        f"it moves the tool by {moved:.3f} mm RMS, {moved_most:.3f} mm at most, from the drawing",
         f"not in it, but in {done.beside}: compliances, errors of the joints, weights; own weight and "
-        f"errors of the joints move the tool by {rest.rms_mm:.3f} mm RMS, {rest.max_mm:.3f} mm at most",
+        f"errors of the joints move the tool by {rest:.3f} mm RMS, {rest_most:.3f} mm at most",
     ]
     if done.drawing_off is None:
         found = f"no file {done.urdf}: written from scratch"

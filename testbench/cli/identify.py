@@ -17,12 +17,13 @@ from testbench.bench.model_folder import DOCUMENT, FITS
 from testbench.bench.models import Model, named_models
 from testbench.bench.runs import files_read, read_runs
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
-from testbench.commands.identify import COMMAND, MAP, PICTURE, Source, printed, tell
+from testbench.commands.identify import COMMAND, PICTURE, Source, printed, tell
 from testbench.errors import BenchError, word
 from testbench.identify import robust
 from testbench.identify.doubts import Doubt
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.run import claim_folder
+from testbench.report.leave import MAP
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal
 
@@ -75,7 +76,7 @@ def command(asked: Options) -> None:
         models = _models(cell, asked)
         found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
         if asked.strict:
-            from testbench.bench.checked import check  # here: it reads the arm once more
+            from testbench.bench.arm_check import check  # here: it reads the arm once more
 
             check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
         readings, out = {asked.dataset.name: files.digest(asked.dataset)}, asked.out

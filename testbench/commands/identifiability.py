@@ -16,9 +16,8 @@ from testbench.trials.gain import gained
 from testbench.views.colours import GCO, GREY, Look
 from testbench.views.figure import Figure
 from testbench.views.markdown import Markdown, listed
-from testbench.views.page.charts import Line, RunChart
-from testbench.views.page.page import Seen
 from testbench.views.run_figure import overview
+from testbench.views.scene import Line, RunChart, Seen
 from testbench.views.schema import Table
 
 AXES = (

@@ -34,16 +34,23 @@ def write(made: Planned, said: Report, arm: Path, task: Path | None, out: Path) 
     flags = {"arm": made.cell.arm.name, **({"task": task.name} if task else {}), **asked}
 
     def more(folder: Path) -> dict[str, object]:
-        from testbench.views.map_figure import error_map  # here: importing matplotlib takes half a second
-
         write_poses(f, joints, folder / "plan.csv")
         if task:
             write_tasks(f, joints, folder / "tasks_expected.csv")
-        error_map(f.map, f"{f.arm}, {f.poses} poses").savefig(folder / "error_map.png")
         return {}
 
     seeds = range(f.seed, f.seed + 1)
-    own = Asked(COMMAND, made.cell.arm.name, flags, [arm], "plan.png", seeds, more, stem="plan")
+    own = Asked(
+        COMMAND,
+        made.cell.arm.name,
+        flags,
+        [arm],
+        "plan.png",
+        seeds,
+        more,
+        stem="plan",
+        map=f"{f.arm}, {f.poses} poses",
+    )
     leave(out, own, said, seen(made, said))
 
 

@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from testbench import files
 from testbench.bench.model_folder import digests
 from testbench.output.run import whole_folder
@@ -14,6 +16,8 @@ from testbench.views.scene import Seen
 
 More = Callable[[Path], Mapping[str, object]]
 """Writes what else a command leaves into the folder; what it returns goes into manifest.json."""
+
+MAP = "error_map.png"  #: The maps of a command that has some.
 
 
 @dataclass(frozen=True)
@@ -28,13 +32,14 @@ class Asked:
     seeds: range = range(0)
     more: More | None = None  #: What else the command leaves.
     stem: str = "report"  #: Name of its numbers and words without suffix.
+    map: str = ""  #: Title of error_map.png, empty for none.
 
 
 def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
     """Write a run; InputError when its folder cannot be written."""
     from testbench.views.recording.run import write_run  # here: matplotlib and rerun take two thirds
     from testbench.views.recording.stream import Header  # of a second
-    from testbench.views.run_figure import overview
+    from testbench.views.run_figure import error_map, overview
 
     with whole_folder(out) as folder:
         found = asked.more(folder) if asked.more else {}
@@ -43,6 +48,8 @@ def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
         picture = folder / asked.picture
         drawn = replace(seen, tables=seen.tables or [own for own in report.tables.values() if own.rows])
         overview(report, drawn).savefig(picture)
+        if asked.map and seen.map and any(np.isfinite(line.values).any() for line in seen.map.lines):
+            error_map(seen.map, asked.map).savefig(folder / MAP)
         header = Header(asked.command, json.dumps(asked.flags, sort_keys=True), next(iter(asked.seeds), 0))
         write_run(folder / "recording.rrd", header, report, drawn, {"Charts": picture})
         write_page(folder, f"{asked.command}: {asked.name}", report, drawn)

@@ -83,19 +83,11 @@ class Report:
         if name in PARTS:
             return Markdown(getattr(self, name))
         if name == "body":
-            return self.rest()
+            return self._rest()
         own = {"statements": self.claims[:MOST], "more": self.claims[MOST:]}[name]
         return Markdown("\n".join(f"- {claim}" for claim in own))
 
-    def has(self, name: str) -> bool:
-        """Whether there is such a part."""
-        return name in (*PARTS, *LISTS) and bool(self.block(name))
-
-    def worst_lines(self) -> list[str]:
-        """Where it is worst, if that is said."""
-        return [*filter(None, [self.worst])]
-
-    def rest(self) -> Markdown:
+    def _rest(self) -> Markdown:
         """What stands below the first sentences in report.md."""
         parts = [part if isinstance(part, Markdown) else self._titled(part) for part in self.body]
         more = self.block("more")
@@ -109,14 +101,8 @@ class Report:
     def whole(self) -> str:
         """report.md."""
         head = [f"# {self.scenario.replace('_', ' ').capitalize()}", self.title, f"**{self.answer}**"]
-        parts = [*head, self.worst, self.block("statements"), self.rest()]
+        parts = [*head, self.worst, self.block("statements"), self._rest()]
         return "\n\n".join(filter(None, parts)) + "\n"
-
-    def summary(self, *parts: Table | str) -> str:
-        """What a recording says first: question, answer in bold, worst place, tables or words, claims."""
-        texts = [part if isinstance(part, str) else grid(part) for part in parts]
-        head = [f"### {self.question}", f"#### **{self.answer}**", *self.worst_lines()]
-        return "\n\n".join([*head, *texts, self.block("statements")])
 
     def json(self) -> dict[str, Any]:
         """report.json: all that any view is made of; a number that is not finite is null."""

@@ -46,7 +46,7 @@ class Study(Generic[O, S, W]):
     seeds: tuple[int, int]  #: How many trials by default, and with `--quick` at most.
     arms: Callable[[S], Sequence[Path]]  #: Folders of the arms that it needs.
     row: type[W]  #: Type of a trial's rows.
-    #: Rows of some seeds, one sequence a seed; a function of a module (see `trials.chunk.Work`).
+    #: Rows of some seeds, one sequence a seed; a function of a module (see `trials.engine.Work`).
     trials: Callable[[S, Sequence[int]], Sequence[Sequence[W]]]
     report: Callable[[S, range, Trials], Report]  #: What all trials say.
     printed: tuple[str, ...]  #: Names of the tables that the terminal shows.

@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 from threadpoolctl import threadpool_limits
 
 from testbench.errors import BenchError
-from testbench.trials.chunk import Chunk, Chunks, Work, WorkersLost, do_chunk
+from testbench.trials.engine import Chunk, Chunks, Work, WorkersLost, do_chunk
 from testbench.trials.experiment import numeric_versions
 
 PATIENCE = 10.0  #: Time that scheduler and workers have to answer [s].

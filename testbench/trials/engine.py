@@ -1,16 +1,73 @@
-"""The engine: the trials that a store lacks are done on a backend, and stored as they come."""
+"""The engine: the trials that a store lacks are done in chunks on a backend, and stored as they come."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing
+from dataclasses import dataclass, is_dataclass
 from itertools import islice
 from typing import Any
 
+import scipy.linalg  # noqa: F401 - its BLAS has to be loaded before it can be limited
+from threadpoolctl import threadpool_limits
+
 from testbench.errors import BenchError
-from testbench.trials.chunk import Backend, Work, WorkersLost
-from testbench.trials.local import here
+from testbench.trials.rows import Table, tabled
 from testbench.trials.store import TrialStore
 
 RETRIES = 3  #: Times in a row that workers may be lost without a single new result.
+Found = Sequence[object]
+Work = Callable[[Sequence[int]], Sequence[Found]]
+"""Does the trials of some seeds: one sequence of rows a seed, in their order.
+
+It is a function of a module, or a partial of one, and what it is given are names, numbers and settings: arms
+and arrays it builds itself, once a chunk. An array that was sent to a worker may lie otherwise in memory,
+which changes the last digits that BLAS gives, and results would depend on where they were computed.
+Randomness comes from `bench.stream` and the seed. The one clock in the rows is `solve_seconds`, of a fit.
+"""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Trials that a worker has done."""
+
+    seeds: Sequence[int]  #: Of the trials.
+    found: Sequence[Table]  #: Their rows by column.
+    problem: str = ""  #: Why there are none; empty if all is well.
+
+
+class WorkersLost(BenchError):
+    """Workers died, or the cluster went away, with trials under way."""
+
+
+Chunks = Generator[Chunk, None, None]
+Backend = Callable[[Work, Iterable[Sequence[int]]], Chunks]
+"""Runs the work on chunks of seeds and gives them back as they are done, in any order.
+
+It raises WorkersLost where trials may be done again. Seeds are drawn as they are needed; closed, it stops.
+"""
+
+
+def do_chunk(work: Work, seeds: Sequence[int]) -> Chunk:
+    """Do trials with one BLAS thread; a problem comes back as words, since not every exception can travel."""
+    try:
+        with threadpool_limits(1):
+            results = work(seeds)
+        return Chunk(seeds, _tables(seeds, results))
+    except (BenchError, ImportError, OSError) as err:
+        return Chunk(seeds, (), f"seeds {seeds[0]} to {seeds[-1]}: {err}")
+
+
+def _tables(seeds: Sequence[int], results: Sequence[Found]) -> list[Table]:
+    if len(results) != len(seeds):
+        raise BenchError(f"expected rows for {len(seeds)} trials, got {len(results)}")
+    wrong = {type(row).__name__ for rows in results for row in rows if not is_dataclass(row)}
+    if wrong:
+        raise BenchError(f"rows: expected dataclasses, got {', '.join(sorted(wrong))}")
+    return [tabled(rows) for rows in results]
+
+
+def here(work: Work, chunks: Iterable[Sequence[int]]) -> Chunks:
+    """The backend of this process."""
+    return (do_chunk(work, seeds) for seeds in chunks)
 
 
 def run_study(
@@ -19,7 +76,7 @@ def run_study(
     """Do all trials that are not stored yet; yields how many are, first those from before.
 
     Results depend on the seeds alone: not on the backend, its workers, the order in which they finish, or on
-    where a run was stopped and resumed. (Processors of another kind give other last digits.) See `chunk.Work`
+    where a run was stopped and resumed. (Processors of another kind give other last digits.) See `Work`
     for what keeps them bit-equal. A chunk has `size` seeds, 0.1 to 1 s of work: a stop loses the chunks under
     way. A study that is one chunk is done by this process, but where the backend is `remote`, which somebody
     asked for; what is left of a larger one is not, as it may be what workers die of.

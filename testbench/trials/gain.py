@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from testbench.trials.spread import Number, ends, merge, middle
+from testbench.trials.spread import Number, ends, middle, spread
 
 ALIKE = 0.02  #: Share of an error that makes no difference.
 
@@ -44,4 +44,7 @@ def gained(ours: str, theirs: str, ours_mm: Sequence[float], theirs_mm: Sequence
         theirs_mm: The other's in the same trials [mm].
     """
     times = [b / a for a, b in zip(ours_mm, theirs_mm, strict=True)]
-    return Gain(ours, theirs, merge(list(ours_mm)), merge(list(theirs_mm)), merge(times), len(times))
+    ours_, theirs_, ratio = (
+        own[0] if all(x == own[0] for x in own) else spread(own) for own in (ours_mm, theirs_mm, times)
+    )
+    return Gain(ours, theirs, ours_, theirs_, ratio, len(times))

@@ -13,7 +13,7 @@ from socket import socketpair
 
 from testbench.child import child
 from testbench.errors import BenchError
-from testbench.trials.chunk import Chunk, Chunks, Work, WorkersLost, do_chunk
+from testbench.trials.engine import Chunk, Chunks, Work, WorkersLost, do_chunk, here
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1"
@@ -44,11 +44,6 @@ def on_cores(work: Work, chunks: Iterable[Sequence[int]], *, workers: int | None
     else:
         first = list(islice(rest, most))
         yield from _in_processes(work, chain(first, rest), len(first))
-
-
-def here(work: Work, chunks: Iterable[Sequence[int]]) -> Chunks:
-    """The backend of this process."""
-    return (do_chunk(work, seeds) for seeds in chunks)
 
 
 def cores() -> int:

@@ -1,10 +1,9 @@
-"""Rows of many trials as medians with their spread: the one place where trials become a summary."""
+"""Numbers of many trials as medians with their spread, and sentences of many as one."""
 
 import math
 import re
-from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
-from typing import TypeVar
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,8 +15,6 @@ NUMBER = re.compile(
     r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]\d+)?(?!\w)(?: to (-?\d+(?:\.\d+)?(?:e[-+]\d+)?)(?!\w))?"
 )
 """A number in a sentence, or a range of numbers."""
-T = TypeVar("T")
-K = TypeVar("K", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -123,41 +120,14 @@ def most_trials(trials: int) -> str:
     )
 
 
-def merge(values: Sequence[T]) -> T:
-    """Records of several trials, all of one type, as one: every number becomes its median and spread.
-
-    A truth value becomes the share of trials in which it holds; what is the same in all trials stays;
-    different words are listed, of tuples of words each one once, and once those that differ in numbers.
-    """
-    return _merge(list(values))  # type: ignore[return-value]  # a dataclass's fields are Numbers
-
-
-def _merge(values: list[object]) -> object:
-    first = values[0]
-    if is_dataclass(first) and not isinstance(first, type):
-        return type(first)(**{f.name: _merge([getattr(v, f.name) for v in values]) for f in fields(first)})
-    if isinstance(first, dict):
-        return {key: _merge([v[key] for v in values if isinstance(v, dict)]) for key in first}
-    if all(v == first for v in values):
-        return first
-    if all(isinstance(v, bool) for v in values):
-        return sum(map(bool, values)) / len(values)
-    if all(isinstance(v, int | float) for v in values):
-        return spread([float(v) for v in values if isinstance(v, int | float)])
-    texts = [v for v in values if isinstance(v, tuple) and all(isinstance(text, str) for text in v)]
-    if len(texts) == len(values):
-        return twins_once(texts)
-    rows = [v for v in values if isinstance(v, list | tuple)]
-    if len(rows) == len(values) and len({len(row) for row in rows}) == 1:
-        return [_merge(list(column)) for column in zip(*rows, strict=True)]
-    return " | ".join(sorted({str(v) for v in values}))
-
-
 def twins_once(texts: Sequence[Sequence[str]]) -> tuple[str, ...]:
     """Sentences of several trials, each once; of those that differ in numbers alone one with their ranges."""
-    every = [(text, trial) for trial, own in enumerate(texts) for text in own]
+    kinds: dict[str, list[tuple[str, int]]] = {}
+    for trial, sentences in enumerate(texts):
+        for text in sentences:
+            kinds.setdefault(NUMBER.sub("#", text), []).append((text, trial))
     found = []
-    for twins in grouped(every, lambda one: NUMBER.sub("#", one[0])).values():
+    for twins in kinds.values():
         own, trials = dict.fromkeys(text for text, _ in twins), {trial for _, trial in twins}
         places = iter(zip(*map(NUMBER.finditer, own), strict=True))
         text = NUMBER.sub(lambda _: _range(next(places)), twins[0][0])  # noqa: B023 - used at once
@@ -173,11 +143,3 @@ def _range(numbers: Sequence[re.Match[str]]) -> str:
     written = [end for m in numbers for end in (m[0].partition(" to ")[0], m[1] or m[0])]
     low, high = min(written, key=float), max(written, key=float)
     return low if float(low) == float(high) else f"{low} to {high}"
-
-
-def grouped(rows: Iterable[T], key: Callable[[T], K]) -> dict[K, list[T]]:
-    """Rows of any number of trials by group, groups in the order in which they first appear."""
-    found: dict[K, list[T]] = {}
-    for row in rows:
-        found.setdefault(key(row), []).append(row)
-    return found

@@ -74,7 +74,7 @@ class TrialStore(Generic[R]):
                     yield seed, unpack(read_at(self._file, place))
 
     def append(self, seeds: Sequence[int], found: Iterable[Table]) -> None:
-        """Add finished trials' rows, from `chunk.do_chunk`; they are on the disk when this returns.
+        """Add finished trials' rows, from `engine.do_chunk`; they are on the disk when this returns.
 
         Raises:
             BenchError: When rows are not of the store's type.

@@ -4,7 +4,7 @@ import math
 import textwrap
 import warnings
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -106,35 +106,6 @@ def least(errors: Mapping[str, Number], beside: str) -> str:
     return words if beside in best.names else f"{words}, {called} {other:.3f} mm"
 
 
-def dots(
-    axes: Axes, rows: Sequence[object], name: Column | None, value: Column, looks: Sequence[Look]
-) -> None:
-    """One dot a row from top to bottom, its spread as a line, the paper's number as a grey diamond.
-
-    Args:
-        axes: Where to.
-        rows: Of a table.
-        name: Names the rows; None where the axes to the left do.
-        value: What is drawn; it labels the axis.
-        looks: One a row.
-    """
-    for y, (row, look) in enumerate(zip(rows, looks, strict=True)):
-        number = value.value(row)
-        axes.plot(ends(number), (y, y), color=look.hex, linewidth=2, alpha=0.6)
-        axes.plot(
-            middle(number), y, look.mark, color=look.hex, markerfacecolor=look.face, markersize=look.size(8)
-        )
-        known = value.known(row)
-        if known:
-            axes.plot(float(known), y, "D", color=SOFT, markersize=5)
-    heads = [f"{name.cell(row)}  " if name else "" for row in rows]
-    numbers = [value.text(middle(value.value(row))) for row in rows]
-    axes.set_yticks(range(len(rows)), [f"{a}{b}" for a, b in zip(heads, numbers, strict=True)])
-    axes.set_ylim(len(rows) - 0.5, -0.5)
-    axes.set_xlabel(labelled(value))
-    quiet(axes)
-
-
 @dataclass(frozen=True)
 class Line:
     """One model over a swept quantity."""
@@ -225,21 +196,47 @@ def forest(
     """
     figure, columns = page(1.9 + 0.3 * len(table.rows)), {column.key: column for column in table.columns}
     name, known = table.columns[0], table.looks or looks(table.rows, table.columns[0])
-    shades = [known[name.cell(row)] for row in table.rows]
     sides = figure.subplots(1, len(panes), squeeze=False)[0]
     for k, (axes, (key, title)) in enumerate(zip(sides, panes.items(), strict=True)):
-        dots(axes, table.rows, None if k else name, columns[key], shades)
+        forest_pane(axes, replace(table, looks=known), columns[key], named=not k)
         log_ticks(axes, "x", *axes.dataLim.intervalx)
-        for y, (row, shade) in enumerate(zip(table.rows, shades, strict=True)):
-            if name.cell(row) == mark:
-                axes.axvline(middle(columns[key].value(row)), color=shade.hex, linewidth=0.8, linestyle=":")
-            if name.cell(row) == table.bold:
-                axes.axhspan(y - 0.5, y + 0.5, color=shade.hex, alpha=0.1, linewidth=0, zorder=0)
+        beaten = [row for row in table.rows if name.cell(row) == mark]
+        for row in beaten:
+            at, shade = middle(columns[key].value(row)), known[name.cell(row)].hex
+            axes.axvline(at, color=shade, linewidth=0.8, linestyle=":")
         if isinstance(mark, float):
             axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
         axes.set_title(title, fontsize="medium")
     say(figure, answer, reading)
     return figure
+
+
+def forest_pane(axes: Axes, table: Table, value: Column, *, named: bool = True) -> None:
+    """One dot a row from top to bottom in its look, its spread a line, the paper's number a grey diamond.
+
+    Args:
+        axes: Where to.
+        table: Its rows have looks; the one that it marks has a band.
+        value: What is drawn; it labels the axis.
+        named: Whether the rows are named beside their numbers; else the axes to the left do.
+    """
+    name = table.columns[0]
+    for y, row in enumerate(table.rows):
+        number, look = value.value(row), table.looks[name.cell(row)]
+        axes.plot(ends(number), (y, y), color=look.hex, linewidth=2, alpha=0.6)
+        axes.plot(
+            middle(number), y, look.mark, color=look.hex, markerfacecolor=look.face, markersize=look.size(8)
+        )
+        if known := value.known(row):
+            axes.plot(float(known), y, "D", color=SOFT, markersize=5)
+        if name.cell(row) == table.bold:
+            axes.axhspan(y - 0.5, y + 0.5, color=look.hex, alpha=0.1, linewidth=0, zorder=0)
+    heads = [f"{name.cell(row)}  " if named else "" for row in table.rows]
+    numbers = [value.text(middle(value.value(row))) for row in table.rows]
+    axes.set_yticks(range(len(heads)), [f"{a}{b}" for a, b in zip(heads, numbers, strict=True)])
+    axes.set_ylim(len(heads) - 0.5, -0.5)
+    axes.set_xlabel(labelled(value))
+    quiet(axes)
 
 
 def sweeps(

@@ -65,19 +65,7 @@ class Told(Protocol):
     """The words of a report, whatever makes them."""
 
     def block(self, name: str) -> Markdown:
-        """One part, such as question, title, answer, worst, statements, more, body."""
-        ...
-
-    def has(self, name: str) -> bool:
-        """Whether there is such a part."""
-        ...
-
-    def worst_lines(self) -> list[str]:
-        """Where it is worst, if that is said."""
-        ...
-
-    def rest(self) -> str:
-        """What stands below the first sentences."""
+        """One part, empty where it has none: question, title, answer, worst, statements, more, body."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""The picture of any run, made of what its page draws: the first poses from aside and above, its charts."""
+"""Pictures of any run, made of what its page draws: models, the first poses, charts; and its maps."""
 
 import math
 import re
@@ -8,14 +8,29 @@ from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.ticker import MaxNLocator
 
+from testbench.errors import Array
 from testbench.trials.spread import Spread, ends, middle
 from testbench.views.colours import hexadecimal
-from testbench.views.figure import FAR, SMALL, SOFT, Figure, dots, log_ticks, page, quiet, say, short
-from testbench.views.markdown import Told, as_plain
-from testbench.views.scene import Layer, Poses, RunChart, Seen
-from testbench.views.schema import Column, Table, brackets, looks
+from testbench.views.figure import (
+    FAR,
+    SIZES,
+    SMALL,
+    SOFT,
+    Figure,
+    forest_pane,
+    log_ticks,
+    page,
+    quiet,
+    say,
+    short,
+)
+from testbench.views.markdown import Told, as_plain, place
+from testbench.views.scene import Layer, PlaceMap, Poses, RunChart, Seen, scale_of
+from testbench.views.schema import Column, Table, brackets, looks, plain
 
 SIDES = {"from aside": (0, 2), "from above": (0, 1)}
 """World axes to the right and up."""
@@ -24,6 +39,12 @@ HEAD, SCENE, KEY, CHART = 1.4, 3.6, 0.35, 2.3
 KEYS, NAME = 3, 40  #: Names on a line of the key, letters of a line of one.
 SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z])")  #: Where one ends.
 BARS, NAMED = 40, 24  #: Poses up to which a chart has dots, and labels that an axis has room for.
+DOT, LEAST = 26.0, 0.3
+"""Size of the dot of the greatest error [pt^2], and that of the least over it [1]: colour is never alone."""
+HEIGHT, PANES, PANE, MAPS = 2.0, 8.0, 2.9, 4
+"""Of title and caption, the width that all maps share, that of one at most [in], and how many at most."""
+NARROW = 0.4
+"""A drawn side over the longest one at least [1]: arms that move in a plane or not at all have panes too."""
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
 FOREST, ROW, ROWS = 0.9, 0.27, 15
 """Height of a table of models without its rows, of a row [in]; rows at most."""
@@ -121,10 +142,7 @@ def _size(column: Column, row: object) -> float:
 def _forest(axes: Axes, table: Table, column: Column) -> None:
     """A dot a model with the ends of its spread; the winner has a band."""
     name = table.columns[0]
-    shades = [table.looks[name.cell(row)] for row in table.rows]
-    dots(axes, table.rows, name, column, shades)
-    if table.bold == name.cell(table.rows[0]):
-        axes.axhspan(-0.5, 0.5, color=shades[0].hex, alpha=0.1, linewidth=0, zorder=0)
+    forest_pane(axes, table, column)
     reached = np.array([ends(column.value(row)) for row in table.rows])
     if reached.max() > FAR * reached.min() > 0:
         log_ticks(axes, "x", float(reached.min()), float(reached.max()))
@@ -166,3 +184,81 @@ def _chart(axes: Axes, chart: RunChart) -> None:
     axes.set_ylim(min(0.0, axes.get_ylim()[0]), None)
     axes.legend(frameon=False, fontsize=SMALL, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     quiet(axes)
+
+
+def error_map(found: PlaceMap, title: str) -> Figure:
+    """A column a map: the places from aside and from above, the worst of each named.
+
+    Args:
+        found: One line at least has a number.
+        title: Whose errors they are, and under which load.
+    """
+    there = np.isfinite(found.at).all(axis=1)
+    at, lines = found.at[there], found.lines[:MAPS]
+    values = {line.name: line.values[there] for line in lines}
+    ends = _ends(at)
+    sides, wide = ends[1] - ends[0], min(PANE, PANES / len(lines))
+    rows = [wide * float(sides[plane[1]] / sides[0]) for plane in SIDES.values()]
+    figure = page(HEIGHT + sum(rows))
+    panes = figure.subplots(2, len(lines), sharex="col", sharey="row", height_ratios=rows, squeeze=False)
+    scale = scale_of(*values.values())
+    for (name, mm), column in zip(values.items(), panes.T, strict=True):
+        for axes, plane in zip(column, SIDES.values(), strict=True):
+            _places(axes, at[:, plane], mm, scale.shares(mm))
+            axes.update_datalim(ends[:, plane])
+            if axes in panes[:, 0]:
+                axes.set_ylabel(f"{'xyz'[plane[1]]} [m]")
+        known = mm[np.isfinite(mm)]
+        size = f"median {np.median(known):.3f} mm" if known.size else found.without
+        column[0].set_title(f"{name}: {size}", fontsize="medium")
+        column[-1].set_xlabel("x [m]")
+    norm = (LogNorm if scale.logarithmic else Normalize)(*scale.ends, clip=True)
+    what, *_ = re.split(" (?:of|over|in) ", found.title)
+    words = f"{what.lower()} [{scale.words}]"
+    bar = figure.colorbar(ScalarMappable(norm, SIZES), ax=panes, label=words, fraction=0.03, pad=0.02)
+    if scale.logarithmic:
+        log_ticks(bar.ax, "y", *scale.ends)
+        bar.ax.set_ylim(*scale.ends)
+    worst = {name: int(np.nanargmax(mm)) for name, mm in values.items() if np.isfinite(mm).any()}
+    largest = ", ".join(f"{name} {values[name][k]:.3f} mm" for name, k in worst.items())
+    where = "; ".join(f"{name} at {place(at[k])}" for name, k in worst.items())
+    rings = f" Grey rings: {found.without}." if found.without else ""
+    reading = f"{found.title}. Circles, the worst place: {where}.{rings}"
+    say(figure, f"{title}, {what.lower()}: at most {largest}", reading)
+    return figure
+
+
+def _ends(at: Array) -> Array:
+    """Least and greatest of what is drawn (2, 3) [m], of places (places, 3) [m]."""
+    least, most = at.min(axis=0), at.max(axis=0)
+    spans = most - least
+    more = np.maximum(spans, NARROW * spans.max() or 1.0) - spans
+    return np.array([least - more / 2, most + more / 2])
+
+
+def _places(axes: Axes, at: Array, mm: Array, share: Array) -> None:
+    """One side of one map: places in the plane (places, 2) [m], errors [mm] and their shares of the scale."""
+    known = np.isfinite(mm)
+    if not known.all():
+        axes.plot(*at[~known].T, "o", markersize=4, markerfacecolor="none", color=SOFT)
+    order = np.argsort(share)[: known.sum()]  # the greatest on top
+    sizes = DOT * (LEAST + (1 - LEAST) * share[order])
+    x, y = at[order].T
+    axes.scatter(x, y, s=sizes, c=SIZES(share[order]), linewidths=0)
+    axes.set_aspect("equal")
+    quiet(axes)
+    if not known.any():
+        return
+    worst = int(np.nanargmax(mm))
+    axes.plot(*at[worst], "o", markersize=10, markerfacecolor="none", color="black")
+    inward = np.sign(at.mean(axis=0) - at[worst])
+    axes.annotate(
+        f"{plain(f'{mm[worst]:.3g}')} mm",
+        at[worst],
+        xytext=12 * inward,
+        textcoords="offset points",
+        ha="left" if inward[0] > 0 else "right",
+        va="bottom" if inward[1] > 0 else "top",
+        fontsize=SMALL,
+        bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 1.5},
+    )

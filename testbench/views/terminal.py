@@ -99,17 +99,16 @@ def print_words(console: Console, words: Told, tables: list[Table], where: str =
 def print_answer(console: Console, words: Told) -> None:
     """The answer, and where it is worst."""
     console.print(as_plain(words.block("answer")), style="bold")
-    for text in words.worst_lines():
-        console.print(as_plain(text))
+    if words.block("worst"):
+        console.print(as_plain(words.block("worst")))
 
 
 def print_statements(console: Console, words: Told, where: str = MORE) -> None:
     """What else is to be said, a list; there are more where it says."""
-    if words.has("statements"):
+    if words.block("statements"):
         console.print(Markdown(words.block("statements")))
-    more = words.block("more").count("\n- ") + 1 if words.has("more") and words.block("more") else 0
-    if more:
-        console.print(f" {more} more {where}")
+    if words.block("more"):
+        console.print(f" {len(words.block('more').splitlines())} more {where}")
 
 
 def looked_at(out: Path) -> list[str]:

@@ -73,9 +73,9 @@ def test_constants_of_virtual_joints_are_poses_of_joints(slides, rng):
 def test_a_new_urdf_is_the_model_to_mujoco_too(ur10, rng, tmp_path):
     state, out = planted(ur10, rng, ends=True), tmp_path / "new.urdf"
     done = export(state, draft_new(state), out)
-    assert (done.back.poses, done.tip) == (1000, "tool")
-    assert max(done.back.position_um, done.back.rotation_urad) < 1e-4
-    assert 0.1 < done.geometry.rms_mm < 5
+    assert (done.poses, done.tip) == (1000, "tool")
+    assert max(done.position_um, done.rotation_urad) < 1e-4
+    assert 0.1 < done.geometry_mm[0] < 5
     keep = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'
     model = mujoco.MjModel.from_xml_string(out.read_text().replace("</robot>", keep))
     data, q = mujoco.MjData(model), random_joints(state.vjm)[:30]
@@ -148,7 +148,7 @@ def test_an_own_urdf_of_any_arm_is_read_back(any_arm, rng, tmp_path, digits):
     state = planted(any_arm, rng)
     (file := tmp_path / "own.urdf").write_text(own_urdf(state.vjm, rng, digits=digits)[0])
     done = export(state, draft_own(state, file), tmp_path / "new.urdf")
-    assert max(done.back.position_um, done.back.rotation_urad) < 1e-4
+    assert max(done.position_um, done.rotation_urad) < 1e-4
 
 
 def levers(axes, place, tool, wrench):

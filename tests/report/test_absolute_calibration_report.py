@@ -7,7 +7,7 @@ from made_up import fill
 from reports import check, table_of
 
 from testbench.report.table import find
-from testbench.studies.absolute_calibration import settings as s
+from testbench.studies.absolute_calibration import trial as s
 from testbench.studies.absolute_calibration.report import BY, LOOKS, OPTIMUM, figures, report
 from testbench.studies.absolute_calibration.trial import FitRow, Held
 from testbench.views.colours import GCO, LEAST_SQUARES
@@ -116,19 +116,22 @@ def test_joint_errors_that_are_kept_without_any_are_counted(kept, share):
     assert (own.gears_kept_percent, own.links_kept_percent) == (share, 0)
 
 
+def drawn_axes(found):
+    return figures(found)["absolute_calibration.png"].axes
+
+
 def test_the_figure_draws_the_numbers_in_the_colour_of_each_model():
     found, _ = made()
-    [axes] = figures(found)["absolute_calibration.png"].axes
-    for arm in s.ARMS:
-        for name, key in ((s.CHOSEN, "error_mm"), (s.INCUMBENT, "error_mm"), (OPTIMUM, "optimum_mm")):
-            model = s.ALL if name == OPTIMUM else name
+    for axes, arm in zip(drawn_axes(found), s.ARMS, strict=True):
+        for name in (s.INCUMBENT, s.ALL, s.CHOSEN, OPTIMUM):
+            model, key = (s.ALL, "optimum_mm") if name == OPTIMUM else (name, "error_mm")
             rows = [find(found.numbers["models"], arm=arm, poses=n, name=model) for n in NUMBERS]
-            assert curves(axes)[f"{arm}: {name}"][1] == pytest.approx([own[key].median for own in rows])
-            [line] = [line for line in axes.get_lines() if line.get_label() == f"{arm}: {name}"]
+            assert curves(axes)[name][1] == pytest.approx([own[key].median for own in rows])
+            [line] = [line for line in axes.get_lines() if line.get_label() == name]
             assert line.get_color() == LOOKS[name].hex
     assert (LOOKS[s.ALL].colour, LOOKS[s.ALL_LS].colour) == (GCO, LEAST_SQUARES)
     found, _ = made(numbers=(200,))
-    for axes, arm in zip(figures(found)["absolute_calibration.png"].axes, s.ARMS, strict=True):
+    for axes, arm in zip(drawn_axes(found), s.ARMS, strict=True):
         for y, name in enumerate(s.BY_POSES):
             own = find(found.numbers["models"], arm=arm, name=name)
             dot = [line for line in axes.get_lines() if np.ravel(line.get_ydata()).tolist() == [y]]

@@ -67,10 +67,8 @@ def test_numbers_of_every_solver_are_those_of_its_seeds():
             ("over the bound", row.relative_excess_bound, ".1e"),
             ("of them elsewhere", row.local_solves_elsewhere, "d"),
             ("RMS check, true, mm", row.check_true.rms_mm, ".3f"),
-            ("95 % check, true, mm", row.check_true.p95_mm, ".3f"),
         ):
             assert shown[title] == show(value, form), title
-    assert f["least_ratio"] == np.nanmin(trials.where(key="a")["solver.ratio_to_conic"])
     counted = trials.where(key=("a", "a'", "b", "c"))["solver.local_solves_elsewhere"]
     assert (f["local_solves"], f["elsewhere"]) == (48, counted.sum())
     for m, row in zip(ORDERS, f["local_minima"].values(), strict=True):
@@ -88,7 +86,6 @@ def test_who_is_above_whom_is_judged_by_f_m(least):
     found, trials = made(**{least: 5.0})
     f, rows = found.numbers, {row.key: row for row in found.numbers["solvers"]}
     assert f["conic_never_above_paper"] == (least != "a")
-    assert f["met_up_to_the_certified_bound"] == (least != "a")
     assert f["largest_relative_excess_of_d_over_any"] == pytest.approx(0.0 if least == "d" else 0.2)
     assert ("never ends above" in found.answer) == (least != "a")
     assert ("In 3 seeds (d) ends up to " in found.claims[0]) == (least != "d")

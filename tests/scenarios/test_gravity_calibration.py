@@ -11,10 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from checks import check_markdown
 from chromium import DESKTOP, IDLE, PHONE
 from pyarrow import parquet
-from run_here import app_of, heed_ctrl_c, here, numbers_alone
+from run_here import app_of, check_files, heed_ctrl_c, here, numbers_alone
 
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate
@@ -39,10 +38,6 @@ MODELS = {
     "MGCO68": 68, "Joints + prior": 6, "MLS56 + prior": 56, "MGCO56 + prior": 56, "MGCO68 + prior": 68,
     "ALL153 + prior": 153,
 }  # fmt: skip
-FILES = {
-    "dataset.csv", "report.json", "report.md", "report.html", "recording.rrd", "manifest.json", "models.png",
-    "trials.parquet",
-}  # fmt: skip
 
 
 def run(*args, **kwargs):
@@ -59,12 +54,7 @@ def quick(tmp_path_factory):
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
-    out, done = quick
-    assert {p.name for p in out.iterdir()} - {"trials.jsonl"} == FILES
-    check_markdown((out / "report.md").read_text())
-    assert done.stderr == ""
-    for name in FILES - {"manifest.json"}:
-        assert str(out / name) in done.stdout
+    check_files(quick, "models.png")
 
 
 @pytest.mark.parametrize("width", [PHONE, DESKTOP])
@@ -153,9 +143,6 @@ def test_campaign_is_that_of_section_6(quick):
     assert len(np.unique(data.pose)) == 11
     assert data.sigma == 50e-6
     assert (data.wrench[:, 2] == -460.3 * 9.81).all()
-    size = 1e3 * np.linalg.norm(data.deflection, axis=-1)
-    assert report["deflection_min_mm"] == pytest.approx(size.min(), rel=1e-12)
-    assert 1.5 < size.min() < size.max() < 10
 
 
 def test_the_demo_measures_cast_links_that_no_template_holds(tmp_path):
@@ -186,8 +173,7 @@ def test_every_prior_learns_how_wrong_it_is_and_is_that_of_the_folder():
 def test_manifest_names_scenario_seed_versions_commit_and_model_files(quick):
     manifest = json.loads((quick[0] / "manifest.json").read_text())
     assert manifest["scenario"]["scenario"]["payload"] == 460.3
-    assert manifest["scenario"]["true_arm"] == "family"
-    assert manifest["seed"] == 3
+    assert (manifest["scenario"]["true_arm"], manifest["seed"]) == ("family", 3)
     assert set(manifest["versions"]) >= {"testbench", "mujoco", "pin", "clarabel"}
     assert set(manifest["models"]["kr500_l480"]) >= {"rigid.xml", "elastic.toml"}
     assert manifest["git"]
@@ -256,17 +242,13 @@ def test_noise_free_linear_truth_separates_model_error_from_noise(tmp_path):
 BAD_FLAGS = [
     (["--nonsense"], "No such option: --nonsense"),
     (["--seed", "-1"], "--seed"),
-    (["--seed", "x"], "--seed"),
-    (["--truth", "cubic"], "--truth"),
     (["--true-arm", "steel"], "--true-arm"),
-    (["--payload-kg", "-5"], "payload"),
     (["--payload-kg", "nan"], "payload"),
     (["--sigma-um", "0"], "sigma"),
     (
         ["--arm", "no/such/arm"],
         "no/such/arm: expected a folder with rigid.xml and elastic.toml, or one of arm_6r",
     ),
-    (["--payload-kg", "20000"], "payload"),
 ]
 
 
@@ -314,4 +296,4 @@ def test_ctrl_c_leaves_earlier_results_whole(quick, tmp_path):
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert re.fullmatch(r"interrupted: earlier results stand as they were(; at least .*)?\n", err)
-    assert {name: (out / name).read_bytes() for name in FILES} == {name: before[name] for name in FILES}
+    assert {p.name: p.read_bytes() for p in out.iterdir() if p.name in before} == before

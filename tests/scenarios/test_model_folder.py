@@ -42,7 +42,7 @@ def written(cell, runs, name, folder, prior=False):
 
 @pytest.mark.parametrize(
     ("name", "prior"),
-    [("MLS56", False), ("MLS32", False), ("MGCO47", False), ("MGCO56", False), ("ALL153", True)],
+    [("MLS56", False), ("MLS32", False), ("MGCO47", False), ("ALL153", True)],
 )
 def test_a_model_is_read_back_bit_by_bit_with_its_intervals(kr500, runs, tmp_path, name, prior):
     estimate = written(kr500, runs, name, tmp_path / "model", prior=prior)
@@ -178,13 +178,11 @@ TAMPERED = [
 ]
 
 
-@pytest.mark.parametrize(("at", "new", "words"), TAMPERED)
-def test_what_does_not_belong_together_is_said(small, tmp_path, at, new, words):
-    folder = shutil.copytree(small, tmp_path / "model")
-    written_again(folder, spoil((small / "model.json").read_text(), at, new))
-    with pytest.raises(InputError) as caught:
-        tb.load_model(folder)
-    assert words in str(caught.value)
+ARRAYS = [
+    ({"scale": np.full(6, np.nan)}, "scale: expected finite numbers"),
+    ({"root": np.eye(6, dtype=complex)}, "root: expected numbers of double precision"),
+    ({"pi": np.full(6, -1e-7)}, "are of two models"),
+]
 
 
 def posterior(folder, **changed):
@@ -193,23 +191,16 @@ def posterior(folder, **changed):
     np.savez(folder / "posterior.npz", **arrays)
 
 
-@pytest.mark.parametrize(
-    ("changed", "words"),
-    [
-        ({"root": np.zeros((3, 5))}, "root: expected shape (any, 6), got (3, 5)"),
-        ({"scale": np.full(6, np.nan)}, "scale: expected finite numbers"),
-        ({"root": np.array([[{}]], dtype=object)}, "expected the posterior of a model: Object arrays"),
-        ({"root": np.eye(6, dtype=complex)}, "root: expected numbers of double precision"),
-        ({"pi": np.full(6, -1e-7)}, "are of two models"),
-    ],
-)
-def test_a_posterior_that_is_none_is_one_line(small, tmp_path, changed, words):
+@pytest.mark.parametrize("case", [*TAMPERED, *ARRAYS])
+def test_what_does_not_belong_together_is_said(small, tmp_path, case):
     folder = shutil.copytree(small, tmp_path / "model")
-    posterior(folder, **changed)
-    written_again(folder, json.loads((folder / "model.json").read_text()))
-    with pytest.raises(InputError) as caught:
-        tb.load_model(folder)
-    assert words in str(caught.value)
+    document = json.loads((small / "model.json").read_text())
+    if isinstance(case[0], dict):
+        posterior(folder, **case[0])
+    else:
+        document = spoil((small / "model.json").read_text(), *case[:2])
+    written_again(folder, document)
+    assert case[-1] in refusal(folder)
 
 
 def test_a_posterior_cut_anywhere_is_one_line(small, tmp_path):

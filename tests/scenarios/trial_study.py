@@ -14,9 +14,8 @@ from rich.console import Console
 
 from testbench.output.run import whole_folder
 from testbench.shell import command, interrupt
-from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common, takes
-from testbench.shell.progress import show_progress
+from testbench.shell.trials import choose_backend, show_progress
 from testbench.trials.engine import run_study
 from testbench.trials.experiment import Experiment
 from testbench.trials.store import open_store, write_parquet

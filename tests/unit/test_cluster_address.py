@@ -9,8 +9,8 @@ import pytest
 from run_here import here
 
 from testbench.errors import BenchError
-from testbench.shell.backend import choose_backend
 from testbench.shell.options import Common
+from testbench.shell.trials import choose_backend
 from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.run import app
 from testbench.trials.cluster import check_address, on_cluster
@@ -120,7 +120,7 @@ def test_certificates_are_asked_for_whatever_there_is_to_do(tmp_path):
 
 def test_a_study_of_one_chunk_goes_to_the_cluster_that_is_asked_for(tmp_path, monkeypatch):
     """It was done here, in silence, however wrong the address."""
-    monkeypatch.setattr("testbench.shell.backend.on_cluster", partial(on_cluster, patience=0.3))
+    monkeypatch.setattr("testbench.shell.trials.on_cluster", partial(on_cluster, patience=0.3))
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"

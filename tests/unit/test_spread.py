@@ -1,28 +1,13 @@
-"""Records of several trials as one."""
-
-from dataclasses import dataclass
+"""Numbers of several trials with their spread, and sentences each once."""
 
 import numpy as np
 import pytest
 
-from testbench.trials.spread import Number, Share, Spread, merge, most_trials, spans, spread, wins
+from testbench.trials.spread import most_trials, spans, spread, twins_once, wins
 from testbench.views import terminal
 from testbench.views.figure import of_seeds
 from testbench.views.page import html
 from testbench.views.schema import Column, Table, brackets
-
-
-@dataclass(frozen=True)
-class Row:
-    f_m: Number
-    solved: Share
-    name: str
-    advice: tuple[str, ...]
-
-
-def test_numbers_have_a_spread_truths_a_share_and_what_is_the_same_stays():
-    rows = [Row(float(k), k > 1, "MGCO47", ("weigh it",)) for k in range(1, 6)]
-    assert merge(rows) == Row(Spread(3.0, 1.2, 4.8), 0.8, "MGCO47", ("weigh it",))
 
 
 def test_a_spread_is_numpys_percentiles_to_the_bit(rng):
@@ -33,19 +18,10 @@ def test_a_spread_is_numpys_percentiles_to_the_bit(rng):
         np.testing.assert_array_equal([own.median, own.p05, own.p95], wanted)
 
 
-def test_different_words_of_several_trials_are_listed_each_once():
-    """A reader gets sentences, never a Python tuple."""
-    rows = [
-        Row(1.0, True, name, advice) for name, advice in (("b", ("x", "y")), ("a", ()), ("b", ("z", "x")))
-    ]
-    assert merge(rows) == Row(1.0, True, "a | b", ("x", "y", "z"))
-
-
 def test_sentences_that_differ_in_numbers_alone_are_told_once_with_their_ranges_and_count():
     """302 bullets of one report differed in a number; names of models are no numbers."""
     off = [(f"MGCO56: F_M is {f_m} where noise alone leaves 1.7",) for f_m in (3.54, 10.2, 6)]
-    found = merge([Row(1.0, True, "a", advice) for advice in (*off, ("MGCO68: F_M is 3",), ("weigh it",))])
-    assert found.advice == (
+    assert twins_once((*off, ("MGCO68: F_M is 3",), ("weigh it",))) == (
         "MGCO56: F_M is 3.54 to 10.2 where noise alone leaves 1.7 (3 of 5 trials)",
         "MGCO68: F_M is 3",
         "weigh it",

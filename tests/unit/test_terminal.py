@@ -4,6 +4,8 @@ import re
 from pathlib import Path
 
 import testbench
+from testbench.report.table import Row
+from testbench.trials.spread import spread
 from testbench.views.schema import Column, Table
 from testbench.views.terminal import grid, plain_console
 
@@ -22,6 +24,42 @@ def test_brackets_and_colons_in_names_are_printed_as_they_are(capsys):
     assert title.strip() == last == "".join(NAMES)
     assert head.split() == ["model", *NAMES]
     assert [line.split()[-len(NAMES) :] for line in lines[1:]] == [[name] * len(NAMES) for name in NAMES]
+
+
+def test_a_table_has_medians_and_below_them_the_ends_of_their_spread_and_the_papers_numbers():
+    columns = (
+        Column("name", "model", called={"a": "model A"}),
+        Column("error", "RMS error", "mm", paper="error", short="RMS\nmm"),
+        Column("n", "trials", form=".0f", exact=True),
+        Column("solved", "solved", form="yes"),
+        Column("um", "bias", "um", form=".1f", scale=1e3),
+    )
+    rows = [
+        Row(
+            name="a",
+            error=spread([1.0, 2.0, 4.0]),
+            n=spread([3, 5, 9]),
+            solved=0.5,
+            um=0.002,
+            paper=Row(error=1.5),
+        ),
+        Row(name="b", error=0.25, n=None, solved=True, um=None, paper=Row()),
+    ]
+    found = grid(Table(columns, rows, bold="b"))
+    assert [str(column.header) for column in found.columns] == [
+        "model",
+        "RMS\nmm",
+        "trials",
+        "solved",
+        "bias\num",
+    ]
+    assert list(zip(*(column.cells for column in found.columns), strict=True)) == [
+        ("model A", "2.000", "5", "50 %", "2.0"),
+        ("  least of 3", "1.000", "", "", ""),
+        ("  most", "4.000", "", "", ""),
+        ("  paper", "1.5", "", "", ""),
+        ("* b", "0.250", "-", "yes", "-"),
+    ]
 
 
 def test_what_steers_a_terminal_is_replaced_in_lines_and_tables(capsys):

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from testbench.errors import BenchError, InputError
-from testbench.trials.chunk import do_chunk
+from testbench.trials.engine import do_chunk
 from testbench.trials.experiment import Experiment
 from testbench.trials.parquet import batches, open_trials
 from testbench.trials.records import HEADER, LONGEST, MAGIC, pack, record, records

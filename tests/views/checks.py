@@ -4,17 +4,15 @@ The checks read what was written (Markdown, a terminal's table, a figure's artis
 paths such as "check.rms_mm" that the tests write down themselves: a column with a wrong key shows.
 """
 
-import io
 import re
 from collections.abc import Mapping
 from decimal import Decimal
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from testbench.trials.spread import Spread, middle
-from testbench.views import markdown, terminal
+from testbench.trials.spread import Spread
+from testbench.views import markdown
 
 UNITS = {
     "mm": 1e-3, "um": 1e-6, "m": 1.0, "%": 1e-2, "s": 1.0, "ms": 1e-3, "kg": 1.0, "N": 1.0, "deg": 1.0,
@@ -26,8 +24,6 @@ BARE = ("%", "ppm", "10^-6 SI")
 """Units in a heading that no field's name has."""
 WORDS = {"percent": "%", "seconds": "s"}
 """Last words of a field's name that are units by another name; those that are no unit have none."""
-ENDS = re.compile(r"  (5 %|least of \d+)|  (95 %|most)|  paper")
-"""Names of lines below a row of a terminal."""
 NUMBER = r"[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 
 
@@ -67,13 +63,12 @@ def in_unit(title, path, value):
     return factor * value
 
 
-def shows(text, value, beside=0.0):
+def shows(text, value):
     """Whether a text is a report's value: numbers rounded to the digits shown, which must tell them from 0.
 
     Args:
         text: What people see.
         value: Of the report.
-        beside: Size of a number that stands with it and has the same digits.
     """
     if value is None:
         return text == "-"
@@ -89,7 +84,7 @@ def shows(text, value, beside=0.0):
     shown = re.findall(NUMBER, text)
     if len(shown) != len(numbers) or text != form.format(*shown):
         return False
-    size = max(beside, *map(abs, numbers))
+    size = max(map(abs, numbers))
     return all(_rounded(text, number, size) for text, number in zip(shown, numbers, strict=True))
 
 
@@ -111,76 +106,30 @@ def tables_of(text):
     return found
 
 
-def check_table(table, rows, means, known=None):
-    """In Markdown and in a terminal a table shows the report's numbers under headings with their units.
+def check_table(table, rows, means):
+    """A table shows the report's numbers under headings with their units.
 
     Args:
         table: What the study declares.
         rows: Those of the report that it must show, from top to bottom.
         means: Path in a row by heading as people read it, unit included, from left to right.
-        known: Paths to the paper's numbers by heading.
     """
     [(head, cells)] = tables_of(markdown.grid(table))
     assert head == list(means)
     assert len(cells) == len(rows)
     for row, line in zip(rows, cells, strict=True):
         for (title, path), cell in zip(means.items(), line, strict=True):
-            own, paper = re.fullmatch(r"(.*?)(?: \[(.*)\])?", cell).groups()
-            value = _called(table, title, in_unit(title, path, at(row, path)))
-            assert shows(own, _shown(table, title, value)), (title, path, cell, value)
-            if paper or (known and title in known and at(row, known[title]) is not None):
-                value = in_unit(title, known[title], at(row, known[title]))
-                same = shows(paper, value) if isinstance(value, bool) else _near(paper, value)
-                assert same, (title, cell)
-    check_terminal(table, rows, means)
-
-
-def _near(text, value):
-    return float(text) == pytest.approx(value, rel=0.01)
-
-
-def check_terminal(table, rows, means):
-    """The same in a terminal: medians, then a line for each end, the unit in the heading."""
-    drawn = terminal.grid(table)
-    lines = list(zip(*(list(column.cells) for column in drawn.columns), strict=True))
-    for column, (title, path) in zip(drawn.columns, means.items(), strict=True):
-        head = " ".join(str(column.header).split())
-        assert not unit_of(path) or head.endswith(title.rpartition(", ")[2]), title
-    for row in rows:
-        first, *others = lines.pop(0)
-        title, path = next(iter(means.items()))
-        assert shows(first.removeprefix("* "), _called(table, title, in_unit(title, path, at(row, path))))
-        ends = {"median": others}
-        while lines and (found := ENDS.match(lines[0][0])):
-            ends["least" if found[1] else "most" if found[2] else "paper"] = lines.pop(0)[1:]
-        ends.pop("paper", None)
-        for k, (title, path) in enumerate(list(means.items())[1:]):
-            value = _called(table, title, in_unit(title, path, at(row, path)))
-            numbers = [middle(value), *ends_of(value)] if isinstance(value, Spread) else 3 * [value]
-            for (end, cells), own in zip(ends.items(), numbers, strict=False):
-                spread = not table.across and isinstance(_shown(table, title, value), Spread)
-                beside = max(map(abs, numbers)) if isinstance(value, Spread) else 0.0
-                shown = shows(cells[k], own, beside) if end == "median" or spread else cells[k] == ""
-                assert shown, (title, end)
-    assert not lines
+            [column] = [c for c in table.columns if c.title == title]
+            value = in_unit(title, path, at(row, path))
+            value = column.called.get(value, value) if isinstance(value, str) else value
+            own = re.sub(r" \[.*\]$", "", cell)  # the paper's number
+            alone = isinstance(value, Spread) and (column.exact or len(set(ends_of(value))) == 1)
+            assert shows(own, value.median if alone else value), (title, path, cell, value)
 
 
 def ends_of(value):
     """What a reader sees of a spread: percentiles, of fewer than 20 trials the range."""
     return (value.least, value.most) if 0 < value.trials < 20 else (value.p05, value.p95)
-
-
-def _called(table, title, value):
-    """What readers call a key."""
-    own = [c.called.get(value, value) for c in table.columns if c.title == title and isinstance(value, str)]
-    return own[0] if own else value
-
-
-def _shown(table, title, value):
-    """The median alone where nothing is spread, or no spread is wanted."""
-    [column] = [c for c in table.columns if c.title == title]
-    alone = isinstance(value, Spread) and (column.exact or len(set(ends_of(value))) == 1)
-    return value.median if alone else value
 
 
 def check_pivot(table, rows, paths, unit="", called=({}, {})):
@@ -205,31 +154,6 @@ def check_pivot(table, rows, paths, unit="", called=({}, {})):
         name, level = (own.get(key, key) for own, key in zip(called, (str(name), level), strict=True))
         value = value.median if exact and isinstance(value, Spread) else value
         assert shows(cells[str(name), level + behind], value), (name, level, value)
-    fields = {"name": "name"} | {
-        title: column.key for title, column in zip(head[1:], table.columns[1:], strict=True)
-    }
-    check_terminal(table, table.rows, fields)
-
-
-def check_report(study, report, width=80):
-    """Every table in report.md is a declared one, and what is printed fits a terminal.
-
-    Returns:
-        report.md.
-    """
-    tables, words = study.tables(report), study.words(report)
-    text = words.whole()
-    declared = [tables_of(markdown.grid(table))[0] for table in tables.values()]
-    assert all(found in declared for found in tables_of(text))
-    assert words.block("answer") in " ".join(text.split())
-    console = Console(width=width, record=True, file=io.StringIO())
-    terminal.print_words(console, words, [tables[name] for name in study.printed])
-    printed = console.export_text()
-    assert "…" not in printed
-    for name in study.printed:
-        assert console.measure(terminal.grid(tables[name])).minimum <= width, name
-    assert words.block("answer") in " ".join(printed.split())
-    return text
 
 
 MOST_WORDS, MOST_SENTENCES, MOST_STATEMENTS = 25, 2, 5
@@ -338,33 +262,6 @@ def looks_differ(legend):
         for h in legend.legend_handles
     ]
     assert len(set(seen)) == len(seen), seen
-
-
-def summaries(study, settings, seeds, trials):
-    """What tests of a study's views begin with.
-
-    Args:
-        study: The study.
-        settings: What it was asked for.
-        seeds: Of its trials.
-        trials: Makes the rows up, from rng.
-
-    Returns:
-        The summary of any rows, a fixture of made-up rows, and one of their report, both made once.
-    """
-
-    def summed(found):
-        return study.summary(settings, seeds, found)
-
-    @pytest.fixture(scope="module")
-    def made():
-        return trials(np.random.default_rng(2021))
-
-    @pytest.fixture(scope="module")
-    def report(made):
-        return summed(made)
-
-    return summed, made, report
 
 
 def check_spread(spread, values):

@@ -35,11 +35,11 @@ def page(tmp_path, text):
 
 
 def test_a_mark_holds_the_words_and_tables_of_its_run_and_nothing_beside_it_changes(runs, tmp_path):
-    text = "Before 1.5 mm.\n\n<!-- from loaded_stiffness: title; rows -->\nold\n<!-- end -->\n\nAfter.\n"
+    text = "Before 1.5 mm.\n\n<!-- from loaded_stiffness: title; by_load -->\nold\n<!-- end -->\n\nAfter.\n"
     own = page(tmp_path, text)
     assert fill(own, runs, tmp_path / "none.json")
     found, report = own.read_text(), read_report(runs / STUDY.name / "report.json")
-    inside = f"{report.block('title')}\n\n{grid(report.tables['rows'])}"
+    inside = f"{report.block('title')}\n\n{grid(report.tables['by_load'])}"
     assert found == text.replace("old\n", f"{inside}\n\n")
     assert fill(own, runs, tmp_path / "none.json")
     assert own.read_text() == found  # once more changes nothing
@@ -56,7 +56,7 @@ def test_what_did_not_run_stays_as_it_was(runs, tmp_path):
     ("mark", "said"),
     [
         ("from no_such_study: title", "no study 'no_such_study'"),
-        ("from loaded_stiffness: no_part", "no such block, and no such table; tables are by_load, rows"),
+        ("from loaded_stiffness: no_part", "no such block, and no such table; tables are by_load"),
     ],
 )
 def test_a_wrong_mark_is_one_line(runs, tmp_path, mark, said):

@@ -17,8 +17,7 @@ from testbench.identify.absolute.fit import explain
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, find, number, paired
-from testbench.studies.absolute_calibration import settings as s
-from testbench.studies.absolute_calibration.trial import Asked, measure
+from testbench.studies.absolute_calibration import trial as s
 from testbench.studies.study import Run
 from testbench.trials.spread import span, spread
 from testbench.views import colours
@@ -60,7 +59,7 @@ OF_CASES = Markdown(
     "c2, c3: compliance of joint 2 and 3 with the link before. Geometry off: RMS error along the "
     "combinations of geometric errors that the fit of everything knows to 0.1 mm or mrad. A pair is a pose "
     "read unloaded and under the payload. True arms: "
-    + "; ".join(f"{name}: {true.words}" for name, true in s.TRUE_ARMS.items())
+    + "; ".join(f"{name}: {words}" for name, (words, _) in s.TRUE_ARMS.items())
     + "."
 )
 
@@ -75,13 +74,13 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
         trials=len(seeds),
         arms=arms,
         featured=asked.featured,
-        true_arms={name: true.words for name, true in s.TRUE_ARMS.items()},
+        true_arms={name: words for name, (words, _) in s.TRUE_ARMS.items()},
         gains=[
             _gains(arm, trials.where(arm=arm, poses=asked.featured, true_arm=s.REAL, campaign=s.ABSOLUTE))
             for arm in arms
         ],
         models=sorted(rows, key=lambda row: [places[name].index(row[name]) for name in BY]),
-        dataset=Row(runs=asked.featured, points=asked.featured, sigma_um=UM * s.TRUE_ARMS[s.REAL].sigma),
+        dataset=Row(runs=asked.featured, points=asked.featured, sigma_um=UM * s.TRUE_ARMS[s.REAL][1].sigma),
     )
     return Report(
         scenario=s.NAME,
@@ -221,29 +220,28 @@ def figures(found: Report) -> dict[str, Figure]:
     f, short = Row(found.numbers), found.tables["short"]
     gains = "; ".join(f"{g.arm} {beside({'joint springs': g.springs})}" for g in f.gains)
     answer = f"{f.featured} poses, error where nothing was measured: {gains}"
-    reading = (
-        f"RMS errors under own weight, {f.dataset.sigma_um:g} um a reading, medians of {f.trials} trials"
-    )
+    noise = f"{f.dataset.sigma_um:g} um a reading"
+    reading = f"RMS errors under own weight, {noise}, medians of {f.trials} trials, arms in turn"
     own = _by_poses(f)
     if len({row.poses for row in own}) == 1:
-        panes = {column.key: "RMS error, mm" for column in short.columns[1:]}
-        return {f"{s.NAME}.png": forest(short, panes, answer, f"{reading}; lines: {span(f.trials)}.")}
+        titles = {column.key: "RMS error, mm" for column in short.columns[1:]}
+        return {f"{s.NAME}.png": forest(short, titles, answer, f"{reading}; lines: {span(f.trials)}.")}
     best = [Row(row, name=OPTIMUM, error_mm=row.optimum_mm) for row in own if row.name == s.ALL]
-    rows = [
-        Row(row, fit=f"{row.arm}: {row.name}")
-        for row in (*own, *best)
-        if row.name in (s.INCUMBENT, s.CHOSEN, OPTIMUM)
-    ]
-    styles = {row.fit: replace(LOOKS[row.name], prior=row.arm == f.arms[0]) for row in rows}
-    table = Table(columns("fit poses error_mm"), rows, looks=styles)
-    return {f"{s.NAME}.png": sweeps({"": table}, answer, f"{reading}; bands: {span(f.trials)}.")}
+    drawn = {name: LOOKS[name] for name in (s.INCUMBENT, s.ALL, s.CHOSEN, OPTIMUM)}
+    panes = {
+        arm: Table(
+            columns("name poses error_mm"), [row for row in (*own, *best) if row.arm == arm], looks=drawn
+        )
+        for arm in f.arms
+    }
+    return {f"{s.NAME}.png": sweeps(panes, answer, f"{reading}; bands: {span(f.trials)}.")}
 
 
 def write(run: Run[s.Settings]) -> Seen:
     """dataset.csv: the campaign of the first trial; what is drawn: how cross-validation explains it."""
     seed = run.seeds[0]
     cell = build_cell(find_arm(run.settings.arm_of(seed)))
-    own = measure(cell, Asked(s.REAL, s.ABSOLUTE, run.settings.featured), seed)
+    own = s.measure(cell, s.Asked(s.REAL, s.ABSOLUTE, run.settings.featured), seed)
     write_series(run.folder / "dataset.csv", cell.arm, own.series)
     found = Calibrated(explain(own.gathered, s.MODELS[s.CHOSEN]), own.series, ())
     return seen(cell, found, left_of(found))

@@ -6,7 +6,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 import typer
-from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell, clear_poses, stream
@@ -27,6 +26,7 @@ from testbench.plant import Plant, settle, weightless
 
 POSES, QUICK_POSES = 200, 30
 LOADS, QUICK_LOADS = 7, 4
+WORKSPACE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))  #: Where the tool has to be.
 AT_TOOL = np.zeros((1, 3))
 
 Truth = Literal["weightless", "own weight"]
@@ -44,17 +44,14 @@ class Options:
     ] = 10_000.0
 
 
-class Settings(BaseModel):
+@dataclass(frozen=True)
+class Settings:
     """What is tried."""
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
-
     arm: str  #: Folder or name of the arm.
-    #: Heaviest hung weight [N]; the lightest is a tenth of it.
-    max_load: float = Field(default=10_000.0, ge=1, le=100_000)
-    loads: int = Field(default=LOADS, ge=2, le=100)  #: How many weights, evenly spread on a log scale.
-    poses: int = Field(default=POSES, ge=1, le=10_000)  #: How many poses a seed.
-    workspace: WorkArea = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))  #: Where the tool has to be.
+    max_load: float = 10_000.0  #: Heaviest hung weight [N]; the lightest is a tenth of it.
+    loads: int = LOADS  #: How many weights, evenly spread on a log scale.
+    poses: int = POSES  #: How many poses a seed.
 
     @property
     def weights(self) -> list[float]:
@@ -93,21 +90,16 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[PoseRow]]:
     plants: dict[Truth, Plant] = {"weightless": weightless(cell.plant), "own weight": cell.plant}
     found = []
     for seed in seeds:
-        q = clear_poses(cell, asked.workspace, asked.poses, stream(seed))
+        q = clear_poses(cell, WORKSPACE, asked.poses, stream(seed))
         increment = asked.max_load / 100
         found.append([row for load in asked.weights for row in hang(cell, plants, q, load, increment)])
     return found
 
 
 def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float, increment: float) -> list[PoseRow]:
-    """One weight in every pose: true deflections, predicted ones, and the tangents under it.
+    """One weight [N] in every pose (poses, n) [rad]: deflections true and predicted, and the tangents.
 
-    Args:
-        cell: The arm.
-        plants: By truth.
-        q: Poses, (poses, n) [rad].
-        load: Force straight down [N].
-        increment: Change of force for the numerical tangent [N].
+    The numerical tangent changes the force by an increment [N].
     """
     wrench = np.zeros((len(q), 6))
     wrench[:, 2] = -load

@@ -17,14 +17,12 @@ from testbench.bench.campaign import Campaign, Cell, build_cell, stream
 from testbench.bench.full_pose import FullPose, simulate
 from testbench.bench.judged import judge
 from testbench.bench.models import Model, named_models
-from testbench.bench.rows import UM, ErrorRow, error_row
+from testbench.bench.rows import ErrorRow, error_row
 from testbench.errors import BenchError
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce
 from testbench.identify.factorised import (
     CLOSE,
     LARGEST_ORDER,
-    Factorised,
-    costs,
     descents,
     factorise,
     parameters,
@@ -100,11 +98,10 @@ class SolverRow:
 
 @dataclass(frozen=True)
 class Data:
-    """What every solver of a seed had: measurements, what the conic program made of them, time of one F_M."""
+    """What every solver of a seed had: measurements, and what the conic program made of them."""
 
     measured: Measured
     model: Judged
-    microseconds_f_m: float
 
 
 @dataclass(frozen=True)
@@ -192,9 +189,8 @@ def _trial(cell: Cell, model: Model, asked: Settings, seed: int) -> Iterator[Tri
     found = [*_factor_solvers(cell, model, asked, campaign), conic]
     if asked.scs:
         found.append(_repeated("e", modelled("SCS"), cell, model, campaign))
-    problem = factorise(conic.estimate.regression, asked.m)
     own = judged(judge(cell, campaign, model, conic.estimate, conic.seconds))
-    yield TrialRow(data=Data(measured(campaign), own, _microseconds(problem, asked)))
+    yield TrialRow(data=Data(measured(campaign), own))
     for solved in found:
         yield TrialRow(key=solved.key, solver=_row(cell, model, campaign, solved, conic))
     if seed < asked.first + asked.minima_seeds:
@@ -236,15 +232,6 @@ def _searched(cell: Cell, model: Model, asked: Settings, campaign: Campaign, run
     status = "budget spent" if key in PAPERS else "local optimum"
     estimate = replace(make_estimate(problem.regression, pi, method=method, constraint="psd"), status=status)
     return Solved(key, estimate, way, perf_counter() - start, found.evaluations, found.solves)
-
-
-def _microseconds(problem: Factorised, asked: Settings) -> float:
-    """Time of one F_M within a population of the genetic algorithm [us]."""
-    population = stream(0).uniform(-1, 1, (problem.size, asked.budget(1).population * problem.size))
-    costs(problem, population)
-    start = perf_counter()
-    count = len(costs(problem, population))
-    return UM * (perf_counter() - start) / count
 
 
 def _row(cell: Cell, model: Model, campaign: Campaign, row: Solved, conic: Solved) -> SolverRow:

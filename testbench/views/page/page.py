@@ -6,7 +6,7 @@ from testbench import files
 from testbench.views.markdown import Told, as_plain
 from testbench.views.page import html
 from testbench.views.page.data import seen_plain
-from testbench.views.scene import Seen as Seen
+from testbench.views.scene import Seen
 
 NAME = "report.html"
 MARKED, FACTS = ("answer", "worst", "statements"), ("question", "title")
@@ -25,16 +25,12 @@ def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
     pictures = [{"name": png.name, "data": html.embedded(png)} for png in sorted(folder.glob("*.png"))]
     text = html.fill(
         scenario=scenario,
-        words={name: _block(words, name) for name in MARKED}
-        | {name: as_plain(_block(words, name)) for name in FACTS},
-        rest=words.rest(),
+        words={name: words.block(name) for name in MARKED}
+        | {name: as_plain(words.block(name)) for name in FACTS},
+        rest=words.block("body"),
         drawn=seen_plain(seen),
         pictures=pictures,
         others=[name for name in (*files.inside(folder), "manifest.json") if name != NAME],
         versions=files.versions(),
     )
     (folder / NAME).write_text(text, encoding="utf-8")
-
-
-def _block(words: Told, name: str) -> str:
-    return words.block(name) if words.has(name) else ""

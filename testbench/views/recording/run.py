@@ -119,13 +119,13 @@ def write_run(path: Path, header: Header, words: Told, seen: Seen, figures: Mapp
 
 def summary(words: Told) -> str:
     """What a recording says first."""
-    head = [f"### {words.block('question')}", f"#### **{words.block('answer')}**", *words.worst_lines()]
-    return "\n\n".join([*head, words.block("statements")])
+    head = [f"### {words.block('question')}", f"#### **{words.block('answer')}**"]
+    return "\n\n".join([*head, *filter(None, map(words.block, ("worst", "statements")))])
 
 
 def _tables(words: Told, seen: Seen) -> str:
     """What stands below the first sentences, and tables of the page that are not among it."""
-    rest = words.rest()
+    rest = words.block("body")
     others = [(table.title, grid(table)) for table in seen.tables if table.rows]
     parts = [f"### {as_markdown(title)}\n\n{text}" for title, text in others if text not in rest]
     return "\n\n".join([rest, *parts])

@@ -1,14 +1,34 @@
-"""A progress bar for trials."""
+"""Trials of a command: where they run, and a bar that shows how many are done."""
 
 from collections.abc import Iterator
+from functools import partial
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from testbench.errors import Interrupted
+from testbench.errors import BenchError, Interrupted
 from testbench.shell.interrupt import STANDS
+from testbench.shell.options import Common
+from testbench.trials.cluster import check_address, check_certificates, on_cluster
+from testbench.trials.engine import Backend
+from testbench.trials.local import on_cores
 
 REMEMBERED = 600.0  #: Time over which the speed is averaged, for the time left [s].
+
+
+def choose_backend(asked: Common) -> Backend:
+    """The backend that a command line asks for.
+
+    Raises:
+        BenchError: When it asks for both, or the cluster's address or certificates are refused.
+    """
+    if asked.cluster is None:
+        return partial(on_cores, workers=asked.workers)
+    if asked.workers is not None:
+        raise BenchError("--workers counts processes of this machine: expected it without --cluster")
+    check_address(asked.cluster, insecure=asked.insecure)
+    check_certificates(asked.cluster)
+    return partial(on_cluster, address=asked.cluster, insecure=asked.insecure)
 
 
 def show_progress(counts: Iterator[int], total: int, words: str, console: Console) -> None:
