@@ -1,4 +1,4 @@
-"""What may be wrong with an arm that can be read: numbers no arm has, or that contradict its geometry."""
+"""How far a payload moves the tool of an arm, and what may be wrong with an arm that can be read."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,19 +8,22 @@ from itertools import pairwise
 import numpy as np
 
 from testbench.arm.elastic import Elastic
-from testbench.bench.campaign import Cell
-from testbench.bench.sag import Sag
+from testbench.arm.mjcf import GRAVITY
+from testbench.bench.campaign import Cell, stream
 from testbench.errors import Array
 from testbench.identify.doubts import Doubt
-from testbench.model.vjm import Vjm, body_poses
+from testbench.model.vjm import Vjm, body_poses, chain, generalised_load
 
+POSES = 96  #: Poses drawn over the joint limits.
+FEWEST = 16  #: Clear ones of them; with fewer all count, for the collision shapes do not say which are.
+TURN = np.pi  #: A joint that turns farther than once is drawn over one turn [rad].
 LENGTH = 2.0  #: Of a tube over the distance of its joints, or the other way round [1].
 CLOSE = 0.1  #: Distances below this share of the reach say nothing [1].
 ANGLE = 45.0  #: Between a beam axis and the way to the next joint [deg].
 THICK = 3.0  #: Diameter over length of a tube [1].
 DRAWN = 2.0  #: Diameter of a tube over the width of the drawn link [1].
 NEIGHBOURS = 100.0  #: Compliance of a joint over that of the next one [1].
-SAG = 1e-4, 0.03  #: Median deflection of a tool under the rated payload [m].
+SAGS = 1e-4, 0.03  #: Median deflection of a tool under the rated payload [m].
 BEHIND = 0.02  #: Distance of a point behind the flange over the reach [1].
 INSIDE = 0.05  #: The same of a tool behind the end of the last link; one between fingers lies there [1].
 FAR = 0.5  #: Distance of a point of the tool from its origin over the reach [1].
@@ -28,6 +31,62 @@ MASS = 0.5, 500.0  #: Of an arm over the cube of its reach [kg/m^3].
 NOTHING = 1e-4  #: Mass of a link over that of the arm [1].
 ALL = 0.8  #: The same [1].
 UPRIGHT = 2.0  #: Angle of the first turning joint against the vertical [deg].
+
+
+@dataclass(frozen=True)
+class Sag:
+    """Deflections of the tool under a hung weight, linear and without the arm's own weight."""
+
+    q: Array  #: Poses, (poses, n) [rad, m].
+    parts: Array  #: What each link, then each joint, moves the tool, (parts, poses, 3) [m/kg].
+    turn: Array  #: Rotation of the tool, (poses, 3) [rad/kg].
+
+    @cached_property
+    def whole(self) -> Array:
+        """Deflection, (poses, 3) [m/kg]."""
+        return np.asarray(self.parts.sum(axis=0))
+
+    @cached_property
+    def size(self) -> Array:
+        """Length of the deflection, (poses,) [m/kg]."""
+        return np.asarray(np.linalg.norm(self.whole, axis=1))
+
+    @cached_property
+    def shares(self) -> Array:
+        """Of each link, then each joint: its deflection along the whole, over all poses, (parts,) [1]."""
+        along = np.einsum("kpx,px->k", self.parts, self.whole)
+        return np.asarray(along / along.sum())
+
+
+def sag(cell: Cell) -> Sag:
+    """The sag of an arm a kilogram of payload, at poses drawn evenly over its joint limits."""
+    q = work_area(cell)
+    where, n = chain(cell.vjm, q), len(q)
+    wrench = np.tile([0, 0, -GRAVITY, 0, 0, 0], (n, 1))
+    load = generalised_load(where, wrench, np.tile(cell.vjm.load, (n, 1)))
+    theta = cell.arm.C_theta @ load
+    moved = [np.einsum("xtp,tp->px", where.J_theta[:3, own], theta[own]) for own in _parts(cell)]
+    return Sag(q, np.array(moved), np.einsum("xtp,tp->px", where.J_theta[3:], theta))
+
+
+def _parts(cell: Cell) -> Iterator[slice]:
+    """Virtual joints of each link, then of each joint."""
+    links = len(cell.arm.links)
+    yield from (slice(6 * k, 6 * k + 6) for k in range(links))
+    yield from (slice(6 * links + k, 6 * links + k + 1) for k in range(cell.arm.n_joints))
+
+
+def work_area(cell: Cell) -> Array:
+    """Poses over the joint limits, clear of collision where the shapes can tell, (poses, n) [rad, m]."""
+    from testbench.plant import collisions
+
+    lower, upper = cell.arm.limits
+    turning = np.array([not joint.prismatic for joint in cell.arm.joints], dtype=bool)
+    lower = np.where(turning, np.maximum(lower, np.minimum(upper - TURN, -TURN)), lower)
+    upper = np.where(turning, np.minimum(upper, np.maximum(lower + TURN, TURN)), upper)
+    q = stream(0).uniform(lower, upper, (POSES, cell.arm.n_joints))
+    clear = q[[pair is None for pair in collisions(cell.room, q)]]
+    return np.asarray(clear if len(clear) >= FEWEST else q)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,35 +101,6 @@ class Looked:
     def vjm(self) -> Vjm:
         """Its kinematics."""
         return self.cell.vjm
-
-    @property
-    def turning(self) -> int | None:
-        """The first joint that turns."""
-        return next((k for k, joint in enumerate(self.cell.arm.joints) if not joint.prismatic), None)
-
-    @cached_property
-    def bodies(self) -> list[tuple[Array, Array]]:
-        """Links and tool in the world, all joints at zero."""
-        return body_poses(self.vjm, np.zeros((1, self.cell.arm.n_joints)))
-
-    @property
-    def tilt(self) -> float | None:
-        """Angle of the first turning joint against the vertical, up or down [deg]."""
-        if self.turning is None:
-            return None
-        axis = self.bodies[self.turning + 1][1][0] @ self.vjm.axes[self.turning]
-        return float(np.rad2deg(np.arccos(min(1.0, abs(axis[2])))))
-
-    @property
-    def below(self) -> float:
-        """How far the joint after the first turning one is below the base [m]."""
-        after = 1 if self.turning is None else self.turning + 2
-        return float(self.bodies[0][0][0, 2] - self.bodies[after][0][0, 2])
-
-    @property
-    def upright(self) -> bool:
-        """Whether the first joint turns about the vertical."""
-        return self.turning == 0 and self.tilt is not None and self.tilt <= UPRIGHT
 
 
 def arm_doubts(looked: Looked) -> list[Doubt]:
@@ -180,7 +210,7 @@ def neighbours(arm: Looked) -> Iterator[str]:
 
 def sags(arm: Looked) -> Iterator[str]:
     """A rated payload that moves the tool by what arms do."""
-    payload, (low, high) = arm.cell.arm.payload, SAG
+    payload, (low, high) = arm.cell.arm.payload, SAGS
     if payload is not None:
         moved = payload * float(np.median(arm.sag.size))
         if not low <= moved <= high:
@@ -269,11 +299,22 @@ def _densities(cell: Cell, weights: Array) -> Iterator[str]:
 
 def base(arm: Looked) -> Iterator[str]:
     """A base that stands upright: gravity acts along the world's -z."""
-    tilt, below = arm.tilt, arm.below
-    if tilt is None:
-        return
+    turning, tilt, below = stance(arm.cell)
     weight = "Weight acts along the world's -z"
+    if turning is None:
+        return
     if tilt > UPRIGHT:
         yield f"the first turning joint is {tilt:.0f} deg off the vertical: is the base tilted? {weight}"
     elif below > CLOSE * arm.vjm.reach:
         yield f"the arm hangs {below:.2g} m below its base: is it overhead? {weight}"
+
+
+def stance(cell: Cell) -> tuple[int | None, float, float]:
+    """The first joint that turns, its angle against the vertical [deg], how far the arm hangs then [m]."""
+    turning = next((k for k, joint in enumerate(cell.arm.joints) if not joint.prismatic), None)
+    if turning is None:
+        return None, 0.0, 0.0
+    bodies = body_poses(cell.vjm, np.zeros((1, cell.arm.n_joints)))
+    axis = bodies[turning + 1][1][0] @ cell.vjm.axes[turning]
+    tilt = float(np.rad2deg(np.arccos(min(1.0, abs(axis[2])))))
+    return turning, tilt, float(bodies[0][0][0, 2] - bodies[turning + 2][0][0, 2])

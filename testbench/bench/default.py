@@ -137,7 +137,7 @@ def recommended(
         few = f"fewer than {LEAST_POSES} poses are too few to hold some out"
         why = few if poses < LEAST_POSES else "no other model was fitted"
         return Recommendation(first.name, why, ())
-    every = tuple(Candidate(m.name, m.structure.n, errors(m)) for m in models)
+    every = tuple(Candidate(m.name, errors(m)) for m in models)
     rivals = [c for c in every if first.name != default or c.name in (default, JOINTS)]
     duel = unless_beaten(rivals, first.name)
     return Recommendation(duel.name, _why(duel, first.name, default), every)

@@ -13,7 +13,7 @@ from testbench.bench.compensate import NAMED, CorrectedProgram, correct_program
 from testbench.bench.load_model import load_model
 from testbench.bench.payload import payload_of
 from testbench.bench.plan_input import joints_of, place
-from testbench.bench.predict_input import with_payload
+from testbench.bench.predict import with_payload
 from testbench.cli.arguments import Load, MapFile
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked

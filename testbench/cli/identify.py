@@ -76,7 +76,7 @@ def command(asked: Options) -> None:
         models = _models(cell, asked)
         found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
         if asked.strict:
-            from testbench.bench.checked import check  # here: it reads the arm once more
+            from testbench.bench.arm_check import check  # here: it reads the arm once more
 
             check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
         readings, out = {asked.dataset.name: files.digest(asked.dataset)}, asked.out

@@ -11,8 +11,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.bench.load_model import load_model
 from testbench.bench.payload import overloaded, payload_of
 from testbench.bench.plan_input import box
-from testbench.bench.predict_input import read_asked
-from testbench.bench.prediction import FORCE, Wanted, predicted
+from testbench.bench.predict import FORCE, predicted, read_asked
 from testbench.cli.arguments import Load, MapFile
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
 from testbench.correct.arm_model import ArmModel
@@ -57,7 +56,7 @@ def command(asked: Options) -> None:
         )
         console = plain_console()
         with console.status("predicting") as status:
-            made = predicted(model, poses, Wanted(_push(model, asked.push), area, asked.linear))
+            made = predicted(model, poses, _push(model, asked.push), area, linear=asked.linear)
             said, out = report(made), asked.out
             status.update("writing")
             write(made, said, _plain(asked), out)

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.arm.folder import Joint
 from testbench.bench.error_places import Meaning, bounded_mm, error_places, places_at
-from testbench.bench.prediction import Predicted
+from testbench.bench.predict import Predicted
 from testbench.bench.rows import MM
 from testbench.correct.rest import rest
 from testbench.correct.stiffness import direction_words

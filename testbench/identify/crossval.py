@@ -22,7 +22,6 @@ from testbench.model.vjm import Vjm
 UNCERTAINTIES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.0)
 """Relative uncertainties of a prior that cross-validation tries [1]."""
 FOLDS = 8
-ALIKE = 1e-6  #: Share by which errors may differ and count as equal: solvers leave as much.
 CLEARLY = 2.0  #: Standard errors by which a model must be better to replace another.
 LEVEL_DIGITS = 1  #: Decimals of a force [N] or moment [N m] within which two loads are of one level.
 
@@ -60,9 +59,7 @@ class Candidate:
     """One of the models that cross-validation compares."""
 
     name: str  #: For reports.
-    unknowns: int  #: How many it has.
     errors: Array  #: F_M on the poses held out, one a fold, (folds,) [1].
-    conservative: bool = True  #: Whether its method asks every block to be positive semi-definite.
 
     @property
     def error(self) -> float:
@@ -148,18 +145,6 @@ def choose_strength(folds: Sequence[Fold], metric: Metric, fits: Regularised) ->
     found = fits([Case(fold.fitted, Belief(metric, strength)) for strength in tried for fold in folds])
     errors = [f_m(fold.held_out, pi) for fold, pi in zip(list(folds) * len(tried), found, strict=True)]
     return tried[int(np.argmin(np.reshape(errors, (len(tried), len(folds))).mean(axis=1)))]
-
-
-def one_standard_error(candidates: Sequence[Candidate]) -> str:
-    """The simplest model whose error is within one standard error of the best (Breiman et al. 1984).
-
-    Of models as simple it is the one of least error, and where errors are equal a conservative one.
-    """
-    best = min(candidates, key=lambda c: c.error)
-    good = [c for c in candidates if c.error <= best.error + best.standard_error]
-    simple = [c for c in good if c.unknowns == min(c.unknowns for c in good)]
-    least = (1 + ALIKE) * min(c.error for c in simple)
-    return min(simple, key=lambda c: (c.error > least, not c.conservative, c.error)).name
 
 
 @dataclass(frozen=True)

@@ -119,11 +119,6 @@ def normality(residuals: Array, rng: np.random.Generator) -> list[Normality]:
     ]
 
 
-def normal_density(x: Array, mean: float, std: float) -> Array:
-    """Density of a normal distribution, for curves beside histograms."""
-    return np.asarray(np.exp(-(((x - mean) / std) ** 2) / 2) / (std * np.sqrt(2 * np.pi)))
-
-
 def _distance_to_normal(samples: Array) -> Array:
     """Greatest distance of the distributions of samples, (sets, n), to their normals, (sets,) [1]."""
     from scipy.special import ndtr  # here: importing it takes longer than most fits

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.bench.checked import check
-from testbench.bench.sag import sag
+from testbench.bench.arm_check import check
+from testbench.bench.arm_doubts import sag
 from testbench.model.vjm import chain
 from testbench.plant.adopt.propose import propose
 from testbench.plant.adopt.read import read_chain

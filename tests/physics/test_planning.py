@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import wishart
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench import plan_promise
@@ -27,7 +28,6 @@ from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.plant import collisions
-from testbench.studies.pose_selection.trial import draw, with_compliance
 
 KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
@@ -203,6 +203,27 @@ def test_order_avoids_a_way_that_collides():
     assert _order(q, load, Reach(lambda q: q)).tolist() in ([0, 1, 2], [2, 1, 0])
     assert _order(q, load, Reach(lambda q: q, way)).tolist() in ([0, 2, 1], [1, 2, 0])
     assert DETOUR > 2.1
+
+
+def draw(own, uncertainty, rng):
+    """Compliances of an arm that the prior could have drawn, conservative, (n_theta, n_theta).
+
+    X of every block is Wishart with 2 / u^2 degrees of freedom and mean one: x then has the mean and the
+    covariance u^2 of the prior, u its relative uncertainty [1], and C = P^1/2 X P^1/2 is positive definite.
+    """
+    freedom, parts = 2 / uncertainty**2, []
+    for n in own.sizes:
+        X = np.reshape(wishart(freedom, np.eye(n) / freedom).rvs(random_state=rng), (n, n))
+        column, row = np.tril_indices(n)
+        parts.append(X[row, column] * np.where(row == column, 1, np.sqrt(2)))
+    return own.structure.matrix(own.L @ np.concatenate(parts))
+
+
+def with_compliance(plant, C_theta):
+    """The plant with other springs, for its linear truth."""
+    C = np.zeros_like(plant.C)
+    C[np.ix_(plant.theta, plant.theta)] = C_theta
+    return replace(plant, C=C)
 
 
 def test_arms_drawn_from_the_prior_have_its_mean_and_spread(spec):

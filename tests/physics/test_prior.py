@@ -18,7 +18,6 @@ from testbench.identify.crossval import (
     fold_loads,
     fold_poses,
     held_out_errors,
-    one_standard_error,
     unless_beaten,
 )
 from testbench.identify.evaluate import deflections, score
@@ -241,20 +240,11 @@ def test_cross_validation_takes_the_strength_that_predicts_best(kr500):
     assert chosen.uncertainty == min(errors, key=errors.get)
 
 
-def test_one_standard_error_takes_the_simplest_that_is_good_enough():
-    best = np.array([1.0, 1.2, 0.8, 1.0])  # standard error 0.08
-    models = [("rich", 100, best), ("simple", 10, best + 0.07), ("poor", 1, best + 0.2)]
-    candidates = [Candidate(*model) for model in models]
-    assert one_standard_error(candidates) == "simple"
-    alike = Candidate("not conservative", 10, best + 0.07 * (1 - 1e-9), conservative=False)
-    assert one_standard_error([alike, *candidates]) == "simple"
-
-
 def test_a_model_stays_unless_beaten_fold_by_fold_by_more_than_chance():
     hard = np.array([1.0, 3.0, 1.0, 3.0, 2.0, 2.0])
-    first, noise = Candidate("first", 10, hard), np.array([0.1, -0.1, 0.1, -0.1, 0.1, -0.1])
-    alike = Candidate("alike", 5, hard - 0.05 + noise)  # 0.05 +- 0.045: 1.1 standard errors
-    better, best = (Candidate(f"less by {d}", 5, hard - d + noise) for d in (0.15, 0.3))
+    first, noise = Candidate("first", hard), np.array([0.1, -0.1, 0.1, -0.1, 0.1, -0.1])
+    alike = Candidate("alike", hard - 0.05 + noise)  # 0.05 +- 0.045: 1.1 standard errors
+    better, best = (Candidate(f"less by {d}", hard - d + noise) for d in (0.15, 0.3))
     assert unless_beaten([first, alike], "first").name == "first"
     assert unless_beaten([alike, first], "alike").name == "alike"
     duel = unless_beaten([first, alike, better, best], "first")

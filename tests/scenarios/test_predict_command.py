@@ -19,8 +19,7 @@ from testbench.bench.campaign import Scenario, settle_both, simulate
 from testbench.bench.default import with_priors
 from testbench.bench.fits import Runs, fit
 from testbench.bench.models import named_models
-from testbench.bench.predict_input import read_asked
-from testbench.bench.prediction import Wanted, predicted
+from testbench.bench.predict import predicted, read_asked
 from testbench.bench.stiffness_write import write_stiffness
 from testbench.cli.program import program
 from testbench.commands.predict import report
@@ -191,7 +190,7 @@ def test_the_first_pose_that_cannot_bear_its_load_is_named_by_its_line(model, tm
     light = replace(soft, state=replace(soft.state, weights=Weights(np.zeros(8), np.zeros((8, 3)))))
     file = poses_file(tmp_path / "poses.csv", q[:6], ["0,0,-1,0"] * 3 + ["0,0,-90000,0"] * 3)
     with pytest.raises(InputError, match="line 5: no static equilibrium at q"):
-        predicted(light, read_asked(file, light, None, lambda: MASS), Wanted(1000.0))
+        predicted(light, read_asked(file, light, None, lambda: MASS), 1000.0)
 
 
 def test_programs_of_tool_poses_and_plans_are_read_too(kr500, model, tmp_path, q):
@@ -238,7 +237,7 @@ def test_a_model_of_own_weight_alone_has_no_ratio_of_loads_and_says_so(model, tm
     loaded = tb.load_model(model)
     bare = replace(loaded, about=replace(loaded.about, force=0.0, moment=0.0))
     file = poses_file(tmp_path / "poses.csv", q[:2], ["0,0,-900,0"] * 2)
-    said = report(predicted(bare, read_asked(file, bare, None, lambda: MASS), Wanted(1000.0)))
+    said = report(predicted(bare, read_asked(file, bare, None, lambda: MASS), 1000.0))
     check(said, ["worst"])
     assert said.json()["force_ratio"] is None
     assert "own weight alone" in said.claims[0]

@@ -9,28 +9,28 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, build_cell, stream
-from testbench.bench.candidates import Candidates, Conditions, build_checks, feasible, find
+from testbench.bench.candidates import Conditions, build_checks, feasible, find
 from testbench.bench.plan_promise import overall
 from testbench.bench.rows import MM
 from testbench.bench.wrong_prior import wrong_prior
 from testbench.data.station import Station
 from testbench.design.observability import observability
-from testbench.design.planning import Plan, make_plan, promise
+from testbench.design.planning import make_plan, promise
 from testbench.design.refine import Reach
 from testbench.design.specification import Specification, task_rows, workspace_rows
 from testbench.errors import Array
 from testbench.plant import Payload
 from testbench.studies.pose_selection import settings as s
-from testbench.studies.pose_selection.measure import specify, variants
 from testbench.studies.pose_selection.settings import PLANNED, Settings
+from testbench.studies.pose_selection.trial import specify
 from testbench.studies.study import Everywhere
 
 AWAY_STREAM = 20  #: Streams of the other ground, over those of the first.
 
 
-Job = tuple[Settings, s.Fit, str, str, Specification]
-"""A plan to be made: the study on the plan's ground, the fit that it is for, the criterion's key, another way
-to measure (empty for the study's own), and all that as the design of experiments wants it."""
+Job = tuple[Settings, s.Fit, str, Specification]
+"""A plan to be made: the study on its ground, the fit that it is for, the criterion, and all that as design
+wants it."""
 
 
 def prepare(asked: Settings, everywhere: Everywhere) -> Settings:
@@ -48,7 +48,8 @@ def _scene(cell: Cell, asked: Settings, first: int) -> s.Scene:
     scope, rng = asked.scope, stream(asked.seed, first)
     areas = (scope.ground.area, scope.anywhere)
     inside, anywhere = (build_checks(cell, Conditions(area=area)) for area in areas)
-    found = candidates(cell, scope, stream(asked.seed, first + 1))
+    checks = build_checks(cell, _conditions(scope))
+    found = find(checks, scope.candidates, stream(asked.seed, first + 1))
     return s.Scene(
         candidates=_plain(found.q),
         drawn=found.drawn,
@@ -62,11 +63,6 @@ def _plain(q: Array) -> s.Angles:
     return tuple(map(tuple, q.tolist()))
 
 
-def candidates(cell: Cell, scope: s.Scope, rng: np.random.Generator) -> Candidates:
-    """Feasible poses to choose from."""
-    return find(build_checks(cell, _conditions(scope)), scope.candidates, rng)
-
-
 def _conditions(scope: s.Scope) -> Conditions:
     return Conditions(station=Station(scope.ground.station), payload=Payload(scope.payload))
 
@@ -75,12 +71,10 @@ def _jobs(cell: Cell, asked: Settings) -> list[Job]:
     scope, prior = asked.scope, wrong_prior(cell, asked.seed)
     own = specify(cell, asked, prior)
     levels = [(name, poses) for name in scope.criteria for poses in scope.numbers(name)]
-    here: list[Job] = [(asked, PLANNED, name, "", replace(own, poses=poses)) for name, poses in levels]
-    here += [(asked, PLANNED, "test", way, spec) for way, spec in variants(cell, asked, own).items()]
-    grounds = [(asked, fit) for fit in s.FITS if fit != PLANNED] + [
-        (s.elsewhere(asked), fit) for fit in s.FITS
-    ]
-    return here + [(there, fit, "test", "", specify(cell, there, prior, fit)) for there, fit in grounds]
+    here: list[Job] = [(asked, PLANNED, name, replace(own, poses=poses)) for name, poses in levels]
+    there = s.elsewhere(asked)
+    grounds = [*((asked, fit) for fit in s.FITS if fit != PLANNED), *((there, fit) for fit in s.FITS)]
+    return here + [(on, fit, "test", specify(cell, on, prior, fit)) for on, fit in grounds]
 
 
 def plan_rows(asked: Settings, numbers: Sequence[int]) -> list[list[s.PlanRow]]:
@@ -91,16 +85,16 @@ def plan_rows(asked: Settings, numbers: Sequence[int]) -> list[list[s.PlanRow]]:
 
 
 def _plan_row(cell: Cell, seed: int, job: Job) -> s.PlanRow:
-    there, fit, criterion, variant, spec = job
-    start = time.perf_counter()
-    best = plan(cell, there.scope, spec, criterion, (np.array(there.scene.candidates), seed))
+    there, fit, criterion, spec = job
+    start, checks = time.perf_counter(), build_checks(cell, _conditions(there.scope))
+    reach, q = Reach(lambda q: feasible(checks, q)), np.array(there.scene.candidates)
+    best = make_plan(spec, criterion, q, reach, stream(seed, 2))
     seconds = time.perf_counter() - start
     tasks = overall(promise(best, task_rows(spec)))
     return s.PlanRow(
         ground=there.scope.ground.name,
         fit=fit.name,
         criterion=criterion,
-        variant=variant,
         poses=spec.poses,
         q_rad=tuple(best.q.ravel().tolist()),
         load=tuple(best.load.tolist()),
@@ -113,12 +107,3 @@ def _plan_row(cell: Cell, seed: int, job: Job) -> s.PlanRow:
         expected_workspace_mm=MM * promise(best, workspace_rows(spec)).overall,
         observability=observability(best.examined.problem, best.chosen),
     )
-
-
-def plan(cell: Cell, scope: s.Scope, spec: Specification, criterion: str, drawn: tuple[Array, int]) -> Plan:
-    """A plan of poses among those drawn, (candidates, n) [rad], by a criterion, a key of planning.CRITERIA.
-
-    Beside the poses `drawn` has the root of the search's randomness.
-    """
-    checks, (q, seed) = build_checks(cell, _conditions(scope)), drawn
-    return make_plan(spec, criterion, q, Reach(lambda q: feasible(checks, q)), stream(seed, 2))

@@ -35,12 +35,8 @@ class Fit:
     method: Method = gco
     learnt: bool = False  #: Whether the readings say how wrong the prior is.
 
-    def identify(self, vjm: Vjm, prior: Prior, data: Dataset) -> Estimate:
-        """Compliances from runs; the prior's common scale, or more where it is learnt, is left to them."""
-        return self.each(vjm, prior, [data])[0]
-
     def each(self, vjm: Vjm, prior: Prior, datasets: Sequence[Dataset]) -> list[Estimate]:
-        """The same of several datasets, solved together."""
+        """Compliances from runs, solved together; the prior's scale, or more if learnt, is left to them."""
         strength = None if self.learnt else Strength(UNCERTAINTY)
         method = with_prior(self.method, prior, strength) if self.prior else self.method
         return method.each(vjm, self.structure(vjm.arm), datasets)
@@ -56,8 +52,6 @@ FITS = (
 )
 PLANNED, BARE = FITS[0], FITS[3]  #: The fit that plans are made for, and the same without its prior.
 INCUMBENT = FITS[-1]  #: Six joint compliances by plain least squares.
-ON_ARMS = (PLANNED, Fit("MLS68 + prior", mgco68, True, least_squares))
-"""On arms drawn from the prior, GCO and LS."""
 WHOLE = Fit("ALL153 + prior", all153, True, learnt=True)  #: What `identify` does by default.
 
 
@@ -103,8 +97,6 @@ class Scope:
     workspace: int = 200  #: Random poses all over the workspace.
     anywhere: WorkArea = ANYWHERE  #: The workspace.
     featured: int = 12  #: Number of poses that the report looks at closely.
-    variants: int = 6  #: How many of the other ways to measure are tried.
-    anew: int = 10  #: Trials, from the first, that plan from candidates and a prior of their own.
 
     def numbers(self, name: str) -> tuple[int, ...]:
         """Numbers of poses by a criterion, or at random."""
@@ -119,8 +111,6 @@ QUICK = Scope(
     tasks=6,
     workspace=30,
     featured=9,
-    variants=1,
-    anew=1,
 )
 
 
@@ -131,7 +121,6 @@ class PlanRow:
     ground: str  #: Name of the ground that it is for.
     fit: str  #: Name of the fit that it is made for.
     criterion: str  #: Key of planning.CRITERIA.
-    variant: str  #: Another way to measure than the study's own; empty for that.
     poses: int  #: How many.
     q_rad: tuple[float, ...]  #: Their joint angles, one pose after the other, (poses * n,) [rad].
     load: tuple[int, ...]  #: Which of the loads hangs in each, (poses,).
@@ -154,12 +143,11 @@ class Scene:
     rejected: tuple[int, ...] = ()  #: How many each reason refused, in the order of candidates.REASONS.
     tasks: Angles = ()  #: Poses where the robot works.
     workspace: Angles = ()  #: Poses all over the workspace.
-    plans: tuple[PlanRow, ...] = ()  #: By criterion and number of poses, then by variant.
+    plans: tuple[PlanRow, ...] = ()  #: By criterion and number of poses, then by fit.
 
-    def plan(self, criterion: str, poses: int, fit: str, variant: str = "") -> PlanRow:
+    def plan(self, criterion: str, poses: int, fit: str) -> PlanRow:
         """The plan by a criterion of so many poses for a fit."""
-        wanted = (criterion, poses, fit, variant)
-        return next(p for p in self.plans if (p.criterion, p.poses, p.fit, p.variant) == wanted)
+        return next(p for p in self.plans if (p.criterion, p.poses, p.fit) == (criterion, poses, fit))
 
 
 EMPTY = Scene()

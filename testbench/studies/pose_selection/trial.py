@@ -1,7 +1,6 @@
 """One trial: every plan and random poses measured on the true arm, identified in every way, judged.
 
-Every trial has noise, a wrong prior and random poses of its own. Beside the plans made once for all, it plans
-anew from candidates and a prior of its own, and draws an arm that the prior could have drawn.
+Every trial has noise, a wrong prior and random poses of its own.
 """
 
 from collections.abc import Sequence
@@ -9,49 +8,81 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.stats import wishart
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Cell, build_cell, stream
+from testbench.bench.campaign import Cell, build_cell, settle_both, stream
+from testbench.bench.plan import hung
 from testbench.bench.plan_promise import Expected, fitted, half_widths, joints_alone, overall
-from testbench.bench.rows import MM
+from testbench.bench.rows import MM, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
 from testbench.bench.truths import FAMILY, TRUTHS, member, true_cell
 from testbench.bench.wrong_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, Ids
+from testbench.data.tracker import Tracker, read_positions
 from testbench.design.forecast import Forecast, widened
-from testbench.design.specification import promise_of, task_rows
+from testbench.design.rows import Experiment
+from testbench.design.specification import Specification, Tasks, loads_of
 from testbench.design.whole_arm import promise_on
 from testbench.errors import Array
 from testbench.identify import Estimate
-from testbench.identify.evaluate import deflections
-from testbench.identify.metric import Metric
+from testbench.identify.evaluate import Score, all_deflections, deflections, score
+from testbench.identify.metric import metric
+from testbench.identify.prior import Prior
+from testbench.model.load import Load
 from testbench.model.vjm import chain
-from testbench.plant import Plant
 from testbench.studies.pose_selection import settings as s
-from testbench.studies.pose_selection.measure import (
-    Bench,
-    Chosen,
-    Model,
-    Where,
-    at_random,
-    build_bench,
-    measure,
-    model_row,
-    planned,
-    pose_by_pose,
-    poses_of,
-    specify,
-    variants,
-)
-from testbench.studies.pose_selection.plans import candidates, plan
-from testbench.studies.pose_selection.settings import PLANNED, RANDOM, Settings
+from testbench.studies.pose_selection.settings import PLANNED, RANDOM, Fit, PlanRow, Settings
 
-NOISE, DRAWN = 100, 200
-"""Streams of a seed for noise, on the true arm and on a drawn one, plus the number of poses."""
-Part = Literal["measured", "noise-free", "planned anew", "drawn arm", "variant", "ground", "promise"]
-"""What was measured: the true arm with noise or without, with a plan and a prior of the trial's own, an arm
-that the prior could have drawn (linear truth), the true arm in another way, or on one of two grounds with
-plans that are made for the very fit; there too, what came of a promise."""
+NOISE, CHANCE = 100, 300  #: Streams of a seed for noise and for random poses, plus the number of poses.
+Part = Literal["measured", "ground", "promise"]
+"""The true arm; one of the family on a ground, with plans for the very fit; what came of a promise there."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Poses to measure, (poses, n) [rad], and which load hangs in each, (poses,)."""
+
+    q: Array
+    load: Ids
+
+
+@dataclass(frozen=True)
+class Model(FitRow):
+    """A fit of the featured number of poses, its runs and its errors; the tasks are its check set."""
+
+    data: DatasetRow
+    identification: ErrorRow
+    check: ErrorRow
+    workspace: ErrorRow
+
+
+@dataclass(frozen=True)
+class Where:
+    """RMS error over the markers in every task and in every pose of the workspace."""
+
+    tasks_mm: tuple[float, ...]
+    workspace_mm: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The true arm and where predictions are judged."""
+
+    cell: Cell  #: The arm.
+    spec: Specification  #: The featured way to measure, with the planner's prior.
+    tasks: Dataset  #: Noise-free deflections in the tasks under its one weight.
+    workspace: Dataset  #: The same over the workspace.
+
+    def score(self, estimate: Estimate, data: Dataset) -> Score:
+        """Errors of predicted deflections."""
+        return score(deflections(self.cell.vjm, estimate, data), data.deflection)
+
+    def errors_mm(self, estimates: Sequence[Estimate]) -> list[tuple[float, float]]:
+        """RMS distances of predicted from true deflections, at the tasks and over the workspace [mm]."""
+        tasks, workspace = (
+            [MM * score(own, data.deflection).rms for own in all_deflections(self.cell.vjm, estimates, data)]
+            for data in (self.tasks, self.workspace)
+        )
+        return list(zip(tasks, workspace, strict=True))
 
 
 @dataclass(frozen=True)
@@ -59,17 +90,16 @@ class Row:
     """RMS errors of one fit against the true deflection."""
 
     part: Part  #: What was measured.
-    plan: str  #: Criterion of the plan, "random", or the variant's name.
+    plan: str  #: Criterion of the plan, or "random".
     poses: int  #: How many were measured.
     fit: str  #: How they were identified.
     tasks_mm: float  #: At the tasks.
     workspace_mm: float | None = None  #: Over the workspace, where it is asked for.
     ground: str = ""  #: Name of the ground, of that part.
-    expected: Expected | None = None  #: Forecast on a drawn arm; the promise that was tried.
+    expected: Expected | None = None  #: The promise that was tried.
     truth: str = ""  #: What a promise was tried on: one of truths.TRUTHS.
     prior: str = ""  #: One of wrong_prior.PRIORS.
     inside: float | None = None  #: Share of deflections along an axis inside the half widths of a promise.
-    efficiency_percent: float | None = None  #: Of a plan made anew.
     model: Model | None = None  #: Of the featured number of poses.
     where: Where | None = None  #: Errors of the featured plan for the tasks, pose by pose.
 
@@ -78,10 +108,8 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[Row]]:
     """Rows of some seeds; `asked` holds the plans."""
     cell = build_cell(find_arm(asked.arm))
     bench, places = build_bench(cell, asked), (asked, s.elsewhere(asked))
-    parts = (of_plans, planned_anew, of_drawn_arm, of_variants)
     return [
-        [row for part in parts for row in part(bench, asked, seed)]
-        + [row for there in places for row in of_ground(cell, there, seed)]
+        of_plans(bench, asked, seed) + [row for there in places for row in of_ground(cell, there, seed)]
         for seed in seeds
     ]
 
@@ -110,16 +138,7 @@ def of_plans(bench: Bench, asked: Settings, seed: int) -> list[Row]:
                 model = model_row(bench, f"{name}, {fit.name}", estimate, data)
                 row = replace(row, model=model, where=pose_by_pose(bench, estimate))
             rows.append(row)
-    return rows + _noise_free(bench, asked, seed)
-
-
-def _noise_free(bench: Bench, asked: Settings, seed: int) -> list[Row]:
-    """The featured number of poses measured without noise: what is left is the model's own error."""
-    names, n = (*asked.scope.criteria, RANDOM), asked.scope.featured
-    read = [measure(bench, bench.spec, poses_of(asked, name, n, seed), None) for name in names]
-    estimates = PLANNED.each(bench.cell.vjm, wrong_prior(bench.cell, seed), read)
-    found = zip(names, bench.errors_mm(estimates), strict=True)
-    return [Row("noise-free", name, n, PLANNED.name, *errors) for name, errors in found]
+    return rows
 
 
 def of_ground(cell: Cell, asked: Settings, seed: int) -> list[Row]:
@@ -134,39 +153,9 @@ def of_ground(cell: Cell, asked: Settings, seed: int) -> list[Row]:
         runs = (measure(bench, bench.spec, chosen, stream(seed, NOISE + n)), chance)
         if fit == PLANNED:
             rows += of_promise(bench, asked, seed, ("test", chosen, runs[0]))
-        errors = bench.errors_mm([fit.identify(bench.cell.vjm, prior, data) for data in runs])
+        errors = bench.errors_mm([fit.each(bench.cell.vjm, prior, [data])[0] for data in runs])
         for name, (tasks, workspace) in zip(("test", RANDOM), errors, strict=True):
             rows.append(Row("ground", name, n, fit.name, tasks, workspace, asked.scope.ground.name))
-    return rows
-
-
-def planned_anew(bench: Bench, asked: Settings, seed: int) -> list[Row]:
-    """The featured plan from other candidates and another wrong prior, beside random poses of those.
-
-    In the first trials alone: planning takes longer than all the rest.
-    """
-    cell, scope = bench.cell, asked.scope
-    if seed >= asked.seed + scope.anew:
-        return []
-    prior, q = wrong_prior(cell, seed), candidates(cell, scope, stream(seed, 3)).q
-    spec = specify(cell, asked, prior)
-    best = plan(cell, scope, spec, "test", (q, seed))
-    chance = at_random(q, scope.featured, stream(seed, 4))
-    rows = []
-    for name, chosen in (("test", Chosen(best.q, best.load)), (RANDOM, chance)):
-        estimate = PLANNED.identify(cell.vjm, prior, measure(bench, spec, chosen, stream(seed, 7)))
-        rows.append(Row("planned anew", name, scope.featured, PLANNED.name, *bench.errors_mm([estimate])[0]))
-    return [replace(rows[0], efficiency_percent=100 * best.efficiency), rows[1]]
-
-
-def of_variants(bench: Bench, asked: Settings, seed: int) -> list[Row]:
-    """The plans of the other ways to measure."""
-    rows, prior = [], wrong_prior(bench.cell, seed)
-    for words, spec in variants(bench.cell, asked, bench.spec).items():
-        chosen = planned(asked.scene.plan("test", spec.poses, PLANNED.name, words))
-        data = measure(bench, spec, chosen, stream(seed, 13))
-        estimate = PLANNED.identify(spec.experiment.vjm, prior, data)
-        rows.append(Row("variant", words, spec.poses, PLANNED.name, *bench.errors_mm([estimate])[0]))
     return rows
 
 
@@ -187,7 +176,7 @@ def of_promise(bench: Bench, asked: Settings, seed: int, measured: tuple[str, Ch
     for fit, spec in ((s.WHOLE, whole), (s.INCUMBENT, joints_alone(whole, prior))):
         after = fitted(spec, prior, chosen.q, chosen.load)
         promise = promise_on(after, whole.tasks.q, whole.tasks.load)
-        error, inside = _against(bench, promise, fit.identify(bench.cell.vjm, prior, data))
+        error, inside = _against(bench, promise, fit.each(bench.cell.vjm, prior, [data])[0])
         row = Row("promise", plan, len(chosen.q), fit.name, error, ground=asked.scope.ground.name)
         expected, truth = overall(widened(promise)), member(FAMILY, seed)
         rows.append(replace(row, expected=expected, truth=truth, prior=name, inside=inside))
@@ -203,47 +192,87 @@ def _against(bench: Bench, promise: Forecast, estimate: Estimate) -> tuple[float
     return MM * rms, float((np.abs(own) <= half_widths(promise)).mean())
 
 
-def draw(own: Metric, uncertainty: float, rng: np.random.Generator) -> Array:
-    """Compliances of an arm that the prior could have drawn, conservative, (n_theta, n_theta).
+def build_bench(cell: Cell, asked: Settings) -> Bench:
+    """The true arm and its deflections where predictions are judged."""
+    spec = specify(cell, asked, wrong_prior(cell, asked.seed))
+    places = [(q, spec.tasks.load) for q in (spec.tasks.q, spec.workspace)]
+    tasks, workspace = (_read(cell, spec, place, None) for place in places)
+    return Bench(cell, spec, tasks, workspace)
 
-    X of every block is Wishart with 2 / u^2 degrees of freedom and mean one: x then has the mean and the
-    covariance u^2 of the prior, u its relative uncertainty [1], and C = P^1/2 X P^1/2 is positive definite.
+
+def measure(bench: Bench, spec: Specification, chosen: Chosen, rng: np.random.Generator | None) -> Dataset:
+    """Runs of the true arm, every pose once; without a source of noise they have none."""
+    return _read(bench.cell, spec, (chosen.q, loads_of(spec, chosen.load)), rng)
+
+
+def _read(
+    cell: Cell, spec: Specification, at: tuple[Array, Load], rng: np.random.Generator | None
+) -> Dataset:
+    """Markers in poses under loads."""
+    (q, load), ids = at, np.arange(len(at[0])) + 1
+    wrench, point = (np.array(np.broadcast_to(x, (len(q), x.shape[-1]))) for x in (load.wrench, load.point))
+    before, after = settle_both(cell.plant, "nonlinear", q, wrench, point)
+    tracker, source = Tracker(0.0 if rng is None else spec.experiment.sigma), rng or stream(0)
+    return Dataset(
+        markers=spec.experiment.vjm.arm.markers,
+        run=ids,
+        pose=ids,
+        q=q,
+        wrench=wrench,
+        point=point,
+        before=read_positions(tracker, before.markers, source),
+        after=read_positions(tracker, after.markers, source),
+        sigma=spec.experiment.sigma,
+    )
+
+
+def model_row(bench: Bench, name: str, estimate: Estimate, data: Dataset) -> Model:
+    """A fit, its runs and its errors; the tasks are its check set."""
+    return Model(
+        **vars(fit_row(name, estimate, estimate.solver_seconds, prior=True)),
+        data=dataset_row(data),
+        identification=error_row(bench.score(estimate, data)),
+        check=error_row(bench.score(estimate, bench.tasks)),
+        workspace=error_row(bench.score(estimate, bench.workspace)),
+    )
+
+
+def pose_by_pose(bench: Bench, estimate: Estimate) -> Where:
+    """RMS distance over the markers of every task and every pose of the workspace [mm]."""
+    errors = [deflections(bench.cell.vjm, estimate, d) - d.deflection for d in (bench.tasks, bench.workspace)]
+    return Where(*(tuple((MM * np.sqrt(np.square(e).sum(axis=2).mean(axis=1))).tolist()) for e in errors))
+
+
+def specify(cell: Cell, asked: Settings, prior: Prior, fit: Fit = PLANNED) -> Specification:
+    """The featured number of poses under one weight, with the arm's own markers, planned for a fit.
+
+    Without a prior of its own a fit's unknowns are still in units of the planner's.
     """
-    freedom, parts = 2 / uncertainty**2, []
-    for n in own.sizes:
-        X = np.reshape(wishart(freedom, np.eye(n) / freedom).rvs(random_state=rng), (n, n))
-        column, row = np.tril_indices(n)
-        parts.append(X[row, column] * np.where(row == column, 1, np.sqrt(2)))
-    return own.structure.matrix(own.L @ np.concatenate(parts))
+    scope, scene = asked.scope, asked.scene
+    load = hung(cell, scope.payload)
+    own = metric(prior, cell.vjm, fit.structure(cell.arm))
+    return Specification(
+        experiment=Experiment(cell.vjm, own, cell.vjm.markers, scope.sigma),
+        loads=(load,),
+        tasks=Tasks(np.array(scene.tasks), load),
+        workspace=np.array(scene.workspace),
+        uncertainty=UNCERTAINTY if fit.prior else None,
+        poses=scope.featured,
+    )
 
 
-def with_compliance(plant: Plant, C_theta: Array) -> Plant:
-    """The plant with other springs, for its linear truth."""
-    C = np.zeros_like(plant.C)
-    C[np.ix_(plant.theta, plant.theta)] = C_theta
-    return replace(plant, C=C)
+def poses_of(asked: Settings, name: str, poses: int, seed: int) -> Chosen:
+    """The poses of a plan, or random ones of a trial."""
+    if name == RANDOM:
+        return at_random(np.array(asked.scene.candidates), poses, stream(seed, CHANCE + poses))
+    return planned(asked.scene.plan(name, poses, PLANNED.name))
 
 
-def of_drawn_arm(bench: Bench, asked: Settings, seed: int) -> list[Row]:
-    """Plans and random poses on an arm that the planner's prior could have drawn, linear truth.
+def planned(row: PlanRow) -> Chosen:
+    """The poses of a plan."""
+    return Chosen(np.array(row.q_rad).reshape(row.poses, -1), np.array(row.load))
 
-    Of the first criterion and of random poses every number is tried, of the others the featured one.
-    """
-    scope, spec = asked.scope, bench.spec
-    names = (*scope.criteria, RANDOM)
-    own, ahead, prior = spec.experiment.metric, task_rows(spec), wrong_prior(bench.cell, asked.seed)
-    plant = with_compliance(bench.cell.plant, draw(own, UNCERTAINTY, stream(seed, 11)))
-    arm = build_bench(replace(bench.cell, truth=plant), asked, "linear")
-    every = {
-        name: scope.poses if name in (scope.criteria[0], RANDOM) else (scope.featured,) for name in names
-    }
-    levels = [(name, n, poses_of(asked, name, n, seed)) for name in names for n in every[name]]
-    forecasts = [overall(promise_of(spec, own.q, own.load, ahead)) for *_, own in levels]
-    read = [measure(arm, spec, own, stream(seed, DRAWN + n)) for _, n, own in levels]
-    return [
-        Row("drawn arm", name, n, fit.name, error, expected=forecast)
-        for fit in s.ON_ARMS
-        for (name, n, _), forecast, (error, _) in zip(
-            levels, forecasts, arm.errors_mm(fit.each(arm.cell.vjm, prior, read)), strict=True
-        )
-    ]
+
+def at_random(q: Array, poses: int, rng: np.random.Generator) -> Chosen:
+    """Feasible poses without a plan."""
+    return Chosen(q[rng.choice(len(q), poses, replace=False)], np.zeros(poses, dtype=int))

@@ -1,4 +1,4 @@
-"""What a prediction is asked for: poses of any table of ours, and what acts in them."""
+"""A prediction: poses of any table of ours and what acts in them, deflections, stiffness, a map."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -8,18 +8,26 @@ from typing import TypeVar
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
+from testbench.bench.campaign import Cell, clear_poses, stream
 from testbench.bench.compensate import drawn_joints, loads_of
 from testbench.bench.plan_input import read_payload, read_pulls
 from testbench.correct.arm_model import ArmModel
+from testbench.correct.beyond import Extent, extent
 from testbench.correct.newton import Aim
+from testbench.correct.predicted import Prediction, predict
+from testbench.correct.stiffness import Stiffness, give_halves, stiffness
 from testbench.data.dataset import Ids
 from testbench.data.posefile import read_poses
 from testbench.data.program import Program, read_program, unread
 from testbench.data.table import read_table
 from testbench.errors import Array, InputError, NoEquilibrium
 from testbench.model.load import Load
+from testbench.model.poses import WorkArea
+from testbench.model.vjm import tool_pose
 
 T = TypeVar("T")
+PLACES = 600  #: Poses of the map.
+FORCE = 1000.0  #: Of the map where neither a flag nor the arm's payload says one [N].
 PROMISED = "expected_error_mm"  #: Column that only plans have.
 
 
@@ -140,3 +148,86 @@ def _bears(asked: Asked, some: slice, compute: Callable[[Array, list[Load]], T])
     except NoEquilibrium:
         return False
     return True
+
+
+@dataclass(frozen=True)
+class StiffnessMap:
+    """Poses all over the workspace, the softest first."""
+
+    force: float  #: [N].
+    q: Array  #: Joints, (places, n) [rad, m].
+    position: Array  #: Tool, (places, 3) [m].
+    worst: Array  #: How far the force moves the tool in the worst direction, (places,) [m].
+    direction: Array  #: That direction, unit vectors, (places, 3).
+    #: Half widths of how far it moves the tool along the principal axes, the softest first, (places, 3) [m].
+    half: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """All that is known of the poses that were asked for."""
+
+    model: ArmModel
+    cell: Cell  #: The same arm and its room.
+    asked: Asked
+    linear: bool  #: Whether by Eq. (6).
+    found: Prediction
+    stiffness: Stiffness  #: Of the loaded tool.
+    #: Half widths of how far the map's force moves the loaded tool along its principal axes, the softest
+    #: first, (poses, 3) [m].
+    give_half: Array
+    extent: Extent  #: How large the loads are.
+    map: StiffnessMap
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the points: the tool's origin, then the markers."""
+        return (self.model.arm.tool, *self.model.arm.markers)
+
+    @property
+    def worst_first(self) -> Ids:
+        """Poses by the deflection of the tool, the largest first, (poses,)."""
+        return np.argsort(-self.found.size[:, 0], kind="stable")
+
+
+def predicted(
+    model: ArmModel, asked: Asked, force: float, area: WorkArea | None = None, *, linear: bool = False
+) -> Predicted:
+    """Predict all poses of a file.
+
+    Args:
+        model: The arm.
+        asked: Poses and their loads.
+        force: Of the map [N].
+        area: Of the map; None for all that the arm reaches.
+        linear: By Eq. (6) instead of Eq. (7).
+
+    Raises:
+        InputError: When a pose has no equilibrium; names its line.
+        PoseError: When too few poses have their tool in the area of the map.
+    """
+    cell = Cell(model.arm, model.vjm)
+    found = carried(asked, lambda q, loads: predict(model, q, loads, linear=linear))
+    tool = carried(asked, lambda q, loads: stiffness(model, q, loads))
+    return Predicted(
+        model=model,
+        cell=cell,
+        asked=asked,
+        linear=linear,
+        found=found,
+        stiffness=tool,
+        give_half=give_halves(model, asked.q, tool, force),
+        extent=extent(model, asked.q, asked.loads),
+        map=_map(model, cell, force, area),
+    )
+
+
+def _map(model: ArmModel, cell: Cell, force: float, area: WorkArea | None) -> StiffnessMap:
+    """The compliance of Eq. (7) under own weight alone, times a force, at clear poses drawn at random."""
+    q = clear_poses(cell, area, PLACES, stream(0))
+    found = stiffness(model, q)
+    position, _ = tool_pose(model.vjm, q)
+    half = give_halves(model, q, found, force)
+    worst: Array = force * found.give[:, 0]
+    order = np.argsort(-worst, kind="stable")
+    return StiffnessMap(force, *(x[order] for x in (q, position, worst, found.softest, half)))
