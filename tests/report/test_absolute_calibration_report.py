@@ -7,7 +7,7 @@ from made_up import fill
 from reports import check, table_of
 
 from testbench.report.table import find
-from testbench.studies.absolute_calibration import settings as s
+from testbench.studies.absolute_calibration import trial as s
 from testbench.studies.absolute_calibration.report import BY, LOOKS, OPTIMUM, figures, report
 from testbench.studies.absolute_calibration.trial import FitRow, Held
 from testbench.views.colours import GCO, LEAST_SQUARES
