@@ -13,7 +13,6 @@ from testbench.commands.compare_rows import (
     size,
     tables_compared,
     told,
-    worst_places,
 )
 from testbench.errors import BenchError, InputError
 from testbench.output.finished import Finished
@@ -55,7 +54,6 @@ def report(runs: Sequence[Finished]) -> Report:
         runs=[_run(letter, run, reports[letter]) for letter, run in named.items()],
         inputs=inputs_differ(runs),
         beside=beside,
-        worst=worst_places(named, beside[0].lead.name) if beside[0].lead else [],
     )
     tables = {"inputs": _inputs(f)}
     for pair in beside:
@@ -65,14 +63,13 @@ def report(runs: Sequence[Finished]) -> Report:
     every = listed(list(named))
     alike = f"{every} are alike: nothing differs, neither inputs nor numbers."
     answers = [say("{letter} says: {answer}", run) for run in f.runs if run.answer]
-    tell = _judged if len(beside) == 1 else _in_short
     return Report(
         scenario="compare",
         question=Markdown(f"Do {every} differ, and which errs less?"),
         title=as_markdown("; ".join(f"{run.letter}: {_made(run)}" for run in f.runs)),
-        answer=Markdown(alike) if whole else lines(map(tell, beside)),
+        answer=Markdown(alike) if whole else lines(_judged(pair, alone=len(beside) == 1) for pair in beside),
         worst=_farthest(beside),
-        claims=list(_claims(f, whole=whole)),
+        claims=list(_claims(f)),
         numbers=f,
         tables={name: own for name, own in tables.items() if own.rows},
         body=[*(name for name, own in tables.items() if own.rows), READING, *answers],
@@ -155,24 +152,15 @@ def _better(pair: Row, row: Row) -> Markdown:
     return Markdown(f"{ours} errs {less(gain, 'seed' if row.by == 'pairs' else '')} than {theirs}")
 
 
-def _judged(pair: Row) -> Markdown:
-    """Two runs by the model that matters, or by all numbers of their tables."""
+def _judged(pair: Row, *, alone: bool) -> Markdown:
+    """Two runs by the model that matters, or by all numbers of their tables; of several in short."""
     if pair.same or pair.lead is None:
         return _counted(pair)
-    own = pair.lead
+    own, better = pair.lead, _better(pair, pair.lead)
+    if not alone:
+        return say(f"{better} ({{name}}{', no spread' if own.by == 'one' else ''}).", own)
     sizes = "{a:.3f} mm in {A}, {b:.3f} mm in {B}" if own.verdict != "same" else "{a:.3f} mm in both"
-    sentence = f"{_better(pair, own)}. {{name}} {KINDS[own.kind]}: {sizes}."
-    return say(sentence, own, A=pair.a, B=pair.b)
-
-
-def _in_short(pair: Row) -> Markdown:
-    """The same where there are several."""
-    if pair.same:
-        return Markdown(f"{pair.b} is the same as {pair.a}.")
-    if pair.lead is None:
-        return _counted(pair)
-    spread = ", no spread" if pair.lead.by == "one" else ""
-    return say(f"{_better(pair, pair.lead)} ({{name}}{spread}).", pair.lead)
+    return say(f"{better}. {{name}} {KINDS[own.kind]}: {sizes}.", own, A=pair.a, B=pair.b)
 
 
 def _counted(pair: Row) -> Markdown:
@@ -227,7 +215,7 @@ def _what(own: Row) -> str:
     return ", ".join(filter(None, [own.row, own.quantity]))
 
 
-def _claims(f: Row, *, whole: bool) -> Iterator[Markdown]:
+def _claims(f: Row) -> Iterator[Markdown]:
     [pair, *others] = f.beside
     if not others and pair.lead and not pair.same:
         yield _why(pair)
@@ -238,9 +226,6 @@ def _claims(f: Row, *, whole: bool) -> Iterator[Markdown]:
         yield say("Inputs differ: {text}.", text="; ".join(map(_input, f.inputs)))
     else:
         yield say("Inputs differ in {text} and {more} more.", text=", ".join(names[:NAMED]), more=more)
-    if f.worst and not whole:
-        places = [say("{letter} {error_mm:.3f} mm at {position_m:place}.", own) for own in f.worst]
-        yield lines([say("Worst places of {name} in the first seed:", pair.lead), *places])
     if not others:
         yield from _of_models(pair)
 

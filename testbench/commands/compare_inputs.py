@@ -1,9 +1,7 @@
 """What differs in the inputs of runs: settings, files of arms, data, seeds, versions, commit."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import zip_longest
-from typing import TypeVar
+from collections.abc import Mapping, Sequence
 
 from pydantic import JsonValue
 
@@ -13,7 +11,7 @@ from testbench.output.finished import Finished
 from testbench.report.table import Row
 
 ABSENT, NONE = "not said", "none"
-SEEDS = (("first",), ("seed",))  #: Last keys of settings that say the first seed once more.
+SEEDS = ("first", "seed")  #: Last keys of settings that say the first seed once more.
 SHOWN = (".md", ".html", ".png", ".rrd", "manifest.json", "report.json")
 """Ends of files in the folder of a model that only tell of it."""
 DIGITS = 10  #: Of a checksum that are shown.
@@ -27,45 +25,46 @@ NAMES = {
     "sigma_rotation": ("noise of an orientation", "urad", 1e6),
     "payload": ("hung mass", "kg", 1.0),
     "max_load": ("heaviest hung weight", "N", 1.0),
-    "force": ("largest force", "N", 1.0),
-    "moment": ("largest moment", "N m", 1.0),
     "least": ("least deflection", "mm", 1e3),
     "most": ("largest deflection", "mm", 1e3),
-    "distances": ("distances of the tracker", "m", 1.0),
-    "lower": ("lower corner", "m", 1.0),
-    "upper": ("upper corner", "m", 1.0),
     "cone": ("half angle", "deg", 57.29577951308232),
     "check_pose": ("poses held back", "", 1.0),
-    "readings": ("file of readings", "", 1.0),
     "dataset": ("file of readings", "", 1.0),
-    "full_pose": ("positions and orientations", "", 1.0),
-    "station": ("work area of the calibration", "", 1.0),
-    "area": ("work area of the calibration", "", 1.0),
-    "anywhere": ("workspace", "", 1.0),
-    "thin": ("of every so many readings one", "", 1.0),
+    "readings": ("file of readings", "", 1.0),
+    "area": ("work area", "", 1.0),
+    "station": ("work area", "", 1.0),
 }
 """Settings by their last key: words, unit, and how many of it an SI unit is; others keep their keys."""
-Path = tuple[str, ...]  #: Keys from the manifest's scenario down to a setting.
-K = TypeVar("K")
+Path = tuple[str, ...]  #: Keys of nested tables down to a setting.
 
 
 def inputs_differ(runs: Sequence[Finished]) -> list[Row]:
-    """The inputs that are not the same in all runs, with their values in each; none if they are."""
-    told = [run.manifest for run in runs]
-    whole = {
-        "command": [m.command for m in told],
-        "seeds": [seeds_words(run) for run in runs],
-        "commit": [_commit(m.git) for m in told],
-    }
-    rows = {what: _row(what, own) for what, own in whole.items() if len(set(own)) > 1}
-    arms = [row for place in zip_longest(*(m.models.items() for m in told)) for row in _folder(place)]
-    versions = _by_key("version of ", [m.versions for m in told])
-    first, last = [rows.get("command")], [rows.get("seeds"), *arms, *versions, rows.get("commit")]
-    return [row for row in (*first, *_settings(runs), *last) if row is not None]
+    """The inputs that are not the same in all runs, with their values in each; none if they are.
+
+    Of runs of different commands settings count that all of them have.
+    """
+    told = [_told(run) for run in runs]
+    alike = len({run.manifest.command for run in runs}) == 1
+    return [
+        Row(what=what, values=[_value(own, (what, unit)) for own in told], unit=unit)
+        for what, unit in dict.fromkeys(key for own in told for key in own)
+        if (alike or all((what, unit) in own for own in told))
+        and len({repr(own.get((what, unit))) for own in told}) > 1
+    ]
 
 
-def _row(what: str, values: Iterable[str], unit: str = "") -> Row:
-    return Row(what=what, values=list(values), unit=unit)
+def _told(run: Finished) -> dict[tuple[str, str], tuple[JsonValue, float]]:
+    """Every input by its words and unit, and how many of that an SI unit is."""
+    m = run.manifest
+    commit, _, dirty = m.git.partition("-")
+    whole: dict[str, JsonValue] = {"command": m.command, "scenario": m.scenario, "seeds": seeds_words(run)}
+    for k, (name, files) in enumerate(m.models.items(), 1):
+        read: dict[str, JsonValue] = {own: sha for own, sha in files.items() if not own.endswith(SHOWN)}
+        whole[f"arm or model{'' if k == 1 else f' {k}'}"] = {"folder": name, **read}
+    whole["version"] = dict(m.versions)
+    whole["commit"] = _short(commit) + (", changed" if dirty else "")
+    leaves = {path: leaf for path, leaf in _flat(whole).items() if path and path[-1] not in SEEDS}
+    return {_words(path): (leaf, _named(path[-1])[2]) for path, leaf in leaves.items()}
 
 
 def refuse_unlike(runs: Sequence[Finished]) -> None:
@@ -107,41 +106,11 @@ def seeds_words(run: Finished) -> str:
     return str(first) if count == 1 else f"{first} to {first + count - 1}"
 
 
-def _folder(place: Sequence[tuple[str, Mapping[str, str]] | None]) -> list[Row]:
-    """The folder of an arm or a model in each run: its name, and the files in it that are read."""
-    names = [own[0] if own else ABSENT for own in place]
-    files = [{k: v for k, v in own[1].items() if not k.endswith(SHOWN)} if own else {} for own in place]
-    told = _by_key(f"{' and '.join(dict.fromkeys(names))}, ", files)
-    return [_row("folder of the arm or model", names), *told] if len(set(names)) > 1 else told
-
-
-def _commit(git: str) -> str:
-    commit, _, dirty = git.partition("-")
-    return f"{_short(commit)}, changed" if dirty else _short(commit)
-
-
-def _settings(runs: Sequence[Finished]) -> list[Row]:
-    """Settings that differ, by their words; of runs of different commands those that all have."""
-    told = [_told(run) for run in runs]
-    alike = len({run.manifest.command for run in runs}) == 1
-    return [
-        _row(what, [_value(*own[what, unit]) if (what, unit) in own else ABSENT for own in told], unit)
-        for what, unit in _keys(told)
-        if (alike or all((what, unit) in own for own in told))
-        and len({repr(own.get((what, unit), (ABSENT, 1.0))) for own in told}) > 1
-    ]
-
-
-def _told(run: Finished) -> dict[tuple[str, str], tuple[JsonValue, float]]:
-    """Every setting by its words and unit, and how many of that an SI unit is."""
-    found = {}
-    for path, leaf in _flat(run.manifest.scenario).items():
-        *tables, key = path or ("settings",)
-        if (key,) not in SEEDS:
-            words, unit, scale = _named(key)
-            above = [_named(table)[0] for table in tables if table not in AROUND]
-            found[", ".join([*above, words]), unit] = leaf, scale
-    return found
+def _words(path: Path) -> tuple[str, str]:
+    """A setting's name, with what it belongs to, and its unit."""
+    *tables, key = path
+    words, unit, _ = _named(key)
+    return ", ".join([*(_named(table)[0] for table in tables if table not in AROUND), words]), unit
 
 
 def _named(key: str) -> tuple[str, str, float]:
@@ -153,15 +122,15 @@ def _named(key: str) -> tuple[str, str, float]:
     return " ".join(words if unit else [*words, last]), "%" if unit == "percent" else unit, 1.0
 
 
-def _value(value: JsonValue, scale: float) -> str:
-    """A setting's value, in the unit of its name."""
-    text = _shown(value, scale)
+def _value(told: Mapping[tuple[str, str], tuple[JsonValue, float]], key: tuple[str, str]) -> str:
+    """An input's value, in the unit of its name."""
+    text = _shown(*told[key]) if key in told else ABSENT
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
 def _shown(value: JsonValue, scale: float) -> str:
     if value is None or value == []:
-        return "none"
+        return NONE
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int | float):
@@ -181,17 +150,3 @@ def _flat(value: JsonValue, place: Path = ()) -> dict[Path, JsonValue]:
     if not isinstance(value, dict):
         return {place: value}
     return {path: leaf for key, own in value.items() for path, leaf in _flat(own, (*place, key)).items()}
-
-
-def _by_key(before: str, tables: Sequence[Mapping[str, str]]) -> list[Row]:
-    """Texts of several tables that differ; what is before their keys says what they are."""
-    return [
-        _row(before + key, [_short(own[key]) if key in own else ABSENT for own in tables])
-        for key in _keys(tables)
-        if len({own.get(key) for own in tables}) > 1
-    ]
-
-
-def _keys(tables: Iterable[Mapping[K, object]]) -> list[K]:
-    """Keys of several tables, each once, in the order in which they appear."""
-    return list(dict.fromkeys(key for own in tables for key in own))

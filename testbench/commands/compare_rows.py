@@ -28,7 +28,6 @@ MOST, LARGEST_MM = 1000, 1e9  #: Models that are compared, and their largest err
 KEPT = 200  #: Numbers of tables that are kept.
 ROUNDING = 1e-12  #: Numbers below, in the shown unit, are rounding of 0.
 FEWEST = 2  #: Pairs that have a spread.
-FAR, HUGE, PLACES = 1e3, 1e6, 10_000  #: Of a map: position [m], error [mm], places beyond which it is none.
 
 Verdict = Literal["same", "alike", "less", "more"]
 """Of the second number beside the first one; alike are those within 2 %, or that the spread covers."""
@@ -261,29 +260,3 @@ def _name(column: Column, row: object) -> str:
     if _number(column, row) is None and not cell.isdecimal():
         return cell
     return " ".join(filter(None, [column.heading, cell, column.unit]))
-
-
-def worst_places(runs: Mapping[str, Finished], model: str) -> list[Row]:
-    """Where a model errs most over the workspace, and how much, in each run whose report has a map.
-
-    Args:
-        runs: By their letters.
-        model: Its name.
-    """
-    found = [_worst(letter, run.report.get("map"), model) for letter, run in runs.items()]
-    known = [own for own in found if own is not None]
-    return known if len(known) > 1 else []
-
-
-def _worst(letter: str, told: Any, model: str) -> Row | None:
-    try:
-        at, joints = np.array(told["position_m"], dtype=float), told["joints"]
-        mm = np.array(told["error_mm"][model], dtype=float)
-        sound = at.shape == (len(mm), 3) and 0 < len(mm) == len(joints) <= PLACES
-        if not (sound and np.abs(at).max() <= FAR and mm.min() >= 0 and mm.max() <= HUGE):
-            return None
-    except (TypeError, KeyError, ValueError):  # none, or of another kind
-        return None
-    k = int(mm.argmax())
-    sizes = Row(rms_mm=float(np.sqrt(np.mean(mm**2))), median_mm=float(np.median(mm)), error_mm=float(mm[k]))
-    return Row(letter=letter, **sizes, position_m=at[k].tolist(), joints=str(joints[k]))

@@ -1,6 +1,6 @@
 """What `testbench identify` writes and says of fits: which model to take, how good, how sure."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -23,9 +23,16 @@ from testbench.views.schema import Table
 COMMAND = "testbench identify"  #: As manifest.json names it.
 PICTURE = "identify.png"
 MOST = 30  #: Runs that are listed, the worst.
-FIT = "name parameters rank conservative f_m f_m_floor identification.rms_mm"
-CHECK, HELD, HALF = " check.rms_mm", " f_m_held_out", " intervals.half_width_mm"
-ELSEWHERE = " elsewhere.half_width_mm elsewhere.apart_mm"
+LEFT = "Worst in run {which_run}: {taken_mm:.3f} mm are left of {moved_mm:.3f} mm."
+MODELS = (
+    "name parameters rank conservative f_m f_m_floor identification.rms_mm check.rms_mm "
+    "intervals.half_width_mm f_m_held_out elsewhere.half_width_mm elsewhere.apart_mm"
+)
+PAGE = 3  #: Of these columns, the last ones, that a terminal has no room for.
+READING = Markdown(
+    "*F_M held out*: the mean on poses and load levels held out in turn. *+- (95 %)*: median half width of "
+    f"the interval of a deflection; {COUNTS}. *Apart*: from the loaded tool of the model to take, median."
+)
 
 
 @dataclass(frozen=True)
@@ -74,45 +81,31 @@ def report(f: Row) -> Report:
             f,
         ),
         answer=lines(_answer(f, taken)),
-        worst=lines(
-            [
-                _least_sure(f),
-                say("Worst in run {which_run}: {taken_mm:.3f} mm are left of {moved_mm:.3f} mm.", worst),
-            ]
-        ),
+        worst=lines([_least_sure(f), say(LEFT, worst)]),
         claims=list(_claims(f, taken)),
         numbers=f,
         tables={
-            "models": _models(f),
+            "models": _models(f, MODELS.split()),
             "runs": Table(columns("which_run pose moved_mm taken_mm"), runs, "What is left in each run"),
             "told": Table(
                 columns("part parameters told_percent decided_by_prior"), f.seen.blocks, "What the runs tell"
             ),
         },
-        body=["models", _reading(f), "runs", _about_runs(f), "told", _about_told(f), *_elsewhere(f)],
+        body=["models", READING, "runs", _about_runs(f), "told", _about_told(f), *_elsewhere(f)],
     )
 
 
-def _models(f: Row) -> Table:
+def _models(f: Row, keys: Sequence[str]) -> Table:
     """Every model on a line; what was not asked for has no column."""
-    keys = FIT + CHECK * (f.models[0].check is not None)
-    keys += HELD * any(m.f_m_held_out is not None for m in f.models)
-    keys += HALF * any(m.intervals for m in f.models)
-    headline = "check.rms_mm" if CHECK in keys else "identification.rms_mm"
-    return Table(
-        columns(keys + ELSEWHERE * (f.map is not None), paper=False),
-        f.models,
-        "Models",
-        f.recommended,
-        headline,
-    )
+    every = columns(" ".join(keys), paper=False)
+    known = tuple(c for c in every if any(c.value(m) is not None for m in f.models))
+    headline = "check.rms_mm" if f.models[0].check else "identification.rms_mm"
+    return Table(known, f.models, "Models", f.recommended, headline)
 
 
 def printed(said: Report) -> Table:
     """The models for a terminal of 80 columns."""
-    own = said.tables["models"]
-    kept = [c for c in own.columns if c.key not in (HELD.strip(), *ELSEWHERE.split())]
-    return Table(tuple(kept), own.rows, "", own.bold)
+    return _models(Row(said.numbers), MODELS.split()[:-PAGE])
 
 
 def _beside(f: Row, taken: Row, name: str) -> Gain | None:
@@ -135,17 +128,12 @@ def _answer(f: Row, taken: Row) -> Iterator[Markdown]:
     beside = ", least squares {ls.theirs_mm:.3f} mm; {ls:less}" if ls else ""
     yield say(f"{first} {{name}}{checked}{beside}.", taken, ls=ls)
     half = bool(taken.intervals) and taken.intervals.half_width_mm is not None
+    sure = "to +- {intervals.half_width_mm:.3f} mm (95 %, median)"
     if joints:
-        sure = (
-            "; a deflection along an axis is predicted to +- {intervals.half_width_mm:.3f} mm (95 %, median)"
-            * half
-        )
+        sure = f"; a deflection along an axis is predicted {sure}" if half else ""
         yield say(f"Joints alone {{it.theirs_mm:.3f}} mm, {{it:more}}{sure}.", taken, it=joints)
     else:
-        sure = (
-            " and predicts a deflection along an axis to +- {intervals.half_width_mm:.3f} mm (95 %, median)"
-            * half
-        )
+        sure = f" and predicts a deflection along an axis {sure}" if half else ""
         yield say(f"It fits the readings to {{identification.rms_mm:.3f}} mm RMS{sure}.", taken)
 
 
@@ -187,7 +175,6 @@ def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
 
 def _of_intervals(f: Row, taken: Row) -> Iterator[Markdown]:
     """What no reading checks, and what the intervals do not count."""
-    known = [m for m in f.models if m.intervals]
     if stiffer := f.unchecked.stiffer:
         counts = " The intervals count on it." if taken.intervals and taken.learnt else ""
         yield say(
@@ -196,33 +183,15 @@ def _of_intervals(f: Row, taken: Row) -> Iterator[Markdown]:
         )
     if softer := f.unchecked.softer:
         yield say("The readings would not show ten times softer: {x:list}.", x=softer)
-    if held := [m.name for m in known if m.intervals.on_boundary]:
+    if held := [m.name for m in f.models if m.intervals and m.intervals.on_boundary]:
         yield say(
             "The intervals of {x:list} are not exact: the semi-definite condition holds the estimate.",
             x=held,
-        )
-    if any(m.intervals.unbounded for m in known):
-        yield Markdown(
-            "A component has no bound where the data do not see what it depends on; half widths are of "
-            "the others."
         )
     if taken.intervals and not taken.prior:
         yield Markdown(
             "The intervals count noise alone: without a prior nobody knows what the model leaves out."
         )
-
-
-def _reading(f: Row) -> Markdown:
-    """What the columns of the models are."""
-    every = f.map is not None or any(m.intervals for m in f.models)
-    held = any(m.f_m_held_out is not None for m in f.models)
-    return lines(
-        [
-            "*F_M held out*: the mean on poses and load levels held out in turn." if held else "",
-            f"*+- (95 %)*: median half width of the interval of a deflection; {COUNTS}." if every else "",
-            say("*Apart*: from where {recommended} has the loaded tool, median.", f) if f.map else "",
-        ]
-    )
 
 
 def _about_runs(f: Row) -> Markdown:

@@ -4,8 +4,8 @@ import contextlib
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,8 @@ from rich.console import Console
 
 from testbench import files
 from testbench.bench.model_folder import digests
-from testbench.errors import BenchError, InputError
+from testbench.errors import InputError
 from testbench.output.run import claim_folder, whole_folder
-from testbench.report.report import Report
 from testbench.report.table import Trials
 from testbench.shell.options import Common, takes
 from testbench.shell.trials import choose_backend, show_progress
@@ -107,20 +106,20 @@ def _of_stored(out: Path, *, resume: bool) -> Iterator[None]:
 
 def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     """Numbers, words, figures, and what else the study leaves; names of the figures."""
-    report = found.report
-    files.write_json(to_json(report), found.folder / "report.json")
-    (found.folder / "report.md").write_text(report.whole(), encoding="utf-8")
+    report, folder = found.report, found.folder
+    files.write_json(report.json(), folder / "report.json")
+    (folder / "report.md").write_text(report.whole(), encoding="utf-8")
     figures = study.figures(report)
     for name, figure in figures.items():
-        figure.savefig(found.folder / name)
+        figure.savefig(folder / name)
+    names = [*figures, *study.extra]
     seen = study.write(found) or Seen()
-    recorded = found.folder / "recording.rrd"
-    if not recorded.exists():
-        pictures = {_title(name): found.folder / name for name in (*figures, *study.extra)}
-        write_run(recorded, found.header, report, seen, pictures)
+    write_run(
+        folder / "recording.rrd", found.header, report, seen, {_title(name): folder / name for name in names}
+    )
     tables = [report.tables[name] for name in study.printed]
-    write_page(found.folder, _title(study.name), report, replace(seen, tables=tables))
-    return [*figures, *study.extra]
+    write_page(folder, _title(study.name), report, replace(seen, tables=tables))
+    return names
 
 
 def _title(name: str) -> str:
@@ -153,25 +152,3 @@ def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder
 def _seeds(study: AnyStudy, common: Common) -> range:
     count = common.seeds or study.seeds[0]
     return range(common.seed, common.seed + (min(count, study.seeds[1]) if common.quick else count))
-
-
-def to_json(report: Any) -> Any:
-    """A report as JSON data: its fields are the keys, or what their metadata name as "key".
-
-    Raises:
-        BenchError: When a number is not finite.
-    """
-    plain = report.json() if isinstance(report, Report) else _plain(report)
-    try:
-        json.dumps(plain, allow_nan=False)
-    except ValueError as err:
-        raise BenchError(f"{report.scenario}: expected finite numbers in the report: {err}") from err
-    return plain
-
-
-def _plain(value: Any) -> Any:
-    if is_dataclass(value):
-        return {f.metadata.get("key", f.name): _plain(getattr(value, f.name)) for f in fields(value)}
-    if isinstance(value, Mapping):
-        return {key: _plain(v) for key, v in value.items()}
-    return [_plain(v) for v in value] if isinstance(value, list | tuple) else value

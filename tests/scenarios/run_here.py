@@ -49,7 +49,7 @@ def numbers_alone():
     """
 
     def write(_, found):
-        files.write_json(run.to_json(found.report), found.folder / "report.json")
+        files.write_json(found.report.json(), found.folder / "report.json")
         return []
 
     with mock.patch.object(run, "_write", write):

@@ -3,7 +3,7 @@
 import pytest
 from run_here import app_of_study, check_files, check_refused, quick_study
 
-from testbench.studies.absolute_calibration.settings import ALL, CHOSEN, Options, settings
+from testbench.studies.absolute_calibration.trial import ALL, CHOSEN, Options, settings
 
 APP = app_of_study("absolute_calibration")
 quick, report, rows = quick_study(APP, "--seed", 304, "--seeds", 1)

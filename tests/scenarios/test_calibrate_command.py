@@ -254,15 +254,8 @@ def test_a_model_keeps_the_metric_of_its_day(made, readings, monkeypatch):
 def test_what_cannot_be_calibrated_is_said_and_nothing_is_written(readings, lines, flags, words, tmp_path):
     (part := tmp_path / "part.csv").write_text("\n".join(readings[2].read_text().splitlines()[:lines]) + "\n")
     more = [readings[2] if flag == "r_3.csv" else flag for flag in flags]
-    done = run(
-        "calibrate",
-        readings[0].parent / "flagged",
-        *(more if len(more) == 1 else ()),
-        part,
-        *(more if len(more) > 1 else ()),
-        "--out",
-        tmp_path / "out",
-    )
+    arm = readings[0].parent / "flagged"
+    done = run("calibrate", arm, *more, part, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert words in " ".join(done.stderr.split())
     assert not (tmp_path / "out").exists()

@@ -3,32 +3,24 @@
 import json
 import re
 import shutil
-from dataclasses import asdict, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 import read_back
 from checks import check_words
-from made_up import of_one_trial
+from made_up_run import REPORT
 from read_back import document
 from run_here import here
 
 from testbench import files
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Scenario
-from testbench.bench.campaign_row import CampaignRow, Measured
-from testbench.bench.error_places import Places
 from testbench.bench.model_folder import digests
-from testbench.bench.rows import ErrorRow
 from testbench.cli.program import program
 from testbench.commands.compare_rows import differ
+from testbench.report.columns import columns as quantities
 from testbench.report.report import read_report
-from testbench.report.table import Trials
-from testbench.studies.gravity_calibration.study import STUDY
-from testbench.studies.gravity_calibration.trial import Settings
-from testbench.studies.loaded_stiffness.study import STUDY as LOADED
-from testbench.studies.loaded_stiffness.trial import Settings as LoadedSettings
-from testbench.studies.run import to_json
+from testbench.report.table import Row, Trials, merged
 from testbench.trials.parquet import write_trials
 from testbench.trials.rows import columns, tabled
 from testbench.trials.spread import Spread
@@ -36,40 +28,37 @@ from testbench.views.colours import look
 from testbench.views.markdown import Markdown
 from testbench.views.run_figure import overview
 from testbench.views.scene import Seen
+from testbench.views.schema import Table
 
 NAMES = {"Joints": "none", "MLS56": "none", "MGCO56": "psd", "MGCO56 + prior": "psd", "ALL153 + prior": "psd"}
 SIZES = dict(zip(NAMES, (0.3, 1.4, 0.6, 0.2, 0.1), strict=True))
 """Error of every model over the workspace, typical [mm]."""
-PLACES = 4
 
 
 def compare(*args):
     return here(program(["compare"]), "compare", *args)
 
 
-def row(name, mm, seed, first):
-    """One model of one seed, its error over the workspace given; all else is the seed's."""
-    rng = np.random.default_rng([seed, *name.encode()])
-    kept = {"places": None, "place_mm": None}
-    if seed == first:
-        xyz = {axis: tuple(rng.uniform(-1, 1, PLACES)) for axis in ("x_m", "y_m", "z_m", "deflection_mm")}
-        q, joints = tuple(rng.uniform(-1, 1, 6 * PLACES)), ("home",) * PLACES
-        kept["places"] = Places(run=tuple(range(PLACES)), q=q, joints=joints, **xyz)
-        kept["place_mm"] = tuple(mm * np.linspace(0.5, 2, PLACES))
+@dataclass(frozen=True)
+class Errors:
+    rms_mm: float
+
+
+@dataclass(frozen=True)
+class ModelRow:
+    name: str
+    structure: str
+    constraint: str
+    prior: bool
+    workspace: Errors
+    identification: Errors
+
+
+def row(name, mm, seed):
+    """One model of one seed, its error over the workspace given; the other one is the seed's."""
     structure = name.removesuffix(" + prior")
-    own = {"constraint": NAMES[name], "prior": name != structure, "conservative": NAMES[name] == "psd"}
-    measured = of_one_trial(Measured, np.random.default_rng(1))
-    fixed = {
-        "parameters": 56,
-        "rank": 30,
-        "status": "solved",
-        "true_arm": "cast",
-        "measured": measured,
-    }
-    workspace = of_one_trial(ErrorRow, rng, rms_mm=mm)
-    return of_one_trial(
-        CampaignRow, rng, name=name, structure=structure, workspace=workspace, **own, **fixed, **kept
-    )
+    fit = float(np.random.default_rng([seed, *name.encode()]).uniform(0.1, 0.2))
+    return ModelRow(name, structure, NAMES[name], name != structure, Errors(mm), Errors(fit))
 
 
 def calibration(out, seeds, scale=1.0, sigma=50e-6):
@@ -81,18 +70,20 @@ def calibration(out, seeds, scale=1.0, sigma=50e-6):
         scale: Of the errors over the workspace, or of each model by name.
         sigma: Noise of a reading [m].
     """
-    asked = Settings("kr500_l480", Scenario(arm="kr500_l480", sigma=sigma), 50.0, "cast", seeds[0])
     sizes = {n: mm * (scale[n] if isinstance(scale, dict) else scale) for n, mm in SIZES.items()}
     wide = {seed: np.exp(np.random.default_rng(seed).normal()) for seed in seeds}
-    trials = [(s, [row(n, mm * wide[s], s, seeds[0]) for n, mm in sizes.items()]) for s in seeds]
+    trials = [(s, [row(n, float(mm * wide[s]), s) for n, mm in sizes.items()]) for s in seeds]
+    models = merged(Trials.of(trials).drop("seed"), "name")
+    table = Table(quantities("name workspace.rms_mm identification.rms_mm"), models)
+    numbers = {"models": models, "recommended": "ALL153 + prior"}
     out.mkdir()
-    files.write_json(to_json(STUDY.report(asked, seeds, Trials.of(trials))), out / "report.json")
+    files.write_json(replace(REPORT, numbers=numbers, tables={"models": table}).json(), out / "report.json")
     flat = [(seed, tabled(rows)) for seed, rows in trials]
-    write_trials(out / "trials.parquet", {}, columns(CampaignRow), len(seeds), flat)
-    plain = {**asdict(asked), "scenario": asked.scenario.model_dump(mode="json")}
-    arms = [find_arm("kr500_l480")]
-    script = "scenarios/gravity_calibration.py"
-    files.write_manifest(out, command=script, scenario=plain, seeds=seeds, models=digests(arms), seconds=1.0)
+    write_trials(out / "trials.parquet", {}, columns(ModelRow), len(seeds), flat)
+    scenario = {"sigma": sigma, "station": {"lower": [1.5, -0.9, 1.1]}}
+    plain = {"true_arm": "family" if len(seeds) > 20 else "cast", "first": seeds[0], "scenario": scenario}
+    arms, script = digests([find_arm("kr500_l480")]), "scenarios/gravity_calibration.py"
+    files.write_manifest(out, command=script, scenario=plain, seeds=seeds, models=arms)
     return out
 
 
@@ -196,9 +187,9 @@ def test_files_of_the_arm_versions_and_commit_are_told_apart(one, tmp_path):
     text, report = said(tmp_path, one, other)
     rows = {own["what"]: own["values"][1] for own in report["inputs"]}
     assert rows == {
-        "work area of the calibration, lower corner": "2.5, -0.9, 1.1",
-        "kr500_l480, elastic.toml": "0000000000",
-        "version of numpy": "1.0",
+        "work area, lower": "2.5, -0.9, 1.1",
+        "arm or model, elastic.toml": "0000000000",
+        "version, numpy": "1.0",
         "commit": "ffffffffff, changed",
     }
     assert text.startswith("A and B are alike: no number differs.")
@@ -210,32 +201,33 @@ def test_folders_of_arms_are_compared_in_their_order_whatever_they_are_called(on
 
     _, report = said(tmp_path, one, changed(one, tmp_path / "other", "manifest.json", plant))
     rows = {own["what"]: own["values"] for own in report["inputs"]}
-    assert rows == {"folder of the arm or model": ["kr500_l480", "mine"]}
+    assert rows == {"arm or model, folder": ["kr500_l480", "mine"]}
 
 
-def test_tables_of_a_study_without_models_show_the_number_that_differs(tmp_path):
-    first, asked, seeds = tmp_path / "first", LoadedSettings(arm="kr500_l480", loads=2, poses=3), range(1, 2)
+def test_tables_without_models_are_paired_by_row_and_column_and_show_the_number_that_differs(tmp_path):
+    first = tmp_path / "first"
     first.mkdir()
-    found = list(zip(seeds, LOADED.trials(asked, seeds), strict=True))
-    report = LOADED.report(asked, seeds, Trials.of(found))
-    files.write_json(to_json(report), first / "report.json")
-    files.write_manifest(first, command="scenarios/loaded_stiffness.py", scenario={}, seeds=seeds, models={})
-    rows = report.tables["rows"]
-    [place] = [k for k, c in enumerate(rows.columns) if c.key == "max_um"]
-    column = rows.columns[place]
+    rows = [
+        Row(prediction=p, load_N=n, rms_um=n / 100 + len(p)) for p in ("Eq. (6)", "(7)") for n in (10.0, 99.0)
+    ]
+    table = Table(quantities("prediction load_N rms_um"), rows, "By load")
+    own = replace(REPORT, tables={"rows": table}, body=["rows"])
+    files.write_json(own.json(), first / "report.json")
+    files.write_manifest(first, command="testbench predict", scenario={}, seeds=range(0), models={})
 
     def plant(report):
-        report["tables"]["rows"]["rows"][1][place] *= 3
+        report["tables"]["rows"]["rows"][1][2] *= 3
+        report["tables"]["rows"]["rows"].reverse()  # whatever their order
 
     text, report = said(tmp_path, first, changed(first, tmp_path / "planted", "report.json", plant))
-    start = r"A and B differ in 1 of \d+ numbers: 0 by more than their spread, 1 by more than 2 % "
-    assert re.match(start, text)
-    assert re.search(rf"Farthest apart: .*, {column.title}, ", text)
+    assert text.startswith(
+        "A and B differ in 1 of 4 numbers: 0 by more than their spread, 1 by more than 2 % "
+    )
+    assert "Farthest apart: Eq. (6), load 99 N, RMS error, um, 7.99 in A, 23.97 in B." in text
     [number] = report["beside"][0]["numbers"]
-    assert number["quantity"] == column.title
-    assert number["ratio"] == pytest.approx(3)
+    assert (number["quantity"], number["ratio"]) == ("RMS error, um", pytest.approx(3))
     page = (tmp_path / "out" / "report.md").read_text()
-    assert f"{number['row']}, {column.title} | {number['shown_a']} | {number['shown_b']} | 3 |" in page
+    assert "| By load: Eq. (6), load 99 N, RMS error, um | 7.99 | 23.97 | 3 |" in page
 
 
 def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path):
@@ -256,16 +248,15 @@ def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path
 
 def test_three_runs_stand_beside_the_first(one, many, tmp_path):
     text, report = said(tmp_path, one, one, many, "--anyway")
-    assert text.startswith("B is the same as A. A and C err alike (ALL153 + prior, no spread).")
+    start = "A and B are alike: no number differs. A and C err alike (ALL153 + prior, no spread)."
+    assert text.startswith(start)
     assert [run["letter"] for run in report["runs"]] == ["A", "B", "C"]
 
 
-def test_picture_page_and_recording_show_every_model_in_its_colour_and_the_worst_places(
-    many, folder, tmp_path
-):
+def test_picture_page_and_recording_show_every_model_in_its_colour(many, folder, tmp_path):
     scales = dict(zip(NAMES, (1.5, 3.0, 0.5, 1.2, 2.0), strict=True))
     other = calibration(folder / "second", range(1, 21), scales)
-    text, report = said(tmp_path, many, other)
+    _, report = said(tmp_path, many, other)
     led = {own["name"]: own for own in report["beside"][0]["models"] if own["kind"] == "workspace"}
     table = read_report(tmp_path / "out" / "report.json").tables["B"]
     [axes] = overview(read_report(tmp_path / "out" / "report.json"), Seen(tables=[table])).axes
@@ -280,12 +271,6 @@ def test_picture_page_and_recording_show_every_model_in_its_colour_and_the_worst
     for name, own in led.items():
         sizes = [f"{own[key]['median']:.3f}" for key in "ab"]
         assert re.search(rf"{re.escape(name)}\W*\| {sizes[0]} .*\| {sizes[1]} ", rows), name
-    for run, letter, worst in zip((many, other), "AB", report["worst"], strict=True):
-        own = json.loads((run / "report.json").read_text())["map"]
-        errors = own["error_mm"]["ALL153 + prior"]
-        k = int(np.argmax(errors))
-        assert (worst["error_mm"], worst["position_m"]) == (errors[k], own["position_m"][k])
-        assert f"{letter} {errors[k]:.3f} mm at x {own['position_m'][k][0]:.2f}," in text
 
 
 def broken(text):

@@ -1,18 +1,20 @@
 """What a page is made of: solids that close, text that stays text, numbers as they are."""
 
 import json
+import math
 import re
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 import trimesh
+from made_up_run import made_up_run
 
 from testbench.plant.shapes import Mesh, Shape, visual_shapes
 from testbench.trials.spread import Spread
-from testbench.views.colours import look
+from testbench.views.colours import hexadecimal, look
 from testbench.views.page import html
-from testbench.views.page.data import TRIANGLES, chart_plain, map_plain, solid
+from testbench.views.page.data import TRIANGLES, chart_plain, map_plain, seen_plain, solid
 from testbench.views.scene import Line, PlaceMap, RunChart
 from testbench.views.schema import Column, Table, looks
 
@@ -136,3 +138,26 @@ class Fit:
 def test_rows_that_are_no_model_have_no_models_colour():
     fits = [Fit("calm", "MLS56"), Fit("calm", "MLS32"), Fit("windy", "MLS56")]
     assert looks(fits, Column("case", "case")) == {"windy": look("MLS56", "none")}
+
+
+def test_a_page_has_the_poses_layers_and_words_that_picture_and_recording_have(arm_6r):
+    seen = made_up_run(arm_6r)
+    found = json.loads(html.data(seen_plain(seen)))
+    assert (found["scene"]["title"], len(found["runs"])) == (seen.scene.title, 1)
+    for own, group in zip(found["scene"]["groups"], seen.scene.groups, strict=True):
+        assert (own["name"], own["names"], own["words"]) == (group.name, group.names, group.words)
+        assert own["first"] == group.first
+        places = np.reshape(own["rigid"], (len(group.names), -1, 7))[:, :, :3]
+        np.testing.assert_allclose(places / 1e4, group.rigid.positions, atol=6e-5)
+        for layer, wanted in zip(own["layers"], group.layers, strict=True):
+            assert (layer["name"], layer["kind"], layer["shown"]) == (wanted.name, wanted.kind, wanted.shown)
+            assert layer["colour"] == hexadecimal(wanted.colour)
+            for key, ends in (("at", wanted.at), ("to", wanted.to)):
+                read = np.nan if ends is None else np.array(layer[key], float) / 1e4
+                np.testing.assert_allclose(
+                    read, np.nan if ends is None else ends.reshape(len(ends), -1), atol=6e-5
+                )
+    [line] = found["map"]["lines"]
+    values = [math.nan if x is None else x for x in line["values"]]
+    np.testing.assert_allclose(values, seen.map.lines[0].values, rtol=1e-3)
+    assert (found["map"]["group"], line["colour"]) == (1, seen.map.lines[0].look.hex)

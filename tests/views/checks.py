@@ -4,17 +4,15 @@ The checks read what was written (Markdown, a terminal's table, a figure's artis
 paths such as "check.rms_mm" that the tests write down themselves: a column with a wrong key shows.
 """
 
-import io
 import re
 from collections.abc import Mapping
 from decimal import Decimal
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from testbench.trials.spread import Spread
-from testbench.views import markdown, terminal
+from testbench.views import markdown
 
 UNITS = {
     "mm": 1e-3, "um": 1e-6, "m": 1.0, "%": 1e-2, "s": 1.0, "ms": 1e-3, "kg": 1.0, "N": 1.0, "deg": 1.0,
@@ -156,27 +154,6 @@ def check_pivot(table, rows, paths, unit="", called=({}, {})):
         name, level = (own.get(key, key) for own, key in zip(called, (str(name), level), strict=True))
         value = value.median if exact and isinstance(value, Spread) else value
         assert shows(cells[str(name), level + behind], value), (name, level, value)
-
-
-def check_report(study, report, width=80):
-    """Every table in report.md is a declared one, and what is printed fits a terminal.
-
-    Returns:
-        report.md.
-    """
-    tables, words = study.tables(report), study.words(report)
-    text = words.whole()
-    declared = [tables_of(markdown.grid(table))[0] for table in tables.values()]
-    assert all(found in declared for found in tables_of(text))
-    assert words.block("answer") in " ".join(text.split())
-    console = Console(width=width, record=True, file=io.StringIO())
-    terminal.print_words(console, words, [tables[name] for name in study.printed])
-    printed = console.export_text()
-    assert "…" not in printed
-    for name in study.printed:
-        assert console.measure(terminal.grid(tables[name])).minimum <= width, name
-    assert words.block("answer") in " ".join(printed.split())
-    return text
 
 
 MOST_WORDS, MOST_SENTENCES, MOST_STATEMENTS = 25, 2, 5

@@ -19,6 +19,7 @@ from testbench.views.colours import GREY, Colour, Look
 
 SCRUB = 10.0  #: How long the timeline that a reader lands on is played [s].
 MARKDOWN = "text/markdown"
+MANY = 60  #: Rows beyond which dots of a plot are small.
 SHAPES = (
     MarkerShape.Circle,
     MarkerShape.Square,
@@ -78,7 +79,8 @@ class Pen:
         self.still(path, rr.SeriesLines(colors=colour, widths=width, names=name))
         if look is not None:
             shape = MarkerShape.Cross if look.prior else SHAPES[look.place % len(SHAPES)]
-            self.still(path, rr.SeriesPoints(colors=colour, markers=shape, names=name, marker_sizes=4.0))
+            size = 4.0 if len(values) <= MANY else 2.0
+            self.still(path, rr.SeriesPoints(colors=colour, markers=shape, names=name, marker_sizes=size))
         known = np.isfinite(values)
         self.rows(path, rr.Scalars.columns(scalars=values[known]).partition(known.astype(int)))
 
