@@ -18,11 +18,10 @@ import pytest
 from testbench.errors import BenchError, InputError
 from testbench.trials.engine import do_chunk
 from testbench.trials.experiment import Experiment
-from testbench.trials.parquet import batches, open_trials
+from testbench.trials.parquet import batches, open_trials, series
 from testbench.trials.records import HEADER, LONGEST, MAGIC, pack, record, records
 from testbench.trials.spread import Number, Share
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
-from testbench.trials.stored import series
 
 TOY = Experiment("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
 
