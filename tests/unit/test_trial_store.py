@@ -98,14 +98,6 @@ def test_every_kind_of_value_comes_back_bit_by_bit(tmp_path):
         assert repr(list(store.trials())) == repr([(7, ()), (9, (replace(FULL, count=-(2**63), yes=True),))])
 
 
-def test_a_finished_run_is_resumed_with_several_numbers_in_a_cell(tmp_path):
-    with open_store(tmp_path, TOY, row=Full, resume=False) as store:
-        put(store, {seed: [FULL] for seed in TOY.seeds})
-        write_parquet(store, tmp_path)
-    with open_store(tmp_path, TOY, row=Full, resume=True) as store:
-        assert repr(dict(store.trials())[9][0].several) == repr(FULL.several)
-
-
 def test_columns_have_the_types_of_the_fields_even_without_a_value(tmp_path):
     with open_store(tmp_path, Experiment("toy", {}, range(1)), row=Full, resume=False) as store:
         put(store, {0: []})
