@@ -238,10 +238,13 @@ def _all(
         return runs, found, recommend(cell, models, runs.used)
     own = fit_many(cell, models, runs.many, clock)
     every, fitted, held_back = runs.many.looked_at(own.worst)
-    notes = (*runs.notes, _shown(every, runs.total))
+    note = (
+        f"all {runs.total} runs are fitted and judged; doubts, intervals, tables and pictures are of "
+        f"{every.runs} of them, evenly out of all and those of which most is left"
+    )
     checks = [error_row(one) for one in own.check] if own.check else [None] * len(models)
     rows = zip(models, own.estimates, own.seconds, map(error_row, own.used), checks, strict=True)
-    shown = replace(runs, every=every, used=fitted, check=held_back, notes=notes)
+    shown = replace(runs, every=every, used=fitted, check=held_back, notes=(*runs.notes, note))
     return shown, [_Judged(*row) for row in rows], own.taken
 
 

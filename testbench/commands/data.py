@@ -152,7 +152,7 @@ def _few(names: Sequence[str], mark: str = ", ") -> str:
 
 
 def report(found: Row, registered: Registered) -> Report:
-    """How many runs there are, how far they move, what may be wrong with them: `doubts`, and their `scale`."""
+    """How many runs there are, how far they move; `found` holds `doubts`, `scale` and `dataset` too."""
     f = Row(found, arm=registered.vjm.arm.name, frame=registered.frame, away=_away(registered))
     return Report(
         scenario="data_check",
