@@ -1,8 +1,9 @@
 """Trials as one table: rows of a group become medians with their spread, two models ratios."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ Cells = npt.NDArray[Any]
 MODEL, TRIAL = "name", "seed"
 """Columns that say of which model and of which trial a row is."""
 BEYOND = 1e100  #: No number of a trial is as large.
+MANY = 1_000_000  #: Rows beyond which columns stay in their file until they are asked for.
 
 
 class Row(dict[str, Any]):
@@ -27,6 +29,25 @@ class Row(dict[str, Any]):
         if name in self:
             return self[name]
         raise AttributeError(f"no column {name!r}; columns are {', '.join(self)}")
+
+
+class Made(Mapping[str, Cells]):
+    """Columns that are made each time they are asked for: of many trials a few are in memory at a time."""
+
+    def __init__(self, how: Mapping[str, Callable[[], Cells]]) -> None:
+        self.how = how
+
+    def __getitem__(self, name: str) -> Cells:
+        return self.how[name]()
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.how
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.how)
+
+    def __len__(self) -> int:
+        return len(self.how)
 
 
 @dataclass(frozen=True)
@@ -47,12 +68,12 @@ class Trials:
         """
         from pyarrow import parquet  # here: commands have no trials
 
-        table = parquet.read_table(path, use_threads=False)
-        columns = {name: table[name].combine_chunks() for name in table.column_names}
-        for name, cells in columns.items():
-            if pa.types.is_floating(cells.type) and not (np.abs(cells.drop_null().to_numpy()) < BEYOND).all():
-                raise ValueError(f"{name} has a number that no trial can have")
-        return cls({name: _cells(cells) for name, cells in columns.items()})
+        with parquet.ParquetFile(path) as file:
+            names = file.schema_arrow.names
+            if file.metadata.num_rows <= MANY:
+                table = file.read(use_threads=False)
+                return cls({name: _checked(name, table[name]) for name in names})
+        return cls(Made({name: partial(_read, path, name) for name in names}))
 
     @classmethod
     def of(cls, trials: Sequence[tuple[int, Sequence[object]]]) -> "Trials":
@@ -74,7 +95,11 @@ class Trials:
 
     def pick(self, rows: Cells) -> "Trials":
         """Rows by a mask, or by their numbers."""
-        return Trials({name: cells[rows] for name, cells in self.columns.items()})
+        return Trials(Made({name: partial(_picked, self.columns, name, rows) for name in self.columns}))
+
+    def _named(self, names: Mapping[str, str]) -> "Trials":
+        """Columns by new names."""
+        return Trials(Made({new: partial(self.columns.__getitem__, old) for new, old in names.items()}))
 
     def where(self, **alike: Any) -> "Trials":
         """Rows that have these values; of a tuple or set one of them."""
@@ -82,50 +107,71 @@ class Trials:
         for name, value in alike.items():
             cells = self[name]
             some = isinstance(value, tuple | set | frozenset)
-            found &= np.isin(cells, list(value)) if some else np.asarray(cells == value, dtype=bool)
+            each = [np.asarray(cells == own, dtype=bool) for own in (value if some else [value])]
+            found &= np.any(each, axis=0)
         return self.pick(found)
 
     def keep(self, *names: str) -> "Trials":
         """Some columns; a name that ends with a dot is all that begin with it."""
-        return Trials({name: own for name, own in self.columns.items() if _named(name, names)})
+        return self._named({name: name for name in self.columns if _named(name, names)})
+
+    def held(self) -> "Trials":
+        """The same with all columns in memory: for some that are asked for often."""
+        return Trials(dict(self.columns))
 
     def drop(self, *names: str) -> "Trials":
         """All other columns."""
-        return Trials({name: own for name, own in self.columns.items() if not _named(name, names)})
+        return self._named({name: name for name in self.columns if not _named(name, names)})
 
     def inside(self, name: str) -> "Trials":
         """Columns whose names begin with this one and a dot, without both."""
         start = f"{name}."
-        return Trials({own.removeprefix(start): cells for own, cells in self.keep(start).columns.items()})
+        return self._named({own.removeprefix(start): own for own in self.keep(start).columns})
 
     def add(self, **more: Any) -> "Trials":
         """With more columns, or others of the same names."""
-        return Trials({**self.columns, **{name: np.asarray(cells) for name, cells in more.items()}})
+        own = {name: partial(self.columns.__getitem__, name) for name in self.columns}
+        return Trials(Made({**own, **{name: partial(np.asarray, cells) for name, cells in more.items()}}))
 
     def values(self, name: str) -> list[Any]:
         """What a column holds, each once, as it first appears."""
         return list(dict.fromkeys(self[name].tolist()))
 
+    def parts(self, *by: str) -> list[Cells]:
+        """Numbers of the rows that are alike in some columns, groups as they first appear."""
+        [codes] = numbered([[self[name]] for name in by], [len(self)])
+        return np.split(np.argsort(codes, kind="stable"), np.cumsum(np.bincount(codes))[:-1])
+
     def groups(self, *by: str) -> Iterator[tuple[tuple[Any, ...], "Trials"]]:
         """Rows that are alike in some columns, groups as they first appear; of none all rows."""
-        codes = np.zeros(len(self), dtype=int)
-        for name in by:
-            known = {value: k for k, value in enumerate(self.values(name))}
-            own = np.array([known[value] for value in self[name].tolist()], dtype=int)
-            codes = codes * max(len(known), 1) + own
-        _, first, codes = np.unique(codes, return_index=True, return_inverse=True)
-        ordered, ends = np.argsort(codes, kind="stable"), np.cumsum(np.bincount(codes))
-        parts = np.split(ordered, ends[:-1]) if len(ordered) else []
-        keys = [self[name][first].tolist() for name in by]
-        for k in np.argsort(first):
-            yield tuple(own[k] for own in keys), self.pick(parts[k])
+        parts = self.parts(*by) if len(self) else []
+        keys = [self[name][[part[0] for part in parts]].tolist() for name in by]
+        for k, part in enumerate(parts):
+            yield tuple(own[k] for own in keys), self.pick(part)
+
+
+def numbered(columns: Sequence[Sequence[Cells]], sizes: Sequence[int]) -> list[Cells]:
+    """Numbers of rows of several tables that are the same where all these columns are, as they first appear.
+
+    Args:
+        columns: Of each quantity the column of every table.
+        sizes: Rows of every table.
+    """
+    codes = np.zeros(sum(sizes), dtype=np.int64)
+    for own in columns:
+        encoded = pa.array(np.concatenate(own)).dictionary_encode()
+        codes = codes * (len(encoded.dictionary) + 1) + np.asarray(
+            encoded.indices.fill_null(len(encoded.dictionary))
+        )
+        codes = np.asarray(pa.array(codes).dictionary_encode().indices)
+    return np.split(codes, np.cumsum(sizes)[:-1])
 
 
 def merged(trials: Trials, *by: str) -> list[Row]:
     """A row for all trials that are alike in some columns: see `number`; without columns one row for all."""
-    return [
-        nested({name: number(cells) for name, cells in own.columns.items()}) for _, own in trials.groups(*by)
-    ]
+    parts = trials.parts(*by) if len(trials) else []
+    columns = {name: [number(cells[part]) for part in parts] for name, cells in trials.columns.items()}
+    return [nested({name: own[k] for name, own in columns.items()}) for k in range(len(parts))]
 
 
 def number(cells: Cells) -> Any:
@@ -186,8 +232,12 @@ def aligned(trials: Trials, models: Sequence[str], value: str, by: Sequence[str]
 
 def matched(rows: Trials, others: Trials, value: str, by: Sequence[str]) -> Cells:
     """One quantity of the other row that is alike in some columns, row by row; KeyError without one."""
-    known = dict(zip(_keys(others, by), others[value], strict=True))
-    return np.array([known[key] for key in _keys(rows, by)])
+    ours, theirs = numbered([[rows[name], others[name]] for name in by], [len(rows), len(others)])
+    place = np.full(1 + max(ours.max(initial=0), theirs.max(initial=0)), -1)
+    place[theirs] = np.arange(len(theirs))
+    if (place[ours] < 0).any():
+        raise KeyError(f"rows without another one that is alike in {', '.join(by)}")
+    return np.asarray(others[value][place[ours]])
 
 
 def _keys(rows: Trials, by: Sequence[str]) -> Iterator[tuple[Any, ...]]:
@@ -237,6 +287,25 @@ def _named(name: str, names: Sequence[str]) -> bool:
 
 def _listed(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
+
+
+def _picked(columns: Mapping[str, Cells], name: str, rows: Cells) -> Cells:
+    return np.asarray(columns[name][rows])
+
+
+def _read(path: Path, name: str) -> Cells:
+    from pyarrow import parquet  # here: commands have no trials
+
+    with parquet.ParquetFile(path) as file:
+        return _checked(name, file.read(columns=[name], use_threads=False)[name])
+
+
+def _checked(name: str, column: pa.ChunkedArray) -> Cells:
+    """A column's cells; ValueError where a number is one that no trial can have."""
+    cells = column.combine_chunks()
+    if pa.types.is_floating(cells.type) and not (np.abs(cells.drop_null().to_numpy()) < BEYOND).all():
+        raise ValueError(f"{name} has a number that no trial can have")
+    return _cells(cells)
 
 
 def _cells(column: pa.Array) -> Cells:

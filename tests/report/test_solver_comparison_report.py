@@ -10,9 +10,7 @@ from reports import check, table_of
 
 from testbench.studies.solver_comparison.report import LOOKS, figures, report
 from testbench.studies.solver_comparison.trial import (
-    ORDERS,
     Data,
-    Minima,
     Options,
     SolverRow,
     TrialRow,
@@ -38,8 +36,6 @@ def made(**f_m):
             if (key, seed) == ("a", 4):
                 own = replace(own, seconds_to_1_percent=None, ratio_to_conic=None)
             yield TrialRow(key=key, solver=own)
-        for m in ORDERS:
-            yield TrialRow(minima=Minima(m, (2.0, 2.0 + 1e-6, 3.0 + m), 1.5, 1))
 
     trials = table_of(SEEDS, lambda seed: list(rows(seed)))
     return report(settings(Options(), False, SEEDS), SEEDS, trials), trials
@@ -71,14 +67,8 @@ def test_numbers_of_every_solver_are_those_of_its_seeds():
             assert shown[title] == show(value, form), title
     counted = trials.where(key=("a", "a'", "b", "c"))["solver.local_solves_elsewhere"]
     assert (f["local_solves"], f["elsewhere"]) == (48, counted.sum())
-    for m, row in zip(ORDERS, f["local_minima"].values(), strict=True):
-        least = 1.5 if m == 6 else 2.0  # the conic program's, or the best of a capped order
-        assert row.worst_excess == pytest.approx((3.0 + m) / least - 1)
-        assert row.within_1e_5_percent == pytest.approx(0 if m == 6 else 200 / 3)
-        line = f"| {m} | 9 | {row.reference} | {row.within_1e_6_percent:.0f} | "
-        assert line in grid(found.tables["minima"])
-        assert (row.cap_excess, row.unfinished) == (pytest.approx(1 / 3), 3)
-    assert "of order m = 6 one ends 500 % above the conic optimum" in found.worst
+    worst = max(f["solvers"], key=lambda row: row.relative_excess.median)
+    assert found.worst.startswith(f"Highest ends {worst.solver}: ")
 
 
 @pytest.mark.parametrize("least", ["a", "b", "d"])

