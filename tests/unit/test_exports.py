@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 ARM = load_arm(ROOT / "models" / "kr500_l480")
 MASSES = (150.0, 460.3)
 M = range(3)
-WHEN = ("before", "after")
+WHEN, RUNS = ("before", "after"), range(6)
 
 
 def measured() -> Dataset:
@@ -52,23 +52,38 @@ def number(value: float, scale: float = 1.0, decimal: str = ".") -> str:
     return f"{scale * value:.7f}".replace(".", decimal)
 
 
-def states(run: int):
-    """The readings of a run: the unloaded one with the first load of its pose, then the loaded one."""
-    return ([("before", DATA.before[run])] if run % 2 == 0 else []) + [("after", DATA.after[run])]
+def deg(r, decimal="."):
+    return [number(x, 1, decimal) for x in DEG[r]]
+
+
+def mm(places, decimal="."):
+    return [number(x, 1e3, decimal) for x in np.ravel(places)]
+
+
+def both(r):
+    """Each marker unloaded, then loaded, (3, 2, 3) [m]."""
+    return np.stack([DATA.before[r], DATA.after[r]], axis=1)
+
+
+def readings():
+    """Run, state and places: the unloaded one with the first load of its pose, then the loaded one."""
+    return [(r, when, getattr(DATA, when)[r]) for r in RUNS for when in WHEN[r % 2 :]]
+
+
+def table(lines, between):
+    return "\n".join(between.join(map(str, line)) for line in lines).encode()
 
 
 def spreadsheet() -> bytes:
     """Wide, German, cp1252: title lines, decimal commas, a mark of order, unused columns, padded rows."""
     head = ["Messung", "Datum", "Stellung", *(f"A{k} [°]" for k in range(1, 7)), "Gewicht [kg]"]
     head += [f"Ziel {m + 1} {when} {x} [mm]" for m in M for when in ("unbelastet", "belastet") for x in "XYZ"]
-    lines = ["Messprotokoll KR 500;;;", ";;;", "Prüfer: Müller;;", ";".join([*head, "Bemerkung", ""])]
-    for r in range(6):
-        row = [str(r + 1), "3.11.2026", str(DATA.pose[r]), *(number(x, 1, ",") for x in DEG[r])]
-        row += [number(KG[r], 1, ",")]
-        both = np.stack([DATA.before[r], DATA.after[r]], axis=1)
-        row += [number(x, 1e3, ",") for x in both.reshape(-1)]
-        lines.append(";".join([*row, "", "", ""]))
-    return "\r\n".join([*lines, ";;;;", ""]).encode("cp1252")
+    rows = [
+        [r + 1, "3.11.2026", DATA.pose[r], *deg(r, ","), number(KG[r], 1, ","), *mm(both(r), ","), *[""] * 3]
+        for r in RUNS
+    ]
+    above = [["Messprotokoll KR 500;;;"], [";;;"], ["Prüfer: Müller;;"], [*head, "Bemerkung", ""]]
+    return table([*above, *rows, [";;;;"], [""]], ";").decode().replace("\n", "\r\n").encode("cp1252")
 
 
 SPREADSHEET = """
@@ -86,14 +101,11 @@ def analyzer() -> bytes:
     """Points in groups whose names hold pose and load, comments, reference points, a point that was lost."""
     lines = ["// Job: cell 4", "// Frame: WORLD, units mm", "//"]
     lines.append("Collection,Group,Point,X,Y,Z,Time,A1,A2,A3,A4,A5,A6")
-    for r in range(6):
-        for when, places in states(r):
-            group = f"Pose {DATA.pose[r]} - {KG[r] * (when == 'after'):.1f} kg"
-            for m in M:
-                where = ",".join(number(x, 1e3) for x in places[m])
-                angles = ",".join(number(x) for x in DEG[r])
-                lines.append(f"A,{group},T{m + 1},{where},2026-11-03 10:0{r},{angles}")
-            lines.append(f"A,{group},REF1,1.0,2.0,3.0,2026-11-03 10:0{r},{angles}")
+    for r, when, places in readings():
+        group = f"Pose {DATA.pose[r]} - {KG[r] * (when == 'after'):.1f} kg"
+        tail = ",".join([f"2026-11-03 10:0{r}", *deg(r)])
+        lines += [f"A,{group},T{m + 1},{','.join(mm(places[m]))},{tail}" for m in M]
+        lines.append(f"A,{group},REF1,1.0,2.0,3.0,{tail}")
     return "\n".join(lines).encode()
 
 
@@ -107,22 +119,12 @@ words = { P1 = "T1", P2 = "T2", P3 = "T3", ignore = "REF1" }
 
 def two_headers() -> bytes:
     """Tabs, a header of two lines with merged cells, units below, byte order mark."""
-    upper = ["Run", "Pose", "Joints", "", "", "", "", "", "Load"]
-    lower = ["", "", *(str(k) for k in range(1, 7)), "m"]
-    units = ["", "", *["deg"] * 6, "kg"]
-    for m in M:
-        for when in ("Unloaded", "Loaded"):
-            upper, lower, units = (
-                [*upper, f"P{m + 1} {when}", "", ""],
-                [*lower, *"XYZ"],
-                [*units, *["mm"] * 3],
-            )
-    lines = [upper, lower, units]
-    for r in range(6):
-        both = np.stack([DATA.before[r], DATA.after[r]], axis=1).reshape(-1)
-        angles, places = [number(x) for x in DEG[r]], [number(x, 1e3) for x in both]
-        lines.append([str(r + 1), str(DATA.pose[r]), *angles, number(KG[r]), *places])
-    return b"\xef\xbb\xbf" + "\n".join("\t".join(line) for line in lines).encode()
+    states = [f"P{m + 1} {when}" for m in M for when in ("Unloaded", "Loaded")]
+    upper = ["Run", "Pose", "Joints", *[""] * 5, "Load", *(cell for s in states for cell in (s, "", ""))]
+    lower = ["", "", *range(1, 7), "m", *"XYZ" * 6]
+    units = ["", "", *["deg"] * 6, "kg", *["mm"] * 18]
+    rows = [[r + 1, DATA.pose[r], *deg(r), number(KG[r]), *mm(both(r))] for r in RUNS]
+    return b"\xef\xbb\xbf" + table([upper, lower, units, *rows], "\t")
 
 
 TWO_HEADERS = """
@@ -136,20 +138,15 @@ mass = "Load m"
 
 def blanks() -> bytes:
     """Runs of blanks, metres, a row a run, marker and state; the joints turn the other way."""
-    lines = [
-        "REPORT 17",
-        "",
-        "  run  pose   point  state         x          y          z    kg  " + "q0 q1 q2 q3 q4 q5",
-    ]
-    for r in range(6):
+    names = "  run  pose   point  state         x          y          z    kg  q0 q1 q2 q3 q4 q5"
+    lines = ["REPORT 17", "", names]
+    for r in RUNS:
+        angles = " ".join(f"{-x:.9f}" for x in DATA.q[r])
         for m in M:
-            for when in WHEN:
-                places = getattr(DATA, when)[r, m]
+            for when, places in zip(WHEN, both(r)[m], strict=True):
                 where = "  ".join(f"{x:11.7f}" for x in places)
-                angles = " ".join(f"{-x:.9f}" for x in DATA.q[r])
-                lines.append(
-                    f"   {r + 1}   {DATA.pose[r]}   P{m + 1}   {when.upper():8s} {where}  {KG[r]}  {angles}"
-                )
+                about = f"   {r + 1}   {DATA.pose[r]}   P{m + 1}   {when.upper():8s}"
+                lines.append(f"{about} {where}  {KG[r]}  {angles}")
     return "\n".join(lines).encode()
 
 
@@ -164,15 +161,13 @@ mass_kg = "kg"
 
 def inches() -> bytes:
     """Wide by marker, long by state, in inches; forces pressed, positive downwards, in kilonewtons."""
-    lines = ['"Shot","Config","Condition","Push (kN)",' + ",".join(f'"J{k} (deg)"' for k in range(1, 7))]
-    lines[0] += "," + ",".join(f'"{x} P{m + 1} (in)"' for m in M for x in "XYZ")
-    for r in range(6):
-        for when, places in states(r):
-            force = f"{9.81e-3 * KG[r]:.9f}" if when == "after" else ""
-            cells = [str(len(lines)), f"C-{DATA.pose[r]}", "free" if when == "before" else "pushed", force]
-            cells += [number(x) for x in DEG[r]] + [f"{x / 0.0254:.9f}" for x in places.reshape(-1)]
-            lines.append(",".join(cells))
-    return "\n".join(lines).encode()
+    head = ['"Shot"', '"Config"', '"Condition"', '"Push (kN)"', *(f'"J{k} (deg)"' for k in range(1, 7))]
+    lines = [[*head, *(f'"{x} P{m + 1} (in)"' for m in M for x in "XYZ")]]
+    for r, when, places in readings():
+        state, force = ("free", "") if when == "before" else ("pushed", f"{9.81e-3 * KG[r]:.9f}")
+        where = [f"{x / 0.0254:.9f}" for x in places.reshape(-1)]
+        lines.append([len(lines), f"C-{DATA.pose[r]}", state, force, *deg(r), *where])
+    return table(lines, ",")
 
 
 INCHES = """
@@ -190,19 +185,13 @@ before = "free"\nafter = "pushed"
 
 def controller() -> bytes:
     """A robot's log in UTF-16 with the tracker's readings joined by hand; neither runs nor poses."""
-    lines = ["t|" + "|".join(f"axis {k} / deg" for k in range(1, 7)) + "|Fz in N|TCP X / mm|marker"]
-    lines[0] += "|" + "|".join(f"{when}_{x}_m" for when in WHEN for x in "xyz")
+    head = ["t", *(f"axis {k} / deg" for k in range(1, 7)), "Fz in N", "TCP X / mm", "marker"]
+    lines = [[*head, *(f"{when}_{x}_m" for when in WHEN for x in "xyz")]]
     for m in M:
-        for r in range(6):
-            cells = [
-                f"{10 * r + m}.5",
-                *(number(x) for x in DEG[r]),
-                f"{DATA.wrench[r, 2]:.9f}",
-                "17.5",
-                f"P{m + 1}",
-            ]
-            lines.append("|".join([*cells, *(number(x) for x in (*DATA.before[r, m], *DATA.after[r, m]))]))
-    return "\r\n".join(lines).encode("utf-16")
+        for r in RUNS:
+            about = [f"{10 * r + m}.5", *deg(r), f"{DATA.wrench[r, 2]:.9f}", "17.5", f"P{m + 1}"]
+            lines.append([*about, *(number(x) for x in both(r)[m].reshape(-1))])
+    return table(lines, "|").decode().replace("\n", "\r\n").encode("utf-16")
 
 
 CONTROLLER = """
@@ -215,18 +204,11 @@ force_z = "Fz"
 def merged() -> bytes:
     """A spreadsheet whose cells were merged: what holds for a run stands in its first row alone."""
     head = ["run", "pose", *(f"joint_{k}_deg" for k in range(1, 7)), "mass_kg", "marker"]
-    lines = [";".join([*head, *(f"{when} {x} (mm)" for when in WHEN for x in "xyz")])]
-    for r in range(6):
-        for m in M:
-            first = [
-                str(r + 1),
-                str(DATA.pose[r]),
-                *(number(x, 1, ",") for x in DEG[r]),
-                number(KG[r], 1, ","),
-            ]
-            places = [number(x, 1e3, ",") for x in (*DATA.before[r, m], *DATA.after[r, m])]
-            lines.append(";".join([*(first if m == 0 else [""] * 9), f"P{m + 1}", *places]))
-    return "\n".join(lines).encode()
+    lines = [[*head, *(f"{when} {x} (mm)" for when in WHEN for x in "xyz")]]
+    for r in RUNS:
+        first = [r + 1, DATA.pose[r], *deg(r, ","), number(KG[r], 1, ",")]
+        lines += [[*(first if m == 0 else [""] * 9), f"P{m + 1}", *mm(both(r)[m], ",")] for m in M]
+    return table(lines, ";")
 
 
 MERGED = """
@@ -236,28 +218,21 @@ file = { merged = true }
 
 def plain() -> bytes:
     """Our own names, as short as they may be: no run, no pose, no state, no point, no sigma."""
-    lines = [
-        ",".join([*(f"joint_{k}_deg" for k in range(1, 7)), "Mass [KG]", "Marker", "x_mm", "y_mm", "z_mm"])
-    ]
-    for r in range(6):
-        for when, places in states(r):
-            for m in M:
-                kg = number(KG[r] if when == "after" else 0.0)
-                cells = [*(number(x) for x in DEG[r]), kg, f"p{m + 1}", *(number(x, 1e3) for x in places[m])]
-                lines.append(",".join(cells))
-    return "\n".join(lines).encode()
+    lines = [[*(f"joint_{k}_deg" for k in range(1, 7)), "Mass [KG]", "Marker", "x_mm", "y_mm", "z_mm"]]
+    for r, when, places in readings():
+        kg = number(KG[r] if when == "after" else 0.0)
+        lines += [[*deg(r), kg, f"p{m + 1}", *mm(places[m])] for m in M]
+    return table(lines, ",")
 
 
 def names_of_points() -> bytes:
     """One column of names holds pose, load and point; a line below the table."""
-    lines = ["sep=,", "Name,X [m],Y [m],Z [m]," + ",".join(f"J{k}" for k in range(1, 7))]
-    for r in range(6):
-        for when, places in states(r):
-            group = f"P{DATA.pose[r]:02d}_{KG[r]:.1f}kg" if when == "after" else f"P{DATA.pose[r]:02d}_free"
-            for m in M:
-                where = [number(x) for x in places[m]]
-                lines.append(",".join([f"Cell::{group}::T{m + 1}", *where, *(number(x) for x in DEG[r])]))
-    return "\n".join([*lines, "36 points"]).encode()
+    lines = [["sep=,"], ["Name", "X [m]", "Y [m]", "Z [m]", *(f"J{k}" for k in range(1, 7))]]
+    for r, when, places in readings():
+        load = f"{KG[r]:.1f}kg" if when == "after" else "free"
+        group = f"Cell::P{DATA.pose[r]:02d}_{load}"
+        lines += [[f"{group}::T{m + 1}", *(number(x) for x in places[m]), *deg(r)] for m in M]
+    return table([*lines, ["36 points"]], ",")
 
 
 NAMES_OF_POINTS = """
@@ -273,16 +248,13 @@ Name = ["*::P{pose}_{mass_kg}kg::{marker}", "*::P{pose}_{when}::{marker}"]
 
 def same_names_again() -> bytes:
     """X, Y, Z stand in the header twice, unloaded and as differences; pounds; a joint turns backwards."""
-    lines = [
-        ";".join(["Nr", "Target", "Load (lbs)", *(f"q{k}" for k in range(1, 7)), *"XYZ", *"XYZ", "State"])
-    ]
-    for r in range(6):
+    lines = [["Nr", "Target", "Load (lbs)", *(f"q{k}" for k in range(1, 7)), *"XYZ", *"XYZ", "State"]]
+    for r in RUNS:
         angles = [number(-x if k == 1 else x) for k, x in enumerate(DEG[r])]
         for m in M:
-            places = [number(x, 1e3) for x in (*DATA.before[r, m], *(DATA.after[r, m] - DATA.before[r, m]))]
-            cells = [str(r + 1), f"P{m + 1}", f"{KG[r] / 0.45359237:.9f}", *angles, *places, "OK"]
-            lines.append(";".join(cells))
-    return "\n".join(lines).encode()
+            places = [*mm(DATA.before[r, m]), *mm(DATA.after[r, m] - DATA.before[r, m])]
+            lines.append([r + 1, f"P{m + 1}", f"{KG[r] / 0.45359237:.9f}", *angles, *places, "OK"])
+    return table(lines, ";")
 
 
 SAME_NAMES_AGAIN = """
@@ -299,16 +271,14 @@ joint_2_deg = "-q2"
 
 def rows_of_axes() -> bytes:
     """A report of inspection software: a row a point and axis, with diameters beside."""
-    lines = ["Report 7", "Feature\tAxis\tNominal [mm]\tActual [mm]\tDeviation [mm]\tShot\tPose\tLoad"]
-    lines[1] += "".join(f"\tA{k}" for k in range(1, 7))
-    for r in range(6):
+    head = ["Feature", "Axis", "Nominal [mm]", "Actual [mm]", "Deviation [mm]", "Shot", "Pose", "Load"]
+    lines = [["Report 7"], [*head, *(f"A{k}" for k in range(1, 7))]]
+    for r in RUNS:
         for m in M:
-            shared = [str(r + 1), str(DATA.pose[r]), number(KG[r]), *(number(x) for x in DEG[r])]
-            for k in (2, 0, 1):
-                places = [number(x, 1e3) for x in (DATA.before[r, m, k], DATA.after[r, m, k])]
-                lines.append("\t".join([f"P{m + 1}", "XYZ"[k], *places, "0.1", *shared]))
-            lines.append("\t".join([f"P{m + 1}", "D", "38.1", "38.1", "0", *shared]))
-    return "\n".join(lines).encode()
+            shared = [r + 1, DATA.pose[r], number(KG[r]), *deg(r)]
+            lines += [[f"P{m + 1}", "XYZ"[k], *mm(both(r)[m][:, k]), "0.1", *shared] for k in (2, 0, 1)]
+            lines.append([f"P{m + 1}", "D", "38.1", "38.1", "0", *shared])
+    return table(lines, "\t")
 
 
 ROWS_OF_AXES = """
