@@ -48,7 +48,6 @@ POSES = (
 MOVED_BY, HALF_WIDTH = "moved by the force", "half width, 95 %"  #: What a map tells of a place.
 MOVED, GIVE = 0.15, 0.25  #: Length of most deflections and of most ways by a force over the reach [1].
 TOOL = Look(GCO, 0, prior=True)
-AXES = ("x", "y", "z")
 
 
 def write(made: Predicted, said: Report, flags: Mapping[str, object], out: Path) -> None:
@@ -65,10 +64,10 @@ def write(made: Predicted, said: Report, flags: Mapping[str, object], out: Path)
 def prediction_columns(joints: Sequence[Joint]) -> list[str]:
     """The header of predictions.csv, in order; docs/formats.md says what each holds."""
     names = ["pose", "line", "point", *(joint.column for joint in joints)]
-    names += [f"{axis}_m" for axis in AXES]
-    names += [f"{what}_{axis}_m" for what in ("position_half_95", "deflection", "half_95") for axis in AXES]
-    names += [f"rotation_{axis}_rad" for axis in AXES]
-    return [*names, *(f"stiffness_{k}_N_per_m" for k in (1, 2, 3)), *(f"softest_{axis}" for axis in AXES)]
+    names += [f"{axis}_m" for axis in "xyz"]
+    names += [f"{what}_{axis}_m" for what in ("position_half_95", "deflection", "half_95") for axis in "xyz"]
+    names += [f"rotation_{axis}_rad" for axis in "xyz"]
+    return [*names, *(f"stiffness_{k}_N_per_m" for k in (1, 2, 3)), *(f"softest_{axis}" for axis in "xyz")]
 
 
 def write_predictions(made: Predicted, path: Path) -> None:
@@ -238,16 +237,15 @@ def _claims(f: Row) -> Iterator[Markdown]:
         )
     way = "Eq. (6); the equilibrium of Eq. (7)" if f.linear else "the equilibrium of Eq. (7); Eq. (6)"
     yield say(f"By {way} would change the tool's deflection by up to {{other_off_mm:.3f}} mm.", f)
-    if f.doubts:
-        yield say("The model itself has {n:counted doubt}: see report.md.", n=len(f.doubts))
+    for text in f.doubts:
+        yield say("Doubt of the model: {text}", text=ended(text))
 
 
 def _about_poses(f: Row) -> Markdown:
     every = f"; all {f.poses:,} poses and all points are in {TABLE}" if f.poses > len(f.worst) else ""
     return say(
-        f"The tool's origin, loaded minus unloaded, own weight in both, the largest first{every}. The "
-        "interval is the widest of the three along x, y and z. *Softest*: the least stiffness of the loaded "
-        "tool against a force at its origin, and its direction."
+        f"The tool's origin, loaded less unloaded, the largest first{every}. +- is the widest of x, y, z. "
+        "*Softest*: the least stiffness of the loaded tool against a force at its origin."
     )
 
 
@@ -261,9 +259,7 @@ def _about_model(f: Row) -> Markdown:
         loads += "; {force_ratio:.2f} times the largest force that the model was identified under"
     if f.moment_ratio is not None:
         loads += ", {moment_ratio:.2f} times the largest moment"
-    texts = [say("{method}.", f), say(f"Positions are {known}.", f), say(f"{loads}.", f)]
-    doubts = [say("Doubt of the model: {text}", text=ended(text)) for text in f.doubts]
-    return Markdown("## Model\n\n" + "\n".join(f"- {text}" for text in [*texts, *doubts]))
+    return Markdown(f"## Model\n\n{say(f'{{method}}. Positions are {known}. {loads}.', f)}")
 
 
 def seen(made: Predicted) -> Seen:
@@ -272,10 +268,7 @@ def seen(made: Predicted) -> Seen:
     reach, field = made.cell.vjm.reach, made.map
     M = arrow_scale(made.found.deflection[some, :1], MOVED * reach)
     G = arrow_scale(field.force * made.stiffness.give[some, :1] * made.stiffness.softest[some], GIVE * reach)
-    title = (
-        f"Deflections x {M:g}; green: how far {field.force:,.0f} N move the loaded tool along its principal "
-        f"axes, x {G:g}."
-    )
+    title = f"Deflections x {M:g}; green: how far {field.force:,.0f} N move the loaded tool, x {G:g}."
     size, half = MM * made.found.size[some, 0], MM * made.found.widest[some, 0]
     half = np.where(np.isfinite(half), half, np.nan)
     tool = Line("tool", TOOL, size, (np.maximum(size - half, 0), size + half))
@@ -332,7 +325,7 @@ def _said(made: Predicted, k: int) -> str:
 
 
 def _bound(half: float) -> str:
-    return f"+- {half:.3f} mm (95 %)" if np.isfinite(half) else "not seen by the data"
+    return f"+- {half:.3f} mm" if np.isfinite(half) else "not seen by the data"
 
 
 def _places(made: Predicted) -> Poses:

@@ -30,15 +30,6 @@ EVERY = (
     Column("check_true.rms_mm", "RMS check, true", "mm"),
     Column("workspace.rms_mm", "RMS workspace, true", "mm", short="RMS\nwork-\nspace\ntrue\nmm"),
     Column("times_less", "times less than LS", form=".2f", short="times\nless\nthan\nLS"),
-    *(
-        Column(f"residuals.{group}.{key}", f"{heading}, {group}", unit, form)
-        for group in ("identification", "check")
-        for key, heading, unit, form in (
-            ("mean_um", "residual mean", "um", ".1f"),
-            ("std_um", "residual standard deviation", "um", ".1f"),
-            ("lilliefors_p", "Lilliefors p", "", ".2f"),
-        )
-    ),
     Column("ours", "model"),
     Column("theirs", "against"),
     Column("times", "the other's over its", form=".2f"),

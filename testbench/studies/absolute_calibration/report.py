@@ -173,9 +173,9 @@ def _answer(f: Row) -> Iterator[str]:
 
 CLAIMS = (
     (
-        "Errors that a model lacks hide in its springs. Joint 2's compliance is off by {own}.",
-        "{stiff.off_2_percent:.0f} % without joint errors, {unseen.bias_2_percent:+.0f} % without links "
-        "({arm})",
+        "Errors that a model lacks hide in its springs. Joint 2's compliance is off, without joint errors "
+        "(RMS) and without links (median): {own}.",
+        "{stiff.off_2_percent:.0f} % and {unseen.bias_2_percent:+.0f} % ({arm})",
     ),
     ("The error over the least that noise allows is {own}.", "{chosen.over_optimum:.2f} times on {arm}"),
     (

@@ -254,9 +254,7 @@ def rows_of(own: Work, fit: Fit, order: Order, before: Array, after: Array) -> l
             JobRow(
                 true_arm="",
                 arm="",
-                by=fit.way.by,
-                loads=fit.way.loads,
-                poses=fit.way.poses,
+                **vars(fit.way),
                 name=fit.name,
                 chosen=fit.chosen,
                 job=job.name,

@@ -104,7 +104,7 @@ def numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
     ]
     task, place = (max(map(middle, mm)) for mm in (where.tasks_mm, where.workspace_mm))
     worst = max(cases, key=lambda case: float(case.ratio))
-    f["worst"] = Row(task_mm=task, workspace_mm=place, case=worst.case, ratio=worst.ratio)
+    f["worst"] = Row(worst, task_mm=task, workspace_mm=place)
     f["verdict"] = Row(
         {key.removesuffix("_mm"): best_of({c.plan: c[key] for c in f.criteria}).names for key in PLACES},
         cases=len(cases),
@@ -119,8 +119,8 @@ def _errors(asked: Settings, measured: Trials) -> Row:
     for (fit, name, poses), own in measured.groups("fit", "plan", "poses"):
         [level] = merged(own.keep("plan", "poses", *PLACES))
         plan = None if name == RANDOM else asked.scene.plan(name, poses, PLANNED.name)
-        level["efficiency_percent"] = plan and plan.efficiency_percent
-        level["expected_tasks_mm"] = plan and plan.expected_tasks_mm
+        keys = "efficiency_percent", "expected_tasks_mm"
+        level |= {key: plan and getattr(plan, key) for key in keys}
         found.setdefault(fit, Row()).setdefault(name, []).append(level)
     return found
 
@@ -209,8 +209,7 @@ def _gains(own: Trials) -> Row:
 def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     """Who is best, how many poses to measure, where planning loses, whether promises hold."""
     f = numbers(asked, seeds, trials)
-    n, [best, *alike] = f.dataset.poses, f.verdict.tasks
-    marked = "" if alike else best
+    n, [marked, *alike] = f.dataset.poses, f.verdict.tasks
     by, pays = f"{n} poses by criterion", "Where planning pays: two grounds, a plan for every fit"
     kept = "Promises on true arms of the family, with wrong priors"
     several = "{k} seeds: median ({ends})" if isinstance(f.seed, list) else "seed {seed}"
@@ -243,7 +242,9 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         claims=list(_claims(f, len(seeds))),
         numbers=f,
         tables={
-            "criteria": Table(columns(CRITERIA), f.criteria, by, marked, "tasks_mm", looks=LOOKS),
+            "criteria": Table(
+                columns(CRITERIA), f.criteria, by, "" if alike else marked, "tasks_mm", looks=LOOKS
+            ),
             "grounds": Table(columns(GROUNDS), f.grounds, pays),
             "kept": Table(columns(KEPT), [*f.kept, f.kept_joints], kept),
         },
@@ -281,7 +282,7 @@ def _of_grounds() -> Markdown:
     return say(
         "Plans by criterion test, made for the fit that identifies the runs; counts are of seeds, each with "
         "another true arm: {arms}. At the side: another station, other candidates, other tasks.",
-        arms=", ".join(CALLED.get(arm, arm) for arm in TRUTHS),
+        arms=", ".join(CALLED[arm] for arm in TRUTHS),
     )
 
 
