@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from checks import check_pivot, check_spread, check_table, ends_of, unit_in
-from made_up import fill, of_one_trial, single
+from made_up import of_one_trial
 from reports import check, table_of
 
 from testbench.bench.rows import DatasetRow
@@ -52,7 +52,7 @@ def made(given=lambda row: {}):
             for uncertainty in ("none", *PRIORS)
             for poses, sigma in cells.cells
         ]
-        return [replace(found[0], measured=single(fill(DatasetRow, rng))), *found[1:]]
+        return [replace(found[0], measured=of_one_trial(DatasetRow, rng)), *found[1:]]
 
     trials = table_of(SEEDS, rows)
     return report(SETTINGS, SEEDS, trials), trials
