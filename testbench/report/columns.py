@@ -38,10 +38,6 @@ EVERY = (
     Column("level", "expected error"),
     Column("sigma_um", "noise of a reading", "um", "g"),
     Column("fits_share", "of the fits", form="yes"),
-    Column("gco_over_ls", "GCO over least squares", form=".2f"),
-    Column("gco_over_lent", "GCO over least squares, same free directions", form=".2f"),
-    Column("gco_over_joints", "GCO over joints alone", form=".2f"),
-    Column("better_in", "GCO better", form="yes"),
     Column("beats_joints_in", "beats joints", form="yes"),
     # with and without a prior: what is varied, pairs of models, a choice, intervals
     Column("uncertainty_percent", "uncertainty of the prior", "%", ".0f"),

@@ -99,7 +99,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
 
 def _gains(own: Trials, family: Sequence[Row]) -> Row:
     """The default beside least squares and joints alone, case by case, at one number of poses."""
-    cases = own.add(seed=[f"{seed} {arm}" for seed, arm in zip(own["seed"], own["true_arm"], strict=True)])
+    cases = compare.by_case(own, "true_arm")
     return compare.gains(cases, [m for m in family if m.poses == own["poses"][0]], CHOSEN)
 
 
