@@ -79,31 +79,22 @@ def _parameters(kind: type) -> list[inspect.Parameter]:
 class Common:
     """The flags of every study."""
 
-    #: Root of all randomness; trial k has seed + k.
     seed: Annotated[int, typer.Option(min=0, max=2**62, help="Root of all randomness.")] = 1
-    #: How many trials; the study's own number if None.
     seeds: Annotated[
         int | None,
         typer.Option(min=1, max=10_000_000, help="Trials, each with a seed of its own: medians and spreads."),
     ] = None
-    #: Folder of the results; runs/NAME if None.
     out: Annotated[Path | None, typer.Option(help="Folder of the results.")] = None
-    #: Whether the folder may hold something else, or a run of another study.
     force: Force = False
-    #: Few trials, small sizes.
     quick: Annotated[bool, typer.Option("--quick", help="Few trials, small sizes.")] = False
-    #: Processes; one a core if None.
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; one a core if not given.")] = None
-    #: Dask scheduler to run the trials on.
     cluster: Annotated[
         str | None,
         typer.Option(metavar="tls://HOST:PORT", help="Run the trials on this Dask scheduler's workers."),
     ] = None
-    #: Whether plain tcp:// may leave this machine.
     insecure: Annotated[bool, typer.Option("--insecure", help="Allow plain tcp:// to another machine.")] = (
         False
     )
-    #: Whether to go on with the trials that a stopped run has stored.
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the trials that a stopped run has stored.")
     ] = False

@@ -1,7 +1,7 @@
 """Exports as instruments, spreadsheets and robots write them, each read with a map of at most ten lines."""
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 ARM = load_arm(ROOT / "models" / "kr500_l480")
 MASSES = (150.0, 460.3)
 M = range(3)
-WHEN = ("before", "after")
+WHEN, RUNS = ("before", "after"), range(6)
 
 
 def measured() -> Dataset:
@@ -52,23 +52,38 @@ def number(value: float, scale: float = 1.0, decimal: str = ".") -> str:
     return f"{scale * value:.7f}".replace(".", decimal)
 
 
-def states(run: int):
-    """The readings of a run: the unloaded one with the first load of its pose, then the loaded one."""
-    return ([("before", DATA.before[run])] if run % 2 == 0 else []) + [("after", DATA.after[run])]
+def deg(r, decimal="."):
+    return [number(x, 1, decimal) for x in DEG[r]]
+
+
+def mm(places, decimal="."):
+    return [number(x, 1e3, decimal) for x in np.ravel(places)]
+
+
+def both(r):
+    """Each marker unloaded, then loaded, (3, 2, 3) [m]."""
+    return np.stack([DATA.before[r], DATA.after[r]], axis=1)
+
+
+def readings():
+    """Run, state and places: the unloaded one with the first load of its pose, then the loaded one."""
+    return [(r, when, getattr(DATA, when)[r]) for r in RUNS for when in WHEN[r % 2 :]]
+
+
+def table(lines, between):
+    return "\n".join(between.join(map(str, line)) for line in lines).encode()
 
 
 def spreadsheet() -> bytes:
     """Wide, German, cp1252: title lines, decimal commas, a mark of order, unused columns, padded rows."""
     head = ["Messung", "Datum", "Stellung", *(f"A{k} [°]" for k in range(1, 7)), "Gewicht [kg]"]
     head += [f"Ziel {m + 1} {when} {x} [mm]" for m in M for when in ("unbelastet", "belastet") for x in "XYZ"]
-    lines = ["Messprotokoll KR 500;;;", ";;;", "Prüfer: Müller;;", ";".join([*head, "Bemerkung", ""])]
-    for r in range(6):
-        row = [str(r + 1), "3.11.2026", str(DATA.pose[r]), *(number(x, 1, ",") for x in DEG[r])]
-        row += [number(KG[r], 1, ",")]
-        both = np.stack([DATA.before[r], DATA.after[r]], axis=1)
-        row += [number(x, 1e3, ",") for x in both.reshape(-1)]
-        lines.append(";".join([*row, "", "", ""]))
-    return "\r\n".join([*lines, ";;;;", ""]).encode("cp1252")
+    rows = [
+        [r + 1, "3.11.2026", DATA.pose[r], *deg(r, ","), number(KG[r], 1, ","), *mm(both(r), ","), *[""] * 3]
+        for r in RUNS
+    ]
+    above = [["Messprotokoll KR 500;;;"], [";;;"], ["Prüfer: Müller;;"], [*head, "Bemerkung", ""]]
+    return table([*above, *rows, [";;;;"], [""]], ";").decode().replace("\n", "\r\n").encode("cp1252")
 
 
 SPREADSHEET = """
@@ -86,14 +101,11 @@ def analyzer() -> bytes:
     """Points in groups whose names hold pose and load, comments, reference points, a point that was lost."""
     lines = ["// Job: cell 4", "// Frame: WORLD, units mm", "//"]
     lines.append("Collection,Group,Point,X,Y,Z,Time,A1,A2,A3,A4,A5,A6")
-    for r in range(6):
-        for when, places in states(r):
-            group = f"Pose {DATA.pose[r]} - {KG[r] * (when == 'after'):.1f} kg"
-            for m in M:
-                where = ",".join(number(x, 1e3) for x in places[m])
-                angles = ",".join(number(x) for x in DEG[r])
-                lines.append(f"A,{group},T{m + 1},{where},2026-11-03 10:0{r},{angles}")
-            lines.append(f"A,{group},REF1,1.0,2.0,3.0,2026-11-03 10:0{r},{angles}")
+    for r, when, places in readings():
+        group = f"Pose {DATA.pose[r]} - {KG[r] * (when == 'after'):.1f} kg"
+        tail = ",".join([f"2026-11-03 10:0{r}", *deg(r)])
+        lines += [f"A,{group},T{m + 1},{','.join(mm(places[m]))},{tail}" for m in M]
+        lines.append(f"A,{group},REF1,1.0,2.0,3.0,{tail}")
     return "\n".join(lines).encode()
 
 
@@ -107,22 +119,12 @@ words = { P1 = "T1", P2 = "T2", P3 = "T3", ignore = "REF1" }
 
 def two_headers() -> bytes:
     """Tabs, a header of two lines with merged cells, units below, byte order mark."""
-    upper = ["Run", "Pose", "Joints", "", "", "", "", "", "Load"]
-    lower = ["", "", *(str(k) for k in range(1, 7)), "m"]
-    units = ["", "", *["deg"] * 6, "kg"]
-    for m in M:
-        for when in ("Unloaded", "Loaded"):
-            upper, lower, units = (
-                [*upper, f"P{m + 1} {when}", "", ""],
-                [*lower, *"XYZ"],
-                [*units, *["mm"] * 3],
-            )
-    lines = [upper, lower, units]
-    for r in range(6):
-        both = np.stack([DATA.before[r], DATA.after[r]], axis=1).reshape(-1)
-        angles, places = [number(x) for x in DEG[r]], [number(x, 1e3) for x in both]
-        lines.append([str(r + 1), str(DATA.pose[r]), *angles, number(KG[r]), *places])
-    return b"\xef\xbb\xbf" + "\n".join("\t".join(line) for line in lines).encode()
+    states = [f"P{m + 1} {when}" for m in M for when in ("Unloaded", "Loaded")]
+    upper = ["Run", "Pose", "Joints", *[""] * 5, "Load", *(cell for s in states for cell in (s, "", ""))]
+    lower = ["", "", *range(1, 7), "m", *"XYZ" * 6]
+    units = ["", "", *["deg"] * 6, "kg", *["mm"] * 18]
+    rows = [[r + 1, DATA.pose[r], *deg(r), number(KG[r]), *mm(both(r))] for r in RUNS]
+    return b"\xef\xbb\xbf" + table([upper, lower, units, *rows], "\t")
 
 
 TWO_HEADERS = """
@@ -136,20 +138,15 @@ mass = "Load m"
 
 def blanks() -> bytes:
     """Runs of blanks, metres, a row a run, marker and state; the joints turn the other way."""
-    lines = [
-        "REPORT 17",
-        "",
-        "  run  pose   point  state         x          y          z    kg  " + "q0 q1 q2 q3 q4 q5",
-    ]
-    for r in range(6):
+    names = "  run  pose   point  state         x          y          z    kg  q0 q1 q2 q3 q4 q5"
+    lines = ["REPORT 17", "", names]
+    for r in RUNS:
+        angles = " ".join(f"{-x:.9f}" for x in DATA.q[r])
         for m in M:
-            for when in WHEN:
-                places = getattr(DATA, when)[r, m]
+            for when, places in zip(WHEN, both(r)[m], strict=True):
                 where = "  ".join(f"{x:11.7f}" for x in places)
-                angles = " ".join(f"{-x:.9f}" for x in DATA.q[r])
-                lines.append(
-                    f"   {r + 1}   {DATA.pose[r]}   P{m + 1}   {when.upper():8s} {where}  {KG[r]}  {angles}"
-                )
+                about = f"   {r + 1}   {DATA.pose[r]}   P{m + 1}   {when.upper():8s}"
+                lines.append(f"{about} {where}  {KG[r]}  {angles}")
     return "\n".join(lines).encode()
 
 
@@ -164,15 +161,13 @@ mass_kg = "kg"
 
 def inches() -> bytes:
     """Wide by marker, long by state, in inches; forces pressed, positive downwards, in kilonewtons."""
-    lines = ['"Shot","Config","Condition","Push (kN)",' + ",".join(f'"J{k} (deg)"' for k in range(1, 7))]
-    lines[0] += "," + ",".join(f'"{x} P{m + 1} (in)"' for m in M for x in "XYZ")
-    for r in range(6):
-        for when, places in states(r):
-            force = f"{9.81e-3 * KG[r]:.9f}" if when == "after" else ""
-            cells = [str(len(lines)), f"C-{DATA.pose[r]}", "free" if when == "before" else "pushed", force]
-            cells += [number(x) for x in DEG[r]] + [f"{x / 0.0254:.9f}" for x in places.reshape(-1)]
-            lines.append(",".join(cells))
-    return "\n".join(lines).encode()
+    head = ['"Shot"', '"Config"', '"Condition"', '"Push (kN)"', *(f'"J{k} (deg)"' for k in range(1, 7))]
+    lines = [[*head, *(f'"{x} P{m + 1} (in)"' for m in M for x in "XYZ")]]
+    for r, when, places in readings():
+        state, force = ("free", "") if when == "before" else ("pushed", f"{9.81e-3 * KG[r]:.9f}")
+        where = [f"{x / 0.0254:.9f}" for x in places.reshape(-1)]
+        lines.append([len(lines), f"C-{DATA.pose[r]}", state, force, *deg(r), *where])
+    return table(lines, ",")
 
 
 INCHES = """
@@ -190,19 +185,13 @@ before = "free"\nafter = "pushed"
 
 def controller() -> bytes:
     """A robot's log in UTF-16 with the tracker's readings joined by hand; neither runs nor poses."""
-    lines = ["t|" + "|".join(f"axis {k} / deg" for k in range(1, 7)) + "|Fz in N|TCP X / mm|marker"]
-    lines[0] += "|" + "|".join(f"{when}_{x}_m" for when in WHEN for x in "xyz")
+    head = ["t", *(f"axis {k} / deg" for k in range(1, 7)), "Fz in N", "TCP X / mm", "marker"]
+    lines = [[*head, *(f"{when}_{x}_m" for when in WHEN for x in "xyz")]]
     for m in M:
-        for r in range(6):
-            cells = [
-                f"{10 * r + m}.5",
-                *(number(x) for x in DEG[r]),
-                f"{DATA.wrench[r, 2]:.9f}",
-                "17.5",
-                f"P{m + 1}",
-            ]
-            lines.append("|".join([*cells, *(number(x) for x in (*DATA.before[r, m], *DATA.after[r, m]))]))
-    return "\r\n".join(lines).encode("utf-16")
+        for r in RUNS:
+            about = [f"{10 * r + m}.5", *deg(r), f"{DATA.wrench[r, 2]:.9f}", "17.5", f"P{m + 1}"]
+            lines.append([*about, *(number(x) for x in both(r)[m].reshape(-1))])
+    return table(lines, "|").decode().replace("\n", "\r\n").encode("utf-16")
 
 
 CONTROLLER = """
@@ -215,18 +204,11 @@ force_z = "Fz"
 def merged() -> bytes:
     """A spreadsheet whose cells were merged: what holds for a run stands in its first row alone."""
     head = ["run", "pose", *(f"joint_{k}_deg" for k in range(1, 7)), "mass_kg", "marker"]
-    lines = [";".join([*head, *(f"{when} {x} (mm)" for when in WHEN for x in "xyz")])]
-    for r in range(6):
-        for m in M:
-            first = [
-                str(r + 1),
-                str(DATA.pose[r]),
-                *(number(x, 1, ",") for x in DEG[r]),
-                number(KG[r], 1, ","),
-            ]
-            places = [number(x, 1e3, ",") for x in (*DATA.before[r, m], *DATA.after[r, m])]
-            lines.append(";".join([*(first if m == 0 else [""] * 9), f"P{m + 1}", *places]))
-    return "\n".join(lines).encode()
+    lines = [[*head, *(f"{when} {x} (mm)" for when in WHEN for x in "xyz")]]
+    for r in RUNS:
+        first = [r + 1, DATA.pose[r], *deg(r, ","), number(KG[r], 1, ",")]
+        lines += [[*(first if m == 0 else [""] * 9), f"P{m + 1}", *mm(both(r)[m], ",")] for m in M]
+    return table(lines, ";")
 
 
 MERGED = """
@@ -236,28 +218,21 @@ file = { merged = true }
 
 def plain() -> bytes:
     """Our own names, as short as they may be: no run, no pose, no state, no point, no sigma."""
-    lines = [
-        ",".join([*(f"joint_{k}_deg" for k in range(1, 7)), "Mass [KG]", "Marker", "x_mm", "y_mm", "z_mm"])
-    ]
-    for r in range(6):
-        for when, places in states(r):
-            for m in M:
-                kg = number(KG[r] if when == "after" else 0.0)
-                cells = [*(number(x) for x in DEG[r]), kg, f"p{m + 1}", *(number(x, 1e3) for x in places[m])]
-                lines.append(",".join(cells))
-    return "\n".join(lines).encode()
+    lines = [[*(f"joint_{k}_deg" for k in range(1, 7)), "Mass [KG]", "Marker", "x_mm", "y_mm", "z_mm"]]
+    for r, when, places in readings():
+        kg = number(KG[r] if when == "after" else 0.0)
+        lines += [[*deg(r), kg, f"p{m + 1}", *mm(places[m])] for m in M]
+    return table(lines, ",")
 
 
 def names_of_points() -> bytes:
     """One column of names holds pose, load and point; a line below the table."""
-    lines = ["sep=,", "Name,X [m],Y [m],Z [m]," + ",".join(f"J{k}" for k in range(1, 7))]
-    for r in range(6):
-        for when, places in states(r):
-            group = f"P{DATA.pose[r]:02d}_{KG[r]:.1f}kg" if when == "after" else f"P{DATA.pose[r]:02d}_free"
-            for m in M:
-                where = [number(x) for x in places[m]]
-                lines.append(",".join([f"Cell::{group}::T{m + 1}", *where, *(number(x) for x in DEG[r])]))
-    return "\n".join([*lines, "36 points"]).encode()
+    lines = [["sep=,"], ["Name", "X [m]", "Y [m]", "Z [m]", *(f"J{k}" for k in range(1, 7))]]
+    for r, when, places in readings():
+        load = f"{KG[r]:.1f}kg" if when == "after" else "free"
+        group = f"Cell::P{DATA.pose[r]:02d}_{load}"
+        lines += [[f"{group}::T{m + 1}", *(number(x) for x in places[m]), *deg(r)] for m in M]
+    return table([*lines, ["36 points"]], ",")
 
 
 NAMES_OF_POINTS = """
@@ -273,16 +248,13 @@ Name = ["*::P{pose}_{mass_kg}kg::{marker}", "*::P{pose}_{when}::{marker}"]
 
 def same_names_again() -> bytes:
     """X, Y, Z stand in the header twice, unloaded and as differences; pounds; a joint turns backwards."""
-    lines = [
-        ";".join(["Nr", "Target", "Load (lbs)", *(f"q{k}" for k in range(1, 7)), *"XYZ", *"XYZ", "State"])
-    ]
-    for r in range(6):
+    lines = [["Nr", "Target", "Load (lbs)", *(f"q{k}" for k in range(1, 7)), *"XYZ", *"XYZ", "State"]]
+    for r in RUNS:
         angles = [number(-x if k == 1 else x) for k, x in enumerate(DEG[r])]
         for m in M:
-            places = [number(x, 1e3) for x in (*DATA.before[r, m], *(DATA.after[r, m] - DATA.before[r, m]))]
-            cells = [str(r + 1), f"P{m + 1}", f"{KG[r] / 0.45359237:.9f}", *angles, *places, "OK"]
-            lines.append(";".join(cells))
-    return "\n".join(lines).encode()
+            places = [*mm(DATA.before[r, m]), *mm(DATA.after[r, m] - DATA.before[r, m])]
+            lines.append([r + 1, f"P{m + 1}", f"{KG[r] / 0.45359237:.9f}", *angles, *places, "OK"])
+    return table(lines, ";")
 
 
 SAME_NAMES_AGAIN = """
@@ -299,16 +271,14 @@ joint_2_deg = "-q2"
 
 def rows_of_axes() -> bytes:
     """A report of inspection software: a row a point and axis, with diameters beside."""
-    lines = ["Report 7", "Feature\tAxis\tNominal [mm]\tActual [mm]\tDeviation [mm]\tShot\tPose\tLoad"]
-    lines[1] += "".join(f"\tA{k}" for k in range(1, 7))
-    for r in range(6):
+    head = ["Feature", "Axis", "Nominal [mm]", "Actual [mm]", "Deviation [mm]", "Shot", "Pose", "Load"]
+    lines = [["Report 7"], [*head, *(f"A{k}" for k in range(1, 7))]]
+    for r in RUNS:
         for m in M:
-            shared = [str(r + 1), str(DATA.pose[r]), number(KG[r]), *(number(x) for x in DEG[r])]
-            for k in (2, 0, 1):
-                places = [number(x, 1e3) for x in (DATA.before[r, m, k], DATA.after[r, m, k])]
-                lines.append("\t".join([f"P{m + 1}", "XYZ"[k], *places, "0.1", *shared]))
-            lines.append("\t".join([f"P{m + 1}", "D", "38.1", "38.1", "0", *shared]))
-    return "\n".join(lines).encode()
+            shared = [r + 1, DATA.pose[r], number(KG[r]), *deg(r)]
+            lines += [[f"P{m + 1}", "XYZ"[k], *mm(both(r)[m][:, k]), "0.1", *shared] for k in (2, 0, 1)]
+            lines.append([f"P{m + 1}", "D", "38.1", "38.1", "0", *shared])
+    return table(lines, "\t")
 
 
 ROWS_OF_AXES = """
@@ -338,21 +308,19 @@ EXPORTS = {
 }
 
 
-@dataclass(frozen=True)
-class Files:
-    """An export and its map."""
-
-    data: Path
-    map: Path | None
-
-
-def files(folder: Path, name: str, content: bytes | None = None, text: str | None = None) -> Files:
+def files(folder, name, content=None, text=None):
+    """An export, perhaps with other lines, and its map: as `read_export` takes them."""
     make, known = EXPORTS[name]
-    (folder / "export.csv").write_bytes(make() if content is None else content)
+    content = make() if content is None else content
+    content = content if isinstance(content, str | bytes) else "\n".join(content)
+    (folder / "export.csv").write_bytes(content.encode() if isinstance(content, str) else content)
     text = known if text is None else text
-    if text:
-        (folder / "map.toml").write_text(text, encoding="utf-8")
-    return Files(folder / "export.csv", folder / "map.toml" if text else None)
+    (folder / "map.toml").write_text(text, encoding="utf-8")
+    return folder / "export.csv", ARM, folder / "map.toml" if text else None
+
+
+def read(*args, **more):
+    return read_export(*files(*args, **more))
 
 
 def check_alike(read: Dataset, data: Dataset = DATA) -> None:
@@ -368,9 +336,9 @@ def check_alike(read: Dataset, data: Dataset = DATA) -> None:
 def test_an_export_is_read_with_a_map_of_at_most_ten_lines(tmp_path, name):
     own = files(tmp_path, name)
     assert EXPORTS[name][1].strip().count("\n") < 10
-    found = read_export(own.data, ARM, own.map)
+    found = read_export(*own)
     check_alike(found.data)
-    check_equal(whole(in_blocks(own.data, ARM, own.map)), found.data)
+    check_equal(whole(in_blocks(*own)), found.data)
     assert "no column says how far readings scatter: sigma 50 um is assumed" in found.notes
 
 
@@ -380,7 +348,7 @@ def test_a_lost_target_needs_no_covariances(tmp_path):
     assert text[8].split(",")[7] == "p2"
     text[8] = ",".join([*text[8].split(",")[:8], "", "", ""])
     del text[3]  # the unloaded reading of P3 in the first pose, which serves both loads
-    found = read_export(files(tmp_path, "plain", "\n".join(text).encode()).data, ARM).data
+    found = read(tmp_path, "plain", text).data
     expected = np.ones((6, 3), bool)
     expected[[0, 1, 1], [2, 1, 2]] = False
     np.testing.assert_array_equal(found.seen, expected)
@@ -391,7 +359,7 @@ def test_a_lost_target_needs_no_covariances(tmp_path):
 def test_a_comment_may_list_the_names_or_be_the_header(tmp_path):
     head, *rows = plain().decode().splitlines()
     for lines in ([f"# {head}", head, *rows], [f"# {head}", *rows], [head, "# one", *rows, "// the end"]):
-        check_alike(read_export(files(tmp_path, "plain", "\n".join(lines).encode()).data, ARM).data)
+        check_alike(read(tmp_path, "plain", lines).data)
 
 
 @pytest.mark.parametrize(
@@ -404,30 +372,23 @@ def test_a_comment_may_list_the_names_or_be_the_header(tmp_path):
 )
 def test_a_line_for_numbered_joints_is_offered(tmp_path, name, line):
     text = "\n".join(line for line in EXPORTS[name][1].splitlines() if "joint" not in line)
-    own = files(tmp_path, name, text=text)
     with pytest.raises(InputError, match=re.escape(f"are they joints? [columns] of a map: {line}")):
-        read_export(own.data, ARM, own.map)
+        read(tmp_path, name, text=text)
 
 
 def test_a_line_for_joints_numbered_from_0_is_offered_and_read(tmp_path):
-    own = files(tmp_path, "spreadsheet")
-    text = own.data.read_bytes()
-    for k in range(ARM.n_joints):
-        text = text.replace(f"A{k + 1}".encode(), f"A{k}".encode())
-    lines = own.map.read_text().splitlines()
-    renamed = files(tmp_path, "spreadsheet", text)
-    renamed.map.write_text("\n".join(line for line in lines if "joint" not in line))
-    said = '"joint_{n0}_deg" = "A{n0}"'
+    text = re.sub(rb"A(\d) ", lambda m: b"A%d " % (int(m[1]) - 1), spreadsheet())
+    said, others = '"joint_{n0}_deg" = "A{n0}"', SPREADSHEET.replace('"joint_{n}_deg" = "A{n}"\n', "")
     with pytest.raises(InputError, match=re.escape(f"map: {said}")):
-        read_export(renamed.data, ARM, renamed.map)
-    renamed.map.write_text("\n".join(said if "joint" in line else line for line in lines))
-    check_alike(read_export(renamed.data, ARM, renamed.map).data)
+        read(tmp_path, "spreadsheet", text, others)
+    check_alike(read(tmp_path, "spreadsheet", text, f"{others}{said}\n").data)
 
 
 def test_words_stand_for_loads(tmp_path):
     text = merged().decode().replace(";150,0000000;", ";light;").replace(";460,3000000;", ";full;")
-    own = files(tmp_path, "merged", text.encode(), f'words = {{ "150" = "light", "460.3" = "full" }}{MERGED}')
-    check_alike(read_export(own.data, ARM, own.map).data)
+    check_alike(
+        read(tmp_path, "merged", text, f'words = {{ "150" = "light", "460.3" = "full" }}{MERGED}').data
+    )
 
 
 @pytest.mark.parametrize(
@@ -440,20 +401,16 @@ def test_thousands_may_be_divided_where_a_decimal_mark_follows(tmp_path, divided
         lines[k] = ";".join([*cells[:-6], *(f"{float(cell):,.4f}" for cell in cells[-6:])])
     text = "\n".join(lines).translate(str.maketrans({",": divided, ".": decimal}))
     assert re.search(rf";-1{divided}[0-9]{{3}}[{decimal}]", text)
-    own = files(tmp_path, "merged", text.encode())
-    check_alike(read_export(own.data, ARM, own.map).data)
+    check_alike(read(tmp_path, "merged", text).data)
     alone = re.sub(rf"(;-1{divided}[0-9]{{3}})[{decimal}][0-9]+", r"\1", text)
-    own = files(tmp_path, "merged", alone.encode())
     with pytest.raises(InputError, match=r"column .* \(mm\): expected a finite number, got .-1"):
-        read_export(own.data, ARM, own.map)
+        read(tmp_path, "merged", alone)
 
 
 def test_a_header_that_stands_again_with_its_units_is_left_out(tmp_path):
     head, *rows = plain().decode().replace("_mm", "").splitlines()
     head = [head, f"{',' * 8}mm,mm,mm"]
-    found = read_export(
-        files(tmp_path, "plain", "\n".join([*head, *rows[:9], *head, *rows[9:]]).encode()).data, ARM
-    )
+    found = read(tmp_path, "plain", [*head, *rows[:9], *head, *rows[9:]])
     check_alike(found.data)
     assert "2 lines of comments or the header again left out" in found.columns.table.notes
 
@@ -463,13 +420,14 @@ def test_a_map_names_the_columns_of_a_file_without_a_header(tmp_path):
     names = 'names = ["Name", "X [m]", "Y [m]", "Z [m]", "J1", "J2", "J3", "J4", "J5", "J6"]'
     for gap in (",", ", ", "\t", " "):
         content = "\n".join(line.replace(",", gap) for line in text[2:])
-        own = files(
-            tmp_path,
-            "names_of_points",
-            content.encode(),
-            f"{NAMES_OF_POINTS}[file]\nfooter = 1\n{names}".replace("file = { footer = 1 }", ""),
+        check_alike(
+            read(
+                tmp_path,
+                "names_of_points",
+                content,
+                f"{NAMES_OF_POINTS}[file]\nfooter = 1\n{names}".replace("file = { footer = 1 }", ""),
+            ).data
         )
-        check_alike(read_export(own.data, ARM, own.map).data)
 
 
 def test_parts_of_a_cell_count_more_than_the_name_of_its_column(tmp_path):
@@ -478,10 +436,7 @@ def test_parts_of_a_cell_count_more_than_the_name_of_its_column(tmp_path):
         re.sub(r",([0-9.]+),p", r",loaded \1 kg,p", line).replace("loaded 0.0000000 kg", "nominal/unloaded")
         for line in lines
     ]
-    own = files(
-        tmp_path, "plain", "\n".join(rows).encode(), 'cells.state = ["*/{when}", "{when} {mass_kg} kg"]'
-    )
-    check_alike(read_export(own.data, ARM, own.map).data)
+    check_alike(read(tmp_path, "plain", rows, 'cells.state = ["*/{when}", "{when} {mass_kg} kg"]').data)
 
 
 def test_a_footer_is_suspected_in_the_last_line(tmp_path):
@@ -489,21 +444,22 @@ def test_a_footer_is_suspected_in_the_last_line(tmp_path):
     for count, hint in ((0, "for a line behind the table say footer = 1"), (1, "expected 11 fields, got 1$")):
         content = "\n".join([*lines, *lines[1 : 1 + count]]).encode()
         with pytest.raises(InputError, match=hint):
-            read_export(files(tmp_path, "plain", content).data, ARM)
+            read(tmp_path, "plain", content)
 
 
 def test_the_unit_of_a_name_that_a_map_gives_whole_is_known(tmp_path):
-    own = files(
-        tmp_path, "plain", plain(), 'columns = { "{axis}" = "{axis}_mm", "joint_{n}" = "joint_{n}_deg" }'
+    check_alike(
+        read(
+            tmp_path, "plain", plain(), 'columns = { "{axis}" = "{axis}_mm", "joint_{n}" = "joint_{n}_deg" }'
+        ).data
     )
-    check_alike(read_export(own.data, ARM, own.map).data)
 
 
 def test_names_may_hold_blanks_where_two_stand_between_cells(tmp_path):
     """A report in columns, aligned."""
     lines = plain().decode().replace("_mm", " (mm)").replace("_deg", " [deg]").splitlines()
     aligned = "\n".join("".join(f"  {cell:>16}" for cell in line.split(",")) for line in lines)
-    found = read_export(files(tmp_path, "plain", f"Report of a day\n\n{aligned}".encode()).data, ARM)
+    found = read(tmp_path, "plain", f"Report of a day\n\n{aligned}")
     check_alike(found.data)
     assert "runs of two or more blanks between the cells, header in line 3" in found.columns.table.notes[0]
 
@@ -513,8 +469,7 @@ def test_a_map_may_name_some_columns_and_leave_the_others_to_our_names(tmp_path)
     content = merged().decode().replace("before x", "x unloaded").replace("after z", "Z unter Last")
     content = content.replace("marker", "after_z_mm;marker", 1).replace(";P", ";7,0;P")
     text = "file.merged = true\ncolumns.after_z = 'Z unter Last'"
-    own = files(tmp_path, "merged", content.encode(), text)
-    found = read_export(own.data, ARM, own.map)
+    found = read(tmp_path, "merged", content, text)
     check_alike(found.data)
     assert found.columns.ignored == ("after_z_mm",)
 
@@ -523,8 +478,9 @@ def test_joints_that_moved_a_little_between_the_readings_are_said(tmp_path):
     content = inches().decode().splitlines()
     cells = content[2].split(",")
     cells[4] = number(float(cells[4]) + 0.005)
-    own = files(tmp_path, "inches", "\n".join([*content[:2], ",".join(cells), *content[3:]]).encode())
-    notes = " ".join(read_export(own.data, ARM, own.map).notes)
+    notes = " ".join(
+        read(tmp_path, "inches", "\n".join([*content[:2], ",".join(cells), *content[3:]]).encode()).notes
+    )
     assert "joints differ by up to 8.7e-05 rad or m between unloaded and loaded" in notes
 
 
@@ -533,11 +489,11 @@ def test_words_stand_for_lost_targets_and_a_blank_mass_for_none(tmp_path):
     text[4] = ",".join([*text[4].split(",")[:8], "NaN", "NaN", "NaN"])
     for k in (1, 2, 3):
         text[k] = text[k].replace(",0.0000000,", ",,")
-    own = files(tmp_path, "plain", "\n".join(text).encode(), 'words = { lost = ["NaN", "---"] }')
-    found = read_export(own.data, ARM, own.map).data
+    own = files(tmp_path, "plain", text, 'words = { lost = ["NaN", "---"] }')
+    found = read_export(*own).data
     assert np.argwhere(~found.seen).tolist() == [[0, 0]]
     with pytest.raises(InputError, match=r"line 5, column x_mm: expected a finite number, got 'NaN'"):
-        read_export(own.data, ARM)
+        read_export(*own[:2])
 
 
 @pytest.mark.parametrize("lost", ["9999.0000000", "0"])
@@ -545,29 +501,29 @@ def test_a_place_of_equal_coordinates_is_no_reading(tmp_path, lost):
     """What instruments write for a lost target, until the map says so."""
     text = plain().decode().splitlines()
     text[4] = ",".join([*text[4].split(",")[:8], lost, lost, lost])
-    own = files(tmp_path, "plain", "\n".join(text).encode(), f'words.lost = "{lost}"')
-    assert np.argwhere(~read_export(own.data, ARM, own.map).data.seen).tolist() == [[0, 0]]
+    own = files(tmp_path, "plain", text, f'words.lost = "{lost}"')
+    assert np.argwhere(~read_export(*own).data.seen).tolist() == [[0, 0]]
     with pytest.raises(InputError, match=rf"line 5, column x_mm: expected a place, got '{lost}' three times"):
-        read_export(own.data, ARM)
+        read_export(*own[:2])
 
 
 def test_runs_of_one_name_and_several_loads_are_told_apart(tmp_path):
     """Whoever counts poses as runs: the unloaded reading and both loads have one number."""
     text = plain().decode().splitlines()
     lines = [f"Run,{text[0]}", *(f"{(k // 9) + 5},{line}" for k, line in enumerate(text[1:]))]
-    found = read_export(files(tmp_path, "plain", "\n".join(lines).encode()).data, ARM)
+    found = read(tmp_path, "plain", lines)
     check_alike(found.data)
     assert "runs, one a load, are numbered in their order: 6 of them" in found.notes
 
 
 def test_repeated_runs_are_told_apart_without_a_column_for_them(tmp_path):
     text = plain().decode().splitlines()
-    found = read_export(files(tmp_path, "plain", "\n".join([*text, *text[1:]]).encode()).data, ARM).data
+    found = read(tmp_path, "plain", [*text, *text[1:]]).data
     assert found.runs == 12
     np.testing.assert_array_equal(found.after[:6], found.after[6:])
     missing = "\n".join([*text, *text[1:-1]]).encode()
     with pytest.raises(InputError, match=r"'run'\]: a pose and load comes again, not for all markers"):
-        read_export(files(tmp_path, "plain", missing).data, ARM)
+        read(tmp_path, "plain", missing)
 
 
 def test_of_several_unloaded_readings_the_last_one_before_counts(tmp_path):
@@ -577,7 +533,7 @@ def test_of_several_unloaded_readings_the_last_one_before_counts(tmp_path):
     for cells in again[:3]:
         cells[-1] = number(float(cells[-1]) + 1)
     content = "\n".join([*text, *map(",".join, again)]).encode()
-    found = read_export(files(tmp_path, "plain", content).data, ARM).data
+    found = read(tmp_path, "plain", content).data
     assert found.pose.tolist() == [1, 1, 2, 2, 3, 3, 1]
     np.testing.assert_array_equal(found.before[:2], found.before[[0, 0]])
     np.testing.assert_allclose(found.before[6] - found.before[0], np.tile([0, 0, 1e-3], (3, 1)), atol=1e-12)
@@ -585,10 +541,10 @@ def test_of_several_unloaded_readings_the_last_one_before_counts(tmp_path):
 
 def test_the_sigma_of_flag_and_map_counts_once(tmp_path):
     own = files(tmp_path, "plain", text="values = { sigma_um = 30 }")
-    assert read_export(own.data, ARM, own.map).data.sigma == pytest.approx(30e-6)
-    assert read_export(own.data, ARM, None, 20e-6).data.sigma == 20e-6
+    assert read_export(*own).data.sigma == pytest.approx(30e-6)
+    assert read_export(*own[:2], None, 20e-6).data.sigma == 20e-6
     with pytest.raises(InputError, match=r"map.toml: values.sigma_m: expected it once, got a flag too"):
-        read_export(own.data, ARM, own.map, 20e-6)
+        read_export(*own, 20e-6)
 
 
 def damaged(name, line, column, cell):
@@ -648,10 +604,10 @@ def damaged(name, line, column, cell):
 def test_a_wrong_cell_is_named_by_line_and_column(tmp_path, name, line, column, cell, text):
     own = files(tmp_path, name, damaged(name, line, column, cell))
     if text is None:
-        check_alike(read_export(own.data, ARM, own.map).data)  # a column that is not read
+        check_alike(read_export(*own).data)  # a column that is not read
         return
     with pytest.raises(InputError) as info:
-        read_export(own.data, ARM, own.map)
+        read_export(*own)
     assert text in str(info.value)
 
 
@@ -681,5 +637,5 @@ def test_every_name_of_the_documented_table_is_known():
 def test_absurd_tables_are_refused_at_once(tmp_path, text, said):
     """Each took minutes once."""
     with pytest.raises(InputError) as info:
-        read_export(files(tmp_path, "plain", text.encode()).data, ARM)
+        read(tmp_path, "plain", text)
     assert said in str(info.value)

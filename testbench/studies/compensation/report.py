@@ -42,7 +42,7 @@ from testbench.studies.compensation.settings import (
 )
 from testbench.studies.compensation.trial import measure, true_arm
 from testbench.studies.study import Run
-from testbench.trials.gain import Gain, gained
+from testbench.trials.gain import gained
 from testbench.trials.spread import span, spread
 from testbench.views.figure import Figure, ranges
 from testbench.views.gains import beside
@@ -58,21 +58,18 @@ FOUND = (
 )
 BY_ARM = "true_arm name trials removed_percent worst_percent worse after.median_mm covered_percent"
 READING = Markdown(
-    "A case is a point of a trial. Undisturbed: the true arm bends as a model of its kind can, and readings "
-    "are noisy. Disturbed: geometry, joint offsets, payload, backlash, hysteresis, stiffening joints, "
-    "compensator and foundation act, which no model here knows. Linear joints: the same without backlash, "
-    "hysteresis and stiffening, tried afterwards to find out why less is removed there."
+    "A case is a point of a trial. Undisturbed: the true arm bends as a model of its kind can. Disturbed: "
+    "geometry, joint offsets, payload, backlash, hysteresis, stiffening joints, compensator and foundation "
+    "act, which no model here knows. Linear joints: the same without backlash, hysteresis and stiffening, "
+    "tried afterwards to find out why less is removed there."
 )
 OF_TABLES = Markdown(
-    "Removed: one less the distance of the loaded tool from where it was asked, corrected over not "
-    "corrected; median of all cases (5 % to 95 %; of fewer than 20 the range). Where it was asked is where "
-    "the unloaded tool of the same true arm is at the programmed joints. Before, after: medians of a trial's "
-    "points. Covered: components of what is left inside their 95 % interval, of those whose interval has a "
-    "bound. Nominal: the folder's compliances. Prior alone: what the default starts from. Perfect: the true "
-    "compliances.\n\n"
-    "In every pose acts the weight alone, or either the weight or a rope that pulls along y at the load "
-    "point. A plan chooses poses and loads for both jobs and the mean of their forces; random poses take "
-    "both loads by turns. A model without an equilibrium under the process corrects nothing."
+    "Removed: one less the distance of the loaded tool from where the unloaded tool of the same true arm "
+    "is, corrected over not corrected. Before, after: medians of a trial's points. Covered: components of "
+    "what is left inside their 95 % interval, of those whose interval has a bound. Nominal: the folder's "
+    "compliances. Prior alone: what the default starts from. Perfect: the true compliances. A plan "
+    "chooses poses and loads for both jobs and the mean of their forces; random poses take both loads by "
+    "turns. A model without an equilibrium under the process corrects nothing."
 )
 TITLE = (
     "{arm} drills {points[drilling]} holes and mills {points[milling]} points of a window in a curved panel, "
@@ -213,15 +210,15 @@ def _sizes(trials: Sequence[Array]) -> Row:
 
 def _gains(advised: Trials) -> Row:
     """The default beside least squares and joints alone, by what is left in the median point of a trial."""
-
-    def left(name: str) -> list[float]:
-        trials = advised.where(name=name).groups("seed")
-        return [float(np.median(np.concatenate([*own["after_mm"]]))) for _, own in trials]
-
-    def against(name: str) -> Gain:
-        return gained(DEFAULT, name, left(DEFAULT), left(name))
-
-    return Row(least_squares=against(LEAST_SQUARES), joints=against(JOINTS))
+    left = {
+        name: [
+            float(np.median(np.concatenate([*own["after_mm"]])))
+            for _, own in advised.where(name=name).groups("seed")
+        ]
+        for name in (DEFAULT, LEAST_SQUARES, JOINTS)
+    }
+    rivals = {"least_squares": LEAST_SQUARES, "joints": JOINTS}
+    return Row({key: gained(DEFAULT, name, left[DEFAULT], left[name]) for key, name in rivals.items()})
 
 
 def _tables(f: Row) -> dict[str, Table]:
@@ -270,4 +267,4 @@ def write(run: Run[Settings]) -> Seen:
     true, ways = true_cell(cell, member(FAMILY, seed), seed), asked.ways(IDEAL)
     data = measure(true, true_arm(true, seed, IDEAL), asked, ways, seed)[ways.index(ADVISED)]
     write_csv(data, cell.arm, run.folder / "dataset.csv")
-    return seen(true, asked, data, seed)
+    return seen(true, asked, run.first, seed)

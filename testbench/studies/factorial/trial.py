@@ -78,11 +78,14 @@ def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Fits:
 
 def judged(cell: Cell, cases: Sequence[Case], fits: Fits) -> Iterator[FitRow]:
     """Rows of every case, a model each, judged by true deflections."""
+    predicted: dict[tuple[int, str], Array] = {}
+    for judge in {id(case.judge): case.judge for case in cases}.values():  # where the arm is, once each
+        own = [(k, name) for k, case in enumerate(cases) if case.judge is judge for name in fits]
+        moved = all_deflections(cell.vjm, [fits[name][k] for k, name in own], judge)
+        predicted |= dict(zip(own, moved, strict=True))
     for k, case in enumerate(cases):
-        own = [estimates[k] for estimates in fits.values()]
-        predicted = all_deflections(cell.vjm, own, case.judge)
-        for name, estimate, moved in zip(fits, own, predicted, strict=True):
-            yield _row(name, estimate, moved, case)
+        for name, estimates in fits.items():
+            yield _row(name, estimates[k], predicted[k, name], case)
 
 
 def _row(name: str, estimate: Estimate, moved: Array, case: Case) -> FitRow:
