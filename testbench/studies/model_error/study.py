@@ -187,40 +187,18 @@ def _shown(f: Row, *, noisy: bool) -> list[Row]:
     return [row for row in own if (row.sigma_um > 0) == noisy]
 
 
-SIZES = {
-    "own_weight": ("The links weigh.", 1.0),
-    "compensator": (
-        "A spring pulls link 2 towards link 1, {rate:g} kN/m as joint 2 turns, {stiffness:g} kN/m as the arm "
-        "deflects.",
-        1e-3,
-    ),
-    "geometry": ("Frames are off by {position:g} mm and {angle:g} mrad.", 1e3),
-    "sensor_offset": ("Joint sensors are off by {size:g} mrad.", 1e3),
-    "mass_error": ("The payload is {size:g} % heavier than recorded.", 100.0),
-    "centre_error": ("The hanging point is off by {size:g} mm.", 1e3),
-    "stiffening": ("Joints are {size:g} % stiffer a mrad of turn.", 100.0),
-    "backlash": ("Joints have {size:g} urad of play to either side.", 1e6),
-    "hysteresis": ("Joints have {size:g} urad of hysteresis to either side.", 1e6),
-    "foundation": ("The foundation bends, {size:g} times as much as assumed.", 1.0),
-}
-"""What a field of Disturbances does, and how many times its SI value the size is."""
-
-
 def _sizes(asked: Settings) -> Markdown:
     """What each case switches on, a line each."""
-    told = [
-        say("- {case}: {words}", case=name, words=lines(_size(*own) for own in vars(case).items() if own[1]))
-        for name, case in trial.disturbances(asked.scale, asked.only).items()
-        if name not in (NONE, ALL)
-    ]
-    return Markdown("\n".join(["## What each case switches on", "", *told]))
-
-
-def _size(field: str, value: object) -> Markdown:
-    """A field of Disturbances in words."""
-    sentence, scale = SIZES[field]
-    own = vars(value) if is_dataclass(value) else {"size": value}
-    return say(sentence, {name: scale * size for name, size in own.items() if isinstance(size, float)})
+    words = {field: (scale, told) for field, scale, told in trial.SWITCHES.values()}
+    found = []
+    for name, case in trial.disturbances(asked.scale, asked.only).items():
+        for field, value in vars(case).items() if name not in (NONE, ALL) else ():
+            if value:
+                scale, sentence = words[field]
+                own = vars(value) if is_dataclass(value) else {"size": value}
+                known = {key: scale * size for key, size in own.items() if isinstance(size, float)}
+                found.append(say(f"- {name}: {sentence}", known))
+    return Markdown("\n".join(["## What each case switches on", "", *found]))
 
 
 def figures(found: Report) -> dict[str, Figure]:
