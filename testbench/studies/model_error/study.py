@@ -9,16 +9,15 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS
 from testbench.bench.default import DEFAULT, FILLED
 from testbench.bench.rows import UM
-from testbench.data.csvfile import write_csv
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched, merged
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import DUELS, ERROR, RMS
-from testbench.studies.factorial.trial import FitRow
+from testbench.studies.factorial.trial import FitRow, writes
 from testbench.studies.model_error import trial
 from testbench.studies.model_error.trial import ALL, NONE, PLAIN_COMPENSATOR, STIFF, Options, Settings
-from testbench.studies.study import Run, Study
+from testbench.studies.study import Study
 from testbench.trials.spread import middle, span
 from testbench.views.figure import Figure, ranges
 from testbench.views.markdown import Markdown, counted
@@ -217,12 +216,6 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"model_error.png": ranges(panes, f"{where} {compare.gains_told(f.gains)}", reading)}
 
 
-def write(run: Run[Settings]) -> None:
-    """dataset.csv of the first seed."""
-    cell, runs = trial.first_runs(run.settings, run.seeds[0])
-    write_csv(runs, cell.arm, run.folder / "dataset.csv")
-
-
 STUDY = Study(
     name="model_error",
     about="Identify an arm that does what the model does not know, with noise and without.",
@@ -235,6 +228,6 @@ STUDY = Study(
     report=report,
     printed=("noisy",),
     figures=figures,
-    write=write,
+    write=writes(trial.first_runs),
     size=2,
 )

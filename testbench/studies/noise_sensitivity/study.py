@@ -6,31 +6,17 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS, distinct
-from testbench.bench.campaign import build_cell, stream
 from testbench.bench.default import DEFAULT
 from testbench.bench.rows import UM
-from testbench.bench.truths import member, true_cell
-from testbench.data.csvfile import write_csv
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import DUELS, ERROR, RMS
-from testbench.studies.factorial.trial import FitRow, reread
+from testbench.studies.factorial.trial import FitRow, writes
 from testbench.studies.noise_sensitivity import trial
-from testbench.studies.noise_sensitivity.trial import (
-    FLAT_SIGMA,
-    HEAVY,
-    INSTRUMENT,
-    LIGHT,
-    NEAR,
-    UNWEIGHTED,
-    WEIGHTED,
-    Options,
-    Settings,
-    campaigns,
-)
-from testbench.studies.study import Run, Study
+from testbench.studies.noise_sensitivity.trial import HEAVY, INSTRUMENT, NEAR, Options, Settings
+from testbench.studies.study import Study
 from testbench.trials.spread import middle, span
 from testbench.views.figure import Figure, sweeps
 from testbench.views.markdown import Markdown
@@ -69,7 +55,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         instruments=compare.cells(read.where(name=INSTRUMENT), "truth", "instrument", "distance_m"),
         near_m=NEAR,
         weighted_over_flat=compare.duels(
-            read, [(WEIGHTED, UNWEIGHTED)], "truth", "name", "distance_m", of="instrument"
+            read, [(trial.WEIGHTED, trial.UNWEIGHTED)], "truth", "name", "distance_m", of="instrument"
         ),
         models=[
             model
@@ -198,25 +184,17 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"noise_sensitivity.png": sweeps(panes, answer, reading, BANDS)}
 
 
-def write(run: Run[Settings]) -> None:
-    """dataset.csv of the first seed."""
-    seed = run.seeds[0]
-    cell = true_cell(build_cell(find_arm(HEAVY)), member(run.settings.true_arm, seed), seed)
-    clean = campaigns(cell, seed)[1].identification
-    write_csv(reread(clean, FLAT_SIGMA, stream(seed, 1)), cell.arm, run.folder / "dataset.csv")
-
-
 STUDY = Study(
     name="noise_sensitivity",
     about="Identify from readings of ever more noise, and judge by the true deflections.",
     options=Options,
     settings=trial.settings,
     seeds=(1000, 4),
-    arms=lambda _: [find_arm(LIGHT), find_arm(HEAVY)],
+    arms=lambda _: [find_arm(trial.LIGHT), find_arm(HEAVY)],
     row=FitRow,
     trials=trial.trials,
     report=report,
     printed=tuple(PARTS),
     figures=figures,
-    write=write,
+    write=writes(trial.first_runs),
 )

@@ -5,15 +5,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import build_cell
 from testbench.bench.rows import UM
 from testbench.bench.truths import CALLED
-from testbench.data.csvfile import write_csv
 from testbench.report.campaigns import pairs
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, merged
 from testbench.studies.factorial import compare
+from testbench.studies.factorial.trial import writes
 from testbench.studies.regimes import trial
 from testbench.studies.regimes.trial import (
     EQUAL,
@@ -28,7 +27,7 @@ from testbench.studies.regimes.trial import (
     Options,
     Settings,
 )
-from testbench.studies.study import Run, Study
+from testbench.studies.study import Study
 from testbench.trials.spread import Number, ends, middle, most_trials, span
 from testbench.views.figure import Figure
 from testbench.views.markdown import Markdown, capital, counted
@@ -47,22 +46,14 @@ PAIRS = [(GCO, theirs) for theirs in (SQUARES, LENT, EQUAL, JOINTS)]
 HOW = Markdown(
     "## How to read the maps\n\n"
     "GCO and least squares of one structure differ in what they take for the directions that no reading "
-    "sees, and in what the cone does to those that the data see.\n\n"
-    "- Same free directions: least squares with the free directions of GCO. What is then left is the cone's "
-    "own work.\n"
-    "- PSD of equal fit: least squares whose free directions make it conservative, nearest to minimum norm; "
-    "plain least squares where that cannot be.\n"
-    "- The cone binds where no conservative model fits as well as least squares.\n"
-    "- Error to expect: what noise alone leaves least squares over the workspace, from rows and sigma, "
-    "before any reading is seen; over the deflection that GCO predicts. Lines with percentages: where the "
-    "cone binds.\n\n"
-    "Least squares weighs positions and rotations as GCO ends up weighing them, so that weights make no "
-    "difference. Poses are nested and share their noise.\n\n"
-    "Why: noise moves the fit of least squares in all directions that the data see. GCO keeps the part of it "
-    "that a conservative model can have. Where a direction's compliance is far larger than its noise, that "
-    "is all of it; where it is smaller, half of the noise would make an eigenvalue negative, and is cut off. "
-    "Where directions are free, large compliances in these can make every fit conservative, and nothing is "
-    "cut off."
+    "sees, and in what the cone does to those that the data see. Same free directions: least squares with "
+    "those of GCO; what is then left is the cone's own work. PSD of equal fit: least squares that is "
+    "conservative where that can be. The cone binds where it cannot. Error to expect: what noise alone "
+    "leaves least squares over the workspace, from rows and sigma. Least squares weighs positions and "
+    "rotations as GCO ends up weighing them. Poses are nested and share their noise.\n\n"
+    "Noise moves the fit of least squares in all directions that the data see. GCO keeps the part of it that "
+    "a conservative model can have. Where a direction's compliance is far larger than its noise, that is all "
+    "of it. Where it is smaller, half of the noise would make an eigenvalue negative, and is cut off."
 )
 
 
@@ -241,12 +232,6 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"regimes.png": maps(panes, answer, reading, KNOWN["beats_joints_in"])}
 
 
-def write(run: Run[Settings]) -> None:
-    """dataset.csv of the first seed."""
-    cell = build_cell(find_arm(run.settings.gravity.arm))
-    write_csv(trial.first_runs(cell, run.settings, run.seeds[0]), cell.arm, run.folder / "dataset.csv")
-
-
 STUDY = Study(
     name="regimes",
     about="Map where GCO beats least squares of the same structure: noise, poses, structure, truth, prior.",
@@ -259,5 +244,5 @@ STUDY = Study(
     report=report,
     printed=tuple(KINDS),
     figures=figures,
-    write=write,
+    write=writes(trial.first),
 )

@@ -179,6 +179,12 @@ MEASURE: Mapping[Kind, Callable[[Cell, Grid, int, Sequence[str], int], list[Clea
 """Of an arm, its grid, the poses to judge by, names of truths and a seed: what is true, a truth each."""
 
 
+def first(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
+    """The arm, and the runs of the featured cell of a trial's first true arm."""
+    cell = build_cell(find_arm(asked.gravity.arm))
+    return cell, first_runs(cell, asked, seed)
+
+
 def first_runs(cell: Cell, asked: Settings, seed: int) -> Dataset:
     """The runs of the featured cell, of a trial's first arm."""
     grid = replace(asked.gravity, sigmas=(FEATURED_SIGMA,))

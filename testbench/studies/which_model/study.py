@@ -7,17 +7,16 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import build_cell, draw_poses, simulate_at
 from testbench.bench.rows import UM
-from testbench.bench.truths import CALLED, TRUTH_WORDS, TRUTHS, true_cell
+from testbench.bench.truths import CALLED, TRUTH_WORDS, TRUTHS
 from testbench.bench.wrong_prior import PRIOR_WORDS, PRIORS, PRIORS_CALLED, RIGHT
-from testbench.data.csvfile import write_csv
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Cells, Row, Trials, find, merged, number
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import MARGIN, RMS
-from testbench.studies.study import Run, Study
+from testbench.studies.factorial.trial import writes
+from testbench.studies.study import Study
 from testbench.studies.which_model import trial
 from testbench.studies.which_model.trial import CHOSEN, RUNS, Options, Settings
 from testbench.trials.spread import span, spans
@@ -26,7 +25,6 @@ from testbench.views.figure import Figure, forest
 from testbench.views.markdown import Markdown, counted, listed
 from testbench.views.schema import Table, pivot
 
-SHOWN = "cast"  #: The true arm whose readings are left as a dataset.
 IN_ORDER = {"prior_error": PRIORS, "true_arm": TRUTHS}
 """Words that trials meet in other orders than a reader."""
 BESIDE = ("over_joints", "loses", "over_least", "best_in")
@@ -264,14 +262,6 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def write(run: Run[Settings]) -> None:
-    """dataset.csv of the first seed."""
-    asked, seed = run.settings, run.seeds[0]
-    cell, scenario = build_cell(find_arm(asked.arm)), trial.scenario(asked)
-    campaign = simulate_at(true_cell(cell, SHOWN, seed), scenario, seed, draw_poses(cell, scenario, seed))
-    write_csv(trial.read(campaign)[-1], cell.arm, run.folder / "dataset.csv")
-
-
 STUDY = Study(
     name="which_model",
     about="Identify a family of true arms with every method, from few and many poses and with wrong priors.",
@@ -284,5 +274,5 @@ STUDY = Study(
     report=report,
     printed=("short",),
     figures=figures,
-    write=write,
+    write=writes(trial.first_runs),
 )

@@ -38,6 +38,7 @@ RUNS = 2  #: In every pose.
 QUICK_WORKSPACE = 40
 CHOSEN = "default"  #: What `bench.default` chooses from the readings.
 PLAIN = (JOINTS, "MLS56", "MGCO56", "MGCO68")
+SHOWN = "cast"  #: The true arm whose readings are left as a dataset.
 COVERED = (CHOSEN, JOINTS, "MGCO56 + prior", "ALL153 + prior")
 """Whose intervals are judged; those of joints alone show what noise alone would promise."""
 
@@ -149,6 +150,13 @@ def read(campaign: Campaign) -> list[Dataset]:
     """The runs in few and in many poses, with noise."""
     every = reread(campaign.identification, campaign.scenario.sigma, stream(campaign.seed, 1))
     return [select(every, every.pose <= poses) for poses in POSES]
+
+
+def first_runs(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
+    """The arm and its runs of a seed, in many poses."""
+    cell, own = build_cell(find_arm(asked.arm)), scenario(asked)
+    campaign = simulate_at(true_cell(cell, SHOWN, seed), own, seed, draw_poses(cell, own, seed))
+    return cell, read(campaign)[-1]
 
 
 def _rows(
