@@ -87,13 +87,14 @@ def page(name: str, run: Path) -> None:
 
 def _short(table: Table) -> str:
     """A table's first columns, the headline among them, and its first rows."""
-    keep = [c for c in table.columns[1:] if c.key == table.headline]
+    answer = table.headline or table.columns[-1].key
+    keep = [c for c in table.columns[1:] if c.key == answer]
     keep += [c for c in table.columns[1:] if c not in keep][: COLUMNS - 1 - len(keep)]
     columns = tuple(c for c in table.columns if c is table.columns[0] or c in keep)
     rows = sorted(table.rows, key=lambda row: table.columns[0].cell(row) != table.bold)[:ROWS]
     short = replace(table, columns=columns, rows=[row for row in table.rows if row in rows])
     left = len(table.rows) - len(rows)
-    more = f"{left} more rows are in the CSV file." if left else ""
+    more = f"The CSV file has all {len(table.rows)} rows." if left else ""
     return "\n\n".join(filter(None, [f"## {capital(table.title)}" if table.title else "", grid(short), more]))
 
 
