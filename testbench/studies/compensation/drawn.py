@@ -50,7 +50,9 @@ def seen(true: Cell, asked: Settings, data: Dataset, seed: int) -> Seen:
         layers=[
             Layer("tool asked, all points", TASK, "dots", where[None]),
             *(
-                Layer(f"tool {name}", look.colour, "arrows", where[:, None], (where + M * off[name])[:, None])
+                Layer(
+                    f"tool, {name}", look.colour, "arrows", where[:, None], (where + M * off[name])[:, None]
+                )
                 for name, look in DRAWN.items()
             ),
             Layer("force", LOAD, "arrows", (tip - FORCE * own.load.wrench[:, :3])[:, None], tip[:, None]),
