@@ -5,21 +5,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.bench.campaign import Campaign, Cell, Setup, stream
+from testbench.bench.campaign import Campaign, Cell, Setup
 from testbench.bench.error_places import Places, kept_mm, places_of
 from testbench.bench.judged import Errors, Result
 from testbench.bench.rows import (
     DatasetRow,
     JudgedRow,
-    NormalityRow,
     dataset_row,
     fit_row,
     judged_row,
-    normality_row,
 )
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify.evaluate import normality
 
 Flat = tuple[float, ...]
 
@@ -50,14 +47,6 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class Residuals:
-    """Residual components of the runs that were fitted, and of those that were not."""
-
-    identification: NormalityRow
-    check: NormalityRow
-
-
-@dataclass(frozen=True)
 class Measured(DatasetRow):
     """What was measured."""
 
@@ -73,7 +62,6 @@ class Measured(DatasetRow):
 class CampaignRow(JudgedRow):
     """One model in one trial."""
 
-    residuals: Residuals
     measured: Measured
     true_arm: str  #: Its name in `TRUTHS`; model and prior are those of the folder.
     places: Places | None  #: Poses of the workspace; None but in the first seed.
@@ -86,12 +74,11 @@ def campaign_rows(
 ) -> list[CampaignRow]:
     """A row a model; `placed` with its errors pose by pose, and what pictures need."""
     data, found = measured(campaign), []
-    for k, (result, normal) in enumerate(zip(results, _normalities(campaign, results), strict=True)):
+    for k, result in enumerate(results):
         prior = result.estimate.belief is not None
         fit = fit_row(result.model.name, result.estimate, result.seconds, prior=prior)
         own = CampaignRow(
             **vars(judged_row(fit, result)),
-            residuals=normal,
             measured=data,
             true_arm=true_arm,
             places=places_of(cell, campaign.truth) if placed else None,
@@ -139,17 +126,6 @@ def dataset_of(cell: Cell, setup: Setup, runs: Runs) -> Dataset:
         rotation_after=after,
         sigma_rotation=sigma_rotation,
     )
-
-
-def _normalities(campaign: Campaign, results: Sequence[Result]) -> list[Residuals]:
-    """Of every model's residuals in the runs that were fitted, and in those that were not."""
-    rng = stream(campaign.seed, 2)
-    used = np.isin(campaign.measured.pose, campaign.identification.pose)
-    fitted, others = (
-        normality(np.array([result.residuals[runs].ravel() for result in results]), rng)
-        for runs in (used, ~used)
-    )
-    return [Residuals(*map(normality_row, both)) for both in zip(fitted, others, strict=True)]
 
 
 def measured(campaign: Campaign) -> Measured:

@@ -83,12 +83,6 @@ class ErrorPlaces:
         return int(np.isnan(self.errors(name)).sum())
 
 
-def places(arm: Arm, data: Dataset, position: Array) -> Places:
-    """Places of noise-free runs, `position` that of the tool, (runs, 3) [m]."""
-    moved = np.sqrt(np.mean(np.sum(data.deflection**2, axis=-1), axis=-1))
-    return replace(places_at(arm, data.q, position, moved), run=tuple(data.run.tolist()))
-
-
 def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> Places:
     """Poses, numbered from 1.
 
@@ -111,9 +105,10 @@ def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> Places:
 
 
 def places_of(cell: Cell, data: Dataset) -> Places:
-    """The same with the tool where the arm's kinematics have it."""
+    """Places of noise-free runs, the tool where the arm's kinematics have it."""
     position, _ = tool_pose(cell.vjm, data.q)
-    return places(cell.arm, data, position)
+    moved = np.sqrt(np.mean(np.sum(data.deflection**2, axis=-1), axis=-1))
+    return replace(places_at(cell.arm, data.q, position, moved), run=tuple(data.run.tolist()))
 
 
 def kept_mm(metres: Array) -> tuple[float, ...]:

@@ -32,18 +32,6 @@ QUIET, CHANCE = 0.6, 1e-6
 
 
 @dataclass(frozen=True)
-class Looks:
-    """What is seen of runs before anything is fitted."""
-
-    doubts: tuple[Doubt, ...] = ()  #: What may be wrong, the likeliest first.
-    #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
-    scale: float | None = None
-
-
-UNSEEN = Looks()  #: Of runs that nobody looked at.
-
-
-@dataclass(frozen=True)
 class Runs:
     """A user's runs."""
 
@@ -53,7 +41,9 @@ class Runs:
     check: Dataset | None  #: Those held back; None if there are none.
     notes: tuple[str, ...] = ()  #: What was understood of them.
     registration: Mapping[str, object] | None = None  #: Frames and targets; None where no frame fitted.
-    looks: Looks = UNSEEN  #: What may be wrong with them.
+    doubts: tuple[Doubt, ...] = ()  #: What may be wrong with them, the likeliest first.
+    #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
+    scale: float | None = None
     many: Many | None = None  #: All, where they are too many to hold.
 
     @property
@@ -137,10 +127,15 @@ class Identified:
         return self.estimates[self.fits.recommended]
 
 
-Judged = tuple[ErrorRow, ErrorRow | None]
-"""Errors on the runs that were fitted, and on those held back."""
-AllFits = tuple[Runs, list[tuple[Estimate, float]], Recommendation, list[Judged]]
-"""Runs that are looked at one by one; estimates and their times; which to take; errors of every model."""
+@dataclass(frozen=True)
+class _Judged:
+    """A model that was fitted and judged."""
+
+    model: Model
+    estimate: Estimate
+    seconds: float
+    used: ErrorRow  #: On the runs that were fitted.
+    check: ErrorRow | None  #: On those held back.
 
 
 def fit(
@@ -158,49 +153,42 @@ def fit(
     Raises:
         BenchError: When a method cannot fit a structure to the runs.
     """
-    looks = runs.looks.doubts
     try:
         models, still = _moved(cell, models, runs.used)
         runs = replace(runs, notes=(*runs.notes, *still))
-        models, lost, (runs, found, taken, scores) = _working(cell, models, runs, clock)
-        looks = (*looks, *lost)
+        runs, found, taken, lost = _working(cell, models, runs, clock)
     except BenchError as err:
-        raise BenchError("; ".join([*(doubt.sentence for doubt in looks), str(err)])) from err
-    # beside a prior, intervals that count noise alone would look the surest
-    plain = all(estimate.belief is None for estimate, _ in found)
-    wanted = [
-        widths and (plain or estimate.belief is not None or model.name == taken.name)
-        for model, (estimate, _) in zip(models, found, strict=True)
-    ]
+        raise BenchError("; ".join([*(doubt.sentence for doubt in runs.doubts), str(err)])) from err
     widest = runs.check or runs.used
     if widths and runs.many is None and widest.runs > SHOWN:
         runs = replace(runs, notes=(*runs.notes, f"intervals are of {SHOWN} of {widest.runs} runs, evenly"))
         widest = in_order(widest, some(np.arange(widest.runs)))
-    spread = [
-        _intervals(cell, estimate, widest) if own else None
-        for (estimate, _), own in zip(found, wanted, strict=True)
-    ]
-    fitted = [
-        _fit(cell, m, timed, errors, own)
-        for m, timed, errors, own in zip(models, found, scores, spread, strict=True)
-    ]
-    [(model, best)] = [(m, e) for m, (e, _) in zip(models, found, strict=True) if m.name == taken.name]
+    # beside a prior, intervals that count noise alone would look the surest
+    plain = all(own.estimate.belief is None for own in found)
+    sure = {own.model.name for own in found if plain or own.estimate.belief is not None} | {taken.name}
+    estimates = {own.model.name: own.estimate for own in found}
+    best = next(own for own in found if own.model.name == taken.name)
     fits = Fits(
         dataset=runs.name,
         arm=cell.arm.name,
         runs=runs.used.runs if runs.many is None else int(runs.many.used.sum()),
         poses=len(np.unique(runs.used.pose)) if runs.many is None else runs.many.poses,
-        models=tuple(fitted),
+        models=tuple(_fit(cell, m, widest if widths and m.model.name in sure else None) for m in found),
         recommended=taken.name,
-        why=why(taken, best),
+        why=why(taken, best.estimate),
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
-        doubts=(*looks, *_of_noise(found), *_of_prior(models, found, taken.name, default_name(cell.arm))),
-        unchecked=_unchecked(cell, model, best),
+        doubts=(
+            *runs.doubts,
+            *lost,
+            *_of_noise(found),
+            *_of_prior(estimates, taken.name, default_name(cell.arm)),
+        ),
+        unchecked=_unchecked(cell, best),
         notes=runs.notes,
         registration=runs.registration,
-        scale=runs.looks.scale,
+        scale=runs.scale,
     )
-    return Identified(fits, runs, {m.name: e for m, (e, _) in zip(models, found, strict=True)})
+    return Identified(fits, runs, estimates)
 
 
 def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence[Model], list[str]]:
@@ -224,16 +212,16 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
 
 def _working(
     cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]
-) -> tuple[Sequence[Model], list[Doubt], AllFits]:
-    """What is found without estimators of one's own that fail: the other models, and a doubt on each failure.
+) -> tuple[Runs, list[_Judged], Recommendation, list[Doubt]]:
+    """What is found without estimators of one's own that fail, and a doubt on each failure.
 
     Raises:
-        BenchError: When none is left.
+        BenchError: When no model is left.
     """
     lost: list[Doubt] = []
     while True:
         try:
-            return models, lost, _all(cell, models, runs, clock)
+            return (*_all(cell, models, runs, clock), lost)
         except EstimatorFailed as err:
             models = [model for model in models if model.name != err.model]
             lost.append(Doubt("estimator", f"left out: {err}"))
@@ -241,37 +229,40 @@ def _working(
                 raise BenchError("; ".join(doubt.sentence for doubt in lost)) from err
 
 
-def _all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]) -> AllFits:
+def _all(
+    cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]
+) -> tuple[Runs, list[_Judged], Recommendation]:
+    """Runs that are looked at one by one, every model, and which to take."""
     if runs.many is None:
-        found = [_timed(cell, model, runs.used, clock) for model in models]
-        used = [_judged(cell, estimate, runs.used) for estimate, _ in found]
-        check = [None if runs.check is None else _judged(cell, estimate, runs.check) for estimate, _ in found]
-        return runs, found, recommend(cell, models, runs.used), list(zip(used, check, strict=True))
+        found = [_timed(cell, model, runs, clock) for model in models]
+        return runs, found, recommend(cell, models, runs.used)
     own = fit_many(cell, models, runs.many, clock)
     every, fitted, held_back = runs.many.looked_at(own.worst)
-    shown = replace(
-        runs, every=every, used=fitted, check=held_back, notes=(*runs.notes, _shown(every, runs.total))
+    note = (
+        f"all {runs.total} runs are fitted and judged; doubts, intervals, tables and pictures are of "
+        f"{every.runs} of them, evenly out of all and those of which most is left"
     )
-    found = list(zip(own.estimates, own.seconds, strict=True))
-    held = own.check or [None] * len(models)
-    rows = [(error_row(a), None if b is None else error_row(b)) for a, b in zip(own.used, held, strict=True)]
-    return shown, found, own.taken, rows
+    checks = [error_row(one) for one in own.check] if own.check else [None] * len(models)
+    rows = zip(models, own.estimates, own.seconds, map(error_row, own.used), checks, strict=True)
+    shown = replace(runs, every=every, used=fitted, check=held_back, notes=(*runs.notes, note))
+    return shown, [_Judged(*row) for row in rows], own.taken
 
 
-def _shown(shown: Dataset, total: int) -> str:
-    return (
-        f"all {total} runs are fitted and judged; doubts, intervals, tables and pictures are of {shown.runs} "
-        "of them, evenly out of all and those of which most is left"
-    )
+def _timed(cell: Cell, model: Model, runs: Runs, clock: Callable[[], float]) -> _Judged:
+    start = clock()
+    estimate = of_model(cell, model, runs.used)
+    seconds = clock() - start
+    check = None if runs.check is None else _errors(cell, estimate, runs.check)
+    return _Judged(model, estimate, seconds, _errors(cell, estimate, runs.used), check)
 
 
-def _judged(cell: Cell, estimate: Estimate, data: Dataset) -> ErrorRow:
+def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> ErrorRow:
     return error_row(score(deflections(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen]))
 
 
-def _of_noise(found: Sequence[tuple[Estimate, float]]) -> list[Doubt]:
+def _of_noise(found: Sequence[_Judged]) -> list[Doubt]:
     """Whether a model leaves far less than the stated noise alone would: whatever it lacks adds to that."""
-    quiet = [e for e, _ in found if e.f_m < QUIET * e.f_m_floor]
+    quiet = [own.estimate for own in found if own.estimate.f_m < QUIET * own.estimate.f_m_floor]
     if not quiet:
         return []
     least = min(quiet, key=lambda e: e.f_m / e.f_m_floor)
@@ -285,11 +276,8 @@ def _of_noise(found: Sequence[tuple[Estimate, float]]) -> list[Doubt]:
     return [Doubt("noise", words)]
 
 
-def _of_prior(
-    models: Sequence[Model], found: Sequence[tuple[Estimate, float]], taken: str, default: str
-) -> list[Doubt]:
+def _of_prior(by_name: Mapping[str, Estimate], taken: str, default: str) -> list[Doubt]:
     """What the readings say against the prior of the default, or of the model that is taken."""
-    by_name = {m.name: e for m, (e, _) in zip(models, found, strict=True)}
     belief = by_name[default if default in by_name else taken].belief
     said = [Doubt("prior", text) for text in contradictions(belief)] if belief else []
     if default in by_name and taken != default:
@@ -298,30 +286,25 @@ def _of_prior(
     return said
 
 
-def _unchecked(cell: Cell, model: Model, estimate: Estimate) -> Unchecked:
+def _unchecked(cell: Cell, taken: _Judged) -> Unchecked:
     """What the readings do not check of a model's prior; nothing where it has none."""
-    method = model.estimator
+    method = taken.model.estimator
     if not isinstance(method, Method) or method.prior is None:
         return Unchecked()
-    return unchecked(estimate.regression, metric(method.prior, cell.vjm, model.structure))
+    scaled = metric(method.prior, cell.vjm, taken.model.structure)
+    return unchecked(taken.estimate.regression, scaled)
 
 
-def _timed(cell: Cell, model: Model, data: Dataset, clock: Callable[[], float]) -> tuple[Estimate, float]:
-    start = clock()
-    return of_model(cell, model, data), clock() - start
-
-
-def _fit(
-    cell: Cell, model: Model, timed: tuple[Estimate, float], errors: Judged, spread: IntervalsRow | None
-) -> Fitted:
-    estimate, seconds = timed
+def _fit(cell: Cell, own: _Judged, widest: Dataset | None) -> Fitted:
+    """A model, with intervals of its predictions for some runs."""
+    estimate = own.estimate
     blocks = (estimate.C_theta[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(len(cell.arm.links)))
     return Fitted(
-        **vars(fit_row(model.name, estimate, seconds, prior=estimate.belief is not None)),
+        **vars(fit_row(own.model.name, estimate, own.seconds, prior=estimate.belief is not None)),
         equations=estimate.regression.equations,
-        identification=errors[0],
-        check=errors[1],
-        intervals=spread,
+        identification=own.used,
+        check=own.check,
+        intervals=None if widest is None else _intervals(cell, estimate, widest),
         learnt=estimate.belief is not None and estimate.belief.moves is not None,
         links={link.name: C.tolist() for link, C in zip(cell.arm.links, blocks, strict=True)},
         joints=_joints(cell, estimate),

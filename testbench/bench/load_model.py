@@ -11,6 +11,7 @@ from testbench.bench.absolute_model import CALIBRATION, read_whole
 from testbench.bench.model_document import StiffnessDocument, StructureRow
 from testbench.bench.model_folder import (
     POSTERIOR,
+    STIFFNESS,
     about_of,
     check_arm,
     numbers_of,
@@ -19,7 +20,6 @@ from testbench.bench.model_folder import (
     read_document,
     weights_of,
 )
-from testbench.bench.stiffness_write import STIFFNESS
 from testbench.correct.arm_model import ArmModel, bending, of_calibration, of_compliances
 from testbench.errors import Array, check_array
 from testbench.identify.estimate import is_conservative

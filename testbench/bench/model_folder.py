@@ -25,7 +25,7 @@ from testbench.arm.document import Strict
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mesh import MAX_BYTES as MESH_BYTES
 from testbench.arm.mjcf import assets, read_mjcf
-from testbench.bench.model_document import AboutRow, Document, Head, WeightsRow
+from testbench.bench.model_document import AboutRow, Document, Head, StiffnessDocument, WeightsRow
 from testbench.correct.arm_model import About
 from testbench.errors import Array, BenchError, InputError, check_array, open_file, read_bytes, read_text
 from testbench.model.weights import Weights
@@ -47,6 +47,9 @@ class Kind:
     sealed: int  #: The first of them that has checksums.
     document: type[Document]
     command: str  #: That writes it.
+
+
+STIFFNESS = Kind("stiffness", range(1, 2), 1, StiffnessDocument, "testbench identify")
 
 
 def copy_arm(arm: Arm, folder: Path) -> dict[str, str]:

@@ -8,7 +8,7 @@ from testbench.bench.judged import Errors
 from testbench.data.dataset import Dataset
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace
-from testbench.identify.evaluate import Normality, Score
+from testbench.identify.evaluate import Score
 from testbench.trials.spread import Count, Number, Share
 
 MM, UM = 1e3, 1e6
@@ -40,15 +40,6 @@ class ErrorRow:
     max_mm: Number
     p95_relative_percent: Number
     max_relative_percent: Number
-
-
-@dataclass(frozen=True)
-class NormalityRow:
-    """Residual components along one axis, and whether they look normal."""
-
-    mean_um: Number
-    std_um: Number
-    lilliefors_p: Number
 
 
 @dataclass(frozen=True)
@@ -135,8 +126,3 @@ def error_row(score: Score) -> ErrorRow:
         p95_relative_percent=None if score.p95_relative is None else 100 * score.p95_relative,
         max_relative_percent=None if score.max_relative is None else 100 * score.max_relative,
     )
-
-
-def normality_row(normality: Normality) -> NormalityRow:
-    """Mean and spread in micrometres."""
-    return NormalityRow(UM * normality.mean, UM * normality.std, normality.p_value)

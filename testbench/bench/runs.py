@@ -11,7 +11,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell
-from testbench.bench.fits import Looks, Runs
+from testbench.bench.fits import Runs
 from testbench.bench.frame_choice import frame_files, registration_row, to_base
 from testbench.bench.many import Many
 from testbench.bench.payload import overloaded
@@ -106,8 +106,8 @@ def register(cell: Cell, export: Export, asked: Source) -> tuple[Cell, Registere
         raise BenchError(f"{err}; {doubt.sentence}") from err
 
 
-def look_at(cell: Cell, export: Export, found: Registered, asked: Source) -> Looks:
-    """What may be wrong with runs of an arm, as its folder has it, that were registered; how soft it is.
+def look_at(cell: Cell, export: Export, found: Registered, asked: Source) -> tuple[tuple[Doubt, ...], float]:
+    """Doubts about registered runs of an arm, as its folder has it, and the factor of their deflections.
 
     Raises:
         InputError: When the runs are not of this arm.
@@ -120,7 +120,7 @@ def look_at(cell: Cell, export: Export, found: Registered, asked: Source) -> Loo
         raise InputError(asked.dataset, "", str(err)) from err
     masses = np.linalg.norm(export.data.wrench[:, :3], axis=1) / GRAVITY
     heavy = overloaded(cell.arm, masses.tolist())
-    return Looks((*seen, *([] if heavy is None else [Doubt("payload", heavy)])), factor)
+    return (*seen, *([] if heavy is None else [Doubt("payload", heavy)])), factor
 
 
 def _said(export: Export, asked: Source) -> str:
@@ -145,9 +145,9 @@ def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
         raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
     filed = cell
     cell, found = register(cell, export, asked)
-    looks = look_at(filed, export, found, asked)
-    notes = (*export.notes, *found.notes)
-    runs = Runs(asked.dataset.name, found.data, found.data, None, notes, registration_row(found), looks)
+    doubts, factor = look_at(filed, export, found, asked)
+    name, notes, frames = asked.dataset.name, (*export.notes, *found.notes), registration_row(found)
+    runs = Runs(name, found.data, found.data, None, notes, frames, doubts, factor)
     if streamed.every is not None:
         return cell, replace(runs, many=_many(streamed.every, found, asked))
     if not asked.check_pose:

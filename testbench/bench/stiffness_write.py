@@ -9,8 +9,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.bench.campaign import Cell
 from testbench.bench.fits import Identified, Runs
-from testbench.bench.model_document import StiffnessDocument
-from testbench.bench.model_folder import Kind, about_said, copy_arm, weights_said, write_parts
+from testbench.bench.model_folder import STIFFNESS, about_said, copy_arm, weights_said, write_parts
 from testbench.errors import InputError
 from testbench.identify.estimate import Estimate
 from testbench.identify.intervals import linearise
@@ -18,8 +17,6 @@ from testbench.identify.metric import Belief
 from testbench.model.load import Load, resultant
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import Weights, read_weights
-
-STIFFNESS = Kind("stiffness", range(1, 2), 1, StiffnessDocument, "testbench identify")
 
 
 def write_stiffness(cell: Cell, found: Identified, runs: Runs, data: Mapping[str, str], folder: Path) -> None:

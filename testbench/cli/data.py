@@ -58,8 +58,9 @@ def check(asked: Options) -> None:
         except BenchError:
             console.print(columns, soft_wrap=True)  # what was understood helps where no frame is found
             raise
-        looks = look_at(filed, export, registered, asked)
-        said = report(found, asked.dataset.name, registered, looks)
+        doubts, scale = look_at(filed, export, registered, asked)
+        found.update(dataset=asked.dataset.name, scale=scale, doubts=[own.sentence for own in doubts])
+        said = report(found, registered)
         print_answer(console, said)
         print_statements(console, said)
         console.print(columns, soft_wrap=True)

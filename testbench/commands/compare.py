@@ -30,7 +30,7 @@ from testbench.views.schema import Column, Table
 COMMAND = "testbench compare"  #: As manifest.json names it.
 LETTERS = "ABCDEFGH"  #: What the runs are called, in the order in which they were named.
 FEW, MANY = 8, 30  #: Rows of inputs and of numbers in a terminal, and on the page.
-WIDE, LONG = 28, 40  #: Names of models and numbers in a terminal, and beside an axis [characters].
+WIDE, LONG = 32, 40  #: Names of models and numbers in a terminal, and beside an axis [characters].
 NAMED, ONLY = 3, 5  #: Inputs, and models of one run alone, that a sentence names.
 TIMES = 1e-9, 1e9  #: Ratios that are said.
 READING = Markdown(
@@ -285,11 +285,11 @@ def _models(pair: Row, width: int = 0) -> Table:
 
 def _numbers(pair: Row, width: int = 0) -> Table:
     """Numbers that differ most, as the tables of their runs show them; for a terminal of a width a few."""
-    a, b, n = pair.a, pair.b, len(pair.numbers)
+    a, b, n, shown = pair.a, pair.b, len(pair.numbers), "" if width else "shown_"
     head = (
         Column("what", "number"),
-        Column("shown_a", a),
-        Column("shown_b", b),
+        Column(f"{shown}a", a, form=".4g", exact=True),
+        Column(f"{shown}b", b, form=".4g", exact=True),
         Column("ratio", f"{b} / {a}", form=".3g", short=f"{b} / {a}"),
         Column("told", f"{b} is"),
     )

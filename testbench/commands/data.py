@@ -7,7 +7,6 @@ import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.bench.campaign import Cell
-from testbench.bench.fits import Looks
 from testbench.bench.rows import MM, UM
 from testbench.data.columns import Column, Columns
 from testbench.data.dataset import Dataset, Ids
@@ -152,13 +151,9 @@ def _few(names: Sequence[str], mark: str = ", ") -> str:
     return (mark.join(names[:MOST]) or "none") + more
 
 
-def report(found: Row, name: str, registered: Registered, looks: Looks) -> Report:
-    """How many runs there are, how far they move, what may be wrong with them."""
-    doubts = [doubt.sentence for doubt in looks.doubts]
-    arm, frame = registered.vjm.arm.name, registered.frame
-    f = Row(
-        found, dataset=name, arm=arm, frame=frame, away=_away(registered), scale=looks.scale, doubts=doubts
-    )
+def report(found: Row, registered: Registered) -> Report:
+    """How many runs there are, how far they move; `found` holds `doubts`, `scale` and `dataset` too."""
+    f = Row(found, arm=registered.vjm.arm.name, frame=registered.frame, away=_away(registered))
     return Report(
         scenario="data_check",
         question=say("What was understood of {dataset}?", f),

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,11 +15,12 @@ from testbench.report.report import Report, lines, say
 from testbench.report.table import Row
 from testbench.trials.gain import gained
 from testbench.views.colours import GCO, GREY, Look
-from testbench.views.figure import Figure
 from testbench.views.markdown import Markdown, listed
-from testbench.views.run_figure import overview
 from testbench.views.scene import Line, RunChart, Seen
 from testbench.views.schema import Table
+
+if TYPE_CHECKING:
+    from testbench.views.figure import Figure
 
 AXES = (
     "stretch",
@@ -210,8 +212,10 @@ def _named(found: Identifiability, parameters: Sequence[int]) -> str:
     return f"{words[0]} of {part}" if len(words) == 1 else f"{part} ({', '.join(words)})"
 
 
-def figure(told: Report) -> Figure:
+def figure(told: Report) -> "Figure":
     """Of every link and joint how much the data tell, and how many of its unknowns the prior decides."""
+    from testbench.views.run_figure import overview  # here: matplotlib takes half a second
+
     blocks = told.numbers["blocks"]
     data = np.array([block.data_share_percent for block in blocks])
     prior = np.array([100 * block.prior_decides / block.parameters for block in blocks])

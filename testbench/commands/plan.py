@@ -39,18 +39,8 @@ def write(made: Planned, said: Report, arm: Path, task: Path | None, out: Path) 
             write_tasks(f, joints, folder / "tasks_expected.csv")
         return {}
 
-    seeds = range(f.seed, f.seed + 1)
-    own = Asked(
-        COMMAND,
-        made.cell.arm.name,
-        flags,
-        [arm],
-        "plan.png",
-        seeds,
-        more,
-        stem="plan",
-        map=f"{f.arm}, {f.poses} poses",
-    )
+    seeds, title = range(f.seed, f.seed + 1), f"{f.arm}, {f.poses} poses"
+    own = Asked(COMMAND, f.arm, flags, [arm], "plan.png", seeds, more, stem="plan", map=title)
     leave(out, own, said, seen(made, said))
 
 
@@ -187,22 +177,13 @@ def _claims(f: Row) -> Iterator[Markdown]:
 
 
 def _absolute_claims(f: Row) -> Iterator[Markdown]:
-    u, beyond = f.unknowns, f.beyond_mm
-    own, chance = (math.hypot(mm, beyond) for mm in (f.error_mm.expected, f.random_plans.median_mm))
+    own, chance = (math.hypot(mm, f.beyond_mm) for mm in (f.error_mm.expected, f.random_plans.median_mm))
     yield say(
         "What joints do beyond order {orders} adds {beyond_mm:.3f} mm at the targets, of which a calibration "
         "of more orders finds a part. With all of it: {own:.3f} mm, from random poses {chance:.3f} mm.",
         f,
         own=own,
         chance=chance,
-    )
-    target = "the target and its turn" if f.orientations else say("{n:counted target}", n=len(f.targets))
-    yield say(
-        "{total} unknowns in one fit: {frame} of the tracker's frame, {mount} of {target}, {geometry} of "
-        "geometry, {errors} of joint errors, {elastic} compliances. Such plans see {seen} directions.",
-        u,
-        total=sum(n for kind, n in u.items() if kind != "seen"),
-        target=target,
     )
 
 

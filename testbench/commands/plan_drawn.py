@@ -26,7 +26,7 @@ from testbench.views.colours import look as look_of
 from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen, evenly, of_all, picked
 
 OURS, WORK = Look(NOMINAL, 0, prior=True), Look(TASK, 1, prior=True)
-ORDER, SCALE = "Plan, in the order of measuring", "Nothing is magnified; loads are arrows of one length."
+ORDER, UNSCALED = "Plan, in the order of measuring", "Nothing is magnified; loads are arrows of one length."
 SPECKS, NUMBERED = 600, 20  #: Candidates that are drawn, and planned poses whose number is, at most.
 FORCE = 0.2  #: Length of a load's arrow over the reach [1].
 NOWHERE = "no bound"
@@ -114,7 +114,7 @@ def seen(made: Planned, said: Report) -> Seen:
     ]
     groups.append(world.all_over(np.array(f.map.q), words))
     return Seen(
-        scene=Scene(cell, SCALE, groups),
+        scene=Scene(cell, UNSCALED, groups),
         map=_map(f.map, len(groups) - 1, "after calibration" if f.absolute else "under the first load"),
         runs=charts,
     )

@@ -31,7 +31,7 @@ from testbench.design.criteria import Linear, mean_square
 from testbench.design.exchange import greedy
 from testbench.design.forecast import Forecast, widened
 from testbench.design.observability import observability
-from testbench.design.planning import Plan, promise, seen_at_most
+from testbench.design.planning import Plan, promise
 from testbench.design.rows import Ids, deflection_rows, information
 from testbench.design.specification import loads_of, task_rows
 from testbench.design.whole_arm import promise_on
@@ -212,7 +212,6 @@ def _directions(plan: Plan, influence: PriorInfluence) -> Row:
     return Row(
         unknowns=spec.experiment.metric.structure.n,
         shown=problem.r,
-        at_most=seen_at_most(spec, problem),
         seen=observability(problem, plan.chosen).seen,
         outweighed=influence.outweighed if believed else problem.r,
         hidden_mm=MM * math.sqrt(influence.hidden),

@@ -1,4 +1,4 @@
-"""How good a model is: errors of predicted deflections, and whether residuals look like noise."""
+"""How good a model is: errors of predicted deflections."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,8 +12,6 @@ from testbench.identify.regression import BLOCK_RUNS
 from testbench.identify.weighed import marker_points
 from testbench.model.vjm import Vjm, chain, generalised_load, translation_rows
 
-LILLIEFORS_SAMPLES = 999
-
 
 @dataclass(frozen=True)
 class Score:
@@ -26,15 +24,6 @@ class Score:
     #: point moved.
     p95_relative: float | None
     max_relative: float | None  #: The largest such share [1].
-
-
-@dataclass(frozen=True)
-class Normality:
-    """Whether residual components look like draws of one normal distribution."""
-
-    mean: float  #: Mean of the components [m].
-    std: float  #: Standard deviation [m].
-    p_value: float  #: Of the Lilliefors test; below 0.05 normality is rejected [1].
 
 
 def deflections(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
@@ -104,26 +93,3 @@ def noise_limit(data: Dataset) -> float:
     share = 0.95 ** (1 / len(data.markers))
     squared = 2 * gammaincinv(3 / 2, share)  # quantile of chi squared
     return float(data.sigma * np.sqrt(2 * squared))
-
-
-def normality(residuals: Array, rng: np.random.Generator) -> list[Normality]:
-    """Lilliefors test of sets of residual components, (sets, components) [m] (Lilliefors 1967).
-
-    The Kolmogorov-Smirnov distance to the normal of the sample's own mean and standard deviation; its null
-    distribution is simulated, once for all sets.
-    """
-    null = _distance_to_normal(rng.standard_normal((LILLIEFORS_SAMPLES, residuals.shape[1])))
-    return [
-        Normality(float(x.mean()), float(x.std(ddof=1)), float((1 + (null >= own).sum()) / (1 + len(null))))
-        for x, own in zip(residuals, _distance_to_normal(residuals), strict=True)
-    ]
-
-
-def _distance_to_normal(samples: Array) -> Array:
-    """Greatest distance of the distributions of samples, (sets, n), to their normals, (sets,) [1]."""
-    from scipy.special import ndtr  # here: importing it takes longer than most fits
-
-    mean, std = samples.mean(axis=1, keepdims=True), samples.std(axis=1, ddof=1, keepdims=True)
-    below = ndtr((np.sort(samples, axis=1) - mean) / std)
-    step = np.arange(samples.shape[1] + 1) / samples.shape[1]
-    return np.asarray(np.maximum(step[1:] - below, below - step[:-1]).max(axis=1))

@@ -30,15 +30,6 @@ EVERY = (
     Column("check_true.rms_mm", "RMS check, true", "mm"),
     Column("workspace.rms_mm", "RMS workspace, true", "mm", short="RMS\nwork-\nspace\ntrue\nmm"),
     Column("times_less", "times less than LS", form=".2f", short="times\nless\nthan\nLS"),
-    *(
-        Column(f"residuals.{group}.{key}", f"{heading}, {group}", unit, form)
-        for group in ("identification", "check")
-        for key, heading, unit, form in (
-            ("mean_um", "residual mean", "um", ".1f"),
-            ("std_um", "residual standard deviation", "um", ".1f"),
-            ("lilliefors_p", "Lilliefors p", "", ".2f"),
-        )
-    ),
     Column("ours", "model"),
     Column("theirs", "against"),
     Column("times", "the other's over its", form=".2f"),
@@ -47,10 +38,6 @@ EVERY = (
     Column("level", "expected error"),
     Column("sigma_um", "noise of a reading", "um", "g"),
     Column("fits_share", "of the fits", form="yes"),
-    Column("gco_over_ls", "GCO over least squares", form=".2f"),
-    Column("gco_over_lent", "GCO over least squares, same free directions", form=".2f"),
-    Column("gco_over_joints", "GCO over joints alone", form=".2f"),
-    Column("better_in", "GCO better", form="yes"),
     Column("beats_joints_in", "beats joints", form="yes"),
     # with and without a prior: what is varied, pairs of models, a choice, intervals
     Column("uncertainty_percent", "uncertainty of the prior", "%", ".0f"),

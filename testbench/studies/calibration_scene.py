@@ -31,6 +31,7 @@ class _Group:
     names: Sequence[str]  #: Of its poses.
     data: Dataset
     wrong: Mapping[str, Array]  #: Deflections minus predictions by model, (runs, m, 3) [m].
+    first: int = 0  #: The pose that is shown first.
 
 
 def runs_of(cell: Cell, setup: Setup, first: Trials) -> tuple[Dataset, Dataset]:
@@ -76,7 +77,8 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> See
         f"Run {run}, {kind} pose {pose}"
         for run, kind, pose in zip(measured.run.tolist(), kinds, measured.pose.tolist(), strict=True)
     ]
-    runs = _Group("Runs, against their readings", said, measured, left)
+    worst = int(_mm(left[f.map.compared[-1]]).argmax())
+    runs = _Group("Runs, against their readings", said, measured, left, worst)
     reach = float(np.linalg.norm(over.before[:, 0], axis=-1).max())
     far = np.linalg.norm([*places.wrong.values()], axis=-1)
     arrows = round_scale(ARROWS * reach, float(np.quantile(far, 0.95)))
@@ -136,4 +138,5 @@ def _poses(
             Layer("force", LOAD, "arrows", hook[:, None], (hook + force)[:, None]),
             *layers,
         ],
+        first=own.first,
     )

@@ -2,8 +2,10 @@
 
 import contextlib
 import json
+import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import groupby, takewhile
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,8 @@ MOST_COLUMNS = 2000
 MOST_OF_GROUP = 500_000_000  #: Bytes of a row group.
 MOST_CELLS = 50_000_000  #: Of a row group: those of lists, too, of which equal ones take no bytes.
 MOST_LETTERS = 100_000_000  #: Of the texts in as many rows as a row group has.
+MOST_READ = 2_000_000  #: Rows that are read by seed.
+NAME = "name"  #: Column of models.
 TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
 Trial = tuple[int, Table]  #: Seed and rows by column.
@@ -161,3 +165,56 @@ def _whole(parts: Iterable[Trial]) -> Iterator[Trial]:
             if count(table) > MOST:
                 raise ValueError(f"expected at most {MOST} rows of a trial")
         yield seed, table
+
+
+@dataclass(frozen=True)
+class Series:
+    """One number of one model under one condition, by seed."""
+
+    name: str  #: Of the model.
+    key: str  #: Which number.
+    by_seed: dict[int, float]
+
+
+def series(path: Path, keys: Sequence[str]) -> list[Series]:
+    """Numbers of models by seed, of every condition that the words of a row name, perhaps a stranger's.
+
+    Args:
+        path: trials.parquet; its rows have a column `name`, perhaps below another name.
+        keys: Columns of numbers beside it, such as "workspace.rms_mm".
+
+    Raises:
+        InputError: When the file is damaged or too large.
+    """
+    found: dict[tuple[str, tuple[Any, ...]], dict[int, float]] = {}
+    try:
+        with open_trials(path) as file:
+            if file.metadata.num_rows > MOST_READ:
+                problem = f"expected at most {MOST_READ} rows, got {file.metadata.num_rows}"
+                raise InputError(path, "", problem)
+            names = file.schema_arrow.names
+            heads = [n.removesuffix(NAME) for n in names if n == NAME or n.endswith(f".{NAME}")]
+            under = next((head for head in heads if any(head + key in names for key in keys)), "")
+            wanted = [key for key in keys if heads and under + key in names]
+            texts = [f.name for f in file.schema_arrow if pa.types.is_dictionary(f.type)]
+            words = [under + NAME, *(name for name in texts if not name.startswith(under))]
+            columns = [SEED, *words, *(under + key for key in wanted)] if wanted else []
+            for batch in batches(file, columns) if wanted else ():
+                conditions = list(zip(*(batch[word] for word in words), strict=True))
+                for key in wanted:
+                    for row in zip(conditions, batch[SEED], batch[under + key], strict=True):
+                        _put(found.setdefault((key, row[0]), {}), *row[1:])
+    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as err:
+        raise InputError(path, "", f"expected trials in Parquet: {err}") from err
+    return [
+        Series(condition[0], key, own)
+        for key in keys
+        for (of, condition), own in found.items()
+        if of == key and own and isinstance(condition[0], str) and not any(map(math.isnan, own.values()))
+    ]
+
+
+def _put(own: dict[int, float], seed: object, value: object) -> None:
+    """A finite number; NaN where a seed has two."""
+    if isinstance(value, float) and isinstance(seed, int) and math.isfinite(value):
+        own[seed] = math.nan if seed in own else value

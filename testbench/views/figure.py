@@ -4,12 +4,11 @@ import math
 import textwrap
 import warnings
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
 from matplotlib.colors import LinearSegmentedColormap
@@ -52,17 +51,17 @@ def page(height: float) -> Figure:
     return Page(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
 
 
-def body(figure: Figure) -> SubFigure:
+def _body(figure: Figure) -> SubFigure:
     """The whole of a figure between its title and its caption, for a legend of all axes."""
     found = figure.subfigures()
     assert isinstance(found, SubFigure)  # one row, one column
     return found
 
 
-def key(part: SubFigure, known: tuple[Sequence[Artist], Sequence[str]], columns: int) -> None:
-    """A legend of all axes below them."""
+def _key(part: SubFigure, columns: int) -> None:
+    """A legend below all axes, of what the first ones have."""
     part.legend(
-        *known,
+        *part.axes[0].get_legend_handles_labels(),
         frameon=False,
         fontsize=SMALL,
         loc="outside lower center",
@@ -104,43 +103,6 @@ def least(errors: Mapping[str, Number], beside: str) -> str:
     verb = "errs" if len(best.names) == 1 else "err"
     words = f"{best.words} {verb} least, {best.value:.3f} mm"
     return words if beside in best.names else f"{words}, {called} {other:.3f} mm"
-
-
-@dataclass(frozen=True)
-class Line:
-    """One model over a swept quantity."""
-
-    rows: Sequence[object]  #: Of the model.
-    look: Look  #: Of the model.
-    label: str  #: In the legend.
-    band: bool = True  #: Whether the spread is drawn.
-
-
-def draw_line(axes: Axes, x: Column, y: Column, line: Line) -> None:
-    """A line over a swept quantity, with its spread as a band.
-
-    Args:
-        axes: Where to.
-        x: What is swept.
-        y: What is drawn.
-        line: Of one model.
-    """
-    look, own = line.look, sorted(line.rows, key=lambda row: middle(x.value(row)))
-    at = [middle(x.value(row)) for row in own]
-    style = "--" if look.prior else "-"
-    middles = [middle(y.value(row)) for row in own]
-    axes.plot(
-        at,
-        middles,
-        look.mark + style,
-        color=look.hex,
-        markerfacecolor=look.face,
-        label=line.label,
-        markersize=look.size(5),
-    )
-    if line.band:
-        low, high = np.array([ends(y.value(row)) for row in own]).T
-        axes.fill_between(at, low, high, color=look.hex, alpha=0.08, linewidth=0)
 
 
 def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> None:
@@ -256,7 +218,7 @@ def sweeps(
     known = [table.looks or looks(table.rows, table.columns[0]) for table in panes.values()]
     shared = all(own == known[0] for own in known)
     figure = page(1.6 + (3.9 if shared else 4.4) * down)
-    part = body(figure)
+    part = _body(figure)
     grid = part.add_gridspec(down, across)
     for k, ((title, table), lines) in enumerate(zip(panes.items(), known, strict=True)):
         alone = k % across == 0 and k == len(panes) - 1
@@ -268,7 +230,7 @@ def sweeps(
                 frameon=False, fontsize=SMALL, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.14)
             )
     if shared:
-        key(part, part.axes[0].get_legend_handles_labels(), columns=7 if across == 2 else 4)
+        _key(part, columns=7 if across == 2 else 4)
     say(figure, answer, reading)
     return figure
 
@@ -279,13 +241,25 @@ def _sweep(axes: Axes, table: Table, lines: Mapping[str, Look], bands: Collectio
     for line, look in lines.items():
         rows = [row for row in table.rows if name.cell(row) == line]
         if rows:
-            spread = line in bands and any(isinstance(y.value(row), Spread) for row in rows)
-            draw_line(axes, x, y, Line(rows, look, line, spread))
+            rows.sort(key=lambda row: middle(x.value(row)))
+            at, numbers = [middle(x.value(row)) for row in rows], [y.value(row) for row in rows]
+            axes.plot(
+                at,
+                [*map(middle, numbers)],
+                look.mark + ("--" if look.prior else "-"),
+                label=line,
+                color=look.hex,
+                markerfacecolor=look.face,
+                markersize=look.size(5),
+            )
+            if line in bands and any(isinstance(number, Spread) for number in numbers):
+                low, high = np.transpose([*map(ends, numbers)])
+                axes.fill_between(at, low, high, color=look.hex, alpha=0.08, linewidth=0)
     log_ticks(axes, "y", *axes.dataLim.intervaly)
-    at = {middle(x.value(row)): x.cell(row) for row in table.rows}
-    if max(at) > FAR * min(at) > 0:
+    swept = {middle(x.value(row)): x.cell(row) for row in table.rows}
+    if max(swept) > FAR * min(swept) > 0:
         log_ticks(axes, "x", *axes.dataLim.intervalx)
-    axes.set_xticks(list(at), list(at.values()))
+    axes.set_xticks(list(swept), list(swept.values()))
     axes.set(xlabel=labelled(x), ylabel=labelled(y))
     quiet(axes)
 
@@ -306,7 +280,7 @@ def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
     rows, (down, name, value) = (table := next(iter(panes.values()))).rows, table.columns
     places, known = list(dict.fromkeys(down.cell(row) for row in rows)), table.looks or looks(rows, name)
     figure = page(2.4 + 0.6 * len(places))
-    part = body(figure)
+    part = _body(figure)
     sides = part.subplots(1, len(panes), sharey=True, squeeze=False)[0]
     for axes, (title, own) in zip(sides, panes.items(), strict=True):
         for k, (model, look) in enumerate(known.items()):
@@ -324,6 +298,6 @@ def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
         quiet(axes)
     sides[0].set_yticks(range(len(places)), places)
     sides[0].set_ylim(len(places) - 0.5, -0.5)
-    key(part, sides[0].get_legend_handles_labels(), columns=5)
+    _key(part, columns=5)
     say(figure, answer, reading)
     return figure

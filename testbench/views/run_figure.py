@@ -172,9 +172,15 @@ def _chart(axes: Axes, chart: RunChart) -> None:
     for line in chart.lines:
         look, mark = line.look, line.look.mark if few else ""
         axes.plot(
-            at, line.values, f"{mark}-", color=look.hex, markerfacecolor=look.face, label=line.name,
-            markersize=look.size(4), linewidth=1.2,
-        )  # fmt: skip
+            at,
+            line.values,
+            f"{mark}-",
+            color=look.hex,
+            markerfacecolor=look.face,
+            label=line.name,
+            markersize=look.size(4),
+            linewidth=1.2,
+        )
         if line.ends:
             axes.fill_between(at, *line.ends, color=look.hex, alpha=0.15, linewidth=0)
     if chart.limit is not None and np.isfinite(chart.limit):

@@ -11,9 +11,10 @@ from testbench.bench.wrong_prior import prior_of
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.contradiction import Unchecked, doubts, unchecked
-from testbench.identify.hierarchy import evidence, learn, loss
+from testbench.identify.doubts.loads import learnt
+from testbench.identify.hierarchy import WIDEST, evidence, greatest, learn, loss
 from testbench.identify.intervals import CURVED, HEAVY, curvature, intervals, linearise, quantile
-from testbench.identify.metric import metric, precision_root, whitened
+from testbench.identify.metric import Belief, metric, precision_root, whitened
 from testbench.identify.prior import Prior, Strength, cad_prior
 from testbench.identify.regularised import fit_reduced
 from testbench.model.loaded import displacement, loaded_deflection, loaded_equilibrium, secant
@@ -105,6 +106,36 @@ def test_couplings_and_the_common_scale_make_the_covariance_that_is_said(kr500, 
         np.testing.assert_allclose(c, B @ own.expected, rtol=0, atol=1e-12)
 
 
+def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(kr500, campaign):
+    """Laplace's covariance times derivatives of the estimate, which is solved again at every difference."""
+    regression, own = seen_by(kr500, campaign, mgco68(kr500.arm))
+    belief, seen = learn(regression, own), evidence(regression, own)
+    h = greatest(seen, seen.start)
+
+    def estimate(h):
+        L = seen.metric.L * np.exp(h[: seen.blocks])[seen.block]
+        u, c, kappa = np.exp(h[-3:])
+        there = Belief(replace(seen.metric, L=L), Strength(u / kappa, 0.0, coupling=c / kappa))
+        return fit_reduced(regression, "none", there).pi
+
+    steps = 1e-4 * np.eye(len(h))[:-1]
+    J = np.array([estimate(h + d) - estimate(h - d) for d in steps]) / 2e-4
+    H = np.array([loss(seen, h + d)[1] - loss(seen, h - d)[1] for d in steps])[:, :-1] / 2e-4
+    assert np.linalg.eigvalsh(H)[0] > WIDEST**-2
+    expected = J.T @ np.linalg.solve(H, J)
+    np.testing.assert_allclose(belief.moves.T @ belief.moves, expected, rtol=0, atol=1e-4 * expected.max())
+
+
+@pytest.mark.parametrize("make", [all153, mgco68])
+def test_diagnosis_starts_from_the_estimate_with_the_learnt_prior(kr500, campaign, make):
+    regression, own = seen_by(kr500, campaign, make(kr500.arm))
+    [fitted, own_pi] = [
+        learnt(kr500.vjm, own, campaign.identification).pi,
+        fit_reduced(regression, "none", learn(regression, own, widths=False)).pi,
+    ]
+    np.testing.assert_allclose(fitted, own_pi, rtol=0, atol=1e-4 * np.abs(own_pi).max())
+
+
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 def test_joints_ten_times_off_are_found_and_hardly_cost_anything(kr500, factor):
     prior = cad_prior(kr500.arm)
@@ -152,9 +183,9 @@ def test_many_readings_of_full_poses_leave_no_link_unchecked_and_no_doubt(arm_6r
 
 def test_intervals_of_a_learnt_prior_have_heavier_tails_than_normal(kr500, campaign):
     prior = prior_of(kr500, "scaled", 3)
-    learnt = with_prior(gco, prior)(kr500.vjm, mgco68(kr500.arm), campaign.identification)
+    free = with_prior(gco, prior)(kr500.vjm, mgco68(kr500.arm), campaign.identification)
     fixed = with_prior(gco, prior, Strength(0.3))(kr500.vjm, mgco68(kr500.arm), campaign.identification)
-    assert (linearise(learnt).tail, linearise(fixed).tail) == (HEAVY, np.inf)
+    assert (linearise(free).tail, linearise(fixed).tail) == (HEAVY, np.inf)
     assert quantile(3.0, 0.975) == pytest.approx(3.18245, abs=1e-5)  # Student's tables
     assert quantile(np.inf, 0.975) == pytest.approx(1.95996, abs=1e-5)
 
@@ -162,14 +193,14 @@ def test_intervals_of_a_learnt_prior_have_heavier_tails_than_normal(kr500, campa
 def test_noise_counts_as_normal_and_what_the_prior_puts_in_as_student(kr500, campaign):
     """Of a direction that readings tell, noise is left; of one that none tells, the prior."""
     s = all153(kr500.arm)
-    learnt = linearise(with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, s, campaign.identification))
-    noise, prior = np.vsplit(learnt.root, [len(learnt.root) - learnt.heavy])
-    shares = np.linalg.norm(prior, axis=0) / np.linalg.norm(learnt.root, axis=0)
+    found = linearise(with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, s, campaign.identification))
+    noise, prior = np.vsplit(found.root, [len(found.root) - found.heavy])
+    shares = np.linalg.norm(prior, axis=0) / np.linalg.norm(found.root, axis=0)
     joint_1 = s.n - kr500.arm.n_joints
     assert shares[joint_1] == pytest.approx(1, abs=1e-9)
     a = np.linalg.svd(noise)[2][:1]
     for functional, tail in ((a, np.inf), (np.eye(s.n)[joint_1 : joint_1 + 1], HEAVY)):
-        own = learnt.half_widths(functional) / learnt.deviations(functional)
+        own = found.half_widths(functional) / found.deviations(functional)
         low, high = quantile(np.inf, 0.975), quantile(HEAVY, 0.975)
         assert low <= own[0] <= high * (1 + 1e-9)
         if tail == HEAVY:

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
 from scipy.optimize import minimize
 
 from testbench.bench.campaign import Scenario, simulate
@@ -12,7 +11,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify import certify, cone, gco, interior, least_squares, make_estimate, reduce
 from testbench.identify.certify import default_trace_bounds, gradient_dual
-from testbench.identify.evaluate import LILLIEFORS_SAMPLES, deflections, normality, score
+from testbench.identify.evaluate import deflections, score
 from testbench.identify.regression import RANK_TOLERANCE, f_m, rank
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mgco147, template56
 from testbench.model.vjm import chain, observation, rotation_observation
@@ -317,17 +316,6 @@ def test_a_users_own_estimator_plugs_in(kr500):
 
 def test_relative_error_is_none_where_nothing_moved():
     assert score(np.ones((2, 3, 3)), np.zeros((2, 3, 3))).max_relative is None
-
-
-def test_lilliefors_of_several_samples_is_that_of_scipy_one_by_one_and_rejects_uniform_ones(rng):
-    samples = rng.standard_normal((4, 150))
-    for x, own in zip(samples, normality(samples, np.random.default_rng(1)), strict=True):
-        seed = np.random.default_rng(1)
-        known = stats.goodness_of_fit(
-            stats.norm, x, statistic="ks", n_mc_samples=LILLIEFORS_SAMPLES, rng=seed
-        )
-        assert own.p_value == pytest.approx(known.pvalue)
-    assert all(own.p_value < 0.05 for own in normality(rng.uniform(-1, 1, (10, 400)), rng))
 
 
 def test_an_empty_dataset_is_an_error(kr500):

@@ -225,17 +225,22 @@ def test_given_frame_is_taken_and_other_stations_are_found(kr500, rng):
 
 
 def test_uncertain_rotation_is_added_to_every_deflection(kr500, rng):
-    """Against 20 000 draws of a frame that is off by its covariance; 5 % is six deviations."""
+    """Against 20 000 draws of a frame that is off by its covariance; 5 % is six deviations.
+
+    The tracker reads ten times worse across than along, and its axes are not the base's.
+    """
     vjm, data = unloaded(kr500, rng, 8)
     data = replace(data, after=data.before + 0.01 * rng.standard_normal(data.before.shape), sigma=1e-5)
     R, t = frames(rng, 1)
     found, y = register(vjm, read(data, R, t)), read(data, R, t)
+    axes = np.array([1e-5, 1e-4, 1e-4])
+    y = replace(y, precision=np.broadcast_to(np.diag(axes**-2), (*data.before.shape, 3)))
     C = np.zeros((6, 6))
     C[:3, :3] = np.diag([1, 4, 9]) * 1e-6
     own = replace(found.frames[0], covariance=C)
     got = np.linalg.inv(in_base(replace(found, frames=(own,)), y).precision[0, 0])
     off = Rotation.from_rotvec(rng.standard_normal((20_000, 3)) * [1e-3, 2e-3, 3e-3])
-    drawn = off.apply(data.deflection[0, 0]) + np.sqrt(2) * data.sigma * rng.standard_normal((20_000, 3))
+    drawn = off.apply(data.deflection[0, 0]) + (axes * rng.standard_normal((20_000, 3))) @ R[0]
     np.testing.assert_allclose(got, np.cov(drawn.T), rtol=0, atol=0.05 * got.max())
 
 

@@ -3,11 +3,13 @@
 import io
 import json
 
-from checks import check_words
+import numpy as np
+from checks import check_words, unit_in
 from rich.console import Console
 
 from testbench.report.report import read
 from testbench.report.table import Trials
+from testbench.trials.spread import ends, middle
 from testbench.views import terminal
 from testbench.views.page import html
 
@@ -45,3 +47,21 @@ def check(report, printed):
     unused = set(report.tables) - set(report.body) - set(printed)
     assert not unused, f"tables that nothing shows: {unused}"
     return report.whole()
+
+
+def check_forest(axes, numbers, looks, unit="mm"):
+    """Dots, spreads, colours and unit of a pane of `figure.forest`, from top to bottom.
+
+    Args:
+        axes: The pane.
+        numbers: What is drawn, one a row.
+        looks: Of the rows.
+        unit: Of its axis; None without.
+    """
+    assert unit is None or unit_in(axes.get_xlabel()) == unit
+    for y, (number, look) in enumerate(zip(numbers, looks, strict=True)):
+        at = [y], [y, y]
+        line, dot, *_ = [own for own in axes.get_lines() if np.ravel(own.get_ydata()).tolist() in at]
+        assert tuple(line.get_xdata()) == ends(number)
+        assert np.ravel(dot.get_xdata())[0] == middle(number)
+        assert (dot.get_color(), dot.get_markerfacecolor()) == (look.hex, look.face)

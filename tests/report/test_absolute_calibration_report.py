@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from checks import at, check_spread, curves, tables_of
-from made_up import fill
+from made_up import of_one_trial
 from reports import check, table_of
 
 from testbench.report.table import find
@@ -32,7 +32,7 @@ CELLS = {
 def row(rng, seed, key, kept):
     true_arm, campaign, poses, name = key
     optimum = rng.uniform(0.1, 0.2)
-    return fill(
+    return of_one_trial(
         FitRow,
         rng,
         **{"arm": s.ARMS[seed % 2], "true_arm": true_arm, "campaign": campaign, "poses": poses, "name": name},

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from checks import at, tables_of, unit_in
+from checks import at, tables_of
 from made_up import of_one_trial
-from reports import check, table_of
+from reports import check, check_forest, table_of
 
 from testbench.bench.baselines import EQUAL_FIT
 from testbench.bench.campaign import Scenario, build_cell
@@ -17,7 +17,6 @@ from testbench.identify.evaluate import deflections
 from testbench.studies.calibration_scene import calibration_scene, runs_of
 from testbench.studies.gravity_calibration.report import figures, report
 from testbench.studies.gravity_calibration.trial import Settings, calibrate, results, trials
-from testbench.trials.spread import triple
 from testbench.views.colours import look
 from testbench.views.markdown import grid
 
@@ -121,19 +120,11 @@ def test_tables_hold_every_model_but_a_completion_that_exists_in_no_seed():
 
 def test_the_figure_draws_the_numbers_in_the_colour_of_each_model():
     found = made()
-    figure, rows = figures(found)["models.png"], found.tables["short"].rows
+    rows = found.tables["short"].rows
+    looks = [look(m.structure, m.constraint, m.prior) for m in rows]
     panes = ("workspace.rms_mm", "check_true.rms_mm", "check.rms_mm")
-    for axes, path in zip(figure.axes, panes, strict=True):
-        assert unit_in(axes.get_xlabel()) == "mm"
-        for y, m in enumerate(rows):
-            spread, dot = [line for line in axes.get_lines() if np.ravel(line.get_ydata())[0] == y][:2]
-            low, middle, high = sorted(triple(at(m, path)))
-            assert tuple(spread.get_xdata()) == (low, high)
-            assert np.ravel(dot.get_xdata())[0] == middle
-            shade = look(m.structure, m.constraint, m.prior).hex
-            assert (dot.get_color(), dot.get_markerfacecolor() == shade) == (shade, m.prior)
-            label = axes.get_yticklabels()[y].get_text()
-            assert label == f"{m.name + '  ' if axes is figure.axes[0] else ''}{middle:.3f}"
+    for axes, path in zip(figures(found)["models.png"].axes, panes, strict=True):
+        check_forest(axes, [at(m, path) for m in rows], looks)
 
 
 def test_arrows_lead_from_where_markers_go_to_where_each_model_has_them_of_stored_rows_alone():

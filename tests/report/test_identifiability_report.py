@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from checks import check_spread, tables_of, unit_in
+from checks import check_spread, tables_of
 from made_up import of_one_trial
-from reports import check, table_of
+from reports import check, check_forest, table_of
 
 from testbench.bench.campaign import Scenario
 from testbench.bench.campaign_row import Measured
@@ -13,7 +13,7 @@ from testbench.studies.identifiability.coverage import Covered
 from testbench.studies.identifiability.fits import ModelRow, TrialRow, Tried
 from testbench.studies.identifiability.report import figures, report
 from testbench.studies.identifiability.trial import Settings
-from testbench.trials.spread import ends, middle
+from testbench.trials.spread import middle
 from testbench.views.colours import look
 from testbench.views.markdown import grid
 from testbench.views.schema import show
@@ -152,15 +152,9 @@ def test_one_seed_has_no_spread():
 
 def test_the_figure_draws_the_numbers_of_both_truths_in_the_colour_of_each_model(whole):
     found, _ = whole
-    f = found.numbers
-    for axes, key in zip(figures(found)["identifiability.png"].axes, ("models", "nonlinear"), strict=True):
-        assert unit_in(axes.get_xlabel()) == "mm"
-        models = {m.name: m for m in f[key]}
-        for y, row in enumerate(found.tables["short"].rows):
-            m = models[row.name]
-            line, dot = [
-                own for own in axes.get_lines() if np.ravel(own.get_ydata()).tolist() in ([y], [y, y])
-            ]
-            assert tuple(line.get_xdata()) == ends(m.workspace.rms_mm)
-            assert np.ravel(dot.get_xdata())[0] == middle(m.workspace.rms_mm)
-            assert dot.get_color() == look(m.structure, m.constraint, m.prior, m.filling).hex
+    rows = found.tables["short"].rows
+    looks = [look(m.structure, m.constraint, m.prior, m.filling) for m in rows]
+    straight, bent = figures(found)["identifiability.png"].axes
+    check_forest(straight, [m.workspace.rms_mm for m in rows], looks)
+    others = {m.name: m.workspace.rms_mm for m in found.numbers["nonlinear"]}
+    check_forest(bent, [others[m.name] for m in rows], looks)

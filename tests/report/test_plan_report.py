@@ -36,7 +36,8 @@ def made(kr500):
         model="MGCO56",
         tracker_m=(4.5, -2.5, 1.6),
     )
-    return plan_for(kr500, asked, read_tasks(TASKS, kr500, hung(kr500, 460.0)))
+    found = plan_for(kr500, asked, read_tasks(TASKS, kr500, hung(kr500, 460.0)))
+    return replace(found, plan=replace(found.plan, load=np.array([0, 2, 1, 2, 0])))
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +66,11 @@ def test_a_row_of_the_plan_is_its_pose_load_error_and_way(made, f, kr500):
     assert [row.load_kg for row in f.plan] == [(460.0, 150.5, 0.0)[k] for k in plan.load]
     turned = np.rad2deg(np.abs(np.diff(plan.q, axis=0)).max(axis=1))
     np.testing.assert_allclose([row.travel_deg for row in f.plan], [0, *turned])
+    half = 1.96 * 1.2 * np.median(made.forecast.deviation)  # 1.2: how much wider plans are, see BROAD
+    assert f.half_width_95_mm == pytest.approx(1e3 * half, rel=1e-4)
+    [level] = [row for row in f.curve if row.poses == POSES]
+    assert level.random_p10_mm == f.random_plans.best_tenth_mm < level.random_p90_mm
+    assert level.greedy_mm == f.greedy_mm[POSES - 1]
     lower, upper = kr500.arm.limits
     margins = np.rad2deg(np.minimum(plan.q.min(axis=0) - lower, upper - plan.q.max(axis=0)))
     np.testing.assert_allclose(f.margins, margins)

@@ -4,13 +4,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_pivot, check_spread, check_table, ends_of, unit_in
-from made_up import fill, of_one_trial, single
+from checks import check_pivot, check_spread, ends_of, unit_in
+from made_up import of_one_trial
 from reports import check, table_of
 
 from testbench.bench.rows import DatasetRow
 from testbench.studies.regimes.study import FREE, KINDS, STUDY, costs, figures, pays, report
-from testbench.studies.regimes.trial import FULL_POSE, GRAVITY, PRIORS, CellRow, Settings
+from testbench.studies.regimes.trial import (
+    EQUAL,
+    FULL_POSE,
+    GCO,
+    GRAVITY,
+    JOINTS,
+    LENT,
+    PRIORS,
+    SQUARES,
+    MethodRow,
+    Settings,
+)
 from testbench.trials.spread import Spread
 from testbench.views import ratio_figure
 
@@ -21,15 +32,7 @@ SETTINGS = Settings(
     full_pose=replace(FULL_POSE, poses=(2, 4), sigmas=(25e-6, 100e-6)),
 )
 STRUCTURES = ("MGCO56", "ALL153")
-RATIOS = {
-    "gco_over_ls": ("gco_um", "ls_um"),
-    "gco_over_equal": ("gco_um", "equal_um"),
-    "gco_over_lent": ("gco_um", "lent_um"),
-    "gco_over_joints": ("gco_um", "joints_um"),
-    "lent_over_ls": ("lent_um", "ls_um"),
-    "fitted": ("gco_fitted_um", "ls_fitted_um"),
-}
-DRAWN = ("gco_over_ls", "gco_over_lent")
+METHODS = {GCO: "psd", SQUARES: "none", EQUAL: "free", LENT: "none", JOINTS: "none"}
 EXPECTED = {"0 to 1 %": 0.005, "10 to 30 %": 0.2, "over 100 %": 2.0}
 
 
@@ -37,22 +40,24 @@ def made(given=lambda row: {}):
     """A report and its trials; `given` fixes columns of a row by what it is."""
     rng = np.random.default_rng(2021)
 
-    def row(uncertainty, **known):
-        rest = {} if uncertainty == "none" else {"equal_um": None, "lent_um": None}
-        expected = float(rng.choice([*EXPECTED.values()]))
-        own = of_one_trial(CellRow, rng, uncertainty=uncertainty, expected=expected, measured=None, **known)
-        return replace(own, **rest, **given(own))
-
     def rows(seed):
-        found = [
-            row(uncertainty, kind=kind, true_arm=arm, structure=name, poses=poses, sigma_um=1e6 * sigma)
-            for kind, cells in SETTINGS.grids.items()
-            for arm in SETTINGS.truths
-            for name in STRUCTURES
-            for uncertainty in ("none", *PRIORS)
-            for poses, sigma in cells.cells
-        ]
-        return [replace(found[0], measured=single(fill(DatasetRow, rng))), *found[1:]]
+        found = []
+        for kind, grid in SETTINGS.grids.items():
+            for arm in SETTINGS.truths:
+                for structure in STRUCTURES:
+                    for uncertainty in ("none", *PRIORS):
+                        for poses, sigma in grid.cells:
+                            cell = {"part": kind, "true_arm": arm, "structure": structure, "poses": poses}
+                            cell |= {"uncertainty": uncertainty, "sigma_um": 1e6 * sigma, "measured": None}
+                            cell |= {"expected": float(rng.choice([*EXPECTED.values()]))}
+                            cell |= {"binds": bool(rng.integers(2)), "free": int(rng.integers(5))}
+                            plain = uncertainty == "none"
+                            for name, constraint in METHODS.items():
+                                if plain or name not in (EQUAL, LENT):
+                                    known = {**cell, "name": name, "constraint": constraint}
+                                    row = of_one_trial(MethodRow, rng, prior=not plain, **known)
+                                    found.append(replace(row, **given(row)))
+        return [replace(found[0], measured=of_one_trial(DatasetRow, rng)), *found[1:]]
 
     trials = table_of(SEEDS, rows)
     return report(SETTINGS, SEEDS, trials), trials
@@ -63,71 +68,67 @@ def whole():
     return made()
 
 
-def over(own, ratio):
-    ours, theirs = RATIOS[ratio]
-    return own[ours] / own[theirs]
+def errors(trials, name, **alike):
+    """Of one method, fit by fit: rows of the methods of a case follow one another."""
+    return trials.where(name=name, **alike)["rms_um"]
 
 
 def test_every_cell_and_prior_is_ratios_fit_by_fit_of_its_own_rows(whole):
     found, trials = whole
     check(found, STUDY.printed)
-    for kind, cells in found.numbers["cells"].items():
-        assert len(cells) == len(STRUCTURES) * len(SETTINGS.grids[kind].cells)
-        for cell in cells:
-            known = {name: cell[name] for name in ("kind", "structure", "poses", "sigma_um")}
-            own = trials.where(uncertainty="none", **known)
-            assert len(own) == cell.fits == len(SEEDS) * len(SETTINGS.truths)
-            for name in RATIOS:
-                check_spread(cell[name], over(own, name))
-            assert cell.better_in == np.mean(own["gco_um"] < own["ls_um"])
-            assert cell.beats_joints_in == np.mean(own["gco_um"] < own["joints_um"])
-            assert (cell.binds_in, cell.solved_in) == (np.mean(own["binds"]), np.mean(own["solved"]))
-            assert cell.cell == f"{cell.structure}, {cell.poses} poses"
-        check_pivot(found.tables[kind], cells, ("cell", "sigma_um", "gco_over_ls"), "um")
-        for row in found.numbers["priors"][kind]:
-            own = trials.where(kind=kind, uncertainty=row.uncertainty)
-            check_spread(row.gco_over_ls, over(own, "gco_over_ls"))
-            assert row.binds_in == np.mean(own["binds"])
+    f, cell = found.numbers, ("part", "structure", "poses", "sigma_um")
+    cells = sum(len(grid.cells) for grid in SETTINGS.grids.values()) * len(STRUCTURES)
+    assert len(f["cells"]) == cells * (len(METHODS) - 1)
+    for row in f["cells"]:
+        at = {"uncertainty": "none", **{name: row[name] for name in cell}}
+        ours, theirs = (errors(trials, name, **at) for name in (GCO, row.theirs))
+        assert len(ours) == row.trials == len(SEEDS) * len(SETTINGS.truths)
+        check_spread(row.ratio, ours / theirs)
+        assert row.won == np.mean(ours < theirs)
+    for row in f["errors"]:
+        check_spread(row.rms_um, errors(trials, row.name, uncertainty="none", **{n: row[n] for n in cell}))
+    for row in f["priors"]:
+        at = {"part": row.part, "uncertainty": row.uncertainty}
+        check_spread(row.ratio, errors(trials, GCO, **at) / errors(trials, row.theirs, **at))
+    for kind in KINDS:
+        rows = [r | {"cell": f"{r.structure}, {r.poses} poses"} for r in f["cells"] if r.theirs == SQUARES]
+        rows = [row for row in rows if row["part"] == kind]
+        check_pivot(found.tables[kind], rows, ("cell", "sigma_um", "ratio"), "um")
 
 
 def test_fits_are_sorted_by_what_is_expected_where_the_cone_binds(whole):
     found, trials = whole
-    for kind, levels in found.numbers["levels"].items():
-        every = trials.where(kind=kind, uncertainty="none")
+    for kind, words in KINDS.items():
+        every = trials.where(part=kind, uncertainty="none")
+        levels = [row for row in found.numbers["levels"] if (row.part, row.theirs) == (kind, SQUARES)]
         assert [level.level for level in levels] == [*EXPECTED, FREE]
         for level in levels:
             binds = level.level != FREE
-            own = every.where(binds=binds, **({"expected": EXPECTED[level.level]} if binds else {}))
-            assert level.fits_share == len(own) / len(every)
-            check_spread(level.gco_over_ls, over(own, "gco_over_ls"))
-    rows = [
-        r | {"level": f"{KINDS[k]}: {r.level}"} for k, own in found.numbers["levels"].items() for r in own
-    ]
-    means = {"expected error": "level", "of the fits": "fits_share", "GCO over least squares": "gco_over_ls"}
-    means |= {"GCO over least squares, same free directions": "gco_over_lent", "GCO better": "better_in"}
-    means |= {"GCO over joints alone": "gco_over_joints", "beats joints": "beats_joints_in"}
-    check_table(found.tables["levels"], rows, means)
+            own = {"binds": binds, **({"expected": EXPECTED[level.level]} if binds else {})}
+            ours, theirs = (errors(every, name, **own) for name in (GCO, SQUARES))
+            assert level.fits_share == len(ours) / len(every.where(name=GCO))
+            check_spread(level.ratio, ours / theirs)
+            [shown] = [r for r in found.tables["levels"].rows if r["name"] == f"{words}: {level.level}"]
+            assert (shown["c0"], shown["fits_share"]) == (level.ratio, level.fits_share)
 
 
 def test_models_are_those_of_the_featured_cell_and_the_answer_is_of_the_best_structure(whole):
     found, trials = whole
-    own = trials.where(kind="gravity", uncertainty="none", poses=8, sigma_um=50)
-    errors = {name: np.median(own.where(structure=name)["gco_um"]) for name in STRUCTURES}
+    at = {"part": "gravity", "uncertainty": "none", "poses": 8, "sigma_um": 50}
+    um = {name: np.median(errors(trials, GCO, structure=name, **at)) for name in STRUCTURES}
     mm = {m.name: m.workspace.rms_mm.median for m in found.numbers["models"]}
-    assert mm["MGCO56, GCO"] == pytest.approx(1e-3 * errors["MGCO56"])
-    assert mm["MGCO56, least squares"] == pytest.approx(
-        1e-3 * np.median(own.where(structure="MGCO56")["ls_um"])
-    )
-    best = min(errors, key=errors.get)
-    assert f", {best}: GCO {errors[best]:.0f} um" in found.answer
+    assert mm["GCO, MGCO56"] == pytest.approx(1e-3 * um["MGCO56"])
+    theirs = errors(trials, SQUARES, structure="MGCO56", **at)
+    assert mm["least squares, MGCO56"] == pytest.approx(1e-3 * np.median(theirs))
+    best = min(um, key=um.get)
+    assert f", {best}: GCO {um[best]:.0f} um" in found.answer
 
 
 def test_the_gain_of_the_cone_is_told_at_most_and_at_least_noise(whole):
     found, _ = whole
-    low, high = (found.numbers["levels"]["gravity"][k].gco_over_lent.median for k in (0, -2))
-    said = (
-        f"{high:.2f} times their error where noise costs over 100 % of the deflection, {low:.2f} at 0 to 1 %."
-    )
+    levels = [r for r in found.numbers["levels"] if (r.part, r.theirs) == ("gravity", LENT)]
+    low, high = (levels[k].ratio.median for k in (0, -2))
+    said = f"{high:.2f} times their error where noise costs over 100 % of the deflection, {low:.2f} at 0 to"
     assert said in found.claims[2]
 
 
@@ -135,10 +136,10 @@ def gaining(row):
     """The cone halves the error with 2 poses, free directions do with 8; GCO costs with 12, one has free."""
     if row.uncertainty != "none":
         return {}
-    ours = {2: 50.0, 4: 100.0, 8: 50.0, 12: 300.0}[row.poses]
     small = row.structure == "MGCO56"
-    lent, free, joints = 50.0 if row.poses == 8 else 100.0, 5 if small else 0, 60.0 if small else 40.0
-    return {"ls_um": 100.0, "gco_um": ours, "lent_um": lent, "free": free, "joints_um": joints}
+    ours = {2: 50.0, 4: 100.0, 8: 50.0, 12: 300.0}[row.poses]
+    um = {GCO: ours, LENT: 50.0 if row.poses == 8 else 100.0, JOINTS: 60.0 if small else 40.0}
+    return {"rms_um": um.get(row.name, 100.0), "free": 5 if small else 0}
 
 
 def test_the_sentences_count_what_the_cone_does_by_itself():
@@ -152,7 +153,7 @@ def test_the_sentences_count_what_the_cone_does_by_itself():
     assert found.worst.startswith("Worst under a weight: MGCO56, 12 poses, 15 um: GCO errs 3.00 times")
     assert "MGCO56: GCO 50 um, least squares 100 um; 2.0 times less." in found.answer
     assert "Joints alone 60 um, 1.2 times as much." in found.answer
-    better, _ = made(lambda row: {**gaining(row), "joints_um": 40.0})
+    better, _ = made(lambda row: gaining(row) | ({"rms_um": 40.0} if row.name == JOINTS else {}))
     assert "pays in 4 of 8 cells; in all of these joints alone are better." in better.claims[1]
 
 
@@ -169,22 +170,25 @@ def test_a_gain_that_is_small_or_not_in_nearly_all_fits_does_not_count():
 
 def test_the_figure_draws_medians_hatches_what_is_open_and_frames_what_beats_joints(whole):
     found, _ = whole
+    cells = {(r.part, r.structure, r.poses, r.sigma_um, r.theirs): r for r in found.numbers["cells"]}
     panels = [axes for axes in figures(found)["regimes.png"].axes if axes.images]
-    wanted = [(kind, key, name) for kind in KINDS for key in DRAWN for name in STRUCTURES]
-    for axes, (kind, key, structure) in zip(panels, wanted, strict=True):
-        grids = SETTINGS.grids[kind]
-        noise, poses = ([1e6 * sigma for sigma in grids.sigmas], list(grids.poses))
+    wanted = [(kind, theirs, name) for kind in KINDS for theirs in (SQUARES, LENT) for name in STRUCTURES]
+    for axes, (kind, theirs, structure) in zip(panels, wanted, strict=True):
+        grid = SETTINGS.grids[kind]
+        noise, poses = ([1e6 * sigma for sigma in grid.sigmas], list(grid.poses))
         texts = {t.get_position(): t.get_text() for t in axes.texts}
         marks = {"hatched": set(), "framed": set()}
         for patch in axes.patches:
             centre = tuple(np.rint(np.add(patch.get_xy(), 0.5)).astype(int).tolist())
             marks["hatched" if patch.get_hatch() else "framed"].add(centre)
-        for cell in (c for c in found.numbers["cells"][kind] if c.structure == structure):
-            at, ratio = (noise.index(cell.sigma_um), poses.index(cell.poses)), cell[key]
-            assert axes.images[0].get_array()[at[::-1]] == ratio.median
-            assert texts[at] == f"{ratio.median:.2f}"
-            assert (at in marks["hatched"]) == (ends_of(ratio)[0] < 1 < ends_of(ratio)[1])
-            assert (at in marks["framed"]) == (cell.beats_joints_in > 0.5)
+        for x, sigma in enumerate(noise):
+            for y, count in enumerate(poses):
+                ratio = cells[kind, structure, count, sigma, theirs].ratio
+                assert axes.images[0].get_array()[y, x] == ratio.median
+                assert texts[x, y] == f"{ratio.median:.2f}"
+                assert ((x, y) in marks["hatched"]) == (ends_of(ratio)[0] < 1 < ends_of(ratio)[1])
+                beats = cells[kind, structure, count, sigma, JOINTS].won > 0.5
+                assert ((x, y) in marks["framed"]) == beats
         assert [t.get_text() for t in axes.get_xticklabels()] == [f"{x:g}" for x in noise]
         assert [t.get_text() for t in axes.get_yticklabels()] == [f"{count}" for count in poses]
         assert (unit_in(axes.get_xlabel()), axes.get_ylabel()) == ("um", "poses")

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import check_spread, tables_of, unit_in
+from checks import check_spread, tables_of
 from made_up import of_one_trial
-from reports import check, table_of
+from reports import check, check_forest, table_of
 
 from testbench.studies.solver_comparison.report import LOOKS, figures, report
 from testbench.studies.solver_comparison.trial import (
@@ -16,7 +16,6 @@ from testbench.studies.solver_comparison.trial import (
     TrialRow,
     settings,
 )
-from testbench.trials.spread import ends, middle
 from testbench.views.colours import GCO
 from testbench.views.markdown import grid
 from testbench.views.schema import show
@@ -87,14 +86,8 @@ def test_who_is_above_whom_is_judged_by_f_m(least):
 def test_the_figure_draws_time_and_bound_of_every_solver_in_its_colour():
     found, _ = made()
     rows = found.numbers["solvers"]
-    panes = {"seconds_to_1_percent": "s", "relative_excess_bound": None}
-    for axes, (key, unit) in zip(figures(found)["solver_comparison.png"].axes, panes.items(), strict=True):
-        assert unit is None or unit_in(axes.get_xlabel()) == unit
-        for y, row in enumerate(rows):
-            line, dot = [
-                own for own in axes.get_lines() if np.ravel(own.get_ydata()).tolist() in ([y], [y, y])
-            ]
-            assert tuple(line.get_xdata()) == ends(row[key])
-            assert np.ravel(dot.get_xdata())[0] == middle(row[key])
-            assert dot.get_color() == LOOKS[row.key].hex
+    looks = [LOOKS[row.key] for row in rows]
+    times, bounds = figures(found)["solver_comparison.png"].axes
+    check_forest(times, [row.seconds_to_1_percent for row in rows], looks, "s")
+    check_forest(bounds, [row.relative_excess_bound for row in rows], looks, None)
     assert [key for key, look in LOOKS.items() if look.colour == GCO] == ["d"]

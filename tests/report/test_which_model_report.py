@@ -37,7 +37,6 @@ def rows_of(seed, errors):
         share = rng.uniform(0.01, 0.04) + 0.05 * (wrong == LINKS[1]) if prior == "link" else None
         case = {
             "true_arm": arm, "prior_error": prior, "wrong": wrong, "link_share": share,
-            "off_tubes_percent": rng.uniform(10, 50), "cad_um": rng.uniform(100, 500),
         }  # fmt: skip
         for name, (structure, constraint, filled) in METHODS.items():
             for poses in POSES:
@@ -107,13 +106,11 @@ def test_every_method_is_compared_case_by_case_with_joints_and_with_the_least(of
         squares, joints = f.gains[poses].least_squares, f.gains[poses].joints
         assert (squares.theirs, joints.theirs) == ("MLS56", "Joints")
         check_spread(joints.times, [every["Joints"][k] / v for k, v in every[DEFAULT].items()])
-    for own in (*f.by_truth, *f.by_prior, *f.cells):
+    for own in (*f.by_truth, *f.cells):
         alike = {key: own[key] for key in ("poses", "true_arm", "prior_error") if key in own}
         check_spread(own.rms_um, list(of(rows, own.name, **alike).values()))
     assert len(f.by_truth) == len(METHODS) * len(POSES) * len(TRUTHS)
     assert len(f.cells) == len(PRIORS) * len(POSES) * len(TRUTHS)
-    for arm in f.truths:
-        check_spread(arm.cad_um, list({row.cad_um for _, row in rows if row.true_arm == arm.true_arm}))
 
 
 @pytest.mark.parametrize("factor", [1.04, 1.06])
@@ -122,7 +119,7 @@ def test_a_method_loses_beyond_five_per_cent(factor):
     assert {m.loses for m in f.family if m.name == "MGCO56"} == {factor > 1.05}
 
 
-def test_the_worst_arm_and_case_and_the_losses_are_those_of_the_default():
+def test_the_worst_case_and_the_losses_are_those_of_the_default():
     """Of a default that loses with cast links alone, by more with more poses."""
 
     def lost(row):
@@ -132,9 +129,6 @@ def test_the_worst_arm_and_case_and_the_losses_are_those_of_the_default():
         return replace(row, rms_um=um)
 
     found = made(change=lost)[1]
-    assert found.worst.startswith(
-        "Worst with cast links, 8 poses, medians: default 540 um, least squares 1900 um, joints alone 500 um."
-    )
     assert found.worst.endswith(", 20 poses: 900 um, 1.80 times theirs.")
     said = "over 5 % more than joints alone in 16.7 %, 16.7 % and 16.7 % of 72 cases with 8, 12 and 20 poses."
     assert found.claims[0] == f"The default errs {said}"

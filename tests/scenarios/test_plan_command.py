@@ -173,6 +173,7 @@ def jacobian(vjm, q, point=(0.0, 0.0, 0.0)):
 def errors_at_tasks(cell, C_theta):
     """RMS distance of what a model predicts from what the true arm does [m]."""
     tasks = read_tasks(TASKS, cell, hung(cell, 460.0))
+    assert in_area(cell.vjm, Scenario(arm="kr500_l480").station, tasks.q).all()
     scenario = Scenario(arm="kr500_l480", payload=460.0)
     loaded = hanging(cell, tasks.q, np.arange(20), 460.0)
     truth = measure(cell, scenario, loaded)
@@ -287,12 +288,6 @@ def test_a_straight_way_that_meets_floor_arm_or_tracker_is_not_clear(kr500):
     assert not straight_way(kr500, Station(tuple(half_way)))(left, right)
 
 
-def test_the_tasks_of_the_docs_are_feasible(kr500):
-    tasks = read_tasks(TASKS, kr500, hung(kr500, 460.0))
-    assert len(tasks.q) == 20
-    assert in_area(kr500.vjm, Scenario(arm="kr500_l480").station, tasks.q).all()
-
-
 def test_the_pages_show_poses_and_tasks_and_where_the_arm_will_err(
     planned, report, absolute, calibration, open_page
 ):
@@ -324,7 +319,6 @@ def test_a_plan_of_absolute_readings_has_the_answer_first(absolute, calibration)
     own, chance = np.hypot([error, random], beyond)
     assert f"beyond order 1 adds {beyond:.3f} mm at the targets" in page
     assert f"With all of it: {own:.3f} mm, from random poses {chance:.3f} mm." in page
-    assert "57 unknowns in one fit: 6 of the tracker's frame, 3 of 1 target, 30 of geometry, 12 of" in page
     assert all(f"- {words}." in page for words in calibration["hidden"])
     assert "plan.csv --absolute --gear-urad 30 --geometry-mm 1 --out rehearsal.csv`" in page
 

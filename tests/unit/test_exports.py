@@ -1,7 +1,7 @@
 """Exports as instruments, spreadsheets and robots write them, each read with a map of at most ten lines."""
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -308,21 +308,19 @@ EXPORTS = {
 }
 
 
-@dataclass(frozen=True)
-class Files:
-    """An export and its map."""
-
-    data: Path
-    map: Path | None
-
-
-def files(folder: Path, name: str, content: bytes | None = None, text: str | None = None) -> Files:
+def files(folder, name, content=None, text=None):
+    """An export, perhaps with other lines, and its map: as `read_export` takes them."""
     make, known = EXPORTS[name]
-    (folder / "export.csv").write_bytes(make() if content is None else content)
+    content = make() if content is None else content
+    content = content if isinstance(content, str | bytes) else "\n".join(content)
+    (folder / "export.csv").write_bytes(content.encode() if isinstance(content, str) else content)
     text = known if text is None else text
-    if text:
-        (folder / "map.toml").write_text(text, encoding="utf-8")
-    return Files(folder / "export.csv", folder / "map.toml" if text else None)
+    (folder / "map.toml").write_text(text, encoding="utf-8")
+    return folder / "export.csv", ARM, folder / "map.toml" if text else None
+
+
+def read(*args, **more):
+    return read_export(*files(*args, **more))
 
 
 def check_alike(read: Dataset, data: Dataset = DATA) -> None:
@@ -338,9 +336,9 @@ def check_alike(read: Dataset, data: Dataset = DATA) -> None:
 def test_an_export_is_read_with_a_map_of_at_most_ten_lines(tmp_path, name):
     own = files(tmp_path, name)
     assert EXPORTS[name][1].strip().count("\n") < 10
-    found = read_export(own.data, ARM, own.map)
+    found = read_export(*own)
     check_alike(found.data)
-    check_equal(whole(in_blocks(own.data, ARM, own.map)), found.data)
+    check_equal(whole(in_blocks(*own)), found.data)
     assert "no column says how far readings scatter: sigma 50 um is assumed" in found.notes
 
 
@@ -350,7 +348,7 @@ def test_a_lost_target_needs_no_covariances(tmp_path):
     assert text[8].split(",")[7] == "p2"
     text[8] = ",".join([*text[8].split(",")[:8], "", "", ""])
     del text[3]  # the unloaded reading of P3 in the first pose, which serves both loads
-    found = read_export(files(tmp_path, "plain", "\n".join(text).encode()).data, ARM).data
+    found = read(tmp_path, "plain", text).data
     expected = np.ones((6, 3), bool)
     expected[[0, 1, 1], [2, 1, 2]] = False
     np.testing.assert_array_equal(found.seen, expected)
@@ -361,7 +359,7 @@ def test_a_lost_target_needs_no_covariances(tmp_path):
 def test_a_comment_may_list_the_names_or_be_the_header(tmp_path):
     head, *rows = plain().decode().splitlines()
     for lines in ([f"# {head}", head, *rows], [f"# {head}", *rows], [head, "# one", *rows, "// the end"]):
-        check_alike(read_export(files(tmp_path, "plain", "\n".join(lines).encode()).data, ARM).data)
+        check_alike(read(tmp_path, "plain", lines).data)
 
 
 @pytest.mark.parametrize(
@@ -374,30 +372,23 @@ def test_a_comment_may_list_the_names_or_be_the_header(tmp_path):
 )
 def test_a_line_for_numbered_joints_is_offered(tmp_path, name, line):
     text = "\n".join(line for line in EXPORTS[name][1].splitlines() if "joint" not in line)
-    own = files(tmp_path, name, text=text)
     with pytest.raises(InputError, match=re.escape(f"are they joints? [columns] of a map: {line}")):
-        read_export(own.data, ARM, own.map)
+        read(tmp_path, name, text=text)
 
 
 def test_a_line_for_joints_numbered_from_0_is_offered_and_read(tmp_path):
-    own = files(tmp_path, "spreadsheet")
-    text = own.data.read_bytes()
-    for k in range(ARM.n_joints):
-        text = text.replace(f"A{k + 1}".encode(), f"A{k}".encode())
-    lines = own.map.read_text().splitlines()
-    renamed = files(tmp_path, "spreadsheet", text)
-    renamed.map.write_text("\n".join(line for line in lines if "joint" not in line))
-    said = '"joint_{n0}_deg" = "A{n0}"'
+    text = re.sub(rb"A(\d) ", lambda m: b"A%d " % (int(m[1]) - 1), spreadsheet())
+    said, others = '"joint_{n0}_deg" = "A{n0}"', SPREADSHEET.replace('"joint_{n}_deg" = "A{n}"\n', "")
     with pytest.raises(InputError, match=re.escape(f"map: {said}")):
-        read_export(renamed.data, ARM, renamed.map)
-    renamed.map.write_text("\n".join(said if "joint" in line else line for line in lines))
-    check_alike(read_export(renamed.data, ARM, renamed.map).data)
+        read(tmp_path, "spreadsheet", text, others)
+    check_alike(read(tmp_path, "spreadsheet", text, f"{others}{said}\n").data)
 
 
 def test_words_stand_for_loads(tmp_path):
     text = merged().decode().replace(";150,0000000;", ";light;").replace(";460,3000000;", ";full;")
-    own = files(tmp_path, "merged", text.encode(), f'words = {{ "150" = "light", "460.3" = "full" }}{MERGED}')
-    check_alike(read_export(own.data, ARM, own.map).data)
+    check_alike(
+        read(tmp_path, "merged", text, f'words = {{ "150" = "light", "460.3" = "full" }}{MERGED}').data
+    )
 
 
 @pytest.mark.parametrize(
@@ -410,20 +401,16 @@ def test_thousands_may_be_divided_where_a_decimal_mark_follows(tmp_path, divided
         lines[k] = ";".join([*cells[:-6], *(f"{float(cell):,.4f}" for cell in cells[-6:])])
     text = "\n".join(lines).translate(str.maketrans({",": divided, ".": decimal}))
     assert re.search(rf";-1{divided}[0-9]{{3}}[{decimal}]", text)
-    own = files(tmp_path, "merged", text.encode())
-    check_alike(read_export(own.data, ARM, own.map).data)
+    check_alike(read(tmp_path, "merged", text).data)
     alone = re.sub(rf"(;-1{divided}[0-9]{{3}})[{decimal}][0-9]+", r"\1", text)
-    own = files(tmp_path, "merged", alone.encode())
     with pytest.raises(InputError, match=r"column .* \(mm\): expected a finite number, got .-1"):
-        read_export(own.data, ARM, own.map)
+        read(tmp_path, "merged", alone)
 
 
 def test_a_header_that_stands_again_with_its_units_is_left_out(tmp_path):
     head, *rows = plain().decode().replace("_mm", "").splitlines()
     head = [head, f"{',' * 8}mm,mm,mm"]
-    found = read_export(
-        files(tmp_path, "plain", "\n".join([*head, *rows[:9], *head, *rows[9:]]).encode()).data, ARM
-    )
+    found = read(tmp_path, "plain", [*head, *rows[:9], *head, *rows[9:]])
     check_alike(found.data)
     assert "2 lines of comments or the header again left out" in found.columns.table.notes
 
@@ -433,13 +420,14 @@ def test_a_map_names_the_columns_of_a_file_without_a_header(tmp_path):
     names = 'names = ["Name", "X [m]", "Y [m]", "Z [m]", "J1", "J2", "J3", "J4", "J5", "J6"]'
     for gap in (",", ", ", "\t", " "):
         content = "\n".join(line.replace(",", gap) for line in text[2:])
-        own = files(
-            tmp_path,
-            "names_of_points",
-            content.encode(),
-            f"{NAMES_OF_POINTS}[file]\nfooter = 1\n{names}".replace("file = { footer = 1 }", ""),
+        check_alike(
+            read(
+                tmp_path,
+                "names_of_points",
+                content,
+                f"{NAMES_OF_POINTS}[file]\nfooter = 1\n{names}".replace("file = { footer = 1 }", ""),
+            ).data
         )
-        check_alike(read_export(own.data, ARM, own.map).data)
 
 
 def test_parts_of_a_cell_count_more_than_the_name_of_its_column(tmp_path):
@@ -448,10 +436,7 @@ def test_parts_of_a_cell_count_more_than_the_name_of_its_column(tmp_path):
         re.sub(r",([0-9.]+),p", r",loaded \1 kg,p", line).replace("loaded 0.0000000 kg", "nominal/unloaded")
         for line in lines
     ]
-    own = files(
-        tmp_path, "plain", "\n".join(rows).encode(), 'cells.state = ["*/{when}", "{when} {mass_kg} kg"]'
-    )
-    check_alike(read_export(own.data, ARM, own.map).data)
+    check_alike(read(tmp_path, "plain", rows, 'cells.state = ["*/{when}", "{when} {mass_kg} kg"]').data)
 
 
 def test_a_footer_is_suspected_in_the_last_line(tmp_path):
@@ -459,21 +444,22 @@ def test_a_footer_is_suspected_in_the_last_line(tmp_path):
     for count, hint in ((0, "for a line behind the table say footer = 1"), (1, "expected 11 fields, got 1$")):
         content = "\n".join([*lines, *lines[1 : 1 + count]]).encode()
         with pytest.raises(InputError, match=hint):
-            read_export(files(tmp_path, "plain", content).data, ARM)
+            read(tmp_path, "plain", content)
 
 
 def test_the_unit_of_a_name_that_a_map_gives_whole_is_known(tmp_path):
-    own = files(
-        tmp_path, "plain", plain(), 'columns = { "{axis}" = "{axis}_mm", "joint_{n}" = "joint_{n}_deg" }'
+    check_alike(
+        read(
+            tmp_path, "plain", plain(), 'columns = { "{axis}" = "{axis}_mm", "joint_{n}" = "joint_{n}_deg" }'
+        ).data
     )
-    check_alike(read_export(own.data, ARM, own.map).data)
 
 
 def test_names_may_hold_blanks_where_two_stand_between_cells(tmp_path):
     """A report in columns, aligned."""
     lines = plain().decode().replace("_mm", " (mm)").replace("_deg", " [deg]").splitlines()
     aligned = "\n".join("".join(f"  {cell:>16}" for cell in line.split(",")) for line in lines)
-    found = read_export(files(tmp_path, "plain", f"Report of a day\n\n{aligned}".encode()).data, ARM)
+    found = read(tmp_path, "plain", f"Report of a day\n\n{aligned}")
     check_alike(found.data)
     assert "runs of two or more blanks between the cells, header in line 3" in found.columns.table.notes[0]
 
@@ -483,8 +469,7 @@ def test_a_map_may_name_some_columns_and_leave_the_others_to_our_names(tmp_path)
     content = merged().decode().replace("before x", "x unloaded").replace("after z", "Z unter Last")
     content = content.replace("marker", "after_z_mm;marker", 1).replace(";P", ";7,0;P")
     text = "file.merged = true\ncolumns.after_z = 'Z unter Last'"
-    own = files(tmp_path, "merged", content.encode(), text)
-    found = read_export(own.data, ARM, own.map)
+    found = read(tmp_path, "merged", content, text)
     check_alike(found.data)
     assert found.columns.ignored == ("after_z_mm",)
 
@@ -493,8 +478,9 @@ def test_joints_that_moved_a_little_between_the_readings_are_said(tmp_path):
     content = inches().decode().splitlines()
     cells = content[2].split(",")
     cells[4] = number(float(cells[4]) + 0.005)
-    own = files(tmp_path, "inches", "\n".join([*content[:2], ",".join(cells), *content[3:]]).encode())
-    notes = " ".join(read_export(own.data, ARM, own.map).notes)
+    notes = " ".join(
+        read(tmp_path, "inches", "\n".join([*content[:2], ",".join(cells), *content[3:]]).encode()).notes
+    )
     assert "joints differ by up to 8.7e-05 rad or m between unloaded and loaded" in notes
 
 
@@ -503,11 +489,11 @@ def test_words_stand_for_lost_targets_and_a_blank_mass_for_none(tmp_path):
     text[4] = ",".join([*text[4].split(",")[:8], "NaN", "NaN", "NaN"])
     for k in (1, 2, 3):
         text[k] = text[k].replace(",0.0000000,", ",,")
-    own = files(tmp_path, "plain", "\n".join(text).encode(), 'words = { lost = ["NaN", "---"] }')
-    found = read_export(own.data, ARM, own.map).data
+    own = files(tmp_path, "plain", text, 'words = { lost = ["NaN", "---"] }')
+    found = read_export(*own).data
     assert np.argwhere(~found.seen).tolist() == [[0, 0]]
     with pytest.raises(InputError, match=r"line 5, column x_mm: expected a finite number, got 'NaN'"):
-        read_export(own.data, ARM)
+        read_export(*own[:2])
 
 
 @pytest.mark.parametrize("lost", ["9999.0000000", "0"])
@@ -515,29 +501,29 @@ def test_a_place_of_equal_coordinates_is_no_reading(tmp_path, lost):
     """What instruments write for a lost target, until the map says so."""
     text = plain().decode().splitlines()
     text[4] = ",".join([*text[4].split(",")[:8], lost, lost, lost])
-    own = files(tmp_path, "plain", "\n".join(text).encode(), f'words.lost = "{lost}"')
-    assert np.argwhere(~read_export(own.data, ARM, own.map).data.seen).tolist() == [[0, 0]]
+    own = files(tmp_path, "plain", text, f'words.lost = "{lost}"')
+    assert np.argwhere(~read_export(*own).data.seen).tolist() == [[0, 0]]
     with pytest.raises(InputError, match=rf"line 5, column x_mm: expected a place, got '{lost}' three times"):
-        read_export(own.data, ARM)
+        read_export(*own[:2])
 
 
 def test_runs_of_one_name_and_several_loads_are_told_apart(tmp_path):
     """Whoever counts poses as runs: the unloaded reading and both loads have one number."""
     text = plain().decode().splitlines()
     lines = [f"Run,{text[0]}", *(f"{(k // 9) + 5},{line}" for k, line in enumerate(text[1:]))]
-    found = read_export(files(tmp_path, "plain", "\n".join(lines).encode()).data, ARM)
+    found = read(tmp_path, "plain", lines)
     check_alike(found.data)
     assert "runs, one a load, are numbered in their order: 6 of them" in found.notes
 
 
 def test_repeated_runs_are_told_apart_without_a_column_for_them(tmp_path):
     text = plain().decode().splitlines()
-    found = read_export(files(tmp_path, "plain", "\n".join([*text, *text[1:]]).encode()).data, ARM).data
+    found = read(tmp_path, "plain", [*text, *text[1:]]).data
     assert found.runs == 12
     np.testing.assert_array_equal(found.after[:6], found.after[6:])
     missing = "\n".join([*text, *text[1:-1]]).encode()
     with pytest.raises(InputError, match=r"'run'\]: a pose and load comes again, not for all markers"):
-        read_export(files(tmp_path, "plain", missing).data, ARM)
+        read(tmp_path, "plain", missing)
 
 
 def test_of_several_unloaded_readings_the_last_one_before_counts(tmp_path):
@@ -547,7 +533,7 @@ def test_of_several_unloaded_readings_the_last_one_before_counts(tmp_path):
     for cells in again[:3]:
         cells[-1] = number(float(cells[-1]) + 1)
     content = "\n".join([*text, *map(",".join, again)]).encode()
-    found = read_export(files(tmp_path, "plain", content).data, ARM).data
+    found = read(tmp_path, "plain", content).data
     assert found.pose.tolist() == [1, 1, 2, 2, 3, 3, 1]
     np.testing.assert_array_equal(found.before[:2], found.before[[0, 0]])
     np.testing.assert_allclose(found.before[6] - found.before[0], np.tile([0, 0, 1e-3], (3, 1)), atol=1e-12)
@@ -555,10 +541,10 @@ def test_of_several_unloaded_readings_the_last_one_before_counts(tmp_path):
 
 def test_the_sigma_of_flag_and_map_counts_once(tmp_path):
     own = files(tmp_path, "plain", text="values = { sigma_um = 30 }")
-    assert read_export(own.data, ARM, own.map).data.sigma == pytest.approx(30e-6)
-    assert read_export(own.data, ARM, None, 20e-6).data.sigma == 20e-6
+    assert read_export(*own).data.sigma == pytest.approx(30e-6)
+    assert read_export(*own[:2], None, 20e-6).data.sigma == 20e-6
     with pytest.raises(InputError, match=r"map.toml: values.sigma_m: expected it once, got a flag too"):
-        read_export(own.data, ARM, own.map, 20e-6)
+        read_export(*own, 20e-6)
 
 
 def damaged(name, line, column, cell):
@@ -618,10 +604,10 @@ def damaged(name, line, column, cell):
 def test_a_wrong_cell_is_named_by_line_and_column(tmp_path, name, line, column, cell, text):
     own = files(tmp_path, name, damaged(name, line, column, cell))
     if text is None:
-        check_alike(read_export(own.data, ARM, own.map).data)  # a column that is not read
+        check_alike(read_export(*own).data)  # a column that is not read
         return
     with pytest.raises(InputError) as info:
-        read_export(own.data, ARM, own.map)
+        read_export(*own)
     assert text in str(info.value)
 
 
@@ -651,5 +637,5 @@ def test_every_name_of_the_documented_table_is_known():
 def test_absurd_tables_are_refused_at_once(tmp_path, text, said):
     """Each took minutes once."""
     with pytest.raises(InputError) as info:
-        read_export(files(tmp_path, "plain", text.encode()).data, ARM)
+        read(tmp_path, "plain", text)
     assert said in str(info.value)

@@ -14,7 +14,7 @@ from testbench.plant.shapes import Mesh, Shape, visual_shapes
 from testbench.trials.spread import Spread
 from testbench.views.colours import hexadecimal, look
 from testbench.views.page import html
-from testbench.views.page.data import TRIANGLES, chart_plain, map_plain, seen_plain, solid
+from testbench.views.page.page import TRIANGLES, chart_plain, map_plain, seen_plain, solid
 from testbench.views.scene import Line, PlaceMap, RunChart
 from testbench.views.schema import Column, Table, looks
 

@@ -18,11 +18,10 @@ import pytest
 from testbench.errors import BenchError, InputError
 from testbench.trials.engine import do_chunk
 from testbench.trials.experiment import Experiment
-from testbench.trials.parquet import batches, open_trials
+from testbench.trials.parquet import batches, open_trials, series
 from testbench.trials.records import HEADER, LONGEST, MAGIC, pack, record, records
 from testbench.trials.spread import Number, Share
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
-from testbench.trials.stored import series
 
 TOY = Experiment("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
 
@@ -97,14 +96,6 @@ def test_every_kind_of_value_comes_back_bit_by_bit(tmp_path):
     with open_store(tmp_path, TOY, row=Full, resume=True) as store:
         assert list(store.missing()) == [8, 10, 11]
         assert repr(list(store.trials())) == repr([(7, ()), (9, (replace(FULL, count=-(2**63), yes=True),))])
-
-
-def test_a_finished_run_is_resumed_with_several_numbers_in_a_cell(tmp_path):
-    with open_store(tmp_path, TOY, row=Full, resume=False) as store:
-        put(store, {seed: [FULL] for seed in TOY.seeds})
-        write_parquet(store, tmp_path)
-    with open_store(tmp_path, TOY, row=Full, resume=True) as store:
-        assert repr(dict(store.trials())[9][0].several) == repr(FULL.several)
 
 
 def test_columns_have_the_types_of_the_fields_even_without_a_value(tmp_path):

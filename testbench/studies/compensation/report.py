@@ -267,4 +267,4 @@ def write(run: Run[Settings]) -> Seen:
     true, ways = true_cell(cell, member(FAMILY, seed), seed), asked.ways(IDEAL)
     data = measure(true, true_arm(true, seed, IDEAL), asked, ways, seed)[ways.index(ADVISED)]
     write_csv(data, cell.arm, run.folder / "dataset.csv")
-    return seen(true, asked, data, seed)
+    return seen(true, asked, run.first, seed)

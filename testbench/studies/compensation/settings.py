@@ -41,6 +41,7 @@ DEFAULT = "default"  #: What `identify` takes by default.
 LEAST_SQUARES = "MLS56"
 IDENTIFIED = (JOINTS, LEAST_SQUARES, "MGCO56", DEFAULT)
 MODELS = (NOMINAL, PRIOR, *IDENTIFIED, PERFECT)
+DRAWN = (JOINTS, DEFAULT)
 
 Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
 
@@ -86,6 +87,9 @@ class JobRow:
     unseen: int  #: And so many have none, as the readings say nothing of them.
     buckled: bool  #: Whether the model had no equilibrium under the process; nothing is corrected then.
     solved: int  #: Points for which joints were found.
+    #: Where the tool is off, not corrected, then corrected, (2, points, 3) in a row [mm]; of what is drawn of
+    #: the first trial.
+    off_mm: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)

@@ -35,8 +35,10 @@ from testbench.plant import TYPICAL, DisturbedPlant, Equilibrium, disturb, settl
 from testbench.studies.compensation.jobs import TIP, drawn, jobs, wrenches
 from testbench.studies.compensation.plans import loads
 from testbench.studies.compensation.settings import (
+    ADVISED,
     ARMS,
     DEFAULT,
+    DRAWN,
     IDEAL,
     IDENTIFIED,
     LINEAR,
@@ -118,8 +120,11 @@ def _trial(cell: Cell, asked: Settings, seed: int) -> list[JobRow]:
         orders = [order(fit, own) for fit in fits]
         before, *after = execute(arm, own, orders)
         for fit, command, off in zip(fits, orders, after, strict=True):
-            found = rows_of(own, fit, command, before, off)
-            rows += [replace(row, true_arm=truth, arm=name) for row in found]
+            drawn_too = seed == asked.seed and name == IDEAL and fit.way == ADVISED and fit.name in DRAWN
+            rows += [
+                replace(row, true_arm=truth, arm=name, off_mm=row.off_mm if drawn_too else None)
+                for row in rows_of(own, fit, command, before, off)
+            ]
     return rows
 
 
@@ -266,6 +271,7 @@ def rows_of(own: Work, fit: Fit, order: Order, before: Array, after: Array) -> l
                 unseen=int((~told).sum()),
                 buckled=order.buckled,
                 solved=int(order.solved[part].sum()),
+                off_mm=tuple(np.round(MM * np.stack([before[part], after[part]]), DIGITS).ravel().tolist()),
             )
         )
     return rows

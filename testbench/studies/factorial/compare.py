@@ -74,6 +74,12 @@ def gains(trials: Trials, models: Sequence[Row], ours: str = DEFAULT) -> Row:
     return pairs(trials, {"least_squares": (ours, rival), "joints": (ours, JOINTS)}, ERROR, 1e-3)
 
 
+def by_case(trials: Trials, *by: str) -> Trials:
+    """Rows with a trial of their own for every case, where a trial has several: these columns tell them."""
+    keys = zip(*(trials[name].tolist() for name in (TRIAL, *by)), strict=True)
+    return trials.add(**{TRIAL: [" ".join(map(str, key)) for key in keys]})
+
+
 def beside_rivals(gains: Row, each: str = "trial") -> Iterator[Markdown]:
     """The errors of these gains, a sentence each rival; each is what a trial is called."""
     squares, joints = gains.least_squares, gains.joints
@@ -93,7 +99,13 @@ def gains_told(gains: Row) -> str:
     return beside({"least squares": gains.least_squares, "joints alone": gains.joints}, "um")
 
 
-def duels(trials: Trials, asked: Sequence[tuple[str, str]], *by: str, of: str = "name") -> list[Row]:
+def duels(
+    trials: Trials,
+    asked: Sequence[tuple[str, str]],
+    *by: str,
+    of: str = "name",
+    within: Sequence[str] = (),
+) -> list[Row]:
     """Two on the same readings, by cell: ratio of errors, shares of trials in which ours is less, or alike.
 
     Args:
@@ -101,11 +113,12 @@ def duels(trials: Trials, asked: Sequence[tuple[str, str]], *by: str, of: str = 
         asked: Ours and theirs.
         by: The factors; rows of a cell are alike in these.
         of: The column of ours and theirs.
+        within: What else tells a fit of a cell and trial from another.
     """
     found = []
     for ours, theirs in asked:
         own = trials.where(**{of: ours})
-        a, b = own[ERROR], matched(own, trials.where(**{of: theirs}), ERROR, (*by, TRIAL))
+        a, b = own[ERROR], matched(own, trials.where(**{of: theirs}), ERROR, (*by, *within, TRIAL))
         for key, case in own.keep(*by, TRIAL).add(a=a, b=b, ratio=a / b).groups(*by):
             [row] = merged(case.keep("ratio"))
             won, lost = wins(case["a"], case["b"]), wins(case["b"], case["a"])

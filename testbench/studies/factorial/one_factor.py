@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import TypeVar
 
 from testbench.bench.campaign import Cell
-from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials
 from testbench.studies.factorial import compare
-from testbench.studies.factorial.trial import FitRow
-from testbench.studies.study import Run, Study
+from testbench.studies.factorial.trial import FitRow, writes
+from testbench.studies.study import Study
 from testbench.trials.spread import middle, span
 from testbench.views.figure import Figure, sweeps
 from testbench.views.markdown import Markdown, capital, counted
@@ -53,11 +52,6 @@ class OneFactor:
             trials: Rows of some seeds, one sequence a seed; a function of a module.
             first: The arm and the runs of a seed that dataset.csv holds.
         """
-
-        def write(run: Run[S]) -> None:
-            cell, runs = first(run.settings, run.seeds[0])
-            write_csv(runs, cell.arm, run.folder / "dataset.csv")
-
         return Study(
             name=self.name,
             about=self.question,
@@ -70,7 +64,7 @@ class OneFactor:
             report=lambda _, seeds, rows: self.report(seeds, rows),
             printed=("errors",),
             figures=self.figures,
-            write=write,
+            write=writes(first),
         )
 
     def report(self, seeds: range, trials: Trials) -> Report:

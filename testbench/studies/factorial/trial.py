@@ -5,8 +5,9 @@ model. A study lists its cases and its models; rows are the same in all of them.
 their random numbers, so that differences between cases and models are theirs alone.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,12 +19,16 @@ from testbench.bench.judged import identify_each
 from testbench.bench.models import Model, named_models
 from testbench.bench.rows import UM, DatasetRow
 from testbench.bench.wrong_prior import with_wrong_prior, wrong_prior
+from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset
 from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.errors import Array
 from testbench.identify import Constraint, Estimate
 from testbench.identify.evaluate import all_deflections, score
+from testbench.studies.study import Run
 from testbench.trials.spread import Share
+
+S = TypeVar("S")
 
 ANGLE_PER_LENGTH = 10.0
 """Standard deviation of an orientation over that of a position [rad/m]: 250 urad beside 25 um."""
@@ -78,11 +83,14 @@ def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Fits:
 
 def judged(cell: Cell, cases: Sequence[Case], fits: Fits) -> Iterator[FitRow]:
     """Rows of every case, a model each, judged by true deflections."""
+    predicted: dict[tuple[int, str], Array] = {}
+    for judge in {id(case.judge): case.judge for case in cases}.values():  # where the arm is, once each
+        own = [(k, name) for k, case in enumerate(cases) if case.judge is judge for name in fits]
+        moved = all_deflections(cell.vjm, [fits[name][k] for k, name in own], judge)
+        predicted |= dict(zip(own, moved, strict=True))
     for k, case in enumerate(cases):
-        own = [estimates[k] for estimates in fits.values()]
-        predicted = all_deflections(cell.vjm, own, case.judge)
-        for name, estimate, moved in zip(fits, own, predicted, strict=True):
-            yield _row(name, estimate, moved, case)
+        for name, estimates in fits.items():
+            yield _row(name, estimates[k], predicted[k, name], case)
 
 
 def _row(name: str, estimate: Estimate, moved: Array, case: Case) -> FitRow:
@@ -133,3 +141,17 @@ def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
     ]
     sigma_rotation = ANGLE_PER_LENGTH * data.sigma
     return replace(data, rotation_before=turned[0], rotation_after=turned[1], sigma_rotation=sigma_rotation)
+
+
+def writes(first: Callable[[S, int], tuple[Cell, Dataset]]) -> Callable[[Run[S]], None]:
+    """What writes dataset.csv of the first seed.
+
+    Args:
+        first: The arm and the runs of a seed.
+    """
+
+    def write(run: Run[S]) -> None:
+        cell, runs = first(run.settings, run.seeds[0])
+        write_csv(runs, cell.arm, run.folder / "dataset.csv")
+
+    return write

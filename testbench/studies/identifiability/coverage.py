@@ -37,15 +37,13 @@ REJECTIONS = 1000
 CHECKS = 10  #: Poses to predict in: x, y and z of one point in each.
 DRAWN, BELIEVED = Strength(0.1), Strength(0.3)
 """The prior that truths are drawn from, and one that is believed whatever the readings say."""
-TRIED: tuple[tuple[Truth, str], ...] = (
-    ("linear", "scaled"),
-    ("nonlinear", "scaled"),
-    ("nonlinear", "link"),
-    ("nonlinear", "joints"),
-)
-"""Truth and prior, one of wrong_prior.PRIORS, of arms of the family."""
-TRUTH_WORDS = {"linear": "linear truth", "nonlinear": "MuJoCo truth"}
-PRIOR_WORDS = {"scaled": "wrong prior", "link": "a link ten times off", "joints": "joints ten times off"}
+TRIED: dict[tuple[Truth, str], str] = {
+    ("linear", "scaled"): "linear truth, wrong prior",
+    ("nonlinear", "scaled"): "MuJoCo truth, wrong prior",
+    ("nonlinear", "link"): "MuJoCo truth, a link ten times off",
+    ("nonlinear", "joints"): "MuJoCo truth, joints ten times off",
+}
+"""Truth and prior, one of wrong_prior.PRIORS, of arms of the family; in words."""
 
 Kind = Literal["linearised", "bootstrap", "posterior", "set", "family"]
 
@@ -71,17 +69,17 @@ class Covered:
     width_um: tuple[float, ...]  #: Of each, infinite where nothing bounds it.
 
 
-def full_pose_case(cell: Cell, checks: int = CHECKS) -> Case:
+def full_pose_case(cell: Cell) -> Case:
     """Section 5.2: full poses read, template of 56 unknowns, 32 directions and every deflection seen."""
-    campaign = simulate_full_pose(cell, FullPose(arm=cell.arm.name, check_runs=checks), 1)
+    campaign = simulate_full_pose(cell, FullPose(arm=cell.arm.name, check_runs=CHECKS), 1)
     structure = template56(cell.arm)
     rows = _deflections(cell, structure, campaign.check, np.zeros((1, 3)))
     return _case(cell, cell.arm.name, structure, campaign.identification, rows)
 
 
-def gravity_cases(cell: Cell, checks: int = CHECKS) -> list[Case]:
+def gravity_cases(cell: Cell) -> list[Case]:
     """Section 6: markers read under a hung weight; most deflections elsewhere are not seen."""
-    scenario = Scenario(arm=cell.arm.name, truth="linear", workspace_poses=checks)
+    scenario = Scenario(arm=cell.arm.name, truth="linear", workspace_poses=CHECKS)
     campaign = simulate(cell, scenario, 1)
     data, where, marker = campaign.identification, campaign.truth, cell.vjm.markers[:1]
     structures = {"MGCO56": template56(cell.arm), "MGCO68": mgco68(cell.arm)}
@@ -169,7 +167,7 @@ def of_family(cell: Cell, seed: int) -> Iterator[Covered]:
     believed to `BELIEVED` whatever the readings say.
     """
     arm = true_cell(cell, member(FAMILY, seed), seed)
-    for truth, name in TRIED:
+    for (truth, name), words in TRIED.items():
         campaign = simulate(arm, Scenario(arm=cell.arm.name, truth=truth, workspace_poses=CHECKS), seed)
         where = campaign.truth
         for strength, how in ((None, "learnt"), (BELIEVED, "believed")):
@@ -177,8 +175,7 @@ def of_family(cell: Cell, seed: int) -> Iterator[Covered]:
             estimate = method(cell.vjm, all153(cell.arm), campaign.identification)
             found = intervals(cell.vjm, estimate, where, CONFIDENCE)
             own = replace(found, lower=found.lower[:, 0].ravel(), upper=found.upper[:, 0].ravel())
-            words = f"{TRUTH_WORDS[truth]}, {PRIOR_WORDS[name]}: {how}"
-            yield _covered(words, "family", where.deflection[:, 0].ravel(), own)
+            yield _covered(f"{words}: {how}", "family", where.deflection[:, 0].ravel(), own)
 
 
 def _covered(name: str, kind: Kind, truth: Array, seen: Intervals | Bounds) -> Covered:

@@ -9,16 +9,15 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS
 from testbench.bench.default import DEFAULT, FILLED
 from testbench.bench.rows import UM
-from testbench.data.csvfile import write_csv
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched, merged
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import DUELS, ERROR, RMS
-from testbench.studies.factorial.trial import FitRow
+from testbench.studies.factorial.trial import FitRow, writes
 from testbench.studies.model_error import trial
 from testbench.studies.model_error.trial import ALL, NONE, PLAIN_COMPENSATOR, STIFF, Options, Settings
-from testbench.studies.study import Run, Study
+from testbench.studies.study import Study
 from testbench.trials.spread import middle, span
 from testbench.views.figure import Figure, ranges
 from testbench.views.markdown import Markdown, counted
@@ -187,40 +186,18 @@ def _shown(f: Row, *, noisy: bool) -> list[Row]:
     return [row for row in own if (row.sigma_um > 0) == noisy]
 
 
-SIZES = {
-    "own_weight": ("The links weigh.", 1.0),
-    "compensator": (
-        "A spring pulls link 2 towards link 1, {rate:g} kN/m as joint 2 turns, {stiffness:g} kN/m as the arm "
-        "deflects.",
-        1e-3,
-    ),
-    "geometry": ("Frames are off by {position:g} mm and {angle:g} mrad.", 1e3),
-    "sensor_offset": ("Joint sensors are off by {size:g} mrad.", 1e3),
-    "mass_error": ("The payload is {size:g} % heavier than recorded.", 100.0),
-    "centre_error": ("The hanging point is off by {size:g} mm.", 1e3),
-    "stiffening": ("Joints are {size:g} % stiffer a mrad of turn.", 100.0),
-    "backlash": ("Joints have {size:g} urad of play to either side.", 1e6),
-    "hysteresis": ("Joints have {size:g} urad of hysteresis to either side.", 1e6),
-    "foundation": ("The foundation bends, {size:g} times as much as assumed.", 1.0),
-}
-"""What a field of Disturbances does, and how many times its SI value the size is."""
-
-
 def _sizes(asked: Settings) -> Markdown:
     """What each case switches on, a line each."""
-    told = [
-        say("- {case}: {words}", case=name, words=lines(_size(*own) for own in vars(case).items() if own[1]))
-        for name, case in trial.disturbances(asked.scale, asked.only).items()
-        if name not in (NONE, ALL)
-    ]
-    return Markdown("\n".join(["## What each case switches on", "", *told]))
-
-
-def _size(field: str, value: object) -> Markdown:
-    """A field of Disturbances in words."""
-    sentence, scale = SIZES[field]
-    own = vars(value) if is_dataclass(value) else {"size": value}
-    return say(sentence, {name: scale * size for name, size in own.items() if isinstance(size, float)})
+    words = {field: (scale, told) for field, scale, told in trial.SWITCHES.values()}
+    found = []
+    for name, case in trial.disturbances(asked.scale, asked.only).items():
+        for field, value in vars(case).items() if name not in (NONE, ALL) else ():
+            if value:
+                scale, sentence = words[field]
+                own = vars(value) if is_dataclass(value) else {"size": value}
+                known = {key: scale * size for key, size in own.items() if isinstance(size, float)}
+                found.append(say(f"- {name}: {sentence}", known))
+    return Markdown("\n".join(["## What each case switches on", "", *found]))
 
 
 def figures(found: Report) -> dict[str, Figure]:
@@ -239,12 +216,6 @@ def figures(found: Report) -> dict[str, Figure]:
     return {"model_error.png": ranges(panes, f"{where} {compare.gains_told(f.gains)}", reading)}
 
 
-def write(run: Run[Settings]) -> None:
-    """dataset.csv of the first seed."""
-    cell, runs = trial.first_runs(run.settings, run.seeds[0])
-    write_csv(runs, cell.arm, run.folder / "dataset.csv")
-
-
 STUDY = Study(
     name="model_error",
     about="Identify an arm that does what the model does not know, with noise and without.",
@@ -257,6 +228,6 @@ STUDY = Study(
     report=report,
     printed=("noisy",),
     figures=figures,
-    write=write,
+    write=writes(trial.first_runs),
     size=2,
 )

@@ -6,34 +6,18 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS, distinct
-from testbench.bench.campaign import build_cell, stream
 from testbench.bench.default import DEFAULT
 from testbench.bench.rows import UM
-from testbench.bench.truths import member, true_cell
-from testbench.data.csvfile import write_csv
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import DUELS, ERROR, RMS
-from testbench.studies.factorial.trial import FitRow, reread
+from testbench.studies.factorial.trial import FitRow, writes
 from testbench.studies.noise_sensitivity import trial
-from testbench.studies.noise_sensitivity.trial import (
-    FLAT,
-    FLAT_SIGMA,
-    HEAVY,
-    INSTRUMENT,
-    LIGHT,
-    NEAR,
-    UNWEIGHTED,
-    WEIGHTED,
-    Options,
-    Settings,
-    campaigns,
-)
-from testbench.studies.study import Run, Study
+from testbench.studies.noise_sensitivity.trial import HEAVY, INSTRUMENT, NEAR, Options, Settings
+from testbench.studies.study import Study
 from testbench.trials.spread import middle, span
-from testbench.views.colours import GCO, GREY, SERIES, Look
 from testbench.views.figure import Figure, sweeps
 from testbench.views.markdown import Markdown
 from testbench.views.schema import ALIKE, Table
@@ -41,7 +25,7 @@ from testbench.views.schema import ALIKE, Table
 PARTS = {"gravity": "KR 500, 8 poses", "six_dof": "108 runs of section 5.2"}
 TRACKER_UM = {"gravity": 50.0, "six_dof": 25.0}  #: Noise of the paper's trackers, sections 6 and 5.2.
 JUDGED = {"gravity": "workspace", "six_dof": "check"}
-BANDS = (JOINTS, "MLS56", "MGCO56", DEFAULT, WEIGHTED)
+BANDS = (JOINTS, "MLS56", "MGCO56", DEFAULT)
 """Lines whose spread is drawn: all of them would cover one another."""
 HOW = Markdown(
     "## How it was done\n\n"
@@ -69,10 +53,9 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         sigmas_um=[UM * sigma for sigma in asked.sigmas],
         **{key: Row({part: own[key] for part, own in parts.items()}) for key in parts["gravity"]},
         instruments=compare.cells(read.where(name=INSTRUMENT), "truth", "instrument", "distance_m"),
-        instruments_by=INSTRUMENT,
         near_m=NEAR,
         weighted_over_flat=compare.duels(
-            read, [(WEIGHTED, UNWEIGHTED)], "truth", "name", "distance_m", of="instrument"
+            read, [(trial.WEIGHTED, trial.UNWEIGHTED)], "truth", "name", "distance_m", of="instrument"
         ),
         models=[
             model
@@ -186,43 +169,19 @@ def _tables(f: Row) -> dict[str, Table]:
 
 
 def figures(found: Report) -> dict[str, Figure]:
-    """Error against noise for both arms, and against distance for the instruments."""
-    f = Row(found.numbers)
-    name, sigma, instrument, distance = columns("name sigma_um instrument distance_m")
+    """Error against noise for both arms."""
+    f, shown = Row(found.numbers), (*columns("name sigma_um"), RMS)
     panes = {
-        words: Table(
-            (name, sigma, RMS), [row for row in compare.existing(f.sweeps[part]) if row.sigma_um > 0]
-        )
+        words: Table(shown, [row for row in compare.existing(f.sweeps[part]) if row.sigma_um > 0])
         for part, words in PARTS.items()
     }
-    read = [row for row in f.instruments if row.truth == "linear"]
-    stations = sorted({row.distance_m for row in read} - {0.0})
-    flat = [Row(row, distance_m=x) for row in read if row.instrument == FLAT for x in stations]
-    rows = [*(row for row in read if row.distance_m > 0), *flat]
-    names = dict.fromkeys(row.instrument for row in rows)
-    looks = {name: Look(c, k, prior=False) for k, (name, c) in enumerate(zip(names, SHADES, strict=False))}
-    panes[f"laser tracker, KR 500, {INSTRUMENT}, linear truth"] = Table(
-        (instrument, distance, RMS), rows, looks=looks
-    )
-    counts = [f.trials[part] for part in (*PARTS, "instrument")]
+    counts = [f.trials[part] for part in PARTS]
     reading = (
-        f"RMS errors against the truth. Marks: medians of {', '.join(map(str, counts))} trials; bands, of "
+        f"RMS errors against the truth. Marks: medians of {' and '.join(map(str, counts))} trials; bands, of "
         f"some: {span(min(counts))} of them. Filled and dashed: with a prior."
     )
     answer = f"{_at(f, 'gravity')} {compare.gains_told(f.gains.gravity)}"
     return {"noise_sensitivity.png": sweeps(panes, answer, reading, BANDS)}
-
-
-SHADES = (GCO, GREY, *SERIES[1:])
-"""Of the instruments, which are all read by one model; the second has flat weights."""
-
-
-def write(run: Run[Settings]) -> None:
-    """dataset.csv of the first seed."""
-    seed = run.seeds[0]
-    cell = true_cell(build_cell(find_arm(HEAVY)), member(run.settings.true_arm, seed), seed)
-    clean = campaigns(cell, seed)[1].identification
-    write_csv(reread(clean, FLAT_SIGMA, stream(seed, 1)), cell.arm, run.folder / "dataset.csv")
 
 
 STUDY = Study(
@@ -231,11 +190,11 @@ STUDY = Study(
     options=Options,
     settings=trial.settings,
     seeds=(1000, 4),
-    arms=lambda _: [find_arm(LIGHT), find_arm(HEAVY)],
+    arms=lambda _: [find_arm(trial.LIGHT), find_arm(HEAVY)],
     row=FitRow,
     trials=trial.trials,
     report=report,
     printed=tuple(PARTS),
     figures=figures,
-    write=write,
+    write=writes(trial.first_runs),
 )

@@ -115,7 +115,7 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
         if gravity or instruments:
             cell = true_cell(heavy, arm, seed)
             models = with_wrong_priors(heavy, heavy_plain, GRAVITY_PRIOR, seed)
-            linear, bent = campaigns(cell, seed)
+            linear, bent = _campaigns(cell, seed)
         if gravity:
             levels = _levels(asked, "gravity", arm, bent)
             rows += judged(cell, levels, fitted(cell, models, levels))
@@ -126,12 +126,18 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
     return found
 
 
-def campaigns(cell: Cell, seed: int) -> list[Campaign]:
+def _campaigns(cell: Cell, seed: int) -> list[Campaign]:
     """Campaigns under gravity without noise, in the same poses: linear truth, then non-linear."""
     bent = Scenario(arm=HEAVY, noise=False)
     poses = draw_poses(cell, bent, seed)
     linear = bent.model_copy(update={"truth": "linear"})
     return [simulate_at(cell, scenario, seed, poses) for scenario in (linear, bent)]
+
+
+def first_runs(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
+    """The heavy arm and its noisy runs of a seed."""
+    cell = true_cell(build_cell(find_arm(HEAVY)), member(asked.true_arm, seed), seed)
+    return cell, reread(_campaigns(cell, seed)[1].identification, FLAT_SIGMA, stream(seed, 1))
 
 
 def _levels(asked: Settings, part: str, arm: str, campaign: Campaign) -> list[Case]:

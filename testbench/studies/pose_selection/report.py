@@ -12,8 +12,7 @@ from testbench.bench.candidates import REASONS
 from testbench.bench.rows import MM
 from testbench.bench.truths import CALLED, TRUTHS
 from testbench.bench.wrong_prior import SCALE, SHAPE, UNCERTAINTY
-from testbench.commands.plan_drawn import ORDER, OURS, World
-from testbench.commands.plan_drawn import SCALE as UNSCALED
+from testbench.commands.plan_drawn import ORDER, OURS, UNSCALED, World
 from testbench.data.csvfile import write_csv
 from testbench.design.rows import deflection_rows
 from testbench.design.specification import promise_of
@@ -36,8 +35,7 @@ from testbench.views.scene import Line, PlaceMap, RunChart, Scene, Seen
 from testbench.views.schema import Table, best_of
 
 ENOUGH = 0.1  #: Error at the tasks that a campaign is to reach [mm].
-STEP, LITTLE = 4, 0.10
-"""So many more poses that take less than this share off the error are not worth a hoist."""
+STEP, LITTLE = 4, 0.10  #: So many more poses that take less than this share off are not worth a hoist.
 CRITERIA = "plan efficiency_percent expected_tasks_mm tasks_mm workspace_mm"
 OF_CRITERIA = Markdown(
     "RMS errors. *test* counts the error at the tasks, I that over the workspace, G the largest there; D the "
@@ -175,7 +173,6 @@ def _ground(asked: Settings, trials: Trials) -> Iterator[Row]:
         yield Row(
             ground=ground,
             fit=fit.name,
-            poses=n,
             expected_tasks_mm=asked.scene.plan("test", n, fit.name).expected_tasks_mm,
             tasks=_against(*(own["tasks_mm"] for own in ways)),
             workspace=_against(*(own["workspace_mm"] for own in ways)),

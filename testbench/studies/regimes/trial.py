@@ -15,19 +15,19 @@ from testbench.arm.catalogue import find_arm
 from testbench.bench.campaign import Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.bench.full_pose import FullPose
 from testbench.bench.full_pose import simulate as simulate_full_pose
-from testbench.bench.rows import UM, DatasetRow, dataset_row
+from testbench.bench.rows import UM, dataset_row
 from testbench.bench.truths import TRUTHS, true_cell
 from testbench.data.dataset import Dataset, Mask, select
 from testbench.errors import Array, BenchError
-from testbench.identify import Estimate, reduce
+from testbench.identify import reduce
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import RANK_TOLERANCE, Regression
 from testbench.identify.regularised import fit_each
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
-from testbench.studies.factorial.trial import reread
-from testbench.studies.regimes.fits import Compared, with_prior, without_prior
+from testbench.studies.factorial.trial import Case, FitRow, judged, reread
+from testbench.studies.regimes.fits import with_prior, without_prior
 
 Kind = Literal["gravity", "full_pose"]
 """A weight and three markers (section 6), or wrenches along all axes and the tool's full pose (5.2)."""
@@ -56,6 +56,9 @@ FEATURED_POSES, FEATURED_SIGMA = 8, 50e-6  #: Of section 6: the cell whose model
 NONE = "none"
 PRIORS = {"30 %": Strength(0.3), "300 %": Strength(3.0)}
 """How firmly the CAD prior is believed, by name; it is right where the truth is tubes."""
+GCO, SQUARES, JOINTS = "GCO", "least squares", "joints alone"
+EQUAL, LENT = "PSD of equal fit", "same free directions"
+"""Least squares that is conservative if it can be at equal fit, and with GCO's free directions."""
 ONE = np.sqrt(0.5)  #: Sigma of a reading at which F_M is the RMS distance itself [m].
 
 
@@ -88,29 +91,14 @@ class Settings:
         return {"gravity": self.gravity, "full_pose": self.full_pose}
 
 
-@dataclass(frozen=True)
-class CellRow:
-    """One structure in one cell of one arm."""
+@dataclass(frozen=True, kw_only=True)
+class MethodRow(FitRow):
+    """One method in one cell: `name` is the method, `structure` that of the compared models."""
 
-    kind: Kind  #: What is loaded and read.
-    true_arm: str  #: Its kind.
-    structure: str  #: Of the compared models.
     uncertainty: str  #: Of the CAD prior, the same for both, or none.
-    poses: int
-    sigma_um: float  #: Noise of a reading along an axis.
-    ls_um: float  #: RMS error over the workspace of least squares.
-    gco_um: float
-    equal_um: float | None  #: Least squares, conservative if it can be at equal fit; None with a prior.
-    lent_um: float | None  #: Least squares with GCO's free directions; None with a prior.
-    joints_um: float  #: Joints alone, least squares without prior: the incumbent.
-    ls_fitted_um: float  #: RMS error in the fitted runs, against the truth.
-    gco_fitted_um: float
-    conservative: bool  #: Whether least squares is.
     binds: bool  #: Whether the cone changes the fit: nothing conservative fits as well as least squares.
     expected: float  #: Error that noise is expected to leave least squares, over the deflection GCO predicts.
     free: int  #: Directions that the data do not see.
-    solved: bool  #: Whether GCO is.
-    measured: DatasetRow | None = None  #: The dataset, of one row a trial.
 
 
 def settings(options: Options, quick: bool, _: range) -> Settings:
@@ -131,8 +119,8 @@ def settings(options: Options, quick: bool, _: range) -> Settings:
     return replace(found, judged=40, gravity=gravity, full_pose=full_pose)
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[CellRow]]:
-    """Rows of some seeds, one a structure, truth, prior and cell of the grids."""
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[MethodRow]]:
+    """Rows of some seeds, one a method, structure, truth, prior and cell of the grids."""
     cells = {kind: build_cell(find_arm(grid.arm)) for kind, grid in asked.grids.items()}
     found = []
     for seed in seeds:
@@ -191,6 +179,12 @@ MEASURE: Mapping[Kind, Callable[[Cell, Grid, int, Sequence[str], int], list[Clea
 """Of an arm, its grid, the poses to judge by, names of truths and a seed: what is true, a truth each."""
 
 
+def first(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
+    """The arm, and the runs of the featured cell of a trial's first true arm."""
+    cell = build_cell(find_arm(asked.gravity.arm))
+    return cell, first_runs(cell, asked, seed)
+
+
 def first_runs(cell: Cell, asked: Settings, seed: int) -> Dataset:
     """The runs of the featured cell, of a trial's first arm."""
     grid = replace(asked.gravity, sigmas=(FEATURED_SIGMA,))
@@ -198,69 +192,38 @@ def first_runs(cell: Cell, asked: Settings, seed: int) -> Dataset:
     return clean.read(replace(grid, poses=(FEATURED_POSES,)))[0]
 
 
-def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[CellRow]:
+def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[MethodRow]:
     """Rows of one kind of reading."""
     grid, prior, truths = asked.grids[kind], cad_prior(cell.arm), asked.arms(seed)
-    arms = MEASURE[kind](cell, grid, asked.judged, truths, seed)
     structures = [make(cell.arm) for make in STRUCTURES]
-    for truth, clean in zip(truths, arms, strict=True):
+    for truth, clean in zip(truths, MEASURE[kind](cell, grid, asked.judged, truths, seed), strict=True):
         data = clean.read(grid)
-        own = [reduce(cell.vjm, joints_only(cell.arm), runs) for runs in data]
-        joints = anywhere(cell.vjm, clean, fit_each(own, "none", [None] * len(own)))
+        factors = [{"part": kind, "true_arm": truth, "poses": n, "sigma_um": UM * s} for n, s in grid.cells]
+        cases = [Case(runs, clean.judge, own) for runs, own in zip(data, factors, strict=True)]
+        alone = [reduce(cell.vjm, joints_only(cell.arm), runs) for runs in data]
+        joints = fit_each(alone, "none", [None] * len(data))
         for structure in structures:
             own = [reduce(cell.vjm, structure, runs) for runs in data]
             found = {NONE: without_prior(own)}
             found |= {name: with_prior(cell.vjm, own, prior, believed) for name, believed in PRIORS.items()}
             noise = expected(cell.vjm, clean, grid, own)
             for name, compared in found.items():
-                columns = {"joints_um": joints, **_columns(cell.vjm, clean, grid, compared, noise)}
-                for k, (poses, sigma) in enumerate(grid.cells):
-                    yield CellRow(
-                        kind=kind,
-                        true_arm=truth,
-                        structure=structure.name,
-                        uncertainty=name,
-                        poses=poses,
-                        sigma_um=UM * sigma,
-                        **{column: cells[k] for column, cells in columns.items()},  # type: ignore[arg-type]
+                moved = all_deflections(cell.vjm, compared.gco, clean.judge)
+                share = noise / (UM * np.sqrt(np.square(moved).sum(axis=3).mean(axis=(1, 2))))
+                fits = {GCO: compared.gco, SQUARES: compared.ls, JOINTS: joints}
+                fits |= (
+                    {EQUAL: compared.equal, LENT: compared.lent} if compared.equal and compared.lent else {}
+                )
+                for k, row in enumerate(judged(cell, cases, fits)):
+                    at = k // len(fits)
+                    known = {"structure": structure.name, "uncertainty": name}
+                    known |= {"constraint": "free"} if row.name == EQUAL else {}
+                    yield MethodRow(
+                        **{**vars(row), **known},
+                        binds=compared.binds[at],
+                        expected=float(share[at]),
+                        free=structure.n - compared.ls[at].regression.rank,
                     )
-
-
-def _columns(
-    vjm: Vjm, clean: Clean, grid: Grid, found: Compared, noise: Array
-) -> dict[str, Array | Sequence[object]]:
-    """What is told of all fits by column of a row, a cell each."""
-    none = [None] * len(found.ls)
-    return {
-        "ls_um": anywhere(vjm, clean, found.ls),
-        "gco_um": anywhere(vjm, clean, found.gco),
-        "equal_um": anywhere(vjm, clean, found.equal) if found.equal else none,
-        "lent_um": anywhere(vjm, clean, found.lent) if found.lent else none,
-        "ls_fitted_um": _fitted(vjm, clean, grid, found.ls),
-        "gco_fitted_um": _fitted(vjm, clean, grid, found.gco),
-        "conservative": [estimate.conservative for estimate in found.ls],
-        "binds": found.binds,
-        "expected": noise / _rms(all_deflections(vjm, found.gco, clean.judge)),
-        "free": [estimate.structure.n - estimate.regression.rank for estimate in found.ls],
-        "solved": [estimate.status == "solved" for estimate in found.gco],
-    }
-
-
-def _rms(vectors: Array) -> Array:
-    """Of vectors over runs and markers, (models, runs, m, 3) [m], a model each [um]."""
-    return np.asarray(UM * np.sqrt(np.square(vectors).sum(axis=3).mean(axis=(1, 2))))
-
-
-def anywhere(vjm: Vjm, clean: Clean, estimates: Sequence[Estimate]) -> Array:
-    """RMS error in poses never measured, of an estimate a cell, (cells,) [um]."""
-    return _rms(all_deflections(vjm, estimates, clean.judge) - clean.judge.deflection)
-
-
-def _fitted(vjm: Vjm, clean: Clean, grid: Grid, estimates: Sequence[Estimate]) -> Array:
-    """RMS error in the runs that each was identified from, against the truth, (cells,) [um]."""
-    error = all_deflections(vjm, estimates, clean.runs) - clean.runs.deflection
-    first = [clean.first(poses) for poses, _ in grid.cells]
-    return np.array([_rms(own[None, k])[0] for own, k in zip(error, first, strict=True)])
 
 
 def expected(vjm: Vjm, clean: Clean, grid: Grid, regressions: Sequence[Regression]) -> Array:

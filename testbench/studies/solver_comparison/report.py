@@ -12,7 +12,7 @@ from testbench.identify.factorised import CLOSE
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, merged, number
-from testbench.studies.solver_comparison.trial import ARM, Settings
+from testbench.studies.solver_comparison.trial import ARM, SCENARIO, SHORT_GENERATIONS, Options
 from testbench.studies.study import Run
 from testbench.trials.spread import middle
 from testbench.views.colours import GCO, SERIES, Look
@@ -56,7 +56,7 @@ READING = Markdown(
 )
 
 
-def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+def report(asked: Options, seeds: range, trials: Trials) -> Report:
     """Medians and spreads of every solver."""
     ran, own = trials.pick(trials["key"] != ""), trials.pick(np.isfinite(trials["data.model.f_m"]))
     bound = own["data.model.f_m"] - own["data.model.f_m_excess_bound"]
@@ -67,8 +67,8 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         arm=ARM,
         model=asked.model,
         m=asked.m,
-        noise=asked.scenario.noise,
-        truth=asked.scenario.truth,
+        noise=SCENARIO.noise,
+        truth=SCENARIO.truth,
         dataset=data.measured,
         solvers=solvers,
         models=[Row(data.model, paper=None)],
@@ -96,11 +96,11 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     )
 
 
-def _solvers(asked: Settings, ran: Trials) -> Iterator[Row]:
+def _solvers(asked: Options, ran: Trials) -> Iterator[Row]:
     """A row a solver; a time to 1 % is of those seeds in which it came there."""
     names = {
         "a": f"genetic algorithm of up to {asked.generations} generations, then global search (the paper)",
-        "a'": f"the same with {asked.short_generations} generations",
+        "a'": f"the same with {SHORT_GENERATIONS} generations",
         "b": "one local solve over b, analytic gradient",
         "b'": "one local solve over b, finite differences",
         "c": f"{asked.starts} local solves over b",
@@ -207,8 +207,8 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def write(run: Run[Settings]) -> None:
+def write(run: Run[Options]) -> None:
     """dataset.csv of the first seed."""
     cell = build_cell(find_arm(ARM))
-    campaign = simulate(cell, run.settings.scenario, run.seeds[0])
+    campaign = simulate(cell, SCENARIO, run.seeds[0])
     write_csv(campaign.identification, cell.arm, run.folder / "dataset.csv")

@@ -38,6 +38,9 @@ from testbench.identify.search import Budget, explore
 from testbench.studies.six_dof_arm.trial import Judged, Measured, judged, measured
 
 ARM = "arm_6r"
+SIGMA = math.sqrt(0.5) * 25e-6  #: The paper's is that of a deflection, a difference of two readings [m].
+SCENARIO = FullPose(arm=ARM, sigma=SIGMA, sigma_rotation=10 * SIGMA, least=9e-3, most=41e-3)
+SHORT_GENERATIONS = 20  #: Of the short variant of the paper's optimiser.
 QUICK_GENERATIONS, QUICK_STARTS = 60, 5
 WITHIN = 1.01  #: F_M over the least one at which a solver is called there: within 1 %.
 REPEATS = 5  #: Calls of a conic program, of which the median time counts; one more comes first, not timed.
@@ -47,7 +50,7 @@ DIFFERENCE = math.sqrt(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Options:
-    """Flags of the study."""
+    """Flags of the study, and what is tried."""
 
     model: Annotated[str, typer.Option(help="A GCO model of the paper.")] = "MGCO69"
     m: Annotated[int, typer.Option(min=1, max=6, help="Order of the vector space.")] = LARGEST_ORDER
@@ -55,25 +58,6 @@ class Options:
     trial_points: Annotated[int, typer.Option(min=1, help="Of the global search.")] = 1000
     starts: Annotated[int, typer.Option(min=1, help="Local solves of the multistart.")] = 10
     scs: Annotated[bool, typer.Option("--scs", help="SCS by way of cvxpy too (make bench has it).")] = False
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What is tried."""
-
-    scenario: FullPose  #: What is measured.
-    model: str  #: A GCO model by its name in the paper.
-    m: int  #: Order of the vector space of the solvers over b.
-    generations: int  #: Most generations of the paper's optimiser.
-    trial_points: int  #: Trial points of its global search.
-    starts: int  #: Local solves of the multistart.
-    scs: bool  #: Whether SCS solves it too, by way of cvxpy.
-    short_generations: int = 20  #: Generations of the short variant of the paper's optimiser.
-
-    def budget(self, generations: int) -> Budget:
-        """The search with that many generations."""
-        stage_one = min(Budget().stage_one_points, self.trial_points)
-        return Budget(generations=generations, trial_points=self.trial_points, stage_one_points=stage_one)
 
 
 @dataclass(frozen=True)
@@ -189,7 +173,7 @@ def gco_model(cell: Cell, name: str) -> Model:
     return model
 
 
-def settings(options: Options, quick: bool, _: range) -> Settings:
+def settings(options: Options, quick: bool, _: range) -> Options:
     """What the flags ask for.
 
     Raises:
@@ -198,27 +182,21 @@ def settings(options: Options, quick: bool, _: range) -> Settings:
     gco_model(build_cell(find_arm(ARM)), options.model)
     if options.scs:
         cvxpy("SCS")
-    sigma = math.sqrt(0.5) * 25e-6  # the paper's are those of a deflection, a difference of two readings
-    return Settings(
-        scenario=FullPose(arm=ARM, sigma=sigma, sigma_rotation=10 * sigma, least=9e-3, most=41e-3),
-        model=options.model,
-        m=options.m,
-        generations=min(options.generations, QUICK_GENERATIONS) if quick else options.generations,
-        trial_points=options.trial_points,
-        starts=min(options.starts, QUICK_STARTS) if quick else options.starts,
-        scs=options.scs,
-    )
+    if not quick:
+        return options
+    generations, starts = min(options.generations, QUICK_GENERATIONS), min(options.starts, QUICK_STARTS)
+    return replace(options, generations=generations, starts=starts)
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[TrialRow]]:
+def trials(asked: Options, seeds: Sequence[int]) -> list[list[TrialRow]]:
     """Rows of some seeds."""
     cell = build_cell(find_arm(ARM))
     model = gco_model(cell, asked.model)
     return [list(_trial(cell, model, asked, seed)) for seed in seeds]
 
 
-def _trial(cell: Cell, model: Model, asked: Settings, seed: int) -> Iterator[TrialRow]:
-    campaign = simulate(cell, asked.scenario, seed)
+def _trial(cell: Cell, model: Model, asked: Options, seed: int) -> Iterator[TrialRow]:
+    campaign = simulate(cell, SCENARIO, seed)
     conic = _repeated("d", gco, cell, model, campaign)
     found = [*_factor_solvers(cell, model, asked, campaign), conic]
     if asked.scs:
@@ -240,11 +218,17 @@ def _repeated(key: str, estimator: Estimator, cell: Cell, model: Model, campaign
     return sorted(calls[1:], key=lambda call: call.seconds)[REPEATS // 2]
 
 
-def _factor_solvers(cell: Cell, model: Model, asked: Settings, campaign: Campaign) -> list[Solved]:
+def _factor_solvers(cell: Cell, model: Model, asked: Options, campaign: Campaign) -> list[Solved]:
     """The solvers over b: the paper's, long and short, and local solves from random starts."""
+    points = asked.trial_points
+    first = min(Budget().stage_one_points, points)
+    long, short = (
+        search(Budget(generations=n, trial_points=points, stage_one_points=first))
+        for n in (asked.generations, SHORT_GENERATIONS)
+    )
     runs: tuple[Search, ...] = (
-        ("a", search(asked.budget(asked.generations)), 10),
-        ("a'", search(asked.budget(asked.short_generations)), 10),
+        ("a", long, 10),
+        ("a'", short, 10),
         ("b", local_solves(1), 11),
         ("b'", differences, 11),  # from the same start
         ("c", local_solves(asked.starts), 12),
@@ -252,7 +236,7 @@ def _factor_solvers(cell: Cell, model: Model, asked: Settings, campaign: Campaig
     return [_searched(cell, model, asked, campaign, run) for run in runs]
 
 
-def _searched(cell: Cell, model: Model, asked: Settings, campaign: Campaign, run: Search) -> Solved:
+def _searched(cell: Cell, model: Model, asked: Options, campaign: Campaign, run: Search) -> Solved:
     key, solver, random = run
     way: list[tuple[float, float]] = []
     start = perf_counter()

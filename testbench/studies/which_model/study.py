@@ -7,26 +7,24 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import build_cell, draw_poses, simulate_at
 from testbench.bench.rows import UM
-from testbench.bench.truths import CALLED, TRUTH_WORDS, TRUTHS, true_cell
+from testbench.bench.truths import CALLED, TRUTH_WORDS, TRUTHS
 from testbench.bench.wrong_prior import PRIOR_WORDS, PRIORS, PRIORS_CALLED, RIGHT
-from testbench.data.csvfile import write_csv
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Cells, Row, Trials, find, merged, number
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import MARGIN, RMS
-from testbench.studies.study import Run, Study
+from testbench.studies.factorial.trial import writes
+from testbench.studies.study import Study
 from testbench.studies.which_model import trial
 from testbench.studies.which_model.trial import CHOSEN, RUNS, Options, Settings
-from testbench.trials.spread import middle, span, spans
+from testbench.trials.spread import span, spans
 from testbench.views.colours import CHOICE, Look, look
 from testbench.views.figure import Figure, forest
 from testbench.views.markdown import Markdown, counted, listed
 from testbench.views.schema import Table, pivot
 
-SHOWN = "cast"  #: The true arm whose readings are left as a dataset.
 IN_ORDER = {"prior_error": PRIORS, "true_arm": TRUTHS}
 """Words that trials meet in other orders than a reader."""
 BESIDE = ("over_joints", "loses", "over_least", "best_in")
@@ -36,17 +34,13 @@ SAID = ("doubted", "told", "unchecked", "otherwise", "either")  #: Columns of wh
 PROMISES = f"where cases covered_percent half_mm over_ideal {' '.join(SAID)}"
 HOW = Markdown(
     "## How it was done\n\n"
-    "Over joints alone: error over error, case by case. A method loses where its error is more than "
-    f"{100 * MARGIN:g} % above that of joints alone. The default is averaged with joint stiffness only, "
-    "weighted by the evidence of the readings. `--stiffer` asks the same of arms whose links are stiffer.\n\n"
-    "Every component of deflection in every pose of the workspace has its interval of 95 %. Covered: the "
-    "share of true components inside. Half width: the median over components. Ideal: the narrowest "
-    "intervals, all alike in a case, that cover 95 %. The tails of the intervals come from other seeds (1 "
-    "to 24) of this very family, so the coverage is that of arms of its kind.\n\n"
-    "With the right prior a doubt is a false alarm where the true links are tubes; elsewhere the folder "
-    "itself is wrong. A wrong link that no reading checks cannot be contradicted: then it should be named. "
-    "Names tell something only where a link is named more often when it is wrong than when another one is. "
-    "A link's deflection is its own over the whole, RMS over the workspace, of the true arm."
+    "The default is averaged with joint stiffness only, weighted by the evidence of the readings. "
+    "`--stiffer` asks the same of arms whose links are stiffer. Covered: the share of true components of "
+    "deflection inside their intervals of 95 %. Half width: the median over components. Ideal: the "
+    "narrowest intervals, all alike in a case, that cover 95 %. The tails of the intervals come from other "
+    "seeds (1 to 24) of this family, so the coverage is that of arms of its kind. With the right prior a "
+    "doubt is a false alarm where the true links are tubes; elsewhere the folder itself is wrong. Names "
+    "tell something only where a link is named more often when it is wrong than when another one is."
 )
 
 
@@ -74,32 +68,33 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         gains={n: _gains(every.where(poses=n), family) for n in counts},
         family=family,
         by_truth=by_arm,
-        by_prior=compare.cells(every, "prior_error", "poses", also=BESIDE),
         cells=compare.cells(default, "true_arm", "prior_error", "poses", also=BESIDE),
         worst=_worst(default),
-        chosen=_chosen(default),
         promises=list(_promises(every)),
-        truths=_truths(default),
-        priors=PRIOR_WORDS,
     )
-    f["worst_arm"] = _worst_arm(f)
     question = "{arm}: which method should an engineer use by default with {which} poses?"
     return Report(
         scenario=STUDY.name,
         question=say(question, f, which=listed([str(n) for n in counts], "or")),
         title=_title(f),
         answer=lines([f"{counts[0]} poses:", *compare.beside_rivals(f.gains[counts[0]], "case")]),
-        worst=lines(_where_worst(f)),
+        worst=say(
+            "Worst case beside joints alone: {arm}, prior {prior}, {poses} poses: {rms_um:.0f} um, "
+            "{over_joints:.2f} times theirs.",
+            f.worst,
+            arm=CALLED[f.worst.true_arm],
+            prior=PRIORS_CALLED[f.worst.prior_error],
+        ),
         claims=list(_claims(f)),
         numbers=f,
         tables=(tables := _tables(f)),
-        body=[*tables, HOW, _families(f)],
+        body=[*tables, HOW, _families()],
     )
 
 
 def _gains(own: Trials, family: Sequence[Row]) -> Row:
     """The default beside least squares and joints alone, case by case, at one number of poses."""
-    cases = own.add(seed=[f"{seed} {arm}" for seed, arm in zip(own["seed"], own["true_arm"], strict=True)])
+    cases = compare.by_case(own, "true_arm")
     return compare.gains(cases, [m for m in family if m.poses == own["poses"][0]], CHOSEN)
 
 
@@ -107,28 +102,6 @@ def _worst(default: Trials) -> Row:
     """The default's case of largest error beside joints alone."""
     [row] = merged(default.pick(np.array([default["over_joints"].argmax()])))
     return row
-
-
-def _worst_arm(f: Row) -> Row:
-    """The true arm of the default's largest median error with the fewest poses, and others' there."""
-    few = f.poses[0]
-    um = {(m.true_arm, m.name): middle(m.rms_um) for m in f.by_truth if m.poses == few}
-    arm = max((arm for arm, name in um if name == CHOSEN), key=lambda arm: um[arm, CHOSEN])
-    names = {"default": CHOSEN, "least_squares": f.gains[few].least_squares.theirs, "joints": JOINTS}
-    return Row(true_arm=arm, poses=few, **{f"{key}_um": um[arm, name] for key, name in names.items()})
-
-
-def _chosen(default: Trials) -> list[Row]:
-    """How often the default chose a method."""
-    at = {n: len(own) for (n,), own in default.groups("poses")}
-    groups = sorted((key, len(own)) for key, own in default.groups("poses", "chosen"))
-    return [Row(poses=int(n), chosen=name, cases=own, share=own / at[n]) for (n, name), own in groups]
-
-
-def _truths(default: Trials) -> list[Row]:
-    """True arms over all trials."""
-    once = default.where(poses=default["poses"][0]).keep("true_arm", "off_tubes_percent", "cad_um")
-    return [Row(row, what=TRUTH_WORDS[row.true_arm]) for row in merged(once, "true_arm")]
 
 
 def _promises(every: Trials) -> Iterator[Row]:
@@ -200,26 +173,9 @@ def _title(f: Row) -> Markdown:
         f"{{arms}} true arms, each with another of {{known}} priors. Medians ({{ends}} of cases).{stiffer}",
         f,
         counted=counted(f.trials, "trial"),
-        arms=len(f.truths),
-        known=len(f.priors),
+        arms=len(TRUTHS),
+        known=len(PRIORS),
         ends=span(f.cases),
-    )
-
-
-def _where_worst(f: Row) -> Iterator[str]:
-    """With which true arm, and in which case, the default errs most."""
-    yield say(
-        "Worst with {arm}, {poses} poses, medians: default {default_um:.0f} um, least squares "
-        "{least_squares_um:.0f} um, joints alone {joints_um:.0f} um.",
-        f.worst_arm,
-        arm=CALLED[f.worst_arm.true_arm],
-    )
-    yield say(
-        "Worst case beside joints alone: {arm}, prior {prior}, {poses} poses: {rms_um:.0f} um, "
-        "{over_joints:.2f} times theirs.",
-        f.worst,
-        arm=CALLED[f.worst.true_arm],
-        prior=PRIORS_CALLED[f.worst.prior_error],
     )
 
 
@@ -277,17 +233,12 @@ def _looks(rows: Sequence[Row]) -> dict[str, Look]:
     return {m.name: CHOICE if m.name == CHOSEN else look(m.structure, m.constraint, m.prior) for m in rows}
 
 
-def _families(f: Row) -> Markdown:
+def _families() -> Markdown:
     """True arms and priors, a line each."""
-    arms = [
-        say(
-            "- {arm}: {what}; off tubes by {off_tubes_percent:~.0f} %; the folder errs {cad_um:~.0f} um.",
-            row,
-            arm=CALLED[row.true_arm],
-        )
-        for row in f.truths
-    ]
-    priors = [say("- {name}: {what}.", name=PRIORS_CALLED[key], what=what) for key, what in f.priors.items()]
+    arms, priors = (
+        [say("- {name}: {what}.", name=called[key], what=what) for key, what in words.items()]
+        for called, words in ((CALLED, TRUTH_WORDS), (PRIORS_CALLED, PRIOR_WORDS))
+    )
     return Markdown("\n".join(["## True arms\n", *arms, "\n## Priors\n", *priors]))
 
 
@@ -310,14 +261,6 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def write(run: Run[Settings]) -> None:
-    """dataset.csv of the first seed."""
-    asked, seed = run.settings, run.seeds[0]
-    cell, scenario = build_cell(find_arm(asked.arm)), trial.scenario(asked)
-    campaign = simulate_at(true_cell(cell, SHOWN, seed), scenario, seed, draw_poses(cell, scenario, seed))
-    write_csv(trial.read(campaign)[-1], cell.arm, run.folder / "dataset.csv")
-
-
 STUDY = Study(
     name="which_model",
     about="Identify a family of true arms with every method, from few and many poses and with wrong priors.",
@@ -330,5 +273,5 @@ STUDY = Study(
     report=report,
     printed=("short",),
     figures=figures,
-    write=write,
+    write=writes(trial.first_runs),
 )

@@ -19,13 +19,13 @@ from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, draw_
 from testbench.bench.default import choose, with_priors
 from testbench.bench.models import MODELS, Model
 from testbench.bench.rows import MM, UM
-from testbench.bench.truths import TRUTHS, distance_from_tubes, true_cell
+from testbench.bench.truths import TRUTHS, true_cell
 from testbench.bench.wrong_prior import PRIORS, prior_of, wrong_link
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array
 from testbench.identify import Estimate, intervals, least_squares
 from testbench.identify.contradiction import contradicted, unchecked
-from testbench.identify.evaluate import all_deflections, score
+from testbench.identify.evaluate import all_deflections
 from testbench.identify.hierarchy import KIND
 from testbench.identify.intervals import CONFIDENCE
 from testbench.identify.metric import metric
@@ -38,6 +38,7 @@ RUNS = 2  #: In every pose.
 QUICK_WORKSPACE = 40
 CHOSEN = "default"  #: What `bench.default` chooses from the readings.
 PLAIN = (JOINTS, "MLS56", "MGCO56", "MGCO68")
+SHOWN = "cast"  #: The true arm whose readings are left as a dataset.
 COVERED = (CHOSEN, JOINTS, "MGCO56 + prior", "ALL153 + prior")
 """Whose intervals are judged; those of joints alone show what noise alone would promise."""
 
@@ -84,8 +85,6 @@ class Doubted:
 class MethodRow(FitRow):
     """One method in one case."""
 
-    off_tubes_percent: float  #: Median distance of the true links from tubes.
-    cad_um: float  #: RMS error over the workspace of the folder's compliances as they are.
     wrong: str | None  #: What is ten times off in the prior: a link's name, or "joints"; None for nothing.
     #: Of a wrong link: RMS of the true deflection over the workspace that is its own, over the whole [1].
     link_share: float | None
@@ -153,6 +152,13 @@ def read(campaign: Campaign) -> list[Dataset]:
     return [select(every, every.pose <= poses) for poses in POSES]
 
 
+def first_runs(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
+    """The arm and its runs of a seed, in many poses."""
+    cell, own = build_cell(find_arm(asked.arm)), scenario(asked)
+    campaign = simulate_at(true_cell(cell, SHOWN, seed), own, seed, draw_poses(cell, own, seed))
+    return cell, read(campaign)[-1]
+
+
 def _rows(
     cell: Cell, models: Sequence[Model], cases: Sequence[Case], prior: Prior, seed: int
 ) -> Iterator[MethodRow]:
@@ -161,15 +167,11 @@ def _rows(
     fits = {CHOSEN: [own.estimate for own in chosen], **fitted(cell, models, cases)}
     truth, far = cases[0].judge, PRIORS[str(cases[0].factors["prior_error"])].far
     link = wrong_link(cell, seed) if far == "link" else None
-    off = [distance_from_tubes(own.compliance) for own in cell.plant.arm.links]
-    folder = _moved(cell, chosen[0].estimate, cell.arm.C_theta, truth)
     share = None if link is None else _share(cell, link, truth, chosen[0].estimate)
     for (k, name), row in zip(product(range(len(cases)), fits), judged(cell, cases, fits), strict=True):
         estimate = fits[name][k]
         yield MethodRow(
             **vars(row),
-            off_tubes_percent=100 * float(np.median(off)),
-            cad_um=UM * score(folder, truth.deflection).rms,
             wrong=KIND if far == "joints" else None if link is None else cell.arm.links[link].name,
             link_share=share,
             chosen=chosen[k].name if name == CHOSEN else None,
@@ -178,17 +180,12 @@ def _rows(
         )
 
 
-def _moved(cell: Cell, estimate: Estimate, C_theta: Array, truth: Dataset) -> Array:
-    """Deflections by other compliances; any estimate lends its structure."""
-    return np.asarray(all_deflections(cell.vjm, [replace(estimate, C_theta=C_theta)], truth)[0])
-
-
 def _share(cell: Cell, link: int, truth: Dataset, estimate: Estimate) -> float:
-    """RMS of the true deflection that is one link's over that of the whole arm, both linear [1]."""
+    """RMS of the true deflection that is one link's over the whole, linear [1]; any estimate will do."""
     C, at = cell.plant.arm.C_theta, slice(6 * link, 6 * link + 6)
     own = np.zeros_like(C)
     own[at, at] = C[at, at]
-    part, whole = (_moved(cell, estimate, M, truth) for M in (own, C))
+    part, whole = all_deflections(cell.vjm, [replace(estimate, C_theta=M) for M in (own, C)], truth)
     return float(np.linalg.norm(part) / np.linalg.norm(whole))
 
 

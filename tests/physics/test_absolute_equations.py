@@ -1,0 +1,141 @@
+"""The equations of a calibration, one by one, against what they stand for: covariances, sums, torques."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import helmert
+
+from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.identify.absolute.evidence import choice, learn, usual
+from testbench.identify.absolute.fit import Options, calibrate
+from testbench.identify.absolute.inner import Inner, eliminate
+from testbench.identify.absolute.intervals import deviations_root
+from testbench.identify.absolute.noise import Noise, plan_of, roots
+from testbench.identify.absolute.reduced import Point, Weighting, reduce
+from testbench.identify.absolute.scatter import single
+from testbench.identify.absolute.shared import aligned
+from testbench.identify.absolute.state import nominal, tell
+from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.metric import metric
+from testbench.identify.prior import Strength, cad_prior
+from testbench.model.joint_errors import JointErrors
+from testbench.model.structure import all153, joints_only
+from testbench.model.vjm import tool_pose
+from testbench.model.weights import read_weights
+
+PAIRS = AbsoluteCampaign(
+    poses=25, masses=(0.0, 230.0, 460.0), orientations=True, sigma_rotation=1e-4, disturbances=REAL_ARM
+)
+S, SIGMA, TURN = 2e-4, 5e-5, 1e-4  #: What a model leaves open, and scatter of readings [m, m, rad].
+
+
+@pytest.fixture(scope="module")
+def series(kr500):
+    """25 poses of an arm, three loads in each."""
+    return simulate_series(kr500, PAIRS, 11)[0]
+
+
+@pytest.fixture(scope="module")
+def reduced(kr500, series):
+    """Their equations about the drawn arm, in all unknowns there might be, and these."""
+    state = aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), series)
+    unknowns = unknowns_of(kr500.vjm, series, JointErrors(), all153(kr500.arm))
+    one = series[0]
+    weighting = [Weighting(np.ones((len(one.markers) + 1, one.rows)), np.zeros(one.rows, dtype=int))]
+    return reduce(Point(unknowns, state, Noise(S, S)), series, weighting), unknowns
+
+
+@pytest.mark.parametrize("crossed", [False, True])
+def test_what_a_model_leaves_open_is_common_to_the_readings_of_a_pose(series, crossed):
+    """k readings have covariance sigma^2 + s^2 1 1^T: whitened means and differences have that of one."""
+    one, plan = series[0], plan_of(series[0])
+    [group] = plan.groups
+    k, m = group.shape[1], len(one.markers)
+    assert k == 3
+    if crossed:
+        one = replace(one, precision=np.broadcast_to(np.eye(3) / SIGMA**2, (*one.position.shape, 3)))
+    W, _ = roots(replace(one, sigma=SIGMA, sigma_rotation=TURN), Noise(S, 2 * S), plan, np.eye(3))
+    H = helmert(k, full=True)
+    for target, own, opened in ((0, SIGMA, S), (m, TURN, 2 * S)):
+        of_readings = own**2 * np.eye(k) + opened**2
+        mixed = np.diag(W[target, group[0], 0, 0]) @ H
+        np.testing.assert_allclose(mixed @ of_readings @ mixed.T, np.eye(k), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("factor", [0.7, 0.2])
+def test_a_reading_alone_scatters_as_the_mean_of_its_pose_says(series, factor):
+    """Less may be left open than was thought; readings are better than said only where nothing is."""
+    one = replace(series[0], sigma=SIGMA, sigma_rotation=TURN)
+    found = single(Noise(S, S, np.array([factor, factor, 1.0, 1.0])), [one])
+    for kind, (own, opened) in enumerate(((SIGMA, found.open_position), (TURN, found.open_rotation))):
+        of_means = factor**2 * (own**2 + 3 * S**2)
+        if of_means > own**2:
+            assert found.factor[kind] == pytest.approx(1)
+            assert own**2 + 3 * opened**2 == pytest.approx(of_means)
+        else:
+            assert (opened, found.factor[kind]) == (0, pytest.approx(np.sqrt(of_means) / own))
+
+
+def test_periodic_errors_that_joints_lack_are_drawn_to_nothing(kr500):
+    """A band of more than 40 unknowns tells its size by itself, a small one stays nearer to the usual."""
+    bare = Unknowns(kr500.vjm, (), {}, JointErrors(orders=tuple(range(1, 17))), joints_only(kr500.arm))
+    own = choice(bare, frozenset({"harmonics"}), None)
+    gram = np.zeros((1, len(own.columns) + 1, len(own.columns) + 1))
+    gram[0, :-1, :-1] = 1e20 * np.eye(len(own.columns))  # readings know every one of them as zero
+    sizes = learn(own, gram, np.array([1e4]), usual(bare, 1)).deviation
+    for kind, columns in bare.groups:
+        if kind == "harmonics":
+            n = len(columns)
+            expected = 3e-5 / 6 / np.sqrt(n + 1) if n > 40 else 3e-5 * np.sqrt(2 / (n + 2))
+            np.testing.assert_allclose(sizes[columns], expected, rtol=1e-3)
+    assert {len(columns) > 40 for kind, columns in bare.groups if kind == "harmonics"} == {True, False}
+
+
+def test_a_solution_counts_what_is_left_and_what_it_spends(kr500, reduced):
+    equations, unknowns = reduced
+    elastic = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
+    own = choice(unknowns, frozenset({"geometry shift", "geometry turn"}), elastic)
+    learnt, inner = usual(unknowns, len(equations.kinds)), Inner("none", Strength(3.0))
+    solved = eliminate(own, equations, learnt, inner)
+    v, held = np.r_[solved.x, -1.0], learnt.deviation[own.columns[: own.rigid]]
+    some = np.r_[own.columns, unknowns.size]
+    left = v @ equations.gram.sum(axis=0)[np.ix_(some, some)] @ v + np.sum((v[: own.rigid] / held) ** 2)
+    n = equations.counts.sum()
+    assert solved.estimate.f_m == pytest.approx(np.sqrt(left / (n / 3)), rel=1e-6)
+    sure = replace(learnt, deviation=np.where(np.isfinite(learnt.deviation), 1e-12, np.inf))
+    free = np.isinf(learnt.deviation[own.columns[: own.rigid]]).sum()
+    assert eliminate(own, equations, sure, inner).spent == pytest.approx(free + 153)
+
+
+@pytest.mark.parametrize("kind", ["play", "stiffening"])
+def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
+    """Torques from the joints' axes and a force at the tool, of an arm without weight that does not bend."""
+    vjm = kr500.vjm
+    n = 1e-3 * (1 + np.arange(6.0))
+    bare = nominal(vjm, read_weights(kr500.arm), np.full(6, 1000.0))
+    light = replace(bare.weights, mass=np.zeros_like(bare.weights.mass))
+    state = replace(bare, weights=light, errors=JointErrors(**{kind: True}), n=n[:, None])
+    q = np.array([[0.3, -1.2, 1.6, 0.3, -0.5, 0.1]])
+    wrench = np.concatenate([rng.normal(0, 2e3, (1, 3)), np.zeros((1, 3))], axis=1)
+    step = 1e-6 * np.eye(6)
+    tip = [np.array([tool_pose(vjm, q + sign * one)[0][0] for one in step]) for sign in (1, -1)]
+    torque = (tip[0] - tip[1]) @ wrench[0, :3] / 2e-6 / 1000
+    turned = n * (np.tanh(torque / 0.1) if kind == "play" else torque * np.abs(torque))
+    where = tell(state, q, wrench, np.zeros((1, 3))).where
+    np.testing.assert_allclose(where.position, tool_pose(vjm, q + turned)[0], rtol=0, atol=1e-6)
+
+
+def test_a_posterior_is_what_the_readings_tell_and_the_prior_which_ties_geometry_to_nothing(kr500, series):
+    """So is the covariance of which intervals are made, in the units of the arm."""
+    options = Options(orders=2, only=frozenset({"joint springs", "links"}), strength=Strength(3.0))
+    found = calibrate(kr500.vjm, [series[0]], cad_prior(kr500.arm), options)
+    assert np.abs(found.chosen.learnt.factor - 1).max() > 0.02  # or nothing would tell it from its square
+    own, root = found.own, deviations_root(found)
+    information = found.information[np.ix_(own.columns, own.columns)]
+    size = np.sqrt(np.diag(np.linalg.inv(root @ root.T)))
+    prior = (np.linalg.inv(root @ root.T) - information) / size / size[:, None]
+    r, deviation = own.rigid, found.chosen.learnt.deviation[own.columns[: own.rigid]]
+    expected = np.diag((deviation * size[:r]) ** -2.0)
+    np.testing.assert_allclose(prior[:r, :r], expected, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(prior[:r, r:], 0, atol=1e-6)
