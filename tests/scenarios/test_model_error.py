@@ -17,10 +17,6 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     check_files(quick, "model_error.png")
 
 
-def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
-    assert blank_panes(quick[0] / "recording.rrd") == []
-
-
 def test_every_disturbance_is_switched_on_alone_and_all_together(report):
     sizes = report["sizes"]
     assert sizes["none"] == {}

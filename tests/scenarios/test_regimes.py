@@ -15,10 +15,6 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     check_files(quick, "regimes.png")
 
 
-def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
-    assert blank_panes(quick[0] / "recording.rrd") == []
-
-
 def test_two_kinds_of_the_family_take_turns_in_every_cell(report, rows):
     assert [Settings().arms(seed) for seed in (4, 5)] == [["tubes", "off_20"], ["off_40", "cast"]]
     assert {(row["seed"], row["true_arm"]) for row in rows} == {

@@ -26,10 +26,6 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     check_files(quick, "which_model.png")
 
 
-def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
-    assert blank_panes(quick[0] / "recording.rrd") == []
-
-
 def test_over_as_many_trials_as_priors_every_truth_meets_every_prior_once():
     for first in (0, 1000, 1003):
         met = [pair for seed in range(first, first + len(PRIORS)) for pair in pairs(seed)]
