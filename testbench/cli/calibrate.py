@@ -18,7 +18,7 @@ from testbench.identify.absolute.fit import NAMES, ORDERS
 from testbench.identify.absolute.fit import Options as Tried
 from testbench.output.run import claim_folder
 from testbench.shell.options import Force, of_flag, takes
-from testbench.views.terminal import grid, looked_at, plain_console, print_answer, print_statements
+from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements, print_table
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def command(asked: Options) -> None:
         out, steps = asked.out, said.tables["steps"]
         print_answer(console, said)
         if steps.rows:
-            console.print(grid(steps))
+            print_table(console, steps)
         print_statements(console, said)
         lines = [
             *(f"- {note}" for note in found.notes),

@@ -43,7 +43,7 @@ def command(asked: Options) -> None:
         apart = max(1, ceil(1e9 * checked.apart))
         lines = [
             "",
-            "To confirm, by share of the sag that hangs on it:",
+            "To confirm, by contribution to the sag:",
             *(confirm_lines(checked) or ["  nothing"]),
             "",
             "Read:",

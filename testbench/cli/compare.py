@@ -51,7 +51,7 @@ def command(asked: Options) -> None:
             console.print(line)
         for table in printed(said):
             console.print()
-            console.print(terminal.grid(table))
+            terminal.print_table(console, table)
         lines = [
             "",
             *as_plain(said.title).split("; "),

@@ -24,7 +24,7 @@ from testbench.errors import InputError
 from testbench.output.place import Kind, claim_file, inside
 from testbench.output.run import claim_folder
 from testbench.shell.options import Force, of_flag, takes
-from testbench.views.terminal import grid, looked_at, plain_console, print_answer, print_statements
+from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements, print_table
 
 SIGNS = {"": 1.0, "-": -1.0}
 AXES = {f"{sign}{name}": s * np.eye(3)[k] for sign, s in SIGNS.items() for k, name in enumerate("xyz")}
@@ -94,7 +94,7 @@ def command(asked: Options) -> None:
         for note in notes:
             console.print(note, soft_wrap=True)
         print_answer(console, said)
-        console.print(grid(said.tables["worst"]))
+        print_table(console, said.tables["worst"])
         print_statements(console, said)
         lines = [
             f"corrected  {program_to}",

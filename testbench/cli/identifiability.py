@@ -60,10 +60,10 @@ def command(asked: Options) -> None:
         told = describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength)
         said = report(told, cell.arm.name)
         console = terminal.plain_console()
-        console.print("\n".join((*export.notes, *found.notes)), soft_wrap=True)
         terminal.print_words(console, said, [said.tables["help"]], "" if asked.more else "with --more")
         if asked.more:
             console.print(Markdown(said.block("more")))
+        console.print("\n".join(f"- {note}" for note in (*export.notes, *found.notes)), soft_wrap=True)
         if png is not None:
             with whole_file(png) as part:
                 figure(said).savefig(part, format="png")

@@ -18,7 +18,7 @@ from testbench.correct.arm_model import ArmModel
 from testbench.model.poses import WorkArea
 from testbench.output.run import claim_folder
 from testbench.shell.options import Force, takes
-from testbench.views.terminal import grid, looked_at, plain_console, print_answer, print_statements
+from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements, print_table
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def command(asked: Options) -> None:
             status.update("writing")
             write(made, said, _plain(asked), out)
         print_answer(console, said)
-        console.print(grid(printed(said)))
+        print_table(console, printed(said))
         print_statements(console, said)
         heavy = overloaded(model.arm, poses.hung.tolist())
         lines = [

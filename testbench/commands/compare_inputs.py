@@ -35,6 +35,7 @@ NAMES = {
     "station": ("work area", "", 1.0),
 }
 """Settings by their last key: words, unit, and how many of it an SI unit is; others keep their keys."""
+FILES = ("dataset", "readings")  #: Last keys of files; one file is one input: its name and checksum.
 Path = tuple[str, ...]  #: Keys of nested tables down to a setting.
 
 
@@ -115,8 +116,8 @@ def _words(path: Path) -> tuple[str, str]:
 
 def _named(key: str) -> tuple[str, str, float]:
     """What a key is called: of an unknown key its own words, its last one perhaps a unit."""
-    if key in NAMES:
-        return NAMES[key]
+    if key in NAMES or "." in key:  # names of files stay as they are
+        return NAMES.get(key, (key, "", 1.0))
     *words, last = key.split("_")
     unit = last if words and last in UNITS else ""
     return " ".join(words if unit else [*words, last]), "%" if unit == "percent" else unit, 1.0
@@ -149,4 +150,7 @@ def _flat(value: JsonValue, place: Path = ()) -> dict[Path, JsonValue]:
     """Leaves of nested tables by their paths; lists are leaves."""
     if not isinstance(value, dict):
         return {place: value}
+    if place and place[-1] in FILES and len(value) == 1:
+        [(name, digest)] = value.items()
+        return {place: f"{name} {_short(str(digest))}"}
     return {path: leaf for key, own in value.items() for path, leaf in _flat(own, (*place, key)).items()}

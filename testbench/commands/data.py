@@ -21,7 +21,7 @@ from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, say
 from testbench.report.table import Row
-from testbench.views.colours import LOAD, MEASURED, NOMINAL, Look
+from testbench.views.colours import LOAD, MEASURED, NOMINAL, SERIES, Look
 from testbench.views.markdown import Markdown, capital, counted, ended
 from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen, arrow_scale, of_all, picked
 from testbench.views.schema import NUMBER, Table, plain, show, written_out
@@ -193,7 +193,7 @@ def _claims(f: Row, notes: Sequence[str]) -> Iterator[Markdown]:
     yield from (say("**Doubt**: {text}", text=ended(text)) for text in f.doubts)
     yield from (say("{text}", text=ended(capital(text))) for text in notes)
     if f.scale is not None:
-        yield say("The deflections are {scale:.3g} times what the arm's folder says of these loads.", f)
+        yield say("The deflections are {scale:.2f} times those that the arm's folder predicts.", f)
 
 
 def _away(registered: Registered) -> Row | None:
@@ -234,7 +234,10 @@ def seen(cell: Cell, registered: Registered) -> Seen:
             title,
             0,
             labels,
-            [Line(n, Look(MEASURED, k, prior=True), mm[some, k]) for k, n in enumerate(data.markers)],
+            [
+                Line(n, Look(SERIES[k % len(SERIES)], k, prior=True), mm[some, k])
+                for k, n in enumerate(data.markers)
+            ],
             note=note,
         )
         for title, mm in (

@@ -76,8 +76,8 @@ def report(f: Row) -> Report:
         scenario="identify",
         question=say("Which stiffness model of {arm} to take, and how sure is it?", f),
         title=say(
-            "{arm}: {runs} runs in {poses} poses of {dataset} fitted; errors are distances at the markers, "
-            "against readings",
+            "{arm}: {runs:counted run} in {poses:counted pose} of {dataset} fitted; errors are distances at "
+            "the markers, against readings",
             f,
         ),
         answer=lines(_answer(f, taken)),
@@ -162,9 +162,7 @@ def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
     yield from _of_intervals(f, taken)
     yield from (say("{text}", text=ended(capital(text))) for text in f.notes)
     if f.scale is not None:
-        yield say(
-            "As a whole the deflections are {scale:.3g} times what the arm's folder says of these loads.", f
-        )
+        yield say("The deflections are {scale:.2f} times those that the arm's folder predicts.", f)
     if taken.aggregated:
         yield say(
             "Aggregated in {name}: the compliance of {aggregated:list} counts to the link before it.",

@@ -98,7 +98,7 @@ def report(made: Predicted) -> Report:
     first, one = f.worst[0], f.poses == 1
     moves = "{moved}" if one else "up to {moved}, in pose {pose} of {poses:,}"
     where = "" if one else " in pose {softest.pose}"
-    title = "The pose" if one else f"The {len(f.worst)} poses that move most"
+    title = "The pose" if one else "Poses that move most"
     return Report(
         scenario="predict",
         question=say("Where does the tool of {arm} go under {loads}, and how stiff is it?", f),
@@ -214,8 +214,8 @@ def _map(made: Predicted) -> Row:
 def _sure(value: float, half: float | None) -> Markdown:
     """A number [mm] with its interval, and what that is worth."""
     if half is None:
-        return say("{value:.3f} mm, not seen by the data", value=value)
-    hardly = ", hardly seen by the data" if 2 * half > value else ""
+        return say("{value:.3f} mm, which the data do not determine", value=value)
+    hardly = ", which the data hardly determine" if 2 * half > value else ""
     return say(f"{{value:.3f}} mm +- {{half:.3f}} mm{hardly}", value=value, half=half)
 
 
@@ -325,7 +325,7 @@ def _said(made: Predicted, k: int) -> str:
 
 
 def _bound(half: float) -> str:
-    return f"+- {half:.3f} mm" if np.isfinite(half) else "not seen by the data"
+    return f"+- {half:.3f} mm" if np.isfinite(half) else "not determined by the data"
 
 
 def _places(made: Predicted) -> Poses:

@@ -69,7 +69,7 @@ EVERY = (
     # an arm that is checked
     Column("number", "number"),
     Column("part", "link or joint"),
-    Column("hangs_percent", "share of the sag that hangs on it", "%", ".0f"),
+    Column("hangs_percent", "contribution to the sag", "%", ".0f"),
     Column("sag_share_percent", "its share of the sag", "%", ".1f"),
     # Full poses of section 5.2
     Column("check_true.p95_mm", "95 % check, true", "mm", short="95 %\ncheck\ntrue\nmm"),

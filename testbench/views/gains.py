@@ -50,7 +50,7 @@ def beside(gains: Mapping[str, Gain | None], unit: str = "mm") -> str:
 def _words(times: Number, trials: int, each: str, *, alike: bool) -> str:
     """Of an error, by what it is smaller."""
     (low, high), size = ends(times), middle(times)
-    within = f" in {trials} {each or 'trial'}s" if trials < ENOUGH else " in 90 %" if each else ""
+    within = (f" in {trials} {each}s" if trials < ENOUGH else " in 90 %") if each else ""
     if alike:
         both = f", from {ratio(1 / low)} times as much to {ratio(high)} times less"
         both += within if trials < ENOUGH else ""

@@ -32,7 +32,7 @@ from testbench.views.markdown import Told, as_plain, place
 from testbench.views.scene import Layer, PlaceMap, Poses, RunChart, Seen, scale_of
 from testbench.views.schema import Column, Table, brackets, looks, plain
 
-SIDES = {"from aside": (0, 2), "from above": (0, 1)}
+SIDES = {"from the side": (0, 2), "from above": (0, 1)}
 """World axes to the right and up."""
 HEAD, SCENE, KEY, CHART = 1.4, 3.6, 0.35, 2.3
 """Heights of title and caption, of the poses, of a line of their key, of a chart [in]."""
@@ -147,7 +147,8 @@ def _forest(axes: Axes, table: Table, column: Column) -> None:
     if reached.max() > FAR * reached.min() > 0:
         log_ticks(axes, "x", float(reached.min()), float(reached.max()))
     else:
-        axes.set_xlim(min(0.0, float(reached.min())), None)
+        low = min(0.0, float(reached.min()))
+        axes.set_xlim(low, low + 1.03 * (float(reached.max()) - low))
     note = brackets(replace(table, columns=(name, column)))
     title = table.title or "Models"
     axes.set_title(f"{title}, lines: {note}" if note else title, fontsize="medium", loc="left")
@@ -193,7 +194,7 @@ def _chart(axes: Axes, chart: RunChart) -> None:
 
 
 def error_map(found: PlaceMap, title: str) -> Figure:
-    """A column a map: the places from aside and from above, the worst of each named.
+    """A column a map: the places from the side and from above, the worst of each named.
 
     Args:
         found: One line at least has a number.

@@ -38,11 +38,11 @@ def _lines(text: str) -> str:
 
 
 def grid(table: Table) -> RichTable:
-    """A table: medians; below them percentiles of several trials or their range, and the paper's numbers.
+    """A table without its title: medians; percentiles of several trials or their range, the paper's numbers.
 
     Of a quantity over two factors only the medians: report.md and the page have its spread.
     """
-    found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False, title=table.title or None)
+    found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)
     for k, column in enumerate(table.columns):
         head = column.short or column.title.replace(", ", "\n").replace(" ", "\n")
         found.add_column(head, justify="right" if k else "left", no_wrap=True)
@@ -58,6 +58,13 @@ def grid(table: Table) -> RichTable:
         if any(known):
             found.add_row("  paper", *known[1:], style="italic")
     return found
+
+
+def print_table(console: Console, table: Table) -> None:
+    """A table below its title, which may be wider."""
+    if table.title:
+        console.print(table.title, style="italic")
+    console.print(grid(table))
 
 
 def _spreads(value: object) -> bool:
@@ -81,7 +88,7 @@ def _end(column: Column, row: object, end: int | None = None) -> str:
 
 
 def print_words(console: Console, words: Told, tables: list[Table], where: str = MORE) -> None:
-    """Title, tables, the answer, what else is to be said.
+    """Title, the answer, tables, what else is to be said.
 
     Args:
         console: A plain one.
@@ -90,9 +97,9 @@ def print_words(console: Console, words: Told, tables: list[Table], where: str =
         where: The statements that are not printed are.
     """
     console.print(as_plain(words.block("title")))
-    for table in tables:
-        console.print(grid(table))
     print_answer(console, words)
+    for table in tables:
+        print_table(console, table)
     print_statements(console, words, where)
 
 

@@ -43,6 +43,7 @@ def check(report, printed):
     assert max(map(len, shown.splitlines())) <= WIDTH
     for name in printed:
         assert console.measure(terminal.grid(report.tables[name])).minimum <= WIDTH, name
+        assert len(report.tables[name].title) <= WIDTH, name
     unused = set(report.tables) - set(report.body) - set(printed)
     assert not unused, f"tables that nothing shows: {unused}"
     return report.whole()

@@ -83,7 +83,7 @@ def test_models_are_compared_seed_by_seed_by_their_true_errors_in_numbers_and_wo
     text = "\n".join(found.claims)
     assert "MGCO56 + prior is the conservative model of least error" in text
     assert "Least squares with the same prior errs 1.000 mm (MLS56 + prior): " in text
-    assert "Without a prior, GCO (MGCO56) errs 4.000 mm: beside joints alone " in text
+    assert "Without a prior, GCO (MGCO56) errs 4.000 mm, joints alone " in text
     assert "Do not use MGCO56 away from the measured poses" in text
 
 

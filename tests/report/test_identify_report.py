@@ -125,7 +125,7 @@ def test_each_sentence_is_said_where_it_holds_and_nowhere_else(f):
             f, TAKEN, intervals=Row(spread, on_boundary=True)
         ),
         "The intervals count noise alone": no_prior,
-        "the deflections are 1.25 times what the arm's folder says": Row(f, scale=1.25),
+        "The deflections are 1.25 times those that the arm's folder predicts": Row(f, scale=1.25),
         "Aggregated in ALL153 + prior: the compliance of joint_2 counts": changed(
             f, TAKEN, aggregated=["joint_2"]
         ),

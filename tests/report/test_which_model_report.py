@@ -209,17 +209,17 @@ def test_the_figure_draws_the_numbers_in_the_colour_of_each_method(of_all):
     drawn = figures(found)["which_model.png"]
     for axes, poses in zip(drawn.axes, POSES, strict=True):
         assert axes.get_title() == f"{poses} poses"
-        assert unit_in(axes.get_xlabel()) == "mm"
+        assert unit_in(axes.get_xlabel()) == "um"
         own = [m for m in found.numbers.family if m.poses == poses]
         for y, m in enumerate(own):
             at = [line for line in axes.get_lines() if np.ravel(line.get_ydata()).tolist()[-1] == y]
             spread, dot = [line for line in at if line.get_linestyle() != ":"][:2]
-            np.testing.assert_allclose(spread.get_xdata(), np.divide(ends_of(m.rms_um), 1e3))
-            np.testing.assert_allclose(np.ravel(dot.get_xdata()), m.rms_um.median / 1e3)
+            np.testing.assert_allclose(spread.get_xdata(), ends_of(m.rms_um))
+            np.testing.assert_allclose(np.ravel(dot.get_xdata()), m.rms_um.median)
             shade = CHOICE if m.name == DEFAULT else look(*METHODS[m.name])
             filled = dot.get_markerfacecolor() == shade.hex
             assert (dot.get_color(), filled) == (shade.hex, METHODS[m.name][2])
         [joints] = [line for line in axes.get_lines() if line.get_linestyle() == ":"]
         np.testing.assert_allclose(
-            joints.get_xdata(), [middle(m.rms_um) / 1e3 for m in own if m.name == "Joints"] * 2
+            joints.get_xdata(), [middle(m.rms_um) for m in own if m.name == "Joints"] * 2
         )

@@ -246,6 +246,16 @@ def test_fits_of_ones_own_runs_are_compared_by_models_with_a_study(one, tmp_path
     assert report["inputs"][0]["values"][1] == "testbench identify"
 
 
+def test_a_file_of_readings_is_one_input_by_its_name_and_checksum(one, tmp_path):
+    files = [{"a_b.csv": "7" * 64}, {"c.csv": "8" * 64}]
+    runs = [
+        changed(one, tmp_path / f"{k}", "manifest.json", lambda m, own=own: m["scenario"].update(dataset=own))
+        for k, own in enumerate(files)
+    ]
+    text, _ = said(tmp_path, *runs)
+    assert "file of readings a_b.csv 7777777777 and c.csv 8888888888" in text
+
+
 def test_three_runs_stand_beside_the_first(one, many, tmp_path):
     text, report = said(tmp_path, one, one, many, "--anyway")
     start = "A and B are alike: no number differs. A and C err alike (ALL153 + prior, no spread)."

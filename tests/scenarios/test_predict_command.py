@@ -113,7 +113,7 @@ def test_the_answer_comes_first_and_what_is_extrapolated_or_hardly_seen_is_said(
     assert report["force_ratio"] == pytest.approx(ratio, rel=1e-6)
     place = report["map"]
     assert place["half_mm"] > place["worst_mm"] / 2  # a hung weight never turned joint 1
-    softest = f"{place['worst_mm']:.3f} mm +- {place['half_mm']:.3f} mm, hardly seen by the data"
+    softest = f"{place['worst_mm']:.3f} mm +- {place['half_mm']:.3f} mm, which the data hardly determine"
     assert f"N move the tool by {softest}" in said
 
 
@@ -139,7 +139,7 @@ def test_the_table_has_the_numbers_of_the_file_of_all_poses_the_farthest_first(m
 
 def test_the_recording_shows_every_pose_the_farthest_first(made):
     chunks, report = (
-        sound(made[0] / "recording.rrd", "hardly seen"),
+        sound(made[0] / "recording.rrd", "hardly determine"),
         json.loads((made[0] / "report.json").read_text()),
     )
     sizes = [row["deflection_mm"] for row in report["worst"]]
@@ -156,7 +156,7 @@ def test_what_no_reading_has_seen_is_said_and_blank(kr500, tmp_path, q):
     done = run(bare, file, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     said = " ".join(done.stdout.split())
-    assert "not seen by the data" in said
+    assert "which the data do not determine" in said
     assert "Not seen: 100 % of the deflections have no interval" in said
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["worst"][0]["half_mm"] is None

@@ -7,7 +7,7 @@ import testbench
 from testbench.report.table import Row
 from testbench.trials.spread import spread
 from testbench.views.schema import Column, Table
-from testbench.views.terminal import grid, plain_console
+from testbench.views.terminal import grid, plain_console, print_table
 
 NAMES = ("joint[/x]", "[red]two[/red]", "[bold]", ":bug:", "a\\[b]")
 """A closing tag of nothing, which ends a program that reads tags; tags and a picture's name, which vanish."""
@@ -18,7 +18,7 @@ def test_brackets_and_colons_in_names_are_printed_as_they_are(capsys):
     rows = [{"name": name, "value": name} for name in NAMES]
     console = plain_console()
     console.width = 200
-    console.print(grid(Table(columns, rows, title="".join(NAMES), bold=NAMES[0])))
+    print_table(console, Table(columns, rows, title="".join(NAMES), bold=NAMES[0]))
     console.print("".join(NAMES), soft_wrap=True)
     title, head, *lines, last = capsys.readouterr().out.strip().splitlines()
     assert title.strip() == last == "".join(NAMES)
@@ -66,7 +66,7 @@ def test_what_steers_a_terminal_is_replaced_in_lines_and_tables(capsys):
     name = "a\x1b]0;b\x07\x9bc\u202ed\u200b"
     console = plain_console()
     console.print(f"{name}\nnext", soft_wrap=True)
-    console.print(grid(Table((Column("name", name),), [{"name": name}], title=name, bold=name)))
+    print_table(console, Table((Column("name", name),), [{"name": name}], title=name, bold=name))
     said = capsys.readouterr().out
     assert said.startswith("a\ufffd]0;b\ufffd\ufffdc\ufffdd\ufffd\nnext\n")
     assert said.count("\ufffd]0;b") == 4

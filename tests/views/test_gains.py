@@ -21,8 +21,8 @@ def test_a_ratio_is_that_of_each_seed_and_not_of_the_medians():
 def test_of_fewer_than_twenty_trials_the_range_is_told_and_their_number():
     """Percentiles of three seeds are none: 19 seeds tell their range, 20 what lies between 5 and 95 %."""
     for trials, words, plainly in (
-        (3, "(2.0 to 20 in 3 seeds)", "(2.0 to 20 in 3 trials)"),
-        (19, "(2.0 to 20 in 19 seeds)", "(2.0 to 20 in 19 trials)"),
+        (3, "(2.0 to 20 in 3 seeds)", "(2.0 to 20)"),
+        (19, "(2.0 to 20 in 19 seeds)", "(2.0 to 20)"),
         (20, "(2.9 to 19 in 90 %)", "(2.9 to 19)"),
     ):
         times = np.linspace(2.0, 20.0, trials)
@@ -36,10 +36,7 @@ def test_of_fewer_than_twenty_trials_the_range_is_told_and_their_number():
 def test_the_title_of_a_figure_says_how_much_more_the_others_err():
     gain = gained("ours", "theirs", [0.1, 1.0, 4.0], [1.0, 4.0, 8.0])
     known = {"least squares": gain, "joints alone": None, "both": gained("ours", "same", [0.2], [0.2])}
-    told = (
-        "ours 1.000 mm; least squares 4.000 mm, 4.0 times as much (2.0 to 10 in 3 trials); "
-        "both 0.200 mm, alike"
-    )
+    told = "ours 1.000 mm; least squares 4.000 mm, 4.0 times as much (2.0 to 10); both 0.200 mm, alike"
     assert beside(known) == told
     assert beside({"least squares": gain}, "um").startswith("ours 1000 um; least squares 4000 um, ")
     assert beside({"joints alone": None}) == ""

@@ -164,7 +164,7 @@ def _answer(f: Row) -> Iterator[str]:
     for gain in f.gains:
         yield say(
             "On {arm}, {n} poses: the model chosen by cross-validation errs {it.ours_mm:~.3f} mm, joint "
-            "springs {it.theirs_mm:~.3f} mm, {it:less}.",
+            "springs {it.theirs_mm:~.3f} mm, {it:less trial}.",
             gain,
             n=f.featured,
             it=gain.springs,
@@ -224,7 +224,9 @@ def figures(found: Report) -> dict[str, Figure]:
     reading = f"RMS errors under own weight, {noise}, medians of {f.trials} trials, arms in turn"
     own = _by_poses(f)
     if len({row.poses for row in own}) == 1:
-        titles = {column.key: "RMS error, mm" for column in short.columns[1:]}
+        name, *arms = short.columns
+        error = [replace(column, heading="RMS error", unit="mm") for column in arms]
+        titles, short = {own.key: own.heading for own in arms}, replace(short, columns=(name, *error))
         return {f"{s.NAME}.png": forest(short, titles, answer, f"{reading}; lines: {span(f.trials)}.")}
     best = [Row(row, name=OPTIMUM, error_mm=row.optimum_mm) for row in own if row.name == s.ALL]
     drawn = {name: LOOKS[name] for name in (s.INCUMBENT, s.ALL, s.CHOSEN, OPTIMUM)}

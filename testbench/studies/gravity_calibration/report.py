@@ -160,7 +160,7 @@ def _claims(f: Row) -> Iterator[Markdown]:
         yield say("Take {take}, marked: no other conservative model errs less over the workspace.", f)
     yield say(
         "Least squares with the same prior errs {a.theirs_mm:~.3f} mm ({a.theirs}): {a:more}. Without a "
-        "prior, GCO ({b.ours}) errs {b.ours_mm:~.3f} mm: beside joints alone {b:less seed}.",
+        "prior, GCO ({b.ours}) errs {b.ours_mm:~.3f} mm, joints alone {b.theirs_mm:~.3f} mm, {b:more seed}.",
         a=same,
         b=plain,
     )
@@ -179,10 +179,10 @@ def figures(found: Report) -> dict[str, Figure]:
     paper = "; grey diamonds: the paper" if any(m.paper for m in f.models) else ""
     return {
         "models.png": forest(
-            Table(columns(MODELS), distinct(f.models)),
+            Table(columns(MODELS), distinct(f.models), bold=DEFAULT),
             PANES,
             f"{f.arm} under {f.payload_kg:g} kg, RMS over the workspace: {beside(gains)}",
-            f"RMS errors. {of_seeds(f.seed)}. Filled: with a prior; dotted line: joints alone{paper}.",
+            f"RMS errors. {of_seeds(f.seed)}. Band: default; filled: prior; dotted: joints alone{paper}.",
             JOINTS,
         )
     }

@@ -247,8 +247,7 @@ def figures(found: Report) -> dict[str, Figure]:
     f = Row(found.numbers)
     table, first = _over_family(f), f.poses[0]
     name, *drawn = table.columns
-    mm = replace(RMS, unit="mm", form=".3f", scale=1e-3)
-    shown = (name, *(replace(mm, key=column.key) for column in drawn))
+    shown = (name, *(replace(RMS, key=column.key) for column in drawn))
     return {
         "which_model.png": forest(
             replace(table, columns=shown),
