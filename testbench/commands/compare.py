@@ -149,7 +149,8 @@ def _better(pair: Row, row: Row) -> Markdown:
         value, low, high = triple(times)
         times = Spread(1 / value, 1 / high, 1 / low)
     gain = Gain(ours, theirs, None, None, times, row.get("pairs") or 1)
-    return Markdown(f"{ours} errs {less(gain, 'seed' if row.by == 'pairs' else '')} than {theirs}")
+    how = less(gain, "seed" if row.by == "pairs" else "")
+    return Markdown(f"The error of {ours} is {how} than that of {theirs}")
 
 
 def _judged(pair: Row, *, alone: bool) -> Markdown:

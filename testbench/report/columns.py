@@ -29,7 +29,7 @@ EVERY = (
     Column("check.max_relative_percent", "max rel.", "%", ".2f", paper="check_max_relative_percent"),
     Column("check_true.rms_mm", "RMS check, true", "mm"),
     Column("workspace.rms_mm", "RMS workspace, true", "mm", short="RMS\nwork-\nspace\ntrue\nmm"),
-    Column("times_less", "times less than LS", form=".2f", short="times\nless\nthan\nLS"),
+    Column("times_less", "times smaller than LS", form=".2f", short="times\nsmaller\nthan\nLS"),
     Column("ours", "model"),
     Column("theirs", "against"),
     Column("times", "the other's over its", form=".2f"),

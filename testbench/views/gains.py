@@ -1,6 +1,6 @@
-"""A gain in words: 8.6 times less (3.0 to 20 in 90 %), or alike where the spread holds both.
+"""A gain in words: 8.6 times smaller (3.0 to 20 in 90 %), or alike where the spread holds both.
 
-Of fewer than 20 trials the range is said, with their number: 8.6 times less (3.0 to 20 in 3 seeds).
+Of fewer than 20 trials the range is said, with their number: 8.6 times smaller (3.0 to 20 in 3 seeds).
 """
 
 from collections.abc import Mapping
@@ -52,12 +52,12 @@ def _words(times: Number, trials: int, each: str, *, alike: bool) -> str:
     (low, high), size = ends(times), middle(times)
     within = (f" in {trials} {each}s" if trials < ENOUGH else " in 90 %") if each else ""
     if alike:
-        both = f", from {ratio(1 / low)} times as much to {ratio(high)} times less"
+        both = f", between {ratio(1 / low)} times larger and {ratio(high)} times smaller"
         both += within if trials < ENOUGH else ""
         return f"alike{both if each and low < 1 < high and high - low > SMALL else ''}"
-    side, value, between = "less", size, (low, high)
+    side, value, between = "smaller", size, (low, high)
     if size < 1:
-        side, value, between = "as much", 1 / size, (1 / high, 1 / low)
+        side, value, between = "larger", 1 / size, (1 / high, 1 / low)
     ends_shown = [ratio(end) for end in between]
     spread = f" ({' to '.join(ends_shown)}{within})" if ends_shown[0] != ends_shown[1] else ""
     by = f"{each} by {each} " if each and spread and trials >= ENOUGH else ""

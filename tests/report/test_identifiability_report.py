@@ -130,7 +130,7 @@ def test_the_answer_is_the_gain_of_the_best_whichever_it_is(winner):
     if winner == "MLS56":
         assert found.answer.startswith("Best over the workspace is MLS56.")
     else:
-        said = f"RMS workspace error: {winner} 2.000 mm, least squares 7.000 mm; 3.5 times less."
+        said = f"RMS workspace error: {winner} 2.000 mm, least squares 7.000 mm; 3.5 times smaller."
         assert found.answer.startswith(said)
     assert f"Joints alone {middle(found.numbers['joints'].workspace.rms_mm):.3f} mm" in found.answer
     plain, size = (winner, 2.0) if KINDS[winner][2] in ("none", "least trace") else ("MLS56", 7.0)

@@ -116,8 +116,8 @@ def test_the_answer_and_the_pairs_are_those_with_noise_and_all_disturbances():
     own = {"Joints": 90.0, "MLS56": 70.0, "MGCO56": 80.0} | {name: 50.0 for name in MODELS if MODELS[name][2]}
     found, _ = made({(ALL, name, 40.0): size for name, size in own.items()})
     assert found.answer == (
-        f"Disturbed in every way, 40 um of noise: {DEFAULT} 50 um, least squares 70 um; 1.4 times less. "
-        "Joints alone 90 um, 1.8 times as much."
+        f"Disturbed in every way, 40 um of noise: {DEFAULT} 50 um, least squares 70 um; 1.4 times smaller. "
+        "Joints alone 90 um, 1.8 times larger."
     )
     for row in found.numbers["beats"]:
         a, b = own[row.ours], own[row.theirs]

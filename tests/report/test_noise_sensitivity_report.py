@@ -132,7 +132,7 @@ def test_the_answer_is_at_the_noise_of_the_tracker_and_the_worst_at_the_largest(
 
     found, _ = made(change)
     both = (
-        f"{DEFAULT} 250 um, least squares 1100 um; 4.4 times less. Joints alone 1000 um, 4.0 times as much."
+        f"{DEFAULT} 250 um, least squares 1100 um; 4.4 times smaller. Joints alone 1000 um, 4.0 times larger."
     )
     assert found.answer == f"KR 500, 8 poses, 50 um of noise: {both}"
     assert found.claims[0] == f"108 runs of section 5.2, 25 um of noise: {both}"

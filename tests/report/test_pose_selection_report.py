@@ -154,7 +154,7 @@ def test_the_best_criterion_is_marked_whichever_it_is(winner):
     assert f"**{winner}**" in grid(made({winner: (0.1, 1)})[0].tables["criteria"])
 
 
-@pytest.mark.parametrize(("winner", "word"), [("test", "less"), ("random", "as much")])
+@pytest.mark.parametrize(("winner", "word"), [("test", "smaller"), ("random", "larger")])
 def test_the_answer_holds_planned_and_random_poses_and_joints_alone(winner, word):
     found, trials = made({winner: (0.1, 0.1)})
     kinds = (("test", PLANNED), ("random", PLANNED), ("test", INCUMBENT))
@@ -162,7 +162,7 @@ def test_the_answer_holds_planned_and_random_poses_and_joints_alone(winner, word
     ours, theirs, alone = (mm(np.median(x)) for x in (planned, chance, joints))
     size = np.median(chance / planned)
     assert found.answer.startswith(f"12 planned poses leave {ours} at the tasks, random ones {theirs}: ")
-    assert f"{ratio(size if word == 'less' else 1 / size)} times {word} (" in found.answer
+    assert f"{ratio(size if word == 'smaller' else 1 / size)} times {word} (" in found.answer
     assert f"Joints alone leave {alone} there from planned poses, " in found.answer
 
 

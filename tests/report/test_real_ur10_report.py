@@ -68,10 +68,10 @@ def test_the_words_of_a_real_arm_are_those_of_its_ladder(made):
     means = {row.name: row for row in f["models"]}
     for name, mm in SIZES.items():
         assert means[name].blocks_mm == pytest.approx((100 * mm + 200 * 2 * mm) / 300)  # by their numbers
-    assert "mean: 3.333 mm with periodic joint errors, 10.000 mm with joint springs; 3.0 times less" in (
+    assert "mean: 3.333 mm with periodic joint errors, 10.000 mm with joint springs; 3.0 times smaller" in (
         found.answer
     )
-    assert found.answer.endswith("Geometry alone leaves 13.333 mm, 4.0 times as much.")
+    assert found.answer.endswith("Geometry alone leaves 13.333 mm, 4.0 times larger.")
     assert "joint errors 4.000 and 4.000 mm, joint springs 3.000 and 3.000 mm" in found.worst
     most = max(r.error.max_mm for r in f["ladder"] if (r.name, r.split) == (WAVES, BLOCKS))
     assert f"Single position: {most:.3f} mm" in found.worst

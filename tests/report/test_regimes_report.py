@@ -151,8 +151,8 @@ def test_the_sentences_count_what_the_cone_does_by_itself():
     assert "markers: the cone by itself pays in 0 of 8 cells; in 0 of these GCO beats" in text
     assert "full pose: the cone by itself pays in 4 of 8 cells; in 2 of these GCO beats" in text
     assert found.worst.startswith("Worst under a weight: MGCO56, 12 poses, 15 um: GCO errs 3.00 times")
-    assert "MGCO56: GCO 50 um, least squares 100 um; 2.0 times less." in found.answer
-    assert "Joints alone 60 um, 1.2 times as much." in found.answer
+    assert "MGCO56: GCO 50 um, least squares 100 um; 2.0 times smaller." in found.answer
+    assert "Joints alone 60 um, 1.2 times larger." in found.answer
     better, _ = made(lambda row: gaining(row) | ({"rms_um": 40.0} if row.name == JOINTS else {}))
     assert "pays in 4 of 8 cells; in all of these joints alone are better." in better.claims[1]
 

@@ -137,7 +137,9 @@ def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path):
 def test_a_difference_far_below_the_spread_is_seen_in_pairs_of_equal_seeds(many, folder, tmp_path):
     worse = calibration(folder / "worse", range(1, 21), 1.3, 100e-6)
     text, report = said(tmp_path, many, worse)
-    assert text.startswith("A errs 1.3 times less than B. ALL153 + prior over the workspace")
+    assert text.startswith(
+        "The error of A is 1.3 times smaller than that of B. ALL153 + prior over the workspace"
+    )
     check_words(replace(read_report(tmp_path / "out" / "report.json"), title=Markdown("Runs.")))
     assert "A errs less in 20 of 20 seeds." in text
     assert "Of 5 models 0 err less in B, 5 more, 0 alike." in text
@@ -147,7 +149,8 @@ def test_a_difference_far_below_the_spread_is_seen_in_pairs_of_equal_seeds(many,
     assert own["by"] == "pairs"
     assert (own["pairs"], own["larger"], own["smaller"]) == (20, 20, 0)
     assert own["ratio"]["p05"] == pytest.approx(1.3)
-    assert said(tmp_path, worse, many)[0].startswith("B errs 1.3 times less than A. ALL153 + prior over")
+    answer = said(tmp_path, worse, many)[0]
+    assert answer.startswith("The error of B is 1.3 times smaller than that of A. ALL153 + prior over")
 
 
 def test_the_same_difference_between_other_seeds_is_within_the_spread(many, folder, tmp_path):
@@ -276,7 +279,8 @@ def test_picture_page_and_recording_show_every_model_in_its_colour(many, folder,
         assert line.get_xdata() == pytest.approx([own["ratio"]["median"]], rel=1e-3)
         assert float(ratio) == pytest.approx(own["ratio"]["median"], abs=0.005)
         assert line.get_color() == look(own["structure"], own["constraint"], own["prior"]).hex
-    chunks = read_back.sound(tmp_path / "out" / "recording.rrd", "A errs 2.0 times less than B.")
+    answer = "The error of A is 2.0 times smaller than that of B."
+    chunks = read_back.sound(tmp_path / "out" / "recording.rrd", answer)
     rows = document(chunks, "/tables")
     for name, own in led.items():
         sizes = [f"{own[key]['median']:.3f}" for key in "ab"]

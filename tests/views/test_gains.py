@@ -28,15 +28,15 @@ def test_of_fewer_than_twenty_trials_the_range_is_told_and_their_number():
         times = np.linspace(2.0, 20.0, trials)
         gain = gained("ours", "theirs", [1.0] * trials, times.tolist())
         by = "seed by seed " if trials >= 20 else ""
-        assert less(gain, "seed") == f"{by}11 times less {words}"
-        assert less(gain) == f"11 times less {plainly}"
-        assert more(gain, "seed") == f"{by}11 times as much {words}"
+        assert less(gain, "seed") == f"{by}11 times smaller {words}"
+        assert less(gain) == f"11 times smaller {plainly}"
+        assert more(gain, "seed") == f"{by}11 times larger {words}"
 
 
 def test_the_title_of_a_figure_says_how_much_more_the_others_err():
     gain = gained("ours", "theirs", [0.1, 1.0, 4.0], [1.0, 4.0, 8.0])
     known = {"least squares": gain, "joints alone": None, "both": gained("ours", "same", [0.2], [0.2])}
-    told = "ours 1.000 mm; least squares 4.000 mm, 4.0 times as much (2.0 to 10); both 0.200 mm, alike"
+    told = "ours 1.000 mm; least squares 4.000 mm, 4.0 times larger (2.0 to 10); both 0.200 mm, alike"
     assert beside(known) == told
     assert beside({"least squares": gain}, "um").startswith("ours 1000 um; least squares 4000 um, ")
     assert beside({"joints alone": None}) == ""
@@ -46,15 +46,15 @@ def test_models_are_alike_where_the_spread_holds_both():
     gain = gained("ours", "theirs", [1.0, 1.0, 1.0], [0.5, 1.2, 2.0])
     assert gain.alike
     assert less(gain) == more(gain) == "alike"
-    assert less(gain, "seed") == "alike, from 2.0 times as much to 2.0 times less in 3 seeds"
-    assert more(gain, "seed") == "alike, from 2.0 times as much to 2.0 times less in 3 seeds"
+    assert less(gain, "seed") == "alike, between 2.0 times larger and 2.0 times smaller in 3 seeds"
+    assert more(gain, "seed") == "alike, between 2.0 times larger and 2.0 times smaller in 3 seeds"
     same = gained("ours", "theirs", [1.0, 2.0], [1.001, 2.002])
     assert less(same, "seed") == "alike"
 
 
 @pytest.mark.parametrize(
     ("ours", "theirs", "words"),
-    [(0.11, 0.944, "8.6 times less"), (0.4, 0.1, "4.0 times as much"), (1.0, 1.01, "alike")],
+    [(0.11, 0.944, "8.6 times smaller"), (0.4, 0.1, "4.0 times larger"), (1.0, 1.01, "alike")],
 )
 def test_of_one_seed_the_ratio_is_plain(ours, theirs, words):
     assert less(gained("ours", "theirs", [ours], [theirs]), "seed") == words
