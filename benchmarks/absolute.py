@@ -14,8 +14,8 @@ import numpy as np
 from measure import Row, at_most, note
 from scipy.linalg.lapack import dgeqrf
 
-from testbench.bench.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.bench.campaign import build_cell
+from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.campaign.campaign import build_cell
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.prior import cad_prior
 

@@ -2,7 +2,7 @@
 
 from measure import MODELS, Row, at_most, note, seconds, spread
 
-from testbench.bench.campaign import Cell, Scenario, build_cell, simulate
+from testbench.campaign.campaign import Cell, Scenario, build_cell, simulate
 from testbench.data.dataset import Dataset
 from testbench.identify import reduce
 from testbench.identify.bounds import CEILING, FitSet, bounds, fit_set

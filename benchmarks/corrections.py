@@ -3,7 +3,7 @@
 import numpy as np
 from measure import Row, at_most, feasible_poses, interleave, note, spread
 
-from testbench.bench.campaign import build_cell, simulate
+from testbench.campaign.campaign import build_cell, simulate
 from testbench.correct.arm_model import bending, of_estimate
 from testbench.correct.compensated import compensate
 from testbench.correct.newton import correct

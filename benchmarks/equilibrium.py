@@ -10,7 +10,7 @@ import numpy.typing as npt
 from measure import MODELS, Row, at_least, at_most, feasible_poses, hung, interleave, note, seconds, spread
 from mujoco.batch import Batch
 
-from testbench.bench.campaign import Cell, build_cell
+from testbench.campaign.campaign import Cell, build_cell
 from testbench.errors import Array
 from testbench.plant import Equilibrium, settle
 from testbench.plant.elastic import DAMPING

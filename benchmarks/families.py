@@ -3,7 +3,7 @@
 import numpy as np
 from measure import MODELS, Row, at_most, interleave, note, spread
 
-from testbench.bench.campaign import Cell, Scenario, build_cell, simulate
+from testbench.campaign.campaign import Cell, Scenario, build_cell, simulate
 from testbench.errors import Array
 from testbench.identify import reduce
 from testbench.identify.bootstrap import resampler

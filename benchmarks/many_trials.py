@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from measure import MODELS, Row, at_least, interleave, note, spread
 
-from testbench.bench.campaign import build_cell
+from testbench.campaign.campaign import build_cell
 from testbench.identify import gco
 from testbench.studies.single_link import trial as single_link
 from testbench.trials.engine import run_study

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.bench.campaign import Cell
+from testbench.campaign.campaign import Cell
 from testbench.errors import Array
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.vjm import Vjm

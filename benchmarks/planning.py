@@ -4,7 +4,7 @@ import numpy as np
 from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, spread
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.bench.campaign import build_cell
+from testbench.campaign.campaign import build_cell
 from testbench.design.criteria import Criterion, Linear, mean_square
 from testbench.design.exchange import BETTER, SWEEPS, exchange
 from testbench.design.planning import make_plan

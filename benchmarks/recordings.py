@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from measure import MODELS, Row, at_most, interleave, spread
 
-from testbench.bench.campaign import Cell, build_cell, clear_poses
+from testbench.campaign.campaign import Cell, build_cell, clear_poses
 from testbench.plant.shapes import elastic_frames, origins, rigid_frames
 from testbench.report.report import Report
 from testbench.views.colours import MEASURED, look

@@ -7,7 +7,7 @@ import numpy as np
 from measure import MODELS, Row, at_most, interleave, note, spread
 
 from testbench.arm.folder import Arm
-from testbench.bench.campaign import Cell, Scenario, build_cell, simulate
+from testbench.campaign.campaign import Cell, Scenario, build_cell, simulate
 from testbench.data.dataset import Dataset
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.conic import by_clarabel, scale_program

@@ -12,13 +12,13 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from testbench.arm.folder import load_arm as load_arm
-    from testbench.bench.campaign import Scenario as Scenario
-    from testbench.bench.campaign import build_cell as build_cell
-    from testbench.bench.campaign import simulate as simulate
-    from testbench.bench.load_model import load_model as load_model
-    from testbench.bench.models import MODELS as MODELS
-    from testbench.bench.plan import plan as plan
-    from testbench.bench.plan_settings import PlanSettings as PlanSettings
+    from testbench.campaign.campaign import Scenario as Scenario
+    from testbench.campaign.campaign import build_cell as build_cell
+    from testbench.campaign.campaign import simulate as simulate
+    from testbench.campaign.load_model import load_model as load_model
+    from testbench.campaign.models import MODELS as MODELS
+    from testbench.campaign.plan import plan as plan
+    from testbench.campaign.plan_settings import PlanSettings as PlanSettings
     from testbench.correct.compensated import compensate as compensate
     from testbench.correct.newton import Aim as Aim
     from testbench.correct.predicted import predict as predict
@@ -50,10 +50,10 @@ if TYPE_CHECKING:
 
 HOMES = {
     "load_arm": "arm.folder",
-    "build_cell": "bench.campaign",
-    "Scenario": "bench.campaign",
-    "simulate": "bench.campaign",
-    "MODELS": "bench.models",
+    "build_cell": "campaign.campaign",
+    "Scenario": "campaign.campaign",
+    "simulate": "campaign.campaign",
+    "MODELS": "campaign.models",
     "Dataset": "data.dataset",
     "read_csv": "data.csvfile",
     "write_csv": "data.csvfile",
@@ -81,9 +81,9 @@ HOMES = {
     "read_program": "data.program",
     "write_program": "data.program_corrected",
     "stiffness": "correct.stiffness",
-    "load_model": "bench.load_model",
-    "PlanSettings": "bench.plan_settings",
-    "plan": "bench.plan",
+    "load_model": "campaign.load_model",
+    "PlanSettings": "campaign.plan_settings",
+    "plan": "campaign.plan",
     "BenchError": "errors",
 }
 """The module of every public name."""

@@ -15,7 +15,7 @@ from PIL import Image
 from serial_arms import turned_arm
 from threadpoolctl import threadpool_limits
 
-from testbench.bench.campaign import Cell, build_cell
+from testbench.campaign.campaign import Cell, build_cell
 
 LOOKS = {"blank_panes", "open_page"}  #: Fixtures that draw recordings and pages.
 ATTACKS = {"hostile", "property"} | {

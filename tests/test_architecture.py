@@ -14,7 +14,7 @@ FLOORS = (
     {"data", "model", "trials"},
     {"plant", "identify"},
     {"design", "correct"},
-    {"bench"},
+    {"campaign"},
     {"views", "shell"},
     {"report"},
     {"commands"},
@@ -31,12 +31,12 @@ DOORS = {
     **dict.fromkeys(("markdown_it", "markupsafe"), "views/page/html.py"),
     "pyarrow": ("trials", "data/table.py", "report/table.py"),
     "distributed": "trials/cluster.py",
-    **dict.fromkeys(("trimesh", "collada"), "plant/adopt/meshes.py"),
-    "fast_simplification": "plant/adopt/thin.py",
+    **dict.fromkeys(("trimesh", "collada"), "plant/import_robot/meshes.py"),
+    "fast_simplification": "plant/import_robot/thin.py",
 }
 """The folder or module that imports a heavy package; matplotlib has a test of its own."""
 UNTYPED = """
-    bench/baselines.py commands/compare_rows.py files.py identify/factorised.py
+    campaign/baselines.py commands/compare_rows.py files.py identify/factorised.py
     identify/modelled.py identify/search.py report/report.py report/table.py studies/run.py
     studies/study.py trials/cluster.py
     trials/engine.py trials/experiment.py trials/parquet.py trials/rows.py views/schema.py

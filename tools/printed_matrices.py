@@ -5,8 +5,8 @@ import math
 import numpy as np
 from scipy.special import gammainc, gammaincc
 
-from testbench.bench.campaign import Cell, stream
-from testbench.bench.full_pose import FullPose
+from testbench.campaign.campaign import Cell, stream
+from testbench.campaign.pose_campaign import FullPose
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import gco, reduce

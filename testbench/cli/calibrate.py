@@ -8,8 +8,8 @@ import typer
 
 from testbench import files
 from testbench.arm.catalogue import find_arm
-from testbench.bench.absolute import calibrated, read_all
-from testbench.bench.campaign import build_cell
+from testbench.campaign.absolute import calibrated, read_all
+from testbench.campaign.campaign import build_cell
 from testbench.cli.arguments import ArmName, MapFile, SigmaUm
 from testbench.commands.calibrate import COMMAND, PICTURE, report, seen, write
 from testbench.commands.calibrate_numbers import left_of

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.arm_check import check
+from testbench.campaign.arm_check import check
 from testbench.cli.arguments import ArmName
 from testbench.commands.check import COMMAND, confirm_lines, contents, report, write
 from testbench.output.run import claim_folder

@@ -8,12 +8,12 @@ import numpy as np
 import typer
 
 from testbench import files
-from testbench.bench.campaign import build_cell
-from testbench.bench.compensate import NAMED, CorrectedProgram, correct_program
-from testbench.bench.load_model import load_model
-from testbench.bench.payload import payload_of
-from testbench.bench.plan_input import joints_of, place
-from testbench.bench.predict import with_payload
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.compensate import NAMED, CorrectedProgram, correct_program
+from testbench.campaign.load_model import load_model
+from testbench.campaign.payload import payload_of
+from testbench.campaign.plan_input import joints_of, place
+from testbench.campaign.predict import with_payload
 from testbench.cli.arguments import Load, MapFile
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import build_cell
-from testbench.bench.runs import files_read, look_at, read, register
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.runs import files_read, look_at, read, register
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.commands.data import COMMAND, listed, report, understand, write
 from testbench.errors import BenchError

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from testbench.bench.campaign_flags import CampaignOptions
-from testbench.bench.truths import TrueArmName
+from testbench.campaign.campaign_flags import CampaignOptions
+from testbench.campaign.true_arms import TrueArmName
 from testbench.shell.options import Common, takes
 from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.run import run

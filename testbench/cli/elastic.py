@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import build_cell
+from testbench.campaign.campaign import build_cell
 from testbench.cli.arguments import ArmName
 from testbench.errors import word
 from testbench.output.place import Kind, claim_file

@@ -9,9 +9,9 @@ import typer
 from rich.markdown import Markdown
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import build_cell
-from testbench.bench.models import named_models, plain_name
-from testbench.bench.runs import files_read, read, register
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.models import named_models, plain_name
+from testbench.campaign.runs import files_read, read, register
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.commands.identifiability import figure, report
 from testbench.identify.identifiability import describe

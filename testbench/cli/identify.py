@@ -10,12 +10,12 @@ import typer
 
 from testbench import files
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Cell, build_cell
-from testbench.bench.default import default_models, with_priors
-from testbench.bench.fits import fit
-from testbench.bench.model_folder import DOCUMENT, FITS
-from testbench.bench.models import Model, named_models
-from testbench.bench.runs import files_read, read_runs
+from testbench.campaign.campaign import Cell, build_cell
+from testbench.campaign.fits import fit
+from testbench.campaign.model_folder import DOCUMENT, FITS
+from testbench.campaign.model_selection import default_models, with_priors
+from testbench.campaign.models import Model, named_models
+from testbench.campaign.runs import files_read, read_runs
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.commands.identify import COMMAND, PICTURE, Source, printed, tell
 from testbench.errors import BenchError, word
@@ -76,7 +76,7 @@ def command(asked: Options) -> None:
         models = _models(cell, asked)
         found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
         if asked.strict:
-            from testbench.bench.arm_check import check  # here: it reads the arm once more
+            from testbench.campaign.arm_check import check  # here: it reads the arm once more
 
             check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
         readings, out = {asked.dataset.name: files.digest(asked.dataset)}, asked.out

@@ -5,12 +5,12 @@ from typing import Annotated
 
 import typer
 
-from testbench.bench.campaign import build_cell
+from testbench.campaign.campaign import build_cell
 from testbench.errors import BenchError, InputError, word
 from testbench.output.run import new_folder
-from testbench.plant.adopt.folder import write_arm
-from testbench.plant.adopt.read import read_chain
-from testbench.plant.adopt.wishes import read_wishes
+from testbench.plant.import_robot.folder import write_arm
+from testbench.plant.import_robot.read import read_chain
+from testbench.plant.import_robot.wishes import read_wishes
 from testbench.views.terminal import plain_console
 
 

@@ -7,13 +7,13 @@ from typing import Annotated
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.absolute_plan import plan_absolute
-from testbench.bench.campaign import Cell, build_cell
-from testbench.bench.models import EVERY, plain_name, right_name
-from testbench.bench.payload import overloaded, overpulled, payload_of
-from testbench.bench.plan import hung, plan_for, read_tasks
-from testbench.bench.plan_input import box, place, pull
-from testbench.bench.plan_settings import PlanSettings, structure
+from testbench.campaign.absolute_plan import plan_absolute
+from testbench.campaign.campaign import Cell, build_cell
+from testbench.campaign.models import EVERY, plain_name, right_name
+from testbench.campaign.payload import overloaded, overpulled, payload_of
+from testbench.campaign.plan import hung, plan_for, read_tasks
+from testbench.campaign.plan_input import box, place, pull
+from testbench.campaign.plan_settings import PlanSettings, structure
 from testbench.cli.arguments import ArmName, MapFile, Noise, mass
 from testbench.commands.plan import COMMAND, printed, report, write
 from testbench.commands.plan_numbers import numbers

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from testbench.bench.absolute import read_all, score
-from testbench.bench.absolute_model import read_model
+from testbench.campaign.absolute import read_all, score
+from testbench.campaign.absolute_model import read_model
 from testbench.cli.arguments import MapFile, SigmaUm
 from testbench.identify.absolute.align import LEAST
 from testbench.shell.options import takes

@@ -11,12 +11,12 @@ import typer
 from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.bench.campaign import Cell, LoadedPoses, Scenario, build_cell, hanging, measure, stream
-from testbench.bench.candidates import Conditions, build_checks, find
-from testbench.bench.payload import overloaded, overpulled, payload_of
-from testbench.bench.plan_input import read_masses, read_payload, read_pulls
-from testbench.bench.tracker_runs import by_trackers, places
+from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.campaign.campaign import Cell, LoadedPoses, Scenario, build_cell, hanging, measure, stream
+from testbench.campaign.candidates import Conditions, build_checks, find
+from testbench.campaign.payload import overloaded, overpulled, payload_of
+from testbench.campaign.plan_input import read_masses, read_payload, read_pulls
+from testbench.campaign.tracker_runs import by_trackers, places
 from testbench.cli.arguments import ArmName, MapFile, Noise, mass
 from testbench.data.csvfile import write_csv
 from testbench.data.posefile import read_poses

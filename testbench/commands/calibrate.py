@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.bench.absolute import Calibrated
-from testbench.bench.absolute_model import write_model
-from testbench.bench.campaign import Cell
-from testbench.bench.rows import MM
+from testbench.campaign.absolute import Calibrated
+from testbench.campaign.absolute_model import write_model
+from testbench.campaign.campaign import Cell
+from testbench.campaign.rows import MM
 from testbench.commands.calibrate_numbers import FAR, Left, numbers, unread
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array

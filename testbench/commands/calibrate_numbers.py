@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.folder import Joint
-from testbench.bench.absolute import Calibrated
-from testbench.bench.rows import MM, UM
+from testbench.campaign.absolute import Calibrated
+from testbench.campaign.rows import MM, UM
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.choose import Step

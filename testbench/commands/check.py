@@ -8,7 +8,7 @@ import numpy as np
 from testbench.arm.elastic import JointEntry, LinkEntry
 from testbench.arm.folder import Joint
 from testbench.arm.mjcf import GRAVITY
-from testbench.bench.arm_check import Checked
+from testbench.campaign.arm_check import Checked
 from testbench.errors import Array
 from testbench.model.vjm import chain, generalised_load, tool_points
 from testbench.plant.corners import RING

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from pydantic import JsonValue
 
-from testbench.bench.truths import CALLED, TRUTHS, member
+from testbench.campaign.true_arms import CALLED, TRUTHS, member
 from testbench.errors import BenchError
 from testbench.output.finished import Finished
 from testbench.report.table import Row

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from testbench import files
-from testbench.bench.campaign import Cell
-from testbench.bench.compensate import CorrectedProgram, more_columns
-from testbench.bench.rows import MM
+from testbench.campaign.campaign import Cell
+from testbench.campaign.compensate import CorrectedProgram, more_columns
+from testbench.campaign.rows import MM
 from testbench.correct.beyond import extent
 from testbench.correct.open import most_open
 from testbench.correct.rest import rest

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.bench.campaign import Cell
-from testbench.bench.rows import MM, UM
+from testbench.campaign.campaign import Cell
+from testbench.campaign.rows import MM, UM
 from testbench.data.columns import Column, Columns
 from testbench.data.dataset import Dataset, Ids
 from testbench.data.export import Export

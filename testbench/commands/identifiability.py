@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from testbench.bench.rows import MM
+from testbench.campaign.rows import MM
 from testbench.identify.identifiability import Identifiability
 from testbench.identify.identifiability_help import TASKS
 from testbench.identify.identifiability_unseen import Direction

@@ -5,11 +5,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from testbench import files
-from testbench.bench.baselines import JOINTS, is_least_squares
-from testbench.bench.campaign import Cell
-from testbench.bench.fits import Identified
-from testbench.bench.model_folder import FITS
-from testbench.bench.stiffness_write import write_stiffness
+from testbench.campaign.baselines import JOINTS, is_least_squares
+from testbench.campaign.campaign import Cell
+from testbench.campaign.fits import Identified
+from testbench.campaign.model_folder import FITS
+from testbench.campaign.stiffness_write import write_stiffness
 from testbench.commands.identify_drawn import seen
 from testbench.commands.identify_rows import COUNTS, left_by, numbers
 from testbench.report.columns import columns

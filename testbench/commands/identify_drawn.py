@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from testbench.bench.campaign import Cell
-from testbench.bench.error_places import ErrorPlaces
-from testbench.bench.fits import Identified
-from testbench.bench.rows import MM
+from testbench.campaign.campaign import Cell
+from testbench.campaign.fits import Identified
+from testbench.campaign.rows import MM
+from testbench.campaign.workspace_errors import ErrorPlaces
 from testbench.commands.identify_rows import COUNTS, compared, longest
 from testbench.data.dataset import Ids
 from testbench.errors import Array

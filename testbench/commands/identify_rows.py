@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import Cell, clear_poses, stream
-from testbench.bench.error_places import Meaning, bounded_mm, error_places, kept_mm, places_at
-from testbench.bench.fits import Fitted, Identified
-from testbench.bench.rows import MM
-from testbench.bench.stiffness_write import weights_known
+from testbench.campaign.baselines import JOINTS
+from testbench.campaign.campaign import Cell, clear_poses, stream
+from testbench.campaign.fits import Fitted, Identified
+from testbench.campaign.rows import MM
+from testbench.campaign.stiffness_write import weights_known
+from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, kept_mm, places_at
 from testbench.correct.arm_model import of_estimate
 from testbench.correct.predicted import predict
 from testbench.errors import Array, NoEquilibrium, PoseError

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.bench.plan import Planned
-from testbench.bench.plan_settings import pull_words
+from testbench.campaign.plan import Planned
+from testbench.campaign.plan_settings import pull_words
 from testbench.commands.plan_drawn import seen, write_poses, write_tasks
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave

@@ -10,9 +10,9 @@ import numpy as np
 
 from testbench.arm.folder import Joint
 from testbench.arm.mjcf import GRAVITY
-from testbench.bench.campaign import Cell
-from testbench.bench.error_places import ErrorPlaces
-from testbench.bench.plan import Planned
+from testbench.campaign.campaign import Cell
+from testbench.campaign.plan import Planned
+from testbench.campaign.workspace_errors import ErrorPlaces
 from testbench.data.posefile import absolute_columns, plan_columns
 from testbench.design.planning import Plan
 from testbench.errors import Array

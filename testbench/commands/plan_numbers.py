@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.bench.absolute_plan import AbsolutePlanned, left_open
-from testbench.bench.campaign import stream
-from testbench.bench.error_places import Meaning, bounded_mm, error_places, places_at
-from testbench.bench.plan import Planned
-from testbench.bench.plan_promise import (
+from testbench.campaign.absolute_plan import AbsolutePlanned, left_open
+from testbench.campaign.campaign import stream
+from testbench.campaign.plan import Planned
+from testbench.campaign.plan_settings import pull_words
+from testbench.campaign.predicted_error import (
     Expected,
     error_map,
     fitted,
@@ -23,8 +23,8 @@ from testbench.bench.plan_promise import (
     unshown,
     within,
 )
-from testbench.bench.plan_settings import pull_words
-from testbench.bench.rows import MM
+from testbench.campaign.rows import MM
+from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at
 from testbench.design import absolute
 from testbench.design.baselines import RANDOM, PriorInfluence, baselines, prior_influence
 from testbench.design.criteria import Linear, mean_square

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Joint
-from testbench.bench.error_places import Meaning, bounded_mm, error_places, places_at
-from testbench.bench.predict import Predicted
-from testbench.bench.rows import MM
+from testbench.campaign.predict import Predicted
+from testbench.campaign.rows import MM
+from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at
 from testbench.correct.rest import rest
 from testbench.correct.stiffness import direction_words
 from testbench.data.cells import as_cell

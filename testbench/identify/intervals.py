@@ -34,9 +34,9 @@ HEAVY = 3.0
 """Degrees of freedom of the Student distribution of what a learnt prior puts into prediction errors.
 
 Priors are wrong in more ways than a normal distribution counts; readings are not. Over the family of true
-arms and wrong priors (`bench.truths`, `bench.wrong_prior`; seeds 1 to 24, 8 to 20 poses) 90, 95 and 98 % of
-errors are held by 1.6, 2.0 and 2.3 standard deviations of noise beside 2.7, 3.5 and 4.5 of what the prior
-puts in; Student's with 3 degrees of freedom are 2.4, 3.2 and 4.5.
+arms and wrong priors (`campaign.true_arms`, `campaign.perturbed_prior`; seeds 1 to 24, 8 to 20 poses) 90,
+95 and 98 % of errors are held by 1.6, 2.0 and 2.3 standard deviations of noise beside 2.7, 3.5 and 4.5 of
+what the prior puts in; Student's with 3 degrees of freedom are 2.4, 3.2 and 4.5.
 """
 
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from testbench.bench.baselines import JOINTS
-from testbench.bench.error_places import ErrorPlaces, Places, error_places
+from testbench.campaign.baselines import JOINTS
+from testbench.campaign.workspace_errors import ErrorPlaces, Places, error_places
 from testbench.identify import Constraint
 from testbench.report.columns import columns
 from testbench.report.table import Row, Trials, aligned, merged, nested, paired

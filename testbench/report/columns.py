@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from testbench.bench.truths import CALLED
-from testbench.bench.wrong_prior import PRIORS_CALLED
+from testbench.campaign.perturbed_prior import PRIORS_CALLED
+from testbench.campaign.true_arms import CALLED
 from testbench.views.schema import Column
 
 ROUNDING_UM = 1e-3  #: Errors below are rounding.

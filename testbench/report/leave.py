@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench import files
-from testbench.bench.model_folder import digests
+from testbench.campaign.model_folder import digests
 from testbench.output.run import whole_folder
 from testbench.report.report import Report
 from testbench.views.page.page import write_page

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import Cell, Setup, settle_both
-from testbench.bench.campaign_row import Runs, dataset_of
-from testbench.bench.rows import MM
+from testbench.campaign.baselines import JOINTS
+from testbench.campaign.campaign import Cell, Setup, settle_both
+from testbench.campaign.campaign_row import Runs, dataset_of
+from testbench.campaign.rows import MM
 from testbench.data.dataset import Dataset, Ids, in_order
 from testbench.errors import Array
 from testbench.plant.shapes import elastic_frames, rigid_frames

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
-from testbench.bench.models import MODELS
+from testbench.campaign.models import MODELS
 from testbench.errors import BenchError
 
 S = TypeVar("S")

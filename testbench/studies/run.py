@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 from rich.console import Console
 
 from testbench import files
-from testbench.bench.model_folder import digests
+from testbench.campaign.model_folder import digests
 from testbench.errors import InputError
 from testbench.output.run import claim_folder, whole_folder
 from testbench.report.table import Trials

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.bench.campaign import Cell
+from testbench.campaign.campaign import Cell
 from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.plant.shapes import Frames

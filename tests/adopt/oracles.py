@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from testbench.bench.campaign import build_cell
+from testbench.campaign.campaign import build_cell
 from testbench.model.vjm import tool_pose
 from testbench.plant import unloaded
 

@@ -7,12 +7,12 @@ from oracles import mujoco_mjcf, ours, pinocchio_urdf, random_q
 from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, sliding_mjcf
 
 from testbench.arm.folder import load_arm
-from testbench.bench.campaign import build_cell
-from testbench.plant.adopt.folder import write_arm
-from testbench.plant.adopt.read import read_chain
-from testbench.plant.adopt.surface import surfaces
-from testbench.plant.adopt.weigh import DENSITY
-from testbench.plant.adopt.wishes import Wishes
+from testbench.campaign.campaign import build_cell
+from testbench.plant.import_robot.folder import write_arm
+from testbench.plant.import_robot.read import read_chain
+from testbench.plant.import_robot.surface import surfaces
+from testbench.plant.import_robot.weigh import DENSITY
+from testbench.plant.import_robot.wishes import Wishes
 
 ARMS = {
     light_urdf: (pinocchio_urdf, "tool0", "a1 a2 a3 a4 a5 a6 a7"),

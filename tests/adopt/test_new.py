@@ -10,7 +10,7 @@ from run_here import here
 from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, sliding_mjcf
 
 from testbench.arm.folder import load_arm
-from testbench.bench.arm_check import check
+from testbench.campaign.arm_check import check
 from testbench.cli.program import program
 from testbench.model.vjm import body_poses
 

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from testbench.bench.model_folder import read_arrays, sealed
+from testbench.campaign.model_folder import read_arrays, sealed
 from testbench.errors import InputError
 
 Change = Callable[[dict], object]

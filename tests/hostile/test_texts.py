@@ -15,7 +15,7 @@ from xml.sax.saxutils import quoteattr
 import pytest
 from markdown_it import MarkdownIt
 
-from testbench.bench.campaign import build_cell
+from testbench.campaign.campaign import build_cell
 from testbench.data.cells import as_cell, from_cell
 from testbench.data.csvfile import read_csv
 from testbench.data.program import read_program

@@ -30,7 +30,7 @@ def load() -> None:
     """Import all commands, and what they import when they run."""
     for name in COMMANDS:
         importlib.import_module(f"testbench.cli.{name}")
-    for name in ("testbench.bench.campaign", "testbench.views.recording.stream", "testbench.views.figure"):
+    for name in ("testbench.campaign.campaign", "testbench.views.recording.stream", "testbench.views.figure"):
         importlib.import_module(name)
 
 

@@ -15,7 +15,7 @@ from mistakes import MISTAKES, named
 from sound_sets import PAYLOAD, sound
 from threadpoolctl import threadpool_limits
 
-from testbench.bench.campaign import build_cell, stream
+from testbench.campaign.campaign import build_cell, stream
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
 Z = 1.959964  #: Of a normal quantity, within which 95 % of it lie.

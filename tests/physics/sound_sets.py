@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.bench.campaign import Cell, LoadedPoses, clear_poses, stream
-from testbench.bench.truths import TRUTHS, true_cell
+from testbench.campaign.campaign import Cell, LoadedPoses, clear_poses, stream
+from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset
 from testbench.identify.prior import Prior, cad_prior, distorted
 from testbench.model.poses import WorkArea

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.data.series import select_rows
 from testbench.identify.absolute import choose
 from testbench.identify.absolute.evidence import LOOSE, Learnt, solve

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import helmert
 
-from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.identify.absolute.evidence import choice, learn, usual
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import Inner, eliminate

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.bench.absolute_model import belief_of
-from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
-from testbench.bench.campaign import clear_poses, stream
+from testbench.campaign.absolute_model import belief_of
+from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.campaign.campaign import clear_poses, stream
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.intervals import intervals
 from testbench.identify.absolute.moved import moved

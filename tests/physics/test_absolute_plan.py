@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.bench.absolute_plan import left_open, union_of
-from testbench.bench.campaign import build_cell, stream
-from testbench.bench.candidates import Conditions, build_checks, find
-from testbench.bench.plan import around
-from testbench.bench.plan_settings import PlanSettings
+from testbench.campaign.absolute_plan import left_open, union_of
+from testbench.campaign.campaign import build_cell, stream
+from testbench.campaign.candidates import Conditions, build_checks, find
+from testbench.campaign.plan import around
+from testbench.campaign.plan_settings import PlanSettings
 from testbench.design import absolute
 from testbench.design.criteria import mean_square
 from testbench.design.exchange import exchange, greedy

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
-from testbench.bench.campaign import Cell
+from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.campaign.campaign import Cell
 from testbench.identify.absolute import state as absolute
 from testbench.identify.absolute.state import Mount, nominal, targets, tell
 from testbench.model.joint_errors import JointErrors

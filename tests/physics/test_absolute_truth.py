@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign, Frame, simulate_series, true_poses
+from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, Frame, simulate_series, true_poses
 from testbench.errors import BenchError
 from testbench.model.vjm import chain
 from testbench.plant import Disturbances, GeometryErrors, settle

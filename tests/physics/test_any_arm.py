@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from serial_arms import turned_arm, write_arm
 
-from testbench.bench.agreement import check_agreement
-from testbench.bench.campaign import Scenario, build_cell, hanging, measure, simulate
-from testbench.bench.default import default_models, default_name
-from testbench.bench.fits import Runs, fit
-from testbench.bench.models import named_models, plain_name
+from testbench.campaign.agreement import check_agreement
+from testbench.campaign.campaign import Scenario, build_cell, hanging, measure, simulate
+from testbench.campaign.fits import Runs, fit
+from testbench.campaign.model_selection import default_models, default_name
+from testbench.campaign.models import named_models, plain_name
 from testbench.errors import BenchError, InputError
 from testbench.identify import least_squares
 from testbench.identify.prior import cad_prior

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from testbench.bench.campaign import Scenario, simulate
-from testbench.bench.default import DEFAULT, choose
-from testbench.bench.truths import true_cell
-from testbench.bench.wrong_prior import prior_of
+from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.model_selection import DEFAULT, choose
+from testbench.campaign.perturbed_prior import prior_of
+from testbench.campaign.true_arms import true_cell
 from testbench.identify import gco, intervals, reduce, with_prior
 from testbench.identify.average import NEGLIGIBLE, ODDS, averaged
 from testbench.identify.evaluate import deflections, score

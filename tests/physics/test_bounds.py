@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.bench.campaign import Scenario, simulate
+from testbench.campaign.campaign import Scenario, simulate
 from testbench.errors import BenchError
 from testbench.identify import reduce
 from testbench.identify.bootstrap import resampler

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from programs import NASTY, random_regression
 
-from testbench.bench.campaign import Scenario, simulate
-from testbench.bench.truths import TRUTHS, true_cell
+from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.errors import BenchError
 from testbench.identify import certify, cone, gco, least_squares, make_estimate
 from testbench.identify.certify import (

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.bench.arm_check import check
-from testbench.bench.arm_doubts import sag
+from testbench.campaign.arm_check import check
+from testbench.campaign.arm_doubts import sag
 from testbench.model.vjm import chain
-from testbench.plant.adopt.propose import propose
-from testbench.plant.adopt.read import read_chain
-from testbench.plant.adopt.wishes import Wishes
+from testbench.plant.import_robot.propose import propose
+from testbench.plant.import_robot.read import read_chain
+from testbench.plant.import_robot.wishes import Wishes
 
 MODELS = Path(__file__).parents[2] / "models"
 TOML, XML = "elastic.toml", "rigid.xml"

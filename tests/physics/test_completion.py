@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from testbench import cad_prior, completed_least_squares, deflections, gco, least_squares, robust, with_prior
-from testbench.bench.campaign import Scenario
-from testbench.bench.campaign import simulate as calibrate
-from testbench.bench.full_pose import FullPose, simulate
+from testbench.campaign.campaign import Scenario
+from testbench.campaign.campaign import simulate as calibrate
+from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.errors import BenchError
 from testbench.identify import reduce
 from testbench.identify.completion import NONE, PROVEN, free_directions, least_shift

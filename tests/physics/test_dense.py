@@ -7,7 +7,7 @@ import pytest
 from agreement import APART, OFF, ROUNDING, WORSE, compared, compared_with_prior, least_squares_off
 from programs import NASTY, random_regression, with_random_prior
 
-from testbench.bench.campaign import Scenario, simulate
+from testbench.campaign.campaign import Scenario, simulate
 from testbench.errors import BenchError
 from testbench.identify import cone, dense, reduce
 from testbench.identify.conic import answers, by_clarabel, optima, optimum, scale_program

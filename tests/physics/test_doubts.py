@@ -10,8 +10,8 @@ from mistakes import MISTAKES, named
 from scipy.spatial.transform import Rotation
 from sound_sets import sound
 
-from testbench.bench import full_pose
-from testbench.bench.campaign import Scenario, simulate, stream
+from testbench.campaign import full_pose
+from testbench.campaign.campaign import Scenario, simulate, stream
 from testbench.data.dataset import Dataset, select
 from testbench.identify.doubts import HandedIn, doubts
 from testbench.identify.doubts.find import AT_A_TIME

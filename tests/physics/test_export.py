@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from serial_arms import write_arm
 
 from testbench.arm.urdf_text import STAMP
-from testbench.bench.campaign import build_cell
-from testbench.bench.export import draft_new, draft_own, export
-from testbench.bench.export_geometry import apart, drawn, identified, random_joints, tool_poses
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.export import draft_new, draft_own, export
+from testbench.campaign.export_geometry import apart, drawn, identified, random_joints, tool_poses
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.state import nominal
 from testbench.model.joint_errors import JointErrors

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from testbench.bench.campaign import stream
-from testbench.bench.full_pose import FullPose, simulate
+from testbench.campaign.campaign import stream
+from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce
 from testbench.identify.factorised import (

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.bench.campaign import Scenario
-from testbench.bench.campaign import simulate as calibrate
-from testbench.bench.full_pose import FullPose, random_wrenches, simulate
-from testbench.bench.judged import identify
-from testbench.bench.models import Model, named_models
+from testbench.campaign.campaign import Scenario
+from testbench.campaign.campaign import simulate as calibrate
+from testbench.campaign.evaluation import identify
+from testbench.campaign.models import Model, named_models
+from testbench.campaign.pose_campaign import FullPose, random_wrenches, simulate
 from testbench.errors import BenchError, PoseError
 from testbench.identify import gco, least_squares, reduce
 from testbench.identify.evaluate import deflections

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.bench import full_pose
-from testbench.bench.campaign import Scenario, simulate
-from testbench.bench.wrong_prior import prior_of
+from testbench.campaign import full_pose
+from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.perturbed_prior import prior_of
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.contradiction import Unchecked, doubts, unchecked

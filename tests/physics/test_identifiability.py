@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.bench.campaign import Scenario, simulate
+from testbench.campaign.campaign import Scenario, simulate
 from testbench.commands.identifiability import report as said
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError

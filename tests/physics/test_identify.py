@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from testbench.bench.campaign import Scenario, simulate
+from testbench.campaign.campaign import Scenario, simulate
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify import certify, cone, gco, interior, least_squares, make_estimate, reduce

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import testbench as tb
-from testbench.bench.fits import Runs, fit
+from testbench.campaign.fits import Runs, fit
 from testbench.identify.identifiability import describe
 from testbench.identify.identifiability_help import imagined
 from testbench.identify.prior import Strength

@@ -545,7 +545,7 @@ def test_the_loaded_model_shares_no_code_with_the_plant():
     tree = ast.parse(Path(loaded.__file__).read_text(encoding="utf-8"))
     names = {n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
     assert not any(
-        name.startswith(("testbench.plant", "testbench.bench.campaign", "mujoco")) for name in names
+        name.startswith(("testbench.plant", "testbench.campaign.campaign", "mujoco")) for name in names
     )
 
 

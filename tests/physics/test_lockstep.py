@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from testbench.bench.campaign import settle_both
+from testbench.campaign.campaign import settle_both
 from testbench.errors import NoEquilibrium
 from testbench.plant import TYPICAL, build_plant, disturb, settle, settle_linear, settle_pair
 from testbench.plant.build import plant_of

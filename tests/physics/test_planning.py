@@ -8,8 +8,8 @@ import pytest
 from scipy.stats import wishart
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.bench import plan_promise
-from testbench.bench.campaign import Scenario, build_cell, hanging, measure, stream
+from testbench.campaign import plan_promise
+from testbench.campaign.campaign import Scenario, build_cell, hanging, measure, stream
 from testbench.data.dataset import Dataset
 from testbench.design.criteria import Determinant, Linear, criterion_e
 from testbench.design.exchange import exchange

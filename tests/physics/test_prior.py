@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from testbench.bench.campaign import Scenario, simulate
+from testbench.campaign.campaign import Scenario, simulate
 from testbench.data.dataset import select
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior

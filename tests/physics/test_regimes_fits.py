@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.bench.campaign import Scenario, draw_poses, simulate_at, stream
-from testbench.bench.full_pose import FullPose
-from testbench.bench.full_pose import simulate as simulate_full_pose
+from testbench.campaign.campaign import Scenario, draw_poses, simulate_at, stream
+from testbench.campaign.pose_campaign import FullPose
+from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.identify import reduce
 from testbench.identify.certify import total_trace, trace_weight
 from testbench.identify.completion import completed

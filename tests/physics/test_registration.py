@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from serial_arms import write_arm
 
-from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.campaign.campaign import Scenario, build_cell, simulate
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify import gco

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from printed_matrices import OWN, least_cost, printed_matrices, readings, tables
 
-from testbench.bench.full_pose import simulate
+from testbench.campaign.pose_campaign import simulate
 from testbench.studies.paper import EQ_22, EQ_23
 from testbench.studies.single_link.trial import (
     GCO,

@@ -7,9 +7,10 @@ import pytest
 from scipy.optimize import minimize
 
 from testbench.arm.stiffness import Tube, check_compliance, eigenvalue_scale, tube_compliance, turned
-from testbench.bench.campaign import Scenario, simulate, stream
-from testbench.bench.models import MODELS
-from testbench.bench.truths import (
+from testbench.campaign.campaign import Scenario, simulate, stream
+from testbench.campaign.models import MODELS
+from testbench.campaign.perturbed_prior import FAR, PRIORS, TURN, prior_of, wrong_prior
+from testbench.campaign.true_arms import (
     TRUTHS,
     UNEQUAL,
     deformed,
@@ -17,7 +18,6 @@ from testbench.bench.truths import (
     member,
     true_cell,
 )
-from testbench.bench.wrong_prior import FAR, PRIORS, TURN, prior_of, wrong_prior
 from testbench.errors import BenchError
 from testbench.identify.evaluate import deflections
 from testbench.identify.metric import metric

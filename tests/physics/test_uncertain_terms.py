@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
-from testbench.bench.campaign import Scenario, simulate
+from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.campaign.campaign import Scenario, simulate
 from testbench.correct.arm_model import About, bending, of_compliances
 from testbench.correct.beyond import extent
 from testbench.correct.rest import rest

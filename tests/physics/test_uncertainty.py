@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from testbench.bench.campaign import Scenario, simulate
-from testbench.bench.full_pose import FullPose
-from testbench.bench.full_pose import simulate as simulate_full_pose
+from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.pose_campaign import FullPose
+from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.data.dataset import in_order
 from testbench.errors import BenchError
 from testbench.identify import gco, intervals, least_squares, reduce, with_prior

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from testbench.bench.campaign import build_cell
+from testbench.campaign.campaign import build_cell
 from testbench.data.series_export import read_series
 from testbench.model.vjm import rotation, tool_pose
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.bench.campaign import Scenario, build_cell, simulate, stream
+from testbench.campaign.campaign import Scenario, build_cell, simulate, stream
 from testbench.data.dataset import select
 from testbench.data.tracker import LaserTracker, precision, read_positions
 from testbench.errors import BenchError

@@ -9,7 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from read_back import chunks_of, columns
 
-from testbench.bench.campaign import build_cell, settle_both
+from testbench.campaign.campaign import build_cell, settle_both
 from testbench.plant.shapes import body_names, elastic_frames, join_meshes, rigid_frames, visual_shapes
 from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.world import reach, write_arm

@@ -8,7 +8,7 @@ import pytest
 from checks import check_spread, tables_of, unit_in
 from reports import check, table_of
 
-from testbench.bench.truths import CALLED, FAMILY, TRUTHS, member
+from testbench.campaign.true_arms import CALLED, FAMILY, TRUTHS, member
 from testbench.report.table import Row, find
 from testbench.studies.compensation.drawn import LOOKS
 from testbench.studies.compensation.report import figures, group, report

@@ -8,11 +8,11 @@ from checks import at, tables_of
 from made_up import of_one_trial
 from reports import check, check_forest, table_of
 
-from testbench.bench.baselines import EQUAL_FIT
-from testbench.bench.campaign import Scenario, build_cell
-from testbench.bench.campaign_row import CampaignRow, Measured
-from testbench.bench.error_places import Places
-from testbench.bench.rows import ErrorRow
+from testbench.campaign.baselines import EQUAL_FIT
+from testbench.campaign.campaign import Scenario, build_cell
+from testbench.campaign.campaign_row import CampaignRow, Measured
+from testbench.campaign.rows import ErrorRow
+from testbench.campaign.workspace_errors import Places
 from testbench.identify.evaluate import deflections
 from testbench.studies.calibration_scene import calibration_scene, runs_of
 from testbench.studies.gravity_calibration.report import figures, report

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reports import check
 
-from testbench.bench.campaign import Scenario, simulate
+from testbench.campaign.campaign import Scenario, simulate
 from testbench.commands.identifiability import DECIDED, figure, report
 from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior

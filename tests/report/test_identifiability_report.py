@@ -6,9 +6,9 @@ from checks import check_spread, tables_of
 from made_up import of_one_trial
 from reports import check, check_forest, table_of
 
-from testbench.bench.campaign import Scenario
-from testbench.bench.campaign_row import Measured
-from testbench.bench.rows import ErrorRow
+from testbench.campaign.campaign import Scenario
+from testbench.campaign.campaign_row import Measured
+from testbench.campaign.rows import ErrorRow
 from testbench.studies.identifiability.coverage import Covered
 from testbench.studies.identifiability.fits import ModelRow, TrialRow, Tried
 from testbench.studies.identifiability.report import figures, report

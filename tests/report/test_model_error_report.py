@@ -8,7 +8,7 @@ from checks import check_pivot, check_spread, check_table, curves, ends_of, key_
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.bench.truths import member
+from testbench.campaign.true_arms import member
 from testbench.studies.factorial.trial import FitRow
 from testbench.studies.model_error.study import STUDY, figures, report
 from testbench.studies.model_error.trial import ALL, NONE, STIFF, Settings, disturbances

@@ -8,7 +8,7 @@ from checks import bands, check_pivot, check_spread, curves, ends_of, key_of, lo
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.bench.truths import member
+from testbench.campaign.true_arms import member
 from testbench.studies.factorial.compare import DUELS
 from testbench.studies.factorial.trial import FitRow
 from testbench.studies.noise_sensitivity.study import BANDS, PARTS, STUDY, figures, report

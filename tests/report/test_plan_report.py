@@ -10,10 +10,10 @@ from reports import check
 from rich.console import Console
 
 from testbench.arm.folder import Joint
-from testbench.bench.plan import Planned, hung, plan_for, read_tasks
-from testbench.bench.plan_input import FORCE, read_payload, read_pulls
-from testbench.bench.plan_promise import Expected, Unshown
-from testbench.bench.plan_settings import PlanSettings
+from testbench.campaign.plan import Planned, hung, plan_for, read_tasks
+from testbench.campaign.plan_input import FORCE, read_payload, read_pulls
+from testbench.campaign.plan_settings import PlanSettings
+from testbench.campaign.predicted_error import Expected, Unshown
 from testbench.commands.plan import WORST, printed, report
 from testbench.commands.plan_drawn import OURS, WORK, seen, write_poses, write_tasks
 from testbench.commands.plan_numbers import numbers

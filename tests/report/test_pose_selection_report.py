@@ -8,8 +8,8 @@ from checks import at, bands, curves, key_of, looks_differ, unit_in
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.bench.plan_promise import Expected
-from testbench.bench.truths import CALLED
+from testbench.campaign.predicted_error import Expected
+from testbench.campaign.true_arms import CALLED
 from testbench.studies.pose_selection import settings as s
 from testbench.studies.pose_selection.report import LOOKS, figures, report
 from testbench.studies.pose_selection.settings import BARE, FITS, INCUMBENT, PLANNED, WHOLE

@@ -8,7 +8,7 @@ from checks import check_pivot, check_spread, ends_of, unit_in
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.bench.rows import DatasetRow
+from testbench.campaign.rows import DatasetRow
 from testbench.studies.regimes.study import FREE, KINDS, STUDY, costs, figures, pays, report
 from testbench.studies.regimes.trial import (
     EQUAL,

@@ -5,9 +5,9 @@ import pytest
 from made_up import of_one_trial
 from reports import check, check_forest, table_of
 
-from testbench.bench.baselines import EQUAL_FIT, JOINTS
-from testbench.bench.error_places import Places
-from testbench.bench.rows import ErrorRow
+from testbench.campaign.baselines import EQUAL_FIT, JOINTS
+from testbench.campaign.rows import ErrorRow
+from testbench.campaign.workspace_errors import Places
 from testbench.studies.six_dof_arm.report import figures, report
 from testbench.studies.six_dof_arm.trial import Measured, Options, SixDofRow, settings
 from testbench.trials.spread import middle

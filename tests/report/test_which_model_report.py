@@ -8,8 +8,8 @@ from checks import check_pivot, check_spread, check_table, ends_of, unit_in
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.bench.truths import CALLED, TRUTHS
-from testbench.bench.wrong_prior import PRIORS, PRIORS_CALLED
+from testbench.campaign.perturbed_prior import PRIORS, PRIORS_CALLED
+from testbench.campaign.true_arms import CALLED, TRUTHS
 from testbench.studies.which_model.study import figures, report
 from testbench.studies.which_model.trial import COVERED, POSES, Cover, Doubted, MethodRow, Settings, pairs
 from testbench.trials.spread import middle

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from run_here import here
 
-from testbench.bench.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.cli.program import program
 from testbench.data.series_export import read_series
 from testbench.plant import Disturbances, GearErrors, GeometryErrors

@@ -17,10 +17,10 @@ from run_here import here
 
 import testbench as tb
 from testbench.arm.folder import load_arm
-from testbench.bench import absolute_model
-from testbench.bench.absolute import read_all, score
-from testbench.bench.absolute_model import read_model
-from testbench.bench.model_folder import sealed
+from testbench.campaign import absolute_model
+from testbench.campaign.absolute import read_all, score
+from testbench.campaign.absolute_model import read_model
+from testbench.campaign.model_folder import sealed
 from testbench.cli.program import program
 from testbench.errors import InputError
 from testbench.identify.absolute.posterior import Placed, predict, without

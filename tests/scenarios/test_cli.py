@@ -19,8 +19,8 @@ from made_up_run import REPORT
 from run_here import heed_ctrl_c, here
 
 from testbench import __version__
-from testbench.bench.campaign import Scenario, build_cell, simulate
-from testbench.bench.plan_input import read_masses
+from testbench.campaign.campaign import Scenario, build_cell, simulate
+from testbench.campaign.plan_input import read_masses
 from testbench.cli.arguments import mass
 from testbench.cli.program import COMMANDS, program
 from testbench.data.csvfile import write_csv

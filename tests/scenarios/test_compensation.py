@@ -11,9 +11,9 @@ import pytest
 from pyarrow import parquet
 from run_here import app_of_study, check_files, check_refused, here
 
-from testbench.bench.campaign import build_cell, stream
-from testbench.bench.default import Choice, with_priors
-from testbench.bench.models import named_models
+from testbench.campaign.campaign import build_cell, stream
+from testbench.campaign.model_selection import Choice, with_priors
+from testbench.campaign.models import named_models
 from testbench.correct.arm_model import of_estimate
 from testbench.correct.process import tangents
 from testbench.model.load import on_joints

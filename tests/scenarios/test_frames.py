@@ -9,9 +9,9 @@ import pytest
 from run_here import here
 from scipy.spatial.transform import Rotation
 
-from testbench.bench.campaign import Scenario, simulate
-from testbench.bench.frame_choice import read_frames, registration_row, to_base
-from testbench.bench.tracker_runs import by_trackers
+from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.frame_choice import read_frames, registration_row, to_base
+from testbench.campaign.tracker_runs import by_trackers
 from testbench.cli.program import program
 from testbench.errors import InputError
 from testbench.identify.registered import registered

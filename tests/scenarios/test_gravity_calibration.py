@@ -15,8 +15,8 @@ from pyarrow import parquet
 from run_here import ROOT, app_of_study, check_files, heed_ctrl_c, here, numbers_alone, quick_study
 
 from testbench.arm.folder import load_arm
-from testbench.bench.campaign import Scenario, build_cell, simulate
-from testbench.bench.truths import true_cell
+from testbench.campaign.campaign import Scenario, build_cell, simulate
+from testbench.campaign.true_arms import true_cell
 from testbench.cli.program import program
 from testbench.data.csvfile import read_csv, write_csv
 from testbench.model.vjm import tool_pose

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from run_here import app_of_study, check_files, check_refused, here, numbers_alone, quick_study
 
-from testbench.bench.campaign import clear_poses
+from testbench.campaign.campaign import clear_poses
 from testbench.model.poses import WorkArea
 from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation

@@ -3,7 +3,7 @@
 import pytest
 from run_here import here, numbers_alone
 
-from testbench.bench.models import MODELS
+from testbench.campaign.models import MODELS
 from testbench.studies.gravity_calibration import trial
 from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.run import app

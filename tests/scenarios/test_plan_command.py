@@ -11,9 +11,9 @@ from page_checks import check_page, said
 from run_here import here
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.bench.campaign import Scenario, build_cell, hanging, measure
-from testbench.bench.models import MODELS
-from testbench.bench.plan import hung, read_tasks, straight_way
+from testbench.campaign.campaign import Scenario, build_cell, hanging, measure
+from testbench.campaign.models import MODELS
+from testbench.campaign.plan import hung, read_tasks, straight_way
 from testbench.cli.program import program
 from testbench.data.csvfile import read_csv
 from testbench.data.posefile import absolute_columns, plan_columns, read_poses

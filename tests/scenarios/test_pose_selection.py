@@ -7,7 +7,7 @@ from unittest import mock
 import pytest
 from run_here import app_of, check_files, here, numbers_alone, quick_study
 
-from testbench.bench.truths import CALLED
+from testbench.campaign.true_arms import CALLED
 from testbench.studies.pose_selection import plans
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from run_here import app_of_study, check_files, check_refused, quick_study
 
-from testbench.bench.campaign import draw_poses, simulate_at
-from testbench.bench.default import choose
-from testbench.bench.truths import TRUTHS, true_cell
-from testbench.bench.wrong_prior import PRIORS, prior_of, wrong_link
+from testbench.campaign.campaign import draw_poses, simulate_at
+from testbench.campaign.model_selection import choose
+from testbench.campaign.perturbed_prior import PRIORS, prior_of, wrong_link
+from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.identify.prior import cad_prior
 from testbench.studies.which_model.trial import POSES, RUNS, Settings, cover, covers, pairs, read, scenario
 

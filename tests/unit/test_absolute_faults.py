@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.bench.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.bench.campaign import build_cell
+from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.campaign.campaign import build_cell
 from testbench.data.series import select_rows
 from testbench.errors import BenchError
 from testbench.identify.absolute.align import align

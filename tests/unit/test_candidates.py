@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from testbench.bench.campaign import Cell
-from testbench.bench.candidates import (
+from testbench.campaign.campaign import Cell
+from testbench.campaign.candidates import (
     ADVICE,
     BATCH,
     BLOCKED,

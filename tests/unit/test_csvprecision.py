@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbench.arm.folder import load_arm
-from testbench.bench.campaign import Scenario, build_cell, simulate
+from testbench.campaign.campaign import Scenario, build_cell, simulate
 from testbench.data.csvfile import COVARIANCES as COLUMNS
 from testbench.data.csvfile import read_csv, write_csv
 from testbench.data.tracker import LaserTracker, precision

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from testbench.arm.folder import Joint
-from testbench.bench.plan import hung, nearest_turn, read_tasks
-from testbench.bench.plan_input import box, place, read_payload, read_pulls
-from testbench.bench.plan_settings import PlanSettings
+from testbench.campaign.plan import hung, nearest_turn, read_tasks
+from testbench.campaign.plan_input import box, place, read_payload, read_pulls
+from testbench.campaign.plan_settings import PlanSettings
 from testbench.data.posefile import read_poses
 from testbench.errors import BenchError, InputError
 

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from testbench.errors import BenchError
-from testbench.plant.adopt.chain import Chain, JointOf, Part, Shape, Site
-from testbench.plant.adopt.classes import (
+from testbench.plant.import_robot.chain import Chain, JointOf, Part, Shape, Site
+from testbench.plant.import_robot.classes import (
     PAYLOAD_OFF,
     SPREAD,
     Class,
     estimated_payload,
     joint_compliance,
 )
-from testbench.plant.adopt.outline import outer_diameter, triangles
-from testbench.plant.adopt.propose import propose
-from testbench.plant.adopt.wishes import Wishes, read_wishes
+from testbench.plant.import_robot.outline import outer_diameter, triangles
+from testbench.plant.import_robot.propose import propose
+from testbench.plant.import_robot.wishes import Wishes, read_wishes
 
 Z = np.array([0.0, 0.0, 1.0])
 KNOWN = [  # payload [kg], stretched reach [m], joints counted from 0 and their compliances [1e-6 rad/(N m)]

@@ -10,10 +10,10 @@ import pytest
 from blockwise import check_equal, in_blocks, read_both_ways
 
 from testbench.arm.folder import load_arm
-from testbench.bench.campaign import build_cell
-from testbench.bench.fits import Runs, fit
-from testbench.bench.many import Many
-from testbench.bench.models import named_models
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.fits import Runs, fit
+from testbench.campaign.models import named_models
+from testbench.campaign.streamed_fit import Many
 from testbench.data import stream
 from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset, select
@@ -219,7 +219,7 @@ def test_of_more_runs_than_are_looked_at_the_worst_are(monkeypatch):
 def test_of_many_runs_that_are_held_whole_some_have_intervals_and_the_notes_say_so(monkeypatch):
     data = runs(80)
     monkeypatch.setattr("testbench.data.stream.SHOWN", 10)
-    monkeypatch.setattr("testbench.bench.fits.SHOWN", 10)
+    monkeypatch.setattr("testbench.campaign.fits.SHOWN", 10)
     fits = fit(
         CELL, named_models(CELL, ["Joints"]), Runs("r", data, data, None), lambda: 0.0, widths=True
     ).fits

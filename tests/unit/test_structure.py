@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from testbench.arm.folder import Arm, load_arm
-from testbench.bench.campaign import Cell
-from testbench.bench.full_pose import FullPose, simulate
+from testbench.campaign.campaign import Cell
+from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.errors import BenchError
 from testbench.identify import reduce
 from testbench.identify.conic import optimum

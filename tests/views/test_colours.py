@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from testbench.bench.models import MODELS, named_models
+from testbench.campaign.models import MODELS, named_models
 from testbench.model.structure import all153, template56
 from testbench.studies.identifiability.fits import FILLINGS
 from testbench.views import colours

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.bench.error_places import Places, error_places
+from testbench.campaign.workspace_errors import Places, error_places
 
 COUNT = 30
 NAMES = ("MLS56", "MGCO56", "ALL153 + prior")

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.bench.absolute_model import belief_of
-from testbench.bench.absolute_truth import Truth, true_poses
-from testbench.bench.rows import MM
+from testbench.campaign.absolute_model import belief_of
+from testbench.campaign.absolute_truth import Truth, true_poses
+from testbench.campaign.rows import MM
 from testbench.data.dataset import Mask
 from testbench.data.series import Series, select_rows
 from testbench.data.tracker import Tracker, read_positions

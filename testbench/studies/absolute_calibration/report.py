@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.absolute import Calibrated
-from testbench.bench.campaign import build_cell
-from testbench.bench.rows import UM
+from testbench.campaign.absolute import Calibrated
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.rows import UM
 from testbench.commands.calibrate import seen
 from testbench.commands.calibrate_numbers import left_of
 from testbench.data.series_csv import write_series

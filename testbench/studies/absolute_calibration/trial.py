@@ -8,11 +8,11 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.absolute_truth import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
-from testbench.bench.campaign import Cell, build_cell, clear_poses, hanging, stream
-from testbench.bench.rows import MM
-from testbench.bench.truths import FAMILY, member, true_cell
-from testbench.bench.wrong_prior import wrong_prior
+from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
+from testbench.campaign.campaign import Cell, build_cell, clear_poses, hanging, stream
+from testbench.campaign.perturbed_prior import wrong_prior
+from testbench.campaign.rows import MM
+from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Mask
 from testbench.data.series import Series
 from testbench.errors import Array, BenchError

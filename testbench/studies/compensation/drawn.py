@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import Cell
-from testbench.bench.rows import MM
+from testbench.campaign.baselines import JOINTS
+from testbench.campaign.campaign import Cell
+from testbench.campaign.rows import MM
 from testbench.errors import Array
 from testbench.plant import settle
 from testbench.plant.shapes import elastic_frames, rigid_frames

@@ -8,11 +8,11 @@ from itertools import product
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Cell, build_cell, stream
-from testbench.bench.candidates import Checks, Conditions, build_checks, feasible, find
-from testbench.bench.models import MODELS
-from testbench.bench.plan import hung
-from testbench.bench.wrong_prior import UNCERTAINTY, wrong_prior
+from testbench.campaign.campaign import Cell, build_cell, stream
+from testbench.campaign.candidates import Checks, Conditions, build_checks, feasible, find
+from testbench.campaign.models import MODELS
+from testbench.campaign.perturbed_prior import UNCERTAINTY, wrong_prior
+from testbench.campaign.plan import hung
 from testbench.correct.inverse import joints_along
 from testbench.data.station import Station
 from testbench.design.planning import make_plan

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import build_cell
-from testbench.bench.rows import UM
-from testbench.bench.truths import CALLED, FAMILY, TRUTH_WORDS, TRUTHS, member, true_cell
+from testbench.campaign.baselines import JOINTS
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.rows import UM
+from testbench.campaign.true_arms import CALLED, FAMILY, TRUTH_WORDS, TRUTHS, member, true_cell
 from testbench.data.csvfile import write_csv
 from testbench.errors import Array
 from testbench.report.columns import columns

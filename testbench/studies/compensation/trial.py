@@ -13,12 +13,12 @@ from itertools import pairwise
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Cell, build_cell, settle_both, stream
-from testbench.bench.default import choose
-from testbench.bench.judged import identify_each
-from testbench.bench.models import named_models
-from testbench.bench.truths import FAMILY, TRUTHS, member, true_cell
-from testbench.bench.wrong_prior import PRIORS, prior_of
+from testbench.campaign.campaign import Cell, build_cell, settle_both, stream
+from testbench.campaign.evaluation import identify_each
+from testbench.campaign.model_selection import choose
+from testbench.campaign.models import named_models
+from testbench.campaign.perturbed_prior import PRIORS, prior_of
+from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
 from testbench.correct.arm_model import About, ArmModel, bending, of_compliances, of_estimate
 from testbench.correct.compensated import compensate
 from testbench.correct.newton import Aim

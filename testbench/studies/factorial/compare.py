@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.bench.baselines import JOINTS
-from testbench.bench.default import DEFAULT
-from testbench.bench.truths import CALLED, FAMILY
+from testbench.campaign.baselines import JOINTS
+from testbench.campaign.model_selection import DEFAULT
+from testbench.campaign.true_arms import CALLED, FAMILY
 from testbench.identify import Constraint
 from testbench.report.campaigns import pairs
 from testbench.report.columns import columns

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from testbench.bench.campaign import Cell
+from testbench.campaign.campaign import Cell
 from testbench.data.dataset import Dataset
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say

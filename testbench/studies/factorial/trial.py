@@ -12,13 +12,13 @@ from typing import TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbench.bench.baselines import equal_fit
-from testbench.bench.campaign import Cell, Truth
-from testbench.bench.default import with_priors
-from testbench.bench.judged import identify_each
-from testbench.bench.models import Model, named_models
-from testbench.bench.rows import UM, DatasetRow
-from testbench.bench.wrong_prior import with_wrong_prior, wrong_prior
+from testbench.campaign.baselines import equal_fit
+from testbench.campaign.campaign import Cell, Truth
+from testbench.campaign.evaluation import identify_each
+from testbench.campaign.model_selection import with_priors
+from testbench.campaign.models import Model, named_models
+from testbench.campaign.perturbed_prior import with_wrong_prior, wrong_prior
+from testbench.campaign.rows import UM, DatasetRow
 from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset
 from testbench.data.tracker import Tracker, read_orientations, read_positions

@@ -1,8 +1,8 @@
 """Section 6 in simulation: a heavy arm under a hung weight, three markers, LS against GCO."""
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign_flags import CampaignOptions
-from testbench.bench.campaign_row import CampaignRow
+from testbench.campaign.campaign_flags import CampaignOptions
+from testbench.campaign.campaign_row import CampaignRow
 from testbench.studies.gravity_calibration import report, trial
 from testbench.studies.study import Study
 

@@ -5,15 +5,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS, equal_fit
-from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at
-from testbench.bench.campaign_flags import CampaignOptions
-from testbench.bench.campaign_row import CampaignRow, campaign_rows
-from testbench.bench.default import with_priors
-from testbench.bench.judged import Result, identify
-from testbench.bench.models import named_models
-from testbench.bench.truths import FAMILY, member, true_cell
-from testbench.bench.wrong_prior import wrong_prior
+from testbench.campaign.baselines import JOINTS, equal_fit
+from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at
+from testbench.campaign.campaign_flags import CampaignOptions
+from testbench.campaign.campaign_row import CampaignRow, campaign_rows
+from testbench.campaign.evaluation import Result, identify
+from testbench.campaign.model_selection import with_priors
+from testbench.campaign.models import named_models
+from testbench.campaign.perturbed_prior import wrong_prior
+from testbench.campaign.true_arms import FAMILY, member, true_cell
 
 QUICK_WORKSPACE = 40
 WITHOUT_PRIOR = (JOINTS, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")

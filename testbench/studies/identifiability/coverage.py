@@ -10,12 +10,12 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.bench.campaign import Cell, Scenario, Truth, simulate, stream
-from testbench.bench.full_pose import FullPose
-from testbench.bench.full_pose import simulate as simulate_full_pose
-from testbench.bench.rows import UM
-from testbench.bench.truths import FAMILY, member, true_cell
-from testbench.bench.wrong_prior import prior_of
+from testbench.campaign.campaign import Cell, Scenario, Truth, simulate, stream
+from testbench.campaign.perturbed_prior import prior_of
+from testbench.campaign.pose_campaign import FullPose
+from testbench.campaign.pose_campaign import simulate as simulate_full_pose
+from testbench.campaign.rows import UM
+from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify import gco, intervals, reduce, with_prior

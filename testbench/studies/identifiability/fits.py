@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from testbench.bench.baselines import JOINTS, equal_fit
-from testbench.bench.campaign import Campaign, Cell, Scenario, draw_poses, simulate, simulate_at
-from testbench.bench.campaign_row import Measured, Runs, measured, runs_row
-from testbench.bench.judged import identify
-from testbench.bench.models import Model, named_models
-from testbench.bench.rows import JudgedRow, fit_row, judged_row
-from testbench.bench.wrong_prior import SCALE, wrong_prior
+from testbench.campaign.baselines import JOINTS, equal_fit
+from testbench.campaign.campaign import Campaign, Cell, Scenario, draw_poses, simulate, simulate_at
+from testbench.campaign.campaign_row import Measured, Runs, measured, runs_row
+from testbench.campaign.evaluation import identify
+from testbench.campaign.models import Model, named_models
+from testbench.campaign.perturbed_prior import SCALE, wrong_prior
+from testbench.campaign.rows import JudgedRow, fit_row, judged_row
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
 from testbench.identify.crossval import choose_strength, every_fold

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS, distinct, is_least_squares
-from testbench.bench.campaign import build_cell
-from testbench.bench.campaign_row import Runs, dataset_of
-from testbench.bench.wrong_prior import SCALE, SHAPE
+from testbench.campaign.baselines import JOINTS, distinct, is_least_squares
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.campaign_row import Runs, dataset_of
+from testbench.campaign.perturbed_prior import SCALE, SHAPE
 from testbench.data.csvfile import write_csv
 from testbench.report.campaigns import TRUE
 from testbench.report.columns import columns

@@ -11,7 +11,7 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
-from testbench.bench.campaign import Scenario, build_cell, of_arm
+from testbench.campaign.campaign import Scenario, build_cell, of_arm
 from testbench.studies.identifiability import coverage, fits
 from testbench.studies.identifiability.coverage import Covered
 from testbench.studies.identifiability.fits import TrialRow, Tried

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
-from testbench.bench.rows import MM, UM
+from testbench.campaign.rows import MM, UM
 from testbench.errors import Array
 from testbench.report.columns import ROUNDING_UM, columns
 from testbench.report.report import Report, lines, say

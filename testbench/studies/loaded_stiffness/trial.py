@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Cell, build_cell, clear_poses, stream
+from testbench.campaign.campaign import Cell, build_cell, clear_poses, stream
 from testbench.errors import Array
 from testbench.model.loaded import (
     displacement,

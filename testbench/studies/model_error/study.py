@@ -6,9 +6,9 @@ from dataclasses import is_dataclass
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS
-from testbench.bench.default import DEFAULT, FILLED
-from testbench.bench.rows import UM
+from testbench.campaign.baselines import JOINTS
+from testbench.campaign.model_selection import DEFAULT, FILLED
+from testbench.campaign.rows import UM
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched, merged

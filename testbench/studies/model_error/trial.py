@@ -14,11 +14,11 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, simulate, stream
-from testbench.bench.campaign_flags import TrueArmFlag
-from testbench.bench.rows import UM, dataset_row
-from testbench.bench.truths import FAMILY, member, true_cell
+from testbench.campaign.baselines import JOINTS
+from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, simulate, stream
+from testbench.campaign.campaign_flags import TrueArmFlag
+from testbench.campaign.rows import UM, dataset_row
+from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.plant import STIFF_COMPENSATOR, TYPICAL, Disturbances, disturb, settle_pair

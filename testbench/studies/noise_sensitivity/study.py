@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS, distinct
-from testbench.bench.default import DEFAULT
-from testbench.bench.rows import UM
+from testbench.campaign.baselines import JOINTS, distinct
+from testbench.campaign.model_selection import DEFAULT
+from testbench.campaign.rows import UM
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched

@@ -15,15 +15,15 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
-from testbench.bench.campaign_flags import TrueArmFlag
-from testbench.bench.default import DEFAULT
-from testbench.bench.full_pose import FullPose
-from testbench.bench.full_pose import simulate as simulate_full_pose
-from testbench.bench.models import Model
-from testbench.bench.rows import UM, dataset_row
-from testbench.bench.truths import FAMILY, member, true_cell
+from testbench.campaign.baselines import JOINTS
+from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
+from testbench.campaign.campaign_flags import TrueArmFlag
+from testbench.campaign.model_selection import DEFAULT
+from testbench.campaign.models import Model
+from testbench.campaign.pose_campaign import FullPose
+from testbench.campaign.pose_campaign import simulate as simulate_full_pose
+from testbench.campaign.rows import UM, dataset_row
+from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
 from testbench.data.outliers import spoil
 from testbench.data.tracker import Drift, LaserTracker, drifted, precision, read_positions

@@ -8,11 +8,11 @@ from functools import partial
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Cell, build_cell, stream
-from testbench.bench.candidates import Conditions, build_checks, feasible, find
-from testbench.bench.plan_promise import overall
-from testbench.bench.rows import MM
-from testbench.bench.wrong_prior import wrong_prior
+from testbench.campaign.campaign import Cell, build_cell, stream
+from testbench.campaign.candidates import Conditions, build_checks, feasible, find
+from testbench.campaign.perturbed_prior import wrong_prior
+from testbench.campaign.predicted_error import overall
+from testbench.campaign.rows import MM
 from testbench.data.station import Station
 from testbench.design.observability import observability
 from testbench.design.planning import make_plan, promise

@@ -7,11 +7,11 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.bench.campaign import build_cell
-from testbench.bench.candidates import REASONS
-from testbench.bench.rows import MM
-from testbench.bench.truths import CALLED, TRUTHS
-from testbench.bench.wrong_prior import SCALE, SHAPE, UNCERTAINTY
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.candidates import REASONS
+from testbench.campaign.perturbed_prior import SCALE, SHAPE, UNCERTAINTY
+from testbench.campaign.rows import MM
+from testbench.campaign.true_arms import CALLED, TRUTHS
 from testbench.commands.plan_drawn import ORDER, OURS, UNSCALED, World
 from testbench.data.csvfile import write_csv
 from testbench.design.rows import deflection_rows

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import Arm
-from testbench.bench.wrong_prior import UNCERTAINTY
+from testbench.campaign.perturbed_prior import UNCERTAINTY
 from testbench.data.dataset import Dataset
 from testbench.design.observability import Observability
 from testbench.identify import Estimate

@@ -10,12 +10,12 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Cell, build_cell, settle_both, stream
-from testbench.bench.plan import hung
-from testbench.bench.plan_promise import Expected, fitted, half_widths, joints_alone, overall
-from testbench.bench.rows import MM, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
-from testbench.bench.truths import FAMILY, TRUTHS, member, true_cell
-from testbench.bench.wrong_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
+from testbench.campaign.campaign import Cell, build_cell, settle_both, stream
+from testbench.campaign.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
+from testbench.campaign.plan import hung
+from testbench.campaign.predicted_error import Expected, fitted, half_widths, joints_alone, overall
+from testbench.campaign.rows import MM, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
+from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
 from testbench.data.dataset import Dataset, Ids
 from testbench.data.tracker import Tracker, read_positions
 from testbench.design.forecast import Forecast, widened

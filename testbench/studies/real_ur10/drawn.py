@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 
-from testbench.bench.rows import MM, UM
+from testbench.campaign.rows import MM, UM
 from testbench.plant.shapes import origins, rigid_frames
 from testbench.report.table import Trials
 from testbench.studies.real_ur10.report import LOOKS

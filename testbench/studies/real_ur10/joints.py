@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbench.arm.folder import Joint
-from testbench.bench.rows import UM
+from testbench.campaign.rows import UM
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.report.table import Row, Trials

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from testbench.bench.rows import MM, UM
+from testbench.campaign.rows import MM, UM
 from testbench.data.series import Series
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say

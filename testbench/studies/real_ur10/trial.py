@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.absolute import FRAME_POSES, read_all
-from testbench.bench.absolute_model import belief_of
-from testbench.bench.campaign import Cell, build_cell, stream
-from testbench.bench.rows import MM, UM
+from testbench.campaign.absolute import FRAME_POSES, read_all
+from testbench.campaign.absolute_model import belief_of
+from testbench.campaign.campaign import Cell, build_cell, stream
+from testbench.campaign.rows import MM, UM
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array
 from testbench.identify.absolute.choose import blocks_of

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.rows import UM
-from testbench.bench.truths import CALLED
+from testbench.campaign.rows import UM
+from testbench.campaign.true_arms import CALLED
 from testbench.report.campaigns import pairs
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say

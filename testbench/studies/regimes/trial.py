@@ -12,11 +12,11 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Cell, Scenario, build_cell, draw_poses, simulate_at, stream
-from testbench.bench.full_pose import FullPose
-from testbench.bench.full_pose import simulate as simulate_full_pose
-from testbench.bench.rows import UM, dataset_row
-from testbench.bench.truths import TRUTHS, true_cell
+from testbench.campaign.campaign import Cell, Scenario, build_cell, draw_poses, simulate_at, stream
+from testbench.campaign.pose_campaign import FullPose
+from testbench.campaign.pose_campaign import simulate as simulate_full_pose
+from testbench.campaign.rows import UM, dataset_row
+from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset, Mask, select
 from testbench.errors import Array, BenchError
 from testbench.identify import reduce

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Cell, build_cell
-from testbench.bench.rows import UM, dataset_row
+from testbench.campaign.campaign import Cell, build_cell
+from testbench.campaign.rows import UM, dataset_row
 from testbench.data.csvfile import write_csv
 from testbench.identify.factorised import order_range
 from testbench.report.columns import columns

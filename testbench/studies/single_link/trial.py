@@ -15,12 +15,12 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.arm.stiffness import SYMMETRY_TOLERANCE
-from testbench.bench.campaign import Cell, build_cell, stream
-from testbench.bench.campaign import measure as read
-from testbench.bench.full_pose import FullPose, at_tool, random_wrenches
-from testbench.bench.judged import of_model
-from testbench.bench.models import Model
-from testbench.bench.rows import UM, FitRow, fit_row
+from testbench.campaign.campaign import Cell, build_cell, stream
+from testbench.campaign.campaign import measure as read
+from testbench.campaign.evaluation import of_model
+from testbench.campaign.models import Model
+from testbench.campaign.pose_campaign import FullPose, at_tool, random_wrenches
+from testbench.campaign.rows import UM, FitRow, fit_row
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, gco, least_squares

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import EQUAL_FIT, JOINTS
-from testbench.bench.campaign import build_cell
+from testbench.campaign.baselines import EQUAL_FIT, JOINTS
+from testbench.campaign.campaign import build_cell
 from testbench.data.csvfile import write_csv
 from testbench.data.dataset import split
 from testbench.report.campaigns import error_map

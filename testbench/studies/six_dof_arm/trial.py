@@ -11,14 +11,14 @@ import typer
 from scipy.special import chdtri
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS, equal_fit
-from testbench.bench.campaign import Campaign, Cell, Truth, build_cell, stream
-from testbench.bench.campaign_row import Drawn, drawn
-from testbench.bench.error_places import Places, kept_mm, places_of
-from testbench.bench.full_pose import FullPose, simulate
-from testbench.bench.judged import Result, identify, judge
-from testbench.bench.models import Model, named_models
-from testbench.bench.rows import MM, UM, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
+from testbench.campaign.baselines import JOINTS, equal_fit
+from testbench.campaign.campaign import Campaign, Cell, Truth, build_cell, stream
+from testbench.campaign.campaign_row import Drawn, drawn
+from testbench.campaign.evaluation import Result, identify, judge
+from testbench.campaign.models import Model, named_models
+from testbench.campaign.pose_campaign import FullPose, simulate
+from testbench.campaign.rows import MM, UM, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
+from testbench.campaign.workspace_errors import Places, kept_mm, places_of
 from testbench.identify import gco
 from testbench.identify.factorised import LARGEST_ORDER, LocalSolves
 from testbench.trials.spread import Number

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import build_cell
-from testbench.bench.full_pose import simulate
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.pose_campaign import simulate
 from testbench.data.csvfile import write_csv
 from testbench.identify.factorised import CLOSE
 from testbench.report.columns import columns

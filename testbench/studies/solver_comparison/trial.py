@@ -14,11 +14,11 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.campaign import Campaign, Cell, build_cell, stream
-from testbench.bench.full_pose import FullPose, simulate
-from testbench.bench.judged import judge
-from testbench.bench.models import Model, named_models
-from testbench.bench.rows import ErrorRow, error_row
+from testbench.campaign.campaign import Campaign, Cell, build_cell, stream
+from testbench.campaign.evaluation import judge
+from testbench.campaign.models import Model, named_models
+from testbench.campaign.pose_campaign import FullPose, simulate
+from testbench.campaign.rows import ErrorRow, error_row
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce
 from testbench.identify.factorised import (

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS
-from testbench.bench.rows import UM
-from testbench.bench.truths import CALLED, TRUTH_WORDS, TRUTHS
-from testbench.bench.wrong_prior import PRIOR_WORDS, PRIORS, PRIORS_CALLED, RIGHT
+from testbench.campaign.baselines import JOINTS
+from testbench.campaign.perturbed_prior import PRIOR_WORDS, PRIORS, PRIORS_CALLED, RIGHT
+from testbench.campaign.rows import UM
+from testbench.campaign.true_arms import CALLED, TRUTH_WORDS, TRUTHS
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Cells, Row, Trials, find, merged, number

@@ -14,13 +14,13 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.bench.baselines import JOINTS
-from testbench.bench.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
-from testbench.bench.default import choose, with_priors
-from testbench.bench.models import MODELS, Model
-from testbench.bench.rows import MM, UM
-from testbench.bench.truths import TRUTHS, true_cell
-from testbench.bench.wrong_prior import PRIORS, prior_of, wrong_link
+from testbench.campaign.baselines import JOINTS
+from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
+from testbench.campaign.model_selection import choose, with_priors
+from testbench.campaign.models import MODELS, Model
+from testbench.campaign.perturbed_prior import PRIORS, prior_of, wrong_link
+from testbench.campaign.rows import MM, UM
+from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array
 from testbench.identify import Estimate, intervals, least_squares
@@ -36,7 +36,7 @@ POSES = (8, 12, 20)  #: From how many is identified; the last one is how many th
 CHECK_POSES = 3
 RUNS = 2  #: In every pose.
 QUICK_WORKSPACE = 40
-CHOSEN = "default"  #: What `bench.default` chooses from the readings.
+CHOSEN = "default"  #: What `campaign.model_selection` chooses from the readings.
 PLAIN = (JOINTS, "MLS56", "MGCO56", "MGCO68")
 SHOWN = "cast"  #: The true arm whose readings are left as a dataset.
 COVERED = (CHOSEN, JOINTS, "MGCO56 + prior", "ALL153 + prior")

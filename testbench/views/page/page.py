@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench import files
 from testbench.errors import Array
-from testbench.plant.adopt.thin import decimated
+from testbench.plant.import_robot.thin import decimated
 from testbench.plant.shapes import Frames, Shape, visual_shapes
 from testbench.views.colours import SCALE, hexadecimal
 from testbench.views.markdown import Told, as_plain

@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from testbench.bench.campaign import Cell
+from testbench.campaign.campaign import Cell
 from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.views.colours import (

@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from rerun.components import FillMode
 from scipy.spatial.transform import Rotation
 
-from testbench.bench.campaign import Cell
+from testbench.campaign.campaign import Cell
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, Shape, body_names, join_meshes, visual_shapes
 from testbench.views.colours import MEASURED, Colour

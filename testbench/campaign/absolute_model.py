@@ -1,0 +1,208 @@
+"""A calibrated arm as a folder: model.json and posterior.npz beside the arm's rigid.xml and elastic.toml."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.campaign.model_document import CalibrationDocument, Document, Rows
+from testbench.campaign.model_folder import (
+    Kind,
+    about_of,
+    about_said,
+    copy_arm,
+    numbers_of,
+    read_arm,
+    read_arrays,
+    read_document,
+    weights_of,
+    weights_said,
+    write_parts,
+)
+from testbench.correct.arm_model import About
+from testbench.errors import Array, check_array
+from testbench.identify.absolute.evidence import Choice
+from testbench.identify.absolute.fit import Calibration
+from testbench.identify.absolute.noise import KINDS, Noise
+from testbench.identify.absolute.posterior import Belief
+from testbench.identify.absolute.state import Frame, Mount, State
+from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.metric import metric
+from testbench.identify.prior import cad_prior
+from testbench.model.joint_errors import JointErrors
+from testbench.model.kinematics import build_vjm
+from testbench.model.load import Load, resultant
+from testbench.model.structure import all153, joints_only
+from testbench.model.vjm import tool_pose
+from testbench.output.replace import reading
+
+CALIBRATION = Kind("absolute calibration", range(1, 3), 2, CalibrationDocument, "testbench calibrate")
+ARRAYS = ("root", "L")
+"""Of posterior.npz: root of the precision, (a, a), and L of the metric of the compliances in it, (e, e)."""
+TURN = 1e-6  #: Most that a rotation of a file differs from one [1].
+STRUCTURES = {"joints": joints_only, "links": all153}
+"""Compliances that a model may have."""
+
+
+def write_model(
+    calibration: Calibration, data: Mapping[str, str], doubts: Sequence[str], folder: Path
+) -> None:
+    """Write a calibrated arm into a folder that exists.
+
+    Args:
+        calibration: The arm.
+        data: SHA-256 of every file of readings, by its name.
+        doubts: What may be wrong with it, sentences.
+        folder: The model's.
+
+    Raises:
+        InputError: When a file of the arm cannot be copied.
+    """
+    state, own, noise = calibration.state, calibration.own, calibration.noise
+    belief, elastic, errors = belief_of(calibration), own.elastic, state.errors
+    kept = [step.name for step in calibration.chosen.steps if step.kept]
+    vjm = own.unknowns.vjm
+    loads = [resultant(tool_pose(vjm, s.q)[1], [Load(s.wrench, s.point)]) for s in calibration.series]
+    method = f"absolute calibration: {', '.join(['geometry', *kept])}"
+    joints = elastic is not None and elastic.structure.n == vjm.arm.n_joints
+    said = {
+        "arm": vjm.arm.name,
+        "digests": copy_arm(vjm.arm, folder),
+        "compliances": "none" if elastic is None else "joints" if joints else "links",
+        "theta_0": state.theta_0.tolist(),
+        "C_theta": state.C_theta.tolist(),
+        "errors": {
+            "orders": list(errors.orders),
+            "ratio": errors.ratio,
+            "play": errors.play,
+            "stiffening": errors.stiffening,
+            "coefficients": state.n.tolist(),
+            "torque_scale": state.torque_scale.tolist(),
+        },
+        "weights": weights_said(state.weights),
+        "noise": {
+            "open_position_m": float(noise.open_position),
+            "open_rotation_rad": float(noise.open_rotation),
+            "factor": noise.factor.tolist(),
+        },
+        "columns": belief.columns.tolist(),
+        "frames": {
+            name: {"rotation": one.rotation.tolist(), "translation_m": one.translation.tolist()}
+            for name, one in state.frames.items()
+        },
+        "mounts": {
+            name: {
+                "markers": list(one.markers),
+                "points_m": one.points.tolist(),
+                "rotation": one.rotation.tolist(),
+            }
+            for name, one in state.mounts.items()
+        },
+        "about": about_said(method, data, doubts, loads),
+    }
+    L = np.zeros((0, 0)) if elastic is None else elastic.L
+    write_parts(CALIBRATION, said, folder, root=belief.root, L=L)
+
+
+def belief_of(calibration: Calibration) -> Belief:
+    """What a calibration knows of the arm, whatever series it was learnt from."""
+    own, errors = calibration.own, calibration.state.errors
+    first = own.unknowns.starts["geometry"]
+    frames = int((own.columns < first).sum())
+    structure = joints_only(own.unknowns.vjm.arm) if own.elastic is None else own.elastic.structure
+    unknowns = Unknowns(own.unknowns.vjm, (), {}, errors, structure)
+    rigid = own.columns[frames : own.rigid] - first
+    elastic = unknowns.starts["elastic"] + np.arange(len(own.columns) - own.rigid)
+    columns = np.concatenate([rigid, elastic])
+    return Belief(
+        Choice(unknowns, columns, own.elastic), calibration.root[frames:, frames:], calibration.noise
+    )
+
+
+def read_model(folder: Path) -> tuple[State, Belief]:
+    """A calibrated arm from its folder.
+
+    Raises:
+        InputError: When the folder is not one, or what it holds does not belong together.
+    """
+    with reading(folder):
+        state, belief, _ = read_whole(folder, read_document(folder, {CALIBRATION.name: CALIBRATION}))
+    return state, belief
+
+
+def read_whole(folder: Path, found: Document) -> tuple[State, Belief, About]:
+    """The arm of a folder whose model.json was read, and where it comes from.
+
+    Raises:
+        InputError: When what it holds does not belong together.
+    """
+    assert isinstance(found, CalibrationDocument)
+    arm = read_arm(folder, found, meshes=found.format > 1)
+    root, L = read_arrays(folder, found, ARRAYS)
+    with numbers_of(folder):
+        state = _state(found, arm)
+        if (found.about is None) != (found.format == 1):
+            raise ValueError("about: expected from format 2 on")
+        about = About("absolute calibration") if found.about is None else about_of(found.about)
+        return state, _belief(found, state, root, L), about
+
+
+def _state(found: CalibrationDocument, arm: Arm) -> State:
+    vjm, n, joints = build_vjm(arm), arm.n_theta, arm.n_joints
+    own = found.errors
+    errors = JointErrors(tuple(own.orders), own.ratio, own.play, own.stiffening)
+    C = check_array(np.array(found.C_theta), (n, n), "C_theta [m/N, rad/(N m)]")
+    if not np.array_equal(C, C.T):
+        raise ValueError("C_theta: expected a symmetric matrix")
+    return State(
+        vjm=vjm,
+        weights=weights_of(found.weights, arm),
+        theta_0=check_array(np.array(found.theta_0), (n,), "theta_0 [m, rad]"),
+        C_theta=C,
+        errors=errors,
+        n=check_array(np.array(own.coefficients).reshape(joints, -1), (joints, errors.size), "errors"),
+        torque_scale=check_array(np.array(own.torque_scale), (joints,), "torque_scale [N m, N]"),
+        frames={
+            name: Frame(
+                _rotation(one.rotation, f"frame {name}"),
+                check_array(np.array(one.translation_m), (3,), f"frame {name} [m]"),
+            )
+            for name, one in found.frames.items()
+        },
+        mounts={
+            name: Mount(
+                check_array(np.array(one.points_m), (len(one.markers), 3), f"mount {name} [m]"),
+                _rotation(one.rotation, f"mount {name}"),
+                tuple(one.markers),
+            )
+            for name, one in found.mounts.items()
+        },
+    )
+
+
+def _belief(found: CalibrationDocument, state: State, root: Array, L: Array) -> Belief:
+    """The metric is that of the day of the calibration, whatever it has become since."""
+    rigid, arm = found.compliances == "none", state.vjm.arm
+    structure = STRUCTURES["joints" if found.compliances == "none" else found.compliances](arm)
+    unknowns = Unknowns(state.vjm, (), {}, state.errors, structure)
+    columns, e = np.array(found.columns, dtype=int), 0 if rigid else structure.n
+    if (np.diff(columns, append=unknowns.size) <= 0).any() or (
+        columns >= unknowns.starts["elastic"]
+    ).sum() != e:
+        raise ValueError(f"columns: expected rising ones, those of {e} compliances last")
+    check_array(root, (len(columns), len(columns)), "root")
+    if np.tril(root, -1).any() or not np.diag(root).all():
+        raise ValueError("root: expected an upper triangle without zeros on its diagonal")
+    elastic = replace(metric(cad_prior(arm), state.vjm, structure), L=check_array(L, (e, e), "L"))
+    factor = check_array(np.array(found.noise.factor), (len(KINDS),), "factor")
+    noise = Noise(found.noise.open_position_m, found.noise.open_rotation_rad, factor)
+    return Belief(Choice(unknowns, columns, None if rigid else elastic), root, noise)
+
+
+def _rotation(rows: Rows, name: str) -> Array:
+    R = check_array(np.array(rows), (3, 3), name)
+    if np.abs(R @ R.T - np.eye(3)).max() > TURN or np.linalg.det(R) < 0:
+        raise ValueError(f"{name}: expected a rotation")
+    return R

@@ -1,0 +1,197 @@
+"""An arm looked at as a whole: what must be confirmed, by its effect on the sag, and what may be wrong."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from testbench.arm.catalogue import find_arm
+from testbench.arm.elastic import Elastic, LinkEntry, read_elastic
+from testbench.campaign.agreement import check_agreement
+from testbench.campaign.arm_doubts import UPRIGHT, Looked, Sag, arm_doubts, sag, stance
+from testbench.campaign.campaign import Cell, build_cell
+from testbench.errors import Array
+from testbench.identify.doubts import Doubt
+from testbench.model.vjm import body_poses, tool_pose
+
+UNSURE = ("estimated", "assumed")  #: Origins that want to be confirmed.
+ASIDE, OF_ASIDE = 0.01, "share for 10 mm aside"
+"""A point is moved so far to see what hangs on it [m]."""
+
+
+class Item(NamedTuple):
+    """A number, or the numbers of one tube, to be confirmed."""
+
+    share: float  #: Of the sag that hangs on it [1].
+    words: str  #: What it is, its value, where it comes from.
+
+
+def to_confirm(cell: Cell, elastic: Elastic, found: Sag) -> list[Item]:
+    """Everything estimated or assumed, the largest effect on the tool's deflection first."""
+    items = [
+        *_payload(elastic),
+        *_joints(elastic, found),
+        *_links(elastic, found),
+        *_points(cell, elastic, found),
+    ]
+    return sorted(items, key=lambda item: -item.share)
+
+
+def _payload(elastic: Elastic) -> Iterator[Item]:
+    payload = elastic.payload
+    if payload is None:
+        yield Item(1.0, "payload, not stated: the sag is proportional to it")
+    elif payload.origin in UNSURE:
+        yield Item(1.0, f"payload {payload.value:g} kg, {payload.origin}: the sag is proportional to it")
+
+
+def _joints(elastic: Elastic, found: Sag) -> Iterator[Item]:
+    first = len(elastic.link)
+    for k, joint in enumerate(elastic.joint):
+        c = joint.compliance
+        if c.origin in UNSURE:
+            words = f"{joint.name}'s compliance {1e6 * c.value:.3g} u{c.unit}, {c.origin}"
+            yield Item(float(found.shares[first + k]), words)
+
+
+def _links(elastic: Elastic, found: Sag) -> Iterator[Item]:
+    for k, link in enumerate(elastic.link):
+        if words := _tube(link):
+            yield Item(float(found.shares[k]), f"{link.name}'s {words}")
+
+
+def _tube(link: LinkEntry) -> str:
+    """What of a link is unsure, empty where nothing is."""
+    if link.compliance is not None:
+        return f"compliance, {link.compliance.origin}" if link.compliance.origin in UNSURE else ""
+    assert link.tube is not None  # load_arm has seen one of the two
+    t = link.tube
+    outer, inner = 1e3 * t.outer_diameter.value, 1e3 * t.inner_diameter.value
+    origins = {
+        f"length {1e3 * t.length.value:.0f} mm": t.length.origin,
+        f"tube {outer:.0f}/{inner:.0f} mm": t.outer_diameter.origin,
+        f"E {1e-9 * t.youngs_modulus.value:.0f} GPa": t.youngs_modulus.origin,
+    }
+    unsure = {words: origin for words, origin in origins.items() if origin in UNSURE}
+    if not unsure:
+        return ""
+    return f"{', '.join(unsure)}, {' and '.join(sorted(set(unsure.values())))}"
+
+
+def _points(cell: Cell, elastic: Elastic, found: Sag) -> Iterator[Item]:
+    """Load point and markers: what 10 mm aside change."""
+    names = elastic.to_confirm
+    if elastic.load in names:
+        yield Item(_load_aside(cell, found), f"load point {elastic.load}, estimated: {OF_ASIDE}")
+    asked = [name for name in elastic.markers if name in names]
+    if asked:
+        # a marker moves with the tool's turn too, and all the more the farther off it is
+        share = ASIDE * rms(found.turn) / rms(found.whole)
+        yield Item(share, f"markers {', '.join(asked)}, estimated: {OF_ASIDE}")
+    if elastic.tool in names:
+        yield Item(0.0, f"tool {elastic.tool}, estimated: readings do not need it, tasks do")
+
+
+def _load_aside(cell: Cell, found: Sag) -> float:
+    """Largest change of the sag as the load point moves along an axis of the tool, over the sag."""
+    changes = []
+    for axis in np.eye(3):
+        moved = replace(cell, vjm=replace(cell.vjm, load=cell.vjm.load + ASIDE * axis))
+        changes.append(rms(sag(moved).whole - found.whole))
+    return max(changes) / rms(found.whole)
+
+
+def rms(vectors: Array) -> float:
+    """Root mean square of the lengths of vectors, (..., 3)."""
+    return float(np.sqrt(np.square(vectors).sum(axis=-1).mean()))
+
+
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """An arm and what was found."""
+
+    cell: Cell  #: The arm.
+    elastic: Elastic  #: Its elastic.toml, with the origin of every number.
+    apart: float  #: Largest distance between the two readings of it [m].
+    sag: Sag  #: Of its tool over the work area.
+    items: list[Item]  #: To confirm, the largest effect first.
+    doubts: list[Doubt]  #: What may be wrong.
+
+    @property
+    def reach(self) -> float:
+        """Stretched length from the first joint to the tool [m]."""
+        return self.cell.vjm.reach
+
+    @cached_property
+    def poses(self) -> Array:
+        """To draw: zero, or as near to it as the limits let, and the pose of median sag, (2, n) [rad, m].
+
+        A first joint about the vertical does not change the sag: both poses have it at the same angle.
+        """
+        zero = np.clip(np.zeros(self.cell.arm.n_joints), *self.cell.arm.limits)
+        middle = int(np.argsort(self.sag.size)[len(self.sag.size) // 2])
+        poses = np.array([zero, self.sag.q[middle]])
+        turning, tilt, _ = stance(self.cell)
+        if turning == 0 and tilt <= UPRIGHT:
+            poses[1, 0] = poses[0, 0]
+        return poses
+
+    @cached_property
+    def worst(self) -> int:
+        """Which pose has the largest sag."""
+        return int(np.argmax(self.sag.size))
+
+    @property
+    def worst_place(self) -> list[float]:
+        """Where the tool is in it, without the sag [m]."""
+        position, _ = tool_pose(self.cell.vjm, self.sag.q[self.worst][None])
+        return [float(x) for x in position[0]]
+
+    @property
+    def beams(self) -> Array:
+        """Where each link's beam begins and how it lies, in both poses, (2, n + 1, 4, 4) [m]."""
+        found = np.tile(np.eye(4), (2, len(self.cell.arm.links), 1, 1))
+        for k, (link, (p, R)) in enumerate(
+            zip(self.cell.arm.links, body_poses(self.cell.vjm, self.poses), strict=False)
+        ):
+            found[:, k, :3, :3], found[:, k, :3, 3] = R @ link.frame, p
+        return found
+
+    @property
+    def sizes(self) -> Array:
+        """Length and outer diameter of each tube; of a link without one its way, (n + 1, 2) [m]."""
+        return np.array(
+            [
+                (np.linalg.norm(way), 0.0)
+                if link.tube is None
+                else (link.tube.length.value, link.tube.outer_diameter.value)
+                for link, way in zip(self.elastic.link, self.cell.vjm.steps, strict=True)
+            ]
+        )
+
+    def doubted(self, name: str) -> bool:
+        """Whether a doubt is about a link, joint or point of that name."""
+        said = [doubt.sentence for doubt in self.doubts]
+        return any(s.startswith(f"{name} ") or name in s.partition(":")[0].split(", ") for s in said)
+
+
+def check(folder: str | Path) -> Checked:
+    """Read an arm and look for what must be confirmed and what may be wrong.
+
+    Raises:
+        InputError: When the arm's folder is wrong.
+    """
+    cell = build_cell(folder)
+    elastic = read_elastic(find_arm(folder) / "elastic.toml")
+    found = sag(cell)
+    return Checked(
+        cell=cell,
+        elastic=elastic,
+        apart=check_agreement(cell.vjm, cell.plant),
+        sag=found,
+        items=to_confirm(cell, elastic, found),
+        doubts=arm_doubts(Looked(cell, elastic, found)),
+    )

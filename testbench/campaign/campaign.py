@@ -1,0 +1,308 @@
+"""The composer: a scenario becomes poses, settled arms, readings, estimates and scores."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from testbench.arm.folder import Arm, load_arm
+from testbench.arm.mjcf import GRAVITY
+from testbench.campaign.agreement import check_agreement
+from testbench.data.dataset import Dataset, Ids, Mask, split
+from testbench.data.tracker import Tracker, read_orientations, read_positions
+from testbench.errors import Array, BenchError
+from testbench.model.kinematics import build_vjm
+from testbench.model.poses import WorkArea, random_poses
+from testbench.model.vjm import Vjm
+
+if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
+    from testbench.plant import Equilibrium, Plant, Room
+
+T = TypeVar("T")
+Truth = Literal["nonlinear", "linear"]
+
+
+class Setup(BaseModel):
+    """What every campaign needs, as data: a manifest must hold it to run the campaign again."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    arm: str  #: The arm's folder.
+    #: "nonlinear" settles the arm with MuJoCo; "linear" takes its first-order deflection, weightless.
+    truth: Truth
+    noise: bool = True  #: Whether readings are noisy.
+    #: Standard deviation of one position reading along one axis [m]; also the weight of the fit.
+    sigma: float
+
+    @property
+    def sigmas(self) -> tuple[float, float | None]:
+        """Of a position [m] and of an orientation [rad], None where none is read."""
+        return self.sigma, None
+
+
+SECTION_6 = (
+    "kr500_l480"  #: The arm of section 6: its scenarios have the payload and the areas of that campaign.
+)
+
+
+def _as_in_section_6(value: T) -> Callable[[dict[str, object]], T | None]:
+    """A default that holds for the arm of section 6 and is None for any other."""
+    return lambda known: value if known.get("arm") == SECTION_6 else None
+
+
+class Scenario(Setup):
+    """A gravity calibration as in section 6, of any arm."""
+
+    #: Hung mass [kg]; None for the payload that the arm states.
+    payload: float | None = Field(default_factory=_as_in_section_6(460.3), ge=0.001, le=10_000)
+    sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)
+    truth: Truth = "nonlinear"
+    #: Work area of the calibration poses; None for all that the arm reaches.
+    station: WorkArea | None = Field(
+        default_factory=_as_in_section_6(
+            WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
+        )
+    )
+    #: Area of the second check, the whole workspace above the floor; None for all that the arm reaches.
+    workspace: WorkArea | None = Field(
+        default_factory=_as_in_section_6(WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0)))
+    )
+    identification_poses: int = Field(default=8, ge=1, le=1000)  #: Poses to identify from.
+    check_poses: int = Field(default=3, ge=1, le=1000)  #: Poses never used for it.
+    #: Runs over the identification poses; some poses are measured twice.
+    identification_runs: int = Field(default=15, ge=1, le=10_000)
+    check_runs: int = Field(default=6, ge=1, le=10_000)  #: Runs over the check poses.
+    workspace_poses: int = Field(default=200, ge=1, le=10_000)  #: Poses of the second check.
+
+    @property
+    def mass(self) -> float:
+        """Hung mass [kg]; BenchError where neither scenario nor arm states one."""
+        if self.payload is None:
+            raise BenchError(f"payload [kg]: expected one, {self.arm} states none")
+        return self.payload
+
+
+def of_arm(arm: Arm, scenario: Scenario) -> Scenario:
+    """The scenario with the payload that the arm states, where it names none."""
+    return scenario if scenario.payload else scenario.model_copy(update={"payload": arm.payload})
+
+
+@dataclass(frozen=True)
+class Cell:
+    """An arm with its model, its truth and its room, built once for many campaigns.
+
+    Truth and room are built when they are first asked for.
+    """
+
+    arm: Arm
+    vjm: Vjm
+    truth: "Plant | None" = None  #: A truth other than that of the arm's folder.
+    floor: float | None = None  #: Height of a floor that rigid.xml does not have [m]; None for none.
+
+    @cached_property
+    def plant(self) -> "Plant":
+        """The truth."""
+        from testbench.plant import build_plant
+
+        return self.truth or build_plant(self.arm)
+
+    @cached_property
+    def room(self) -> "Room":
+        """Where it stands, for collisions."""
+        from testbench.plant import build_room
+
+        return build_room(self.arm, self.floor)
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What was measured, and the truth to judge by: of section 6, or of section 5 (`full_pose.simulate`)."""
+
+    scenario: Setup  #: What was asked for.
+    seed: int  #: Root of all randomness.
+    measured: Dataset  #: All measured runs, in the order of the dataset file.
+    identification: Dataset  #: Those to identify from.
+    check: Dataset  #: Those of poses never identified from.
+    check_true: Dataset  #: The same runs without noise.
+    truth: Dataset  #: Without noise: all over the workspace in section 6, the check runs in section 5.
+    drawn: int = 0  #: In section 5 check runs drawn until enough had a deflection in range.
+
+
+def build_cell(folder: str | Path) -> Cell:
+    """Load an arm and build its model.
+
+    Args:
+        folder: The arm's; the name of an arm that comes with testbench does as well.
+
+    Returns:
+        What campaigns, plans and studies work on.
+
+    Raises:
+        InputError: When the arm's folder is wrong, or MuJoCo and the model read two arms in it.
+    """
+    arm = load_arm(folder)
+    cell = Cell(arm, build_vjm(arm))
+    check_agreement(cell.vjm, cell.plant)
+    return cell
+
+
+def stream(seed: int, trial: int = 0) -> np.random.Generator:
+    """Random numbers of one trial, independent of order, workers and restarts."""
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(trial,))))
+
+
+def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Campaign:
+    """Choose poses, load the true arm in each, and read the markers.
+
+    Args:
+        cell: The arm.
+        scenario: What to measure; None for the campaign of section 6 under the payload that the arm states.
+        seed: Root of all randomness.
+
+    Returns:
+        The runs to identify from, those to check with, and true deflections over the workspace.
+
+    Raises:
+        BenchError: When neither scenario nor arm states a payload.
+        PoseError: When too few feasible poses exist.
+        NoEquilibrium: When the arm cannot carry the payload.
+    """
+    scenario = of_arm(cell.arm, Scenario(arm=cell.arm.name) if scenario is None else scenario)
+    return simulate_at(cell, scenario, seed, draw_poses(cell, scenario, seed))
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Where a campaign loads the arm; neither truth nor payload decides it."""
+
+    station: Array  #: Poses to identify from, then those of the check runs, (poses, n) [rad, m].
+    anywhere: Array  #: Poses of the second check, (workspace_poses, n) [rad, m].
+
+
+def draw_poses(cell: Cell, scenario: Scenario, seed: int) -> Poses:
+    """The poses of a campaign: `PoseError` when too few are feasible."""
+    rng = stream(seed, 0)
+    count = scenario.identification_poses + scenario.check_poses
+    station = clear_poses(cell, scenario.station, count, rng)
+    return Poses(station, clear_poses(cell, scenario.workspace, scenario.workspace_poses, rng))
+
+
+def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: Poses) -> Campaign:
+    """A campaign in these poses, of as many as the scenario asks for; the seed is of its noise."""
+    pose = np.concatenate(
+        [
+            spread(scenario.identification_poses, scenario.identification_runs),
+            scenario.identification_poses + spread(scenario.check_poses, scenario.check_runs),
+        ]
+    )
+    loaded = hanging(cell, poses.station[pose], pose + 1, scenario.mass)
+    measured, true = measure_both(cell, scenario, loaded, stream(seed, 1))
+    everywhere = hanging(cell, poses.anywhere, np.arange(len(poses.anywhere)) + 1, scenario.mass)
+    (fitted, check), (_, check_true) = (
+        split(data, np.arange(scenario.identification_poses) + 1) for data in (measured, true)
+    )
+    return Campaign(scenario, seed, measured, fitted, check, check_true, measure(cell, scenario, everywhere))
+
+
+def clear_poses(cell: Cell, area: WorkArea | None, count: int, rng: np.random.Generator) -> Array:
+    """Random poses with the tool in an area, None for anywhere, free of collision, (count, n) [rad, m].
+
+    Raises:
+        PoseError: When too few can be found.
+    """
+    from testbench.plant import collisions
+
+    def clear(q: Array) -> Mask:
+        return np.array([pair is None for pair in collisions(cell.room, q)], dtype=bool)
+
+    return random_poses(cell.vjm, area, count, clear, rng)
+
+
+def spread(poses: int, runs: int) -> Ids:
+    """Pose of every run: as many runs in each pose as in any other, or one more, in order of pose."""
+    return np.sort(np.arange(runs) % poses)
+
+
+@dataclass(frozen=True)
+class LoadedPoses:
+    """What is to be measured: a pose and a load a run."""
+
+    q: Array  #: Actuated joints, (runs, n) [rad, m].
+    pose: Ids  #: Identifier of the pose, (runs,).
+    wrench: Array  #: Force and moment, world axes, (runs, 6) [N, N m].
+    point: Array  #: Where it acts, in the tool's frame, (runs, 3) [m].
+
+
+def hanging(cell: Cell, q: Array, pose: Ids, mass: float | Array) -> LoadedPoses:
+    """Poses with a weight at the arm's load point, one mass for all runs or one each, (runs,) [kg]."""
+    wrench = np.zeros((len(q), 6))
+    wrench[:, 2] = -GRAVITY * mass
+    return LoadedPoses(q, pose, wrench, np.tile(cell.plant.load, (len(q), 1)))
+
+
+def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator | None = None) -> Dataset:
+    """Read every marker before and after loading, and the tool's orientation where the setup reads it.
+
+    Args:
+        cell: The arm.
+        setup: Kind of truth, sigmas of the fit.
+        loaded: The runs.
+        rng: Source of the noise; None for readings without noise.
+    """
+    settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
+    return _read(cell, setup, loaded, settled, rng)
+
+
+def measure_both(
+    cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator
+) -> tuple[Dataset, Dataset]:
+    """The same runs with noise and without, of one pair of equilibria."""
+    settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
+    return _read(cell, setup, loaded, settled, rng), _read(cell, setup, loaded, settled)
+
+
+def _read(
+    cell: Cell,
+    setup: Setup,
+    loaded: LoadedPoses,
+    settled: tuple["Equilibrium", "Equilibrium"],
+    rng: np.random.Generator | None = None,
+) -> Dataset:
+    """The readings of the arm at rest, unloaded and loaded."""
+    before, after = settled
+    sigma, sigma_rotation = setup.sigmas
+    tracker = Tracker(sigma, sigma_rotation) if setup.noise and rng else Tracker(0.0, 0.0)
+    rng = rng or stream(0)  # of no effect: the tracker has no noise
+    data = Dataset(
+        markers=cell.arm.markers,
+        run=np.arange(len(loaded.q)) + 1,
+        pose=loaded.pose,
+        q=loaded.q,
+        wrench=loaded.wrench,
+        point=loaded.point,
+        before=read_positions(tracker, before.markers, rng),
+        after=read_positions(tracker, after.markers, rng),
+        sigma=sigma,
+    )
+    if sigma_rotation is None:
+        return data
+    turned = (read_orientations(tracker, rest.rotation, rng) for rest in (before, after))
+    return replace(
+        data, rotation_before=next(turned), rotation_after=next(turned), sigma_rotation=sigma_rotation
+    )
+
+
+def settle_both(
+    plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Array
+) -> tuple["Equilibrium", "Equilibrium"]:
+    """The true arm unloaded and loaded, all in one call: a call of its own costs what 20 poses cost."""
+    from testbench.plant import part_of, settle, settle_linear
+
+    runs, find = len(q), settle_linear if truth == "linear" else settle
+    loads = np.concatenate([np.zeros_like(wrench), wrench])
+    rest = find(plant, np.concatenate([q, q]), loads, np.concatenate([point, point]))
+    return part_of(rest, slice(runs)), part_of(rest, slice(runs, None))

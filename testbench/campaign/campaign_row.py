@@ -1,0 +1,142 @@
+"""What a model makes of a campaign, as a row: of every study that judges models by campaigns."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.campaign.campaign import Campaign, Cell, Setup
+from testbench.campaign.evaluation import Errors, Result
+from testbench.campaign.rows import (
+    DatasetRow,
+    JudgedRow,
+    dataset_row,
+    fit_row,
+    judged_row,
+)
+from testbench.campaign.workspace_errors import Places, kept_mm, places_of
+from testbench.data.dataset import Dataset
+from testbench.errors import Array
+
+Flat = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Runs:
+    """A dataset as the row of a trial holds it, its arrays flat."""
+
+    run: tuple[int, ...]
+    pose: tuple[int, ...]
+    q: Flat
+    wrench: Flat
+    point: Flat
+    before: Flat
+    after: Flat
+    rotation_before: Flat | None
+    rotation_after: Flat | None
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What the pictures of the first seed are made of: nobody simulates it again."""
+
+    measured: Runs | None  #: All measured runs, in the row of the first model.
+    over: Runs | None  #: The same of the true deflections that models are judged by.
+    residuals_m: Flat  #: Readings minus predictions of all measured runs.
+    wrong_m: Flat  #: True minus predicted deflections.
+
+
+@dataclass(frozen=True)
+class Measured(DatasetRow):
+    """What was measured."""
+
+    poses: int
+    identification_runs: int
+    identification_points: int
+    check_runs: int
+    check_points: int
+    workspace_poses: int
+
+
+@dataclass(frozen=True)
+class CampaignRow(JudgedRow):
+    """One model in one trial."""
+
+    measured: Measured
+    true_arm: str  #: Its name in `TRUTHS`; model and prior are those of the folder.
+    places: Places | None  #: Poses of the workspace; None but in the first seed.
+    place_mm: tuple[float, ...] | None  #: Error in each of them.
+    drawn: Drawn | None = None  #: For pictures; None but in the first seed.
+
+
+def campaign_rows(
+    cell: Cell, campaign: Campaign, results: Sequence[Result], true_arm: str, *, placed: bool
+) -> list[CampaignRow]:
+    """A row a model; `placed` with its errors pose by pose, and what pictures need."""
+    data, found = measured(campaign), []
+    for k, result in enumerate(results):
+        prior = result.estimate.belief is not None
+        fit = fit_row(result.model.name, result.estimate, result.seconds, prior=prior)
+        own = CampaignRow(
+            **vars(judged_row(fit, result)),
+            measured=data,
+            true_arm=true_arm,
+            places=places_of(cell, campaign.truth) if placed else None,
+            place_mm=kept_mm(result.places) if placed else None,
+            drawn=drawn(campaign, result, whole=k == 0) if placed else None,
+        )
+        found.append(own)
+    return found
+
+
+def drawn(campaign: Campaign, errors: Errors, *, whole: bool) -> Drawn:
+    """What pictures need of a model; `whole` with the runs, once a campaign."""
+    measured, over = (runs_row(data) if whole else None for data in (campaign.measured, campaign.truth))
+    return Drawn(measured, over, _flat(errors.residuals), _flat(errors.wrong))
+
+
+def runs_row(data: Dataset) -> Runs:
+    """A dataset for a row: see `dataset_of`."""
+    turned = data.rotation_before, data.rotation_after
+    arrays = (data.q, data.wrench, data.point, data.before, data.after)
+    ids = (tuple(own.tolist()) for own in (data.run, data.pose))
+    return Runs(*ids, *map(_flat, arrays), *(None if own is None else _flat(own) for own in turned))
+
+
+def _flat(values: Array) -> Flat:
+    return tuple(values.ravel().tolist())
+
+
+def dataset_of(cell: Cell, setup: Setup, runs: Runs) -> Dataset:
+    """The runs of a row as a dataset again, bit by bit."""
+    markers, (sigma, sigma_rotation) = cell.arm.markers, setup.sigmas
+    turned = runs.rotation_before, runs.rotation_after
+    before, after = (None if own is None else np.reshape(own, (-1, 3)) for own in turned)
+    return Dataset(
+        markers=markers,
+        run=np.array(runs.run),
+        pose=np.array(runs.pose),
+        q=np.reshape(runs.q, (-1, cell.arm.n_joints)),
+        wrench=np.reshape(runs.wrench, (-1, 6)),
+        point=np.reshape(runs.point, (-1, 3)),
+        before=np.reshape(runs.before, (-1, len(markers), 3)),
+        after=np.reshape(runs.after, (-1, len(markers), 3)),
+        sigma=sigma,
+        rotation_before=before,
+        rotation_after=after,
+        sigma_rotation=sigma_rotation,
+    )
+
+
+def measured(campaign: Campaign) -> Measured:
+    """Counts and deflections of a campaign."""
+    every, fitted, check = campaign.measured, campaign.identification, campaign.check
+    return Measured(
+        **vars(dataset_row(every)),
+        poses=len(np.unique(every.pose)),
+        identification_runs=fitted.runs,
+        identification_points=fitted.points,
+        check_runs=check.runs,
+        check_points=check.points,
+        workspace_poses=campaign.truth.runs,
+    )

@@ -1,0 +1,228 @@
+"""The composer of exports: an identified arm as URDF, read back before anything stands at its place.
+
+What a URDF cannot hold, compliances, errors of the joints and weights, is documented JSON beside it.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from testbench import files
+from testbench.campaign.export_geometry import (
+    Frames,
+    apart,
+    by_geometry,
+    by_the_rest,
+    identified,
+    random_joints,
+    tool_poses,
+)
+from testbench.campaign.export_own import own_urdf, place, read_own
+from testbench.campaign.export_scratch import new_urdf
+from testbench.errors import Array, BenchError
+from testbench.identify.absolute.state import State
+from testbench.model.kinematics import urdf_poses
+from testbench.output.whole import whole_files
+
+NEAR = 1e-6  #: Most that the written URDF may differ from the model [m, rad].
+KIND = "what a URDF cannot hold"
+BEGINS = rb'\{\s*"format": 1,\s*"kind": "what a URDF cannot hold"'
+WORDS = {
+    "geometry": "is in the URDF; constants here are what was added to the drawing, slides x, y, z [m], then "
+    "turns about x, y, z [rad] in the link's beam axes at its end, and an offset a joint [rad, m]",
+    "links": "at_m is the link's end as identified and axes its beam axes, as columns, in the frame of "
+    "urdf_link; compliance times force and moment there, in these axes [N, N m], is its slide and "
+    "turn [m, rad]",
+    "joints": "compliance times the torque about, or the force along, the joint's axis is how far it gives "
+    "way [rad/(N m), m/N]",
+    "errors": "a hinge at q is further by sum sine_k sin(order_k q) + cosine_k cos(order_k q) + ratio q "
+    "+ play tanh(10 t) + stiffening t |t|, t its torque over torque_scale; [rad, m], of a slide without sine "
+    "and cosine",
+    "weights": "masses [kg] and centres [m] in the frame of urdf_link that the model bends under",
+    "root": "the URDF's first link in the model's world",
+    "tool": "the URDF's tip in the model's tool",
+}
+"""A sentence for every part."""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What an export did; lengths that something moves the tool by are RMS and at most."""
+
+    urdf: Path
+    beside: Path  #: JSON with what the URDF cannot hold.
+    tip: str  #: The link that is the tool.
+    tip_off: float  #: From the model's tool to the tip, as drawn [m].
+    poses: int  #: In which the URDF was read back.
+    position_um: float  #: Most that it was off the model's geometry there.
+    rotation_urad: float
+    geometry_mm: tuple[float, float]  #: How far the identified geometry moves the tool from the drawing.
+    rest_mm: tuple[float, float]  #: How far own weight and errors of the joints do beside, not in the URDF.
+    drawing_off: float | None  #: Between the two drawings, of a robot's own URDF [m, rad].
+    loose_meshes: bool  #: Meshes are named by their place beside the URDF.
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A URDF that is not written yet."""
+
+    text: str
+    joints: tuple[str, ...]  #: Names of its joints, in the arm's order.
+    frames: Frames
+    drawing_off: float | None = None
+    loose_meshes: bool = False
+
+
+def draft_new(state: State) -> Draft:
+    """A URDF from scratch: its frames are the bodies of rigid.xml."""
+    arm, geometry, one = state.vjm.arm, identified(state), np.eye(4)
+    names = [link.name for link in arm.links]
+    frames = Frames([*names, arm.tool], one, [one] * len(names), one)
+    return Draft(new_urdf(state, geometry), tuple(joint.name for joint in arm.joints), frames)
+
+
+def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
+    """The robot's own URDF with other origins.
+
+    Raises:
+        InputError: When it is not the arm's; see `read_own` and `place`.
+    """
+    own = read_own(file, state.vjm.arm, tip)
+    frames, off = place(own, state)
+    text = own_urdf(own, frames, identified(state))
+    return Draft(text, tuple(joint.name for joint in own.joints), frames, off, own.loose_meshes)
+
+
+def export(state: State, draft: Draft, out: Path) -> Exported:
+    """Write a URDF and what it cannot hold beside it, both or none.
+
+    Args:
+        state: The identified arm.
+        draft: Its URDF.
+        out: Where to; the JSON has the same stem.
+
+    Raises:
+        BenchError: When the URDF, read back, is not the model's geometry.
+        InputError: When a file cannot be written.
+    """
+    q, document = random_joints(state.vjm), beside_of(out)
+    with whole_files([out, document]) as (urdf, other):
+        urdf.write_bytes(draft.text.encode())
+        far = read_back(state, draft, out, urdf.read_bytes().decode())
+        done = Exported(
+            urdf=out,
+            beside=document,
+            tip=draft.frames.names[-1],
+            tip_off=float(np.linalg.norm(draft.frames.tip[:3, 3])),
+            poses=len(q),
+            position_um=1e6 * far[0],
+            rotation_urad=1e6 * far[1],
+            geometry_mm=by_geometry(state, q),
+            rest_mm=by_the_rest(state, q),
+            drawing_off=draft.drawing_off,
+            loose_meshes=draft.loose_meshes,
+        )
+        files.write_json(beside(state, draft.frames, urdf, done), other)
+    return done
+
+
+def beside_of(urdf: Path) -> Path:
+    """Where the JSON beside a URDF stands."""
+    return urdf.with_suffix(".json")
+
+
+def read_back(state: State, draft: Draft, urdf: Path, text: str) -> tuple[float, float]:
+    """How far the written file, read by Pinocchio's own reader of URDF, is from the model [m, rad].
+
+    Raises:
+        BenchError: When that is too far.
+    """
+    q, frames = random_joints(state.vjm), draft.frames
+    found = frames.root @ urdf_poses(urdf, text, draft.joints, frames.names[-1], q)
+    far = apart(found, tool_poses(state.vjm, q, state.theta_0) @ frames.tip)
+    if not max(far) <= NEAR:
+        got = f"{1e6 * far[0]:.3g} um and {1e6 * far[1]:.3g} urad"
+        raise BenchError(f"the URDF, read back, is up to {got} from the model; nothing is written")
+    return far
+
+
+def beside(state: State, frames: Frames, urdf: Path, done: Exported) -> dict[str, object]:
+    """The document; of the URDF as it is written it has the digest."""
+    arm = state.vjm.arm
+    back = {key: getattr(done, key) for key in ("poses", "position_um", "rotation_urad")}
+    return {
+        "format": 1,
+        "kind": KIND,
+        "arm": arm.name,
+        "digests": {name: files.digest(arm.rigid.with_name(name)) for name in ("rigid.xml", "elastic.toml")},
+        "urdf_sha256": files.digest(urdf),
+        "read_back": back,
+        "left_out_mm": dict(zip(("rms", "max"), done.rest_mm, strict=True)),
+        "words": WORDS,
+        "root": _pose(frames.root),
+        "tool": _pose(frames.tip),
+        "links": _links(state, frames),
+        "joints": _joints(state),
+        "orders": list(state.errors.orders),
+        "weights": _weights(state, frames),
+    }
+
+
+def _pose(pose: Array) -> dict[str, object]:
+    return {"rotation": pose[:3, :3].tolist(), "translation_m": pose[:3, 3].tolist()}
+
+
+def _links(state: State, frames: Frames) -> list[dict[str, object]]:
+    vjm = state.vjm
+    C, left = state.C_theta, state.C_theta.copy()
+    found: list[dict[str, object]] = []
+    for k, (link, pose) in enumerate(zip(vjm.arm.links, (*vjm.placements, vjm.tool), strict=True)):
+        own = slice(6 * k, 6 * k + 6)
+        end = pose[:3, 3] + link.frame @ state.theta_0[own][:3]
+        R, p = frames.links[k][:3, :3], frames.links[k][:3, 3]
+        left[own, own] = 0
+        found.append(
+            {
+                "name": link.name,
+                "urdf_link": frames.names[k],
+                "at_m": (R.T @ (end - p)).tolist(),
+                "axes": (R.T @ link.frame).tolist(),
+                "compliance": C[own, own].tolist(),
+                "constants": state.theta_0[own].tolist(),
+            }
+        )
+    np.fill_diagonal(left, 0)
+    if left.any():
+        raise BenchError(
+            "C_theta: expected a block a link and a number a joint, got compliances between them"
+        )
+    return found
+
+
+def _joints(state: State) -> list[dict[str, object]]:
+    arm, errors = state.vjm.arm, state.errors
+    first, orders = 6 * len(arm.links), len(errors.orders)
+    found: list[dict[str, object]] = []
+    for k, joint in enumerate(arm.joints):
+        sine, cosine, single = np.split(state.n[k], [orders, 2 * orders])
+        row: dict[str, object] = {
+            "name": joint.name,
+            "unit": joint.unit,
+            "compliance": float(state.C_theta[first + k, first + k]),
+            "constant": float(state.theta_0[first + k]),
+            "torque_scale": float(state.torque_scale[k]),
+            "sine": sine.tolist(),
+            "cosine": cosine.tolist(),
+        }
+        found.append(row | dict(zip(errors.kinds[2 * orders :], single.tolist(), strict=True)))
+    return found
+
+
+def _weights(state: State, frames: Frames) -> list[dict[str, object]]:
+    poses = (*frames.links, frames.tip)
+    rows = zip(frames.names, state.weights.mass, state.weights.centre, poses, strict=True)
+    return [
+        {"urdf_link": name, "mass_kg": float(m), "centre_m": (T[:3, :3].T @ (c - T[:3, 3])).tolist()}
+        for name, m, c, T in rows
+    ]

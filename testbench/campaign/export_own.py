@@ -1,0 +1,278 @@
+"""The robot's own URDF: its chain found by the names of its joints, its origins as identified.
+
+A robot's file and the arm's folder draw one robot with other frames: another base, other axes of the links,
+another zero along a joint's axis. The axes are the same lines: one's are laid onto the other's.
+"""
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from testbench.arm.folder import Arm
+from testbench.arm.urdf_text import BEGINS, BEGINS_NEW, with_origins
+from testbench.campaign.export_geometry import (
+    Frames,
+    Rigid,
+    apart,
+    drawn,
+    in_order,
+    random_joints,
+    tool_poses,
+    within,
+)
+from testbench.errors import Array, InputError, read_text
+from testbench.identify.absolute.state import State
+from testbench.model.vjm import rotation, skew
+from testbench.plant.import_robot.chain import JointOf
+from testbench.plant.import_robot.names import fit_names
+from testbench.plant.import_robot.source import MAX_BYTES, read_xml
+from testbench.plant.import_robot.tree import Body, Tree, path_to, usual_tip
+from testbench.plant.import_robot.urdf import read_urdf
+
+SAME = 1e-4
+"""Most that a robot's own drawing differs from the arm's [m, rad]: a right angle of five digits does so."""
+STILL = 1e-12  #: Less than this is rounding [m, 1].
+SHAPES = ("visual", "collision")
+STEPS = 30  #: Of Gauss-Newton from each start.
+UNTOLD = 1e-4
+"""Smallest singular value that counts, over the largest: rounding does not tell where parallel axes end."""
+
+
+@dataclass(frozen=True)
+class Own:
+    """The arm's chain in a robot's URDF."""
+
+    file: Path
+    text: str  #: Of the file.
+    root: str  #: Its first link.
+    tip: str  #: The link that carries the tool.
+    bodies: tuple[Body, ...]  #: From the first link to the tip, fixed ones too.
+    names: tuple[str, ...]  #: Of the joint before each of them; "" of the first.
+    loose_meshes: bool  #: Whether it names meshes by their place beside it.
+
+    @property
+    def moving(self) -> list[int]:
+        """Places of the joints that move, in `bodies`."""
+        return [k for k, body in enumerate(self.bodies) if body.joint]
+
+    @property
+    def joints(self) -> list[JointOf]:
+        """The joints that move."""
+        return [body.joint for body in self.bodies if body.joint]
+
+    @property
+    def rigid(self) -> Rigid:
+        """As one step a joint; the base is the first link."""
+        cuts = [1, *(k + 1 for k in self.moving)]
+        steps = [in_order([b.pose for b in self.bodies[i:j]]) for i, j in pairwise(cuts)]
+        return Rigid(np.eye(4), np.array(steps), in_order([b.pose for b in self.bodies[cuts[-1] :]]))
+
+
+def read_own(file: Path, arm: Arm, tip: str | None = None) -> Own:
+    """The chain of an arm in a robot's own URDF.
+
+    Args:
+        file: The URDF.
+        arm: The arm that the model is of.
+        tip: The link that carries the tool; None for one called as the arm's tool, else the usual one.
+
+    Raises:
+        InputError: When it is no URDF, or its joints up to the tip are not the arm's.
+    """
+    root, text = read_xml(file), read_text(file, MAX_BYTES)
+    if re.match(BEGINS, text.encode()) and not re.match(BEGINS_NEW, text.encode()):
+        raise InputError(file, "", "testbench export wrote it; expected the robot's own URDF")
+    if root.tag != "robot":
+        raise InputError(file, "", f"expected URDF (<robot>) at the top, got <{root.tag}>")
+    loose = any("://" not in mesh.get("filename", "") for mesh in root.iter("mesh"))
+    for link in root.findall("link"):
+        for shape in [e for e in link if e.tag in SHAPES]:
+            link.remove(shape)
+    tree = read_urdf(file, root)
+    end = _tip(file, tree, arm, tip)
+    path = path_to(tree, end)
+    bodies = tuple(tree.bodies[k] for k in path)
+    before = _joints_before(root)
+    names = ("", *(before[body.name] for body in bodies[1:]))
+    _check_joints(file, bodies, names, arm)
+    return Own(file, text, bodies[0].name, bodies[-1].name, bodies, names, loose)
+
+
+def _tip(file: Path, tree: Tree, arm: Arm, asked: str | None) -> int:
+    names = [body.name for body in tree.bodies]
+    if asked is None:
+        return names.index(arm.tool) if arm.tool in names else usual_tip(tree).body
+    if asked not in names:
+        raise InputError(file, "", f"no link {asked!r} for the tip; there are {', '.join(sorted(names))}")
+    return names.index(asked)
+
+
+def _joints_before(root: ET.Element) -> dict[str, str]:
+    """The name of the joint before every link."""
+    pairs = ((joint.find("child"), joint.get("name", "")) for joint in root.findall("joint"))
+    return {child.get("link", ""): name for child, name in pairs if child is not None}
+
+
+def _check_joints(file: Path, bodies: tuple[Body, ...], names: tuple[str, ...], arm: Arm) -> None:
+    """The moving joints are the arm's by name, in order, and of the same kind."""
+    moving = [(name, body) for name, body in zip(names, bodies, strict=True) if body.moves]
+    for name, body in moving:
+        if body.odd:
+            raise InputError(file, f"<joint name={name!r}>", f"it {body.odd}")
+    have, wanted = [name for name, _ in moving], [joint.name for joint in arm.joints]
+    if wanted not in (have, fit_names(have)):
+        got = f"got {', '.join(have) or 'none'} up to {bodies[-1].name!r}; --tip names another end"
+        raise InputError(file, "", f"expected the joints of {arm.name}, {', '.join(wanted)}, {got}")
+    for (name, body), joint in zip(moving, arm.joints, strict=True):
+        if body.joint and body.joint.prismatic != joint.prismatic:
+            kinds = ("turns", "slides")
+            problem = f"it {kinds[body.joint.prismatic]}; in {arm.name} it {kinds[joint.prismatic]}"
+            raise InputError(file, f"<joint name={name!r}>", problem)
+
+
+def place(own: Own, state: State) -> tuple[Frames, float]:
+    """Where a robot's own frames stand in the model, and how far the two drawings differ at most [m, rad].
+
+    Raises:
+        InputError: When the robot's own drawing is not that of the arm; says how far off it is.
+    """
+    vjm, rigid, model = state.vjm, own.rigid, drawn(state.vjm)
+    slides = [joint.prismatic for joint in vjm.arm.joints]
+    axes = np.array([joint.axis for joint in own.joints])
+    lines = axis_lines(rigid.bodies[1:], axes, slides), axis_lines(model.bodies[1:], vjm.axes, slides)
+    root = align(*lines)
+    links = [within(a, root @ u) for a, u in zip(model.bodies, rigid.bodies, strict=True)]
+    tip = within(model.tool, links[-1] @ rigid.tool)
+    q = random_joints(vjm)
+    far = apart(root @ _tips(rigid, axes, slides, q), tool_poses(vjm, q) @ tip)
+    if not max(far) <= SAME:
+        problem = f"its tip is up to {1e3 * far[0]:.3g} mm and {1e3 * far[1]:.3g} mrad from that of"
+        limits = f"{1e3 * SAME:g} mm and mrad"
+        why = "it is another robot, or counts its joints otherwise"
+        if re.match(BEGINS_NEW, own.text.encode()):
+            why = "testbench export wrote it from scratch, with the geometry of a calibration"
+        raise InputError(own.file, "", f"{problem} {vjm.arm.name} as drawn; expected {limits}: {why}")
+    exact = [
+        onto_axis(link, theirs, ours, slide=slide)
+        for link, theirs, ours, slide in zip(links[1:], axes, vjm.axes, slides, strict=True)
+    ]
+    names = [own.root, *(own.bodies[k].name for k in own.moving), own.tip]
+    return Frames(names, root, (links[0], *exact), within(model.tool, exact[-1] @ rigid.tool)), max(far)
+
+
+def _tips(rigid: Rigid, axes: Array, slides: list[bool], q: Array) -> Array:
+    """Poses of the tip in the first link, (poses, 4, 4) [m]."""
+    found = np.tile(np.eye(4), (len(q), 1, 1))
+    for step, axis, slide, x in zip(rigid.steps, axes, slides, q.T[:, :, None, None], strict=True):
+        move, W = np.tile(np.eye(4), (len(q), 1, 1)), skew(axis)
+        if slide:
+            move[:, :3, 3] = x[:, 0] * axis
+        else:
+            move[:, :3, :3] += np.sin(x) * W + (1 - np.cos(x)) * (W @ W)
+        found = found @ step @ move
+    return np.asarray(found @ rigid.tool)
+
+
+def own_urdf(own: Own, placed: Frames, geometry: Rigid) -> str:
+    """The robot's URDF with the origins of its joints as identified.
+
+    Raises:
+        InputError: When the tool has moved on the last link, and nothing fixed leads to it.
+    """
+    poses: dict[str, Array] = {}
+    cuts = [1, *(k + 1 for k in own.moving)]
+    for i, step in enumerate(geometry.steps):
+        fixed = in_order([body.pose for body in own.bodies[cuts[i] : cuts[i + 1] - 1]])
+        wanted = within(placed.links[i], step @ placed.links[i + 1])
+        poses[own.names[cuts[i + 1] - 1]] = within(fixed, wanted)
+    behind = own.bodies[cuts[-1] :]
+    have = in_order([body.pose for body in behind])
+    wanted = within(placed.links[-1], geometry.tool @ placed.tip)
+    moved = np.abs(have - wanted).max() > STILL
+    if moved and not behind:
+        raise InputError(own.file, "", f"expected a fixed joint behind {own.tip!r}: the tool has moved on it")
+    if moved:
+        poses[own.names[cuts[-1]]] = wanted @ within(in_order([body.pose for body in behind[1:]]), np.eye(4))
+    return with_origins(own.file, own.text, poses)
+
+
+def axis_lines(bodies: Sequence[Array], axes: Array, slides: Sequence[bool]) -> Array:
+    """Twists of the joints at q = 0 in the frame of the poses, (n, 6): turn, then speed at the origin [1, m].
+
+    Args:
+        bodies: Poses of the joints' bodies, (n) of (4, 4) [m].
+        axes: Their unit axes in their bodies, (n, 3).
+        slides: Which of them slide.
+    """
+    found = []
+    for pose, axis, slide in zip(bodies, axes, slides, strict=True):
+        d = pose[:3, :3] @ axis
+        found.append([*np.zeros(3), *d] if slide else [*d, *np.cross(pose[:3, 3], d)])
+    return np.array(found)
+
+
+def align(theirs: Array, ours: Array) -> Array:
+    """The pose of their frame in ours that lays their axes onto ours best, (4, 4) [m].
+
+    Where axes leave it open, as the height of a base below parallel axes, it moves least.
+
+    Args:
+        theirs: Twists, (n, 6), see `axis_lines`.
+        ours: The same of the model.
+    """
+    found = [_descend(theirs, ours, start) for start in Rotation.create_group("O").as_matrix()]
+    return min(found, key=lambda one: one[0])[1]
+
+
+def _descend(theirs: Array, ours: Array, R: Array) -> tuple[float, Array]:
+    """Gauss-Newton from a rotation: the sum of squares that is left, and the pose."""
+    t = np.zeros(3)
+    for _ in range(STEPS):
+        r, J = _residual(theirs, ours, R, t)
+        step = np.asarray(np.linalg.lstsq(J, -r, rcond=UNTOLD)[0], dtype=float)
+        angle = float(np.linalg.norm(step[:3]))
+        if angle > 0:
+            R = rotation(step[:3] / angle, angle) @ R
+        t = t + step[3:]
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = R, t
+    left = float(np.sum(_residual(theirs, ours, R, t)[0] ** 2))
+    return left if np.isfinite(left) else np.inf, pose
+
+
+def _residual(theirs: Array, ours: Array, R: Array, t: Array) -> tuple[Array, Array]:
+    """Differences of all twists, (6 n,), and their derivatives by a turn and a shift, (6 n, 6)."""
+    turn, speed = theirs[:, :3] @ R.T, theirs[:, 3:] @ R.T
+    r = np.hstack([turn, speed + np.cross(t, turn)]) - ours
+    J = np.zeros((len(theirs), 6, 6))
+    for k, (w, v) in enumerate(zip(turn, speed, strict=True)):
+        J[k, :3, :3] = -skew(w)
+        J[k, 3:, :3] = -skew(v) - skew(t) @ skew(w)
+        J[k, 3:, 3:] = -skew(w)
+    return r.ravel(), J.reshape(-1, 6)
+
+
+def onto_axis(frame: Array, theirs: Array, ours: Array, *, slide: bool) -> Array:
+    """A link's frame in the model's body, its axis exactly on the model's through the body's origin.
+
+    Args:
+        frame: About that, (4, 4) [m].
+        theirs: Unit axis in the link, (3,).
+        ours: Unit axis in the body, (3,).
+        slide: Whether the joint slides: then the axis has no place.
+    """
+    d = frame[:3, :3] @ theirs
+    across = np.cross(d, ours)
+    sine = float(np.linalg.norm(across))
+    found = frame.copy()
+    if sine > 0:
+        found[:3, :3] = rotation(across / sine, float(np.arctan2(sine, d @ ours))) @ found[:3, :3]
+    if not slide:
+        found[:3, 3] = (ours @ found[:3, 3]) * ours
+    return found

@@ -1,0 +1,350 @@
+"""A user's runs fitted by several models, and which model to take: what models.json holds."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import gammainc
+
+from testbench.campaign.campaign import Cell
+from testbench.campaign.evaluation import EstimatorFailed, of_model
+from testbench.campaign.model_selection import Recommendation, default_name, recommend, why
+from testbench.campaign.models import Model
+from testbench.campaign.rows import MM, ErrorRow, FitRow, error_row, fit_row
+from testbench.campaign.streamed_fit import Many, fit_many
+from testbench.data.dataset import Dataset, in_order
+from testbench.data.stream import SHOWN, some
+from testbench.errors import Array, BenchError
+from testbench.identify import Estimate, Method, intervals
+from testbench.identify.contradiction import Unchecked, unchecked
+from testbench.identify.contradiction import doubts as contradictions
+from testbench.identify.doubts import Doubt
+from testbench.identify.estimate import Rejected
+from testbench.identify.evaluate import deflections, score
+from testbench.identify.metric import metric
+from testbench.identify.regression import BLOCK_RUNS, ROUNDING
+from testbench.model.vjm import chain, generalised_load
+
+UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
+
+QUIET, CHANCE = 0.6, 1e-6
+"""Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
+
+
+@dataclass(frozen=True)
+class Runs:
+    """A user's runs."""
+
+    name: str  #: Of the file.
+    every: Dataset  #: All of them, or those that are looked at one by one.
+    used: Dataset  #: Those to fit.
+    check: Dataset | None  #: Those held back; None if there are none.
+    notes: tuple[str, ...] = ()  #: What was understood of them.
+    registration: Mapping[str, object] | None = None  #: Frames and targets; None where no frame fitted.
+    doubts: tuple[Doubt, ...] = ()  #: What may be wrong with them, the likeliest first.
+    #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
+    scale: float | None = None
+    many: Many | None = None  #: All, where they are too many to hold.
+
+    @property
+    def total(self) -> int:
+        """How many there are."""
+        return self.every.runs if self.many is None else self.many.every.runs
+
+
+@dataclass(frozen=True)
+class IntervalsRow:
+    """95 % intervals of predicted deflections, each by itself."""
+
+    confidence: float  #: Of each [1].
+    on_boundary: bool  #: Whether the cone holds the estimate: then they are not exact.
+    unbounded: int  #: Components that the data leave without a bound.
+    components: int  #: How many there are.
+    half_width_mm: float | None  #: Median over those with a bound.
+    half_width_max_mm: float | None  #: The largest of those.
+    #: One a run and marker: `centre_mm`, `lower_mm`, `upper_mm` along the world axes, null without a bound.
+    deflections: tuple[Mapping[str, object], ...]
+
+
+@dataclass(frozen=True)
+class Fitted(FitRow):
+    """A model fitted to a user's runs."""
+
+    equations: int  #: Of the readings.
+    identification: ErrorRow  #: Errors on the runs that were fitted, against their readings.
+    check: ErrorRow | None  #: The same on those held back; None if there are none.
+    #: Where it is checked, or was fitted; None if not asked for, or where only others have a prior.
+    intervals: IntervalsRow | None
+    learnt: bool  #: Whether the readings taught its prior: then its intervals count how wrong that may be.
+    links: Mapping[str, list[list[float]]]  #: Compliance of every link in its beam frame.
+    #: Compliance of every joint; None where it is aggregated: counted in that of the link before it.
+    joints: Mapping[str, float | None]
+    units: str  #: Of both.
+    rejected: tuple[Rejected, ...]  #: Readings that the fit does without.
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Mean F_M of a model on poses and load levels held out in turn, and its standard error."""
+
+    name: str
+    f_m: float
+    standard_error: float
+
+
+@dataclass(frozen=True)
+class Fits:
+    """models.json."""
+
+    dataset: str  #: Name of the file.
+    arm: str  #: Name of the arm.
+    runs: int  #: That were fitted.
+    poses: int  #: They are in.
+    models: tuple[Fitted, ...]  #: What was found.
+    recommended: str  #: Name of the model to take.
+    why: str  #: Why this one.
+    held_out: tuple[HeldOut, ...]  #: What the recommendation rests on.
+    #: What may be wrong with the runs, the likeliest first, then with the prior of the model to take.
+    doubts: tuple[Doubt, ...]
+    unchecked: Unchecked  #: What the readings do not check of its prior.
+    notes: tuple[str, ...]  #: What was understood of the runs.
+    registration: Mapping[str, object] | None  #: Frames and targets; None where no frame fitted.
+    #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
+    scale: float | None = None
+
+
+@dataclass(frozen=True)
+class Identified:
+    """Models fitted to a user's runs, and what there is to say of them."""
+
+    fits: Fits  #: Numbers and words.
+    runs: Runs  #: Of many those that are looked at one by one, the worst among them.
+    estimates: Mapping[str, Estimate]  #: By the name of the model.
+
+    @property
+    def taken(self) -> Estimate:
+        """Of the model to take."""
+        return self.estimates[self.fits.recommended]
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """A model that was fitted and judged."""
+
+    model: Model
+    estimate: Estimate
+    seconds: float
+    used: ErrorRow  #: On the runs that were fitted.
+    check: ErrorRow | None  #: On those held back.
+
+
+def fit(
+    cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float], *, widths: bool = False
+) -> Identified:
+    """Fit every model, judge it, and recommend one.
+
+    Args:
+        cell: The arm.
+        models: Structures and methods.
+        runs: What was measured.
+        clock: Wall time [s], such as time.perf_counter.
+        widths: Whether intervals of the predicted deflections are wanted.
+
+    Raises:
+        BenchError: When a method cannot fit a structure to the runs.
+    """
+    try:
+        models, still = _moved(cell, models, runs.used)
+        runs = replace(runs, notes=(*runs.notes, *still))
+        runs, found, taken, lost = _working(cell, models, runs, clock)
+    except BenchError as err:
+        raise BenchError("; ".join([*(doubt.sentence for doubt in runs.doubts), str(err)])) from err
+    widest = runs.check or runs.used
+    if widths and runs.many is None and widest.runs > SHOWN:
+        runs = replace(runs, notes=(*runs.notes, f"intervals are of {SHOWN} of {widest.runs} runs, evenly"))
+        widest = in_order(widest, some(np.arange(widest.runs)))
+    # beside a prior, intervals that count noise alone would look the surest
+    plain = all(own.estimate.belief is None for own in found)
+    sure = {own.model.name for own in found if plain or own.estimate.belief is not None} | {taken.name}
+    estimates = {own.model.name: own.estimate for own in found}
+    best = next(own for own in found if own.model.name == taken.name)
+    fits = Fits(
+        dataset=runs.name,
+        arm=cell.arm.name,
+        runs=runs.used.runs if runs.many is None else int(runs.many.used.sum()),
+        poses=len(np.unique(runs.used.pose)) if runs.many is None else runs.many.poses,
+        models=tuple(_fit(cell, m, widest if widths and m.model.name in sure else None) for m in found),
+        recommended=taken.name,
+        why=why(taken, best.estimate),
+        held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
+        doubts=(
+            *runs.doubts,
+            *lost,
+            *_of_noise(found),
+            *_of_prior(estimates, taken.name, default_name(cell.arm)),
+        ),
+        unchecked=_unchecked(cell, best),
+        notes=runs.notes,
+        registration=runs.registration,
+        scale=runs.scale,
+    )
+    return Identified(fits, runs, estimates)
+
+
+def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence[Model], list[str]]:
+    """The models that the loads move, and a sentence on each other one.
+
+    Loads along z turn no hinge about z and push no slide along y: an arm of these alone bends in its links.
+
+    Raises:
+        BenchError: When they move none.
+    """
+    blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
+    loads = (generalised_load(chain(cell.vjm, data.q[b]), data.wrench[b], data.point[b]) for b in blocks)
+    u = np.max([np.abs(load).max(axis=1) for load in loads], axis=0)
+    acts = u > ROUNDING * u.max()
+    moved = [m for m in models if acts[np.concatenate([m.structure.a, m.structure.b])].any()]
+    still = [m.name for m in models if m not in moved]
+    if not moved:
+        raise BenchError(f"expected loads that bend a model, these bend none of {', '.join(still)}")
+    return moved, [f"{name} is left out: no load acts on what it can bend" for name in still]
+
+
+def _working(
+    cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]
+) -> tuple[Runs, list[_Judged], Recommendation, list[Doubt]]:
+    """What is found without estimators of one's own that fail, and a doubt on each failure.
+
+    Raises:
+        BenchError: When no model is left.
+    """
+    lost: list[Doubt] = []
+    while True:
+        try:
+            return (*_all(cell, models, runs, clock), lost)
+        except EstimatorFailed as err:
+            models = [model for model in models if model.name != err.model]
+            lost.append(Doubt("estimator", f"left out: {err}"))
+            if not models:
+                raise BenchError("; ".join(doubt.sentence for doubt in lost)) from err
+
+
+def _all(
+    cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]
+) -> tuple[Runs, list[_Judged], Recommendation]:
+    """Runs that are looked at one by one, every model, and which to take."""
+    if runs.many is None:
+        found = [_timed(cell, model, runs, clock) for model in models]
+        return runs, found, recommend(cell, models, runs.used)
+    own = fit_many(cell, models, runs.many, clock)
+    every, fitted, held_back = runs.many.looked_at(own.worst)
+    note = (
+        f"all {runs.total} runs are fitted and judged; doubts, intervals, tables and pictures are of "
+        f"{every.runs} of them, evenly out of all and those of which most is left"
+    )
+    checks = [error_row(one) for one in own.check] if own.check else [None] * len(models)
+    rows = zip(models, own.estimates, own.seconds, map(error_row, own.used), checks, strict=True)
+    shown = replace(runs, every=every, used=fitted, check=held_back, notes=(*runs.notes, note))
+    return shown, [_Judged(*row) for row in rows], own.taken
+
+
+def _timed(cell: Cell, model: Model, runs: Runs, clock: Callable[[], float]) -> _Judged:
+    start = clock()
+    estimate = of_model(cell, model, runs.used)
+    seconds = clock() - start
+    check = None if runs.check is None else _errors(cell, estimate, runs.check)
+    return _Judged(model, estimate, seconds, _errors(cell, estimate, runs.used), check)
+
+
+def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> ErrorRow:
+    return error_row(score(deflections(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen]))
+
+
+def _of_noise(found: Sequence[_Judged]) -> list[Doubt]:
+    """Whether a model leaves far less than the stated noise alone would: whatever it lacks adds to that."""
+    quiet = [own.estimate for own in found if own.estimate.f_m < QUIET * own.estimate.f_m_floor]
+    if not quiet:
+        return []
+    least = min(quiet, key=lambda e: e.f_m / e.f_m_floor)
+    free = least.regression.equations - least.regression.rank
+    if gammainc(free / 2, free / 2 * (least.f_m / least.f_m_floor) ** 2) > CHANCE:
+        return []
+    words = (
+        f"{least.structure.name} leaves F_M {least.f_m:.2g} where the stated noise alone leaves "
+        f"{least.f_m_floor:.3g}: is sigma too large, a U95 perhaps, or were readings averaged or copied?"
+    )
+    return [Doubt("noise", words)]
+
+
+def _of_prior(by_name: Mapping[str, Estimate], taken: str, default: str) -> list[Doubt]:
+    """What the readings say against the prior of the default, or of the model that is taken."""
+    belief = by_name[default if default in by_name else taken].belief
+    said = [Doubt("prior", text) for text in contradictions(belief)] if belief else []
+    if default in by_name and taken != default:
+        words = f"{taken} predicts better than {default}: is the arm's folder that of this arm?"
+        said.append(Doubt("prior", words))
+    return said
+
+
+def _unchecked(cell: Cell, taken: _Judged) -> Unchecked:
+    """What the readings do not check of a model's prior; nothing where it has none."""
+    method = taken.model.estimator
+    if not isinstance(method, Method) or method.prior is None:
+        return Unchecked()
+    scaled = metric(method.prior, cell.vjm, taken.model.structure)
+    return unchecked(taken.estimate.regression, scaled)
+
+
+def _fit(cell: Cell, own: _Judged, widest: Dataset | None) -> Fitted:
+    """A model, with intervals of its predictions for some runs."""
+    estimate = own.estimate
+    blocks = (estimate.C_theta[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(len(cell.arm.links)))
+    return Fitted(
+        **vars(fit_row(own.model.name, estimate, own.seconds, prior=estimate.belief is not None)),
+        equations=estimate.regression.equations,
+        identification=own.used,
+        check=own.check,
+        intervals=None if widest is None else _intervals(cell, estimate, widest),
+        learnt=estimate.belief is not None and estimate.belief.moves is not None,
+        links={link.name: C.tolist() for link, C in zip(cell.arm.links, blocks, strict=True)},
+        joints=_joints(cell, estimate),
+        units=UNITS,
+        rejected=estimate.rejected,
+    )
+
+
+def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
+    """Compliance of every joint; None where it is aggregated into the link before it."""
+    first, block = 6 * len(cell.arm.links), estimate.structure.block_of
+    own = np.diag(estimate.C_theta)[first:].tolist()
+    aggregated = [
+        bool(block[first + k] < 0 <= block[6 * k : 6 * k + 6].max()) for k in range(cell.arm.n_joints)
+    ]
+    return {
+        joint.name: None if inside else compliance
+        for joint, inside, compliance in zip(cell.arm.joints, aggregated, own, strict=True)
+    }
+
+
+def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> IntervalsRow:
+    found = intervals(cell.vjm, estimate, data)
+    half = MM * (found.upper - found.lower) / 2
+    known = half[np.isfinite(half)]
+    ends = {"centre_mm": found.centre, "lower_mm": found.lower, "upper_mm": found.upper}
+    return IntervalsRow(
+        confidence=found.confidence,
+        on_boundary=found.on_boundary,
+        unbounded=half.size - known.size,
+        components=half.size,
+        half_width_mm=float(np.median(known)) if known.size else None,
+        half_width_max_mm=float(known.max()) if known.size else None,
+        deflections=tuple(
+            {"run": run, "marker": marker, **{key: _bounded(own[i, k]) for key, own in ends.items()}}
+            for i, run in enumerate(data.run.tolist())
+            for k, marker in enumerate(data.markers)
+        ),
+    )
+
+
+def _bounded(metres: Array) -> list[float | None]:
+    return [MM * float(x) if np.isfinite(x) else None for x in metres]

@@ -1,0 +1,172 @@
+"""Which model to take: a default that has to be beaten on what is held out, by more than chance.
+
+Over the family of true arms and wrong priors (study `which_model`) one model predicts the workspace best with
+8, 12 and 20 poses: GCO of all links and joints with a prior that is learnt from the readings. So it is the
+default. It is averaged with joints alone by evidence (`identify.average`), so that links which the readings
+do not see add no noise. Beside it stand joints alone without a prior, as a guard against a prior that is
+wrong in ways which nobody thought of: where they predict poses held out clearly better, they are taken.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.campaign.baselines import JOINTS
+from testbench.campaign.campaign import Cell
+from testbench.campaign.evaluation import of_model
+from testbench.campaign.models import EVERY, MODELS, Model, named_models, own_name, right_name
+from testbench.data.dataset import Dataset
+from testbench.errors import Array
+from testbench.identify import Estimate, Method, with_prior
+from testbench.identify.average import words
+from testbench.identify.crossval import (
+    Candidate,
+    Divided,
+    Duel,
+    Fold,
+    every_fold,
+    held_out_errors,
+    unless_beaten,
+)
+from testbench.identify.prior import Prior, Strength
+from testbench.identify.regression import Regression, f_m
+
+FILLED = " + prior"
+DEFAULT = f"ALL153{FILLED}"  #: Of an arm of six joints; of any arm `default_name`.
+PLAIN = (JOINTS, "MLS56", "MGCO56", "MGCO68")
+WITH_PRIOR = (JOINTS, "MGCO56", "MGCO68", "ALL153")
+"""What is fitted to a user's runs where no model is named, without and with a prior."""
+LEAST_POSES = 4  #: Below it what is held out in turn is too little to overthrow a default.
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """Which model to take, and why."""
+
+    name: str
+    why: str  #: A sentence.
+    candidates: tuple[Candidate, ...]  #: Errors of all models on what was held out; empty with one pose.
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The model that is taken by default."""
+
+    name: str
+    estimate: Estimate
+    why: str  #: A sentence.
+
+
+def default_models(cell: Cell, prior: Prior | None, strength: Strength | None = None) -> list[Model]:
+    """What is fitted where no model is named: some without a prior and, where there is one, with it.
+
+    Args:
+        cell: The arm.
+        prior: Expected compliances; None for models without a prior, all that the method can fit.
+        strength: How firmly they are believed; None to learn it.
+    """
+    if prior is None:
+        return named_models(cell, _possible(cell, tuple(MODELS)))
+    plain, filled = (named_models(cell, _possible(cell, names)) for names in (PLAIN, WITH_PRIOR))
+    return [*plain, *with_priors(filled, prior, strength)]
+
+
+def default_name(arm: Arm) -> str:
+    """What the default of an arm is called, such as ALL153 + prior."""
+    return f"{right_name(arm, EVERY)}{FILLED}"
+
+
+def _possible(cell: Cell, kinds: Sequence[str]) -> list[str]:
+    """Names of those kinds of models that the arm has."""
+    return list(dict.fromkeys(name for kind in kinds if (name := own_name(cell, kind))))
+
+
+def with_priors(models: Sequence[Model], prior: Prior, strength: Strength | None = None) -> list[Model]:
+    """Models with a prior, named so."""
+    return [
+        replace(m, name=f"{m.name}{FILLED}", estimator=with_prior(m.estimator, prior, strength))
+        for m in models
+    ]
+
+
+def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
+    """Identify as is best by default.
+
+    Args:
+        cell: The arm.
+        data: The runs.
+        prior: Expected compliances.
+
+    Returns:
+        The default, or joints alone where these predict what is held out clearly better.
+    """
+    models = [*named_models(cell, (JOINTS,)), *with_priors(named_models(cell, (EVERY,)), prior)]
+    found = recommend(cell, models, data)
+    [model] = [m for m in models if m.name == found.name]
+    estimate = of_model(cell, model, data)
+    return Choice(model.name, estimate, why(found, estimate))
+
+
+def why(found: Recommendation, estimate: Estimate) -> str:
+    """Why a model is taken, and how much of it is joints alone."""
+    return found.why if estimate.average is None else f"{words(estimate.average)}; {found.why}"
+
+
+def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendation:
+    """The default, or the model of fewest unknowns where it is not there, unless beaten on what is held out.
+
+    The default can be beaten by joints alone only; what else was fitted stands beside it to compare.
+
+    Args:
+        cell: The arm.
+        models: Structures and methods; outliers stay in, as every model has to face the same readings.
+        data: The runs.
+    """
+    return recommended(cell, models, len(np.unique(data.pose)), lambda m: _errors(cell, m, data))
+
+
+def recommended(
+    cell: Cell, models: Sequence[Model], poses: int, errors: Callable[[Model], Array]
+) -> Recommendation:
+    """The same by errors of a model on what is held out, (folds,) [1], of runs in so many poses."""
+    default = default_name(cell.arm)
+    first = min(models, key=lambda m: (m.name != default, m.structure.n))
+    if poses < LEAST_POSES or len(models) == 1:
+        few = f"fewer than {LEAST_POSES} poses are too few to hold some out"
+        why = few if poses < LEAST_POSES else "no other model was fitted"
+        return Recommendation(first.name, why, ())
+    every = tuple(Candidate(m.name, errors(m)) for m in models)
+    rivals = [c for c in every if first.name != default or c.name in (default, JOINTS)]
+    duel = unless_beaten(rivals, first.name)
+    return Recommendation(duel.name, _why(duel, first.name, default), every)
+
+
+def _why(duel: Duel, first: str, default: str) -> str:
+    """Why a model stays, or gives way."""
+    taken = "the default" if first == default else "the one of fewest unknowns"
+    if duel.name == first:
+        return f"{taken}: no rival predicts what is held out in turn better by more than chance"
+    return (
+        f"on what is held out in turn its F_M is {-duel.difference:.2g} +- {duel.standard_error:.2g} less "
+        f"than that of {first}, {taken}"
+    )
+
+
+def _errors(cell: Cell, model: Model, data: Dataset) -> Array:
+    """F_M on what is held out, (folds,); an estimator of one's own sees the other runs as they are."""
+    folds, method = every_fold(cell.vjm, model.structure, data), model.estimator
+    if isinstance(method, Method):
+        return errors_of(cell, method, folds)
+    each = [of_model(cell, model, fold.runs).pi for fold in folds]
+    return np.array([f_m(fold.held_out, pi) for fold, pi in zip(folds, each, strict=True)])
+
+
+def errors_of(cell: Cell, method: Method, folds: Sequence[Fold | Divided]) -> Array:
+    """F_M of a method on what is held out, (folds,) [1]."""
+
+    def fits(regressions: Sequence[Regression]) -> Array:
+        return np.array([e.pi for e in method.of(cell.vjm, regressions, widths=False)])
+
+    return held_out_errors(folds, fits)

@@ -1,0 +1,128 @@
+"""What a fit leaves in a table: rows with units in their names, for Parquet, report.json and views."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.campaign.evaluation import Errors
+from testbench.data.dataset import Dataset
+from testbench.identify import Constraint, Estimate
+from testbench.identify.certify import total_trace
+from testbench.identify.evaluate import Score
+from testbench.trials.spread import Count, Number, Share
+
+MM, UM = 1e3, 1e6
+
+
+@dataclass(frozen=True)
+class DatasetRow:
+    """What a dataset holds: counts, and the least and largest deflection of a marker."""
+
+    runs: int
+    points: int
+    deflection_min_mm: Number
+    deflection_max_mm: Number
+    sigma_um: float
+
+
+def dataset_row(data: Dataset) -> DatasetRow:
+    """What a dataset holds."""
+    size = MM * np.linalg.norm(data.deflection, axis=-1)
+    return DatasetRow(data.runs, data.points, float(size.min()), float(size.max()), UM * data.sigma)
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """Distance errors of predicted deflections; relative ones are shares of a point's own deflection."""
+
+    rms_mm: Number
+    p95_mm: Number
+    max_mm: Number
+    p95_relative_percent: Number
+    max_relative_percent: Number
+
+
+@dataclass(frozen=True)
+class FitRow:
+    """What a method found, without its errors."""
+
+    name: str  #: Of the model.
+    structure: str  #: Name of its structure.
+    method: str  #: How it was identified, in words.
+    constraint: Constraint  #: What was asked of the blocks.
+    prior: bool  #: Whether a prior fills what the data cannot see.
+    status: str  #: "solved", or why not.
+    parameters: int  #: Unknowns.
+    rank: Count  #: Directions of them that the data see.
+    unique: Share  #: Whether they see all.
+    conservative: Share  #: Whether every block is symmetric and positive semi-definite.
+    min_eigenvalue: Number  #: Smallest eigenvalue of a block [m/N, rad/(N m)].
+    f_m: Number  #: Cost of Eq. (19).
+    f_m_floor: Number  #: What noise alone leaves of it.
+    #: Bound of F_M + trace term above its least value: how well the program is solved; None where none is.
+    duality_gap: Number
+    f_m_excess_bound: Number  #: Bound of F_M above its least value: what the trace weight costs.
+    trace_bounds_rad_per_Nm: tuple[Number, ...] | None  #: Traces within which the bounds hold.
+    held_by_trace_weight: Share  #: Whether only the trace weight holds unseen compliance.
+    total_trace_rad_per_Nm: Number  #: Of all blocks, in scaled units.
+    solve_seconds: Number  #: Wall time of the estimator.
+    advice: tuple[str, ...]  #: What the estimate says of itself.
+
+
+@dataclass(frozen=True)
+class JudgedRow(FitRow):
+    """A model judged."""
+
+    identification: ErrorRow  #: At the poses that were fitted, against their readings.
+    check: ErrorRow  #: At check poses, against their readings.
+    check_true: ErrorRow  #: At check poses, against the true deflections.
+    workspace: ErrorRow  #: Over the whole workspace, against the true deflections.
+
+
+def judged_row(fit: FitRow, errors: Errors) -> JudgedRow:
+    """A model of a campaign of section 6."""
+    return JudgedRow(
+        **vars(fit),
+        identification=error_row(errors.identification),
+        check=error_row(errors.check),
+        check_true=error_row(errors.check_true),
+        workspace=error_row(errors.truth),
+    )
+
+
+def fit_row(name: str, estimate: Estimate, seconds: float, *, prior: bool = False) -> FitRow:
+    """What a method found."""
+    certificate = estimate.certificate
+    return FitRow(
+        name=name,
+        structure=estimate.structure.name,
+        method=estimate.method,
+        constraint=estimate.constraint,
+        prior=prior,
+        status=estimate.status,
+        parameters=estimate.structure.n,
+        rank=estimate.regression.rank,
+        unique=estimate.regression.rank == estimate.structure.n,
+        conservative=estimate.conservative,
+        min_eigenvalue=estimate.min_eigenvalue,
+        f_m=estimate.f_m,
+        f_m_floor=estimate.f_m_floor,
+        duality_gap=None if certificate is None else certificate.duality_gap,
+        f_m_excess_bound=None if certificate is None else certificate.f_m_excess_bound,
+        trace_bounds_rad_per_Nm=None if certificate is None else tuple(certificate.trace_bounds.tolist()),
+        held_by_trace_weight=estimate.held_by_trace_weight,
+        total_trace_rad_per_Nm=total_trace(estimate.structure, estimate.pi),
+        solve_seconds=seconds,
+        advice=estimate.advice,
+    )
+
+
+def error_row(score: Score) -> ErrorRow:
+    """Errors in millimetres and per cent."""
+    return ErrorRow(
+        rms_mm=MM * score.rms,
+        p95_mm=MM * score.p95,
+        max_mm=MM * score.max,
+        p95_relative_percent=None if score.p95_relative is None else 100 * score.p95_relative,
+        max_relative_percent=None if score.max_relative is None else 100 * score.max_relative,
+    )

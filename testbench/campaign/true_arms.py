@@ -1,0 +1,158 @@
+"""True arms that the model's templates do not contain: one model, and a family of truths to judge it by.
+
+The model, and the prior from CAD, stay those of the arm's folder; only what MuJoCo settles is another arm.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Literal
+
+import numpy as np
+
+from testbench.arm.cast import cast_link
+from testbench.arm.folder import Arm, Link
+from testbench.arm.stiffness import check_compliance, turned
+from testbench.campaign.campaign import Cell, stream
+from testbench.errors import Array, BenchError
+from testbench.model.structure import TEMPLATE
+
+TrueArm = Callable[[Arm, np.random.Generator], Arm]
+
+UNEQUAL = 0.5  #: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
+TrueArmName = Literal["family", "tubes", "off_10", "off_20", "off_40", "cast", "joints"]
+FAMILY: TrueArmName = "family"  #: All of TRUTHS, a seed each in turn.
+HALVINGS = 24  #: Of the interval in which the size of a link's deformation is sought.
+
+
+def distance_from_tubes(C: Array) -> float:
+    """How far a compliance is from any tube in its own axes: relative, in the metric of the nearest [1].
+
+    The least |T^-1/2 C T^-1/2 - 1|_F / sqrt(6) over the beam templates T, hence a lower bound for tubes: the
+    root mean square relative error of the six compliances along the common axes of C and T. T^-1 has the
+    entries of T, and with C = L L^T the norm is that of L^T T^-1 L - 1: a linear least squares problem.
+
+    Args:
+        C: Positive definite, in beam axes, (6, 6) [m/N, rad/(N m)].
+
+    Returns:
+        Between 0 and 1; no tube, but a beam template that is not positive definite, may be nearest above 0.4.
+    """
+    L = np.linalg.cholesky(C)
+    columns = []
+    for a, b in TEMPLATE:
+        E = np.zeros((6, 6))
+        E[a, b] = E[b, a] = 1 / np.sqrt(C[a, a] * C[b, b])
+        columns.append((L.T @ E @ L).ravel())
+    A, one = np.column_stack(columns), np.eye(6).ravel()
+    return float(np.linalg.norm(A @ np.linalg.lstsq(A, one)[0] - one) / np.sqrt(6))
+
+
+def deformed(C: Array, S: Array, distance: float) -> Array:
+    """C^1/2 exp(t S) C^1/2 with t such that it is this far from any tube, (6, 6).
+
+    Args:
+        C: A tube's compliance, (6, 6).
+        S: Symmetric, with entries that no tube has, (6, 6) [1].
+        distance: As `distance_from_tubes` counts [1].
+    """
+    d = np.sqrt(np.diag(C))
+    values, Q = np.linalg.eigh(C / np.outer(d, d))
+    half = d[:, None] * Q * np.sqrt(values)
+    rates, axes = np.linalg.eigh(S)
+
+    def at(t: float) -> Array:
+        own = half @ (axes * np.exp(t * rates)) @ axes.T @ half.T
+        return np.asarray((own + own.T) / 2)
+
+    low, high = 0.0, float(distance / np.linalg.norm(S, 2))
+    while distance_from_tubes(at(high)) < distance:
+        low, high = high, 2 * high
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if distance_from_tubes(at(middle)) < distance else (low, middle)
+    return at(high)
+
+
+def _off_tubes(share: float, arm: Arm, rng: np.random.Generator) -> Arm:
+    """Every link this far from any tube along its axes, and these turned by as many radians."""
+
+    def off(link: Link) -> Link:
+        S = rng.standard_normal((6, 6))
+        C = turned(deformed(link.compliance, S + S.T, share), rng.standard_normal(3), share)
+        return replace(link, compliance=check_compliance(C, f"{link.name} off tubes"))
+
+    return replace(arm, links=tuple(off(link) for link in arm.links))
+
+
+def _tubes(arm: Arm, _: np.random.Generator) -> Arm:
+    return arm
+
+
+def _cast(arm: Arm, rng: np.random.Generator) -> Arm:
+    return replace(arm, links=tuple(cast_link(link, rng) for link in arm.links))
+
+
+def _unequal_joints(arm: Arm, rng: np.random.Generator) -> Arm:
+    factors = np.exp(UNEQUAL * rng.standard_normal(arm.n_joints))
+    pairs = zip(arm.joints, factors, strict=True)
+    return replace(arm, joints=tuple(replace(j, compliance=float(f * j.compliance)) for j, f in pairs))
+
+
+TRUTHS: Mapping[str, TrueArm] = {
+    "tubes": _tubes,
+    "off_10": partial(_off_tubes, 0.1),
+    "off_20": partial(_off_tubes, 0.2),
+    "off_40": partial(_off_tubes, 0.4),
+    "cast": _cast,
+    "joints": _unequal_joints,
+}
+"""True arms by name: the folder's tubes; links 10, 20, 40 % off any tube; cast links; unequal joints."""
+CALLED = {
+    "tubes": "links of tubes",
+    **{f"off_{percent}": f"links {percent} % off tubes" for percent in (10, 20, 40)},
+    "cast": "cast links",
+    "joints": "unequal joints",
+}
+"""The same for readers."""
+TRUTH_WORDS = {
+    "tubes": "the folder's: every link a straight tube, which the template contains",
+    **{
+        f"off_{percent}": f"every link {percent} % off any tube along its axes, and these turned by "
+        f"{np.rad2deg(percent / 100):.0f} degrees"
+        for percent in (10, 20, 40)
+    },
+    "cast": "every link a cast box, tapered, bowed, beside its joints, half of them with an open side; as "
+    "long as the tube and in the mean as compliant under moments",
+    "joints": f"joints other than the folder's, standard deviation of the logarithm {UNEQUAL:g}",
+}
+"""What they are."""
+
+
+def member(family: str, seed: int) -> str:
+    """The truth of a seed: the next of TRUTHS in turn for "family", else the one that is named."""
+    return list(TRUTHS)[seed % len(TRUTHS)] if family == FAMILY else family
+
+
+def stiffened(arm: Arm, times: float) -> Arm:
+    """The arm with links so many times stiffer, joints as they are."""
+    return replace(arm, links=tuple(replace(k, compliance=k.compliance / times) for k in arm.links))
+
+
+def true_cell(cell: Cell, name: str, seed: int, stiffer: float = 1.0) -> Cell:
+    """The same model of another true arm, a new one for every seed.
+
+    Args:
+        cell: The arm of the model.
+        name: One of TRUTHS.
+        seed: Of its dimensions.
+        stiffer: How many times stiffer its links are than the folder's.
+
+    Raises:
+        BenchError: When there is no such truth.
+    """
+    from testbench.plant import build_plant
+
+    if name not in TRUTHS:
+        raise BenchError(f"no truth {name!r}; truths are {', '.join(TRUTHS)}")
+    return replace(cell, truth=build_plant(TRUTHS[name](stiffened(cell.arm, stiffer), stream(seed, 8))))

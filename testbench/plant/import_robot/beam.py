@@ -1,0 +1,101 @@
+"""Where the beam of a link lies: from its joint to the next one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.errors import Array
+from testbench.plant.import_robot.chain import Chain
+
+COINCIDE = 0.02  #: Joints closer than this share of the reach coincide [1].
+PARALLEL = 0.1  #: Sine of the angle below which two directions are one [1].
+
+
+@dataclass(frozen=True, eq=False)
+class Beam:
+    """The line of a link in its part's frame."""
+
+    frame: Array  #: Axes x (along), y, z as columns, (3, 3) [1].
+    distance: float  #: From the link's joint to the next one, or to the tool [m].
+    runs: str  #: In words, where it runs.
+
+
+def ends(chain: Chain, tool: Array) -> list[Array]:
+    """Pose of the next joint, of the tool for the last link, in every part's frame, (4, 4) each."""
+    return [*(part.pose for part in chain.parts[1:]), tool]
+
+
+def reach(chain: Chain, tool: Array) -> float:
+    """Stretched length from the first joint to the tool [m]."""
+    return float(sum(np.linalg.norm(end[:3, 3]) for end in ends(chain, tool)[1:]))
+
+
+def beams(chain: Chain, tool: Array) -> list[Beam]:
+    """The line of every link.
+
+    Args:
+        chain: The arm.
+        tool: Pose of the tool in the last part, (4, 4) [m].
+    """
+    long, every = reach(chain, tool), ends(chain, tool)
+    return [_beam(chain, k, end, long) for k, end in enumerate(every)]
+
+
+def _beam(chain: Chain, k: int, end: Array, long: float) -> Beam:
+    """Of link k."""
+    offset, last = end[:3, 3], k == chain.n_joints
+    distance = float(np.linalg.norm(offset))
+    own, after = chain.parts[k].joint, None if last else chain.parts[k + 1].joint
+    following = None if after is None else end[:3, :3] @ after.axis
+    if distance > COINCIDE * long:
+        x, runs = offset / distance, "to the tool" if last else "to the next joint"
+    elif following is not None:
+        x, runs = _outward(chain, k, following), "along the next joint's axis: both joints in one point"
+    else:
+        part = chain.parts[k]
+        assert own is not None  # the last part has a joint
+        x = flange_axis(own.axis, part.pose, end, part.com, COINCIDE * long)
+        runs = "along the flange's axis: joint and tool in one point"
+    axes = [following, None if own is None else own.axis]
+    return Beam(_frame(x, [axis for axis in axes if axis is not None]), distance, runs)
+
+
+def flange_axis(axis: Array, pose: Array, tool: Array, com: Array, least: float) -> Array:
+    """Where the flange faces, (3,) [1]: along the last joint's axis, away from the joint before.
+
+    Where the joints meet in one point, to the tool; where that lies there too, as an axis of its frame points
+    along the joint's, else where the part lies.
+
+    Args:
+        axis: Of the last joint, in its part, (3,) [1].
+        pose: Of the part in the one before, (4, 4) [m].
+        tool: Pose of the tool in the part, (4, 4) [m].
+        com: Centre of mass of the part, (3,) [m].
+        least: Distances below it are none [m].
+    """
+    way, distance = tool[:3, 3], float(np.linalg.norm(tool[:3, 3]))
+    sides = [float(axis @ pose[:3, :3].T @ pose[:3, 3]), float(axis @ way)]
+    side = next((s for s in sides if abs(s) > least), 0.0)
+    if not side and distance > least:  # the last joint turns across
+        return np.asarray(way / distance)
+    if not side:
+        along = tool[:3, :3].T @ axis
+        side = float(along[np.abs(along).argmax()])
+        side = side if abs(side) > 1 - PARALLEL else float(axis @ com)
+    return axis if side >= 0 else -axis
+
+
+def _outward(chain: Chain, k: int, axis: Array) -> Array:
+    """The direction along an axis in which the part's mass lies."""
+    return axis if chain.parts[k].com @ axis >= 0 else -axis
+
+
+def _frame(x: Array, along: list[Array]) -> Array:
+    """Beam axes whose y follows the first direction that is not x, else an axis of the part."""
+    for y in [*along, *np.eye(3)]:
+        across = y - (x @ y) * x
+        size = float(np.linalg.norm(across))
+        if size > PARALLEL:
+            y = across / size
+            return np.column_stack([x, y, np.cross(x, y)])
+    raise AssertionError("one of three axes is not x")

@@ -1,0 +1,181 @@
+"""A stranger's mesh files: STL, OBJ, PLY and COLLADA as triangles with one colour, and written small."""
+
+import io
+import logging
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from testbench.errors import Array
+from testbench.plant.import_robot.mesh_door import MAX_FACES, MeshError, check_count, mesh_bytes
+from testbench.plant.import_robot.solids import outermost
+
+MAX_TOTAL = 100_000_000  #: Of all mesh files of a robot.
+MAX_ALL_FACES = 1_000_000  #: Triangles of a robot, those of a mesh as often as it is shown.
+MAX_ALL_CORNERS = 600_000  #: Of the same, those in one place once.
+LARGEST = 30.0  #: Of a mesh; more is a slip of units [m].
+CELLS = 2**20 - 1  #: Corners are in one place where they are on a grid of so many cells from the origin.
+TOLD = 4  #: Meshes that a note names; the others it counts.
+
+Faces = npt.NDArray[np.int_]
+Surface = tuple[Array, Faces]
+"""Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles of a file, in its own unit."""
+
+    vertices: Array  #: (v, 3)
+    faces: Faces  #: (f, 3)
+    outer: Array  #: The corners that its hull needs, (h, 3)
+    rgba: Array | None  #: Its colour where the file has one, (4,) [1].
+
+
+@dataclass(eq=False)
+class Meshes:
+    """The mesh files that were read, each once; those that could not be, and why."""
+
+    read: dict[Path, Mesh] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    size: int = 0  #: Of all that was read [byte].
+    faces: int = 0  #: Of all that was asked for.
+    corners: int = 0  #: Of the same.
+
+    def load(self, file: Path) -> Mesh:
+        """The triangles of a file.
+
+        Raises:
+            MeshError: When it cannot be read.
+        """
+        self._check()
+        if file in self.read:
+            mesh = self.read[file]
+            self._count(mesh.vertices, mesh.faces)
+            return mesh
+        data = mesh_bytes(file)
+        self.size += len(data)
+        self._check()
+        vertices, faces, rgba = _parsed(data, file.suffix[1:].lower())
+        self._count(vertices, faces)
+        self.read[file] = Mesh(vertices, faces, outermost(vertices), rgba)
+        return self.read[file]
+
+    def _count(self, vertices: Array, faces: Faces) -> None:
+        self.corners, self.faces = self.corners + len(vertices), self.faces + len(faces)
+        self._check()
+
+    def _check(self) -> None:
+        """Once they are too many in all, no further one is read."""
+        check_count("bytes in all meshes", self.size, MAX_TOTAL)
+        check_count("triangles in all shapes", self.faces, MAX_ALL_FACES)
+        check_count("corners in all shapes", self.corners, MAX_ALL_CORNERS)
+
+    def notes(self) -> list[str]:
+        """Which meshes the arm goes without, and why."""
+        if not self.failed:
+            return []
+        told = [f"{name} ({why})" for name, why in list(self.failed.items())[:TOLD]]
+        rest = [f"and {len(self.failed) - TOLD} more"] if len(self.failed) > TOLD else []
+        return [f"meshes not read, so other shapes of their links stand in, if any: {', '.join(told + rest)}"]
+
+
+def _parsed(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
+    """Corners, each place once, triangles and colour; what goes wrong inside of a parser is a MeshError."""
+    try:
+        with warnings.catch_warnings(action="ignore"):  # of numbers too large, which are refused below
+            vertices, faces, rgba = _triangles(data, kind)
+    except MeshError:
+        raise
+    except Exception as err:  # parsers of strangers' files fail in every way
+        why = " ".join(str(err).split())[:120] or type(err).__name__
+        raise MeshError(f"not read as {kind}: {why}") from err
+    if not np.isfinite(vertices).all():
+        raise MeshError("expected finite numbers")
+    check_count("triangles", len(faces), MAX_FACES)
+    vertices, faces = _welded(vertices, faces)
+    if not len(faces):
+        raise MeshError("no triangle has an area")
+    return vertices, faces, rgba
+
+
+def _triangles(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
+    """Corners, triangles and colour, whatever they are worth."""
+    import trimesh
+
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it says of textures is not for the user
+    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=None, process=False)
+    parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+    if not parts:
+        raise MeshError(f"no triangles in this {kind}")
+    scale = _metre(data) if kind == "dae" else 1.0
+    vertices, faces = joined([(np.asarray(p.vertices, dtype=float), np.asarray(p.faces)) for p in parts])
+    return vertices * scale, faces, _main_colour(parts)
+
+
+def _metre(data: bytes) -> float:
+    """Metres in a unit of COLLADA; its up axis is ignored, as by every robot's viewer."""
+    import collada
+
+    return float(collada.Collada(io.BytesIO(data)).assetInfo.unitmeter or 1.0)
+
+
+def _main_colour(parts: Sequence[object]) -> Array | None:
+    """The colour of the most area of a COLLADA or OBJ file."""
+    areas: dict[tuple[float, ...], float] = {}
+    for part in parts:
+        colour = _colour(part)
+        if colour is not None:
+            areas[colour] = areas.get(colour, 0.0) + float(getattr(part, "area", 0.0))
+    return np.array(max(areas, key=lambda colour: areas[colour])) if areas else None
+
+
+def _colour(part: object) -> tuple[float, ...] | None:
+    """The colour of one part; None where the file states none."""
+    material = getattr(getattr(part, "visual", None), "material", None)
+    colour = getattr(material, "main_color", None)
+    if colour is None or getattr(material, "name", "") == "material_0":  # trimesh's own grey
+        return None
+    return tuple(float(x) / 255 for x in colour[:4])
+
+
+def _welded(vertices: Array, faces: Faces) -> Surface:
+    """Corners in one place as one; triangles without area go."""
+    unit = float(np.abs(vertices).max()) / CELLS or 1.0
+    first, inverse = distinct(vertices / unit + CELLS)
+    return vertices[first], with_area(inverse[faces])
+
+
+def distinct(cells: npt.NDArray[np.number]) -> tuple[Faces, Faces]:
+    """Rows of three numbers from 0 to 2 CELLS that differ once rounded.
+
+    Returns:
+        The first of each kind, in rising order of the kinds, and the kind of every row.
+    """
+    number = np.round(cells).astype(np.int64) @ np.array([1 << 42, 1 << 21, 1])
+    _, first, kind = np.unique(number, return_index=True, return_inverse=True)
+    return first, kind
+
+
+def joined(surfaces: Sequence[Surface]) -> Surface:
+    """Several surfaces as one."""
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
+    faces = [own.astype(int) + first[k] for k, (_, own) in enumerate(surfaces)]
+    return np.concatenate([vertices for vertices, _ in surfaces]), np.concatenate(faces)
+
+
+def with_area(faces: Faces) -> Faces:
+    """The triangles whose corners differ."""
+    a, b, c = faces.T
+    return np.asarray(faces[(a != b) & (b != c) & (c != a)])
+
+
+def check_size(vertices: Array) -> None:
+    """Refuse a surface that cannot be a robot's in metres with a MeshError."""
+    size = float(np.ptp(vertices, axis=0).max())
+    if not size <= LARGEST or not float(np.abs(vertices).max()) <= 2 * LARGEST:
+        raise MeshError(f"{size:.3g} m large; is a scale of 0.001 missing?")

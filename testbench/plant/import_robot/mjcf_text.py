@@ -1,0 +1,144 @@
+"""A stranger's MJCF before MuJoCo sees it: includes resolved, and only what an arm's statics needs.
+
+MJCF can read any file, replicate without end and load plugins; so elements pass an allow-list, and files are
+read by us.
+"""
+
+import os
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+
+from testbench.errors import InputError
+from testbench.plant.build import HULL_CORNERS
+from testbench.plant.import_robot.meshes import Meshes
+from testbench.plant.import_robot.mjcf_assets import read_assets
+from testbench.plant.import_robot.source import (
+    MAX_ELEMENTS,
+    beside,
+    check_numbers,
+    check_shapes,
+    need,
+    read_xml,
+    where,
+)
+
+KEPT = frozenset(
+    "mujoco compiler default worldbody body frame inertial joint freejoint geom site".split()
+    + "asset mesh material".split()
+)
+SILENT = frozenset("option visual statistic size light camera texture layer custom extension".split())
+"""Elements that go without a word: nobody expects them in an arm."""
+REFUSED = frozenset("replicate attach model".split())
+COMPILER = frozenset(
+    "angle eulerseq autolimits inertiafromgeom inertiagrouprange boundmass boundinertia".split()
+    + "settotalmass alignfree".split()
+)
+GONE = {
+    "geom": frozenset({"hfield", "user"}),
+    "material": frozenset({"texture", "texrepeat", "texuniform"}),
+    "mesh": frozenset({"content_type", "builtin", "params", "material"}),
+    "body": frozenset({"gravcomp", "sleep", "user"}),
+    "joint": frozenset({"user"}),
+    "site": frozenset({"user"}),
+}
+"""Attributes that go."""
+MAX_FILES = 50  #: Included, each once.
+
+
+@dataclass(frozen=True, eq=False)
+class Cleaned:
+    """MJCF that names no file of the disk."""
+
+    text: str
+    assets: dict[str, bytes]  #: Meshes as binary STL, by the names in the text.
+    notes: tuple[str, ...]
+
+
+def clean_mjcf(file: Path, root: ET.Element) -> Cleaned:
+    """What MuJoCo is to compile.
+
+    Args:
+        file: The MJCF, for messages and for the files beside it.
+        root: Its root element; it is changed.
+
+    Raises:
+        InputError: When it includes what lies elsewhere, or holds what cannot be an arm.
+    """
+    _include(file, root)
+    if refused := [e for e in root.iter() if e.tag in REFUSED]:
+        raise InputError(file, where(refused[0]), "not read; save the compiled model as one MJCF file first")
+    check_shapes(file, root, "geom")
+    folder = _mesh_folder(file, root)
+    left_out = _keep(root)
+    for e in root.iter():
+        for key in e.attrib:
+            check_numbers(file, e, key)
+    _simplify(root)
+    meshes = Meshes()
+    assets = read_assets(file, root, folder, meshes)
+    notes = [f"not needed for statics, so left out: {', '.join(sorted(left_out))}"] if left_out else []
+    text = ET.tostring(root, encoding="unicode")
+    return Cleaned(text, assets, (*notes, *meshes.notes()))
+
+
+def _include(file: Path, root: ET.Element) -> None:
+    """Every <include> becomes the children of the file that it names; each file once, as in MuJoCo."""
+    seen = {os.path.realpath(file)}
+    while pair := next(((p, c) for p in root.iter() for c in p if c.tag == "include"), None):
+        parent, e = pair
+        name = need(file, e, "file")
+        path = beside(file, name)
+        if path is None:
+            raise InputError(file, where(e), f"expected a file inside of {file.parent}, got {name!r}")
+        if str(path) in seen or len(seen) > MAX_FILES:
+            raise InputError(
+                file, where(e), f"{name!r} is included twice, or more than {MAX_FILES} files are"
+            )
+        seen.add(str(path))
+        place = list(parent).index(e)
+        parent.remove(e)
+        for k, child in enumerate(read_xml(path)):
+            parent.insert(place + k, child)
+        if sum(1 for _ in root.iter()) > MAX_ELEMENTS:
+            raise InputError(file, where(e), f"expected at most {MAX_ELEMENTS} elements in all")
+
+
+def _mesh_folder(file: Path, root: ET.Element) -> Path:
+    """Where meshes are, as the compiler elements say; the last one counts."""
+    folder = ""
+    for compiler in root.iter("compiler"):
+        if compiler.get("coordinate", "local") != "local":
+            raise InputError(file, where(compiler), "coordinate: expected 'local'")
+        folder = compiler.get("meshdir", compiler.get("assetdir", folder))
+    return file.parent / folder
+
+
+def _keep(root: ET.Element) -> set[str]:
+    """Take out what is not on the list; tells what of it somebody might miss."""
+    left_out, inside = set(), [root]
+    while inside:
+        parent = inside.pop()
+        for child in list(parent):
+            if child.tag not in KEPT:
+                parent.remove(child)
+                if child.tag not in SILENT and parent.tag != "default":
+                    left_out.add(str(child.tag))
+            elif child.tag == "geom" and (child.get("type") in ("hfield", "sdf") or "hfield" in child.attrib):
+                parent.remove(child)
+            else:
+                inside.append(child)
+    return left_out
+
+
+def _simplify(root: ET.Element) -> None:
+    """Attributes that go, and compiler options that keep every body as the file names it."""
+    for e in root.iter():
+        for key in GONE.get(e.tag, frozenset()) & set(e.attrib):
+            del e.attrib[key]
+        if e.tag == "compiler":
+            for key in set(e.attrib) - COMPILER:
+                del e.attrib[key]
+        if e.tag == "mesh":
+            e.set("maxhullvert", str(HULL_CORNERS))
+    ET.SubElement(root, "compiler", balanceinertia="true", fusestatic="false", discardvisual="false")

@@ -1,0 +1,173 @@
+"""A chain as rigid.xml: MJCF of the strict dialect of an arm's folder, and the meshes that it shows."""
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from testbench.arm.mjcf import GRAVITY
+from testbench.errors import Array
+from testbench.plant.import_robot.chain import Chain, JointOf, Part, Solid
+from testbench.plant.import_robot.meshes import Surface
+from testbench.plant.import_robot.pose import pose_of
+from testbench.plant.import_robot.propose import Proposal
+from testbench.plant.import_robot.surface import Surfaces
+from testbench.plant.import_robot.thin import stl_bytes
+
+LEAST_INERTIA = 1e-9  #: Of a body about any axis [kg m^2].
+BALL = 0.008  #: Radius of a marker as drawn, over the arm's reach [1].
+MARKER, LOAD = "0.835 0.369 0 1", "0.1 0.1 0.1 1"
+
+
+@dataclass(frozen=True, eq=False)
+class Rigid:
+    """What is written of an arm's kinematics."""
+
+    xml: str  #: Text of rigid.xml.
+    meshes: dict[str, bytes]  #: Binary STL by the file's name in the folder `meshes`.
+
+
+def rigid_mjcf(
+    chain: Chain,
+    looks: Sequence[Surfaces],
+    proposal: Proposal,
+    excluded: tuple[tuple[str, str], ...] = (),
+) -> Rigid:
+    """The arm's rigid.xml.
+
+    Args:
+        chain: The arm.
+        looks: The surfaces of its parts.
+        proposal: Its tool, load point and markers.
+        excluded: Pairs of parts that may touch.
+    """
+    root = ET.Element("mujoco", model=chain.name)
+    zero = f"{chain.n_joints} joints; origins lie on their axes, and q = 0 is the zero of the robot's file"
+    for note in (zero, *chain.notes):
+        root.append(ET.Comment(f" {re.sub('-(?=-)', '- ', note)} "))  # no comment may hold two hyphens
+    angles = {"angle": "radian", "autolimits": "true"}
+    compiler = ET.SubElement(root, "compiler", {**angles, "inertiafromgeom": "false", "meshdir": "meshes"})
+    ET.SubElement(root, "option", gravity=f"0 0 -{GRAVITY}", jacobian="dense")
+    _defaults(root)
+    asset, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
+    meshes: dict[str, bytes] = {}
+    parent, pose = world, chain.base
+    for part, found in zip(chain.parts, looks, strict=True):
+        parent = _body(parent, part.name, pose if part.joint is None else part.pose)
+        _filled(parent, part)
+        meshes |= _shaped(parent, asset, part.name, found)
+    _tool(parent, chain, proposal)
+    if not meshes:
+        root.remove(asset)
+        del compiler.attrib["meshdir"]
+    contact = ET.SubElement(root, "contact")
+    for one, other in (chain.parts[0].name, chain.parts[1].name), *excluded:
+        ET.SubElement(contact, "exclude", body1=one, body2=other)
+    ET.indent(root)
+    return Rigid(ET.tostring(root, encoding="unicode") + "\n", meshes)
+
+
+def _defaults(root: ET.Element) -> None:
+    """What is drawn does not collide and the other way round; nothing that is drawn weighs."""
+    top = ET.SubElement(root, "default")
+    drawn = ET.SubElement(top, "default", {"class": "visual"})
+    ET.SubElement(drawn, "geom", contype="0", conaffinity="0", group="2", mass="0")
+    hard = ET.SubElement(top, "default", {"class": "collision"})
+    ET.SubElement(hard, "geom", contype="1", conaffinity="1", group="3", mass="0", rgba="0.2 0.5 0.9 0.4")
+
+
+def _body(parent: ET.Element, name: str, pose: Array) -> ET.Element:
+    return ET.SubElement(parent, "body", {"name": name, **_placed(pose)})
+
+
+def _placed(pose: Array) -> dict[str, str]:
+    """Attributes pos and quat of a pose, where they are not zero."""
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(pose[:3, :3]).ravel())
+    quat *= np.sign(quat[np.argmax(np.abs(quat) > 1e-9)])
+    found = {"pos": numbers_text(pose[:3, 3]), "quat": numbers_text(quat)}
+    return {key: text for key, text in found.items() if text not in ("0 0 0", "1 0 0 0")}
+
+
+def numbers_text(values: Array) -> str:
+    """Numbers to 1e-12, as short as that allows."""
+    return " ".join(f"{round(float(x), 12) + 0.0:.12g}" for x in values)
+
+
+def _filled(body: ET.Element, part: Part) -> None:
+    """The joint and the mass of a part."""
+    if part.joint is not None:
+        ET.SubElement(body, "joint", _joint(part.joint))
+    inertia = _plausible(part.inertia)
+    stated = {"pos": numbers_text(part.com), "mass": f"{part.mass:.9g}"}
+    if np.abs(inertia - np.diag(np.diag(inertia))).max() < 1e-9 * inertia.max():
+        stated["diaginertia"] = _digits(np.diag(inertia))
+    else:
+        stated["fullinertia"] = _digits(inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)])
+    ET.SubElement(body, "inertial", stated)
+
+
+def _joint(joint: JointOf) -> dict[str, str]:
+    return {
+        "name": joint.name,
+        "type": "slide" if joint.prismatic else "hinge",
+        "axis": numbers_text(joint.axis),
+        "range": numbers_text(np.array([joint.lower, joint.upper])),
+    }
+
+
+def _digits(values: Array) -> str:
+    return " ".join(f"{x:.9g}" for x in values)
+
+
+def _plausible(inertia: Array) -> Array:
+    """The nearest inertia that a body can have: no moment exceeds the sum of the others."""
+    moments, axes = np.linalg.eigh((inertia + inertia.T) / 2)
+    least = max(LEAST_INERTIA, 1e-6 * float(np.abs(moments).max()))
+    second = np.maximum(moments.sum() / 2 - moments, least / 2)  # integrals of x^2, y^2, z^2
+    return np.asarray(axes @ np.diag(second.sum() - second) @ axes.T)
+
+
+def _shaped(body: ET.Element, asset: ET.Element, part: str, found: Surfaces) -> dict[str, bytes]:
+    """The geoms of a part, and its mesh files."""
+    meshes = {}
+
+    def mesh(name: str, surface: Surface, looks: dict[str, str]) -> None:
+        meshes[f"{name}.stl"] = stl_bytes(*surface)
+        shell = {"inertia": "shell"} if looks["class"] == "visual" else {}
+        ET.SubElement(asset, "mesh", {"name": name, "file": f"{name}.stl", **shell})
+        ET.SubElement(body, "geom", {**looks, "type": "mesh", "mesh": name})
+
+    if found.drawn:
+        mesh(part, found.drawn, {"class": "visual", "rgba": _colour(found.rgba)})
+    for solid, rgba in found.drawn_solids:
+        ET.SubElement(body, "geom", {"class": "visual", **_solid(solid), "rgba": _colour(rgba)})
+    for k, hull in enumerate(found.hulls):
+        mesh(f"{part}.hull" + (f"_{k + 1}" if k else ""), hull, {"class": "collision"})
+    for solid in found.solids:
+        ET.SubElement(body, "geom", {"class": "collision", **_solid(solid)})
+    return meshes
+
+
+def _solid(solid: Solid) -> dict[str, str]:
+    return {"type": solid.kind, "size": numbers_text(np.array(solid.size)), **_placed(solid.pose)}
+
+
+def _colour(rgba: Array) -> str:
+    return " ".join(f"{x:.3g}" for x in np.clip(rgba, 0, 1))
+
+
+def _tool(last: ET.Element, chain: Chain, proposal: Proposal) -> None:
+    """The tool with its load point and markers."""
+    reach = sum(float(np.linalg.norm(part.pose[:3, 3])) for part in chain.parts)
+    radius = f"{BALL * max(reach, 0.1):.2g}"
+    tool = _body(last, proposal.tool_name, proposal.tool)
+    colours = [MARKER] * len(proposal.markers) + [LOAD]
+    places = [*proposal.markers, (proposal.load_name, proposal.load)]
+    for (name, position), rgba in zip(places, colours, strict=True):
+        pose = pose_of(np.eye(3), position)
+        looks = {"class": "visual", "type": "sphere", "size": radius, "rgba": rgba}
+        ET.SubElement(_body(tool, name, pose), "geom", looks)
