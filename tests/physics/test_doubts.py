@@ -10,7 +10,7 @@ from mistakes import MISTAKES, named
 from scipy.spatial.transform import Rotation
 from sound_sets import sound
 
-from testbench.campaign import full_pose
+from testbench.campaign import pose_campaign
 from testbench.campaign.campaign import Scenario, simulate, stream
 from testbench.data.dataset import Dataset, select
 from testbench.identify.doubts import HandedIn, doubts
@@ -93,7 +93,7 @@ def test_sizes_are_told(sets):
 
 
 def test_runs_under_moments_alone_are_looked_at(arm_6r):
-    data = full_pose.simulate(arm_6r, full_pose.FullPose(arm="arm_6r"), 5).identification
+    data = pose_campaign.simulate(arm_6r, pose_campaign.FullPose(arm="arm_6r"), 5).identification
     assert not data.wrench[:, :3].any(axis=1).all()
 
     def told(data):

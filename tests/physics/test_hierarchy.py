@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.campaign import full_pose
+from testbench.campaign import pose_campaign
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.campaign.perturbed_prior import prior_of
 from testbench.errors import BenchError
@@ -174,7 +174,9 @@ def test_what_the_readings_refuse_is_not_called_open(kr500, campaign):
 
 
 def test_many_readings_of_full_poses_leave_no_link_unchecked_and_no_doubt(arm_6r):
-    measured = full_pose.simulate(arm_6r, full_pose.FullPose(arm="arm_6r", poses=40), 4).identification
+    measured = pose_campaign.simulate(
+        arm_6r, pose_campaign.FullPose(arm="arm_6r", poses=40), 4
+    ).identification
     regression = reduce(arm_6r.vjm, all153(arm_6r.arm), measured)
     own = metric(cad_prior(arm_6r.arm), arm_6r.vjm, all153(arm_6r.arm))
     assert unchecked(regression, own) == Unchecked()

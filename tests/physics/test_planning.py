@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import wishart
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign import plan_promise
+from testbench.campaign import predicted_error
 from testbench.campaign.campaign import Scenario, build_cell, hanging, measure, stream
 from testbench.data.dataset import Dataset
 from testbench.design.criteria import Determinant, Linear, criterion_e
@@ -263,7 +263,7 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
     links = template56(cell.arm, name="MLS56")
     fits = {
         "joints": (alone, joints_only(cell.arm), least_squares),
-        "links": (plan_promise.least_squares(spec, prior, links), links, least_squares),
+        "links": (predicted_error.least_squares(spec, prior, links), links, least_squares),
         "planned": (spec, mgco68(cell.arm), with_prior(least_squares, prior, Strength(0.3))),
     }
     setup, rng = Scenario(arm=cell.arm.name, truth="linear"), stream(8)
