@@ -203,7 +203,7 @@ def _tables(f: Row) -> dict[str, Table]:
     curve = f"How many poses: expected error {where}, each pose the best next one, {random}"
     rows, title = _spread(f.plan[:MOST_ROWS]), f"Poses in the order of measuring{cut}"
     found = {
-        "poses": Table((*first, *joints, *last), rows, title),
+        "poses": Table((*first, *joints, *last), rows, title, headline="error_there_mm"),
         "curve": Table(columns(CURVE), f.curve, curve),
     }
     if not absolute:

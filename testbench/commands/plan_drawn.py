@@ -53,7 +53,7 @@ class World:
     def measured(self, q: Array, force: Array) -> list[Layer]:
         """Markers, lines of sight and loads (poses, 3) [N] of poses that are measured."""
         markers = tool_points(self.cell.vjm, q, self.cell.vjm.markers)
-        found = [Layer("markers", NOMINAL, "dots", markers)]
+        found = [Layer("markers", MEASURED, "dots", markers)]
         if self.station is not None:
             tracker = np.broadcast_to(np.array(self.station), markers.shape)
             found.append(Layer("lines of sight", MEASURED, "lines", tracker, markers))

@@ -105,6 +105,9 @@ def least(errors: Mapping[str, Number], beside: str) -> str:
     return words if beside in best.names else f"{words}, {called} {other:.3f} mm"
 
 
+LONG = 1000  #: Numbers beyond have no room side by side: of an axis to the right only powers of ten.
+
+
 def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> None:
     """A logarithmic axis with plain numbers: more of a decade where there are few.
 
@@ -119,6 +122,8 @@ def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> N
     every = -(-len(decades) // DECADES)
     low, high = low / 1.3, high * 1.3
     ticks = [step * 10.0**k for k in decades[::every] for step in steps if low <= step * 10.0**k <= high]
+    if side == "x" and ticks[-1] > LONG and len(whole := [x for x in ticks if math.log10(x) % 1 == 0]) > 1:
+        ticks = whole
     axes.set(**{f"{side}scale": "log", f"{side}lim": (low, high)})
     axis = axes.xaxis if side == "x" else axes.yaxis
     axis.set_ticks(ticks, [tick_words(tick) for tick in ticks])

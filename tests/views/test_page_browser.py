@@ -191,8 +191,10 @@ def test_a_column_is_drawn_by_its_own_numbers_with_their_intervals_in_the_colour
 
 @pytest.mark.look
 def test_columns_side_by_side_have_their_titles_below_their_own_dots(open_page, write):
-    numbers = [[(v, v, v) for v in row] for row in ((1.0, 2.0, 4.0), (9.0, 3.0, 5.0), (7.0, 8.0, 6.0))]
-    titles = ("10 um", "20 um", "30 um")
+    """Steps of a number are joined to a line a row; another quantity in the table is none of them."""
+    each = ((1.0, 2.0, 4.0, 99.0), (9.0, 3.0, 5.0, 99.0), (7.0, 8.0, 6.0, 99.0))
+    numbers = [[(v, v, v) for v in row] for row in each]
+    titles = ("10 um", "20 um", "30 um", "cost")
     table = table_of(numbers, titles, across="noise", title="")
     page = open_page(write(scripted(f"dotChart(place, {json.dumps(table)})"))).page
     drawn = page.evaluate(f"({DRAWN})(document.querySelector('svg[role=img]'))")
@@ -204,6 +206,11 @@ def test_columns_side_by_side_have_their_titles_below_their_own_dots(open_page, 
         assert said(y) == pytest.approx(numbers[row][column][0], rel=1e-6)
         assert words == f"{NAMES[row]}: {numbers[row][column][0]:g} mm"
     assert [text for text, _ in drawn["texts"]] == list(NAMES)
+    assert (len(drawn["dots"]), page.locator("svg .row path[opacity]").count(), "cost" in below) == (
+        9,
+        3,
+        False,
+    )
 
 
 @pytest.mark.look

@@ -244,8 +244,10 @@ def figures(found: Report) -> dict[str, Figure]:
         for g in f.groups
         if g.job == ALL and g.name in IDENTIFIED
     ]
+    *named, left = columns("campaign name after.median_mm")
+    error = replace(left, heading="error after correction")
     panes = {
-        title: Table(columns("campaign name after.median_mm"), [g for g in both if g.arm == arm], looks=LOOKS)
+        title: Table((*named, error), [g for g in both if g.arm == arm], looks=LOOKS)
         for title, arm in (("arm that bends as a model can", IDEAL), ("with all that no model knows", REAL))
     }
     gains = {"least squares": f.gains.least_squares, "joints alone": f.gains.joints}

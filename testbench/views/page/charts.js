@@ -67,11 +67,17 @@ function dotChart(place, table) {
   for (const k of columns) button(k, table.head[k].title);
   if (table.title) place.append(make("p", { class: "note" }, table.title));
   place.append(heads, picture);
-  show(table.first > 0 ? table.first : all ? 0 : columns.at(-1));
+  const told = all && (stepsOf(table, columns).length > 1 || Object.keys(table.looks).length); // else dots are alike
+  show(table.first > 0 ? table.first : told ? 0 : columns.at(-1));
 }
 
-/** All columns side by side, a line of dots a row; pointing at a name or dot brings its line forward. */
-function drawAll(table, columns, width) {
+/** Columns that are steps of a number. */
+const stepsOf = (table, columns) => columns.filter((k) => /^-?[\d.]/.test(table.head[k].title));
+
+/** All columns side by side, of steps of a number these alone, a line of dots a row; pointing brings it forward. */
+function drawAll(table, drawn, width) {
+  const steps = stepsOf(table, drawn), joined = steps.length > 1;
+  const columns = joined ? steps : drawn;
   const rows = table.rows.filter((row) => columns.some((k) => row.cells[k].v !== undefined));
   const every = rows.flatMap((row) => columns.map((k) => row.cells[k].v)).filter((x) => x !== undefined);
   const names = rows.map((row) => row.cells[0].text);
@@ -81,7 +87,7 @@ function drawAll(table, columns, width) {
   const tilted = long > (width - right - 46) / columns.length; // too many words to stand side by side
   const bottom = tilted ? 20 + 0.7 * long : 24;
   const [left, top, height] = [46, 8, Math.max(290, (step + 2) * rows.length + 40) + bottom - 24];
-  const y = scale(every, height - bottom, top), joined = titles.every((title) => /^-?[\d.]/.test(title));
+  const y = scale(every, height - bottom, top);
   const at = (i) => left + ((width - left - right) * (i + 0.5)) / columns.length;
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": table.title || table.across });
   for (const tick of y.ticks) {
@@ -102,8 +108,7 @@ function drawRow(row, look, { columns, joined, at, y, end, x, lines }) {
   const group = make("g", { class: "row" });
   const dots = columns.map((k, i) => [row.cells[k], at(i)]).filter(([cell]) => cell.v !== undefined);
   const path = dots.map(([cell, here]) => `${here} ${y.place(cell.v)}`).join("L");
-  const steps = joined && columns.length > 2 && dots.length > 1;
-  if (steps) group.append(make("path", { d: `M${path}`, fill: "none", stroke: look.colour, "stroke-width": 1.5, opacity: 0.55 }));
+  if (joined && dots.length > 1) group.append(make("path", { d: `M${path}`, fill: "none", stroke: look.colour, "stroke-width": 1.5, opacity: 0.55 }));
   const last = dots.at(-1);
   group.append(make("line", { x1: last[1] + 8, y1: y.place(last[0].v), x2: x - 4, y2: end, stroke: "var(--line)" }));
   for (const [cell, here] of dots) {
