@@ -44,7 +44,7 @@ def logging_two_hundred_poses() -> list[Row]:
     seen = Seen(
         Scene(cell, "Deflections x 50.", groups),
         PlaceMap("Error (mm)", 0, groups[0].rigid.positions[:, -1], lines),
-        [RunChart("Left (mm)", 1, groups[1].names, lines)],
+        [RunChart("Left (mm)", 1, "pose", groups[1].names, lines)],
     )
     words, header = Report("recordings", SAID, SAID, SAID, {}, {}, []), Header("recordings", "{}", 1)
     with tempfile.TemporaryDirectory() as folder:

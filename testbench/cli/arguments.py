@@ -48,8 +48,8 @@ Load = Annotated[
     typer.Option(
         parser=mass_or_none,
         metavar="MASS",
-        help="Mass that hangs where the file says of no load, such as 240 or 530lb; 0 for nothing. The "
-        "payload that the arm states if not given.",
+        help="Load assumed where the file gives none, such as 240 or 530lb; 0 for no load. Default: the "
+        "arm's stated payload.",
     ),
 ]
 Noise = Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis.")]

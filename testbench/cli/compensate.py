@@ -36,13 +36,13 @@ class Options:
     """Flags of the command."""
 
     model: Annotated[Path, typer.Argument(help="Folder of a model, of identify or calibrate.")]
-    program: Annotated[Path, typer.Argument(help="Set-points and what acts at them, any text table.")]
+    program: Annotated[Path, typer.Argument(help="Set-points and their loads, any text table.")]
     out: Annotated[Path, typer.Option(help="Corrected: .csv, .src (KRL), .mod (RAPID), .script (URScript).")]
     format: Annotated[
         str | None, typer.Option(help="csv, krl, rapid or urscript, if the suffix does not say.")
     ] = None
     report: Annotated[Path | None, typer.Option(help="Folder of the page; beside --out if not given.")] = None
-    arm: Annotated[str | None, typer.Option(help="The arm, to make sure that the model is of it.")] = None
+    arm: Annotated[str | None, typer.Option(help="The arm, to check that the model belongs to it.")] = None
     mapping: MapFile = None
     load: Load = None
     asked: Annotated[
@@ -52,9 +52,9 @@ class Options:
             "where the drawn arm has it (of calibrate)."
         ),
     ] = None
-    hold: Annotated[Hold, typer.Option(help="Put right: pose, axis (the spindle may turn), or position.")] = (
-        "pose"
-    )
+    hold: Annotated[
+        Hold, typer.Option(help="What to correct: pose, axis (the spindle may turn), or position.")
+    ] = "pose"
     tip: Annotated[str, typer.Option(help="Tool point in the frame of the tool, x,y,z in m.")] = "0,0,0"
     spindle: Annotated[str, typer.Option(help="Where the spindle points in the tool's frame: x, -x ...")] = (
         "x"
@@ -64,9 +64,9 @@ class Options:
         typer.Option(help="Joints near the first pose, in deg and mm, commas between."),
     ] = None
     keep_unreachable: Annotated[
-        bool, typer.Option("--keep-unreachable", help="Leave points that cannot be put right as they are.")
+        bool, typer.Option("--keep-unreachable", help="Leave points that cannot be corrected unchanged.")
     ] = False
-    jumps: Annotated[bool, typer.Option("--jumps", help="Accept points that lie far apart.")] = False
+    jumps: Annotated[bool, typer.Option("--jumps", help="Accept points far apart.")] = False
     force: Force = False
 
 

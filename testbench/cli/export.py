@@ -118,8 +118,8 @@ def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
     (moved, moved_most), (rest, rest_most) = done.geometry_mm, done.rest_mm
     lines = [
         f"{arm}: the identified geometry is in {at}, its tool is {done.tip!r}",
-        f"read back by Pinocchio in {done.poses} poses: at most {done.position_um:.6f} um and "
-        f"{done.rotation_urad:.6f} urad from the model",
+        f"read back by Pinocchio in {done.poses} poses: within {max(done.position_um, 0.001):.3g} um and "
+        f"{max(done.rotation_urad, 0.001):.3g} urad of the model",
         f"it moves the tool by {moved:.3f} mm RMS, {moved_most:.3f} mm at most, from the drawing",
         f"not in it, but in {done.beside}: compliances, errors of the joints, weights; own weight and "
         f"errors of the joints move the tool by {rest:.3f} mm RMS, {rest_most:.3f} mm at most",

@@ -29,16 +29,16 @@ class Options:
     arm: ArmName
     dataset: Dataset
     model: Annotated[
-        str | None, typer.Option(help="Model whose parameters are asked for: MGCO68 of six joints.")
+        str | None, typer.Option(help="Model whose parameters are checked; default for six joints: MGCO68.")
     ] = None
     uncertainty_percent: Annotated[
-        float, typer.Option(min=1e-4, max=1e8, help="Of the CAD prior of the arm's folder.")
+        float, typer.Option(min=1e-4, max=1e8, help="Uncertainty of the CAD prior from the arm's folder.")
     ] = 30.0
     mapping: MapFile = None
     sigma_um: SigmaUm = None
     frame: FrameName = "auto"
     new_target: NewTarget = None
-    more: Annotated[bool, typer.Option("--more", help="Name every direction that is not seen.")] = False
+    more: Annotated[bool, typer.Option("--more", help="List every unobservable direction.")] = False
     figure: Annotated[Path | None, typer.Option(help="PNG to write.")] = None
     force: Force = False
 

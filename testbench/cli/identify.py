@@ -48,7 +48,7 @@ class Options:
     ] = False
     prior: Annotated[
         bool,
-        typer.Option(help="Fill what the data cannot see with the arm's folder as CAD prior."),
+        typer.Option(help="Use the arm's folder as CAD prior for what the data do not show."),
     ] = True
     uncertainty_percent: Annotated[
         float | None,
@@ -58,7 +58,7 @@ class Options:
     ] = None
     robust: Annotated[bool, typer.Option("--robust", help="Look for outliers and fit without them.")] = False
     intervals: Annotated[bool, typer.Option(help="95 % intervals of the predicted deflections.")] = True
-    strict: Annotated[bool, typer.Option("--strict", help="Fail where anything is doubted.")] = False
+    strict: Annotated[bool, typer.Option("--strict", help="Fail if there is any warning.")] = False
     force: Force = False
 
 

@@ -42,14 +42,14 @@ class Options:
         typer.Option(
             parser=mass,
             metavar="MASS",
-            help="Mass to hang, such as 240 or 530lb, again for a choice; what the arm states if not given. "
-            "With --absolute it hangs in every pose after the first reading, or nothing does.",
+            help="Load, such as 240 or 530lb; again for a choice. Default: the arm's stated payload. "
+            "With --absolute every pose after the first reading has it, or none has.",
         ),
     ] = None
     pull: Annotated[
         list[str] | None,
         typer.Option(
-            help="Force that may pull at the load point in place of the weight: fx,fy,fz in N, world axes. "
+            help="Force applied at the load point instead of the weight: fx,fy,fz in N, world axes. "
             "Again for more; the plan chooses for every pose."
         ),
     ] = None
@@ -57,7 +57,7 @@ class Options:
         int | None, typer.Option(help="How many to measure; 12 if not given, 50 with --absolute.")
     ] = None
     mapping: MapFile = None
-    tracker: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in m.")] = None
+    tracker: Annotated[str | None, typer.Option(help="Position of the tracker: x,y,z in m.")] = None
     acceptance_deg: Annotated[
         float | None,
         typer.Option(min=0.1, max=90, help="Half angle of fixed targets; turned by hand if not given."),
@@ -82,7 +82,7 @@ class Options:
     floor_z: Annotated[
         float | None, typer.Option(help="Height in m of a floor that rigid.xml does not have.")
     ] = None
-    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of all randomness.")] = 1
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of all random numbers.")] = 1
     out: Annotated[Path, typer.Option(help="Folder of the plan.")] = Path("runs/plan")
     force: Force = False
 

@@ -28,7 +28,7 @@ class Options:
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
     poses: Annotated[Path, typer.Argument(help="Poses and their loads: a program, tasks or a plan.")]
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/predict")
-    arm: Annotated[str | None, typer.Option(help="The arm, to make sure that the model is of it.")] = None
+    arm: Annotated[str | None, typer.Option(help="The arm, to check that the model belongs to it.")] = None
     mapping: MapFile = None
     load: Load = None
     linear: Annotated[
@@ -39,7 +39,8 @@ class Options:
         typer.Option("--push", min=0.001, max=1e6, help="Force of the map in N; the weight of the payload."),
     ] = None
     box: Annotated[
-        str | None, typer.Option(help="Corners of the map in m, x0,y0,z0,x1,y1,z1; all that is reached.")
+        str | None,
+        typer.Option(help="Corners of the map in m, x0,y0,z0,x1,y1,z1; default: the whole workspace."),
     ] = None
     force: Force = False
 

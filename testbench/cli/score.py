@@ -26,7 +26,7 @@ class Options:
     frame_poses: Annotated[
         int | None,
         typer.Option(
-            min=LEAST, help="Evenly spaced rows that tell frame and target of a new series; not scored."
+            min=LEAST, help="Evenly spaced rows that register frame and target of a new series; not scored."
         ),
     ] = None
     json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON, nothing else.")] = False

@@ -49,29 +49,29 @@ class Options:
         Path | None, typer.Argument(help="CSV of poses, JOINT_deg or JOINT_rad; or a plan.csv.")
     ] = None
     poses: Annotated[
-        int | None, typer.Option(min=1, max=MOST_POSES, help="So many random poses instead of a file.")
+        int | None, typer.Option(min=1, max=MOST_POSES, help="Number of random poses, instead of a file.")
     ] = None
     payload_kg: Annotated[
         float | None,
         typer.Option(
             parser=mass,
             metavar="MASS",
-            help="Hung mass, such as 240 or 530lb; what the arm states if not given; a plan.csv has its own.",
+            help="Load, such as 240 or 530lb; default: the arm's stated payload. A plan.csv has its own.",
         ),
     ] = None
-    loads: Annotated[str | None, typer.Option(help="Several hung masses a pose, such as 100,240kg.")] = None
+    loads: Annotated[str | None, typer.Option(help="Several loads for each pose, such as 100,240kg.")] = None
     mapping: MapFile = None
     sigma_um: Noise = 50.0
     tracker: Annotated[
         list[str] | None,
         typer.Option(
-            help="Where a laser tracker stands, x,y,z [m]; it reads in its own frame. Again for more."
+            help="Position of a laser tracker, x,y,z [m]; it reads in its own frame. Again for more."
         ),
     ] = None
     geometry_mm: Annotated[
         float, typer.Option(min=0, max=10, help="Error of every joint's frame along an axis, and in mrad.")
     ] = 0.0
-    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Root of poses and noise.")] = 1
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of poses and noise.")] = 1
     force: Force = False
 
 

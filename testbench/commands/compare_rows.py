@@ -207,9 +207,15 @@ def tables_compared(a: Report, b: Report, models: Sequence[Row]) -> tuple[list[R
     return sorted(shown, key=_order)[:KEPT], counts
 
 
-def _order(own: Row) -> tuple[bool, bool, bool, float]:
+def _order(own: Row) -> tuple[bool, bool, bool, bool, float]:
     """First what differs by more than its spread, then what has none, at last what the spread covers."""
-    return not apart(own), own.by == "one", middle(own.a) * middle(own.b) < 0, -size(own.a, own.b)
+    return (
+        not apart(own),
+        own.by == "one",
+        middle(own.a) * middle(own.b) < 0,
+        own.ratio is None,
+        -size(own.a, own.b),
+    )
 
 
 def _is_size(own: Row) -> bool:
@@ -227,13 +233,14 @@ def _cells(name: str, a: Table, b: Table) -> Iterator[Row]:
             if x is None or y is None or max(*map(abs, (*triple(x), *triple(y)))) <= ROUNDING:
                 continue
             if column.unit not in CLOCK:
+                share = column.form == "yes" or column.unit == "%"  # beside one near 0 a ratio says nothing
                 yield Row(
+                    differ(x, y) | ({"ratio": None} if share else {}),
                     table=a.title or name.replace("_", " "),
                     row=", ".join(key),
                     quantity=column.title,
                     shown_a=column.cell(first[key]),
                     shown_b=other[column.title].cell(second[key]),
-                    **differ(x, y),
                 )
 
 

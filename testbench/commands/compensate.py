@@ -294,7 +294,8 @@ def seen(cell: Cell, found: CorrectedProgram, said: Report) -> Seen:
     before, half = (np.array([row[key] for row in rows], dtype=float) for key in ("before_mm", "half_95_mm"))
     errors = [Line(name, LOOKS[name], mm) for name, mm in ((BEFORE, before), (AFTER, half))]
     note, labels = of_all(len(some), len(points), "points"), [row.label for row in rows]
-    chart = RunChart("How far the loaded tool is off at each point (mm)", 0, labels, errors, note=note)
+    off = "How far the loaded tool is off at each point (mm)"
+    chart = RunChart(off, 0, "point", labels, errors, note=note)
     scale, groups = _groups(cell, found, rows, some)
     return Seen(Scene(cell, f"What is off, and how the arm bends, x {scale:g}.", groups), runs=[chart])
 

@@ -233,6 +233,7 @@ def seen(cell: Cell, registered: Registered) -> Seen:
         RunChart(
             title,
             0,
+            "run",
             labels,
             [
                 Line(n, Look(SERIES[k % len(SERIES)], k, prior=True), mm[some, k])

@@ -218,10 +218,11 @@ def figure(told: Report) -> "Figure":
 
     blocks = told.numbers["blocks"]
     data = np.array([block.data_share_percent for block in blocks])
+    parts = [block.part for block in blocks]
     prior = np.array([100 * block.prior_decides / block.parameters for block in blocks])
     shown = [
         Line("the data tell", Look(GCO, 0, prior=True), data),
         Line("unknowns decided by the prior", Look(GREY, 1, prior=True), prior),
     ]
     title = "Of what is known of each link and joint (%)"
-    return overview(told, Seen(runs=[RunChart(title, 0, [block.part for block in blocks], shown)]))
+    return overview(told, Seen(runs=[RunChart(title, 0, "link or joint", parts, shown, joined=False)]))

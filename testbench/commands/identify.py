@@ -131,7 +131,7 @@ def _answer(f: Row, taken: Row) -> Iterator[Markdown]:
     sure = "to +- {intervals.half_width_mm:.3f} mm (95 %, median)"
     if joints:
         sure = f"; a deflection along an axis is predicted {sure}" if half else ""
-        yield say(f"Joints alone {{it.theirs_mm:.3f}} mm, {{it:more}}{sure}.", taken, it=joints)
+        yield say(f"Joint stiffness only {{it.theirs_mm:.3f}} mm, {{it:more}}{sure}.", taken, it=joints)
     else:
         sure = f" and predicts a deflection along an axis {sure}" if half else ""
         yield say(f"It fits the readings to {{identification.rms_mm:.3f}} mm RMS{sure}.", taken)

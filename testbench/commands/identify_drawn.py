@@ -45,7 +45,7 @@ def seen(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array]) -> Se
         groups.append(runs)
         lines = [_line(f, name, MM * longest(left[name])[some]) for name in names]
         labels, note = [str(data.run[k]) for k in some], of_all(len(some), found.runs.total, "runs")
-        charts = [RunChart(LEFT_MM, 0, labels, lines, f.noise_p95_mm, note)]
+        charts = [RunChart(LEFT_MM, 0, "run", labels, lines, f.noise_p95_mm, note)]
     if f.map is not None:
         groups.append(_places(cell, f.map.errors, f.recommended))
     return Seen(

@@ -23,7 +23,7 @@ from testbench.report.table import Row
 PLACES = 200  #: Poses over the workspace.
 USUAL = Strength(0.3)  #: Of the prior that readings are compared with, as `testbench identifiability` does.
 DECIDED = 0.05  #: Share that data tell of an unknown below which the prior decides it [1].
-COUNTS = "noise and the prior count, not what a model leaves out: joints alone look too sure"
+COUNTS = "noise and the prior count, not what a model leaves out: joint stiffness only looks too sure"
 """What every interval of a model is told with."""
 HALF_WIDTH = Meaning(
     "half width",

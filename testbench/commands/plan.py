@@ -74,7 +74,7 @@ def _title(f: Row) -> Markdown:
 
 def _answer(f: Row) -> Iterator[str]:
     what, where = ("position error", "over the workspace") if f.absolute else ("error", "at the tasks")
-    alone = "" if f.absolute else "; joints alone leave {joints_alone_mm:.3f} mm"
+    alone = "" if f.absolute else "; joint stiffness only leaves {joints_alone_mm:.3f} mm"
     yield say(
         f"{{poses:counted pose}} {'leaves' if f.poses == 1 else 'leave'} an expected {what} of "
         f"{{error_mm.expected:.3f}} mm {where} (90 %: {{error_mm.p05:.3f}} to {{error_mm.p95:.3f}}){alone}.",
@@ -163,7 +163,7 @@ def _claims(f: Row) -> Iterator[Markdown]:
             "weight would hang clear."
         )
     if f.joints_alone_mm <= f.error_mm.expected:
-        yield say("**Joints alone are no worse here.**")
+        yield say("**Joint stiffness only is no worse here.**")
     reach = "{fewest:counted pose} {reach} {target_mm:g} mm at the tasks."
     if a.fewest is None:
         reach = "No plan of up to {examined_up_to} poses reaches {target_mm:g} mm at the tasks."

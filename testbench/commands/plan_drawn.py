@@ -139,7 +139,7 @@ def _chart(group: int, rows: Sequence[Row], note: str = "") -> RunChart:
     )
     title = f"Expected error {where}, 90 % intervals (mm)"
     line = Line("task" if tasks else "this plan", look, middle, (low, high))
-    return RunChart(title, group, [str(row[key]) for row in rows], [line], note=note)
+    return RunChart(title, group, key, [str(row[key]) for row in rows], [line], note=note)
 
 
 def _error(name: str, mm: float) -> str:

@@ -274,7 +274,8 @@ def seen(made: Predicted) -> Seen:
     tool = Line("tool", TOOL, size, (np.maximum(size - half, 0), size + half))
     note = of_all(len(some), len(made.asked.q), "poses")
     labels = [made.asked.labels[k] for k in some]
-    chart = RunChart("How far the tool moves in each pose, 95 % intervals (mm)", 0, labels, [tool], note=note)
+    moves = "How far the tool moves in each pose, 95 % intervals (mm)"
+    chart = RunChart(moves, 0, "pose", labels, [tool], note=note)
     where = f"How far {field.force:,.0f} N in the worst direction move the tool (mm)"
     soft = Line("tool", TOOL, MM * field.worst)
     return Seen(

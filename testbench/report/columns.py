@@ -31,14 +31,14 @@ EVERY = (
     Column("workspace.rms_mm", "RMS workspace, true", "mm", short="RMS\nwork-\nspace\ntrue\nmm"),
     Column("times_less", "times smaller than LS", form=".2f", short="times\nsmaller\nthan\nLS"),
     Column("ours", "model"),
-    Column("theirs", "against"),
+    Column("theirs", "against", called={"joints alone": "joint stiffness only"}),
     Column("times", "the other's over its", form=".2f"),
     # a map of noise by poses: GCO beside others, fit by fit
     Column("cell", "structure and poses"),
     Column("level", "expected error"),
     Column("sigma_um", "noise of a reading", "um", "g"),
     Column("fits_share", "of the fits", form="yes"),
-    Column("beats_joints_in", "beats joints", form="yes"),
+    Column("beats_joints_in", "beats joint stiffness only", form="yes"),
     # with and without a prior: what is varied, pairs of models, a choice, intervals
     Column("uncertainty_percent", "uncertainty of the prior", "%", ".0f"),
     Column("nonlinear.workspace.rms_mm", "non-linear truth", "mm", short="non-linear\ntruth mm"),
@@ -60,7 +60,7 @@ EVERY = (
     # models of one's own runs
     Column("intervals.half_width_mm", "+- (95 %)", "mm"),
     Column("elsewhere.half_width_mm", "+- (95 %) over the workspace", "mm"),
-    Column("elsewhere.apart_mm", "apart there", "mm"),
+    Column("elsewhere.apart_mm", "from the model to take, over the workspace", "mm"),
     Column("which_run", "run"),
     Column("moved_mm", "deflection", "mm"),
     Column("taken_mm", "residual", "mm"),
@@ -177,7 +177,7 @@ EVERY = (
             ("random_mm", "random", "mm", ".3f"),
             ("ratio", "planned over random", "", ".2f"),
             ("wins", "planned better", "", "d"),
-            ("better_than_joints", "better than joints", "", "d"),
+            ("better_than_joints", "better than joint stiffness only", "", "d"),
         )
     ),
     # a plan of poses
@@ -218,8 +218,8 @@ EVERY = (
     Column("seed", "seed", form="d"),
     Column("cases", "cases", form="d"),
     Column("where", "which cases"),
-    Column("over_joints", "over joints alone", form=".2f"),
-    Column("loses", "loses to joints alone", form="yes"),
+    Column("over_joints", "over joint stiffness only", form=".2f"),
+    Column("loses", "loses to joint stiffness only", form="yes"),
     Column("chosen", "what the default chose"),
     Column("share", "share of cases", form="yes"),
     Column("covered_percent", "covered", "%", ".1f"),

@@ -14,7 +14,7 @@ from testbench.errors import BenchError
 
 D = TypeVar("D")
 Force = Annotated[
-    bool, typer.Option("--force", help="Replace what stands there, even if it is of another kind.")
+    bool, typer.Option("--force", help="Replace existing results, even those of another command.")
 ]
 
 
@@ -79,15 +79,17 @@ def _parameters(kind: type) -> list[inspect.Parameter]:
 class Common:
     """The flags of every study."""
 
-    seed: Annotated[int, typer.Option(min=0, max=2**62, help="Root of all randomness.")] = 1
+    seed: Annotated[int, typer.Option(min=0, max=2**62, help="Seed of all random numbers.")] = 1
     seeds: Annotated[
         int | None,
-        typer.Option(min=1, max=10_000_000, help="Trials, each with a seed of its own: medians and spreads."),
+        typer.Option(
+            min=1, max=10_000_000, help="Trials, each with its own seed; the report has medians and spreads."
+        ),
     ] = None
     out: Annotated[Path | None, typer.Option(help="Folder of the results.")] = None
     force: Force = False
     quick: Annotated[bool, typer.Option("--quick", help="Few trials, small sizes.")] = False
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes; one a core if not given.")] = None
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes; default: one per core.")] = None
     cluster: Annotated[
         str | None,
         typer.Option(metavar="tls://HOST:PORT", help="Run the trials on this Dask scheduler's workers."),
@@ -96,5 +98,5 @@ class Common:
         False
     )
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the trials that a stopped run has stored.")
+        bool, typer.Option("--resume", help="Continue a stopped run from its stored trials.")
     ] = False

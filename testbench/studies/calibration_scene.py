@@ -87,7 +87,7 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> See
     return Seen(
         scene=Scene(cell, f"Deflections x {size:g}, arrows of errors x {arrows:g}.", groups),
         map=PlaceMap(OVER, 0, at, _lines(places, looks)),
-        runs=[RunChart(LEFT, 1, [str(run) for run in measured.run], _lines(runs, looks))],
+        runs=[RunChart(LEFT, 1, "run", [str(run) for run in measured.run], _lines(runs, looks))],
     )
 
 

@@ -99,7 +99,7 @@ def least(errors: Mapping[str, Number], beside: str) -> str:
         beside: Name of the one to beat.
     """
     best, other = best_of(errors), middle(errors[beside])
-    called = "joints alone" if beside == JOINTS else beside
+    called = "joint stiffness only" if beside == JOINTS else beside
     verb = "errs" if len(best.names) == 1 else "err"
     words = f"{best.words} {verb} least, {best.value:.3f} mm"
     return words if beside in best.names else f"{words}, {called} {other:.3f} mm"

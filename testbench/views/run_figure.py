@@ -143,6 +143,8 @@ def _forest(axes: Axes, table: Table, column: Column) -> None:
     """A dot a model with the ends of its spread; the winner has a band."""
     name = table.columns[0]
     forest_pane(axes, table, column)
+    if column.key == "ratio":
+        axes.axvline(1, color=SOFT, linewidth=1, linestyle=":")
     reached = np.array([ends(column.value(row)) for row in table.rows])
     if reached.max() > FAR * reached.min() > 0:
         log_ticks(axes, "x", float(reached.min()), float(reached.max()))
@@ -174,7 +176,7 @@ def _chart(axes: Axes, chart: RunChart) -> None:
         axes.plot(
             at,
             line.values,
-            f"{mark}-",
+            f"{mark}-" if chart.joined else look.mark,
             color=look.hex,
             markerfacecolor=look.face,
             label=line.name,
@@ -187,6 +189,7 @@ def _chart(axes: Axes, chart: RunChart) -> None:
         axes.axhline(chart.limit, color=SOFT, linewidth=1, linestyle="--", label="noise alone, 95 %")
     some = at[:: -(-len(at) // NAMED)]
     axes.set_xticks(some, [short(chart.labels[k], 8) for k in some], rotation=0 if len(some) < 15 else 45)
+    axes.set_xlabel(chart.across)
     axes.set_title(" ".join(filter(None, [chart.title, chart.note and f"({chart.note})"])), fontsize="medium")
     axes.set_ylim(min(0.0, axes.get_ylim()[0]), None)
     axes.legend(frameon=False, fontsize=SMALL, loc="upper left", bbox_to_anchor=(1.0, 1.0))

@@ -74,10 +74,12 @@ class RunChart:
 
     title: str  #: What the numbers are, with unit.
     group: int  #: Index of the group in the scene.
+    across: str  #: What the labels are, such as "run".
     labels: Sequence[str]  #: Of the poses, a few letters each.
     lines: Sequence[Line]
     limit: float | None = None  #: What noise alone stays below in 95 %, in the same unit; NaN: none.
     note: str = ""  #: What else there is to say of them.
+    joined: bool = True  #: A line joins the numbers: not of categories.
 
 
 @dataclass(frozen=True)

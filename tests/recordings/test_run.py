@@ -55,7 +55,7 @@ def test_the_file_is_one_whole_recording_and_equal_runs_are_equal(file, seen, tm
 def test_every_view_has_data_where_the_reader_lands(file, chunks):
     names = [name for _, _, name in views(file)]
     assert "Runs (m): Errors x 10." in names
-    assert {"Left (mm)", "Error (mm)"} <= set(names)
+    assert {"Left (mm), by run", "Error (mm), by pose"} <= set(names)
     for origin, kind, name in views(file):
         under = [c for c in on(chunks, "worst_first") if f"{c.entity_path}/".startswith(f"/{origin}/")]
         assert under, (origin, kind, name)

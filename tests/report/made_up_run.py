@@ -54,5 +54,7 @@ def made_up_run(arm_6r):
     mm = np.array([1.0, 2.0, 3.0, np.nan, 5.0, 4.0, 0.5])
     field = PlaceMap("Error (mm)", 1, rng.uniform(-1, 1, (PLACES, 3)), [Line("one", LOOK, mm)])
     return Seen(
-        Scene(arm_6r, "Errors x 10.", [runs, places]), field, [RunChart("Left (mm)", 0, list("abcde"), lines)]
+        Scene(arm_6r, "Errors x 10.", [runs, places]),
+        field,
+        [RunChart("Left (mm)", 0, "run", list("abcde"), lines)],
     )

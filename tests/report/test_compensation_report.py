@@ -114,7 +114,7 @@ def test_words_and_tables_show_the_numbers(found):
     default, joints, ls = (np.median(left[name]) for name in (DEFAULT, "Joints", LEAST_SQUARES))
     assert f"the default leaves {default:.3f} mm, least squares {ls:.3f} mm, " in found.answer
     before = of_default(found).before.median_mm.median
-    assert f"Joints alone leave {joints:.3f} mm of {before:.3f} mm" in found.answer
+    assert f"Joint stiffness only leaves {joints:.3f} mm of {before:.3f} mm" in found.answer
     hung = replace(ADVISED, loads=WEIGHT)
     weight, weight_plain, real, real_plain, exact, linear = (
         f"{group(f, *asked).removed_percent.median:.1f} %"
@@ -125,8 +125,10 @@ def test_words_and_tables_show_the_numbers(found):
         )
     )
     first, second = found.worst.split(". ")
-    assert first.endswith(f"never loads joint 1: {weight} removed, joints alone {weight_plain}")
-    assert second == (f"With a disturbed arm {real}, joints alone {real_plain}, perfect compliances {exact}.")
+    assert first.endswith(f"never loads joint 1: {weight} removed, joint stiffness only {weight_plain}")
+    assert second == (
+        f"With a disturbed arm {real}, joint stiffness only {real_plain}, perfect compliances {exact}."
+    )
     assert found.claims[1].endswith(f"the default removes {linear}.")
     covered = [group(f, DEFAULT, ADVISED, arm).covered_percent for arm in (IDEAL, REAL)]
     assert "hold {:.1f} % of what is left, disturbed {:.1f} %; ".format(*covered) in found.claims[2]

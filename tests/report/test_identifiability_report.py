@@ -132,7 +132,7 @@ def test_the_answer_is_the_gain_of_the_best_whichever_it_is(winner):
     else:
         said = f"RMS workspace error: {winner} 2.000 mm, least squares 7.000 mm; 3.5 times smaller."
         assert found.answer.startswith(said)
-    assert f"Joints alone {middle(found.numbers['joints'].workspace.rms_mm):.3f} mm" in found.answer
+    assert f"Joint stiffness only {middle(found.numbers['joints'].workspace.rms_mm):.3f} mm" in found.answer
     plain, size = (winner, 2.0) if KINDS[winner][2] in ("none", "least trace") else ("MLS56", 7.0)
     assert f"Without a prior {plain} errs least, {size:.3f} mm." in found.claims[0]
     assert f"Worst with non-linear truth: {winner} 3.000 mm" in found.worst

@@ -101,7 +101,9 @@ def test_the_answer_is_the_gain_over_least_squares_and_joints_in_the_runs_held_b
     start = (
         "Take ALL153 + prior: 0.100 mm RMS in the runs held back, least squares 0.250 mm; 2.5 times smaller. "
     )
-    assert report(f).answer.startswith(f"{start}Joints alone 0.400 mm, 4.0 times larger; a deflection ")
+    assert report(f).answer.startswith(
+        f"{start}Joint stiffness only 0.400 mm, 4.0 times larger; a deflection "
+    )
 
 
 def test_doubts_about_the_runs_stand_before_the_answer_and_are_said_first(f):

@@ -59,7 +59,7 @@ def test_words_name_the_method_of_least_error_whichever_it_is(winner):
     own = {r.method: r for r in found.numbers["rows"] if (r.load_N, r.truth) == (9700, TRUTHS[0])}
     said = {m: f"{r.rms_um:.2f} um RMS, {r.rms_percent:.2f} % of the deflection" for m, r in own.items()}
     assert found.answer.startswith(f"Least error under 9700 N: {NAMES[winner]}, {said[winner]}. ")
-    assert f"Eq. (6): {said['linear']}; joints alone 100 um, " in found.answer
+    assert f"Eq. (6): {said['linear']}; joint stiffness only 100 um, " in found.answer
     more = "more" if own["linear"].rms_um < 100 else "less"
     assert f"Rigid links cost {more} than neglecting the load" in found.claims[1]
 

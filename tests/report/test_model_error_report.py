@@ -117,7 +117,7 @@ def test_the_answer_and_the_pairs_are_those_with_noise_and_all_disturbances():
     found, _ = made({(ALL, name, 40.0): size for name, size in own.items()})
     assert found.answer == (
         f"Disturbed in every way, 40 um of noise: {DEFAULT} 50 um, least squares 70 um; 1.4 times smaller. "
-        "Joints alone 90 um, 1.8 times larger."
+        "Joint stiffness only 90 um, 1.8 times larger."
     )
     for row in found.numbers["beats"]:
         a, b = own[row.ours], own[row.theirs]

@@ -114,8 +114,8 @@ def test_the_answer_has_error_interval_rivals_and_efficiency(f, kr500):
         certificate=Row(efficiency=0.8999),  # never rounded up
     )
     first = (
-        "5 poses leave an expected error of 0.234 mm at the tasks (90 %: 0.123 to 0.345); joints alone leave "
-        "0.789 mm. "
+        "5 poses leave an expected error of 0.234 mm at the tasks (90 %: 0.123 to 0.345); joint stiffness "
+        "only leaves 0.789 mm. "
     )
     chance = "the median of 200 random plans 0.456 mm; this plan is at least 89 % efficient."
     assert report(f, kr500.arm).answer == f"{first}Were the arm MGCO56 alone: 0.111 mm, {chance}"
@@ -132,7 +132,7 @@ SAID = [
     ({"blocked": [2, 4]}, "collides** before runs 2 and 4: go", "collides**"),
     ({"blocked": [2]}, "collides** before run 2: go", "collides**"),
     ({"surrounded": False}, "`--floor-z METRES` adds one", "floor-z"),
-    ({"joints_alone_mm": 0.233}, "Joints alone are no worse here", "no worse"),
+    ({"joints_alone_mm": 0.233}, "Joint stiffness only is no worse here", "no worse"),
     (
         {"directions": Row(hidden_mm=0.118)},
         "**0.118 mm of the error rest on the prior alone**",

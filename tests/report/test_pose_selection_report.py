@@ -163,7 +163,7 @@ def test_the_answer_holds_planned_and_random_poses_and_joints_alone(winner, word
     size = np.median(chance / planned)
     assert found.answer.startswith(f"12 planned poses leave {ours} at the tasks, random ones {theirs}: ")
     assert f"{ratio(size if word == 'smaller' else 1 / size)} times {word} (" in found.answer
-    assert f"Joints alone leave {alone} there from planned poses, " in found.answer
+    assert f"Joint stiffness only leaves {alone} there from planned poses, " in found.answer
 
 
 @pytest.mark.parametrize(

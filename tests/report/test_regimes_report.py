@@ -152,9 +152,9 @@ def test_the_sentences_count_what_the_cone_does_by_itself():
     assert "full pose: the cone by itself pays in 4 of 8 cells; in 2 of these GCO beats" in text
     assert found.worst.startswith("Worst under a weight: MGCO56, 12 poses, 15 um: GCO errs 3.00 times")
     assert "MGCO56: GCO 50 um, least squares 100 um; 2.0 times smaller." in found.answer
-    assert "Joints alone 60 um, 1.2 times larger." in found.answer
+    assert "Joint stiffness only 60 um, 1.2 times larger." in found.answer
     better, _ = made(lambda row: gaining(row) | ({"rms_um": 40.0} if row.name == JOINTS else {}))
-    assert "pays in 4 of 8 cells; in all of these joints alone are better." in better.claims[1]
+    assert "pays in 4 of 8 cells; in all of these joint stiffness only is better." in better.claims[1]
 
 
 def test_a_gain_that_is_small_or_not_in_nearly_all_fits_does_not_count():

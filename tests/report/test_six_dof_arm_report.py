@@ -78,9 +78,9 @@ def test_models_are_compared_seed_by_seed_by_their_true_errors(found):
 def test_the_sentences_hold_the_numbers_of_both_truths(found):
     assert found.answer == (
         "True error of 95 % in the check runs: MGCO56 1.990 mm, least squares 2.080 mm; 1.04 times smaller. "
-        "Joints alone 19.900 mm, 10 times larger."
+        "Joint stiffness only 19.900 mm, 10 times larger."
     )
-    assert "MGCO56 2.040 mm, least squares 3.980 mm, joints alone 20.895 mm." in found.worst
+    assert "MGCO56 2.040 mm, least squares 3.980 mm, joint stiffness only 20.895 mm." in found.worst
     assert "in seed 1 at x 0.50, y 0.00, z 1.00 m: 2.400 mm, least squares 2.508 mm." in found.worst
     text = "\n".join(found.claims)
     assert "MGCO56 and MLS32 err alike." in text

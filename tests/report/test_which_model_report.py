@@ -130,7 +130,10 @@ def test_the_worst_case_and_the_losses_are_those_of_the_default():
 
     found = made(change=lost)[1]
     assert found.worst.endswith(", 20 poses: 900 um, 1.80 times theirs.")
-    said = "over 5 % more than joints alone in 16.7 %, 16.7 % and 16.7 % of 72 cases with 8, 12 and 20 poses."
+    said = (
+        "over 5 % more than joint stiffness only in 16.7 %, 16.7 % and 16.7 % of 72 cases with 8, 12 "
+        "and 20 poses."
+    )
     assert found.claims[0] == f"The default errs {said}"
 
 
@@ -182,7 +185,7 @@ def test_intervals_and_doubts_are_counted_over_all_cases_and_over_parts(of_all):
 def test_the_answer_is_the_default_beside_its_rivals_with_fewest_poses():
     errors = {name: 400.0 + 100 * k for k, name in enumerate(FIXED)} | {DEFAULT: 300.0, ("Joints", 20): 1.0}
     found = made(errors)[1]
-    both = "least squares 600 um; 2.0 times smaller. Joints alone 400 um, 1.3 times larger."
+    both = "least squares 600 um; 2.0 times smaller. Joint stiffness only 400 um, 1.3 times larger."
     assert found.answer == f"8 poses: default 300 um, {both}"
     assert "8, 12 or 20 poses" in found.question
 

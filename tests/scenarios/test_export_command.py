@@ -57,7 +57,7 @@ def test_an_own_urdf_a_new_one_and_both_again(place):
     done = run("model", "--urdf", "in/robot.urdf")
     assert done.returncode == 0, done.stderr
     assert "in robot_calibrated.urdf, its tool is 'tool0'" in done.stdout
-    assert "read back by Pinocchio in 1000 poses: at most 0.00000" in done.stdout
+    assert "read back by Pinocchio in 1000 poses: within 0.001 um and 0.001 urad" in done.stdout
     assert "not in it, but in robot_calibrated.json: compliances" in done.stdout
     said = json.loads((place / "robot_calibrated.json").read_text())
     assert said["kind"] == "what a URDF cannot hold"

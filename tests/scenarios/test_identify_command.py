@@ -137,7 +137,7 @@ def test_every_map_of_half_widths_says_what_they_do_not_count(made, report):
     """Joints alone have the least half widths in every place, as what they leave out is in none of them."""
     half = report["map"]["errors"]["error_mm"]
     assert all(a < b for a, b in zip(half["Joints"], half["MGCO56"], strict=True) if a is not None and b)
-    said = "noise and the prior count, not what a model leaves out: joints alone look too sure"
+    said = "noise and the prior count, not what a model leaves out: joint stiffness only looks too sure"
     assert report["map"]["errors"]["means"]["words"].endswith(said)  # below every picture of the map
     chunks = chunks_of(made[0] / "recording.rrd")
     assert said in document(chunks, "/map_words")

@@ -113,7 +113,7 @@ def test_a_number_that_is_none_stands_on_a_page_as_its_word_alone():
 def test_charts_and_maps_leave_out_what_is_no_number():
     nan = float("nan")
     line = Line("a", look("MLS56", "none"), np.array([1.0, nan]))
-    chart = RunChart("error (mm)", 0, ["1", "2"], [line], limit=nan)
+    chart = RunChart("error (mm)", 0, "run", ["1", "2"], [line], limit=nan)
     places = PlaceMap("error (mm)", 0, np.array([[nan, 0, 0], [1.0, 2, 3]]), [line])
     chart, places = (json.loads(html.data(own)) for own in (chart_plain(chart), map_plain(places)))
     assert chart["limit"] is None

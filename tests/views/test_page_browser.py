@@ -107,7 +107,15 @@ def test_colours_of_a_map_run_from_the_least_error_to_the_greatest(open_page, wr
 
 @pytest.mark.look
 def test_a_chart_of_runs_sorts_the_worst_first_and_says_numbers_with_their_intervals(open_page, write):
-    chart = {"title": "t", "labels": ["1", "2", "3"], "lines": LINES, "limit": None, "group": 0, "note": ""}
+    chart = {
+        "title": "t",
+        "across": "run",
+        "labels": ["1", "2", "3"],
+        "lines": LINES,
+        "limit": None,
+        "group": 0,
+        "note": "",
+    }
     asked = f'runChart(place, {json.dumps(chart)}, ["run 1", "run 2", "run 3"], () => 0)'
     page = open_page(write(scripted(asked))).page
     box = page.locator("svg[role=img]").bounding_box()
@@ -216,7 +224,15 @@ def test_columns_side_by_side_have_their_titles_below_their_own_dots(open_page, 
 @pytest.mark.look
 def test_what_is_clicked_in_a_chart_of_runs_is_the_run_that_is_drawn_there(open_page, write):
     """Dots and intervals are read back by the ticks, in the order of runs and worst first."""
-    chart = {"title": "t", "labels": ["1", "2", "3"], "lines": LINES, "limit": 2.2, "group": 4, "note": ""}
+    chart = {
+        "title": "t",
+        "across": "run",
+        "labels": ["1", "2", "3"],
+        "lines": LINES,
+        "limit": 2.2,
+        "group": 4,
+        "note": "",
+    }
     page = open_page(write(scripted(f'runChart(place, {json.dumps(chart)}, ["a", "b", "c"], {CHOOSE})'))).page
     svg = page.locator("svg[role=img]")
     box = svg.bounding_box()
@@ -224,7 +240,7 @@ def test_what_is_clicked_in_a_chart_of_runs_is_the_run_that_is_drawn_there(open_
         drawn = svg.evaluate(DRAWN)
         ticks = [tick for tick in drawn["ticks"] if tick[1] < 44]
         said, labels = axis_of(ticks, 2), [tick[0] for tick in drawn["ticks"] if tick[1] > 44]
-        assert labels == [chart["labels"][k] for k in order]
+        assert labels == [*(chart["labels"][k] for k in order), "run"]
         dots, (level, *lines) = iter(drawn["dots"]), drawn["lines"]
         assert said(level[2]) == pytest.approx(2.2, rel=1e-6)
         ends = [[line["ends"][0][k], line["ends"][1][k]] for k in order for line in LINES[:1]]

@@ -40,7 +40,7 @@ def _largest(factor: float, data: Dataset) -> str:
     size = 1e3 * np.where(data.seen, np.linalg.norm(data.deflection, axis=-1), 0)
     (i, k), middle = np.unravel_index(np.argmax(size), size.shape), np.median(size[data.seen])
     return (
-        f"as a whole the deflections are {factor:.3g} times what the arm's folder says; the largest is "
+        f"as a whole the deflections are {factor:.3g} times what the arm's folder predicts; the largest is "
         f"{size[i, k]:.3g} mm, {data.markers[k]} in run {data.run[i]}, the median {middle:.3g} mm: "
         "is that reading wrong, or are loaded readings of other runs?"
     )
@@ -226,6 +226,6 @@ def _scale(vjm: Vjm, data: Dataset, factor: float) -> list[Doubt]:
     else:
         hint = "forces in another unit, a lighter load, or a folder too soft?"
     times = f"{factor:,.0f}" if factor > 100 else f"{factor:.3g}"
-    words = f"the readings are {times} times what the arm's folder says under loads up to {force:,.5g} N"
+    words = f"the readings are {times} times what the arm's folder predicts under loads up to {force:,.5g} N"
     stated = "" if payload is None else f" (payload {payload:.4g} kg)"
     return [Doubt("scale", f"{words}{stated}: {hint}", size**2 / 2)]

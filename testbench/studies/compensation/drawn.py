@@ -22,7 +22,11 @@ LOOKS = {
     DEFAULT: CHOICE,
 }
 """How models are drawn."""
-DRAWN_AS = {"not corrected": Look(MEASURED, 1, prior=True), **{name: LOOKS[name] for name in DRAWN}}
+CALLED = {JOINTS: "joint stiffness only", DEFAULT: "the default model"}
+DRAWN_AS = {
+    "not corrected": Look(MEASURED, 1, prior=True),
+    **{f"corrected by {CALLED[name]}": LOOKS[name] for name in DRAWN},
+}
 """How the tool is drawn, not corrected and corrected by each model; what wins is last."""
 LONGEST, FORCE = 0.3, 1e-4  #: Most errors as they are drawn [m]; length of the force's arrow [m/N].
 
@@ -57,15 +61,17 @@ def seen(true: Cell, asked: Settings, first: Trials, seed: int) -> Seen:
         layers=[
             Layer("tool asked, all points", TASK, "dots", where[None]),
             *(
-                Layer(f"tool {name}", look.colour, "arrows", where[:, None], (where + M * off[name])[:, None])
+                Layer(
+                    f"tool, {name}", look.colour, "arrows", where[:, None], (where + M * off[name])[:, None]
+                )
                 for name, look in DRAWN_AS.items()
             ),
             Layer("force", LOAD, "arrows", (tip - FORCE * own.load.wrench[:, :3])[:, None], tip[:, None]),
         ],
-        first=int(size[DEFAULT].argmax()),
+        first=int([*size.values()][-1].argmax()),
     )
     lines = [Line(name, look, size[name]) for name, look in DRAWN_AS.items()]
-    chart = RunChart("How far the tool is off at each point (mm)", 0, labels, lines)
+    chart = RunChart("How far the tool is off at each point (mm)", 0, "point", labels, lines)
     return Seen(scene=Scene(true, f"What is off, and how the arm bends, x {M:g}.", [group]), runs=[chart])
 
 

@@ -80,13 +80,15 @@ TITLE = (
 )
 ANSWER = (
     "{featured} planned poses with weight and pull: the default leaves {gains.least_squares.ours_mm:~.3f} "
-    "mm, least squares {gains.least_squares.theirs_mm:~.3f} mm, {gains.least_squares:less}. Joints alone "
-    "leave {gains.joints.theirs_mm:~.3f} mm of {best.before.median_mm:~.3f} mm, {gains.joints:more trial}."
+    "mm, least squares {gains.least_squares.theirs_mm:~.3f} mm, {gains.least_squares:less}. Joint "
+    "stiffness only leaves {gains.joints.theirs_mm:~.3f} mm of {best.before.median_mm:~.3f} mm, "
+    "{gains.joints:more trial}."
 )
 WORST = (
-    "Worst by the weight alone, which never loads joint 1: {hung.removed_percent:~.1f} % removed, joints "
-    "alone {hung_joints.removed_percent:~.1f} %. With a disturbed arm {real.removed_percent:~.1f} %, joints "
-    "alone {real_joints.removed_percent:~.1f} %, perfect compliances {real_exact.removed_percent:~.1f} %."
+    "Worst by the weight alone, which never loads joint 1: {hung.removed_percent:~.1f} % removed, joint "
+    "stiffness only {hung_joints.removed_percent:~.1f} %. With a disturbed arm "
+    "{real.removed_percent:~.1f} %, joint stiffness only {real_joints.removed_percent:~.1f} %, perfect "
+    "compliances {real_exact.removed_percent:~.1f} %."
 )
 CLAIMS = (
     "The default makes {best.worse} of {best.cases} points worse, by the weight alone {hung.worse}, with a "
@@ -94,7 +96,7 @@ CLAIMS = (
     "With every disturbance except backlash, friction and stiffening, the default removes "
     "{linear.removed_percent:~.1f} %.",
     "The 95 % intervals of the default hold {best.covered_percent:.1f} % of what is left, disturbed "
-    "{real.covered_percent:.1f} %; those of joints alone {joints.covered_percent:.1f} %.",
+    "{real.covered_percent:.1f} %; those with joint stiffness only {joints.covered_percent:.1f} %.",
 )
 """What else there is to say, what matters most first."""
 
@@ -250,7 +252,7 @@ def figures(found: Report) -> dict[str, Figure]:
         title: Table((*named, error), [g for g in both if g.arm == arm], looks=LOOKS)
         for title, arm in (("arm that bends as a model can", IDEAL), ("with all that no model knows", REAL))
     }
-    gains = {"least squares": f.gains.least_squares, "joints alone": f.gains.joints}
+    gains = {"least squares": f.gains.least_squares, "joint stiffness only": f.gains.joints}
     return {
         "compensation.png": ranges(
             panes,

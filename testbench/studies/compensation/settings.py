@@ -114,7 +114,7 @@ ADVISED = Way(PLANNED, BOTH, FEATURED)
 class Options:
     """Flags of the study."""
 
-    arm: Annotated[str, typer.Option(help="Name of the arm; the panel stands in front of this one.")] = ARM
+    arm: Annotated[str, typer.Option(help="Name of the arm; the panel is in front of it.")] = ARM
 
 
 @dataclass(frozen=True)

@@ -90,13 +90,13 @@ def beside_rivals(gains: Row, each: str = "trial") -> Iterator[Markdown]:
         own=1e3 * middle(squares.ours_mm),
         other=1e3 * middle(squares.theirs_mm),
     )
-    sentence = f"Joints alone {{other:.0f}} um, {{it:more {each}}}."
+    sentence = f"Joint stiffness only {{other:.0f}} um, {{it:more {each}}}."
     yield say(sentence, it=joints, other=1e3 * middle(joints.theirs_mm))
 
 
 def gains_told(gains: Row) -> str:
     """The same for the title of a figure."""
-    return beside({"least squares": gains.least_squares, "joints alone": gains.joints}, "um")
+    return beside({"least squares": gains.least_squares, "joint stiffness only": gains.joints}, "um")
 
 
 def duels(

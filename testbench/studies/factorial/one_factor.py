@@ -93,7 +93,7 @@ class OneFactor:
             ),
             answer=lines([f"{self._where(self.level)}:", *compare.beside_rivals(f.gains)]),
             worst=say(
-                "{where} is the worst beside joints alone: {ours} errs {ratio:~.2f} times theirs.",
+                "{where} is the worst beside joint stiffness only: {ours} has {ratio:~.2f} times the error.",
                 worst,
                 where=self._where(worst[self.factor]),
             ),

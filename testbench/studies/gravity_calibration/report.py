@@ -59,7 +59,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         title=_title(f),
         answer=say(
             "True RMS error over the workspace: {a.ours} {a.ours_mm:~.3f} mm, least squares "
-            "{a.theirs_mm:~.3f} mm; {a:less seed}. Joints alone {b.theirs_mm:~.3f} mm, {b:more}.",
+            "{a.theirs_mm:~.3f} mm; {a:less seed}. Joint stiffness only {b.theirs_mm:~.3f} mm, {b:more}.",
             a=f.gains.least_squares,
             b=f.gains.joints,
         ),
@@ -129,7 +129,7 @@ def _worst(f: Row) -> Iterator[str]:
     if own := [row for row in f.by_arm if row.name == f.take]:
         most = max(own, key=lambda row: middle(row.workspace.rms_mm))
         yield say(
-            "Worst with {arm}, medians: {name} errs {workspace.rms_mm:~.3f} mm, joints alone "
+            "Worst with {arm}, medians: {name} errs {workspace.rms_mm:~.3f} mm, joint stiffness only "
             "{rival:~.3f} mm.",
             most,
             arm=CALLED[most.true_arm],
@@ -138,7 +138,7 @@ def _worst(f: Row) -> Iterator[str]:
     at = f.map.worst[f.take]
     seed = f" of seed {f.seed[0]}" if isinstance(f.seed, list) else ""
     yield say(
-        f"Worst place{seed} at {{position_m:place}}: {{take}} errs {{error_mm:.3f}} mm, joints alone "
+        f"Worst place{seed} at {{position_m:place}}: {{take}} errs {{error_mm:.3f}} mm, joint stiffness only "
         "{rival:.3f} mm. Joints there: {joints}.",
         vars(at),
         take=f.take,
@@ -160,7 +160,8 @@ def _claims(f: Row) -> Iterator[Markdown]:
         yield say("Take {take}, marked: no other conservative model errs less over the workspace.", f)
     yield say(
         "Least squares with the same prior errs {a.theirs_mm:~.3f} mm ({a.theirs}): {a:more}. Without a "
-        "prior, GCO ({b.ours}) errs {b.ours_mm:~.3f} mm, joints alone {b.theirs_mm:~.3f} mm, {b:more seed}.",
+        "prior, GCO ({b.ours}) errs {b.ours_mm:~.3f} mm, joint stiffness only {b.theirs_mm:~.3f} mm, "
+        "{b:more seed}.",
         a=same,
         b=plain,
     )
@@ -175,14 +176,15 @@ def _claims(f: Row) -> Iterator[Markdown]:
 def figures(found: Report) -> dict[str, Figure]:
     """Errors of every model."""
     f = Row(found.numbers)
-    gains = {"least squares": f.gains.least_squares, "joints alone": f.gains.joints}
+    gains = {"least squares": f.gains.least_squares, "joint stiffness only": f.gains.joints}
     paper = "; grey diamonds: the paper" if any(m.paper for m in f.models) else ""
     return {
         "models.png": forest(
             Table(columns(MODELS), distinct(f.models), bold=DEFAULT),
             PANES,
             f"{f.arm} under {f.payload_kg:g} kg, RMS over the workspace: {beside(gains)}",
-            f"RMS errors. {of_seeds(f.seed)}. Band: default; filled: prior; dotted: joints alone{paper}.",
+            f"RMS errors. {of_seeds(f.seed)}. Band: default; filled: prior; dotted: joint stiffness "
+            f"only{paper}.",
             JOINTS,
         )
     }

@@ -205,7 +205,7 @@ def _answer(f: Row) -> Iterator[Markdown]:
     else:
         yield say("Best over the workspace is {best:list}.", f)
     more = ", {it:more seed}" if joints else ""
-    yield say(f"Joints alone {{workspace.rms_mm:~.3f}} mm{more}.", f.joints, it=joints)
+    yield say(f"Joint stiffness only {{workspace.rms_mm:~.3f}} mm{more}.", f.joints, it=joints)
 
 
 def _worst(f: Row) -> Markdown:
@@ -214,7 +214,7 @@ def _worst(f: Row) -> Markdown:
     own = find(f.nonlinear, name=(f.gains_nonlinear.joints or ls).ours)
     rival = ", least squares {ls:~.3f} mm" if ls else ""
     return say(
-        f"Worst with non-linear truth: {{name}} {{workspace.rms_mm:~.3f}} mm{rival}, joints alone "
+        f"Worst with non-linear truth: {{name}} {{workspace.rms_mm:~.3f}} mm{rival}, joint stiffness only "
         "{joints:~.3f} mm. At the worst place of the workspace it errs {workspace.max_mm:~.3f} mm, in the "
         "median seed.",
         own,
@@ -262,7 +262,7 @@ def _held(rows: Sequence[Row]) -> Markdown:
 def figures(found: Report) -> dict[str, Figure]:
     """Every method with its spread, under both truths."""
     f, table = Row(found.numbers), found.tables["short"]
-    gains = {"least squares": f.gains.least_squares, "joints alone": f.gains.joints}
+    gains = {"least squares": f.gains.least_squares, "joint stiffness only": f.gains.joints}
     said = beside(gains) or least({m.name: m.workspace.rms_mm for m in distinct(f.models)}, JOINTS)
     prior = say("a prior {scale:g} times too soft, {shape_percent:g} % wrong in shape", f.prior)
     return {
@@ -270,7 +270,7 @@ def figures(found: Report) -> dict[str, Figure]:
             table,
             {TRUE: "linear truth", BENT: "MuJoCo's non-linear truth"},
             f"{f.arm}, RMS over the workspace: {said}",
-            f"{of_seeds(f.seed)}. Filled: with {prior}. Dotted: joints alone.",
+            f"{of_seeds(f.seed)}. Filled: with {prior}. Dotted: joint stiffness only.",
             JOINTS,
         )
     }

@@ -115,7 +115,8 @@ def _answer(f: Row, light: Methods) -> Iterator[str]:
     """The best of the weightless arm, then the linear model and joint stiffness alone."""
     yield say("Least error under {load:.4g} N: {best}, {off}.", load=f.loads_N[-1], **_best(f, LIGHT, light))
     yield say(
-        "The linear model, Eq. (6): {off}; joints alone {rms_um:.0f} um, {over_linear:ratio} times that.",
+        "The linear model, Eq. (6): {off}; joint stiffness only {rms_um:.0f} um, {over_linear:ratio} times "
+        "that.",
         f.joints[0],
         off=_off(light["linear"]),
     )

@@ -71,7 +71,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         answer=lines([_at(f, "gravity"), *compare.beside_rivals(f.gains.gravity)]),
         worst=say(
             "Worst at {sigma_um:g} um of noise, {where}: {default} {default_um:~.0f} um, least squares "
-            "{least_squares_um:~.0f} um, joints alone {joints_um:~.0f} um.",
+            "{least_squares_um:~.0f} um, joint stiffness only {joints_um:~.0f} um.",
             f.worst.gravity,
             where=PARTS["gravity"],
             default=DEFAULT,
@@ -175,10 +175,11 @@ def figures(found: Report) -> dict[str, Figure]:
         words: Table(shown, [row for row in compare.existing(f.sweeps[part]) if row.sigma_um > 0])
         for part, words in PARTS.items()
     }
-    counts = [f.trials[part] for part in PARTS]
+    counts = sorted({f.trials[part] for part in PARTS})
+    trials = f"{counts[0]} to {counts[-1]}" if counts[1:] else f"{counts[0]}"
     reading = (
-        f"RMS errors against the truth. Marks: medians of {' and '.join(map(str, counts))} trials; bands, of "
-        f"some: {span(min(counts))} of them. Filled and dashed: with a prior."
+        f"RMS errors against the truth. Marks: medians of {trials} trials; bands, of "
+        f"some: {span(counts[0])} of them. Filled and dashed: with a prior."
     )
     answer = f"{_at(f, 'gravity')} {compare.gains_told(f.gains.gravity)}"
     return {"noise_sensitivity.png": sweeps(panes, answer, reading, BANDS)}

@@ -224,7 +224,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         ),
         answer=say(
             "{n} planned poses leave {a.ours_mm:~.3f} mm at the tasks, random ones {a.theirs_mm:~.3f} mm: "
-            "{a:less trial}. Joints alone leave {b.theirs_mm:~.3f} mm there from planned poses, "
+            "{a:less trial}. Joint stiffness only leaves {b.theirs_mm:~.3f} mm there from planned poses, "
             "{b:more trial}.",
             n=n,
             a=f.gains.random,
@@ -314,7 +314,7 @@ def figures(found: Report) -> dict[str, Figure]:
             (PLANNED, "tasks_mm", ""),
             (PLANNED, "workspace_mm", ""),
             (BARE, "tasks_mm", ", identified without prior"),
-            (INCUMBENT, "tasks_mm", ", joints alone by least squares"),
+            (INCUMBENT, "tasks_mm", ", joint stiffness only by least squares"),
         )
     }
     return {
@@ -345,5 +345,5 @@ def write(run: Run[Settings]) -> Seen:
     return Seen(
         scene=Scene(cell, UNSCALED, [plan, world.all_over(places, rest, int(left.argmax()))]),
         map=PlaceMap(over, 1, at[3], [Line(PLANNED.name, OURS, left)]),
-        runs=[RunChart(ahead_mm, 0, [str(k) for k in range(1, n + 1)], [Line("plan", OURS, error)])],
+        runs=[RunChart(ahead_mm, 0, "run", [str(k) for k in range(1, n + 1)], [Line("plan", OURS, error)])],
     )

@@ -57,6 +57,11 @@ def write(run: Run[Settings]) -> Seen:
         first=int(sizes[-1][some].argmax()),
     )
     chart = RunChart(
-        "Error at each position (mm)", 0, names, lines, note=of_all(len(some), len(q), "positions")
+        "Error at each position (mm)",
+        0,
+        "position",
+        names,
+        lines,
+        note=of_all(len(some), len(q), "positions"),
     )
     return Seen(scene=Scene(cell, f"Errors x {A:g}.", [group]), runs=[chart])

@@ -196,8 +196,8 @@ def _claims(f: Row) -> Iterator[Markdown]:
     for kind, words in KINDS.items():
         own = f.counts[kind]
         never = own.cone_pays and not own.cone_pays_and_beats_joints
-        also = "in {cone_pays_and_beats_joints} of these GCO beats joints alone"
-        also = "in all of these joints alone are better" if never else also
+        also = "in {cone_pays_and_beats_joints} of these GCO beats joint stiffness only"
+        also = "in all of these joint stiffness only is better" if never else also
         yield say(
             f"{capital(words)}: the cone by itself pays in {{cone_pays}} of {{cells}} cells; {also}.", own
         )
@@ -226,7 +226,7 @@ def figures(found: Report) -> dict[str, Figure]:
     reading = (
         f"GCO's RMS error over the workspace over the other's, medians of {f.trials} trials, "
         f"{len(f.truth)} true arms in turn; below 1 GCO is better. Hatched: their "
-        f"{span(f.gains.joints.trials)} holds 1. Framed: GCO beats joints alone in most trials."
+        f"{span(f.gains.joints.trials)} holds 1. Framed: GCO beats joint stiffness only in most trials."
     )
     answer = f"{where} {compare.gains_told(f.gains)}"
     return {"regimes.png": maps(panes, answer, reading, KNOWN["beats_joints_in"])}

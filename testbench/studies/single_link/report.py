@@ -55,8 +55,8 @@ HALF = 3  #: Entries of translation, as many of rotation.
 OF_SHAPE = Markdown(
     "In square brackets: the paper's printed matrix, Eq. (22) or Eq. (23), a single draw. The sign of the "
     "smallest eigenvalue of Eq. (23) lies below its printed digits. MLS21 is not in the paper: least "
-    "squares with symmetry and nothing else. A link has no joints: there is no model of joints alone to "
-    "compare with. F_M of MLS36 is 0 whatever the noise: 36 equations determine 36 unknowns."
+    "squares with symmetry and nothing else. A link has no joints: there is no model of joint stiffness "
+    "only to compare with. F_M of MLS36 is 0 whatever the noise: 36 equations determine 36 unknowns."
 )
 
 

@@ -98,7 +98,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         title=_title(f),
         answer=say(
             "True error of 95 % in the check runs: {a.ours} {a.ours_mm:~.3f} mm, least squares "
-            "{a.theirs_mm:~.3f} mm; {a:less seed}. Joints alone {b.theirs_mm:~.3f} mm, {b:more}.",
+            "{a.theirs_mm:~.3f} mm; {a:less seed}. Joint stiffness only {b.theirs_mm:~.3f} mm, {b:more}.",
             a=f.gains.least_squares,
             b=f.gains.joints,
         ),
@@ -219,7 +219,7 @@ def _worst(f: Row) -> Markdown:
     at = f.map.worst[f.gains.least_squares.ours]
     return say(
         "Worst with non-linear truth: {a.ours} {a.ours_mm:~.3f} mm, least squares {a.theirs_mm:~.3f} mm, "
-        "joints alone {b.theirs_mm:~.3f} mm. With linear truth{seed} at {at.position_m:place}: "
+        "joint stiffness only {b.theirs_mm:~.3f} mm. With linear truth{seed} at {at.position_m:place}: "
         "{at.error_mm:.3f} mm, least squares {rival:.3f} mm.",
         a=f.gains.nonlinear,
         b=f.gains.nonlinear_joints,
@@ -286,9 +286,10 @@ def _cells(m: Row) -> Iterator[paper.Claim]:
 def figures(found: Report) -> dict[str, Figure]:
     """Errors of every model under both truths."""
     f = Row(found.numbers)
-    gains = {"least squares": f.gains.least_squares, "joints alone": f.gains.joints}
+    gains = {"least squares": f.gains.least_squares, "joint stiffness only": f.gains.joints}
     reading = (
-        f"Errors of 95 % of the check runs. {of_seeds(f.seed)}. Dotted: joints alone; diamonds: the paper's."
+        f"Errors of 95 % of the check runs. {of_seeds(f.seed)}. Dotted: joint stiffness only; "
+        "diamonds: the paper's."
     )
     answer = f"{f.arm}, section 5.2, true error of 95 % in the check runs: {beside(gains)}"
     return {"six_dof_arm.png": forest(Table(columns(TABLE_II), _both(f)), PANES, answer, reading, JOINTS)}

@@ -44,8 +44,8 @@ PANES = {
     "relative_excess_bound": "F_M over its proven bound",
 }
 READING = Markdown(
-    "Every row is a solver of one program, so that other models such as joints alone have no row here. "
-    "*True*: errors of the check runs without the noise of their readings.\n\n"
+    "Every row is a solver of one program, so that other models such as joint stiffness only have no row "
+    "here. *True*: errors of the check runs without the noise of their readings.\n\n"
     "(a) runs through its whole budget: no threshold stops it. All solutions are certified by the same "
     "proof, the dual of the conic program: its lower bound of F_M holds for every conservative model whose "
     "blocks have at most the traces in report.json. That of (d) is above it by what its trace weight costs "

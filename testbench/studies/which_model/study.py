@@ -79,7 +79,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         title=_title(f),
         answer=lines([f"{counts[0]} poses:", *compare.beside_rivals(f.gains[counts[0]], "case")]),
         worst=say(
-            "Worst case beside joints alone: {arm}, prior {prior}, {poses} poses: {rms_um:.0f} um, "
+            "Worst case beside joint stiffness only: {arm}, prior {prior}, {poses} poses: {rms_um:.0f} um, "
             "{over_joints:.2f} times theirs.",
             f.worst,
             arm=CALLED[f.worst.true_arm],
@@ -183,16 +183,16 @@ def _claims(f: Row) -> Iterator[Markdown]:
     """What else there is to say, what matters most first."""
     default = [m for m in f.family if m.name == CHOSEN]
     yield say(
-        "The default errs over {margin_percent:g} % more than joints alone in {shares:list} of {cases:,} "
-        "cases with {which:list} poses.",
+        "The default errs over {margin_percent:g} % more than joint stiffness only in {shares:list} of "
+        "{cases:,} cases with {which:list} poses.",
         f,
         shares=[f"{100 * m.loses:.1f} %" for m in default],
         which=[str(m.poses) for m in default],
     )
     ours, joints = (find(f.promises, where=EVERY, name=name) for name in (CHOSEN, JOINTS))
     yield say(
-        "Its 95 % intervals cover {covered_percent:.1f} % of the true deflections; those of joints alone, "
-        "which count noise and nothing else, {joints.covered_percent:.0f} %.",
+        "Its 95 % intervals cover {covered_percent:.1f} % of the true deflections; those with joint "
+        "stiffness only, which count noise and nothing else, {joints.covered_percent:.0f} %.",
         ours,
         joints=joints,
     )
@@ -211,7 +211,7 @@ def _tables(f: Row) -> dict[str, Table]:
     """Methods by poses, the default over joints alone by true arm and prior, and what it promises."""
     few, over = f.poses[0], replace(KNOWN["over_joints"], form=".2f")
     cells = [m for m in f.cells if m.poses == few]
-    title = f"The default's error over that of joints alone, {few} poses"
+    title = f"The default's error over that of joint stiffness only, {few} poses"
     return {
         "short": _over_family(f),
         "cells": pivot(Table((), cells, title), *columns("true_arm prior_error"), over),
@@ -255,7 +255,7 @@ def figures(found: Report) -> dict[str, Figure]:
             f"{f.arm}, {first} poses, RMS over the workspace: {compare.gains_told(f.gains[first])}",
             "Errors over the family of true arms and priors. Dots: medians, lines: "
             f"{spans((m.rms_um for m in f.family), 'cases')}. Band: what testbench chooses from "
-            "the readings. Filled: with a prior; dotted line: joints alone.",
+            "the readings. Filled: with a prior; dotted line: joint stiffness only.",
             JOINTS,
         )
     }

@@ -208,7 +208,7 @@ function said(line, k) {
 /** A number a pose and model; hovering reads them, a click shows the arm there. */
 function runChart(place, chart, names, choose) {
   const labels = chart.labels.map((label) => fitted(label, 110));
-  const [width, height, left, bottom] = [Math.max(place.clientWidth, 320), 230, 44, 24];
+  const [width, height, left, bottom] = [Math.max(place.clientWidth, 320), 246, 44, 40];
   const n = names.length;
   const order = [...names.keys()];
   const size = (k) => Math.max(...chart.lines.map((line) => line.values[k] ?? 0));
@@ -246,8 +246,9 @@ function runChart(place, chart, names, choose) {
       const half = wide(labels[k]) / 2, x = Math.min(at(i), width - half);
       if (i % every || x - half < free) return;
       free = x + half + 6;
-      svg.append(make("text", { class: "soft", x, y: height - 6, "text-anchor": "middle" }, labels[k]));
+      svg.append(make("text", { class: "soft", x, y: height - 22, "text-anchor": "middle" }, labels[k]));
     });
+    svg.append(make("text", { class: "across soft", x: (left + width) / 2, y: height - 5, "text-anchor": "middle" }, chart.across));
   };
   const nearest = (event) => {
     const box = svg.getBoundingClientRect();

@@ -66,6 +66,7 @@ def chart_plain(chart: RunChart) -> Json:
     return {
         "title": chart.title,
         "group": chart.group,
+        "across": chart.across,
         "labels": list(chart.labels),
         "lines": [_line(line) for line in chart.lines],
         "limit": None if chart.limit is None or not np.isfinite(chart.limit) else chart.limit,

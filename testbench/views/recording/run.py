@@ -141,7 +141,7 @@ def _groups(seen: Seen) -> list[_Group]:
         same = [j for j, other in enumerate(every) if other.rigid is poses.rigid]
         charts = [chart for chart in seen.runs if chart.group in same and len(chart.labels) > 1]
         mapped = seen.map if seen.map and seen.map.group == k and not charts else None
-        own = [RunChart(mapped.title, k, poses.names, mapped.lines)] if mapped else []
+        own = [RunChart(mapped.title, k, "pose", poses.names, mapped.lines)] if mapped else []
         found.append(_Group(poses, snake(poses.name), arm, charts, own))
     return found
 
@@ -201,7 +201,10 @@ def _tab(scene: Scene, own: _Group, *, first: bool) -> rrb.Container:
     """The arm and what is shown; at the right of the first tab the summary, and the group's charts."""
     charts = [
         rrb.TimeSeriesView(
-            origin=own.path(chart), name=chart.title, plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop)
+            origin=own.path(chart),
+            name=f"{chart.title}, by {chart.across}",
+            axis_x=_beyond(len(own.poses.names)),
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
         )
         for chart in (*own.charts, *own.mapped)
     ]
@@ -220,6 +223,12 @@ def _tab(scene: Scene, own: _Group, *, first: bool) -> rrb.Container:
     here = text_view(f"here/{own.name}", "What is shown")
     main = rrb.Vertical(world, here, row_shares=[6, 1], name=own.poses.name)
     return _beside(main, *charts, name=own.poses.name, summary=first)
+
+
+def _beyond(count: int) -> rrb.archetypes.TimeAxis:
+    """All places of the timelines, from 0 and from 1, with room at both ends."""
+    low, high = (rr.TimeRangeBoundary.absolute(seq=at) for at in (-1 - count // 50, 1 + count + count // 50))
+    return rrb.archetypes.TimeAxis(view_range=rr.TimeRange(low, high))
 
 
 def _beside(
