@@ -205,11 +205,8 @@ def _spectrum(calibration: Calibration) -> Iterator[Row]:
 def _values(calibration: Calibration, part: Part) -> list[Row]:
     """Numbers of a part, with the half width of their 95 % interval; 0 what is rounding beside it."""
     known = [one for one in intervals(calibration) if one.part == part]
-    values = [one.value if abs(one.value) > NOTHING * one.half else 0.0 for one in known]
-    return [
-        Row(name=one.name, value=value, half_95=one.half, unit=one.unit)
-        for one, value in zip(known, values, strict=True)
-    ]
+    found = [Row(name=one.name, value=one.value, half_95=one.half, unit=one.unit) for one in known]
+    return [Row(row, value=row.value * (abs(row.value) > NOTHING * row.half_95)) for row in found]
 
 
 def _compliances(calibration: Calibration) -> list[Row]:
