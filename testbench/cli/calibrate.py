@@ -34,14 +34,10 @@ class Options:
         list[str] | None, typer.Option(help=f"Errors not to try: {', '.join(NAMES)}; again for more.")
     ] = None
     orders: Annotated[
-        int,
-        typer.Option(
-            min=1, max=400, help="Highest order of periodic errors; too low an order biases the fit."
-        ),
+        int, typer.Option(min=1, max=400, help="Highest order of periodic errors; too low biases the fit.")
     ] = ORDERS
     least_squares: Annotated[
-        bool,
-        typer.Option("--least-squares", help="Least squares instead of GCO: compliances may be negative."),
+        bool, typer.Option("--least-squares", help="Least squares, not GCO: compliances may be negative.")
     ] = False
     force: Force = False
 

@@ -39,8 +39,7 @@ class Options:
         typer.Option("--push", min=0.001, max=1e6, help="Force of the map in N; the weight of the payload."),
     ] = None
     box: Annotated[
-        str | None,
-        typer.Option(help="Corners of the map in m, x0,y0,z0,x1,y1,z1; default: the whole workspace."),
+        str | None, typer.Option(help="Corners of the map in m, x0,y0,z0,x1,y1,z1; else the workspace.")
     ] = None
     force: Force = False
 

@@ -37,7 +37,6 @@ from testbench.views.schema import Table
 
 COMMAND = "testbench calibrate"  #: As manifest.json names it.
 PICTURE = "calibration.png"
-NOTHING = 1e-6  #: Share of its interval below which a value is rounding [1].
 MOST = 3  #: Ranges that are named as the worst.
 LONGEST, BENT = 0.3, 0.12  #: Length of most arrows and of most sags over the reach [1].
 LOOKS = {"as drawn": Look(NOMINAL, 1, prior=True), "calibrated": Look(GCO, 0, prior=True)}
@@ -96,7 +95,7 @@ def _tables(f: Row) -> dict[str, Table]:
     start = [Row(row, series_after_mm=row.series_before_mm) for row in start]
     tried = [Row(row, tried=row.name, verdict="kept" if row.kept else "dropped") for row in start + f.steps]
     kept = {row.tried: Look(GCO, 0, prior=row.kept) for row in tried}
-    found = [Row(row, what=row.name, value=_plain_value(row)) for row in (*f.compliances, *f.geometry)]
+    found = [Row(row, what=row.name) for row in (*f.compliances, *f.geometry)]
     by_series = columns("series after.n before.mean_mm after.mean_mm after.max_mm")
     spectrum = "joint rms_urad largest.order largest.amplitude_urad largest.deviation_urad significant"
     title = "What improves held-out readings"
@@ -136,11 +135,6 @@ def _doubts(f: Row) -> Iterator[tuple[str, str]]:
 def _range(row: Row) -> str:
     """A range of a joint for people."""
     return f"{row.joint} {row.low:.0f} to {row.high:.0f} {row.unit}"
-
-
-def _plain_value(row: Row) -> float:
-    """A value; 0 where it is rounding beside its interval."""
-    return 0.0 if abs(row.value) < NOTHING * row.half_95 else float(row.value)
 
 
 def _answer(f: Row) -> Iterator[Markdown]:

@@ -28,6 +28,7 @@ from testbench.report.table import Row
 
 FAR = 1.5  #: Error of a range over that of all readings, of held-out ones over the drawing, that is said.
 SIGNIFICANT = 3.0  #: Standard deviations above which the amplitude of an order is more than scatter.
+NOTHING = 1e-6  #: Share of the half width of its interval below which a value is rounding [1].
 SPOILED = 0.5  #: A reading that counts less than this is listed as an outlier [1].
 WORST = 10  #: Outliers that are listed, the farthest.
 MOST, LEAST, EACH = 24, 4, 8
@@ -202,9 +203,10 @@ def _spectrum(calibration: Calibration) -> Iterator[Row]:
 
 
 def _values(calibration: Calibration, part: Part) -> list[Row]:
-    """Numbers of a part, with the half width of their 95 % interval."""
+    """Numbers of a part, with the half width of their 95 % interval; 0 what is rounding beside it."""
     known = [one for one in intervals(calibration) if one.part == part]
-    return [Row(name=one.name, value=one.value, half_95=one.half, unit=one.unit) for one in known]
+    found = [Row(name=one.name, value=one.value, half_95=one.half, unit=one.unit) for one in known]
+    return [Row(row, value=row.value * (abs(row.value) > NOTHING * row.half_95)) for row in found]
 
 
 def _compliances(calibration: Calibration) -> list[Row]:

@@ -207,15 +207,10 @@ def tables_compared(a: Report, b: Report, models: Sequence[Row]) -> tuple[list[R
     return sorted(shown, key=_order)[:KEPT], counts
 
 
-def _order(own: Row) -> tuple[bool, bool, bool, bool, float]:
+def _order(own: Row) -> tuple[bool, bool, bool, float]:
     """First what differs by more than its spread, then what has none, at last what the spread covers."""
-    return (
-        not apart(own),
-        own.by == "one",
-        middle(own.a) * middle(own.b) < 0,
-        own.ratio is None,
-        -size(own.a, own.b),
-    )
+    far = 0.0 if own.ratio is None else size(own.a, own.b)
+    return not apart(own), own.by == "one", middle(own.a) * middle(own.b) < 0, -far
 
 
 def _is_size(own: Row) -> bool:

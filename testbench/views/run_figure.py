@@ -143,9 +143,10 @@ def _forest(axes: Axes, table: Table, column: Column) -> None:
     """A dot a model with the ends of its spread; the winner has a band."""
     name = table.columns[0]
     forest_pane(axes, table, column)
+    reached = np.array([ends(column.value(row)) for row in table.rows])
     if column.key == "ratio":
         axes.axvline(1, color=SOFT, linewidth=1, linestyle=":")
-    reached = np.array([ends(column.value(row)) for row in table.rows])
+        reached = np.append(reached, 1.0)
     if reached.max() > FAR * reached.min() > 0:
         log_ticks(axes, "x", float(reached.min()), float(reached.max()))
     else:

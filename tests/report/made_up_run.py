@@ -56,5 +56,5 @@ def made_up_run(arm_6r):
     return Seen(
         Scene(arm_6r, "Errors x 10.", [runs, places]),
         field,
-        [RunChart("Left (mm)", 0, "run", list("abcde"), lines)],
+        [RunChart("Left (mm)", 0, "run", "abcde", lines)],
     )

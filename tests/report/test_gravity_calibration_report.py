@@ -78,13 +78,8 @@ def test_models_are_compared_seed_by_seed_by_their_true_errors_in_numbers_and_wo
     said = "True RMS error over the workspace: ALL153 + prior 1.500 mm, least squares 8.000 mm; "
     assert found.answer.startswith(said)
     assert "Joint stiffness only 3.000 mm, " in found.answer
-    assert (
-        "Worst with cast links, medians: ALL153 + prior errs 2.000 mm, joint stiffness only 3" in found.worst
-    )
-    assert (
-        "at x 0.50, y 0.00, z 1.00 m: ALL153 + prior errs 1.800 mm, joint stiffness only 3.600 mm."
-        in found.worst
-    )
+    assert "Worst with cast links, medians: ALL153 + prior errs 2.000 mm, joint stiffness" in found.worst
+    assert "z 1.00 m: ALL153 + prior errs 1.800 mm, joint stiffness only 3.600 mm." in found.worst
     text = "\n".join(found.claims)
     assert "MGCO56 + prior is the conservative model of least error" in text
     assert "Least squares with the same prior errs 1.000 mm (MLS56 + prior): " in text

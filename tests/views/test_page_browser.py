@@ -58,6 +58,7 @@ LINES = [
     {"name": "A", "colour": "#008800", "values": [1.0, 3.0, 2.0], "ends": [[0.5, 2.5, 1.5], [1.5, 3.5, 2.5]]},
     {"name": "B", "colour": "#c28400", "values": [0.1, 0.2, 0.3], "ends": None},
 ]
+CHART = {"title": "t", "across": "run", "labels": ["1", "2", "3"], "lines": LINES, "note": ""}
 CHOOSE = "(group, pose) => (window.chosen = [group, pose])"
 PIXEL = """(pane, k) => {
   const own = map.panes[pane], [x, y] = [own.places[3 * k], own.places[3 * k + 1]];
@@ -107,15 +108,7 @@ def test_colours_of_a_map_run_from_the_least_error_to_the_greatest(open_page, wr
 
 @pytest.mark.look
 def test_a_chart_of_runs_sorts_the_worst_first_and_says_numbers_with_their_intervals(open_page, write):
-    chart = {
-        "title": "t",
-        "across": "run",
-        "labels": ["1", "2", "3"],
-        "lines": LINES,
-        "limit": None,
-        "group": 0,
-        "note": "",
-    }
+    chart = CHART | {"limit": None, "group": 0}
     asked = f'runChart(place, {json.dumps(chart)}, ["run 1", "run 2", "run 3"], () => 0)'
     page = open_page(write(scripted(asked))).page
     box = page.locator("svg[role=img]").bounding_box()
@@ -224,15 +217,7 @@ def test_columns_side_by_side_have_their_titles_below_their_own_dots(open_page, 
 @pytest.mark.look
 def test_what_is_clicked_in_a_chart_of_runs_is_the_run_that_is_drawn_there(open_page, write):
     """Dots and intervals are read back by the ticks, in the order of runs and worst first."""
-    chart = {
-        "title": "t",
-        "across": "run",
-        "labels": ["1", "2", "3"],
-        "lines": LINES,
-        "limit": 2.2,
-        "group": 4,
-        "note": "",
-    }
+    chart = CHART | {"limit": 2.2, "group": 4}
     page = open_page(write(scripted(f'runChart(place, {json.dumps(chart)}, ["a", "b", "c"], {CHOOSE})'))).page
     svg = page.locator("svg[role=img]")
     box = svg.bounding_box()

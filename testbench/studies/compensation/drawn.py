@@ -22,10 +22,10 @@ LOOKS = {
     DEFAULT: CHOICE,
 }
 """How models are drawn."""
-CALLED = {JOINTS: "joint stiffness only", DEFAULT: "the default model"}
 DRAWN_AS = {
     "not corrected": Look(MEASURED, 1, prior=True),
-    **{f"corrected by {CALLED[name]}": LOOKS[name] for name in DRAWN},
+    "corrected by joint stiffness only": LOOKS[JOINTS],
+    "corrected by the default model": LOOKS[DEFAULT],
 }
 """How the tool is drawn, not corrected and corrected by each model; what wins is last."""
 LONGEST, FORCE = 0.3, 1e-4  #: Most errors as they are drawn [m]; length of the force's arrow [m/N].
@@ -61,10 +61,8 @@ def seen(true: Cell, asked: Settings, first: Trials, seed: int) -> Seen:
         layers=[
             Layer("tool asked, all points", TASK, "dots", where[None]),
             *(
-                Layer(
-                    f"tool, {name}", look.colour, "arrows", where[:, None], (where + M * off[name])[:, None]
-                )
-                for name, look in DRAWN_AS.items()
+                Layer(f"tool, {name}", own.colour, "arrows", where[:, None], (where + M * off[name])[:, None])
+                for name, own in DRAWN_AS.items()
             ),
             Layer("force", LOAD, "arrows", (tip - FORCE * own.load.wrench[:, :3])[:, None], tip[:, None]),
         ],

@@ -175,10 +175,9 @@ def figures(found: Report) -> dict[str, Figure]:
         words: Table(shown, [row for row in compare.existing(f.sweeps[part]) if row.sigma_um > 0])
         for part, words in PARTS.items()
     }
-    counts = sorted({f.trials[part] for part in PARTS})
-    trials = f"{counts[0]} to {counts[-1]}" if counts[1:] else f"{counts[0]}"
+    counts = sorted({pick(f.trials[part] for part in PARTS) for pick in (min, max)})
     reading = (
-        f"RMS errors against the truth. Marks: medians of {trials} trials; bands, of "
+        f"RMS errors against the truth. Marks: medians of {' to '.join(map(str, counts))} trials; bands, of "
         f"some: {span(counts[0])} of them. Filled and dashed: with a prior."
     )
     answer = f"{_at(f, 'gravity')} {compare.gains_told(f.gains.gravity)}"

@@ -56,12 +56,6 @@ def write(run: Run[Settings]) -> Seen:
         ],
         first=int(sizes[-1][some].argmax()),
     )
-    chart = RunChart(
-        "Error at each position (mm)",
-        0,
-        "position",
-        names,
-        lines,
-        note=of_all(len(some), len(q), "positions"),
-    )
+    note = of_all(len(some), len(q), "positions")
+    chart = RunChart("Error at each position (mm)", 0, "position", names, lines, note=note)
     return Seen(scene=Scene(cell, f"Errors x {A:g}.", [group]), runs=[chart])
