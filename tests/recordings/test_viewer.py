@@ -120,8 +120,8 @@ def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch, tmp_
     film(folder, gif, replace(at_2, at=None))
     assert list(places.iterdir()) == []  # the viewer keeps its data in files
     with Image.open(gif) as picture:
-        frames = 6  # two places of the seven look alike
-        assert (picture.n_frames, picture.size) == (frames, (640, 400 - BARS))
+        assert picture.n_frames in (6, 7)  # a frame a place, of which two may look alike
+        assert picture.size == (640, 400 - BARS)
 
 
 def busy(monkeypatch, answers):

@@ -15,6 +15,7 @@ SOFTWARE = "lvp_icd*.json"  #: Vulkan's description of lavapipe, Mesa's driver t
 DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/usr/local/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 START, LOAD, SETTLE = 30.0, 60.0, 3.0
 """Longest waits for the viewer and for the data, least wait for its messages to fade [s]."""
+COMPLAINT = 2.0  #: Longest wait for the reason of what the viewer refuses, which comes after the refusal [s].
 LATE = "deadline"  #: What a client says whose viewer took longer to answer than it gives it, 15 s.
 ALIKE = 3  #: Equal pictures in a row after which nothing moves any more.
 
@@ -101,9 +102,11 @@ def _connected(url: str) -> ViewerClient | None:
 
 def _complaint(client: ViewerClient, file: Path) -> str:
     """What the viewer said last: its reason stands behind the name of the file."""
-    said = [entry.message for entry in client.get_logs() if entry.level == "ERROR"] or [
-        "the viewer says nothing"
-    ]
+    end = time.monotonic() + COMPLAINT
+    while not (said := [own.message for own in client.get_logs() if own.level == "ERROR"]):
+        if time.monotonic() > end:
+            return "the viewer says nothing"
+        time.sleep(0.05)
     return said[-1].split(f"{file}: ")[-1].splitlines()[0]
 
 
