@@ -32,7 +32,7 @@ def write_stiffness(cell: Cell, found: Identified, runs: Runs, data: Mapping[str
     Raises:
         InputError: When a file of the arm cannot be copied.
     """
-    fits, estimate, used, check = found.fits, found.taken, runs.used, runs.check
+    fits, estimate, used = found.fits, found.taken, runs.used
     digests, (weights, notes) = copy_arm(cell.arm, folder), weights_known(cell.arm)
     spread, own = linearise(estimate), estimate.structure
     [row] = [m for m in fits.models if m.name == fits.recommended]
@@ -54,14 +54,7 @@ def write_stiffness(cell: Cell, found: Identified, runs: Runs, data: Mapping[str
         "joints": dict(row.joints),
         "units": row.units,
         "prior": None if estimate.belief is None else _prior(estimate.belief),
-        "runs": {
-            "runs": used.runs,
-            "poses": len(np.unique(used.pose)),
-            "held_back": [] if check is None else np.unique(check.pose).tolist(),
-            "rejected": len(estimate.rejected),
-            "sigma_m": used.sigma,
-            "sigma_rotation_rad": used.sigma_rotation,
-        },
+        "runs": _runs(runs, estimate),
         "certificate": _certificate(estimate),
         "unseen": {
             "directions": own.n - estimate.regression.rank,
@@ -82,6 +75,18 @@ def write_stiffness(cell: Cell, found: Identified, runs: Runs, data: Mapping[str
     }
     arrays = {"pi": spread.pi, "root": spread.root, "unseen": spread.unseen, "scale": spread.scale}
     write_parts(STIFFNESS, said, folder, **arrays)
+
+
+def _runs(runs: Runs, estimate: Estimate) -> dict[str, object]:
+    """What was fitted, and what was held back."""
+    return {
+        "runs": runs.used.runs,
+        "poses": len(np.unique(runs.used.pose)),
+        "held_back": [] if runs.check is None else np.unique(runs.check.pose).tolist(),
+        "rejected": len(estimate.rejected),
+        "sigma_m": runs.used.sigma,
+        "sigma_rotation_rad": runs.used.sigma_rotation,
+    }
 
 
 def weights_known(arm: Arm) -> tuple[Weights, list[str]]:
