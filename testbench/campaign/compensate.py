@@ -11,8 +11,7 @@ from testbench.correct.compensated import Compensated, compensate
 from testbench.correct.inverse import joints_along
 from testbench.correct.newton import Aim
 from testbench.correct.process import process_wrench
-from testbench.data.jumps import refuse_joint_jumps
-from testbench.data.program import Program
+from testbench.data.program import Program, refuse_joint_jumps
 from testbench.errors import Array, BenchError, InputError, NoEquilibrium
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose

@@ -15,8 +15,7 @@ from testbench.campaign.plan_input import Place
 from testbench.campaign.plan_settings import PlanSettings, structure
 from testbench.campaign.predicted_error import fitted
 from testbench.campaign.rows import UM
-from testbench.data.columns import Columns, find_columns, joint_coordinates
-from testbench.data.components import vector
+from testbench.data.columns import Columns, find_columns, joint_coordinates, vector
 from testbench.data.mapping import read_map
 from testbench.data.station import Station
 from testbench.data.table import read_table

@@ -17,7 +17,7 @@ from testbench.campaign.payload import overloaded
 from testbench.campaign.rows import UM
 from testbench.campaign.streamed_fit import Many
 from testbench.data.dataset import split
-from testbench.data.export import Export, read_export
+from testbench.data.read_pairs import Export, read_export
 from testbench.data.spool import Campaign
 from testbench.data.stream import read_campaign
 from testbench.errors import BenchError, InputError

@@ -16,10 +16,10 @@ import pytest
 from markdown_it import MarkdownIt
 
 from testbench.campaign.campaign import build_cell
-from testbench.data.cells import as_cell, from_cell
-from testbench.data.csvfile import read_csv
+from testbench.data.lines import as_cell, from_cell
 from testbench.data.program import read_program
-from testbench.data.program_corrected import write_program
+from testbench.data.read_pairs import read_csv
+from testbench.data.write import write_program
 from testbench.errors import BenchError, InputError, shown, word
 from testbench.views.figure import page
 from testbench.views.markdown import as_markdown, as_plain, lines

@@ -15,8 +15,8 @@ from testbench.campaign.campaign import Scenario, build_cell, hanging, measure
 from testbench.campaign.models import MODELS
 from testbench.campaign.plan import hung, read_tasks, straight_way
 from testbench.cli.program import program
-from testbench.data.csvfile import read_csv
 from testbench.data.posefile import absolute_columns, plan_columns, read_poses
+from testbench.data.read_pairs import read_csv
 from testbench.data.station import Station
 from testbench.identify import least_squares
 from testbench.model.loaded import load_jacobian

@@ -15,9 +15,9 @@ from testbench.campaign.fits import Runs, fit
 from testbench.campaign.models import named_models
 from testbench.campaign.streamed_fit import Many
 from testbench.data import stream
-from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset, select
 from testbench.data.spool import Campaign, Spool
+from testbench.data.write import write_csv
 from testbench.errors import InputError
 from testbench.identify.cells import reduce_cells
 from testbench.identify.crossval import FOLDS, divided, every_fold, load_parts, pose_parts

@@ -11,7 +11,7 @@ from testbench.campaign.campaign import build_cell
 from testbench.campaign.rows import UM
 from testbench.commands.calibrate import seen
 from testbench.commands.calibrate_numbers import left_of
-from testbench.data.series_csv import write_series
+from testbench.data.write import write_series
 from testbench.errors import Array
 from testbench.identify.absolute.fit import explain
 from testbench.report.columns import columns

@@ -10,7 +10,7 @@ from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import CALLED, FAMILY, TRUTH_WORDS, TRUTHS, member, true_cell
-from testbench.data.csvfile import write_csv
+from testbench.data.write import write_csv
 from testbench.errors import Array
 from testbench.report.columns import columns
 from testbench.report.report import Report, say

@@ -7,7 +7,7 @@ from testbench.campaign.baselines import JOINTS, distinct
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.model_selection import DEFAULT
 from testbench.campaign.true_arms import CALLED, FAMILY, member, true_cell
-from testbench.data.csvfile import write_csv
+from testbench.data.write import write_csv
 from testbench.report.campaigns import TRUE, arm_table, best, by_arm, error_map, pairs, recommended
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say

@@ -10,7 +10,7 @@ from testbench.campaign.baselines import JOINTS, distinct, is_least_squares
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.campaign_row import Runs, dataset_of
 from testbench.campaign.perturbed_prior import SCALE, SHAPE
-from testbench.data.csvfile import write_csv
+from testbench.data.write import write_csv
 from testbench.report.campaigns import TRUE
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say

@@ -7,8 +7,8 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.baselines import EQUAL_FIT, JOINTS
 from testbench.campaign.campaign import build_cell
-from testbench.data.csvfile import write_csv
 from testbench.data.dataset import split
+from testbench.data.write import write_csv
 from testbench.report.campaigns import error_map
 from testbench.report.columns import columns
 from testbench.report.report import Report, say

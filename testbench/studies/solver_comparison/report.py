@@ -7,7 +7,7 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.pose_campaign import simulate
-from testbench.data.csvfile import write_csv
+from testbench.data.write import write_csv
 from testbench.identify.factorised import CLOSE
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
