@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from checks import check_markdown, word_faults
 
-from testbench.trials.gain import gained
 from testbench.trials.spread import Spread
-from testbench.views.gains import beside, less, more
+from testbench.views.gains import beside, gained, less, more
 from testbench.views.markdown import place
 from testbench.views.schema import plain, show, written_out
 

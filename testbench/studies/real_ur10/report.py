@@ -11,12 +11,11 @@ from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, merged
 from testbench.studies.real_ur10 import trial
 from testbench.studies.real_ur10.joints import compliances, joint_rows
-from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import middle
 from testbench.views import colours
 from testbench.views.colours import CHOICE, Look, look
 from testbench.views.figure import Figure, forest
-from testbench.views.gains import more
+from testbench.views.gains import Gain, gained, more
 from testbench.views.markdown import Markdown
 from testbench.views.schema import Table
 
