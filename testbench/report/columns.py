@@ -47,6 +47,8 @@ EVERY = (
     Column("beats_joints_in", "beats joint stiffness only", form="yes"),
     # with and without a prior: what is varied, pairs of models, a choice, intervals
     Column("uncertainty_percent", "uncertainty of the prior", "%", ".0f"),
+    Column("nonlinear.workspace.rms_mm", "non-linear truth", "mm", short="non-linear\ntruth mm"),
+    Column("nonlinear.check_true.p95_mm", "95 % non-linear truth", "mm", short="95 %\nnon-\nlinear\nmm"),
     Column("scale", "prior softer than the truth, times", form="g"),
     Column("wins", "better over the workspace", form="d"),
     Column("ratio", "its error over the other's", form=".2f"),
