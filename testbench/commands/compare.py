@@ -15,7 +15,7 @@ from testbench.commands.compare_rows import (
     told,
 )
 from testbench.errors import BenchError, InputError
-from testbench.output.finished import Finished
+from testbench.output.manifest import Finished
 from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, lines, numbers_of, read_report, say
 from testbench.report.table import Row

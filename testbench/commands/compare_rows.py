@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from testbench.errors import InputError
-from testbench.output.finished import Finished
+from testbench.output.manifest import Finished
 from testbench.report.report import Report, number
 from testbench.report.table import Row
 from testbench.trials.spread import SAME, Number, Spread, ends, middle, spread, triple, wins

@@ -26,8 +26,7 @@ from testbench.trials.cluster import on_cluster
 from testbench.trials.engine import run_study
 from testbench.trials.experiment import Experiment
 from testbench.trials.local import on_cores
-from testbench.trials.records import stored_seeds
-from testbench.trials.store import FILE, open_store, write_parquet
+from testbench.trials.store import FILE, open_store, stored_seeds, write_parquet
 
 HERE = Path(__file__).resolve().parent
 SCRIPT = HERE / "trial_study.py"

@@ -19,9 +19,18 @@ from testbench.errors import BenchError, InputError
 from testbench.trials.engine import do_chunk
 from testbench.trials.experiment import Experiment
 from testbench.trials.parquet import batches, open_trials, series
-from testbench.trials.records import HEADER, MAGIC, pack, record, records
 from testbench.trials.spread import Number, Share
-from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
+from testbench.trials.store import (
+    FILE,
+    HEADER,
+    MAGIC,
+    WHOLE,
+    open_store,
+    pack,
+    record,
+    records,
+    write_parquet,
+)
 
 TOY = Experiment("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
 
@@ -358,7 +367,7 @@ def test_a_damaged_whole_file_is_one_line_and_left_alone(tmp_path, where):
 
 
 def test_what_is_longer_than_can_be_read_back_is_not_stored(tmp_path, monkeypatch):
-    monkeypatch.setattr("testbench.trials.records.LONGEST", 100)
+    monkeypatch.setattr("testbench.trials.store.LONGEST", 100)
     with open_store(tmp_path, TOY, row=X, resume=False) as store:
         with pytest.raises(BenchError, match="expected at most 100 bytes of a trial"):
             put(store, {7: [X(1 / 3)] * 6})
