@@ -66,18 +66,17 @@ def _part(page: Path, report: Report, name: str) -> str:
 
 
 def bars(file: Path) -> str:
-    """What `make bench` measured and its bars; empty where it did not run."""
+    """What `make bench` measured where there is a bar to hold; empty where it did not run."""
     if not file.is_file():
         return ""
     record = json.loads(file.read_text(encoding="utf-8"))
-    rows = [[row["benchmark"], f"{row['value']:.3g} {row['unit']}", _bar(row)] for row in record["results"]]
+    held = [row for row in record["results"] if row["bar"] is not None]
+    rows = [[row["benchmark"], f"{row['value']:.3g} {row['unit']}", _bar(row)] for row in held]
     table, processor = lines(["what", "measured", "bar"], rows), record["machine"]["processor"]
     return f"{table}\n\nMedians of one run on one thread of {processor}."
 
 
 def _bar(row: dict[str, Any]) -> str:
-    if row["bar"] is None:
-        return ""
     return f"{'at least' if row['at_least'] else 'at most'} {row['bar']:g}"
 
 
