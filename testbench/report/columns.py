@@ -147,7 +147,7 @@ EVERY = (
     Column("error.rms_mm", "RMS", "mm"),
     Column("error.p95_mm", "95 %", "mm"),
     Column("error.max_mm", "largest", "mm"),
-    Column("error.coverage_95", "inside 95 %", "%", ".1f", scale=100),
+    Column("error.coverage_95", "share inside 95 %"),
     Column("joint", "joint"),
     Column("strange_to_A_percent", "poses of C far from A's angles", "%", ".0f"),
     Column("strange_to_C_percent", "poses of A far from C's angles", "%", ".0f"),

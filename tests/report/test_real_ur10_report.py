@@ -97,7 +97,7 @@ def test_the_table_of_errors_has_the_ladder_and_the_medians_of_all_draws(made):
         for title, key in CELLS.items():
             assert shown[f"{title}, mm"] == show(row.error[f"{key}_mm"])
     row, line = f["ladder"][0], dict(zip(head, cells[0], strict=True))
-    assert line["inside 95 %, %"] == f"{100 * row.error.coverage_95:.1f}"
+    assert line["share inside 95 %"] == f"{row.error.coverage_95:.3f}"
 
 
 def test_the_figure_draws_the_ladder_in_the_colours_of_its_models(made):

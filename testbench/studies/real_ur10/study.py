@@ -69,7 +69,7 @@ OF_JOINTS = Markdown(
 )
 OF_ERRORS = Markdown(
     "Random poses of C train models of orders up to 50: medians over the draws. Other poses of C judge them "
-    "in its own frame, A with frame and target by 50 of its poses. Inside 95 %: share of positions inside "
+    "in its own frame, A with frame and target by 50 of its poses. Inside 95 %: positions inside "
     "their 95 % ellipsoid."
 )
 Models = Mapping[str, Row]  #: Rows of models by name.
