@@ -273,7 +273,6 @@ EVERY = (
     Column("measure", "measured besides"),
     Column("expected_error_mm", "expected error", "mm", short="expected\nerror mm"),
     # jobs of a corrected robot
-    Column("job", "job"),
     Column("removed_percent", "removed", "%", ".1f"),
     Column("worst_percent", "worst case", "%", ".1f"),
     Column("nine_percent", "cases with 90 % or more removed", "%", ".1f"),

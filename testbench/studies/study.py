@@ -56,11 +56,13 @@ class Study(Generic[O, S, W]):
     report: Callable[[S, range, Trials], Report]  #: What all trials say.
     printed: tuple[str, ...]  #: Names of the tables that the terminal shows.
     figures: Callable[[Report], Mapping[str, Figure]]  #: PNGs made of the report alone, by name.
-    #: Writes what is not made of the report alone: dataset, recording, other figures; and says what the page
-    #: draws beside words and tables.
-    write: Callable[["Run[S]"], Seen | None]
+    #: Writes what is not made of the report alone, such as other figures; and says what the page draws beside
+    #: words and tables.
+    write: Callable[["Run[S]"], Seen | None] = lambda _: None
     extra: tuple[str, ...] = ()  #: Names of other figures that `write` makes.
-    data: str = "dataset.csv"  #: Name of the data file that `write` makes.
+    #: Name of the data file: `write` makes it, or the first seed's rows hold its text, one of them, as
+    #: `data_file`: nothing is simulated again.
+    data: str = "dataset.csv"
     size: int = 1  #: Seeds of a chunk: 0.1 to 1 s of work.
     #: Adds to the settings what all trials share and what is too dear for each of them.
     prepare: Callable[[S, Everywhere], S] | None = None
