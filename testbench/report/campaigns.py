@@ -14,7 +14,7 @@ from testbench.views.markdown import Markdown
 from testbench.views.schema import Column, Table, best_of, pivot
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
-NOT_OF_A_MODEL = ("seed", "truth", "true_arm", "measured.", "places.", "place_mm", "drawn.")
+NOT_OF_A_MODEL = ("seed", "truth", "true_arm", "measured.", "places.", "place_mm", "drawn.", "data_file")
 """Columns of a `CampaignRow` that are of its campaign."""
 
 

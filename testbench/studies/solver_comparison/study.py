@@ -5,16 +5,14 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.campaign import build_cell
 from testbench.identify.factorised import CLOSE
 from testbench.report import campaigns
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, merged, number
-from testbench.studies.calibration_scene import write_runs
 from testbench.studies.solver_comparison import trial
 from testbench.studies.solver_comparison.trial import ARM, SCENARIO, SHORT_GENERATIONS, Settings
-from testbench.studies.study import Run, Study
+from testbench.studies.study import Study
 from testbench.trials.spread import middle
 from testbench.views.colours import GCO, SERIES, Look
 from testbench.views.figure import Figure, forest, of_seeds
@@ -193,11 +191,6 @@ def figures(found: Report) -> dict[str, Figure]:
     }
 
 
-def write(run: Run[Settings]) -> None:
-    """dataset.csv of the first seed."""
-    write_runs(run, build_cell(find_arm(ARM)), SCENARIO, SCENARIO.poses)
-
-
 STUDY = Study(
     name="solver_comparison",
     about="Minimise F_M by several solvers on the data of section 5.2, and certify what each of them found.",
@@ -210,5 +203,4 @@ STUDY = Study(
     report=report,
     printed=("short",),
     figures=figures,
-    write=write,
 )

@@ -20,6 +20,7 @@ from testbench.campaign.campaign_row import CampaignRow, campaign_rows
 from testbench.campaign.evaluation import judge
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.pose_campaign import FullPose, simulate
+from testbench.data.csvfile import csv_text
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce
 from testbench.identify.factorised import (
@@ -82,6 +83,7 @@ class SolverRow(CampaignRow):
     evaluations: int | None = None  #: Of F_M; None where nobody counts them.
     local_solves: int | None = None  #: How many; None where there are none.
     local_solves_elsewhere: int | None = None  #: Those that ended more than CLOSE above the conic program.
+    data_file: str | None = None  #: dataset.csv, in a row of the first seed.
 
 
 @dataclass(frozen=True)
@@ -176,9 +178,10 @@ def _trial(cell: Cell, model: Model, asked: Settings, seed: int) -> list[SolverR
         judge(cell, campaign, model, replace(own.estimate, certificate=proven), own.seconds)
         for own, proven in zip(found, proofs, strict=True)
     ]
-    rows = campaign_rows(cell, campaign, results, TUBES, placed=seed == asked.first)
+    data = csv_text(campaign.identification, cell.arm) if seed == asked.first else None
+    rows = campaign_rows(cell, campaign, results, TUBES, placed=False)
     return [
-        _row(row, own, conic, proven.f_m_excess_bound)
+        replace(_row(row, own, conic, proven.f_m_excess_bound), data_file=data if own is conic else None)
         for row, own, proven in zip(rows, found, proofs, strict=True)
     ]
 
