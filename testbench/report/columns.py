@@ -125,7 +125,7 @@ EVERY = (
     Column("solver", "solver"),
     Column("relative_excess", "over (d)", form=".1e", rounding=1e-12, short="over\n(d)"),
     Column("relative_excess_bound", "over the bound", form=".1e", short="over\nthe\nbound"),
-    Column("seconds", "time", "s", ".3g"),
+    Column("solve_seconds", "time", "s", ".3g"),
     Column("seconds_to_1_percent", "time to 1 %", "s", ".3g", short="to\n1 %\ns"),
     Column("ratio_to_conic", "to 1 %, times (d)", form=".3g", short="to 1 %\nx (d)"),
     Column("whole_ratio_to_conic", "whole time, times (d)", form=".3g"),
