@@ -96,7 +96,8 @@ def test_no_measured_number_is_typed_by_hand(file):
 
 
 def test_words_counts_sentences_of_prose_alone():
-    text = "# Title\n\nOne two. Three [four](five.md)!\n\n- six\n- seven\n\n| a. b |\n\n    code. code.\n\n```sh\nx. y.\n```\n"
+    code = "    code. code.\n\n```sh\nx. y.\n```\n"
+    text = f"# Title\n\nOne two. Three [four](five.md)!\n\n- six\n- seven\n\n| a. b |\n\n{code}"
     assert sentences(text) == ["One two.", "Three four!", "- six", "seven"]
 
 
