@@ -42,12 +42,11 @@ def main(show: Annotated[bool, typer.Option(help="Print the long sentences.")] =
         text = page.read_text(encoding="utf-8")
         own = sentences(text)
         beyond = [one for one in own if len(one.split()) > LONGEST]
-        print(
-            f"{len(text.split()):6} words {len(beyond):4} of {len(own):4} sentences long  {page.relative_to(ROOT)}"
-        )
+        size = len(text.split())
+        print(f"{size:6} words {len(beyond):4} of {len(own):4} sentences long  {page.relative_to(ROOT)}")
         if show:
             print(*(f"       {one}" for one in beyond), sep="\n")
-        words, long, every = words + len(text.split()), long + len(beyond), every + len(own)
+        words, long, every = words + size, long + len(beyond), every + len(own)
     print(
         f"{words:6} words {long:4} of {every:4} sentences long  all; at most {MOST} and {100 * SHARE:.0f} %"
     )
