@@ -39,11 +39,12 @@ def read_scatter(columns: Columns, sigma: float | None, sigma_rotation: float | 
     turned, more = _deviations(columns, "turn_deviation", LEAST[1])
     own, said = read_sigma(columns, 0, sigma, deviations)
     own_turn, said_turn = read_sigma(columns, 1, sigma_rotation, turned)
-    covariance = _positive(columns, read_covariances(columns, "position_cov", "spread"))
+    covariance = read_covariances(columns, "position_cov", "spread")
     if covariance is None and deviations is not None:
         filled = np.where(np.isnan(deviations), own[:, None], deviations)
         covariance = filled[:, :, None] ** 2 * np.eye(3)
     elif covariance is not None:
+        _check_positive(columns, covariance)
         covariance = np.where(np.isnan(covariance), own[:, None, None] ** 2 * np.eye(3), covariance)
     return Scatter(own, own_turn, covariance, (*notes, *more, *said, *said_turn))
 
@@ -123,17 +124,10 @@ def read_covariances(columns: Columns, name: str, what: What) -> Array | None:
     return C
 
 
-def _positive(columns: Columns, C: Array | None) -> Array | None:
-    """The same covariances where they are such, or blank."""
-    if C is None:
-        return None
+def _check_positive(columns: Columns, C: Array) -> None:
+    """Refuse what is no covariance, nor blank."""
     whole = np.asarray(~np.isnan(C).any(axis=(1, 2)))
-    most = np.abs(np.where(whole[:, None, None], C, np.eye(3))).max(axis=(1, 2), initial=0.0)
-    sound = np.asarray(most <= MOST**2)
+    sound = np.asarray(~(np.abs(C) > MOST**2).any(axis=(1, 2)) | ~whole)
     sound[whole & sound] = np.linalg.eigvalsh(C[whole & sound])[:, 0] >= SIGMA_RANGE[0] ** 2
-    columns.table.refuse(
-        ~sound,
-        "",
-        lambda row: f"expected a positive definite covariance below 1 m^2, got {C[row].tolist()} m^2",
-    )
-    return C
+    problem = "expected a positive definite covariance below 1 m^2, got {} m^2"
+    columns.table.refuse(~sound, "", lambda row: problem.format(C[row].tolist()))

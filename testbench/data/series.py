@@ -58,7 +58,13 @@ class Series:
         check_array(self.point, (rows, 3), "point [m]")
         check_array(self.position, (rows, m, 3), "position [m]")
         check_sigma(self.sigma, "m")
-        self._check_orientations()
+        if (self.rotation is None) != (self.sigma_rotation is None):
+            raise BenchError("orientations: expected rotation and sigma together, or none")
+        if self.rotation is not None and self.sigma_rotation is not None:
+            if self.rotation.shape != (rows, 3, 3):
+                raise BenchError(f"rotation: expected shape {(rows, 3, 3)}, got {self.rotation.shape}")
+            check_array(self.rotation[self.turned], (None, 3, 3), "rotation")
+            check_sigma(self.sigma_rotation, "rad")
         if self.precision is not None:
             check_array(self.precision, (rows, m, 3, 3), "precision [1/m^2]")
         if self.torque is not None:
@@ -66,17 +72,6 @@ class Series:
         for name in ("temperature", "time"):
             if getattr(self, name) is not None:
                 check_array(getattr(self, name), (rows,), name)
-
-    def _check_orientations(self) -> None:
-        """Orientations and their sigma are both there, or neither."""
-        if (self.rotation is None) != (self.sigma_rotation is None):
-            raise BenchError("orientations: expected rotation and sigma together, or none")
-        if self.rotation is not None:
-            if self.rotation.shape != (self.rows, 3, 3):
-                raise BenchError(f"rotation: expected shape {(self.rows, 3, 3)}, got {self.rotation.shape}")
-            check_array(self.rotation[self.turned], (None, 3, 3), "rotation")
-        if self.sigma_rotation is not None:
-            check_sigma(self.sigma_rotation, "rad")
 
     @property
     def rows(self) -> int:

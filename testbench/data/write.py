@@ -80,6 +80,11 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
         BenchError: When the names are not as many as the joint angles.
         InputError: When the file cannot be written.
     """
+    write_whole(csv_text(data, arm), Path(path))
+
+
+def csv_text(data: Dataset, arm: Arm | tuple[str, ...]) -> str:
+    """The same as text."""
     joints, m, lost = _joints(arm), len(data.markers), ~data.seen.reshape(-1, 1)
     if len(joints) != data.q.shape[1]:
         raise BenchError(f"joints: expected {data.q.shape[1]} names, got {joints}")
@@ -96,7 +101,7 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
         own |= _cells(COVARIANCES, np.where(lost, np.nan, _entries(data.covariance.reshape(-1, 3, 3))))
     if data.station is not None:
         own["station"] = _ids(data.station, m)
-    write_whole(_text(own, zip(*own.values(), strict=True)), Path(path))
+    return _text(own, zip(*own.values(), strict=True))
 
 
 def write_series(
