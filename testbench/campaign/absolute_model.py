@@ -9,7 +9,6 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.campaign.model_document import CalibrationDocument, Document, Rows
 from testbench.campaign.model_folder import (
-    Kind,
     about_of,
     about_said,
     copy_arm,
@@ -38,7 +37,6 @@ from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
 from testbench.output.replace import reading
 
-CALIBRATION = Kind("absolute calibration", range(1, 3), 2, CalibrationDocument, "testbench calibrate")
 ARRAYS = ("root", "L")
 """Of posterior.npz: root of the precision, (a, a), and L of the metric of the compliances in it, (e, e)."""
 TURN = 1e-6  #: Most that a rotation of a file differs from one [1].
@@ -49,17 +47,7 @@ STRUCTURES = {"joints": joints_only, "links": all153}
 def write_model(
     calibration: Calibration, data: Mapping[str, str], doubts: Sequence[str], folder: Path
 ) -> None:
-    """Write a calibrated arm into a folder that exists.
-
-    Args:
-        calibration: The arm.
-        data: SHA-256 of every file of readings, by its name.
-        doubts: What may be wrong with it, sentences.
-        folder: The model's.
-
-    Raises:
-        InputError: When a file of the arm cannot be copied.
-    """
+    """Write a calibrated arm into a folder that exists; `data` has the SHA-256 of every file of readings."""
     state, own, noise = calibration.state, calibration.own, calibration.noise
     belief, elastic, errors = belief_of(calibration), own.elastic, state.errors
     kept = [step.name for step in calibration.chosen.steps if step.kept]
@@ -74,10 +62,8 @@ def write_model(
         "theta_0": state.theta_0.tolist(),
         "C_theta": state.C_theta.tolist(),
         "errors": {
+            **vars(errors),
             "orders": list(errors.orders),
-            "ratio": errors.ratio,
-            "play": errors.play,
-            "stiffening": errors.stiffening,
             "coefficients": state.n.tolist(),
             "torque_scale": state.torque_scale.tolist(),
         },
@@ -103,7 +89,7 @@ def write_model(
         "about": about_said(method, data, doubts, loads),
     }
     L = np.zeros((0, 0)) if elastic is None else elastic.L
-    write_parts(CALIBRATION, said, folder, root=belief.root, L=L)
+    write_parts(CalibrationDocument, said, folder, root=belief.root, L=L)
 
 
 def belief_of(calibration: Calibration) -> Belief:
@@ -122,22 +108,14 @@ def belief_of(calibration: Calibration) -> Belief:
 
 
 def read_model(folder: Path) -> tuple[State, Belief]:
-    """A calibrated arm from its folder.
-
-    Raises:
-        InputError: When the folder is not one, or what it holds does not belong together.
-    """
+    """A calibrated arm from its folder; InputError where it holds none that is whole."""
     with reading(folder):
-        state, belief, _ = read_whole(folder, read_document(folder, {CALIBRATION.name: CALIBRATION}))
+        state, belief, _ = read_whole(folder, read_document(folder, CalibrationDocument))
     return state, belief
 
 
 def read_whole(folder: Path, found: Document) -> tuple[State, Belief, About]:
-    """The arm of a folder whose model.json was read, and where it comes from.
-
-    Raises:
-        InputError: When what it holds does not belong together.
-    """
+    """The arm of a folder whose model.json was read, and where it comes from."""
     assert isinstance(found, CalibrationDocument)
     arm = read_arm(folder, found, meshes=found.format > 1)
     root, L = read_arrays(folder, found, ARRAYS)
