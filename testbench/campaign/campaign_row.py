@@ -1,19 +1,13 @@
 """What a model makes of a campaign, as a row: of every study that judges models by campaigns."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from testbench.campaign.campaign import Campaign, Cell, Setup
 from testbench.campaign.evaluation import Errors, Result
-from testbench.campaign.rows import (
-    DatasetRow,
-    JudgedRow,
-    dataset_row,
-    fit_row,
-    judged_row,
-)
+from testbench.campaign.rows import DatasetRow, JudgedRow, dataset_row, fit_row, judged_row
 from testbench.campaign.workspace_errors import Places, kept_mm, places_of
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
@@ -97,10 +91,9 @@ def drawn(campaign: Campaign, errors: Errors, *, whole: bool) -> Drawn:
 
 def runs_row(data: Dataset) -> Runs:
     """A dataset for a row: see `dataset_of`."""
-    turned = data.rotation_before, data.rotation_after
-    arrays = (data.q, data.wrench, data.point, data.before, data.after)
-    ids = (tuple(own.tolist()) for own in (data.run, data.pose))
-    return Runs(*ids, *map(_flat, arrays), *(None if own is None else _flat(own) for own in turned))
+    arrays = (getattr(data, f.name) for f in fields(Runs))
+    flat = (None if own is None else tuple(own.ravel().tolist()) for own in arrays)
+    return Runs(*flat)  # type: ignore[arg-type]  # run and pose are whole numbers, and always there
 
 
 def _flat(values: Array) -> Flat:
@@ -109,23 +102,13 @@ def _flat(values: Array) -> Flat:
 
 def dataset_of(cell: Cell, setup: Setup, runs: Runs) -> Dataset:
     """The runs of a row as a dataset again, bit by bit."""
-    markers, (sigma, sigma_rotation) = cell.arm.markers, setup.sigmas
-    turned = runs.rotation_before, runs.rotation_after
-    before, after = (None if own is None else np.reshape(own, (-1, 3)) for own in turned)
-    return Dataset(
-        markers=markers,
-        run=np.array(runs.run),
-        pose=np.array(runs.pose),
-        q=np.reshape(runs.q, (-1, cell.arm.n_joints)),
-        wrench=np.reshape(runs.wrench, (-1, 6)),
-        point=np.reshape(runs.point, (-1, 3)),
-        before=np.reshape(runs.before, (-1, len(markers), 3)),
-        after=np.reshape(runs.after, (-1, len(markers), 3)),
-        sigma=sigma,
-        rotation_before=before,
-        rotation_after=after,
-        sigma_rotation=sigma_rotation,
-    )
+    markers, (sigma, sigma_rotation), n = cell.arm.markers, setup.sigmas, len(runs.run)
+    shapes = {"run": (n,), "pose": (n,), "before": (n, len(markers), 3), "after": (n, len(markers), 3)}
+    arrays = {
+        key: None if own is None else np.reshape(own, shapes.get(key, (n, -1)))
+        for key, own in vars(runs).items()
+    }
+    return Dataset(markers, sigma=sigma, sigma_rotation=sigma_rotation, **arrays)  # type: ignore[arg-type]
 
 
 def measured(campaign: Campaign) -> Measured:

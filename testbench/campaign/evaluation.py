@@ -62,11 +62,7 @@ class EstimatorFailed(BenchError):
 
 
 def of_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
-    """What a model makes of runs; an estimator of one's own does not see the folder's compliances.
-
-    Raises:
-        EstimatorFailed: When an estimator of one's own does.
-    """
+    """What a model makes of runs; an estimator of one's own does not see the folder's compliances."""
     if isinstance(model.estimator, Method):
         return model.estimator(cell.vjm, model.structure, data)
     try:

@@ -38,7 +38,8 @@ from testbench.model.weights import Weights, read_weights
 from testbench.output.replace import reading
 
 if TYPE_CHECKING:  # who only reads a model needs no fits
-    from testbench.campaign.fits import Identified, Runs
+    from testbench.campaign.fits import Identified
+    from testbench.campaign.runs import Runs
 
 ARRAYS = ("pi", "root", "unseen", "scale")  #: Of posterior.npz: those of `identify.intervals.Linearised`.
 
