@@ -10,9 +10,8 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.arm.elastic import Elastic, LinkEntry, read_elastic
-from testbench.campaign.agreement import check_agreement
 from testbench.campaign.arm_doubts import UPRIGHT, Looked, Sag, arm_doubts, sag, stance
-from testbench.campaign.campaign import Cell, build_cell
+from testbench.campaign.campaign import Cell, build_cell, check_agreement
 from testbench.errors import Array
 from testbench.identify.doubts import Doubt
 from testbench.model.vjm import body_poses, tool_pose

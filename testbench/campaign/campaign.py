@@ -11,19 +11,22 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.agreement import check_agreement
 from testbench.data.dataset import Dataset, Ids, Mask, split
 from testbench.data.tracker import Tracker, read_orientations, read_positions
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, InputError
 from testbench.model.kinematics import build_vjm
 from testbench.model.poses import WorkArea, random_poses
-from testbench.model.vjm import Vjm
+from testbench.model.vjm import Vjm, body_poses
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from testbench.plant import Equilibrium, Plant, Room
 
+    Pair = tuple[Equilibrium, Equilibrium]
+
 T = TypeVar("T")
 Truth = Literal["nonlinear", "linear"]
+AGREEMENT, POSES = 1e-9, 8
+"""Distance between two readings of an arm [m] over one metre plus that from the origin; poses compared."""
 
 
 class Setup(BaseModel):
@@ -133,13 +136,7 @@ class Campaign:
 
 
 def build_cell(folder: str | Path) -> Cell:
-    """Load an arm and build its model.
-
-    Args:
-        folder: The arm's; the name of an arm that comes with testbench does as well.
-
-    Returns:
-        What campaigns, plans and studies work on.
+    """Load an arm, by its folder or the name of one that comes with testbench, and build its model.
 
     Raises:
         InputError: When the arm's folder is wrong, or MuJoCo and the model read two arms in it.
@@ -148,6 +145,35 @@ def build_cell(folder: str | Path) -> Cell:
     cell = Cell(arm, build_vjm(arm))
     check_agreement(cell.vjm, cell.plant)
     return cell
+
+
+def check_agreement(vjm: Vjm, plant: "Plant") -> float:
+    """Largest distance between where truth and model place bodies; axes count at a metre [m].
+
+    MuJoCo and Pinocchio read an arm each for itself: InputError names a body that rounding does not explain.
+    """
+    from testbench.plant import unloaded
+
+    arm = vjm.arm
+    lower, upper = arm.limits
+    q = np.random.default_rng(0).uniform(lower, upper, (POSES, arm.n_joints))
+    ours = [np.dstack([R, p]) for p, R in body_poses(vjm, q)]  # axes and origin as columns
+    ours += [_point(ours[-1], point) for point in (vjm.load, *vjm.markers)]
+    names = (*(link.name for link in arm.links), arm.tool, arm.load, *arm.markers)
+    largest = 0.0
+    for name, own, (p, R) in zip(names, ours, unloaded(plant, q, names), strict=True):
+        theirs = np.dstack([R, p])[..., -own.shape[2] :]
+        apart = float(np.abs(own - theirs).max())
+        if not apart <= AGREEMENT * (1 + float(np.abs(p).max())):
+            problem = f"MuJoCo and Pinocchio place it {apart:.1e} m apart"
+            raise InputError(arm.rigid, f"<body name={name!r}>", problem)
+        largest = max(largest, apart)
+    return largest
+
+
+def _point(tool: Array, point: Array) -> Array:
+    """A point of the tool in the world, as a column, (poses, 3, 1) [m]: the model knows no axes there."""
+    return tool[..., 3:] + tool[..., :3] @ point[:, None]
 
 
 def stream(seed: int, trial: int = 0) -> np.random.Generator:
@@ -162,9 +188,6 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
         cell: The arm.
         scenario: What to measure; None for the campaign of section 6 under the payload that the arm states.
         seed: Root of all randomness.
-
-    Returns:
-        The runs to identify from, those to check with, and true deflections over the workspace.
 
     Raises:
         BenchError: When neither scenario nor arm states a payload.
@@ -209,11 +232,7 @@ def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: Poses) -> Camp
 
 
 def clear_poses(cell: Cell, area: WorkArea | None, count: int, rng: np.random.Generator) -> Array:
-    """Random poses with the tool in an area, None for anywhere, free of collision, (count, n) [rad, m].
-
-    Raises:
-        PoseError: When too few can be found.
-    """
+    """Random poses with the tool in an area, None for anywhere, free of collision, (count, n) [rad, m]."""
     from testbench.plant import collisions
 
     def clear(q: Array) -> Mask:
@@ -247,30 +266,25 @@ def hanging(cell: Cell, q: Array, pose: Ids, mass: float | Array) -> LoadedPoses
 def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator | None = None) -> Dataset:
     """Read every marker before and after loading, and the tool's orientation where the setup reads it.
 
-    Args:
-        cell: The arm.
-        setup: Kind of truth, sigmas of the fit.
-        loaded: The runs.
-        rng: Source of the noise; None for readings without noise.
+    Readings have the noise of `rng`, none without it.
     """
-    settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
-    return _read(cell, setup, loaded, settled, rng)
+    return _read(cell, setup, loaded, _settle(cell, setup, loaded), rng)
 
 
 def measure_both(
     cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator
 ) -> tuple[Dataset, Dataset]:
     """The same runs with noise and without, of one pair of equilibria."""
-    settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
-    return _read(cell, setup, loaded, settled, rng), _read(cell, setup, loaded, settled)
+    settled = _settle(cell, setup, loaded)
+    return _read(cell, setup, loaded, settled, rng), _read(cell, setup, loaded, settled, None)
+
+
+def _settle(cell: Cell, setup: Setup, loaded: LoadedPoses) -> "Pair":
+    return settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
 
 
 def _read(
-    cell: Cell,
-    setup: Setup,
-    loaded: LoadedPoses,
-    settled: tuple["Equilibrium", "Equilibrium"],
-    rng: np.random.Generator | None = None,
+    cell: Cell, setup: Setup, loaded: LoadedPoses, settled: "Pair", rng: np.random.Generator | None
 ) -> Dataset:
     """The readings of the arm at rest, unloaded and loaded."""
     before, after = settled
@@ -296,9 +310,7 @@ def _read(
     )
 
 
-def settle_both(
-    plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Array
-) -> tuple["Equilibrium", "Equilibrium"]:
+def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Array) -> "Pair":
     """The true arm unloaded and loaded, all in one call: a call of its own costs what 20 poses cost."""
     from testbench.plant import part_of, settle, settle_linear
 
