@@ -7,19 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.campaign import model_folder
 from testbench.campaign.model_document import CalibrationDocument, Document, Rows
-from testbench.campaign.model_folder import (
-    about_of,
-    about_said,
-    copy_arm,
-    numbers_of,
-    read_arm,
-    read_arrays,
-    read_document,
-    weights_of,
-    weights_said,
-    write_parts,
-)
 from testbench.correct.arm_model import About
 from testbench.errors import Array, check_array
 from testbench.identify.absolute.evidence import Choice
@@ -57,7 +46,7 @@ def write_model(
     joints = elastic is not None and elastic.structure.n == vjm.arm.n_joints
     said = {
         "arm": vjm.arm.name,
-        "digests": copy_arm(vjm.arm, folder),
+        "digests": model_folder.copy_arm(vjm.arm, folder),
         "compliances": "none" if elastic is None else "joints" if joints else "links",
         "theta_0": state.theta_0.tolist(),
         "C_theta": state.C_theta.tolist(),
@@ -67,7 +56,7 @@ def write_model(
             "coefficients": state.n.tolist(),
             "torque_scale": state.torque_scale.tolist(),
         },
-        "weights": weights_said(state.weights),
+        "weights": model_folder.weights_said(state.weights),
         "noise": {
             "open_position_m": float(noise.open_position),
             "open_rotation_rad": float(noise.open_rotation),
@@ -86,10 +75,10 @@ def write_model(
             }
             for name, one in state.mounts.items()
         },
-        "about": about_said(method, data, doubts, loads),
+        "about": model_folder.about_said(method, data, doubts, loads),
     }
     L = np.zeros((0, 0)) if elastic is None else elastic.L
-    write_parts(CalibrationDocument, said, folder, root=belief.root, L=L)
+    model_folder.write_parts(CalibrationDocument, said, folder, root=belief.root, L=L)
 
 
 def belief_of(calibration: Calibration) -> Belief:
@@ -110,20 +99,20 @@ def belief_of(calibration: Calibration) -> Belief:
 def read_model(folder: Path) -> tuple[State, Belief]:
     """A calibrated arm from its folder; InputError where it holds none that is whole."""
     with reading(folder):
-        state, belief, _ = read_whole(folder, read_document(folder, CalibrationDocument))
+        state, belief, _ = read_whole(folder, model_folder.read_document(folder, CalibrationDocument))
     return state, belief
 
 
 def read_whole(folder: Path, found: Document) -> tuple[State, Belief, About]:
     """The arm of a folder whose model.json was read, and where it comes from."""
     assert isinstance(found, CalibrationDocument)
-    arm = read_arm(folder, found, meshes=found.format > 1)
-    root, L = read_arrays(folder, found, ARRAYS)
-    with numbers_of(folder):
+    arm = model_folder.read_arm(folder, found, meshes=found.format > 1)
+    root, L = model_folder.read_arrays(folder, found, ARRAYS)
+    with model_folder.numbers_of(folder):
         state = _state(found, arm)
         if (found.about is None) != (found.format == 1):
             raise ValueError("about: expected from format 2 on")
-        about = About("absolute calibration") if found.about is None else about_of(found.about)
+        about = About("absolute calibration") if found.about is None else model_folder.about_of(found.about)
         return state, _belief(found, state, root, L), about
 
 
@@ -136,7 +125,7 @@ def _state(found: CalibrationDocument, arm: Arm) -> State:
         raise ValueError("C_theta: expected a symmetric matrix")
     return State(
         vjm=vjm,
-        weights=weights_of(found.weights, arm),
+        weights=model_folder.weights_of(found.weights, arm),
         theta_0=check_array(np.array(found.theta_0), (n,), "theta_0 [m, rad]"),
         C_theta=C,
         errors=errors,

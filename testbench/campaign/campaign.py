@@ -268,46 +268,26 @@ def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Genera
 
     Readings have the noise of `rng`, none without it.
     """
-    return _read(cell, setup, loaded, _settle(cell, setup, loaded), rng)
+    return measure_both(cell, setup, loaded, rng)[0]
 
 
 def measure_both(
-    cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator
+    cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator | None
 ) -> tuple[Dataset, Dataset]:
     """The same runs with noise and without, of one pair of equilibria."""
-    settled = _settle(cell, setup, loaded)
-    return _read(cell, setup, loaded, settled, rng), _read(cell, setup, loaded, settled, None)
-
-
-def _settle(cell: Cell, setup: Setup, loaded: LoadedPoses) -> "Pair":
-    return settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
-
-
-def _read(
-    cell: Cell, setup: Setup, loaded: LoadedPoses, settled: "Pair", rng: np.random.Generator | None
-) -> Dataset:
-    """The readings of the arm at rest, unloaded and loaded."""
-    before, after = settled
-    sigma, sigma_rotation = setup.sigmas
-    tracker = Tracker(sigma, sigma_rotation) if setup.noise and rng else Tracker(0.0, 0.0)
-    rng = rng or stream(0)  # of no effect: the tracker has no noise
-    data = Dataset(
-        markers=cell.arm.markers,
-        run=np.arange(len(loaded.q)) + 1,
-        pose=loaded.pose,
-        q=loaded.q,
-        wrench=loaded.wrench,
-        point=loaded.point,
-        before=read_positions(tracker, before.markers, rng),
-        after=read_positions(tracker, after.markers, rng),
-        sigma=sigma,
-    )
-    if sigma_rotation is None:
-        return data
-    turned = (read_orientations(tracker, rest.rotation, rng) for rest in (before, after))
-    return replace(
-        data, rotation_before=next(turned), rotation_after=next(turned), sigma_rotation=sigma_rotation
-    )
+    settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
+    (sigma, sigma_rotation), found = setup.sigmas, []
+    for source in (rng, None):
+        tracker = Tracker(sigma, sigma_rotation) if setup.noise and source else Tracker(0.0, 0.0)
+        source = source or stream(0)  # of no effect: the tracker has no noise
+        before, after = (read_positions(tracker, rest.markers, source) for rest in settled)
+        runs = np.arange(len(loaded.q)) + 1
+        data = Dataset(cell.arm.markers, runs, **vars(loaded), before=before, after=after, sigma=sigma)
+        if sigma_rotation is not None:
+            first, last = (read_orientations(tracker, rest.rotation, source) for rest in settled)
+            data = replace(data, rotation_before=first, rotation_after=last, sigma_rotation=sigma_rotation)
+        found.append(data)
+    return found[0], found[1]
 
 
 def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Array) -> "Pair":

@@ -8,23 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.campaign import model_folder
 from testbench.campaign.absolute_model import read_whole
 from testbench.campaign.campaign import Cell
 from testbench.campaign.model_document import CalibrationDocument, StiffnessDocument, StructureRow
-from testbench.campaign.model_folder import (
-    POSTERIOR,
-    about_of,
-    about_said,
-    check_arm,
-    copy_arm,
-    numbers_of,
-    read_arm,
-    read_arrays,
-    read_document,
-    weights_of,
-    weights_said,
-    write_parts,
-)
 from testbench.correct.arm_model import ArmModel, bending, of_calibration, of_compliances
 from testbench.errors import Array, InputError, check_array
 from testbench.identify.estimate import is_conservative
@@ -61,14 +48,14 @@ def load_model(folder: str | Path, arm: str | Path | None = None) -> ArmModel:
     """
     folder = Path(folder)
     with reading(folder):
-        found = read_document(folder, StiffnessDocument, CalibrationDocument)
+        found = model_folder.read_document(folder, StiffnessDocument, CalibrationDocument)
         if arm is not None:
-            check_arm(folder, found, arm)
+            model_folder.check_arm(folder, found, arm)
         if not isinstance(found, StiffnessDocument):
             return of_calibration(*read_whole(folder, found))
-        own = read_arm(folder, found, meshes=True)
-        arrays = read_arrays(folder, found, ARRAYS)
-        with numbers_of(folder):
+        own = model_folder.read_arm(folder, found, meshes=True)
+        arrays = model_folder.read_arrays(folder, found, ARRAYS)
+        with model_folder.numbers_of(folder):
             return _model(found, own, arrays)
 
 
@@ -77,7 +64,7 @@ def _model(found: StiffnessDocument, arm: Arm, arrays: Sequence[Array]) -> ArmMo
     structure = _structure(found.structure, arm)
     n = structure.n
     if not np.array_equal(pi, [entry.value for entry in found.structure.entries]):
-        raise ValueError(f"pi of {POSTERIOR} and structure.entries are of two models")
+        raise ValueError(f"pi of {model_folder.POSTERIOR} and structure.entries are of two models")
     C = structure.matrix(check_array(pi, (n,), "pi"))
     _check_blocks(found, arm, structure, C)
     tail = found.spread.degrees_of_freedom
@@ -93,8 +80,8 @@ def _model(found: StiffnessDocument, arm: Arm, arrays: Sequence[Array]) -> ArmMo
     )
     if found.spread.heavy_rows > len(root):
         raise ValueError(f"spread.heavy_rows: expected at most the {len(root)} rows of root")
-    state = bending(build_vjm(arm), C, weights_of(found.weights, arm))
-    return of_compliances(state, structure, spread, about_of(found.about))
+    state = bending(build_vjm(arm), C, model_folder.weights_of(found.weights, arm))
+    return of_compliances(state, structure, spread, model_folder.about_of(found.about))
 
 
 def _structure(row: StructureRow, arm: Arm) -> Structure:
@@ -129,7 +116,7 @@ def write_stiffness(
 ) -> None:
     """Write the model to take into a folder that exists; `data` has the SHA-256 of every file of readings."""
     fits, estimate, used = found.fits, found.taken, runs.used
-    digests, (weights, notes) = copy_arm(cell.arm, folder), weights_known(cell.arm)
+    digests, (weights, notes) = model_folder.copy_arm(cell.arm, folder), weights_known(cell.arm)
     spread, own = linearise(estimate), estimate.structure
     [row] = [m for m in fits.models if m.name == fits.recommended]
     loads = resultant(tool_pose(cell.vjm, used.q)[1], [Load(used.wrench, used.point)])
@@ -176,11 +163,13 @@ def write_stiffness(
             "pull": spread.pull,
             "on_boundary": spread.on_boundary,
         },
-        "weights": weights_said(weights),
+        "weights": model_folder.weights_said(weights),
         "notes": [*notes, *fits.notes],
-        "about": about_said(f"{fits.recommended}: {estimate.method}", data, doubts, [loads]),
+        "about": model_folder.about_said(f"{fits.recommended}: {estimate.method}", data, doubts, [loads]),
     }
-    write_parts(StiffnessDocument, said, folder, **{name: getattr(spread, name) for name in ARRAYS})
+    model_folder.write_parts(
+        StiffnessDocument, said, folder, **{name: getattr(spread, name) for name in ARRAYS}
+    )
 
 
 def weights_known(arm: Arm) -> tuple[Weights, list[str]]:
