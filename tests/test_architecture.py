@@ -39,7 +39,7 @@ UNTYPED = """
     campaign/baselines.py commands/compare_rows.py files.py identify/factorised.py
     identify/modelled.py identify/search.py report/report.py report/table.py studies/run.py
     studies/study.py trials/cluster.py
-    trials/engine.py trials/experiment.py trials/parquet.py trials/rows.py views/schema.py
+    trials/engine.py trials/experiment.py trials/parquet.py trials/rows.py views/page/page.py views/schema.py
     views/recording/headless.py views/recording/world.py
 """
 """Modules at the door of JSON or of a package without types: the only ones that may say Any."""

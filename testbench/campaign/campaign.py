@@ -268,26 +268,31 @@ def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Genera
 
     Readings have the noise of `rng`, none without it.
     """
-    return measure_both(cell, setup, loaded, rng)[0]
+    settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
+    return read_markers(cell, setup, loaded, settled, rng)
 
 
 def measure_both(
-    cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator | None
+    cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator
 ) -> tuple[Dataset, Dataset]:
     """The same runs with noise and without, of one pair of equilibria."""
     settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
-    (sigma, sigma_rotation), found = setup.sigmas, []
-    for source in (rng, None):
-        tracker = Tracker(sigma, sigma_rotation) if setup.noise and source else Tracker(0.0, 0.0)
-        source = source or stream(0)  # of no effect: the tracker has no noise
-        before, after = (read_positions(tracker, rest.markers, source) for rest in settled)
-        runs = np.arange(len(loaded.q)) + 1
-        data = Dataset(cell.arm.markers, runs, **vars(loaded), before=before, after=after, sigma=sigma)
-        if sigma_rotation is not None:
-            first, last = (read_orientations(tracker, rest.rotation, source) for rest in settled)
-            data = replace(data, rotation_before=first, rotation_after=last, sigma_rotation=sigma_rotation)
-        found.append(data)
-    return found[0], found[1]
+    return read_markers(cell, setup, loaded, settled, rng), read_markers(cell, setup, loaded, settled)
+
+
+def read_markers(
+    cell: Cell, setup: Setup, loaded: LoadedPoses, settled: "Pair", rng: np.random.Generator | None = None
+) -> Dataset:
+    """The readings of the arm at rest, unloaded and loaded."""
+    sigma, sigma_rotation = setup.sigmas
+    tracker = Tracker(sigma, sigma_rotation) if setup.noise and rng else Tracker(0.0, 0.0)
+    rng, runs = rng or stream(0), np.arange(len(loaded.q)) + 1  # of no effect: the tracker has no noise
+    before, after = (read_positions(tracker, rest.markers, rng) for rest in settled)
+    data = Dataset(cell.arm.markers, runs, **vars(loaded), before=before, after=after, sigma=sigma)
+    if sigma_rotation is None:
+        return data
+    before, after = (read_orientations(tracker, rest.rotation, rng) for rest in settled)
+    return replace(data, rotation_before=before, rotation_after=after, sigma_rotation=sigma_rotation)
 
 
 def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Array) -> "Pair":

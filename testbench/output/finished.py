@@ -7,30 +7,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, JsonValue, ValidationError
+from pydantic import JsonValue, ValidationError
 from pydantic_core import from_json
 
 from testbench.errors import InputError, read_text, shown
-from testbench.output import manifest
+from testbench.output.manifest import MOST, NAME, Manifest
 
 REPORT = "report.json"
-MOST, LONGEST = 16 * 2**20, 20_000
-"""Largest file [byte] and longest text in it [characters] that are read."""
+LONGEST = 20_000  #: Longest text that is read [characters].
 LARGEST = 2**63  #: Integers lie below.
-
-
-class Manifest(BaseModel):
-    """What manifest.json must say of a run, and may say."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
-
-    command: str
-    scenario: JsonValue
-    seed: int = 0  #: The first one.
-    seeds: int = 0  #: How many; none where nothing is drawn.
-    versions: dict[str, str]
-    git: str = "unknown"
-    models: dict[str, dict[str, str]] = {}  #: SHA-256 of every file of every arm's folder.
 
 
 @dataclass(frozen=True)
@@ -59,10 +44,10 @@ def read_run(folder: Path) -> Finished:
     Raises:
         InputError: When manifest.json or report.json is missing or is none; names the file and the place.
     """
-    about, report = folder / manifest.NAME, folder / REPORT
+    about, report = folder / NAME, folder / REPORT
     data = read_plain(about)
     try:
-        told = Manifest.model_validate(data)
+        told = Manifest.model_validate_json(json.dumps(data))
     except ValidationError as err:
         raise told_as(about, err) from err
     plain = read_plain(report)
@@ -93,44 +78,25 @@ def read_plain(path: Path) -> JsonValue:
         found: JsonValue = from_json(text)
     except ValueError as err:  # also one of thousands of digits, and data that are too deep
         raise InputError(path, "", f"not JSON: {err}") from err
-    try:
-        return _checked(found)
-    except _Wrong as err:
-        raise InputError(path, ".".join(reversed(err.place)), str(err)) from err
+    return _checked(path, found, ())
 
 
-class _Wrong(Exception):
-    """A value that is no data of ours, with the keys that lead to it, the innermost first."""
-
-    def __init__(self, problem: str) -> None:
-        super().__init__(problem)
-        self.place: list[str] = []
-
-
-def _checked(value: JsonValue) -> JsonValue:
+def _checked(path: Path, value: JsonValue, place: tuple[object, ...]) -> JsonValue:
+    """The value; what would steer a terminal in its texts is replaced. `place` is keys that lead to it."""
+    problem = ""
     if isinstance(value, dict):
-        return {_text(key): _at(key, own) for key, own in value.items()}
+        keys = {str(_checked(path, key, (*place, key))): own for key, own in value.items()}
+        return {key: _checked(path, own, (*place, key)) for key, own in keys.items()}
     if isinstance(value, list):
-        return [_at(k, own) for k, own in enumerate(value)]
+        return [_checked(path, own, (*place, k)) for k, own in enumerate(value)]
     if isinstance(value, str):
-        return _text(value)
+        if len(value) <= LONGEST:
+            return "\n".join(map(shown, value.split("\n")))
+        problem = f"expected a text of at most {LONGEST} characters, got {len(value)}"
     if isinstance(value, float) and not math.isfinite(value):
-        raise _Wrong(f"expected a finite number, got {value}")
+        problem = f"expected a finite number, got {value}"
     if isinstance(value, int) and not -LARGEST <= value < LARGEST:
-        raise _Wrong("expected an integer of 64 bits, got a larger one")
+        problem = "expected an integer of 64 bits, got a larger one"
+    if problem:
+        raise InputError(path, ".".join(str(key)[:80] for key in place), problem)
     return value
-
-
-def _at(key: object, value: JsonValue) -> JsonValue:
-    try:
-        return _checked(value)
-    except _Wrong as err:
-        err.place.append(str(key)[:80])
-        raise
-
-
-def _text(text: str) -> str:
-    """The text; what would steer a terminal is replaced."""
-    if len(text) > LONGEST:
-        raise _Wrong(f"expected a text of at most {LONGEST} characters, got {len(text)}")
-    return "\n".join(map(shown, text.split("\n")))

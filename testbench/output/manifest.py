@@ -1,11 +1,10 @@
 """What manifest.json says of the folder that it lies in."""
 
 import hashlib
-import json
-import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
 from testbench.errors import InputError, open_file, read_bytes
 
@@ -13,45 +12,36 @@ NAME = "manifest.json"
 MOST = 16 * 2**20  #: Largest one that is read [byte].
 LARGEST = 2**32  #: Largest file of a run that is looked into [byte].
 FILES = 10_000  #: Most that a run has.
+File = Annotated[str, Field(pattern=r"^[^\x00]*$")]
 
 
-@dataclass(frozen=True)
-class Manifest:
-    """Of a run."""
+class Manifest(BaseModel):
+    """What manifest.json must say of a run, and may say."""
 
-    command: str | None  #: Whose run it is; None without a manifest of ours.
-    files: (
-        frozenset[str] | None
-    )  #: Its files, by their paths in it; None where it does not say: in older ones.
-    sha256: Mapping[str, str] = field(default_factory=dict)  #: Of the files, as far as it says.
+    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
+
+    command: str  #: Whose run it is; empty where there is none of ours.
+    versions: dict[str, str]
+    scenario: JsonValue = None
+    seed: int = 0  #: The first one.
+    seeds: int = 0  #: How many; none where nothing is drawn.
+    git: str = "unknown"
+    models: dict[str, dict[str, str]] = {}  #: SHA-256 of every file of every arm's folder.
+    #: Its files, by their paths in it; None where it does not say: in older ones.
+    files: Annotated[frozenset[File], Field(max_length=FILES)] | None = None
+    sha256: dict[str, str] = {}  #: Of the files, as far as it says.
+
+
+NONE = Manifest(command="", versions={})
 
 
 def read_manifest(folder: Path) -> Manifest:
     """What a folder's manifest.json says; nothing where there is none, or it is not one of ours."""
     try:
-        data = json.loads(read_bytes(folder / NAME, MOST))
-        if "testbench" not in data["versions"]:
-            return Manifest(None, None)
-        files, sha256 = data.get("files"), dict(data.get("sha256", {}))
-        named = None if files is None else _names(files)
-        return Manifest(str(data["command"]), named, sha256)
-    except (InputError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return Manifest(None, None)
-
-
-def _names(files: Sequence[object]) -> frozenset[str]:
-    """Paths of files, without what no file can be called; a ValueError where there are too many for a run."""
-    if len(files) > FILES:
-        raise ValueError("too many files")
-    return frozenset(filter(_possible, map(str, files)))
-
-
-def _possible(name: str) -> bool:
-    """Whether a file can be called so."""
-    try:
-        return b"\0" not in os.fsencode(name)
-    except UnicodeEncodeError:
-        return False
+        found = Manifest.model_validate_json(read_bytes(folder / NAME, MOST))
+    except (InputError, ValidationError):
+        return NONE
+    return found if "testbench" in found.versions else NONE
 
 
 def has_digest(path: Path, sha256: str | None) -> bool:
@@ -65,4 +55,4 @@ def has_digest(path: Path, sha256: str | None) -> bool:
 
 def is_run(folder: Path) -> bool:
     """Whether a folder is that of a run, finished or under way."""
-    return read_manifest(folder).command is not None or (folder / "trials.log").is_file()
+    return bool(read_manifest(folder).command) or (folder / "trials.log").is_file()

@@ -10,16 +10,8 @@ from testbench.output.lock import CLAIM, claim
 from testbench.output.manifest import is_run, read_manifest
 from testbench.output.place import check_writable, inside, look
 from testbench.output.replace import put_in_place, settle
-from testbench.output.scratch import (
-    NAME,
-    folder_for,
-    remove,
-    scratch_name,
-    sweep,
-    sync_all,
-    sync_names,
-    writing,
-)
+from testbench.output.scratch import NAME, folder_for, scratch, writing
+from testbench.output.whole import whole_file
 
 SUFFIXES = frozenset((".json", ".md", ".csv", ".parquet", ".png", ".rrd", ".html"))
 """Of files of runs whose manifest does not name them: older ones."""
@@ -80,7 +72,7 @@ def check_folder(
 
 def _check_held(out: Path, command: str, own: frozenset[str]) -> None:
     found = read_manifest(out)
-    if found.command not in (command, None):
+    if found.command not in (command, ""):
         raise InputError(out, "", f"holds a run of {found.command}, expected {command}; {INSTEAD}")
     for path in _entries(out, own, found.files or frozenset()):
         plain = path.is_file() and not path.is_symlink()
@@ -118,16 +110,11 @@ def whole_folder(out: Path) -> Iterator[Path]:
     Raises:
         InputError: When the folder cannot be made or written.
     """
-    scratch = out / scratch_name()
     with writing(out), folder_for(out):
         settle(out)
-        sweep(out)
-        scratch.mkdir()
-        try:
-            yield scratch
-            put_in_place(out, scratch)
-        finally:
-            remove(scratch)
+        with scratch(out) as folder:
+            yield folder
+            put_in_place(out, folder)
 
 
 @contextlib.contextmanager
@@ -142,15 +129,6 @@ def new_folder(out: Path) -> Iterator[Path]:
     """
     if look(out) is not None:
         raise InputError(out, "", "exists already; expected the name of a new folder")
-    scratch = out.parent / scratch_name()
-    with writing(out), folder_for(out.parent):
-        sweep(out.parent)
-        try:
-            (scratch / out.name).mkdir(parents=True)
-            with claim(out, out.parent):
-                yield scratch / out.name
-                sync_all(scratch)
-                (scratch / out.name).rename(out)
-                sync_names(out.parent)
-        finally:
-            remove(scratch)
+    with whole_file(out) as part, writing(out), claim(out, out.parent):
+        part.mkdir()
+        yield part

@@ -1,4 +1,4 @@
-"""Files under way: beside the place that they take in the end, named after the process that makes them."""
+"""Files under way: beside the place that they take in the end, claimed by the process that makes them."""
 
 import contextlib
 import os
@@ -6,22 +6,15 @@ import re
 import secrets
 import shutil
 import tempfile
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
 from testbench.errors import InputError
-from testbench.output.lock import sweep_claims
+from testbench.output.lock import claim, sweep_claims
 
 HOST = re.sub("[^A-Za-z0-9.-]", "", os.uname().nodename)[:40]
 READY = ".ready"  #: Name of a folder with files that take their places beside it.
-UNKNOWN = "0" * 8  #: Life of a process that cannot be looked up.
-NAME = re.compile(r"\.new-(?P<host>[A-Za-z0-9.-]*)-(?P<pid>[0-9]{1,9})-(?P<life>[0-9a-f]{8})-[0-9a-f]{8}")
-
-
-def scratch_name() -> str:
-    """A name that nothing else has."""
-    return f".new-{HOST}-{os.getpid()}-{_life(os.getpid())}-{secrets.token_hex(4)}"
+NAME = re.compile(r"\.new-(?P<host>[A-Za-z0-9.-]*)-[0-9a-f]{16}")
 
 
 def shown(path: Path) -> Path:
@@ -33,30 +26,22 @@ def sweep(folder: Path) -> None:
     """Remove what processes of this machine were making in a folder when they were killed."""
     sweep_claims(folder)
     for path in folder.iterdir():
-        found = NAME.fullmatch(path.name)
-        if found and found["host"] == HOST and not _runs(int(found["pid"]), found["life"]):
+        if (found := NAME.fullmatch(path.name)) and found["host"] == HOST:
+            with contextlib.suppress(InputError, OSError), claim(path, folder, sure=True):
+                remove(path)
+
+
+@contextlib.contextmanager
+def scratch(home: Path) -> Iterator[Path]:
+    """A folder under way in another one, ours while its claim is; gone after the block, as others' before."""
+    sweep(home)
+    path = home / f".new-{HOST}-{secrets.token_hex(8)}"
+    with claim(path, home):
+        try:
+            path.mkdir()
+            yield path
+        finally:
             remove(path)
-
-
-def _runs(pid: int, life: str) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):  # of another user
-        return True
-    return _life(pid) in (life, UNKNOWN)
-
-
-def _life(pid: int) -> str:
-    """Tells a process from an earlier one of the same number: when it began, since the machine last did."""
-    try:
-        stat = Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()
-        boot = Path("/proc/sys/kernel/random/boot_id").read_text()
-    except OSError:  # no Linux, or another user's
-        return UNKNOWN
-    ended = stat[0] in "ZX"  # and nobody has asked about it yet
-    return "ended" if ended else f"{zlib.crc32(f'{boot}{stat[19]}'.encode()):08x}"
 
 
 @contextlib.contextmanager
@@ -125,11 +110,6 @@ def sync_names(folder: Path) -> None:
 @contextlib.contextmanager
 def temporary_folder() -> Iterator[Path]:
     """A folder where temporary files go; gone after the block, that of a killed process at the next one."""
-    place = Path(tempfile.gettempdir())
-    sweep(place)
-    folder = place / scratch_name()
-    folder.mkdir(mode=0o700)
-    try:
+    with scratch(Path(tempfile.gettempdir())) as folder:
+        folder.chmod(0o700)
         yield folder
-    finally:
-        remove(folder)

@@ -12,16 +12,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from testbench.output.lock import turn
-from testbench.output.scratch import (
-    READY,
-    folder_for,
-    remove,
-    scratch_name,
-    sweep,
-    sync_all,
-    sync_names,
-    writing,
-)
+from testbench.output.scratch import READY, folder_for, remove, scratch, sync_all, sync_names, writing
 from testbench.stops import stops_wait
 
 EARLIER = "earlier"  #: Folder of files that have left their places.
@@ -51,25 +42,24 @@ def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
         InputError: When one cannot be written.
     """
     home = Path(os.path.commonpath([path.parent.absolute() for path in paths]))
-    scratch, ready = home / scratch_name(), home / ready_name(home, paths)
-    parts = [_part(scratch, k, path) for k, path in enumerate(paths)]
+    ready = home / ready_name(home, paths)
     with contextlib.ExitStack() as stack:
         for path in paths:
             stack.enter_context(folder_for(path.parent))
         with writing(paths[0]), turn(home), stops_wait():
-            sweep(home)
             _move(ready, paths)
+            own = stack.enter_context(scratch(home))
         with writing(paths[-1]):
-            stack.callback(remove, scratch)
-            for folder in (scratch / EARLIER, *(part.parent for part in parts)):
-                folder.mkdir(parents=True)
+            parts = [_part(own, k, path) for k, path in enumerate(paths)]
+            for folder in (own / EARLIER, *(part.parent for part in parts)):
+                folder.mkdir()
             yield parts
-            sync_all(scratch)
+            sync_all(own)
         with writing(paths[0]), turn(home), stops_wait():
             if len(parts) == 1:
                 parts[0].replace(paths[0])
             else:
-                _put(scratch, ready, paths)
+                _put(own, ready, paths)
         for path in paths:
             sync_names(path.parent)
 
@@ -85,12 +75,12 @@ def _part(folder: Path, k: int, path: Path) -> Path:
     return folder / str(k) / path.name
 
 
-def _put(scratch: Path, ready: Path, paths: Sequence[Path]) -> None:
+def _put(own: Path, ready: Path, paths: Sequence[Path]) -> None:
     """Make the files of a folder those of several places, from which they are moved on from then on."""
     earlier = ready / EARLIER
     try:
         _move(ready, paths)
-        scratch.rename(ready)
+        own.rename(ready)
         _move(ready, paths)
     except OSError as err:
         if earlier.is_dir() and not any(earlier.iterdir()):  # all are back

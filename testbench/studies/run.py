@@ -113,6 +113,8 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     for name, figure in figures.items():
         figure.savefig(folder / name)
     names = [*figures, *study.extra]
+    if "data_file" in (first := found.first):
+        (folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")
     seen = study.write(found) or Seen()
     write_run(
         folder / "recording.rrd", found.header, report, seen, {_title(name): folder / name for name in names}

@@ -1,7 +1,8 @@
 """The page of a run in one file: its words, pictures, and what is drawn as data for its scripts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,11 +13,11 @@ from testbench import files
 from testbench.errors import Array
 from testbench.plant.import_robot.thin import decimated
 from testbench.plant.shapes import Frames, Shape, visual_shapes
-from testbench.views.colours import SCALE, hexadecimal
+from testbench.views.colours import SCALE, Look, hexadecimal
 from testbench.views.markdown import Told, as_plain
 from testbench.views.page import html
 from testbench.views.page.html import Json, grid, look_plain
-from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen
+from testbench.views.scene import Poses, Seen
 
 NAME = "report.html"
 MARKED, FACTS = ("answer", "worst", "statements"), ("question", "title")
@@ -52,82 +53,43 @@ def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
 
 def seen_plain(seen: Seen) -> Json:
     """All that is drawn."""
-    return {
-        "scene": _scene(seen.scene) if seen.scene else None,
-        "map": map_plain(seen.map) if seen.map else None,
-        "runs": [chart_plain(chart) for chart in seen.runs],
-        "tables": [grid(table) for table in seen.tables],
-        "ramp": SCALE,
+    scene = seen.scene and {
+        "title": seen.scene.title,
+        "solids": [_solid(solid(shape)) for shape in visual_shapes(seen.scene.cell.room)],
+        "groups": [_group(own) for own in seen.scene.groups],
     }
-
-
-def chart_plain(chart: RunChart) -> Json:
-    """A chart."""
-    return {
-        "title": chart.title,
-        "group": chart.group,
-        "across": chart.across,
-        "labels": list(chart.labels),
-        "lines": [_line(line) for line in chart.lines],
-        "limit": None if chart.limit is None or not np.isfinite(chart.limit) else chart.limit,
-        "note": chart.note,
-    }
-
-
-def map_plain(found: PlaceMap) -> Json:
-    """A map."""
-    at = [[round(x, 3) for x in row] if np.isfinite(row).all() else None for row in found.at.tolist()]
-    return {
-        "title": found.title,
-        "group": found.group,
-        "heading": found.heading,
-        "without": found.without,
-        "at": at,
-        "lines": [_line(line) for line in found.lines],
-    }
-
-
-def _line(line: Line) -> Json:
-    found = {"name": line.name, **look_plain(line.look), "values": _short(line.values)}
-    return found if line.ends is None else found | {"ends": [_short(end) for end in line.ends]}
-
-
-def _short(values: Array) -> list[float | None]:
-    """Four digits of each."""
-    return [float(f"{x:.4g}") if np.isfinite(x) else None for x in values.tolist()]
-
-
-def _scene(scene: Scene) -> Json:
-    return {
-        "title": scene.title,
-        "solids": [_solid(solid(shape)) for shape in visual_shapes(scene.cell.room)],
-        "groups": [_group(group) for group in scene.groups],
-    }
+    parts = {"map": plain(seen.map), "runs": plain(seen.runs), "tables": [grid(own) for own in seen.tables]}
+    return {"scene": scene, **parts, "ramp": SCALE}
 
 
 def _group(own: Poses) -> Json:
-    return {
-        "name": own.name,
-        "names": list(own.names),
-        "words": list(own.words),
-        "first": own.first,
-        "near": None if own.near is None else _near(own.near),
-        "rigid": frames_plain(own.rigid),
-        "bent": None if own.bent is None else frames_plain(own.bent),
-        "layers": [_layer(layer) for layer in own.layers],
-    }
+    found: Json = plain(replace(own, near=None))
+    return found if own.near is None else {**found, "near": _near(own.near)}
 
 
-def _layer(layer: Layer) -> Json:
-    return {
-        "name": layer.name,
-        "colour": hexadecimal(layer.colour),
-        "kind": layer.kind,
-        "at": [_whole(row) for row in layer.at],
-        "to": None if layer.to is None else [_whole(row) for row in layer.to],
-        "labels": list(layer.labels),
-        "shown": layer.shown,
-    }
+def plain(value: Any) -> Any:
+    """What is drawn as JSON data, by the names of its fields; null is what is no number.
+
+    Numbers of a line have four digits, places of a map are in whole millimetres, all that moves in `MICRO`;
+    what a look has stands beside what is drawn so.
+    """
+    if isinstance(value, Frames):
+        return frames_plain(value)
+    if isinstance(value, Look):
+        return look_plain(value)
+    if is_dataclass(value):
+        found = {own.name: plain(getattr(value, own.name)) for own in fields(value)}
+        colour = {"colour": hexadecimal(found["colour"])} if "colour" in found else {}
+        return found | found.pop("look", {}) | colour
+    if isinstance(value, np.ndarray) and value.ndim == 3:
+        return [_whole(row) for row in value]
+    if isinstance(value, np.ndarray) and value.ndim == 2:
+        return [[round(x, 3) for x in row] if np.isfinite(row).all() else None for row in value.tolist()]
+    if isinstance(value, np.ndarray):
+        return [float(f"{x:.4g}") if np.isfinite(x) else None for x in value.tolist()]
+    if isinstance(value, list | tuple):
+        return [plain(own) for own in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _near(points: Array) -> Json:

@@ -19,9 +19,8 @@ from testbench.views.schema import show
 MOST = 4  #: Maps side by side at most.
 BALL = 0.02  #: Radius of the largest ball of a map over the size of what is in view [1].
 SMALLEST = 0.4  #: Size of the ball of least error over that of the greatest [1]: colour is never alone.
-KEYS, STEP, KEY = 5, 180.0, 20.0
-"""Balls of the key, their distance and the radius of the largest, in the key's own units."""
-ROOT, KEYED, WORDS = "world/map", "map_key_mm", "map_words"
+KEYS = 5  #: Errors of which the words say the colour.
+ROOT, WORDS = "world/map", "map_words"
 
 
 def shades(share: Array) -> npt.NDArray[np.uint8]:
@@ -37,7 +36,7 @@ def sizes(share: Array) -> Array:
 
 
 def write_map(pen: Pen, found: PlaceMap, names: Sequence[str], size: float) -> None:
-    """A map a line, rings where there is no number, the key, and in words where each is largest.
+    """A map a line, rings where there is no number; in words what colours are, and where each is largest.
 
     Args:
         pen: What stands still is drawn with it.
@@ -58,7 +57,8 @@ def write_map(pen: Pen, found: PlaceMap, names: Sequence[str], size: float) -> N
             own = f"{show(float(line.values[k]))} mm"
             pen.names(f"{path}/worst", found.at[[k]] + [0, 0, 3 * BALL * size], [f"worst {own}"], SCALE[-1])
             said.append(f"- {as_markdown(line.name)}: {own}, {as_markdown(names[k])}, {place(found.at[k])}")
-    _write_key(pen, scale)
+    key = ", ".join(f"{show(mm)}" for mm in scale.errors(np.linspace(0, 1, KEYS)))
+    said.append(f"\nFrom small and blue-grey by green to large and orange: {key} {scale.words}.")
     rings = [f"Rings: {found.without}."] if found.without else []
     head = [f"{found.title}. Where each is largest:", "\n".join(said), *rings]
     pen.documents({WORDS: Markdown("\n\n".join(head))})
@@ -71,21 +71,12 @@ def _write_rings(pen: Pen, path: str, centres: Array, radius: float) -> None:
     pen.still(path, rings)
 
 
-def _write_key(pen: Pen, scale: Scale) -> None:
-    """Colours and sizes of a scale with their errors, in a row."""
-    share = np.linspace(0, 1, KEYS)
-    places = np.column_stack([STEP * np.arange(KEYS), np.zeros(KEYS)])
-    pen.still(f"{KEYED}/dot", rr.Points2D(places, colors=shades(share), radii=KEY * sizes(share)))
-    beside = places + np.array([0.45 * STEP, -0.75 * KEY])  # a label hangs below its point
-    pen.names(f"{KEYED}/number", beside, [f"{show(mm)} mm" for mm in scale.errors(share)], GREY)
-
-
 def _scale(found: PlaceMap) -> Scale:
     return scale_of(*(line.values for line in found.lines[:MOST]))
 
 
 def map_tab(found: PlaceMap, arm: str, body: Array, size: float) -> rrb.Container:
-    """The maps side by side with an arm, their key, and words.
+    """The maps side by side with an arm, and words.
 
     Args:
         found: Errors by place.
@@ -105,12 +96,8 @@ def map_tab(found: PlaceMap, arm: str, body: Array, size: float) -> rrb.Containe
         )
         for line in found.lines[:MOST]
     ]
-    bounds = rrb.VisualBounds2D(x_range=(-0.3 * STEP, KEYS * STEP), y_range=(-1.6 * KEY, 1.6 * KEY))
-    key = rrb.Spatial2DView(
-        origin=KEYED, name=f"Colour and size ({_scale(found).words})", visual_bounds=bounds
-    )
-    parts = rrb.Horizontal(*views), key, text_view(WORDS, found.heading)
-    return rrb.Vertical(*parts, row_shares=[11, 2, 3], name=found.heading)
+    parts = rrb.Horizontal(*views), text_view(WORDS, found.heading)
+    return rrb.Vertical(*parts, row_shares=[13, 3], name=found.heading)
 
 
 def _typical(values: Array) -> str:
