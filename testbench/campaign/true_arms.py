@@ -74,10 +74,6 @@ def _off_tubes(share: float, arm: Arm, rng: np.random.Generator) -> Arm:
     return replace(arm, links=tuple(off(link) for link in arm.links))
 
 
-def _tubes(arm: Arm, _: np.random.Generator) -> Arm:
-    return arm
-
-
 def _cast(arm: Arm, rng: np.random.Generator) -> Arm:
     return replace(arm, links=tuple(cast_link(link, rng) for link in arm.links))
 
@@ -89,7 +85,7 @@ def _unequal_joints(arm: Arm, rng: np.random.Generator) -> Arm:
 
 
 TRUTHS: Mapping[str, TrueArm] = {
-    "tubes": _tubes,
+    "tubes": lambda arm, _: arm,
     "off_10": partial(_off_tubes, 0.1),
     "off_20": partial(_off_tubes, 0.2),
     "off_40": partial(_off_tubes, 0.4),
