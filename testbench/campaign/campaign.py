@@ -136,7 +136,13 @@ class Campaign:
 
 
 def build_cell(folder: str | Path) -> Cell:
-    """Load an arm, by its folder or the name of one that comes with testbench, and build its model.
+    """Load an arm and build its model.
+
+    Args:
+        folder: The arm's; the name of an arm that comes with testbench does as well.
+
+    Returns:
+        What campaigns, plans and studies work on.
 
     Raises:
         InputError: When the arm's folder is wrong, or MuJoCo and the model read two arms in it.
@@ -188,6 +194,9 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
         cell: The arm.
         scenario: What to measure; None for the campaign of section 6 under the payload that the arm states.
         seed: Root of all randomness.
+
+    Returns:
+        The runs to identify from, those to check with, and true deflections over the workspace.
 
     Raises:
         BenchError: When neither scenario nor arm states a payload.
