@@ -14,7 +14,8 @@ from testbench.identify.absolute.posterior import place
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.prior import cad_prior
 from testbench.plant import GearErrors
-from testbench.studies.absolute_calibration.beside import check, judged, true_joints, true_state
+from testbench.studies.absolute_calibration.beside import judged, true_joints, true_state
+from testbench.studies.absolute_calibration.trial import check
 
 SEEDS = range(501, 507)
 ON = frozenset({"joint springs", "links", "joint errors"})
@@ -38,9 +39,9 @@ def test_intervals_hold_the_truth_as_often_as_they_say(arms):
     """Pooled over some arms; 5 of 60 joints outside are three standard deviations too many."""
     parts = {}
     for _, _, truth, own in arms:
-        for part, (held, _) in judged(own, truth).items():
-            parts.setdefault(part, []).append(held)
-    shares = {part: np.mean(inside) for part, inside in parts.items()}
+        for part, held in judged(own, truth)[0].items():
+            parts.setdefault(part, []).append((held.inside, held.of))
+    shares = {part: np.divide(*np.sum(held, axis=0)) for part, held in parts.items()}
     assert set(shares) == {"geometry", "joint errors", "joint compliances", "entries"}
     for part in ("geometry", "joint errors", "joint compliances"):
         assert 0.88 < shares[part] <= 1, (part, shares[part])

@@ -8,8 +8,8 @@ from reports import check, table_of
 
 from testbench.report.table import find
 from testbench.studies.absolute_calibration import trial as s
+from testbench.studies.absolute_calibration.beside import Held
 from testbench.studies.absolute_calibration.study import BY, LOOKS, OPTIMUM, figures, report
-from testbench.studies.absolute_calibration.trial import FitRow, Held
 from testbench.views.colours import GCO, LEAST_SQUARES
 from testbench.views.markdown import grid
 from testbench.views.schema import show
@@ -33,7 +33,7 @@ def row(rng, seed, key, kept):
     true_arm, campaign, poses, name = key
     optimum = rng.uniform(0.1, 0.2)
     return of_one_trial(
-        FitRow,
+        s.FitRow,
         rng,
         **{"arm": s.ARMS[seed % 2], "true_arm": true_arm, "campaign": campaign, "poses": poses, "name": name},
         readings=poses if campaign == s.ABSOLUTE else 200,

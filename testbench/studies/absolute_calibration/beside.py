@@ -1,23 +1,19 @@
 """A calibration beside the truth behind its readings: its numbers, positions, and the least error."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.campaign.absolute_model import belief_of
 from testbench.campaign.absolute_truth import Truth
 from testbench.campaign.rows import MM
-from testbench.data.dataset import Ids, Mask
+from testbench.data.dataset import Ids
 from testbench.data.series import Series
-from testbench.data.tracker import Tracker, read_positions
 from testbench.errors import Array
 from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import Learnt, choice, solve, squares
 from testbench.identify.absolute.fit import Calibration, Gathered
-from testbench.identify.absolute.intervals import Part, Z, deviations_root, functionals, own_values, placed
+from testbench.identify.absolute.intervals import Part, Z, deviations_root, functionals, own_values
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.posterior import inside, predict
 from testbench.identify.absolute.reduced import Point, Weighting, reduce
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.state import State
@@ -29,6 +25,14 @@ from testbench.model.structure import all153
 from testbench.model.vjm import Vjm
 
 SHAPE = 0.3  #: How well compliances are known beside a common factor, standard deviation [1].
+
+
+@dataclass(frozen=True)
+class Held:
+    """Numbers that should lie in their 95 % intervals."""
+
+    of: int
+    inside: int
 
 
 def true_state(state: State, truth: Truth) -> State:
@@ -67,37 +71,27 @@ def true_joints(vjm: Vjm, truth: Truth) -> Array:
     return np.asarray(np.diag(C)[6 * len(vjm.arm.links) :] + links)
 
 
-def judged(calibration: Calibration, truth: Truth) -> Mapping[Part, tuple[Mask, Array]]:
+def judged(calibration: Calibration, truth: Truth) -> tuple[dict[Part, Held], Array]:
     """All numbers of a calibration that have an interval, beside the truth.
 
     A joint's true compliance has that of the link before it about its axis, of a rigid model's links too.
 
     Returns:
-        Of each part which numbers lie in their 95 % interval, (k,), and found over true, less one, (k,); NaN
-        where the truth is zero.
+        Of each part those numbers that the truth has, where there are some: joint errors have its orders. Of
+        the compliances of the joints found over true, less one, (n,); (0,) of a rigid model.
     """
-    own, root, parts = calibration.own, deviations_root(calibration), {}
+    own, root, parts, relative = calibration.own, deviations_root(calibration), {}, np.zeros(0)
     found, true = own_values(calibration), own.unknowns.current(true_state(calibration.state, truth))
     for group in functionals(own):
-        joints = group.part == "joint compliances"
-        sought = true_joints(own.unknowns.vjm, truth) if joints else group.of @ true
-        off = group.of @ found - sought
+        sought = group.of @ true
+        if group.part == "joint compliances":
+            sought = true_joints(own.unknowns.vjm, truth)
+            relative = group.of @ found / sought - 1
         deviation = np.linalg.norm(group.of[:, own.columns] @ root, axis=1)
-        parts[group.part] = np.abs(off) < Z * deviation, off / np.where(sought == 0, np.nan, sought)
-    return parts
-
-
-def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> tuple[Array, Mask]:
-    """Positions by a calibration beside the true ones of a series that it has, and readings of these.
-
-    Returns:
-        True position minus the model's, base axes, (rows, m, 3) [m], and which readings lie in their 95 %
-        ellipsoid, (rows, m).
-    """
-    read = replace(true, position=read_positions(Tracker(true.sigma, None), true.position, rng))
-    found = predict(placed(calibration, read), belief_of(calibration), read)
-    turn = calibration.state.frame(true).rotation
-    return found.left - (read.position - true.position) @ turn, np.asarray(inside(found))
+        inside = (np.abs(group.of @ found - sought) < Z * deviation)[sought != 0]
+        if inside.size:
+            parts[group.part] = Held(inside.size, int(inside.sum()))
+    return parts, relative
 
 
 def optimum_mm(found: Gathered, truth: Truth, check: Series) -> float:

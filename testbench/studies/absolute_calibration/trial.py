@@ -8,6 +8,7 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
+from testbench.campaign.absolute_model import belief_of
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
 from testbench.campaign.campaign import Cell, build_cell, clear_poses, stream
 from testbench.campaign.perturbed_prior import wrong_prior
@@ -16,13 +17,15 @@ from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Mask
 from testbench.data.series import Series
 from testbench.data.series_csv import series_text
+from testbench.data.tracker import Tracker, read_positions
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.fit import Calibration, explain, gather
 from testbench.identify.absolute.fit import Options as Fit
-from testbench.identify.absolute.intervals import deviations_root
+from testbench.identify.absolute.intervals import deviations_root, placed
+from testbench.identify.absolute.posterior import inside, predict
 from testbench.plant import GearErrors, build_plant
 from testbench.report.table import Row
-from testbench.studies.absolute_calibration.beside import check, judged, optimum_mm, true_state
+from testbench.studies.absolute_calibration.beside import Held, judged, optimum_mm, true_state
 
 NAME = "absolute_calibration"
 ARMS = ("ur10", "kr500_l480")  #: A seed each in turn.
@@ -150,14 +153,6 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
 
 
 @dataclass(frozen=True)
-class Held:
-    """Numbers that should lie in their 95 % intervals."""
-
-    of: int
-    inside: int
-
-
-@dataclass(frozen=True)
 class FitRow:
     """One fit of one campaign."""
 
@@ -268,9 +263,7 @@ def _row(
         rng: Source of the noise of their readings.
     """
     off, within = check(fit, checks[0], rng)
-    parts = judged(fit, truth)
-    held = {part: _held(*one) for part, one in parts.items()}
-    _, joints = parts.get("joint compliances", (None, np.zeros(0)))
+    held, joints = judged(fit, truth)
     return FitRow(
         **about,
         kept=tuple(step.name for step in fit.chosen.steps if step.kept),
@@ -286,10 +279,17 @@ def _row(
     )
 
 
-def _held(inside: Mask, relative: Array) -> Held | None:
-    """Those that the truth has, such as joint errors of its orders; None where it has none."""
-    there = np.isfinite(relative)
-    return Held(int(there.sum()), int(inside[there].sum())) if there.any() else None
+def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> tuple[Array, Mask]:
+    """Positions by a calibration beside the true ones of a series that it has, and readings of these.
+
+    Returns:
+        True position minus the model's, base axes, (rows, m, 3) [m], and which readings lie in their 95 %
+        ellipsoid, (rows, m).
+    """
+    read = replace(true, position=read_positions(Tracker(true.sigma, None), true.position, rng))
+    found = predict(placed(calibration, read), belief_of(calibration), read)
+    turn = calibration.state.frame(true).rotation
+    return found.left - (read.position - true.position) @ turn, np.asarray(inside(found))
 
 
 def _rms_mm(off: Array) -> float:
