@@ -5,12 +5,14 @@ import textwrap
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
+from pathlib import Path
+from typing import IO, Literal
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Figure
 from matplotlib.figure import SubFigure
@@ -34,6 +36,9 @@ FAR = 5.0  #: Times the least number from which an axis is logarithmic [1].
 TITLE, CAPTION = 92, 150  #: Letters of a line of the title and of the words below.
 
 
+LEVEL = 4  #: Of a PNG's compression: the next ones save no more than a fiftieth of its size.
+
+
 class Page(Figure):
     """A figure in which no dollar of a name begins a formula."""
 
@@ -44,6 +49,15 @@ class Page(Figure):
         with rc_context({"text.parse_math": False}), warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Glyph .* missing")  # of a script without a font here
             super().draw(renderer)
+
+
+def save(figure: Figure, path: Path | IO[bytes]) -> None:
+    """Write a figure as PNG, laid out and drawn once: `savefig` draws it twice."""
+    canvas = FigureCanvasAgg(figure)
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+    canvas.print_png(path, pil_kwargs={"compress_level": LEVEL})  # type: ignore[no-untyped-call]
 
 
 def page(height: float) -> Figure:
