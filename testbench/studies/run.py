@@ -17,7 +17,7 @@ from rich.console import Console
 from testbench import files
 from testbench.campaign.model_folder import digests
 from testbench.errors import InputError
-from testbench.output.run import claim_folder, whole_folder
+from testbench.output.place import claim_folder, whole_folder
 from testbench.report.table import Trials
 from testbench.shell.options import Common, takes
 from testbench.shell.trials import choose_backend, show_progress
@@ -114,6 +114,8 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     for name, figure in figures.items():
         save(figure, folder / name)
     names = [*figures, *study.extra]
+    if "data_file" in (first := found.first):
+        (folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")
     seen = study.write(found) or Seen()
     write_run(
         folder / "recording.rrd", found.header, report, seen, {_title(name): folder / name for name in names}

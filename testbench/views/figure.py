@@ -205,9 +205,7 @@ def forest_pane(axes: Axes, table: Table, value: Column, *, named: bool = True) 
     for y, row in enumerate(table.rows):
         number, look = value.value(row), table.looks[name.cell(row)]
         axes.plot(ends(number), (y, y), color=look.hex, linewidth=2, alpha=0.6)
-        axes.plot(
-            middle(number), y, look.mark, color=look.hex, markerfacecolor=look.face, markersize=look.size(8)
-        )
+        axes.plot(middle(number), y, linestyle="", **look.dots(8))
         if known := value.known(row):
             axes.plot(float(known), y, "D", color=SOFT, markersize=5)
         if name.cell(row) == table.bold:
@@ -262,15 +260,8 @@ def _sweep(axes: Axes, table: Table, lines: Mapping[str, Look], bands: Collectio
         if rows:
             rows.sort(key=lambda row: middle(x.value(row)))
             at, numbers = [middle(x.value(row)) for row in rows], [y.value(row) for row in rows]
-            axes.plot(
-                at,
-                [*map(middle, numbers)],
-                look.mark + ("--" if look.prior else "-"),
-                label=line,
-                color=look.hex,
-                markerfacecolor=look.face,
-                markersize=look.size(5),
-            )
+            style = "--" if look.prior else "-"
+            axes.plot(at, [*map(middle, numbers)], linestyle=style, label=line, **look.dots(5))
             if line in bands and any(isinstance(number, Spread) for number in numbers):
                 low, high = np.transpose([*map(ends, numbers)])
                 axes.fill_between(at, low, high, color=look.hex, alpha=0.08, linewidth=0)
@@ -308,8 +299,7 @@ def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
             for row, at in zip(shown, y, strict=True):
                 axes.plot(ends(value.value(row)), (at, at), color=look.hex, alpha=0.5)
             middles = [middle(value.value(row)) for row in shown]
-            style = {"markerfacecolor": look.face, "markersize": look.size(5), "label": model}
-            axes.plot(middles, y, look.mark, color=look.hex, **style)
+            axes.plot(middles, y, linestyle="", label=model, **look.dots(5))
         log_ticks(axes, "x", *axes.dataLim.intervalx)
         axes.set(xlabel=labelled(value))
         axes.set_title(title, fontsize="medium")

@@ -10,7 +10,7 @@ from testbench.campaign.true_arms import CALLED
 from testbench.report.campaigns import pairs
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
-from testbench.report.table import Row, Trials, merged
+from testbench.report.table import Row, Trials
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.trial import writes
 from testbench.studies.regimes import trial
@@ -62,7 +62,6 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     plain = trials.where(uncertainty=NONE)
     cells = compare.duels(plain, PAIRS, *CELL, within=("true_arm",))
     errors = compare.cells(plain, *CELL, also=("free",))
-    known = trials.keep("measured.").pick(np.isfinite(trials["measured.runs"]))
     f = Row(
         seed=list(seeds) if len(seeds) > 1 else seeds[0],
         noise=True,
@@ -83,7 +82,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         worst={kind: max(_of(cells, kind, SQUARES), key=lambda row: middle(row.ratio)) for kind in KINDS},
         featured_poses=FEATURED_POSES,
         featured_um=UM * FEATURED_SIGMA,
-        dataset=merged(known.pick(np.arange(1)))[0].measured,
+        dataset=compare.dataset(trials),
     )
     at = {"part": "gravity", "poses": FEATURED_POSES, "sigma_um": f.featured_um}
     here = [row for row in errors if all(row[key] == value for key, value in at.items())]
@@ -91,7 +90,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     own = compare.by_case(plain.where(structure=f.structure, **at), "true_arm")
     rivals = {"least_squares": (GCO, SQUARES), "joints": (GCO, JOINTS)}
     f["gains"] = pairs(own, rivals, compare.ERROR, 1e-3)
-    f["models"] = [model for row in here for model in compare.contract([row], row.structure, "workspace")]
+    f["models"] = [model for row in here for model in compare.contract([row], where=row.structure)]
     where = say("A weight, {featured_poses} poses, {featured_um:g} um of noise, {structure}:", f)
     worst = "{structure}, {poses} poses, {sigma_um:g} um: GCO errs {ratio:~.2f} times"
     return Report(
@@ -244,5 +243,5 @@ STUDY = Study(
     report=report,
     printed=tuple(KINDS),
     figures=figures,
-    write=writes(trial.first),
+    write=writes(trial.first_runs),
 )
