@@ -9,7 +9,8 @@ from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Cell, Setup, settle_both
 from testbench.campaign.campaign_row import Runs, dataset_of
 from testbench.campaign.rows import MM
-from testbench.data.dataset import Dataset, in_order
+from testbench.data.csvfile import write_csv
+from testbench.data.dataset import Dataset, in_order, split
 from testbench.errors import Array
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.table import Row, Trials
@@ -64,6 +65,13 @@ def runs_of(cell: Cell, setup: Setup, first: Trials) -> tuple[Dataset, Dataset]:
     kinds = [first.inside("drawn").inside(kind).columns.items() for kind in ("measured", "over")]
     rows = [Runs(**{name: cells[0] for name, cells in own}) for own in kinds]
     return dataset_of(cell, setup, rows[0]), dataset_of(cell, setup, rows[1])
+
+
+def write_runs(run: AnyRun, cell: Cell, setup: Setup, poses: int | None = None) -> None:
+    """dataset.csv of the first seed; of the first so many poses alone, None for all."""
+    measured, _ = runs_of(cell, setup, run.first)
+    own = measured if poses is None else split(measured, np.arange(poses) + 1)[0]
+    write_csv(own, cell.arm, run.folder / "dataset.csv")
 
 
 def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> Seen:

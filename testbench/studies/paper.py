@@ -3,6 +3,11 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from testbench.campaign.campaign import Cell, stream
+from testbench.data.dataset import Dataset
+from testbench.identify import Estimate
+from testbench.identify.factorised import LARGEST_ORDER, LocalSolves
+from testbench.model.structure import Structure
 from testbench.trials.spread import Number, Spread, ends, middle
 from testbench.views.schema import show
 
@@ -62,6 +67,14 @@ def comparison(claim: str, test: str, held: int, seeds: int) -> Claim:
         seeds: All of them.
     """
     return judged(claim, held >= MOST * seeds, f"{test} in {held} of {seeds} seeds")
+
+
+def every_order(cell: Cell, structure: Structure, data: Dataset, starts: int, seed: int) -> list[Estimate]:
+    """GCO over vectors of Eq. (16), of every order m from 1 to 6: the best of some local solves."""
+    return [
+        LocalSolves(stream(seed, 10 + m), m, starts)(cell.vjm, structure, data)
+        for m in range(1, LARGEST_ORDER + 1)
+    ]
 
 
 SECTION_6: dict[str, dict[str, float]] = {
