@@ -13,8 +13,8 @@ from testbench.identify.identifiability_unseen import Direction
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row
-from testbench.trials.gain import gained
 from testbench.views.colours import GCO, GREY, Look
+from testbench.views.gains import gained
 from testbench.views.markdown import Markdown, listed
 from testbench.views.scene import Line, RunChart, Seen
 from testbench.views.schema import Table

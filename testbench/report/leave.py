@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench import files
 from testbench.campaign.model_folder import digests
-from testbench.output.run import whole_folder
+from testbench.output.place import whole_folder
 from testbench.report.report import Report
 from testbench.views.page.page import write_page
 from testbench.views.scene import Seen

@@ -17,7 +17,7 @@ from rich.console import Console
 from testbench import files
 from testbench.campaign.model_folder import digests
 from testbench.errors import InputError
-from testbench.output.run import claim_folder, whole_folder
+from testbench.output.place import claim_folder, whole_folder
 from testbench.report.table import Trials
 from testbench.shell.options import Common, takes
 from testbench.shell.trials import choose_backend, show_progress
