@@ -21,7 +21,7 @@ from testbench.output.place import claim_folder, whole_folder
 from testbench.report.table import Trials
 from testbench.shell.options import Common, takes
 from testbench.shell.trials import choose_backend, show_progress
-from testbench.studies.patched import checked, constants
+from testbench.studies.patched import checked, sums
 from testbench.studies.study import AnyStudy, Everywhere, P, Run
 from testbench.trials.engine import Backend, run_study
 from testbench.trials.experiment import Experiment
@@ -63,7 +63,7 @@ def run(study: AnyStudy, common: Common, options: Any, console: Console) -> None
     settings = study.settings(options, common.quick, seeds)
     plain = TypeAdapter(type(settings)).dump_python(settings, mode="json")
     text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
-    known = constants(study.trials)
+    known = sums(study.trials)
     scenario = {"settings": plain, "models": digests(arms), **known}
     script = f"scenarios/{study.name}.py"
     experiment = Experiment(study.name, scenario, seeds)

@@ -279,15 +279,17 @@ def labelled(column: Column) -> str:
     return f"{column.heading} [{column.unit}]" if column.unit else column.heading
 
 
-def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
+def ranges(panes: Mapping[str, Table], answer: str, reading: str, mark: float | None = None) -> Figure:
     """Medians and spreads of models by what names a row, a pane a table: nothing joins one row to the next.
 
     Args:
         panes: By title; the columns of a table name the row and the model, and are drawn.
         answer: See `say`.
         reading: The same.
+        mark: A number with a dotted line; None for none.
     """
-    rows, (down, name, value) = (table := next(iter(panes.values()))).rows, table.columns
+    table, rows = next(iter(panes.values())), [row for own in panes.values() for row in own.rows]
+    down, name, value = table.columns
     places, known = list(dict.fromkeys(down.cell(row) for row in rows)), table.looks or looks(rows, name)
     figure = page(2.4 + 0.6 * len(places))
     part = _body(figure)
@@ -301,6 +303,8 @@ def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
             middles = [middle(value.value(row)) for row in shown]
             axes.plot(middles, y, linestyle="", label=model, **look.dots(5))
         log_ticks(axes, "x", *axes.dataLim.intervalx)
+        if mark is not None:
+            axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
         axes.set(xlabel=labelled(value))
         axes.set_title(title, fontsize="medium")
         axes.grid(axis="y", alpha=0.2)
