@@ -15,12 +15,11 @@ from testbench.studies.calibration_scene import amid_errors
 from testbench.studies.real_ur10 import trial
 from testbench.studies.real_ur10.joints import TRAINED, joint_rows
 from testbench.studies.study import Run, Study
-from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import middle
 from testbench.views import colours
 from testbench.views.colours import CHOICE, Look, look
 from testbench.views.figure import Figure, forest
-from testbench.views.gains import more
+from testbench.views.gains import Gain, gained, more
 from testbench.views.markdown import Markdown
 from testbench.views.scene import Seen
 from testbench.views.schema import Table
