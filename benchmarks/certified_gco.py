@@ -14,9 +14,9 @@ from testbench.errors import Array
 from testbench.identify import Estimate, gco, reduce
 from testbench.identify.cone import TOLERANCE
 from testbench.identify.conic import by_clarabel, scale_program
-from testbench.identify.modelled import Entries, cvxpy, solve_modelled, vectorised
 from testbench.model.structure import Structure, all153
 from testbench.plant import settle_linear
+from testbench.studies.estimators.modelled import Entries, cvxpy, solve_modelled, vectorised
 
 ARMS = ("arm_6r", "kr500_l480")
 POSES = 18
@@ -111,7 +111,7 @@ def rows_of(arm: Cell) -> list[Row]:
     reducing = [seconds(lambda: reduce(arm.vjm, structure, data)) for _ in range(REPEATS)]
     text = "a part of GCO's time, none of cvxpy's"
     return [
-        at_most(title, np.median(ratio), "x", 0.8, f"ratio {spread(ratio, digits=2)}: {both}"),
+        at_most(title, np.median(ratio), "x", 1.5, f"ratio {spread(ratio, digits=2)}: {both}"),
         *(way_row(name, *row, wall) for row in zip(WAYS, theirs, others, strict=True)),
         *agreement(name, ours[0], [results[0].f_m for results in theirs]),
         note(f"    {name}: reducing the dataset", 1e3 * np.median(reducing), "ms", text),

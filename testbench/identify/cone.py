@@ -10,7 +10,7 @@ length of svec(X) is the Frobenius norm of X.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Literal
 
 import clarabel
@@ -21,10 +21,12 @@ from scipy import sparse
 from testbench.errors import Array
 
 TOLERANCE = 1e-10  #: Feasibility and gap asked of Clarabel, in units where the data are of order one.
+REGULARISATION = 1e-8  #: Of the solver's linear systems: more loses digits, less ends in rounding sooner.
 GAP = 1e-6  #: Duality gap, relative to the cost, below which a program counts as solved.
 
 Ids = npt.NDArray[np.int_]
 Kind = Literal["zero", "nonnegative", "second order", "psd"]
+NOTHING = np.zeros(0, int), np.zeros(0, int), np.zeros(0)
 CONES: dict[Kind, Callable[[int], object]] = {
     "zero": clarabel.ZeroConeT,
     "nonnegative": clarabel.NonnegativeConeT,
@@ -33,7 +35,7 @@ CONES: dict[Kind, Callable[[int], object]] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Block:
     """Unknowns that belong together."""
 
@@ -92,9 +94,13 @@ class Solution:
         return f"not solved: Clarabel says {self.word}"
 
 
-def solve(problem: Problem, *, tolerance: float = TOLERANCE) -> Solution:
+def solve(
+    problem: Problem, *, tolerance: float = TOLERANCE, regularisation: float = REGULARISATION
+) -> Solution:
     """Solve a conic program; a solver that stalls has found what it found, and the status says so."""
-    return _solution(_set_up(problem, _settings(tolerance)), problem)
+    settings = _settings(tolerance)
+    settings.static_regularization_constant = regularisation
+    return _solution(_set_up(problem, settings), problem)
 
 
 def prepare(problem: Problem, *, tolerance: float = TOLERANCE) -> Callable[[Array], Solution]:
@@ -115,6 +121,7 @@ def psd_block(first: int, size: int) -> Block:
     return Block(np.arange(first, first + triangle(size)), size)
 
 
+@lru_cache(maxsize=64)
 def psd_blocks(first: int, sizes: tuple[int, ...]) -> tuple[Block, ...]:
     """Matrices of these orders, the svec of one behind that of the other."""
     starts = first + np.cumsum([0, *map(triangle, sizes)])
@@ -195,17 +202,25 @@ def _set_up(problem: Problem, settings: clarabel.DefaultSettings) -> clarabel.De
         each = row.each or len(row.b)
         cones += [CONES[row.kind](each) for _ in range(len(row.b) // each)]
         first += len(row.b)
-    for block in problem.blocks:
-        if block.size:
-            size = triangle(block.size)
-            i, k, value = _entries(np.eye(size) if block.svec is None else block.svec, first)
-            entries.append((i, block.at[k], -value))
-            b.append(np.zeros(size))
-            cones.append(CONES["psd"](size))
-            first += size
+    i, k, value, sizes = _block_entries(tuple(block for block in problem.blocks if block.size))
+    entries.append((first + i, k, value))
+    b.append(np.zeros(sum(sizes)))
+    cones += [CONES["psd"](size) for size in sizes]
+    first += sum(sizes)
     i, k, value = (np.concatenate(part) for part in zip(*entries, strict=True))
     A = sparse.csc_matrix((value, (i, k)), shape=(first, n))
     return clarabel.DefaultSolver(P, problem.cost, A, np.concatenate(b), cones, settings)
+
+
+@lru_cache(maxsize=64)
+def _block_entries(blocks: tuple[Block, ...]) -> tuple[Ids, Ids, Array, list[int]]:
+    """Rows, columns and values of the PSD blocks, and the rows of each: found once, not once a program."""
+    entries, sizes = [NOTHING], [triangle(block.size) for block in blocks]
+    for block, first in zip(blocks, np.cumsum([0, *sizes]).tolist(), strict=False):
+        i, k, value = _entries(np.eye(len(block.at)) if block.svec is None else block.svec, first)
+        entries.append((i, block.at[k], -value))
+    i, k, value = (np.concatenate(part) for part in zip(*entries, strict=True))
+    return i, k, value, sizes
 
 
 def _entries(A: Array | sparse.csc_matrix, first: int) -> tuple[Ids, Ids, Array]:

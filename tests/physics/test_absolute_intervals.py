@@ -9,8 +9,8 @@ from testbench.campaign.absolute_model import belief_of
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import clear_poses, stream
 from testbench.identify.absolute.fit import Options, calibrate
+from testbench.identify.absolute.inner import moved
 from testbench.identify.absolute.intervals import intervals
-from testbench.identify.absolute.moved import moved
 from testbench.identify.absolute.posterior import place
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.prior import cad_prior

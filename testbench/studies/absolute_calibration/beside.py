@@ -15,8 +15,8 @@ from testbench.errors import Array
 from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import Choice, Learnt, choice, solve, squares
 from testbench.identify.absolute.fit import Calibration, Gathered
+from testbench.identify.absolute.inner import moved
 from testbench.identify.absolute.intervals import Part, Z, deviations_root, functionals, own_values, placed
-from testbench.identify.absolute.moved import moved
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.posterior import inside, predict
 from testbench.identify.absolute.reduced import Point, Weighting, reduce

@@ -20,7 +20,7 @@ from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.campaign.rows import MM, UM, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
 from testbench.campaign.workspace_errors import Places, kept_mm, places_of
 from testbench.identify import gco
-from testbench.identify.factorised import LARGEST_ORDER, LocalSolves
+from testbench.studies.estimators.factorised import LARGEST_ORDER, LocalSolves
 from testbench.trials.spread import Number
 
 MODELS = ("MLS56", "MLS32", "MGCO147", "MGCO69", "MGCO56")  #: The models of Table I, in the paper's order.

@@ -8,10 +8,10 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.pose_campaign import simulate
 from testbench.data.csvfile import write_csv
-from testbench.identify.factorised import CLOSE
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, merged, number
+from testbench.studies.estimators.factorised import CLOSE
 from testbench.studies.solver_comparison.trial import ARM, SCENARIO, SHORT_GENERATIONS, Options
 from testbench.studies.study import Run
 from testbench.trials.spread import middle

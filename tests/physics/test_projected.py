@@ -1,0 +1,106 @@
+"""The projected Newton method against Clarabel as the referee, and answers that are not proven."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from agreement import APART, OFF, WORSE, compared, least_squares_off
+from programs import NASTY, random_regression, with_random_prior
+
+from testbench.campaign.campaign import Scenario, simulate
+from testbench.errors import BenchError
+from testbench.identify import cone, projected, reduce
+from testbench.identify.conic import optimum
+from testbench.identify.metric import Belief, Case, metric, rescaled
+from testbench.identify.prior import Strength, cad_prior
+from testbench.identify.regression import f_m
+from testbench.identify.regularised import answer, fit_each, gco_with
+from testbench.model.structure import all153, mgco47, mgco68, template56
+
+STRENGTHS = (1e-6, 0.01, 0.3, 2.0, 30.0, 1e3)
+STRUCTURES = (mgco47, template56, mgco68, all153)
+
+
+@pytest.fixture(scope="module")
+def campaigns(kr500):
+    return [simulate(kr500, Scenario(arm=kr500.arm.name, workspace_poses=1), seed) for seed in (11, 12, 13)]
+
+
+@pytest.mark.parametrize("kind", ["kind", *NASTY])
+def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
+    for k in range(8):
+        case = with_random_prior(random_regression(kind, rng), STRENGTHS[k % len(STRENGTHS)], rng)
+        found = compared(case)
+        assert found.over <= WORSE
+        assert not found.own or found.off <= APART
+        assert least_squares_off(case) <= OFF
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_campaigns_need_no_referee(kr500, campaigns, structure, monkeypatch):
+    monkeypatch.setattr(cone, "solve", None)
+    s = structure(kr500.arm)
+    for run in campaigns:
+        regression = reduce(kr500.vjm, s, run.identification)
+        own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, s), regression)
+        for u in (0.05, 0.3, 2.0):
+            estimate = gco_with(regression, own, Strength(u))
+            assert estimate.status == "solved"
+            assert estimate.conservative
+
+
+@pytest.mark.parametrize("seed", [1010, 1014, 1025])
+@pytest.mark.parametrize("truth", ["linear", "nonlinear"])
+def test_without_noise_the_last_digits_of_readings_do_not_change_what_is_said(arm_6r, seed, truth, rng):
+    """Rounding ends Clarabel in some of these; what is proven then has no digits to spare."""
+    scenario = Scenario(arm=arm_6r.arm.name, workspace_poses=1, truth=truth, noise=False)
+    data = simulate(arm_6r, scenario, seed).identification
+    for k in range(4):
+        after = data.after * (1 + 2e-16 * k * rng.standard_normal(data.after.shape))
+        found = optimum(reduce(arm_6r.vjm, mgco68(arm_6r.arm), replace(data, after=after)))
+        assert found.status == "solved"
+        assert found.f_m < 1e-5 * f_m(found.regression, np.zeros(found.structure.n))
+
+
+def test_gco_is_in_the_units_of_the_data(kr500, campaigns):
+    regression = reduce(kr500.vjm, mgco68(kr500.arm), campaigns[0].identification)
+    for factor in (1e-6, 1e6):
+        terms = tuple(replace(t, z=factor * t.z, rest=factor**2 * t.rest) for t in regression.terms)
+        scaled, right = (
+            optimum(replace(regression, terms=terms)).C_theta / factor,
+            optimum(regression).C_theta,
+        )
+        size = np.sqrt(np.diag(right))  # an entry of a block is at most the product of two
+        assert (np.abs(scaled - right) <= 1e-4 * np.outer(size, size) + 1e-9 * size.max() ** 2).all()
+
+
+WRONG = {
+    "too small": (lambda x: 0.99 * x),
+    "too large": (lambda x: 1.01 * x),
+    "nothing": (lambda x: 0.0 * x),
+    "not a number": (lambda x: np.nan * x),
+    "outside the cone": (lambda x: x - np.abs(x).max()),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
+@pytest.mark.parametrize("structure", [template56, mgco68])
+def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
+    kr500, campaigns, structure, wrong, monkeypatch
+):
+    regression = reduce(kr500.vjm, structure(kr500.arm), campaigns[0].identification)
+    own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, regression.structure), regression)
+    case = Case(regression, Belief(own, Strength(3.0)))
+    right, real = gco_with(regression, own, case.belief.strength), projected.follow
+    monkeypatch.setattr(projected, "follow", lambda *args: (wrong(real(*args)[0]), real(*args)[1]))
+    assert not answer("psd", case).own
+    again = gco_with(regression, own, case.belief.strength)
+    assert again.conservative
+    assert again.f_m == pytest.approx(right.f_m, rel=1e-5)
+
+
+def test_a_prior_for_some_of_the_datasets_is_refused(kr500, campaigns):
+    regression = reduce(kr500.vjm, mgco47(kr500.arm), campaigns[0].identification)
+    own = metric(cad_prior(kr500.arm), kr500.vjm, regression.structure)
+    with pytest.raises(BenchError, match="one for every dataset or none"):
+        fit_each([regression] * 2, "psd", [Belief(own, Strength(0.3)), None])
