@@ -35,7 +35,7 @@ FITS = (
     Fit(template56, True, ratio=1.0, ms=1.5),
     Fit(mgco68, True, ratio=0.6, ms=1.5),
     Fit(all153, True, ratio=0.5, ms=6.0),
-    Fit(all153, False, ratio=1.5, ms=40.0),
+    Fit(all153, False, ratio=1.0, ms=6.0),
 )
 
 

@@ -21,12 +21,10 @@ from scipy import sparse
 from testbench.errors import Array
 
 TOLERANCE = 1e-10  #: Feasibility and gap asked of Clarabel, in units where the data are of order one.
-REGULARISATION = 1e-8  #: Of the solver's linear systems: more loses digits, less ends in rounding sooner.
 GAP = 1e-6  #: Duality gap, relative to the cost, below which a program counts as solved.
 
 Ids = npt.NDArray[np.int_]
 Kind = Literal["zero", "nonnegative", "second order", "psd"]
-NOTHING = np.zeros(0, int), np.zeros(0, int), np.zeros(0)
 CONES: dict[Kind, Callable[[int], object]] = {
     "zero": clarabel.ZeroConeT,
     "nonnegative": clarabel.NonnegativeConeT,
@@ -35,7 +33,7 @@ CONES: dict[Kind, Callable[[int], object]] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Block:
     """Unknowns that belong together."""
 
@@ -94,13 +92,9 @@ class Solution:
         return f"not solved: Clarabel says {self.word}"
 
 
-def solve(
-    problem: Problem, *, tolerance: float = TOLERANCE, regularisation: float = REGULARISATION
-) -> Solution:
+def solve(problem: Problem, *, tolerance: float = TOLERANCE) -> Solution:
     """Solve a conic program; a solver that stalls has found what it found, and the status says so."""
-    settings = _settings(tolerance)
-    settings.static_regularization_constant = regularisation
-    return _solution(_set_up(problem, settings), problem)
+    return _solution(_set_up(problem, _settings(tolerance)), problem)
 
 
 def prepare(problem: Problem, *, tolerance: float = TOLERANCE) -> Callable[[Array], Solution]:
@@ -121,7 +115,6 @@ def psd_block(first: int, size: int) -> Block:
     return Block(np.arange(first, first + triangle(size)), size)
 
 
-@lru_cache(maxsize=64)
 def psd_blocks(first: int, sizes: tuple[int, ...]) -> tuple[Block, ...]:
     """Matrices of these orders, the svec of one behind that of the other."""
     starts = first + np.cumsum([0, *map(triangle, sizes)])
@@ -170,11 +163,37 @@ def svec(X: Array) -> Array:
 
 def smat(x: Array) -> Array:
     """The symmetric matrices of such triangles, (..., n (n + 1) / 2)."""
-    n = order(x.shape[-1])
+    places, scale = _unpacked(order(x.shape[-1]))
+    return np.asarray(x.take(places, axis=-1) * scale)
+
+
+@cache
+def _unpacked(n: int) -> tuple[Ids, Array]:
+    """Where the entries of a matrix stand in its svec, and their size per unit of that, (n, n) each."""
     row, column = upper(n)
-    X = np.zeros((*x.shape[:-1], n, n))
-    X[..., row, column] = X[..., column, row] = x * np.where(row == column, 1, math.sqrt(0.5))
-    return X
+    places = np.zeros((n, n), int)
+    places[row, column] = places[column, row] = np.arange(len(row))
+    return places, np.where(np.eye(n) == 1, 1.0, math.sqrt(0.5))
+
+
+def congruence(A: Array) -> Array:
+    """The maps svec(Y) -> svec(A Y A^T), (..., t, t), of matrices (..., n, n)."""
+    i, j = upper(A.shape[-1])
+    diagonal = i == j
+    weight = np.where(diagonal, 1.0, math.sqrt(2))[:, None] * np.where(diagonal, 0.5, math.sqrt(0.5))
+    row, column = i[:, None], j[:, None]
+    both = A[..., row, i] * A[..., column, j] + A[..., row, j] * A[..., column, i]
+    return np.asarray(both * weight)
+
+
+@lru_cache(maxsize=64)
+def groups_of(sizes: tuple[int, ...]) -> list[Ids]:
+    """Places of the blocks of each order in the svec of all, one behind the other, (blocks, entries)."""
+    ends = np.cumsum([triangle(n) for n in sizes])
+    return [
+        np.array([np.arange(e - triangle(n), e) for n, e in zip(sizes, ends, strict=True) if n == size])
+        for size in dict.fromkeys(sizes)
+    ]
 
 
 def psd_part(X: Array) -> Array:
@@ -202,25 +221,17 @@ def _set_up(problem: Problem, settings: clarabel.DefaultSettings) -> clarabel.De
         each = row.each or len(row.b)
         cones += [CONES[row.kind](each) for _ in range(len(row.b) // each)]
         first += len(row.b)
-    i, k, value, sizes = _block_entries(tuple(block for block in problem.blocks if block.size))
-    entries.append((first + i, k, value))
-    b.append(np.zeros(sum(sizes)))
-    cones += [CONES["psd"](size) for size in sizes]
-    first += sum(sizes)
+    for block in problem.blocks:
+        if block.size:
+            size = triangle(block.size)
+            i, k, value = _entries(np.eye(size) if block.svec is None else block.svec, first)
+            entries.append((i, block.at[k], -value))
+            b.append(np.zeros(size))
+            cones.append(CONES["psd"](size))
+            first += size
     i, k, value = (np.concatenate(part) for part in zip(*entries, strict=True))
     A = sparse.csc_matrix((value, (i, k)), shape=(first, n))
     return clarabel.DefaultSolver(P, problem.cost, A, np.concatenate(b), cones, settings)
-
-
-@lru_cache(maxsize=64)
-def _block_entries(blocks: tuple[Block, ...]) -> tuple[Ids, Ids, Array, list[int]]:
-    """Rows, columns and values of the PSD blocks, and the rows of each: found once, not once a program."""
-    entries, sizes = [NOTHING], [triangle(block.size) for block in blocks]
-    for block, first in zip(blocks, np.cumsum([0, *sizes]).tolist(), strict=False):
-        i, k, value = _entries(np.eye(len(block.at)) if block.svec is None else block.svec, first)
-        entries.append((i, block.at[k], -value))
-    i, k, value = (np.concatenate(part) for part in zip(*entries, strict=True))
-    return i, k, value, sizes
 
 
 def _entries(A: Array | sparse.csc_matrix, first: int) -> tuple[Ids, Ids, Array]:

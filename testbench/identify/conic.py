@@ -1,10 +1,13 @@
 """Gramian-constrained optimisation as a conic program with a certificate.
 
 Over C_i = V_i^T V_i, F_M(b) of Eq. (19) is not convex; over C_i positive semi-definite it is, and the two
-sets are one (Theorem 1). Solved in scaled units by Clarabel, the last digits by Newton's method.
+sets are one (Theorem 1). Solved in scaled units, by our dense method where blocks are whole, all datasets of
+a structure at once; by Clarabel where they are not, or where the dense answer is not proven.
 """
 
 import math
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -22,25 +25,26 @@ from testbench.identify.certify import (
     trace_weight,
 )
 from testbench.identify.estimate import Dual, Estimate, make_estimate
+from testbench.identify.interior import TINY, Programs, least_norms
+from testbench.identify.interior import Term as Norm
 from testbench.identify.metric import clipped
-from testbench.identify.projected import Start, follow, groups_of
 from testbench.identify.regression import Ids, Regression, Term, check_symmetric, f_m
 from testbench.model.structure import Structure
 
 PENALTY_TOLD = 1e-4  #: Share of F_M that the trace term may cost before the advice tells of it.
 GAP_TOLERANCE = 1e-5
 """Proven distance of F_M + trace term from its optimum, relative to F_M, below which it is solved."""
-DATA_TOLERANCE = 1e-6
-"""The same relative to F_M at C = 0: where the data are noise-free, F_M has no scale of its own, and rounding
-ends Clarabel at 1e-7 or so."""
+DATA_TOLERANCE = 1e-7
+"""The same relative to F_M at C = 0: where the data are noise-free, F_M has no scale of its own.
+
+Without noise the trace term alone costs 0.3 to 2 times as much and F_M a tenth at most, so that F_M decides:
+what rounding changes in the trace does not.
+"""
 EXACT = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
-FITS = 1e-5
-"""The same below which a fit is solved whatever is proven: F_M cannot be negative, and without noise rounding
-ends Clarabel anywhere between the two."""
-REGULARISATIONS = (cone.REGULARISATION, 1e-7)
-"""Of the solver's linear systems: the second is for data without noise, where rounding may end the first."""
-LAST = (1e-10, 1e-11, 1e-12)  #: Gaps in the unit of F_M: the end of a path of `projected`.
-TINY = 1e-300
+PROVEN = (
+    1e-9  #: Gap in the unit of F_M up to which the dense answer is taken; most are a hundred times nearer.
+)
+TOGETHER = 500_000  #: Entries of the matrices of as many programs as go together: few enough for the cache.
 UNSEEN_WEIGHT = 1e-3
 """Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
 
@@ -74,20 +78,27 @@ def optimum(regression: Regression) -> Estimate:
     Raises:
         BenchError: When the structure is not symmetric.
     """
-    check_symmetric(regression.structure)
-    program = scale_program(regression)
-    for regularisation in REGULARISATIONS:
-        answer = by_clarabel(regression, program, regularisation)
-        certificate, left = bound(regression, answer.pi, answer.dual), f_m(regression, answer.pi)
-        near = GAP_TOLERANCE * left + DATA_TOLERANCE * program.unit
-        reached = certificate.duality_gap <= near or left <= FITS * program.unit
-        if reached:
-            break
-    exact = left <= EXACT * program.unit
-    held = not exact and _held(regression, program, answer.pi)
-    advice = _advice(regression, held)
+    return optimum_each([regression])[0]
+
+
+def optimum_each(regressions: Sequence[Regression]) -> list[Estimate]:
+    """The same of many datasets of one structure."""
+    check_symmetric(regressions[0].structure)
+    programs = [scale_program(regression) for regression in regressions]
+    found = zip(regressions, programs, answers(regressions, programs), strict=True)
+    return [_estimate(*own) for own in found]
+
+
+def _estimate(regression: Regression, program: Program, answer: "Answer") -> Estimate:
+    """What is known of an answer."""
+    pi = answer.pi
+    certificate = bound(regression, pi, answer.dual or gradient_dual(regression, pi))
+    left = f_m(regression, pi)
+    over = min(certificate.duality_gap, left)  # F_M cannot be negative
+    reached = over <= GAP_TOLERANCE * left + DATA_TOLERANCE * program.unit
+    held = left > EXACT * program.unit and _held(regression, program, pi)
     estimate = make_estimate(
-        regression, answer.pi, method="GCO (conic program)", constraint="psd", advice=advice
+        regression, pi, method="GCO (conic program)", constraint="psd", advice=_advice(regression, held)
     )
     return replace(
         estimate,
@@ -100,21 +111,95 @@ def optimum(regression: Regression) -> Estimate:
 
 @dataclass(frozen=True)
 class Answer:
-    """What the solver found."""
+    """What a solver found."""
 
     pi: Array  #: Parameters, (n,).
     seconds: float  #: Time inside the solver.
     failure: str  #: What is said where it is not proven to be near the optimum.
-    dual: Dual  #: Its proof.
+    dual: Dual | None = None  #: Its proof; None for the gradient of F_M.
 
 
-def by_clarabel(
-    regression: Regression, program: Program, regularisation: float = cone.REGULARISATION
-) -> Answer:
-    """Minimise sum t + trace term, every block positive semi-definite, with the solver's own proof."""
+def optima(regressions: Sequence[Regression]) -> Array:
+    """Parameters that `optimum` finds, of many datasets of one structure, (datasets, n)."""
+    return np.array([a.pi for a in answers(regressions, [scale_program(r) for r in regressions])])
+
+
+def answers(regressions: Sequence[Regression], programs: Sequence[Program]) -> list[Answer]:
+    """The answers to the programs of some datasets of one structure, those of one shape together."""
+    found: dict[int, Answer] = {}
+    shapes: dict[bytes, list[int]] = {}
+    for k, (regression, program) in enumerate(zip(regressions, programs, strict=True)):
+        still = np.zeros(regression.structure.n)
+        if f_m(regression, still) == 0:  # nothing moves: a rigid arm, and no unit
+            found[k] = Answer(still, 0.0, "")
+        elif program.structure.whole and len(program.columns):
+            shapes.setdefault(bytes([len(regression.terms)]) + program.columns.tobytes(), []).append(k)
+    for alike in shapes.values():
+        each = max(1, TOGETHER // len(programs[alike[0]].columns) ** 2)
+        for first in range(0, len(alike), each):
+            share = alike[first : first + each]
+            found |= zip(share, _dense([(regressions[k], programs[k]) for k in share]), strict=True)
+    return [found.get(k) or by_clarabel(regressions[k], programs[k]) for k in range(len(programs))]
+
+
+def _better(regression: Regression, program: Program, own: Answer) -> Answer:
+    """Of an answer that is not proven and the referee's the one of which more is proven.
+
+    Without noise F_M has no slope to speak of at its optimum, and both solvers end by rounding: which of them
+    is nearer changes with the last digits of the readings, the better of both hardly.
+    """
+    referee = by_clarabel(regression, program)
+    ways = (own, replace(own, dual=referee.dual), referee)
+
+    def left(way: Answer) -> float:
+        return bound(regression, way.pi, way.dual or gradient_dual(regression, way.pi)).duality_gap
+
+    return replace(min(ways, key=left), failure=referee.failure)
+
+
+def _dense(some: Sequence[tuple[Regression, Program]]) -> list[Answer]:
+    """Our own answers to programs of one shape; the referee is asked where one is not proven."""
+    start = time.perf_counter()
+    structure = some[0][1].structure
+    order = structure.parameter
+    unit = np.where(structure.mirrored[order], math.sqrt(0.5), 1.0)  # parameters over svec
+    norms = [_norm(some, k, order, unit) for k in range(len(some[0][0].terms))]
+    trace = np.array([trace_cost(program)[order] * unit for _, program in some])
+    sizes = tuple(len(block) for block in structure.blocks)
+    xs, gaps = least_norms(Programs(tuple(norms), trace, sizes), PROVEN)
+    seconds = (time.perf_counter() - start) / len(some)
+    result = []
+    for (regression, program), x, gap in zip(some, xs, gaps, strict=True):
+        pi = np.zeros(regression.structure.n)
+        pi[program.columns[order]] = program.scale[order] * unit * x
+        own = Answer(pi, seconds, f"proven to {gap:.1g} of F_M without a model")
+        if gap > PROVEN:
+            own = _better(regression, program, own) if gap < 1 else by_clarabel(regression, program)
+        result.append(own)
+    return result
+
+
+def _norm(some: Sequence[tuple[Regression, Program]], k: int, order: Ids, unit: Array) -> Norm:
+    """A term of F_M in coordinates of the blocks, in the programs' units of F_M, which cancel in its rows."""
+    terms = [regression.terms[k] for regression, _ in some]
+    shared = len({(id(regression.terms[k].R), id(regression.weight)) for regression, _ in some}) == 1
+    R = np.array(
+        [
+            regression.terms[k].R[:, p.columns[order]] * (p.scale[order] * unit / p.unit)
+            for regression, p in (some[:1] if shared else some)
+        ]
+    )
+    return Norm(
+        R=R,
+        gram=R.swapaxes(1, 2) @ R,
+        z=np.array([term.z / p.unit for term, (_, p) in zip(terms, some, strict=True)]),
+        rest=np.array([math.sqrt(term.rest) / p.unit for term, (_, p) in zip(terms, some, strict=True)]),
+    )
+
+
+def by_clarabel(regression: Regression, program: Program) -> Answer:
+    """The answer of an independent solver, with the proof that is its own."""
     s, terms, pi = program.structure, regression.terms, np.zeros(regression.structure.n)
-    if f_m(regression, pi) == 0:  # nothing moves: a rigid arm
-        return Answer(pi, 0.0, "", gradient_dual(regression, pi))
     count = len(terms)
     rows = [term.R[:, program.columns] * (program.scale / program.unit) for term in terms]
     solution = cone.solve(
@@ -122,51 +207,12 @@ def by_clarabel(
             cost=np.r_[np.ones(count), trace_cost(program)],
             blocks=(cone.free_block(0, count), *psd_blocks(s, count)),
             rows=f_m_norms(terms, rows, program.unit),
-        ),
-        regularisation=regularisation,
+        )
     )
-    x = solution.x[count:]
-    if s.whole and s.n:
-        x = _ended(program, terms, rows, x, np.concatenate(solution.duals[count:]))
-    pi[program.columns] = program.scale * clip(s, x)
+    pi[program.columns] = program.scale * clip(s, solution.x[count:])
     z = np.array(solution.duals[:count])
     z /= np.maximum(z[:, :1], TINY)  # a dual of the cone: zero where its head is
     return Answer(pi, solution.seconds, solution.failure, shortened(z[:, 1:-1], -z[:, -1]))
-
-
-def _ended(program: Program, terms: tuple[Term, ...], rows: list[Array], x: Array, s: Array) -> Array:
-    """The optimum to the last digits, from near it and its multipliers; x itself where that leads nowhere.
-
-    A solver that ends at a gap of 1e-10 leaves what the data hardly see loose: predictions elsewhere would
-    move by 1e-5 with the last digits of the readings. Newton's steps on the projection take that back.
-    """
-    structure = program.structure
-    order, sizes = structure.parameter, [len(block) for block in structure.blocks]
-    own = np.where(structure.mirrored[order], math.sqrt(0.5), 1.0)  # parameters over svec
-    trace, parts = trace_cost(program)[order] * own, []
-    for R, term in zip((R[:, order] * own for R in rows), terms, strict=True):
-        parts.append((R, R.T @ R, term.z / program.unit, term.rest / program.unit**2))
-
-    def cost(x: Array) -> tuple[Array, Array]:
-        gradient, second = trace.copy(), np.zeros((len(x), len(x)))
-        for R, gram, z, rest in parts:
-            left = R @ x - z
-            norm = math.sqrt(left @ left + rest) or TINY
-            pull = R.T @ left / norm
-            gradient += pull
-            second += (gram - np.outer(pull, pull)) / norm
-        return gradient, second
-
-    at, groups = x[order] / own, groups_of(sizes)
-    with np.errstate(all="ignore"):  # a step that is not finite ends it
-        for unit in (float(np.linalg.norm(at) / (np.linalg.norm(s) + TINY)), float(at @ at) / sum(sizes)):
-            start = Start(u=at - unit * s, unit=unit, square=unit / sum(sizes), size=1.0)
-            found = follow(LAST, start, cost, groups)
-            if found is not None:
-                x = x.copy()
-                x[order] = own * found[0]
-                break
-    return x
 
 
 def _held(regression: Regression, program: Program, pi: Array) -> bool:

@@ -13,6 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from testbench.errors import Array
 from testbench.identify import cone
+from testbench.identify.cone import Ids
 
 PATHS = (
     (1e-2, 1e-3, 1e-5, 1e-8, 1e-13),
@@ -40,7 +41,7 @@ Cost = Callable[[Array], tuple[Array, Array]]
 """Gradient, (n,), and second derivative, (n, n), of a convex cost at x."""
 
 
-def least_squares(M: Array, r: Array, sizes: Sequence[int] = ()) -> tuple[Array, float]:
+def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Array, float]:
     """Minimise |M x - r|^2 / 2 over x, svec of blocks of these orders that are positive semi-definite.
 
     Returns:
@@ -55,7 +56,7 @@ def least_squares(M: Array, r: Array, sizes: Sequence[int] = ()) -> tuple[Array,
     pivots = np.diag(root[0])
     if pivots.min() <= SINGULAR * pivots.max():
         return np.zeros(len(H)), np.inf
-    x, s, cone_ = np.zeros(len(H)), np.zeros(len(H)), groups_of(sizes)
+    x, s, cone_ = np.zeros(len(H)), np.zeros(len(H)), cone.groups_of(sizes)
     for _ in range(2):  # the second takes back the rounding of the first
         x -= cho_solve(root, M.T @ (M @ x - r))
     if not _inside(x, cone_, 0.0):
@@ -75,16 +76,7 @@ def least_squares(M: Array, r: Array, sizes: Sequence[int] = ()) -> tuple[Array,
     return x, float(abs(x @ s) + abs(F @ cho_solve(root, F)) / 2)
 
 
-def groups_of(sizes: Sequence[int]) -> list[Array]:
-    """Places in x of the blocks of each order, (blocks, entries)."""
-    ends = np.cumsum([cone.triangle(n) for n in sizes])
-    return [
-        np.array([np.arange(e - cone.triangle(n), e) for n, e in zip(sizes, ends, strict=True) if n == size])
-        for size in dict.fromkeys(sizes)
-    ]
-
-
-def _inside(x: Array, groups: list[Array], share: float) -> bool:
+def _inside(x: Array, groups: list[Ids], share: float) -> bool:
     """Whether all blocks are positive semi-definite, up to a share of their traces."""
     if not np.isfinite(x).all():
         return False
@@ -92,9 +84,7 @@ def _inside(x: Array, groups: list[Array], share: float) -> bool:
     return all((np.linalg.eigvalsh(B)[:, 0] >= -share * np.trace(B, axis1=1, axis2=2)).all() for B in X)
 
 
-def follow(
-    path: Sequence[float], start: Start, cost: Cost, groups: list[Array]
-) -> tuple[Array, Array] | None:
+def follow(path: Sequence[float], start: Start, cost: Cost, groups: list[Ids]) -> tuple[Array, Array] | None:
     """X and s at the end of a path, None where it leads nowhere."""
     u, unit = start.u.copy(), start.unit
     for k in range(len(path) + MORE):
@@ -108,9 +98,9 @@ def follow(
             x[at] = cone.svec((Q * p[:, None]) @ Q.swapaxes(1, 2))
             s[at] = cone.svec((Q * d[:, None]) @ Q.swapaxes(1, 2)) / unit
             i, j = cone.upper(w.shape[1])
-            turn = cone.svec(Q[:, None] @ cone.smat(np.eye(at.shape[1])) @ Q.swapaxes(1, 2)[:, None])
+            turn = cone.congruence(Q)
             weight = (d[:, i] + d[:, j]) / (p[:, i] + p[:, j]) / unit
-            K[at[:, :, None], at[:, None]] = turn.swapaxes(1, 2) @ (weight[..., None] * turn)
+            K[at[:, :, None], at[:, None]] = (turn * weight[:, None]) @ turn.swapaxes(1, 2)
         gradient, H = cost(x)
         missing = gradient - s
         if not np.isfinite(missing).all():

@@ -13,7 +13,7 @@ import numpy as np
 
 from testbench.errors import Array, BenchError
 from testbench.identify import cone
-from testbench.identify.conic import optimum
+from testbench.identify.conic import optimum_each
 from testbench.identify.estimate import Constraint, Estimate, make_estimate
 from testbench.identify.least_squares import completed, minimum_norm
 from testbench.identify.metric import Belief, Case, Metric, with_prior_rows
@@ -132,5 +132,5 @@ def fit_each(
     if cases:
         return _with(constraint, cases)
     if constraint == "psd":
-        return [optimum(r) for r in regressions]
+        return optimum_each(regressions)
     return [completed(r) if constraint == "free" else minimum_norm(r) for r in regressions]

@@ -1,19 +1,19 @@
-"""The projected Newton method against Clarabel as the referee, and answers that are not proven."""
+"""Our solvers against Clarabel as the referee, without a prior and with, and answers that are not proven."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from agreement import APART, OFF, WORSE, compared, least_squares_off
+from agreement import APART, OFF, ROUNDING, WORSE, compared, compared_with_prior, least_squares_off
 from programs import NASTY, random_regression, with_random_prior
 
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.errors import BenchError
-from testbench.identify import cone, projected, reduce
-from testbench.identify.conic import optimum
+from testbench.identify import cone, interior, projected, reduce
+from testbench.identify.conic import answers, by_clarabel, optima, optimum, scale_program
 from testbench.identify.metric import Belief, Case, metric, rescaled
 from testbench.identify.prior import Strength, cad_prior
-from testbench.identify.regression import f_m
+from testbench.identify.regression import f_m, regression_of
 from testbench.identify.regularised import answer, fit_each, gco_with
 from testbench.model.structure import all153, mgco47, mgco68, template56
 
@@ -29,10 +29,11 @@ def campaigns(kr500):
 @pytest.mark.parametrize("kind", ["kind", *NASTY])
 def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
     for k in range(8):
-        case = with_random_prior(random_regression(kind, rng), STRENGTHS[k % len(STRENGTHS)], rng)
-        found = compared(case)
-        assert found.over <= WORSE
-        assert not found.own or found.off <= APART
+        regression = random_regression(kind, rng)
+        case = with_random_prior(regression, STRENGTHS[k % len(STRENGTHS)], rng)
+        for found, enough in ((compared(regression), ROUNDING), (compared_with_prior(case), APART)):
+            assert found.over <= WORSE
+            assert not found.own or found.gap <= enough
         assert least_squares_off(case) <= OFF
 
 
@@ -43,16 +44,25 @@ def test_campaigns_need_no_referee(kr500, campaigns, structure, monkeypatch):
     for run in campaigns:
         regression = reduce(kr500.vjm, s, run.identification)
         own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, s), regression)
+        assert optimum(regression).status == "solved"
         for u in (0.05, 0.3, 2.0):
             estimate = gco_with(regression, own, Strength(u))
             assert estimate.status == "solved"
             assert estimate.conservative
 
 
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_fits_together_are_the_fits_alone(kr500, campaigns, structure):
+    s = structure(kr500.arm)
+    regressions = [reduce(kr500.vjm, s, run.identification) for run in campaigns]
+    together, alone = optima(regressions), np.array([optimum(r).pi for r in reversed(regressions)])[::-1]
+    assert np.abs(together - alone).max() <= 1e-7 * np.abs(alone).max()
+
+
 @pytest.mark.parametrize("seed", [1010, 1014, 1025])
 @pytest.mark.parametrize("truth", ["linear", "nonlinear"])
 def test_without_noise_the_last_digits_of_readings_do_not_change_what_is_said(arm_6r, seed, truth, rng):
-    """Rounding ends Clarabel in some of these; what is proven then has no digits to spare."""
+    """What is proven then has no digits to spare."""
     scenario = Scenario(arm=arm_6r.arm.name, workspace_poses=1, truth=truth, noise=False)
     data = simulate(arm_6r, scenario, seed).identification
     for k in range(4):
@@ -89,14 +99,40 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
     kr500, campaigns, structure, wrong, monkeypatch
 ):
     regression = reduce(kr500.vjm, structure(kr500.arm), campaigns[0].identification)
+    program = scale_program(regression)
     own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, regression.structure), regression)
     case = Case(regression, Belief(own, Strength(3.0)))
-    right, real = gco_with(regression, own, case.belief.strength), projected.follow
-    monkeypatch.setattr(projected, "follow", lambda *args: (wrong(real(*args)[0]), real(*args)[1]))
+    right, loose = optimum(regression), gco_with(regression, own, case.belief.strength)
+    norms, squares = interior.interior, projected.follow
+    monkeypatch.setattr(interior, "interior", lambda *args: wrong(norms(*args)))
+    monkeypatch.setattr(projected, "follow", lambda *args: (wrong(squares(*args)[0]), squares(*args)[1]))
+    [found] = answers([regression], [program])
+    assert found.dual is not None
+    assert found.pi == pytest.approx(by_clarabel(regression, program).pi)
+    assert optimum(regression).f_m == pytest.approx(right.f_m, rel=1e-6)
     assert not answer("psd", case).own
     again = gco_with(regression, own, case.belief.strength)
     assert again.conservative
-    assert again.f_m == pytest.approx(right.f_m, rel=1e-5)
+    assert again.f_m == pytest.approx(loose.f_m, rel=1e-5)
+
+
+def test_datasets_of_unlike_shape_are_told_apart(kr500, campaigns):
+    """Structures, terms that are shared and terms that are not, in one list."""
+    whole, part = (reduce(kr500.vjm, s(kr500.arm), campaigns[0].identification) for s in (mgco68, mgco47))
+    [term] = whole.terms
+    other = replace(term, R=3 * term.R, z=3 * term.z)
+    mixed = [
+        whole,
+        regression_of(whole.structure, (term, other)),
+        part,
+        regression_of(whole.structure, (term, term)),
+    ]
+    for regression, found in zip(mixed, answers(mixed, [scale_program(r) for r in mixed]), strict=True):
+        assert found.dual is None
+        assert found.pi == pytest.approx(
+            optimum(regression).pi, rel=1e-6, abs=1e-6 * optimum(regression).pi.max()
+        )
+    assert answers([], []) == []
 
 
 def test_a_prior_for_some_of_the_datasets_is_refused(kr500, campaigns):
