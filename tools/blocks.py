@@ -5,6 +5,7 @@ as title and answer. `<!-- bench -->`: the rows of bench.json. `<!-- times -->`:
 A part whose run is not there stays as it was.
 """
 
+import csv
 import importlib
 import json
 import re
@@ -17,7 +18,8 @@ from testbench.report.report import LISTS, PARTS, Report, read_report
 from testbench.views.markdown import grid, lines
 
 FROM = re.compile(r"(<!-- from (\w+): ([^>]*?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
-PLAIN = re.compile(r"(<!-- (bench|times) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+PLAIN = re.compile(r"(<!-- (bench|times|expected) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+STUDIES = Path(__file__).resolve().parents[1] / "docs" / "studies"
 
 
 def fill(page: Path, runs: Path, bench: Path) -> bool:
@@ -33,7 +35,11 @@ def fill(page: Path, runs: Path, bench: Path) -> bool:
     """
     text = page.read_text(encoding="utf-8")
     found = FROM.sub(lambda mark: _from(page, runs, mark), text)
-    tables: dict[str, Callable[[], str]] = {"bench": lambda: bars(bench), "times": lambda: times(runs)}
+    tables: dict[str, Callable[[], str]] = {
+        "bench": lambda: bars(bench),
+        "times": lambda: times(runs),
+        "expected": expected,
+    }
     found = PLAIN.sub(lambda mark: _put(mark[1], tables[mark[2]](), mark[3], mark[4]), found)
     if found != text:
         page.write_text(found, encoding="utf-8")
@@ -66,18 +72,17 @@ def _part(page: Path, report: Report, name: str) -> str:
 
 
 def bars(file: Path) -> str:
-    """What `make bench` measured and its bars; empty where it did not run."""
+    """What `make bench` measured where there is a bar to hold; empty where it did not run."""
     if not file.is_file():
         return ""
     record = json.loads(file.read_text(encoding="utf-8"))
-    rows = [[row["benchmark"], f"{row['value']:.3g} {row['unit']}", _bar(row)] for row in record["results"]]
+    held = [row for row in record["results"] if row["bar"] is not None]
+    rows = [[row["benchmark"], f"{row['value']:.3g} {row['unit']}", _bar(row)] for row in held]
     table, processor = lines(["what", "measured", "bar"], rows), record["machine"]["processor"]
     return f"{table}\n\nMedians of one run on one thread of {processor}."
 
 
 def _bar(row: dict[str, Any]) -> str:
-    if row["bar"] is None:
-        return ""
     return f"{'at least' if row['at_least'] else 'at most'} {row['bar']:g}"
 
 
@@ -92,3 +97,34 @@ def times(runs: Path) -> str:
         if "seconds" in own
     ]
     return lines(["study", "seeds", "full run"], rows) if rows else ""
+
+
+def expected() -> str:
+    """What README promises: the default beside its rivals, of the tables beside the pages of studies."""
+    models = {row["model"]: row for row in _table("gravity_calibration/models.csv")}
+    every = next(r for r in _table("model_error/noisy.csv") if r["disturbance"] == "all together")
+    real = {row["model"]: row for row in _table("real_ur10/models.csv")}
+    methods = ("ALL153 + prior", "Joints", "MLS56 + prior", "MLS56")
+    simulated = [_spread(models[name], "RMS workspace, true, mm", 1.0) for name in methods]
+    disturbed = [_spread(every, name, 1e-3) for name in methods]
+    springs, joint_errors, least = (
+        real[f"+ {own}"] for own in ("joint springs", "joint errors", "links, LS")
+    )
+    rows = [
+        ["arms as simulated", *simulated],
+        ["with every disturbance", *disturbed],
+    ]
+    for name, key in (("held-out poses", "blocks, mm"), ("series A by C", "C to A, mm")):
+        rows.append([f"real UR10, {name}", joint_errors[key], springs[key], "", least[key]])
+    heads = ["", "default", "joint stiffness only", "LS + same prior", "LS"]
+    return lines(heads, rows)
+
+
+def _table(name: str) -> list[dict[str, str]]:
+    with (STUDIES / name).open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _spread(row: dict[str, str], key: str, scale: float) -> str:
+    middle, low, high = (scale * float(row[own]) for own in (key, f"{key} (low)", f"{key} (high)"))
+    return f"{middle:.3f} ({low:.3f} to {high:.3f})"

@@ -254,7 +254,7 @@ def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Genera
         rng: Source of the noise; None for readings without noise.
     """
     settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
-    return _read(cell, setup, loaded, settled, rng)
+    return read_markers(cell, setup, loaded, settled, rng)
 
 
 def measure_both(
@@ -262,10 +262,10 @@ def measure_both(
 ) -> tuple[Dataset, Dataset]:
     """The same runs with noise and without, of one pair of equilibria."""
     settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
-    return _read(cell, setup, loaded, settled, rng), _read(cell, setup, loaded, settled)
+    return read_markers(cell, setup, loaded, settled, rng), read_markers(cell, setup, loaded, settled)
 
 
-def _read(
+def read_markers(
     cell: Cell,
     setup: Setup,
     loaded: LoadedPoses,

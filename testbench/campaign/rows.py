@@ -9,7 +9,7 @@ from testbench.data.dataset import Dataset
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace
 from testbench.identify.evaluate import Score
-from testbench.trials.spread import Count, Number, Share
+from testbench.trials.spread import Number, Share, Spread
 
 MM, UM = 1e3, 1e6
 
@@ -53,7 +53,7 @@ class FitRow:
     prior: bool  #: Whether a prior fills what the data cannot see.
     status: str  #: "solved", or why not.
     parameters: int  #: Unknowns.
-    rank: Count  #: Directions of them that the data see.
+    rank: int | Spread | None  #: Directions of them that the data see.
     unique: Share  #: Whether they see all.
     conservative: Share  #: Whether every block is symmetric and positive semi-definite.
     min_eigenvalue: Number  #: Smallest eigenvalue of a block [m/N, rad/(N m)].

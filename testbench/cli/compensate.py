@@ -21,8 +21,8 @@ from testbench.correct.step import Hold
 from testbench.data.motion.formats import CSV, WRITERS, format_of
 from testbench.data.program import read_program
 from testbench.errors import InputError
-from testbench.output.place import Kind, claim_file, inside
-from testbench.output.run import claim_folder
+from testbench.output.place import Kind, claim_file, claim_folder
+from testbench.output.replace import inside
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements, print_table
 

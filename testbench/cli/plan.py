@@ -19,7 +19,7 @@ from testbench.commands.plan import COMMAND, printed, report, write
 from testbench.commands.plan_numbers import numbers
 from testbench.design.planning import check_criterion
 from testbench.errors import BenchError
-from testbench.output.run import claim_folder
+from testbench.output.place import claim_folder
 from testbench.plant import Payload
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.terminal import looked_at, plain_console, print_words

@@ -16,7 +16,7 @@ from testbench.cli.arguments import Load, MapFile
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
 from testbench.correct.arm_model import ArmModel
 from testbench.model.poses import WorkArea
-from testbench.output.run import claim_folder
+from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements, print_table
 

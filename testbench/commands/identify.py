@@ -16,7 +16,7 @@ from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, find
-from testbench.trials.gain import Gain, gained
+from testbench.views.gains import Gain, gained
 from testbench.views.markdown import Markdown, capital, ended
 from testbench.views.schema import Table
 

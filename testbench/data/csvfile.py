@@ -59,6 +59,11 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
         BenchError: When the names are not as many as the joint angles.
         InputError: When the file cannot be written.
     """
+    write_whole(csv_text(data, arm), Path(path))
+
+
+def csv_text(data: Dataset, arm: Arm | tuple[str, ...]) -> str:
+    """The same as text."""
     joints = _joints(arm)
     if len(joints) != data.q.shape[1]:
         raise BenchError(f"joints: expected {data.q.shape[1]} names, got {joints}")
@@ -85,7 +90,7 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
     markers = tuple(map(as_cell, data.markers))
     ids = zip(np.repeat(data.run, m), np.repeat(data.pose, m), markers * data.runs, strict=True)
     writer.writerows([*own, *line] for own, line in zip(ids, lines, strict=True))
-    write_whole(text.getvalue(), Path(path))
+    return text.getvalue()
 
 
 def read_csv(path: str | Path, arm: Arm) -> Dataset:

@@ -24,13 +24,14 @@ LOOKS, PAUSE = 5, 0.02
 
 
 @contextlib.contextmanager
-def claim(place: Path, folder: Path, *, shared: bool = False) -> Iterator[None]:
+def claim(place: Path, folder: Path, *, shared: bool = False, sure: bool = False) -> Iterator[None]:
     """Nobody else claims the place inside of the block.
 
     Args:
         place: A file or a folder.
         folder: Where the claim lies meanwhile: beside the file, inside of the folder.
         shared: Beside others who do so: of a folder in which a file is written.
+        sure: At the first look, and never where there are no locks.
 
     Raises:
         InputError: When another process has claimed it.
@@ -38,7 +39,7 @@ def claim(place: Path, folder: Path, *, shared: bool = False) -> Iterator[None]:
     """
     name = "" if place == folder else place.name
     path = folder / f".claim-{hashlib.sha256(os.fsencode(name)).hexdigest()[:16]}"
-    file = _claimed(place, path, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
+    file = _claimed(place, path, fcntl.LOCK_SH if shared else fcntl.LOCK_EX, sure=sure)
     try:
         yield
     finally:
@@ -48,11 +49,11 @@ def claim(place: Path, folder: Path, *, shared: bool = False) -> Iterator[None]:
         os.close(file)
 
 
-def _claimed(place: Path, path: Path, kind: int) -> int:
-    for _ in range(LOOKS):
+def _claimed(place: Path, path: Path, kind: int, *, sure: bool) -> int:
+    for _ in range(1 if sure else LOOKS):
         file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
         try:
-            holder = _try(file, path, kind)
+            holder = _try(file, path, kind, sure=sure)
         except BaseException:
             os.close(file)
             raise
@@ -63,12 +64,12 @@ def _claimed(place: Path, path: Path, kind: int) -> int:
     raise InputError(place, "", f"is being written by {holder}: wait for it, or choose another place")
 
 
-def _try(file: int, path: Path, kind: int = fcntl.LOCK_EX) -> str | None:
+def _try(file: int, path: Path, kind: int = fcntl.LOCK_EX, *, sure: bool = True) -> str | None:
     """Who holds the open file; None where it is ours from now on."""
     status = os.fstat(file)
     if not stat.S_ISREG(status.st_mode) or status.st_size:
         raise InputError(path, "", "expected an empty file, the claim of a run; move it away")
-    if not locked(file, kind | fcntl.LOCK_NB):
+    if not locked(file, kind | fcntl.LOCK_NB, sure=sure):
         return _holder(status.st_ino)
     with contextlib.suppress(FileNotFoundError):
         if os.path.samestat(status, path.lstat()):
@@ -76,14 +77,14 @@ def _try(file: int, path: Path, kind: int = fcntl.LOCK_EX) -> str | None:
     return "another run"  # that has just ended, and took its claim away
 
 
-def locked(file: int, kind: int) -> bool:
-    """Whether an open file is ours from now on; so it is where there are no locks."""
+def locked(file: int, kind: int, *, sure: bool = False) -> bool:
+    """Whether an open file is ours from now on; so it is where there are no locks, if we need not be sure."""
     try:
         fcntl.flock(file, kind)
     except BlockingIOError:
         return False
     except OSError as err:
-        if err.errno not in UNKNOWN:
+        if sure or err.errno not in UNKNOWN:
             raise
     return True
 

@@ -1,57 +1,52 @@
-"""What manifest.json says of the folder that it lies in."""
+"""What the folder of a finished run tells of it, perhaps a stranger's: manifest.json, and plain JSON data."""
 
 import hashlib
 import json
-import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from testbench.errors import InputError, open_file, read_bytes
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
+from pydantic_core import from_json
+
+from testbench.errors import InputError, open_file, read_bytes, read_text, shown
 
 NAME = "manifest.json"
 MOST = 16 * 2**20  #: Largest one that is read [byte].
 LARGEST = 2**32  #: Largest file of a run that is looked into [byte].
 FILES = 10_000  #: Most that a run has.
+File = Annotated[str, Field(pattern=r"^[^\x00]*$")]
 
 
-@dataclass(frozen=True)
-class Manifest:
-    """Of a run."""
+class Manifest(BaseModel):
+    """What manifest.json must say of a run, and may say."""
 
-    command: str | None  #: Whose run it is; None without a manifest of ours.
-    files: (
-        frozenset[str] | None
-    )  #: Its files, by their paths in it; None where it does not say: in older ones.
-    sha256: Mapping[str, str] = field(default_factory=dict)  #: Of the files, as far as it says.
+    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
+
+    command: str  #: Whose run it is; empty where there is none of ours.
+    versions: dict[str, str]
+    scenario: JsonValue = None
+    seed: int = 0  #: The first one.
+    seeds: int = 0  #: How many; none where nothing is drawn.
+    git: str = "unknown"
+    models: dict[str, dict[str, str]] = {}  #: SHA-256 of every file of every arm's folder.
+    #: Its files, by their paths in it; None where it does not say: in older ones.
+    files: Annotated[frozenset[File], Field(max_length=FILES)] | None = None
+    sha256: dict[str, str] = {}  #: Of the files, as far as it says.
+
+
+NONE = Manifest(command="", versions={})
 
 
 def read_manifest(folder: Path) -> Manifest:
     """What a folder's manifest.json says; nothing where there is none, or it is not one of ours."""
     try:
-        data = json.loads(read_bytes(folder / NAME, MOST))
-        if "testbench" not in data["versions"]:
-            return Manifest(None, None)
-        files, sha256 = data.get("files"), dict(data.get("sha256", {}))
-        named = None if files is None else _names(files)
-        return Manifest(str(data["command"]), named, sha256)
-    except (InputError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return Manifest(None, None)
-
-
-def _names(files: Sequence[object]) -> frozenset[str]:
-    """Paths of files, without what no file can be called; a ValueError where there are too many for a run."""
-    if len(files) > FILES:
-        raise ValueError("too many files")
-    return frozenset(filter(_possible, map(str, files)))
-
-
-def _possible(name: str) -> bool:
-    """Whether a file can be called so."""
-    try:
-        return b"\0" not in os.fsencode(name)
-    except UnicodeEncodeError:
-        return False
+        found = Manifest.model_validate_json(read_bytes(folder / NAME, MOST))
+    except (InputError, ValidationError):
+        return NONE
+    return found if "testbench" in found.versions else NONE
 
 
 def has_digest(path: Path, sha256: str | None) -> bool:
@@ -65,4 +60,93 @@ def has_digest(path: Path, sha256: str | None) -> bool:
 
 def is_run(folder: Path) -> bool:
     """Whether a folder is that of a run, finished or under way."""
-    return read_manifest(folder).command is not None or (folder / "trials.log").is_file()
+    return bool(read_manifest(folder).command) or (folder / "trials.log").is_file()
+
+
+REPORT = "report.json"
+LONGEST = 20_000  #: Longest text that is read [characters].
+BEYOND = 2**63  #: Integers lie below.
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A run."""
+
+    folder: Path  #: As it was named.
+    manifest: Manifest
+    report: Mapping[str, JsonValue]  #: report.json.
+    digest: str  #: SHA-256 of the data in report.json.
+
+    @property
+    def file(self) -> Path:
+        """Where the report is."""
+        return self.folder / REPORT
+
+    @property
+    def several(self) -> bool:
+        """Whether numbers are over several seeds."""
+        return self.manifest.seeds > 1
+
+
+def read_run(folder: Path) -> Finished:
+    """What the folder of a finished run says.
+
+    Raises:
+        InputError: When manifest.json or report.json is missing or is none; names the file and the place.
+    """
+    about, report = folder / NAME, folder / REPORT
+    data = read_plain(about)
+    try:
+        told = Manifest.model_validate_json(json.dumps(data))
+    except ValidationError as err:
+        raise told_as(about, err) from err
+    plain = read_plain(report)
+    if not isinstance(plain, dict):
+        raise InputError(report, "", f"expected a table of keys, got {type(plain).__name__}")
+    text = json.dumps(plain, sort_keys=True)
+    return Finished(folder, told, plain, hashlib.sha256(text.encode()).hexdigest())
+
+
+def told_as(file: Path, err: ValidationError) -> InputError:
+    """The first finding of pydantic in a file, in one line."""
+    first = err.errors(include_url=False, include_context=False)[0]
+    place = ".".join(map(str, first["loc"]))
+    if first["type"] == "missing":
+        return InputError(file, place, "expected it, there is none")
+    return InputError(file, place, f"{first['msg']}, got {str(first.get('input'))[:80]!r}")
+
+
+def read_plain(path: Path) -> JsonValue:
+    """JSON data with finite numbers and texts of printable characters.
+
+    Raises:
+        InputError: When the file cannot be read, is too large or too deep, is no JSON, or has a number that
+            is not finite; names the place.
+    """
+    text = read_text(path, MOST)
+    try:
+        found: JsonValue = from_json(text)
+    except ValueError as err:  # also one of thousands of digits, and data that are too deep
+        raise InputError(path, "", f"not JSON: {err}") from err
+    return _checked(path, found, ())
+
+
+def _checked(path: Path, value: JsonValue, place: tuple[object, ...]) -> JsonValue:
+    """The value; what would steer a terminal in its texts is replaced. `place` is keys that lead to it."""
+    problem = ""
+    if isinstance(value, dict):
+        keys = {str(_checked(path, key, (*place, key))): own for key, own in value.items()}
+        return {key: _checked(path, own, (*place, key)) for key, own in keys.items()}
+    if isinstance(value, list):
+        return [_checked(path, own, (*place, k)) for k, own in enumerate(value)]
+    if isinstance(value, str):
+        if len(value) <= LONGEST:
+            return "\n".join(map(shown, value.split("\n")))
+        problem = f"expected a text of at most {LONGEST} characters, got {len(value)}"
+    if isinstance(value, float) and not math.isfinite(value):
+        problem = f"expected a finite number, got {value}"
+    if isinstance(value, int) and not -BEYOND <= value < BEYOND:
+        problem = "expected an integer of 64 bits, got a larger one"
+    if problem:
+        raise InputError(path, ".".join(str(key)[:80] for key in place), problem)
+    return value

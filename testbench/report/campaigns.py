@@ -6,11 +6,59 @@ from testbench.campaign.baselines import JOINTS
 from testbench.campaign.workspace_errors import ErrorPlaces, Places, error_places
 from testbench.identify import Constraint
 from testbench.report.columns import columns
+from testbench.report.report import say
 from testbench.report.table import Row, Trials, aligned, merged, nested, paired
-from testbench.trials.spread import wins
+from testbench.trials.spread import span, wins
+from testbench.views.gains import beside
+from testbench.views.markdown import Markdown
 from testbench.views.schema import Column, Table, best_of, pivot
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
+NOT_OF_A_MODEL = ("seed", "truth", "true_arm", "measured.", "places.", "place_mm", "drawn.", "data_file")
+"""Columns of a `CampaignRow` that are of its campaign."""
+
+
+def seeds_of(seeds: range) -> int | list[int]:
+    """What report.json says of the seeds."""
+    return seeds[0] if len(seeds) == 1 else list(seeds)
+
+
+def seeds_told(seed: int | Sequence[int]) -> str:
+    """Of which trials a report's numbers are, for its title."""
+    return f"seed {seed}" if isinstance(seed, int) else f"{len(seed)} seeds: median ({span(len(seed))})"
+
+
+def dataset(trials: Trials, fitted: int | None = None) -> Row:
+    """What was measured in every trial; counts are of so many poses that are fitted, of all for None."""
+    [own] = merged(trials.where(name=trials["name"][0]).inside("measured"))
+    if fitted is None:
+        return own
+    return Row(own, runs=own.identification_runs, points=own.identification_points, poses=fitted)
+
+
+def with_gains(
+    models: Sequence[Row], trials: Trials, rival: str, value: str, paper: Mapping[str, Mapping[str, float]]
+) -> list[Row]:
+    """Models, each with how many times less than a rival it errs, and with the paper's numbers."""
+    gains = [paired(trials, model.name, rival, value) for model in models]
+    return [
+        Row(model, times_less=gain and gain.times, paper=paper.get(model.name))
+        for model, gain in zip(models, gains, strict=True)
+    ]
+
+
+def beside_rivals(error: str, gains: Row) -> Markdown:
+    """An answer: the error of a model, of least squares and of joint stiffness only."""
+    sentence = (
+        ": {a.ours} {a.ours_mm:~.3f} mm, least squares {a.theirs_mm:~.3f} mm; {a:less seed}. "
+        "Joint stiffness only {b.theirs_mm:~.3f} mm, {b:more}."
+    )
+    return say(error + sentence, a=gains.least_squares, b=gains.joints)
+
+
+def gains_told(gains: Row) -> str:
+    """The same for the title of a figure."""
+    return beside({"least squares": gains.least_squares, "joint stiffness only": gains.joints})
 
 
 def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:

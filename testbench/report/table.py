@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from testbench.trials.gain import Gain, gained
 from testbench.trials.rows import flatten
 from testbench.trials.spread import spread, twins_once
+from testbench.views.gains import Gain, gained
 
 Cells = npt.NDArray[Any]
 MODEL, TRIAL = "name", "seed"
@@ -31,25 +31,6 @@ class Row(dict[str, Any]):
         raise AttributeError(f"no column {name!r}; columns are {', '.join(self)}")
 
 
-class Made(Mapping[str, Cells]):
-    """Columns that are made each time they are asked for: of many trials a few are in memory at a time."""
-
-    def __init__(self, how: Mapping[str, Callable[[], Cells]]) -> None:
-        self.how = how
-
-    def __getitem__(self, name: str) -> Cells:
-        return self.how[name]()
-
-    def __contains__(self, name: object) -> bool:
-        return name in self.how
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.how)
-
-    def __len__(self) -> int:
-        return len(self.how)
-
-
 @dataclass(frozen=True)
 class Trials:
     """Rows of all trials by column, in the order of the seeds.
@@ -57,7 +38,18 @@ class Trials:
     Numbers that are missing are NaN, all else that is missing None; lists are cells as they are.
     """
 
-    columns: Mapping[str, Cells]  #: As many cells each.
+    made: Mapping[str, Callable[[], Cells]]
+    """Makes a column each time it is asked for, as many cells each: of many trials a few are in memory."""
+
+    @classmethod
+    def holding(cls, columns: Mapping[str, Any]) -> "Trials":
+        """Columns that are in memory."""
+        return cls({name: partial(np.asarray, cells) for name, cells in columns.items()})
+
+    @property
+    def columns(self) -> dict[str, Cells]:
+        """All of them by name."""
+        return {name: make() for name, make in self.made.items()}
 
     @classmethod
     def read(cls, path: Path) -> "Trials":
@@ -72,34 +64,30 @@ class Trials:
             names = file.schema_arrow.names
             if file.metadata.num_rows <= MANY:
                 table = file.read(use_threads=False)
-                return cls({name: _checked(name, table[name]) for name in names})
-        return cls(Made({name: partial(_read, path, name) for name in names}))
+                return cls.holding({name: _checked(name, table[name]) for name in names})
+        return cls({name: partial(_read, path, name) for name in names})
 
     @classmethod
     def of(cls, trials: Sequence[tuple[int, Sequence[object]]]) -> "Trials":
         """The same of rows that are in memory, by seed."""
         rows = [{TRIAL: seed, **flatten(row)} for seed, own in trials for row in own]
         table = pa.Table.from_pylist([{k: _listed(v) for k, v in row.items()} for row in rows])
-        return cls({name: _cells(table[name].combine_chunks()) for name in table.column_names})
+        return cls.holding({name: _cells(table[name].combine_chunks()) for name in table.column_names})
 
     def __len__(self) -> int:
-        return len(next(iter(self.columns.values()), ()))
+        return len(self[next(iter(self.made))]) if self.made else 0
 
     def __contains__(self, name: object) -> bool:
-        return name in self.columns
+        return name in self.made
 
     def __getitem__(self, name: str) -> Cells:
-        if name not in self.columns:
-            raise KeyError(f"no column {name!r}; columns are {', '.join(self.columns)}")
-        return self.columns[name]
+        if name not in self.made:
+            raise KeyError(f"no column {name!r}; columns are {', '.join(self.made)}")
+        return self.made[name]()
 
     def pick(self, rows: Cells) -> "Trials":
         """Rows by a mask, or by their numbers."""
-        return Trials(Made({name: partial(_picked, self.columns, name, rows) for name in self.columns}))
-
-    def _named(self, names: Mapping[str, str]) -> "Trials":
-        """Columns by new names."""
-        return Trials(Made({new: partial(self.columns.__getitem__, old) for new, old in names.items()}))
+        return Trials({name: partial(_picked, make, rows) for name, make in self.made.items()})
 
     def where(self, **alike: Any) -> "Trials":
         """Rows that have these values; of a tuple or set one of them."""
@@ -113,25 +101,24 @@ class Trials:
 
     def keep(self, *names: str) -> "Trials":
         """Some columns; a name that ends with a dot is all that begin with it."""
-        return self._named({name: name for name in self.columns if _named(name, names)})
+        return Trials({name: make for name, make in self.made.items() if _named(name, names)})
 
     def held(self) -> "Trials":
         """The same with all columns in memory: for some that are asked for often."""
-        return Trials(dict(self.columns))
+        return Trials.holding(self.columns)
 
     def drop(self, *names: str) -> "Trials":
         """All other columns."""
-        return self._named({name: name for name in self.columns if not _named(name, names)})
+        return Trials({name: make for name, make in self.made.items() if not _named(name, names)})
 
     def inside(self, name: str) -> "Trials":
         """Columns whose names begin with this one and a dot, without both."""
         start = f"{name}."
-        return self._named({own.removeprefix(start): own for own in self.keep(start).columns})
+        return Trials({own.removeprefix(start): make for own, make in self.keep(start).made.items()})
 
     def add(self, **more: Any) -> "Trials":
         """With more columns, or others of the same names."""
-        own = {name: partial(self.columns.__getitem__, name) for name in self.columns}
-        return Trials(Made({**own, **{name: partial(np.asarray, cells) for name, cells in more.items()}}))
+        return Trials({**self.made, **Trials.holding(more).made})
 
     def values(self, name: str) -> list[Any]:
         """What a column holds, each once, as it first appears."""
@@ -170,7 +157,10 @@ def numbered(columns: Sequence[Sequence[Cells]], sizes: Sequence[int]) -> list[C
 def merged(trials: Trials, *by: str) -> list[Row]:
     """A row for all trials that are alike in some columns: see `number`; without columns one row for all."""
     parts = trials.parts(*by) if len(trials) else []
-    columns = {name: [number(cells[part]) for part in parts] for name, cells in trials.columns.items()}
+    columns = {}
+    for name in trials.made:
+        cells = trials[name]
+        columns[name] = [number(cells[part]) for part in parts]
     return [nested({name: own[k] for name, own in columns.items()}) for k in range(len(parts))]
 
 
@@ -289,8 +279,8 @@ def _listed(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _picked(columns: Mapping[str, Cells], name: str, rows: Cells) -> Cells:
-    return np.asarray(columns[name][rows])
+def _picked(make: Callable[[], Cells], rows: Cells) -> Cells:
+    return np.asarray(make()[rows])
 
 
 def _read(path: Path, name: str) -> Cells:

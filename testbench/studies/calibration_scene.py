@@ -1,7 +1,7 @@
-"""What is drawn of a calibration in simulation, of the rows of its first seed: nobody simulates it again."""
+"""Arms drawn amid the errors of models, of the rows of a first seed: nobody simulates it again."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,13 +9,14 @@ from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Cell, Setup, settle_both
 from testbench.campaign.campaign_row import Runs, dataset_of
 from testbench.campaign.rows import MM
-from testbench.data.dataset import Dataset, Ids, in_order
+from testbench.data.csvfile import write_csv
+from testbench.data.dataset import Dataset, in_order, split
 from testbench.errors import Array
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.table import Row, Trials
 from testbench.studies.study import AnyRun
 from testbench.views.colours import LOAD, MEASURED, Look, look
-from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen, round_scale
+from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen, arrow_scale
 
 ARROWS = 0.25  #: Length of an arrow longer than 95 % of all over the reach of the arm [1].
 FORCE = 0.2  #: Length of the arrow of the largest force over the reach [1].
@@ -23,15 +24,34 @@ OVER = "Error in each pose, against the truth, RMS over the markers (mm)"
 LEFT = "What is left in each run, against its readings, RMS over the markers (mm)"
 
 
-@dataclass(frozen=True)
-class _Group:
-    """Poses of one kind, and what models leave of their deflections."""
+def with_errors(
+    poses: Poses, at: Array, errors: Mapping[str, Array], looks: Mapping[str, Look], scale: float
+) -> tuple[Poses, list[Line]]:
+    """Poses with the errors of models as arrows and in words; and the same as lines, RMS over the points.
 
-    name: str
-    names: Sequence[str]  #: Of its poses.
-    data: Dataset
-    wrong: Mapping[str, Array]  #: Deflections minus predictions by model, (runs, m, 3) [m].
-    first: int = 0  #: The pose that is shown first.
+    Args:
+        poses: All else that is drawn.
+        at: Where arrows begin, (poses, m, 3) [m].
+        errors: Of models, where the last one errs most is shown first, (poses, m, 3) [m].
+        looks: Of the models.
+        scale: Magnification of the arrows.
+    """
+    lines = [
+        Line(name, looks[name], MM * np.sqrt((off**2).sum(axis=-1).mean(axis=-1)))
+        for name, off in errors.items()
+    ]
+    errs = [", ".join(f"{own.name} {own.values[k]:.3f} mm" for own in lines) for k in range(len(at))]
+    arrows = [
+        Layer(f"error of {name}", looks[name].colour, "arrows", at, at + scale * off)
+        for name, off in errors.items()
+    ]
+    drawn = replace(
+        poses,
+        words=[f"{words}Error: {err}." for words, err in zip(poses.words, errs, strict=True)],
+        layers=[*poses.layers, *arrows],
+        first=int(lines[-1].values.argmax()),
+    )
+    return drawn, lines
 
 
 def runs_of(cell: Cell, setup: Setup, first: Trials) -> tuple[Dataset, Dataset]:
@@ -45,6 +65,13 @@ def runs_of(cell: Cell, setup: Setup, first: Trials) -> tuple[Dataset, Dataset]:
     kinds = [first.inside("drawn").inside(kind).columns.items() for kind in ("measured", "over")]
     rows = [Runs(**{name: cells[0] for name, cells in own}) for own in kinds]
     return dataset_of(cell, setup, rows[0]), dataset_of(cell, setup, rows[1])
+
+
+def write_runs(run: AnyRun, cell: Cell, setup: Setup, poses: int | None = None) -> None:
+    """dataset.csv of the first seed; of the first so many poses alone, None for all."""
+    measured, _ = runs_of(cell, setup, run.first)
+    own = measured if poses is None else split(measured, np.arange(poses) + 1)[0]
+    write_csv(own, cell.arm, run.folder / "dataset.csv")
 
 
 def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> Seen:
@@ -61,82 +88,62 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> See
     looks = {m.name: look(m.structure, m.constraint, m.prior) for m in f.models}
     shown = [name for name in dict.fromkeys((*f.map.compared, JOINTS)) if name in names]
     wrong, left = (
-        {name: np.reshape(first[key][names.index(name)], (-1, len(cell.arm.markers), 3)) for name in shown}
+        {name: -np.reshape(first[key][names.index(name)], (-1, len(cell.arm.markers), 3)) for name in shown}
         for key in ("drawn.wrong_m", "drawn.residuals_m")
     )
     measured, over = runs_of(cell, setup, first)
-    order = _order(over, f.map.run)
-    places = _Group(
-        "Poses, against the truth",
-        [f"Place {k} of {over.runs}" for k in range(1, over.runs + 1)],
-        in_order(over, order),
-        {name: own[order] for name, own in wrong.items()},
-    )
+    order = np.argsort(over.run)[np.searchsorted(np.sort(over.run), f.map.run)]
+    over, wrong = in_order(over, order), {name: own[order] for name, own in wrong.items()}
+    places = [f"Place {k} of {over.runs}" for k in range(1, over.runs + 1)]
     kinds = ["fitted" if pose <= fitted else "check" for pose in measured.pose.tolist()]
     said = [
         f"Run {run}, {kind} pose {pose}"
         for run, kind, pose in zip(measured.run.tolist(), kinds, measured.pose.tolist(), strict=True)
     ]
-    worst = int(_mm(left[f.map.compared[-1]]).argmax())
-    runs = _Group("Runs, against their readings", said, measured, left, worst)
     reach = float(np.linalg.norm(over.before[:, 0], axis=-1).max())
-    far = np.linalg.norm([*places.wrong.values()], axis=-1)
-    arrows = round_scale(ARROWS * reach, float(np.quantile(far, 0.95)))
-    groups = [_poses(cell, setup, own, looks, (size, arrows)) for own in (places, runs)]
-    at = np.array(f.map.position_m)
+    scale = arrow_scale(np.array([*wrong.values()]), ARROWS * reach)
+    (poses, by_place), (runs, by_run) = (
+        with_errors(*_poses(cell, setup, data, of, size), errors, looks, scale)
+        for data, of, errors in (
+            (over, ("Poses, against the truth", places), wrong),
+            (measured, ("Runs, against their readings", said), left),
+        )
+    )
     return Seen(
-        scene=Scene(cell, f"Deflections x {size:g}, arrows of errors x {arrows:g}.", groups),
-        map=PlaceMap(OVER, 0, at, _lines(places, looks)),
-        runs=[RunChart(LEFT, 1, "run", [str(run) for run in measured.run], _lines(runs, looks))],
+        scene=Scene(cell, f"Deflections x {size:g}, arrows of errors x {scale:g}.", [poses, runs]),
+        map=PlaceMap(OVER, 0, np.array(f.map.position_m), by_place),
+        runs=[RunChart(LEFT, 1, "run", [str(run) for run in measured.run], by_run)],
     )
 
 
-def _order(data: Dataset, runs: Sequence[int]) -> Ids:
-    """Where each run of a map is."""
-    at = {run: k for k, run in enumerate(data.run.tolist())}
-    return np.array([at[run] for run in runs])
-
-
-def _mm(wrong: Array) -> Array:
-    """RMS over the markers of their distances, (runs,) [mm]."""
-    return np.asarray(MM * np.sqrt((wrong**2).sum(axis=-1).mean(axis=-1)))
-
-
-def _lines(own: _Group, looks: Mapping[str, Look]) -> list[Line]:
-    return [Line(name, looks[name], _mm(wrong)) for name, wrong in own.wrong.items()]
-
-
 def _poses(
-    cell: Cell, setup: Setup, own: _Group, looks: Mapping[str, Look], scales: tuple[float, float]
-) -> Poses:
-    """The arm in every pose of a group, with arrows from where markers go to where each model has them."""
-    data, (M, arrows) = own.data, scales
+    cell: Cell, setup: Setup, data: Dataset, of: tuple[str, Sequence[str]], M: float
+) -> tuple[Poses, Array]:
+    """The arm in every pose of a dataset under its load, deflections magnified; where its markers then are.
+
+    Args:
+        cell: The arm.
+        setup: Its kind of truth.
+        data: The runs.
+        of: Name of the group and names of the poses.
+        M: Magnification.
+    """
     before, after = settle_both(cell.plant, setup.truth, data.q, data.wrench, data.point)
     at, load = before.markers + M * data.deflection, data.wrench[:, :3]
     hook = before.tool + np.einsum("rxy,ry->rx", before.rotation, data.point)
     force = FORCE * np.linalg.norm(before.tool, axis=1).max() * load / (np.abs(load).max() or 1.0)
     moved = MM * np.linalg.norm(data.deflection, axis=-1).max(axis=1)
-    errors = np.array([_mm(wrong) for wrong in own.wrong.values()]).T
-    said = [
-        f"Markers move up to {mm:.2f} mm. Error: "
-        + ", ".join(f"{name} {x:.3f} mm" for name, x in zip(own.wrong, left, strict=True))
-        + f". Joints at {cell.arm.words(q)}."
-        for mm, left, q in zip(moved.tolist(), errors.tolist(), data.q, strict=True)
-    ]
-    layers = [
-        Layer(f"error of {name}", looks[name].colour, "arrows", at, at - arrows * wrong)
-        for name, wrong in own.wrong.items()
-    ]
-    return Poses(
-        name=own.name,
-        names=own.names,
-        words=said,
+    poses = Poses(
+        *of,
+        words=[
+            f"Markers move up to {mm:.2f} mm. Joints at {cell.arm.words(q)}. "
+            for mm, q in zip(moved.tolist(), data.q, strict=True)
+        ],
         rigid=rigid_frames(cell.room, data.q),
         bent=elastic_frames(cell.plant, data.q, M * (after.theta - before.theta)),
         layers=[
             Layer("markers under load", MEASURED, "dots", at),
             Layer("force", LOAD, "arrows", hook[:, None], (hook + force)[:, None]),
-            *layers,
         ],
-        first=own.first,
     )
+    return poses, at

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
+from testbench.arm.catalogue import find_arm
 from testbench.report.report import Report
 from testbench.report.table import Trials
 from testbench.views.figure import Figure
@@ -34,6 +35,11 @@ class Everywhere(Protocol):
         ...
 
 
+def _own_arm(settings: Any) -> list[Path]:
+    """The arm that the settings name."""
+    return [find_arm(settings.arm)]
+
+
 @dataclass(frozen=True)
 class Study(Generic[O, S, W]):
     """A study: what is asked, tried, found and shown."""
@@ -44,21 +50,23 @@ class Study(Generic[O, S, W]):
     #: What is tried, from its flags, `--quick` and the seeds; raises BenchError for a wrong flag.
     settings: Callable[[O, bool, range], S]
     seeds: tuple[int, int]  #: How many trials by default, and with `--quick` at most.
-    arms: Callable[[S], Sequence[Path]]  #: Folders of the arms that it needs.
     row: type[W]  #: Type of a trial's rows.
     #: Rows of some seeds, one sequence a seed; a function of a module (see `trials.engine.Work`).
     trials: Callable[[S, Sequence[int]], Sequence[Sequence[W]]]
     report: Callable[[S, range, Trials], Report]  #: What all trials say.
     printed: tuple[str, ...]  #: Names of the tables that the terminal shows.
     figures: Callable[[Report], Mapping[str, Figure]]  #: PNGs made of the report alone, by name.
-    #: Writes what is not made of the report alone: dataset, recording, other figures; and says what the page
-    #: draws beside words and tables.
-    write: Callable[["Run[S]"], Seen | None]
+    #: Writes what is not made of the report alone, such as other figures; and says what the page draws beside
+    #: words and tables.
+    write: Callable[["Run[S]"], Seen | None] = lambda _: None
     extra: tuple[str, ...] = ()  #: Names of other figures that `write` makes.
-    data: str = "dataset.csv"  #: Name of the data file that `write` makes.
+    #: Name of the data file: `write` makes it, or the first seed's rows hold its text, one of them, as
+    #: `data_file`: nothing is simulated again.
+    data: str = "dataset.csv"
     size: int = 1  #: Seeds of a chunk: 0.1 to 1 s of work.
     #: Adds to the settings what all trials share and what is too dear for each of them.
     prepare: Callable[[S, Everywhere], S] | None = None
+    arms: Callable[[S], Sequence[Path]] = _own_arm  #: Folders of the arms that it needs.
 
 
 AnyStudy = Study[Any, Any, Any]

@@ -9,6 +9,7 @@ white and from black, by 3:1 at least.
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypedDict
 
 from testbench.identify import Constraint
 
@@ -59,6 +60,15 @@ SERIES: tuple[Colour, ...] = (
 """What is no model, such as criteria, instruments and solvers."""
 
 
+class Dots(TypedDict):
+    """What matplotlib is told of dots."""
+
+    marker: str
+    color: str
+    markerfacecolor: str
+    markersize: float
+
+
 @dataclass(frozen=True)
 class Look:
     """How a model is drawn."""
@@ -77,14 +87,15 @@ class Look:
         """Matplotlib's marker."""
         return MARKS[self.place % len(MARKS)]
 
-    def size(self, other: float) -> float:
-        """Size of its marker beside others of a size: a star is slimmer."""
-        return 1.6 * other if self.mark == "*" else other
-
     @property
     def face(self) -> str:
         """Colour inside its marker as #RRGGBB: filled with a prior, hollow without."""
         return self.hex if self.prior else "#FFFFFF"
+
+    def dots(self, size: float) -> Dots:
+        """As matplotlib draws them; a star is slimmer."""
+        size *= 1.6 if self.mark == "*" else 1
+        return {"marker": self.mark, "color": self.hex, "markerfacecolor": self.face, "markersize": size}
 
 
 CHOICE = Look((10, 111, 147), MARKS.index("*"), prior=True)

@@ -173,19 +173,10 @@ def _chart(axes: Axes, chart: RunChart) -> None:
     """A number a pose and line, with intervals; dashed, what noise alone stays below."""
     at, few = np.arange(len(chart.labels)), len(chart.labels) <= BARS
     for line in chart.lines:
-        look, mark = line.look, line.look.mark if few else ""
-        axes.plot(
-            at,
-            line.values,
-            f"{mark}-" if chart.joined else look.mark,
-            color=look.hex,
-            markerfacecolor=look.face,
-            label=line.name,
-            markersize=look.size(4),
-            linewidth=1.2,
-        )
+        style, size = "-" if chart.joined else "", 4 if few or not chart.joined else 0
+        axes.plot(at, line.values, linestyle=style, linewidth=1.2, label=line.name, **line.look.dots(size))
         if line.ends:
-            axes.fill_between(at, *line.ends, color=look.hex, alpha=0.15, linewidth=0)
+            axes.fill_between(at, *line.ends, color=line.look.hex, alpha=0.15, linewidth=0)
     if chart.limit is not None and np.isfinite(chart.limit):
         axes.axhline(chart.limit, color=SOFT, linewidth=1, linestyle="--", label="noise alone, 95 %")
     some = at[:: -(-len(at) // NAMED)]

@@ -24,7 +24,7 @@ from testbench.model.vjm import chain, observation
 from testbench.report.table import Trials
 from testbench.studies.estimators.bootstrap import bootstrap, resampler
 from testbench.studies.identifiability.coverage import Case, bounded, draw_conservative, fitted, posterior
-from testbench.studies.identifiability.report import coverage
+from testbench.studies.identifiability.study import coverage
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ def written(path, *timelines):
     shown = rrb.Vertical(chart, text_view("text", "Text"), name="Charts")
     world = rrb.Spatial3DView(origin="world", name="Arm")
     blueprint = layout(rrb.Horizontal(world, name="World"), shown, timeline="run", places=3)
-    with recording(path, "faulty", Header(path.stem, "{}", 1), blueprint) as pen:
+    with recording(path, Header(path.stem, "{}", 1), blueprint) as pen:
         pen.still("world/arm/link", rr.Boxes3D(half_sizes=[0.1, 0.1, 0.5], colors=RED, fill_mode="solid"))
         for timeline in ("run", "load"):
             own = pen.on(rr.TimeColumn(timeline, sequence=ROWS))
@@ -47,7 +47,7 @@ def test_a_world_with_nothing_but_a_floor_is_seen(tmp_path, blank_panes, monkeyp
     monkeypatch.setattr("panes.PATIENCE", 1.0)
     world = rrb.Spatial3DView(origin="elsewhere", name="Arm")
     path = tmp_path / "empty.rrd"
-    with recording(path, "faulty", Header("empty", "{}", 1), layout(world, timeline="run", places=1)) as pen:
+    with recording(path, Header("empty", "{}", 1), layout(world, timeline="run", places=1)) as pen:
         pen.on(rr.TimeColumn("run", sequence=[0])).rows("world", rr.Scalars.columns(scalars=[0.0]))
     assert [fault.split(":")[0] for fault in blank_panes(path)] == [
         "'Arm'"

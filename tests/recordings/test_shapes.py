@@ -107,7 +107,7 @@ def test_joined_meshes_keep_their_triangles(mesh_arm):
 def drawn(cell, tmp_path):
     """The arm in a recording, by entity."""
     view = layout(rrb.Spatial3DView(origin="world"), timeline="pose", places=1)
-    with recording(tmp_path / "arm.rrd", "arm", Header("arm", "{}", 1), view) as pen:
+    with recording(tmp_path / "arm.rrd", Header("arm", "{}", 1), view) as pen:
         frames = rigid_frames(cell.room, np.zeros((1, cell.arm.n_joints)))
         write_arm(pen.on(rr.TimeColumn("pose", sequence=[1])), cell, "arm", frames, None)
     return chunks_of(tmp_path / "arm.rrd")

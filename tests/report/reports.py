@@ -4,14 +4,14 @@ import io
 import json
 
 import numpy as np
-from checks import check_words, unit_in
+from checks import check_spread, check_words, unit_in
 from rich.console import Console
 
 from testbench.report.report import read
 from testbench.report.table import Trials
 from testbench.trials.spread import ends, middle
 from testbench.views import terminal
-from testbench.views.page import html
+from testbench.views.page import page as html
 
 WIDTH = 80  #: Of a terminal.
 
@@ -47,6 +47,41 @@ def check(report, printed):
     unused = set(report.tables) - set(report.body) - set(printed)
     assert not unused, f"tables that nothing shows: {unused}"
     return report.whole()
+
+
+def check_cells(cells, trials, *by, keys=("rms_um", "p95_um", "max_um")):
+    """Every cell of a factorial campaign is median and spread of its own trials, and none is left out.
+
+    Args:
+        cells: Rows of the report, a model each.
+        trials: Those that the cells are of.
+        by: The factors.
+        keys: What is merged.
+    """
+    known = {tuple(cell[key] for key in ("name", *by)) for cell in cells}
+    assert known == set(zip(*(trials[key].tolist() for key in ("name", *by)), strict=True))
+    assert len(known) == len(cells)
+    for cell in cells:
+        own = trials.where(**{key: cell[key] for key in ("name", *by)})
+        for key in keys:
+            check_spread(cell[key], own[key])
+
+
+def check_duels(duels, trials, *by, of="name"):
+    """Every pair is ratio and share of wins, trial by trial.
+
+    Args:
+        duels: Rows of the report.
+        trials: Those that the pairs are of.
+        by: The factors.
+        of: Column of what is compared.
+    """
+    for row in duels:
+        at = trials.where(**{key: row[key] for key in by})
+        ours, theirs = (at.where(**{of: row[who]})["rms_um"] for who in ("ours", "theirs"))
+        assert len(ours) == row.trials
+        check_spread(row.ratio, ours / theirs)
+        assert (row.won, row.tied) == (np.mean(ours < theirs), np.mean(ours == theirs))
 
 
 def check_forest(axes, numbers, looks, unit="mm"):

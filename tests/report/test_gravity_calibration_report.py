@@ -15,7 +15,7 @@ from testbench.campaign.rows import ErrorRow
 from testbench.campaign.workspace_errors import Places
 from testbench.identify.evaluate import deflections
 from testbench.studies.calibration_scene import calibration_scene, runs_of
-from testbench.studies.gravity_calibration.report import figures, report
+from testbench.studies.gravity_calibration.study import figures, report
 from testbench.studies.gravity_calibration.trial import Settings, calibrate, results, trials
 from testbench.views.colours import look
 from testbench.views.markdown import grid

@@ -6,10 +6,11 @@ from made_up import of_one_trial
 from reports import check, check_forest, table_of
 
 from testbench.campaign.baselines import EQUAL_FIT, JOINTS
+from testbench.campaign.campaign_row import Measured
 from testbench.campaign.rows import ErrorRow
 from testbench.campaign.workspace_errors import Places
-from testbench.studies.six_dof_arm.report import figures, report
-from testbench.studies.six_dof_arm.trial import Measured, Options, SixDofRow, settings
+from testbench.studies.six_dof_arm.study import figures, report
+from testbench.studies.six_dof_arm.trial import Options, SixDofRow, settings
 from testbench.trials.spread import middle
 from testbench.views.colours import look
 
@@ -66,12 +67,15 @@ def test_models_are_compared_seed_by_seed_by_their_true_errors(found):
     f = found.numbers
     assert (f["best"], f["take"]) == (["MGCO56", "MLS32"], "MGCO56")  # MLS32 is 4.5 % off, MLS56 10 %
     gains = {name: gain.times for name, gain in f["gains"].items()}
+    bent = {name: middle(gain.times) for name, gain in f["gains_nonlinear"].items()}
     assert {k: middle(v) for k, v in gains.items()} == pytest.approx(
-        {"least_squares": 2.09 / 2, "joints": 10.0, "nonlinear": 4 / 2.05, "nonlinear_joints": 21 / 2.05}
+        {"least_squares": 2.09 / 2, "joints": 10.0}
     )
+    assert bent == pytest.approx({"least_squares": 4 / 2.05, "joints": 21 / 2.05})
     counts = {k: v for k, v in f["paired"].items() if isinstance(v, int)}
     assert counts == dict.fromkeys(counts, 20)
-    assert [middle(m.times_less) for m in f["nonlinear"].models][4] == pytest.approx(4 / 2.05)
+    assert middle(f["models"][4].nonlinear.times_less) == pytest.approx(4 / 2.05)
+    assert f["dataset"].noise_p95_mm == pytest.approx(0.06989, abs=1e-5)  # 2.7955 times 25 um
     assert {m.name: m.paper for m in f["models"]}["MGCO69"] == {"check_p95_mm": 0.084}
 
 
@@ -131,11 +135,11 @@ def test_a_tie_break_counts_equal_fits_and_conservative_ones_apart():
 
 def test_the_figure_draws_both_truths_and_the_papers_numbers_in_the_colours_of_the_models(found):
     left, readings, right = figures(found)["six_dof_arm.png"].axes
-    straight, bent = found.numbers["models"], found.numbers["nonlinear"].models
+    straight = found.numbers["models"]
     looks = [look(m.structure, m.constraint) for m in straight]
     check_forest(left, [m.check_true.p95_mm for m in straight], looks)
     check_forest(readings, [m.check.p95_mm for m in straight], looks)
-    check_forest(right, [m.check_true.p95_mm for m in bent], looks)
+    check_forest(right, [m.nonlinear.check_true.p95_mm for m in straight], looks)
     known = [
         x.get_xdata()[0] for x in readings.get_lines() if (x.get_marker(), x.get_markersize()) == ("D", 5)
     ]

@@ -39,8 +39,8 @@ def test_what_is_found_does_not_depend_on_other_seeds(rows, tmp_path):
     with numbers_alone():
         done = here(APP, *SMALL, "--quick", "--seeds", 1, "--out", tmp_path)
     assert done.returncode == 0, done.stderr
-    again = parquet.read_table(tmp_path / "trials.parquet")["solver.f_m"].to_pylist()
-    assert again == [row["solver.f_m"] for row in rows if row["seed"] == 3]
+    again = parquet.read_table(tmp_path / "trials.parquet")["f_m"].to_pylist()
+    assert again == [row["f_m"] for row in rows if row["seed"] == 3]
 
 
 @pytest.mark.parametrize(

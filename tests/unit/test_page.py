@@ -13,8 +13,8 @@ from made_up_run import made_up_run
 from testbench.plant.shapes import Mesh, Shape, visual_shapes
 from testbench.trials.spread import Spread
 from testbench.views.colours import hexadecimal, look
-from testbench.views.page import html
-from testbench.views.page.page import TRIANGLES, chart_plain, map_plain, seen_plain, solid
+from testbench.views.page import page as html
+from testbench.views.page.page import TRIANGLES, plain, seen_plain, solid
 from testbench.views.scene import Line, PlaceMap, RunChart
 from testbench.views.schema import Column, Table, looks
 
@@ -115,7 +115,7 @@ def test_charts_and_maps_leave_out_what_is_no_number():
     line = Line("a", look("MLS56", "none"), np.array([1.0, nan]))
     chart = RunChart("error (mm)", 0, "run", ["1", "2"], [line], limit=nan)
     places = PlaceMap("error (mm)", 0, np.array([[nan, 0, 0], [1.0, 2, 3]]), [line])
-    chart, places = (json.loads(html.data(own)) for own in (chart_plain(chart), map_plain(places)))
+    chart, places = (json.loads(html.data(own)) for own in (plain(chart), plain(places)))
     assert chart["limit"] is None
     assert places["at"] == [None, [1, 2, 3]]
     assert [own["lines"][0]["values"] for own in (chart, places)] == [[1.0, None]] * 2

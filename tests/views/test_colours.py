@@ -7,7 +7,7 @@ import pytest
 
 from testbench.campaign.models import MODELS, named_models
 from testbench.model.structure import all153, template56
-from testbench.studies.identifiability.fits import FILLINGS
+from testbench.studies.identifiability.trial import FILLERS, GCO, LS
 from testbench.views import colours
 from testbench.views.colours import CHOICE, SCALE, SERIES, look
 
@@ -44,12 +44,12 @@ TOGETHER = (
     | {f"{name} + prior": look(name, method(name), prior=True) for name in FILLED}
     | {"MLS56, PSD of equal fit": look("MLS56", "free"), "default": CHOICE}
     | {
-        f"{name}, {words}": look(
-            name, "none" if words[:2] == "LS" else "psd", words != "least trace", filling
+        f"{name}, {own.name}": look(
+            name, "none" if own is LS else "psd", own.filling != "least trace", own.filling
         )
         for name in ("MGCO68", "ALL153")
-        for words, filling in FILLINGS.items()
-        if words != "GCO + prior"
+        for own in FILLERS
+        if own is not GCO
     }
 )
 """All models that any study shows, wider than any shows together."""

@@ -1,13 +1,17 @@
 """What the robot does: a drilling pattern and a milling path on a curved panel, and the forces of both."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from testbench.correct.process import process_wrench
+from testbench.design.specification import Tasks
 from testbench.errors import Array
-from testbench.studies.compensation.settings import DRILLING, FORCE, JOBS, MILLING
+from testbench.model.load import Load
 
+DRILLING, MILLING = "drilling", "milling"
+FORCE = (1000.0, 3000.0)  #: Least and largest force of the process [N].
 TIP = (0.5, 0.0, 0.0)  #: Where the tool cuts, in the tool's frame [m].
 RADIUS, NEAREST, HEIGHT = 2.0, 2.4, 1.6
 """Of the panel, a cylinder about a level axis along y: how far its nearest line is from the robot [m]."""
@@ -19,11 +23,12 @@ LEAST = 0.3  #: Of a component of the milling force before scaling, over the lar
 
 @dataclass(frozen=True)
 class Job:
-    """Points on the panel, in order, world axes, all (points, 3)."""
+    """Points on the panel, in order, world axes, both (points, 3)."""
 
     name: str
     position: Array  #: [m].
     axis: Array  #: Of the spindle, into the panel.
+    typical: Array  #: Direction of the force that a plan is made for: along the feed, across, axial, (3,).
 
     @property
     def rotation(self) -> Array:
@@ -33,66 +38,65 @@ class Job:
         return np.asarray(np.stack([self.axis, y, np.cross(self.axis, y)], axis=-1))
 
 
-def job(name: str) -> Job:
-    """One of JOBS."""
-    at = window() if name == MILLING else pattern()
+def jobs() -> tuple[Job, Job]:
+    """All of them; a drill is pushed back along its spindle alone."""
+    milled = np.array([-1.0, 1.0, -1.0]) / np.sqrt(3)
+    return _on_panel(DRILLING, _pattern(), np.array([0.0, 0.0, -1.0])), _on_panel(MILLING, _window(), milled)
+
+
+def _on_panel(name: str, at: Array, typical: Array) -> Job:
+    """A job at places of the panel, (points, 2) along y and up it [m]."""
     angle = at[:, 1] / RADIUS
-    return Job(name, on_panel(at), np.column_stack([np.cos(angle), np.zeros(len(at)), -np.sin(angle)]))
+    cosine, sine, level = np.cos(angle), np.sin(angle), np.zeros(len(at))
+    position = np.column_stack([NEAREST + RADIUS * (1 - cosine), at[:, 0], HEIGHT + RADIUS * sine])
+    return Job(name, position, np.column_stack([cosine, level, -sine]), typical)
 
 
-def on_panel(at: Array) -> Array:
-    """Places of the panel, (n, 2) along y and up it, in the world, (n, 3) [m]."""
-    angle = at[:, 1] / RADIUS
-    return np.column_stack(
-        [NEAREST + RADIUS * (1 - np.cos(angle)), at[:, 0], HEIGHT + RADIUS * np.sin(angle)]
-    )
-
-
-def pattern() -> Array:
-    """Holes, row by row, there and back, (holes, 2): along y and up the panel [m]."""
+def _pattern() -> Array:
+    """Holes, row by row, there and back."""
     y, s = (np.linspace(-half, half, n) for half, n in zip(PATTERN, HOLES, strict=True))
     return np.array([(one, up) for k, up in enumerate(s) for one in (y if k % 2 == 0 else y[::-1])])
 
 
-def window() -> Array:
-    """Points around a window with rounded corners, evenly spaced, (STEPS, 2): along y and up it [m]."""
+def _window() -> Array:
+    """Points around a window with rounded corners, evenly spaced: straight and round parts in turn."""
     a, b = (half - CORNER for half in WINDOW)
     quarter = np.pi / 2 * CORNER
     lengths = np.tile([2 * b, quarter, 2 * a, quarter], 2)
     starts = np.cumsum(np.r_[0.0, lengths])
-    centres = np.array([(a, b), (-a, b), (-a, -b), (a, -b)])
-    at = []
-    for way in (np.arange(STEPS) + 0.5) * starts[-1] / STEPS:
-        part = int(np.searchsorted(starts, way, side="right")) - 1
-        side, gone, round_it = part // 2, way - starts[part], part % 2
-        turn = np.pi / 2 * side + (gone / CORNER if round_it else 0.0)
-        out = np.array([np.cos(turn), np.sin(turn)])
-        straight = 0.0 if round_it else gone - lengths[part]
-        at.append(centres[side] + CORNER * out + straight * np.array([-out[1], out[0]]))
-    return np.array(at)
+    way = (np.arange(STEPS) + 0.5) * starts[-1] / STEPS
+    part = np.searchsorted(starts, way, side="right") - 1
+    gone, round_it = way - starts[part], part % 2 == 1
+    turn = np.pi / 2 * (part // 2) + np.where(round_it, gone / CORNER, 0.0)
+    straight = np.where(round_it, 0.0, gone - lengths[part])
+    cosine, sine = np.cos(turn), np.sin(turn)
+    centres = np.array([(a, b), (-a, b), (-a, -b), (a, -b)])[part // 2]
+    return np.asarray(
+        centres + np.column_stack([CORNER * cosine - straight * sine, CORNER * sine + straight * cosine])
+    )
 
 
 def drawn(job: Job, rng: np.random.Generator) -> Array:
     """Forces of a trial along the feed, across it and along the spindle, (3,) [N].
 
-    A drill is pushed back along its spindle alone; a mill is held back, pushed aside and out of the panel.
+    A mill is held back, pushed aside to either side and out of the panel.
     """
     size, parts, side = rng.uniform(*FORCE), rng.uniform(LEAST, 1, 3), rng.choice([-1.0, 1.0])
-    if job.name == DRILLING:
-        return np.asarray(size * typical(job))
-    return np.asarray(size * parts / np.linalg.norm(parts) * [-1.0, side, -1.0])
+    milled = parts / np.linalg.norm(parts) * [-1.0, side, -1.0]
+    return np.asarray(size * (job.typical if job.name == DRILLING else milled))
 
 
-def typical(job: Job) -> Array:
-    """Direction of the force that a plan is made for, the same three, (3,) [1]."""
-    return np.array([0.0, 0.0, -1.0]) if job.name == DRILLING else np.array([-1.0, 1.0, -1.0]) / np.sqrt(3)
+def tasks(q: Array, forces: Sequence[Array]) -> Tasks:
+    """The points of all jobs, one job after the other, each job under forces of its own, (3,) [N].
 
-
-def wrenches(job: Job, along: Array) -> Array:
-    """What the same forces, (3,) [N], are at every point, world, (points, 6) [N, N m]."""
-    return process_wrench(np.tile(along, (len(job.position), 1)), job.position, job.axis)
-
-
-def jobs() -> tuple[Job, ...]:
-    """All of them."""
-    return tuple(map(job, JOBS))
+    Args:
+        q: Programmed joints, (points, n) [rad].
+        forces: Along the feed, across it and along the spindle, a job each.
+    """
+    wrench = np.concatenate(
+        [
+            process_wrench(np.tile(own, (len(job.position), 1)), job.position, job.axis)
+            for job, own in zip(jobs(), forces, strict=True)
+        ]
+    )
+    return Tasks(q, Load(wrench, np.array(TIP)).over(len(wrench)))

@@ -1,4 +1,4 @@
-"""What the study of compensation tries: campaigns, models, jobs; and the rows of its tables."""
+"""What the study of compensation tries: campaigns, models; and the rows of its tables."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -31,10 +31,6 @@ IDEAL, LINEAR, REAL = "undisturbed", "linear joints", "disturbed"
 ARMS = (IDEAL, LINEAR, REAL)
 NUMBERS, QUICK_NUMBERS = (6, 12, 20), (FEATURED,)
 CANDIDATES, QUICK_CANDIDATES = 2000, 150
-FORCE = (1000.0, 3000.0)  #: Least and largest force of the process [N].
-DRILLING, MILLING = "drilling", "milling"
-JOBS = (DRILLING, MILLING)
-ALL = "both"  #: Both jobs together.
 NOMINAL, PRIOR, PERFECT = "nominal", "prior alone", "perfect"
 """Not identified: the folder's values; the same as the prior has them, wrong; the true compliances."""
 DEFAULT = "default"  #: What `identify` takes by default.
@@ -61,14 +57,13 @@ class Scene:
     """What all trials share."""
 
     candidates: Angles = ()  #: Feasible poses to measure.
-    drilling: Angles = ()  #: Programmed joints of the drilling pattern.
-    milling: Angles = ()  #: The same of the milling path.
+    program: Angles = ()  #: Programmed joints of all jobs, one job after the other.
     plans: tuple[PlanRow, ...] = ()
 
 
 @dataclass(frozen=True)
-class JobRow:
-    """One job of one trial, corrected by one model."""
+class JobsRow:
+    """All jobs of one trial, corrected by one model."""
 
     true_arm: str
     arm: str  #: What it does that no model knows, one of ARMS.
@@ -77,8 +72,6 @@ class JobRow:
     poses: int  #: How many were measured; 0 for the same.
     name: str  #: Of the model.
     chosen: str | None  #: Of the default: what it chose.
-    job: str
-    force: float  #: Of the process [N].
     #: Distance of the loaded tool from where it was asked, not corrected, point by point, (points,) [mm].
     before_mm: tuple[float, ...]
     after_mm: tuple[float, ...]  #: The same, corrected.
@@ -86,10 +79,10 @@ class JobRow:
     of: int  #: So many have one; 0 for a model that has no intervals.
     unseen: int  #: And so many have none, as the readings say nothing of them.
     buckled: bool  #: Whether the model had no equilibrium under the process; nothing is corrected then.
-    solved: int  #: Points for which joints were found.
     #: Where the tool is off, not corrected, then corrected, (2, points, 3) in a row [mm]; of what is drawn of
     #: the first trial.
     off_mm: tuple[float, ...] | None = None
+    data_file: str | None = None  #: dataset.csv of the first trial; the same.
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from testbench.views.schema import Table, best_of, pivot
 
 ERROR = "rms_um"  #: What models are judged by.
 RMS = replace(columns(ERROR)[0], form=".0f")
-JUDGED = ("name", "structure", "constraint", "prior", ERROR, "p95_um", "conservative", "solved")
+JUDGED = ("name", "structure", "constraint", "prior", ERROR, "p95_um", "max_um", "conservative", "solved")
 """Columns of a row whatever the factors are."""
 BY_CONE = (("MGCO56", "MLS56"), ("MGCO56 + prior", "MLS56 + prior"))
 DUELS = (*BY_CONE, ("MGCO56", JOINTS), ("MGCO56 + prior", JOINTS), (DEFAULT, JOINTS))
@@ -44,11 +44,13 @@ def cells(trials: Trials, *by: str, also: Sequence[str] = ()) -> list[Row]:
     return merged(trials.keep(*JUDGED, *by, *also), "name", *by)
 
 
-def head(asked: str, seeds: Sequence[int], trials: Trials) -> Row:
-    """What report.json says first of the family of true arms, or of the one that was asked for."""
+def head(seeds: Sequence[int], trials: Trials, asked: str = FAMILY) -> Row:
+    """What report.json says first; asked for are the family of true arms, or one of it."""
     arms = {arm: len(own.values(TRIAL)) for (arm,), own in trials.keep("true_arm", TRIAL).groups("true_arm")}
     seed = list(seeds) if len(seeds) > 1 else seeds[0]
-    return Row(seed=seed, noise=True, true_arm=asked, true_arms=arms)
+    return Row(
+        seed=seed, noise=True, trials=len(seeds), true_arm=asked, true_arms=arms, dataset=dataset(trials)
+    )
 
 
 def arms_told(f: Row) -> Markdown:
@@ -81,22 +83,23 @@ def by_case(trials: Trials, *by: str) -> Trials:
 
 
 def beside_rivals(gains: Row, each: str = "trial") -> Iterator[Markdown]:
-    """The errors of these gains, a sentence each rival; each is what a trial is called."""
-    squares, joints = gains.least_squares, gains.joints
+    """The errors of these gains, a sentence each rival that is not ours; each is what a trial is called."""
+    first = next(iter(gains.values()))
+    squares, joints = gains.get("least_squares"), gains.get("joints")
+    rival = ", least squares {other:.0f} um; {it:less}" if squares else ""
+    other = squares and 1e3 * middle(squares.theirs_mm)
     yield say(
-        "{ours} {own:.0f} um, least squares {other:.0f} um; {it:less}.",
-        squares,
-        it=squares,
-        own=1e3 * middle(squares.ours_mm),
-        other=1e3 * middle(squares.theirs_mm),
+        f"{{ours}} {{own:.0f}} um{rival}.", first, own=1e3 * middle(first.ours_mm), it=squares, other=other
     )
-    sentence = f"Joint stiffness only {{other:.0f}} um, {{it:more {each}}}."
-    yield say(sentence, it=joints, other=1e3 * middle(joints.theirs_mm))
+    if joints:
+        sentence = f"Joint stiffness only {{other:.0f}} um, {{it:more {each}}}."
+        yield say(sentence, it=joints, other=1e3 * middle(joints.theirs_mm))
 
 
 def gains_told(gains: Row) -> str:
     """The same for the title of a figure."""
-    return beside({"least squares": gains.least_squares, "joint stiffness only": gains.joints}, "um")
+    rivals = {"least squares": gains.get("least_squares"), "joint stiffness only": gains.get("joints")}
+    return beside(rivals, "um")
 
 
 def duels(
@@ -158,15 +161,15 @@ def errors(rows: Sequence[Row], down: str, across: str, title: str, last: str = 
     return pivot(Table((), rows, title), *columns(f"{down} {across}"), RMS, *columns(last))
 
 
-def contract(models: Sequence[Row], where: str, judged: str) -> list[Row]:
+def contract(models: Sequence[Row], judged: str = "workspace", where: str = "") -> list[Row]:
     """Rows of report.json's `models` of one cell, judged by the check set or over the workspace."""
     none = {"check": None, "workspace": None, "paper": None}
     return [
         Row(
-            {key: m[key] for key in ("constraint", "prior", "conservative", "solved")} | none,
-            name=f"{m.name}, {where}",
+            m | none,
+            name=f"{m.name}, {where}" if where else m.name,
             method=METHODS[m.constraint],
-            **{judged: Row(rms_mm=_mm(m.rms_um), p95_mm=_mm(m.p95_um))},
+            **{judged: Row({f"{key}_mm": _mm(m[f"{key}_um"]) for key in ("rms", "p95", "max")})},
         )
         for m in models
     ]
@@ -176,10 +179,11 @@ def _mm(um: Number) -> Number:
     return um.scaled(1e-3) if isinstance(um, Spread) else middle(um) / 1e3
 
 
-def dataset(trials: Trials, seed: int) -> Row:
-    """What the dataset of a seed holds, of rows that all have it."""
-    found: Row = merged(trials.where(seed=seed).keep("measured."))[0].measured
-    return found
+def dataset(trials: Trials) -> Row | None:
+    """What the dataset of the first seed holds that has one."""
+    known = trials.keep("measured.")
+    shown = np.isfinite(known["measured.runs"]).nonzero()[0][:1] if "measured.runs" in known else np.array([])
+    return merged(known.pick(shown))[0].measured if len(shown) else None
 
 
 def over_incumbent(trials: Trials, incumbent: str, chosen: str, *by: str) -> Trials:

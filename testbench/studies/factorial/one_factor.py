@@ -73,13 +73,11 @@ class OneFactor:
         at = {self.factor: self.level}
         here = [row for row in cells if row[self.factor] == self.level]
         f = Row(
-            compare.head("family", seeds, trials),
-            trials=len(seeds),
+            compare.head(seeds, trials),
             cells=cells,
             gains=compare.gains(trials.where(**at), here, self.ours),
             duels=compare.duels(trials, [(self.ours, "Joints")], self.factor),
-            models=compare.contract(here, self._where(self.level), "workspace"),
-            dataset=compare.dataset(trials.where(**at), seeds[0]),
+            models=compare.contract(here, where=self._where(self.level)),
         )
         worst = max(f.duels, key=lambda row: middle(row.ratio))
         how = "{how} {n}. {arms} RMS errors of predicted deflection, medians ({ends})."

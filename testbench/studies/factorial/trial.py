@@ -5,8 +5,9 @@ model. A study lists its cases and its models; rows are the same in all of them.
 their random numbers, so that differences between cases and models are theirs alone.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import wraps
 from typing import TypeVar
 
 import numpy as np
@@ -24,11 +25,12 @@ from testbench.data.dataset import Dataset
 from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.errors import Array
 from testbench.identify import Constraint, Estimate
-from testbench.identify.evaluate import all_deflections, score
+from testbench.identify.evaluate import Score, all_deflections, score
 from testbench.studies.study import Run
 from testbench.trials.spread import Share
 
 S = TypeVar("S")
+R = TypeVar("R")
 
 ANGLE_PER_LENGTH = 10.0
 """Standard deviation of an orientation over that of a position [rad/m]: 250 urad beside 25 um."""
@@ -47,6 +49,7 @@ class FitRow:
     prior: bool
     rms_um: float
     p95_um: float
+    max_um: float
     conservative: Share
     solved: Share  #: Whether the method found what it looks for.
     true_arm: str  #: One of TRUTHS.
@@ -81,8 +84,32 @@ def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Fits:
     return {model.name: identify_each(cell, model, runs) for model in models}
 
 
-def judged(cell: Cell, cases: Sequence[Case], fits: Fits) -> Iterator[FitRow]:
-    """Rows of every case, a model each, judged by true deflections."""
+def each_seed(trial: Callable[[S, int], Iterable[R]]) -> Callable[[S, Sequence[int]], list[list[R]]]:
+    """The trials of a study, of a function of its settings and one seed."""
+
+    @wraps(trial)
+    def trials(asked: S, seeds: Sequence[int]) -> list[list[R]]:
+        return [list(trial(asked, seed)) for seed in seeds]
+
+    return trials
+
+
+def judged(
+    cell: Cell,
+    cases: Sequence[Case],
+    fits: Fits,
+    kind: type[R] = FitRow,  # type: ignore[assignment]  # the rows of most studies
+    more: Callable[[str, int], Mapping[str, object]] = lambda *_: {},
+) -> Iterator[R]:
+    """Rows of every case, a model each, judged by true deflections.
+
+    Args:
+        cell: The arm.
+        cases: Of one arm.
+        fits: Of its models.
+        kind: Type of the rows.
+        more: Other fields of a row, by the model's name and the case's place.
+    """
     predicted: dict[tuple[int, str], Array] = {}
     for judge in {id(case.judge): case.judge for case in cases}.values():  # where the arm is, once each
         own = [(k, name) for k, case in enumerate(cases) if case.judge is judge for name in fits]
@@ -90,22 +117,23 @@ def judged(cell: Cell, cases: Sequence[Case], fits: Fits) -> Iterator[FitRow]:
         predicted |= dict(zip(own, moved, strict=True))
     for k, case in enumerate(cases):
         for name, estimates in fits.items():
-            yield _row(name, estimates[k], predicted[k, name], case)
+            fields = _fields(name, estimates[k], score(predicted[k, name], case.judge.deflection))
+            yield kind(**{**fields, **case.factors, **more(name, k)})
 
 
-def _row(name: str, estimate: Estimate, moved: Array, case: Case) -> FitRow:
-    error = score(moved, case.judge.deflection)
-    return FitRow(
-        name=name,
-        structure=estimate.structure.name,
-        constraint=estimate.constraint,
-        prior=estimate.belief is not None,
-        rms_um=UM * error.rms,
-        p95_um=UM * error.p95,
-        conservative=estimate.conservative,
-        solved=estimate.status == "solved",
-        **case.factors,  # type: ignore[arg-type]  # fields of a row, by their names
-    )
+def _fields(name: str, estimate: Estimate, error: Score) -> dict[str, object]:
+    """Fields of a row that all studies have."""
+    return {
+        "name": name,
+        "structure": estimate.structure.name,
+        "constraint": estimate.constraint,
+        "prior": estimate.belief is not None,
+        "rms_um": UM * error.rms,
+        "p95_um": UM * error.p95,
+        "max_um": UM * error.max,
+        "conservative": estimate.conservative,
+        "solved": estimate.status == "solved",
+    }
 
 
 def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
@@ -115,17 +143,17 @@ def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
     return models
 
 
-def with_wrong_priors(cell: Cell, models: Sequence[Model], names: Sequence[str], seed: int) -> list[Model]:
-    """Models, those of these names with a prior that is wrong and believed as firmly for each, the default.
+def with_wrong_priors(cell: Cell, names: Sequence[str], filled: Sequence[str], seed: int) -> list[Model]:
+    """Models without a prior, some with one that is wrong and believed as firmly for each, and the default.
 
     Args:
         cell: The arm of the model: the prior is wrong about its folder.
-        models: Without a prior.
-        names: Of those that are fitted with it too.
+        names: Of all models.
+        filled: Of those that are fitted with the prior too.
         seed: Of the prior's errors.
     """
     default = with_priors(named_models(cell, LEARNS), wrong_prior(cell, seed))
-    return [*with_wrong_prior(cell, models, names, seed), *default]
+    return [*with_wrong_prior(cell, plain_models(cell, names), filled, seed), *default]
 
 
 def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:

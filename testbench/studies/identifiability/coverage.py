@@ -45,7 +45,8 @@ TRIED: dict[tuple[Truth, str], str] = {
 }
 """Truth and prior, one of wrong_prior.PRIORS, of arms of the family; in words."""
 
-Kind = Literal["linearised", "bootstrap", "posterior", "set", "family"]
+Kind = Literal["linearised", "bootstrap", "posterior", "set", "learnt", "believed"]
+"""What intervals are; of the last two the arm is of the family, its prior learnt or believed."""
 
 
 @dataclass(frozen=True)
@@ -170,12 +171,13 @@ def of_family(cell: Cell, seed: int) -> Iterator[Covered]:
     for (truth, name), words in TRIED.items():
         campaign = simulate(arm, Scenario(arm=cell.arm.name, truth=truth, workspace_poses=CHECKS), seed)
         where = campaign.truth
-        for strength, how in ((None, "learnt"), (BELIEVED, "believed")):
+        kinds: dict[Kind, Strength | None] = {"learnt": None, "believed": BELIEVED}
+        for kind, strength in kinds.items():
             method = with_prior(gco, prior_of(cell, name, seed), strength)
             estimate = method(cell.vjm, all153(cell.arm), campaign.identification)
             found = intervals(cell.vjm, estimate, where, CONFIDENCE)
             own = replace(found, lower=found.lower[:, 0].ravel(), upper=found.upper[:, 0].ravel())
-            yield _covered(f"{words}: {how}", "family", where.deflection[:, 0].ravel(), own)
+            yield _covered(f"{words}: {kind}", kind, where.deflection[:, 0].ravel(), own)
 
 
 def _covered(name: str, kind: Kind, truth: Array, seen: Intervals | Bounds) -> Covered:

@@ -1,22 +1,79 @@
 """A trial: one campaign identified in every way, and one dataset of every kind of interval.
 
-The parts have numbers of trials of their own: each is in the first seeds of the study.
+All models of a campaign see the same runs, with a linear truth and with MuJoCo's; of the linear one the scale
+of the prior and the number of poses are varied. Campaigns and intervals have numbers of trials of their own:
+each is in the first seeds of the study.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
-from testbench.campaign.campaign import Scenario, build_cell, of_arm
-from testbench.studies.identifiability import coverage, fits
+from testbench.campaign.baselines import JOINTS
+from testbench.campaign.campaign import (
+    Campaign,
+    Cell,
+    Scenario,
+    build_cell,
+    draw_poses,
+    of_arm,
+    simulate,
+    simulate_at,
+)
+from testbench.campaign.models import Model, named_models
+from testbench.campaign.perturbed_prior import SCALE, wrong_prior
+from testbench.campaign.rows import dataset_row
+from testbench.data.dataset import Dataset
+from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
+from testbench.identify.crossval import choose_strength, every_fold
+from testbench.identify.metric import metric, rescaled
+from testbench.identify.prior import Prior
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
+from testbench.studies.estimators.stein import gco_least_trace, gco_stein, stein_parameters
+from testbench.studies.factorial.trial import Case, FitRow, each_seed, fitted, judged, plain_models
+from testbench.studies.identifiability import coverage
 from testbench.studies.identifiability.coverage import Covered
-from testbench.studies.identifiability.fits import TrialRow, Tried
+from testbench.trials.spread import Number
 
 SIX_DOF = "arm_6r"  #: The arm of section 5.2: the data see all its predictions.
+PLAIN = (JOINTS, "MLS56", "MGCO56", "MGCO68")
+"""Models without a prior; beside MLS56 stands what is conservative and fits as well."""
+VARIED = ("MGCO56", "MGCO68")  #: Structures whose prior's scale and number of poses are varied.
+
+Filling = Literal["none", "least trace", "prior", "log-det prior"]
+"""What fills the directions that the data do not see: nothing but the method, or a prior in its metric."""
+
+
+@dataclass(frozen=True)
+class Filler:
+    """A method that takes a prior."""
+
+    name: str  #: Behind that of the structure.
+    filling: Filling
+    estimator: Callable[[Cell, Prior], Estimator]
+
+
+@dataclass(frozen=True)
+class FilledModel(Model):
+    """A model, and what fills what the data do not see."""
+
+    filling: Filling = "none"
+
+
+@dataclass(frozen=True)
+class Tried:
+    """What is varied."""
+
+    structures: tuple[str, ...] = ("MGCO56", "MGCO68", "ALL153")  #: With a prior.
+    scales: tuple[float, ...] = (0.2, 0.5, 1.0, 2.0, 5.0)  #: Factors by which the prior is wrong.
+    poses: tuple[int, ...] = (5, 8, 12, 20, 40)  #: Numbers of identification poses.
+
+
 QUICK = Tried(structures=("MGCO56", "MGCO68"), scales=(0.5, 2.0), poses=(8, 20))
 
 
@@ -44,6 +101,25 @@ class Settings:
     family: int  #: Those with an arm of the family.
 
 
+@dataclass(frozen=True, kw_only=True)
+class MethodRow(FitRow):
+    """One method in one case."""
+
+    filling: Filling
+    parameters: int
+    rank: int
+    scale: float | None = None  #: How many times too soft the prior is, where that is varied.
+    uncertainty_percent: Number = None  #: Of the prior, as the readings or cross-validation chose it.
+
+
+@dataclass(frozen=True)
+class TrialRow:
+    """One fit of a campaign, or the intervals of one dataset."""
+
+    fit: MethodRow | None = None
+    intervals: Covered | None = None
+
+
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for."""
     return Settings(
@@ -58,25 +134,122 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
     )
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[TrialRow]]:
-    """Rows of some seeds: first those of their campaigns."""
+@each_seed
+def trials(asked: Settings, seed: int) -> Iterator[TrialRow]:
+    """Fits of the campaign of a seed, then intervals."""
     cell = build_cell(find_arm(asked.arm))
-    light = coverage.full_pose_case(build_cell(find_arm(SIX_DOF)))
     heavy = coverage.gravity_cases(cell)
+    if seed - asked.first < asked.campaigns:
+        yield from (TrialRow(fit=row) for row in _fits(cell, asked, seed))
+    yield from (TrialRow(intervals=row) for row in _intervals(cell, heavy, asked, seed - asked.first))
 
-    def drawn(k: int) -> Iterator[Covered]:
-        yield from coverage.fitted(light, k, k < asked.bootstraps)
-        for case in heavy:
-            yield from coverage.posterior(case, k)
-            if k < asked.bounds:
-                yield coverage.bounded(case, k)
-        if k < asked.family:
-            yield from coverage.of_family(cell, asked.first + k)
 
-    found = []
-    for seed in seeds:
-        k, rows = seed - asked.first, list[TrialRow]()
-        if k < asked.campaigns:
-            rows += fits.rows(cell, asked.scenario, asked.tried, seed, first=k == 0)
-        found.append(rows + [TrialRow(intervals=row) for row in drawn(k)])
-    return found
+def _intervals(cell: Cell, heavy: Sequence[coverage.Case], asked: Settings, k: int) -> Iterator[Covered]:
+    """Intervals of every kind from dataset k."""
+    light = coverage.full_pose_case(build_cell(find_arm(SIX_DOF)))
+    yield from coverage.fitted(light, k, k < asked.bootstraps)
+    for case in heavy:
+        yield from coverage.posterior(case, k)
+        if k < asked.bounds:
+            yield coverage.bounded(case, k)
+    if k < asked.family:
+        yield from coverage.of_family(cell, asked.first + k)
+
+
+def _fits(cell: Cell, asked: Settings, seed: int) -> Iterator[MethodRow]:
+    """All fits of one campaign."""
+    straight, bent = _campaigns(cell, asked.scenario, seed)
+    linear, tried = asked.scenario.model_copy(update={"truth": "linear"}), asked.tried
+    plain = [FilledModel(**vars(model)) for model in plain_models(cell, PLAIN)]
+    every = [*plain, *_filled(cell, seed, tried.structures, FILLERS)]
+    seen = dataset_row(bent.measured)
+    yield from _judged(cell, every, [_case(straight, "linear"), _case(bent, "nonlinear", measured=seen)])
+    for scale in tried.scales:
+        _, *own = _filled(cell, seed, VARIED, (LS, GCO), scale)
+        yield from _judged(cell, own, [_case(straight, "scale", scale=scale)])
+    cases = []
+    for count in tried.poses:
+        runs = round(count * asked.scenario.identification_runs / asked.scenario.identification_poses)
+        more = linear.model_copy(update={"identification_poses": count, "identification_runs": runs})
+        cases.append(_case(simulate(cell, more, seed), "poses", poses=count))
+    yield from _judged(cell, [*plain, *_filled(cell, seed, VARIED, (GCO,))], cases)
+
+
+def _campaigns(cell: Cell, scenario: Scenario, seed: int) -> list[Campaign]:
+    """Campaigns in the same poses, of a linear truth and of a non-linear one."""
+    poses = draw_poses(cell, scenario, seed)
+    truths = (scenario.model_copy(update={"truth": truth}) for truth in ("linear", "nonlinear"))
+    return [simulate_at(cell, own, seed, poses) for own in truths]
+
+
+def first_runs(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
+    """The arm, and all that is measured of a seed with a non-linear truth."""
+    cell, scenario = build_cell(find_arm(asked.arm)), asked.scenario.model_copy(update={"workspace_poses": 1})
+    return cell, _campaigns(cell, scenario, seed)[1].measured
+
+
+def _case(campaign: Campaign, part: str, **more: object) -> Case:
+    factors = {"part": part, "truth": campaign.scenario.truth, "true_arm": "tubes", **more}
+    return Case(campaign.identification, campaign.truth, factors)
+
+
+def _judged(cell: Cell, models: Sequence[FilledModel], cases: Sequence[Case]) -> Iterator[MethodRow]:
+    fits, filling = fitted(cell, models, cases), {model.name: model.filling for model in models}
+
+    def more(name: str, k: int) -> dict[str, object]:
+        estimate = fits[name][k]
+        belief = estimate.belief
+        return {
+            "filling": filling[name],
+            "parameters": estimate.structure.n,
+            "rank": estimate.regression.rank,
+            "uncertainty_percent": 100 * belief.strength.uncertainty if belief else None,
+        }
+
+    yield from judged(cell, cases, fits, MethodRow, more)
+
+
+def _filled(
+    cell: Cell, seed: int, structures: Sequence[str], fillers: Sequence[Filler], scale: float = SCALE
+) -> list[FilledModel]:
+    """Joints alone, then structures by these methods, all with the same wrong prior."""
+    prior = wrong_prior(cell, seed, scale)
+    joints, *own = named_models(cell, (JOINTS, *structures))
+    asked = [(joints, LS), *((model, filler) for model in own for filler in fillers)]
+    return [
+        FilledModel(f"{m.name}, {own.name}", m.structure, own.estimator(cell, prior), own.filling)
+        for m, own in asked
+    ]
+
+
+Fill = Callable[[Vjm, Structure, Dataset, Prior], Estimate]
+
+
+def _of(fill: Fill) -> Callable[[Cell, Prior], Estimator]:
+    """A method of a prior that `with_prior` does not have."""
+    return lambda cell, prior: lambda _, structure, data: fill(cell.vjm, structure, data, prior)
+
+
+def _least_trace(vjm: Vjm, structure: Structure, data: Dataset, prior: Prior) -> Estimate:
+    """GCO of least trace in the metric of a prior, no compliance believed."""
+    regression = reduce(vjm, structure, data)
+    return gco_least_trace(regression, rescaled(metric(prior, vjm, structure), regression))
+
+
+def _log_det(vjm: Vjm, structure: Structure, data: Dataset, prior: Prior) -> Estimate:
+    """GCO with the log-determinant prior."""
+    regression = reduce(vjm, structure, data)
+    own = rescaled(metric(prior, vjm, structure), regression)
+    return gco_stein(
+        regression, own, choose_strength(every_fold(vjm, structure, data), own, stein_parameters)
+    )
+
+
+LS = Filler("LS + prior", "prior", lambda _, prior: with_prior(least_squares, prior))
+GCO = Filler("GCO + prior", "prior", lambda _, prior: with_prior(gco, prior))
+FILLERS = (
+    Filler("least trace", "least trace", _of(_least_trace)),
+    LS,
+    GCO,
+    Filler("GCO + log-det", "log-det prior", _of(_log_det)),
+)

@@ -49,12 +49,11 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     held = trials.where(sigma_um=sigma_um, case={PLAIN_COMPENSATOR, STIFF})
     ranking, adds = _ranking(cells), _noise_adds(cells)
     f = Row(
-        compare.head(asked.true_arm, seeds, trials),
+        compare.head(seeds, trials, asked.true_arm),
         arm=find_arm(asked.arm).resolve().name,
         truth="nonlinear",
         sigma_um=sigma_um,
         scale=asked.scale,
-        trials=len(seeds),
         workspace_poses=asked.workspace,
         sizes=trial.sizes(asked.scale, asked.only),
         cells=cells,
@@ -72,9 +71,8 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         models=[
             model
             for case in (NONE, ALL)
-            for model in compare.contract([row for row in noisy if row.case == case], case, "workspace")
+            for model in compare.contract([row for row in noisy if row.case == case], where=case)
         ],
-        dataset=compare.dataset(together, seeds[0]),
     )
     at = say("Disturbed in every way, {sigma_um:g} um of noise:", f)
     return Report(

@@ -25,9 +25,9 @@ from testbench.plant import STIFF_COMPENSATOR, TYPICAL, Disturbances, disturb, s
 from testbench.studies.factorial.trial import (
     Case,
     FitRow,
+    each_seed,
     fitted,
     judged,
-    plain_models,
     reread,
     with_wrong_priors,
 )
@@ -116,18 +116,15 @@ def sizes(scale: float, only: Sequence[str] = ()) -> dict[str, Mapping[str, obje
     }
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
-    """Rows of some seeds, one a fit."""
+@each_seed
+def trials(asked: Settings, seed: int) -> Iterator[FitRow]:
+    """Rows of a seed, one a fit."""
     cell = build_cell(find_arm(asked.arm))
-    plain = plain_models(cell, MODELS)
-    found = []
-    for seed in seeds:
-        every = with_wrong_priors(cell, plain, MODELS, seed)
-        models = [model for model in every if model.name != ONLY_WITH_PRIOR]
-        true = true_cell(cell, member(asked.true_arm, seed), seed)
-        cases = list(_cases(true, asked, seed))
-        found.append(list(judged(true, cases, fitted(true, models, cases))))
-    return found
+    every = with_wrong_priors(cell, MODELS, MODELS, seed)
+    models = [model for model in every if model.name != ONLY_WITH_PRIOR]
+    true = true_cell(cell, member(asked.true_arm, seed), seed)
+    cases = list(_cases(true, asked, seed))
+    yield from judged(true, cases, fitted(true, models, cases))
 
 
 def _cases(cell: Cell, asked: Settings, seed: int) -> Iterator[Case]:

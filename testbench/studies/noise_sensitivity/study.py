@@ -44,7 +44,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     parts = {part: _of_part(part, trials) for part in PARTS}
     read = trials.where(part="instrument").held()
     f = Row(
-        compare.head(asked.true_arm, seeds, trials),
+        compare.head(seeds, trials, asked.true_arm),
         truth={"six_dof": "linear", "gravity": "nonlinear", "instrument": "both"},
         default=DEFAULT,
         trials=Row(
@@ -60,9 +60,8 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         models=[
             model
             for part, own in parts.items()
-            for model in compare.contract(_at_tracker(own), PARTS[part], JUDGED[part])
+            for model in compare.contract(_at_tracker(own), JUDGED[part], PARTS[part])
         ],
-        dataset=compare.dataset(trials.where(part="gravity"), seeds[0]),
     )
     return Report(
         scenario=STUDY.name,

@@ -31,9 +31,9 @@ from testbench.errors import BenchError
 from testbench.studies.factorial.trial import (
     Case,
     FitRow,
+    each_seed,
     fitted,
     judged,
-    plain_models,
     reread,
     with_wrong_priors,
 )
@@ -98,32 +98,26 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
     return replace(found, sigmas=tuple(value / 1e6 for value in sorted({0.0, *levels})))
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
-    """Rows of some seeds, one a fit."""
+@each_seed
+def trials(asked: Settings, seed: int) -> Iterator[FitRow]:
+    """Rows of a seed, one a fit."""
+    arm = member(asked.true_arm, seed)
     light, heavy = build_cell(find_arm(LIGHT)), build_cell(find_arm(HEAVY))
-    light_plain, heavy_plain = plain_models(light, SIX_DOF), plain_models(heavy, GRAVITY)
-    found = []
-    for seed in seeds:
-        arm = member(asked.true_arm, seed)
-        cell, models = true_cell(light, arm, seed), with_wrong_priors(light, light_plain, SIX_DOF_PRIOR, seed)
-        scenario = FullPose(arm=LIGHT, least=9e-3, most=41e-3, noise=False)
-        levels = _levels(asked, "six_dof", arm, simulate_full_pose(cell, scenario, seed))
-        rows = list(judged(cell, levels, fitted(cell, models, levels)))
-        gravity, instruments = (
-            seed - asked.first < n for n in (asked.gravity_trials, asked.instrument_trials)
-        )
-        if gravity or instruments:
-            cell = true_cell(heavy, arm, seed)
-            models = with_wrong_priors(heavy, heavy_plain, GRAVITY_PRIOR, seed)
-            linear, bent = _campaigns(cell, seed)
-        if gravity:
-            levels = _levels(asked, "gravity", arm, bent)
-            rows += judged(cell, levels, fitted(cell, models, levels))
-        if instruments:
-            named = {model.name: model for model in models}
-            rows += [row for c in (linear, bent) for row in _instruments(cell, named, asked, arm, c)]
-        found.append(rows)
-    return found
+    cell, models = true_cell(light, arm, seed), with_wrong_priors(light, SIX_DOF, SIX_DOF_PRIOR, seed)
+    scenario = FullPose(arm=LIGHT, least=9e-3, most=41e-3, noise=False)
+    levels = _levels(asked, "six_dof", arm, simulate_full_pose(cell, scenario, seed))
+    yield from judged(cell, levels, fitted(cell, models, levels))
+    gravity, instruments = (seed - asked.first < n for n in (asked.gravity_trials, asked.instrument_trials))
+    if gravity or instruments:
+        cell, models = true_cell(heavy, arm, seed), with_wrong_priors(heavy, GRAVITY, GRAVITY_PRIOR, seed)
+        linear, bent = _campaigns(cell, seed)
+    if gravity:
+        levels = _levels(asked, "gravity", arm, bent)
+        yield from judged(cell, levels, fitted(cell, models, levels))
+    if instruments:
+        named = {model.name: model for model in models}
+        for campaign in (linear, bent):
+            yield from _instruments(cell, named, asked, arm, campaign)
 
 
 def _campaigns(cell: Cell, seed: int) -> list[Campaign]:

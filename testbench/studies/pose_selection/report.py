@@ -25,11 +25,10 @@ from testbench.studies.pose_selection import settings as s
 from testbench.studies.pose_selection.settings import BARE, INCUMBENT, PLANNED, RANDOM, Settings
 from testbench.studies.pose_selection.trial import build_bench, first_runs, poses_of
 from testbench.studies.study import Run
-from testbench.trials.gain import gained
 from testbench.trials.spread import ends, middle, most_trials, span, wins
 from testbench.views.colours import GREY, SERIES, Look
 from testbench.views.figure import Figure, forest, of_seeds, sweeps
-from testbench.views.gains import more
+from testbench.views.gains import gained, more
 from testbench.views.markdown import Markdown
 from testbench.views.scene import Line, PlaceMap, RunChart, Scene, Seen
 from testbench.views.schema import Table, best_of

@@ -19,15 +19,15 @@ from testbench.campaign.rows import UM, dataset_row
 from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset, Mask, select
 from testbench.errors import Array, BenchError
-from testbench.identify import reduce
+from testbench.identify import Estimate, reduce
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import RANK_TOLERANCE, Regression
 from testbench.identify.regularised import fit_each
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
-from testbench.studies.factorial.trial import Case, FitRow, judged, reread
-from testbench.studies.regimes.fits import with_prior, without_prior
+from testbench.studies.factorial.trial import Case, FitRow, each_seed, judged, reread
+from testbench.studies.regimes.fits import Compared, with_prior, without_prior
 
 Kind = Literal["gravity", "full_pose"]
 """A weight and three markers (section 6), or wrenches along all axes and the tool's full pose (5.2)."""
@@ -119,15 +119,13 @@ def settings(options: Options, quick: bool, _: range) -> Settings:
     return replace(found, judged=40, gravity=gravity, full_pose=full_pose)
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[MethodRow]]:
-    """Rows of some seeds, one a method, structure, truth, prior and cell of the grids."""
-    cells = {kind: build_cell(find_arm(grid.arm)) for kind, grid in asked.grids.items()}
-    found = []
-    for seed in seeds:
-        rows = [row for kind, cell in cells.items() for row in _rows(cell, kind, asked, seed)]
-        measured = dataset_row(first_runs(cells["gravity"], asked, seed))
-        found.append([replace(rows[0], measured=measured), *rows[1:]])
-    return found
+@each_seed
+def trials(asked: Settings, seed: int) -> Iterator[MethodRow]:
+    """Rows of a seed, one a method, structure, truth, prior and cell of the grids."""
+    measured = dataset_row(first_runs(asked, seed)[1])
+    for kind, grid in asked.grids.items():
+        for k, row in enumerate(_rows(build_cell(find_arm(grid.arm)), kind, asked, seed)):
+            yield row if k or kind != "gravity" else replace(row, measured=measured)
 
 
 @dataclass(frozen=True)
@@ -179,17 +177,11 @@ MEASURE: Mapping[Kind, Callable[[Cell, Grid, int, Sequence[str], int], list[Clea
 """Of an arm, its grid, the poses to judge by, names of truths and a seed: what is true, a truth each."""
 
 
-def first(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
+def first_runs(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
     """The arm, and the runs of the featured cell of a trial's first true arm."""
-    cell = build_cell(find_arm(asked.gravity.arm))
-    return cell, first_runs(cell, asked, seed)
-
-
-def first_runs(cell: Cell, asked: Settings, seed: int) -> Dataset:
-    """The runs of the featured cell, of a trial's first arm."""
-    grid = replace(asked.gravity, sigmas=(FEATURED_SIGMA,))
+    cell, grid = build_cell(find_arm(asked.gravity.arm)), replace(asked.gravity, sigmas=(FEATURED_SIGMA,))
     [clean] = _gravity(cell, grid, 1, asked.arms(seed)[:1], seed)
-    return clean.read(replace(grid, poses=(FEATURED_POSES,)))[0]
+    return cell, clean.read(replace(grid, poses=(FEATURED_POSES,)))[0]
 
 
 def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[MethodRow]:
@@ -198,8 +190,6 @@ def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[Method
     structures = [make(cell.arm) for make in STRUCTURES]
     for truth, clean in zip(truths, MEASURE[kind](cell, grid, asked.judged, truths, seed), strict=True):
         data = clean.read(grid)
-        factors = [{"part": kind, "true_arm": truth, "poses": n, "sigma_um": UM * s} for n, s in grid.cells]
-        cases = [Case(runs, clean.judge, own) for runs, own in zip(data, factors, strict=True)]
         alone = [reduce(cell.vjm, joints_only(cell.arm), runs) for runs in data]
         joints = fit_each(alone, "none", [None] * len(data))
         for structure in structures:
@@ -208,22 +198,28 @@ def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[Method
             found |= {name: with_prior(cell.vjm, own, prior, believed) for name, believed in PRIORS.items()}
             noise = expected(cell.vjm, clean, grid, own)
             for name, compared in found.items():
-                moved = all_deflections(cell.vjm, compared.gco, clean.judge)
-                share = noise / (UM * np.sqrt(np.square(moved).sum(axis=3).mean(axis=(1, 2))))
-                fits = {GCO: compared.gco, SQUARES: compared.ls, JOINTS: joints}
-                fits |= (
-                    {EQUAL: compared.equal, LENT: compared.lent} if compared.equal and compared.lent else {}
-                )
-                for k, row in enumerate(judged(cell, cases, fits)):
-                    at = k // len(fits)
-                    known = {"structure": structure.name, "uncertainty": name}
-                    known |= {"constraint": "free"} if row.name == EQUAL else {}
-                    yield MethodRow(
-                        **{**vars(row), **known},
-                        binds=compared.binds[at],
-                        expected=float(share[at]),
-                        free=structure.n - compared.ls[at].regression.rank,
-                    )
+                same = {"part": kind, "true_arm": truth, "structure": structure.name, "uncertainty": name}
+                cases = [
+                    Case(runs, clean.judge, {**same, "poses": poses, "sigma_um": UM * sigma})
+                    for runs, (poses, sigma) in zip(data, grid.cells, strict=True)
+                ]
+                yield from _compared(cell, cases, compared, joints, noise)
+
+
+def _compared(
+    cell: Cell, cases: Sequence[Case], own: Compared, joints: Sequence[Estimate], noise: Array
+) -> Iterator[MethodRow]:
+    """Rows of one structure with one prior; noise is what it is expected to leave least squares [um]."""
+    fits = {GCO: own.gco, SQUARES: own.ls, JOINTS: joints}
+    fits |= {EQUAL: own.equal, LENT: own.lent} if own.equal and own.lent else {}
+    moved, binds = all_deflections(cell.vjm, own.gco, cases[0].judge), own.binds
+    share = noise / (UM * np.sqrt(np.square(moved).sum(axis=3).mean(axis=(1, 2))))
+
+    def more(name: str, k: int) -> dict[str, object]:
+        known = {"expected": float(share[k]), "free": own.ls[k].structure.n - own.ls[k].regression.rank}
+        return known | {"binds": binds[k]} | ({"constraint": "free"} if name == EQUAL else {})
+
+    yield from judged(cell, cases, fits, MethodRow, more)
 
 
 def expected(vjm: Vjm, clean: Clean, grid: Grid, regressions: Sequence[Regression]) -> Array:

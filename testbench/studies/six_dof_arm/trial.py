@@ -6,25 +6,21 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-import numpy as np
 import typer
-from scipy.special import chdtri
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.baselines import JOINTS, equal_fit
-from testbench.campaign.campaign import Campaign, Cell, Truth, build_cell, stream
-from testbench.campaign.campaign_row import Drawn, drawn
-from testbench.campaign.evaluation import Result, identify, judge
+from testbench.campaign.campaign import Campaign, Cell, Truth, build_cell
+from testbench.campaign.campaign_row import CampaignRow, campaign_rows
+from testbench.campaign.evaluation import identify, judge
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.pose_campaign import FullPose, simulate
-from testbench.campaign.rows import MM, UM, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
-from testbench.campaign.workspace_errors import Places, kept_mm, places_of
 from testbench.identify import gco
-from testbench.studies.estimators.factorised import LARGEST_ORDER, LocalSolves
-from testbench.trials.spread import Number
+from testbench.studies.paper import every_order
 
 MODELS = ("MLS56", "MLS32", "MGCO147", "MGCO69", "MGCO56")  #: The models of Table I, in the paper's order.
 TRUTHS: tuple[Truth, ...] = ("linear", "nonlinear")
+TUBES = "tubes"  #: The true arm: links as the folder has them.
 CLOSE = 0.05  #: Share by which two errors may differ and still be nearly the same.
 ORDER_MODELS = ("MGCO69", "MGCO56")
 ORDER_SEEDS, QUICK_ORDER_SEEDS = 20, 1
@@ -59,35 +55,10 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Measured(DatasetRow):
-    """What was measured; the deflections are those of the check runs."""
+class SixDofRow(CampaignRow):
+    """One fit: of a model under one truth, or of one order m. Errors are of the check runs."""
 
-    poses: int
-    check_runs: int
-    check_runs_drawn: Number
-    sigma_urad: float
-    noise_p95_mm: float  #: 95 % of the distances by which noise alone moves a read deflection.
-
-
-@dataclass(frozen=True)
-class Judged(FitRow):
-    """A model judged: `check` against the noisy readings of the check runs, `check_true` without noise."""
-
-    identification: ErrorRow
-    check: ErrorRow
-    check_true: ErrorRow
-
-
-@dataclass(frozen=True)
-class SixDofRow(Judged):
-    """One fit: of a model under one truth, or of one order m."""
-
-    truth: Truth  #: Kind of truth.
-    measured: Measured  #: What it was found from.
-    #: Poses of the check runs; None but under the linear truth of the first seed.
-    places: Places | None = None
-    place_mm: tuple[float, ...] | None = None  #: Error in each of them, without noise.
-    drawn: Drawn | None = None  #: For pictures, beside them.
+    truth: Truth = "linear"  #: Kind of truth.
     m: int = 0  #: Order of the vector space of Eq. (16); 0 where the model's own method was used.
     f_m_over_optimum: float | None = None  #: F_M, the best of some local solves, over the least possible.
 
@@ -128,57 +99,20 @@ def models(cell: Cell) -> list[Model]:
 def _trial(cell: Cell, models: Sequence[Model], asked: Settings, seed: int) -> Iterator[SixDofRow]:
     for truth in TRUTHS:
         campaign = simulate(cell, asked.scenario.model_copy(update={"truth": truth}), seed)
-        own, first = measured(campaign), truth == "linear" and seed == asked.first
-        for k, result in enumerate(identify(cell, campaign, models, time.perf_counter)):
-            yield SixDofRow(
-                **vars(judged(result)),
-                truth=truth,
-                measured=own,
-                places=places_of(cell, campaign.truth) if first else None,
-                place_mm=kept_mm(result.places) if first else None,
-                drawn=drawn(campaign, result, whole=k == 0) if first else None,
-            )
-        if truth == "linear" and seed < asked.first + asked.ordered:
+        results, linear = identify(cell, campaign, models, time.perf_counter), truth == "linear"
+        for row in campaign_rows(cell, campaign, results, TUBES, placed=linear and seed == asked.first):
+            yield SixDofRow(**vars(row), truth=truth)
+        if linear and seed < asked.first + asked.ordered:
             for name in ORDER_MODELS:
                 yield from _orders(cell, campaign, name, asked.starts)
-
-
-def measured(campaign: Campaign) -> Measured:
-    """Counts and deflections of a campaign."""
-    runs = campaign.identification
-    assert runs.sigma_rotation is not None  # full poses are read
-    return Measured(
-        **vars(dataset_row(campaign.truth)) | {"runs": runs.runs, "points": runs.points},
-        poses=len(np.unique(runs.pose)),
-        check_runs=campaign.truth.runs,
-        check_runs_drawn=campaign.drawn,
-        sigma_urad=UM * runs.sigma_rotation,
-        noise_p95_mm=MM * math.sqrt(2 * chdtri(3, 0.05)) * runs.sigma,
-    )
-
-
-def judged(result: Result) -> Judged:
-    """One model of one campaign."""
-    return Judged(
-        **vars(fit_row(result.model.name, result.estimate, result.seconds)),
-        identification=error_row(result.identification),
-        check=error_row(result.check),
-        check_true=error_row(result.check_true),
-    )
 
 
 def _orders(cell: Cell, campaign: Campaign, name: str, starts: int) -> Iterator[SixDofRow]:
     """F_M and check error of every order m of one model."""
     [model] = named_models(cell, [name])
-    best = gco(cell.vjm, model.structure, campaign.identification)
-    for m in range(1, LARGEST_ORDER + 1):
-        estimator = LocalSolves(stream(campaign.seed, 10 + m), m, starts)
-        estimate = estimator(cell.vjm, model.structure, campaign.identification)
-        own = judged(judge(cell, campaign, Model(name, model.structure, estimator), estimate, 0.0))
-        yield SixDofRow(
-            **vars(own),
-            truth="linear",
-            measured=measured(campaign),
-            m=m,
-            f_m_over_optimum=estimate.f_m / best.f_m,
-        )
+    best = gco(cell.vjm, model.structure, campaign.identification).f_m
+    estimates = every_order(cell, model.structure, campaign.identification, starts, campaign.seed)
+    results = [judge(cell, campaign, model, estimate, 0.0) for estimate in estimates]
+    rows = campaign_rows(cell, campaign, results, TUBES, placed=False)
+    for m, (row, estimate) in enumerate(zip(rows, estimates, strict=True), start=1):
+        yield SixDofRow(**vars(row), m=m, f_m_over_optimum=estimate.f_m / best)

@@ -7,6 +7,7 @@ convex, and the dual of one conic program tells how far any other solution can b
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from time import perf_counter
 from typing import Annotated
 
@@ -15,10 +16,11 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, build_cell, stream
+from testbench.campaign.campaign_row import CampaignRow, campaign_rows
 from testbench.campaign.evaluation import judge
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.pose_campaign import FullPose, simulate
-from testbench.campaign.rows import ErrorRow, error_row
+from testbench.data.csvfile import csv_text
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce
 from testbench.studies.estimators.factorised import (
@@ -35,7 +37,7 @@ from testbench.studies.estimators.factorised import (
 )
 from testbench.studies.estimators.modelled import cvxpy, modelled
 from testbench.studies.estimators.search import Budget, explore
-from testbench.studies.six_dof_arm.trial import Judged, Measured, judged, measured
+from testbench.studies.six_dof_arm.trial import TUBES
 
 ARM = "arm_6r"
 SIGMA = math.sqrt(0.5) * 25e-6  #: The paper's is that of a deflection, a difference of two readings [m].
@@ -50,7 +52,7 @@ DIFFERENCE = math.sqrt(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Options:
-    """Flags of the study, and what is tried."""
+    """Flags of the study."""
 
     model: Annotated[str, typer.Option(help="A GCO model of the paper.")] = "MGCO69"
     m: Annotated[int, typer.Option(min=1, max=6, help="Order of the vector space.")] = LARGEST_ORDER
@@ -61,42 +63,27 @@ class Options:
 
 
 @dataclass(frozen=True)
-class SolverRow:
-    """What one solver found in one seed, with its way down."""
+class Settings(Options):
+    """What is tried."""
 
-    f_m: float  #: Cost of Eq. (19).
-    excess_f_m: float  #: Over that of the conic program.
-    relative_excess: float  #: The same, relative.
-    f_m_excess_bound: float  #: F_M over its certified lower bound.
-    relative_excess_bound: float  #: The same, relative to the bound.
-    seconds: float  #: Wall time of the whole call, reduction of the dataset included.
-    #: Until F_M was within 1 % of the conic program's; None where it never was.
-    seconds_to_1_percent: float | None
-    ratio_to_conic: float | None  #: The same over the conic program's whole time.
-    whole_ratio_to_conic: float  #: Whole time over the conic program's.
-    evaluations: int | None  #: Of F_M; None where nobody counts them.
-    local_solves: int | None  #: How many; None where there are none.
-    local_solves_elsewhere: int | None  #: Those that ended more than CLOSE above the conic program.
-    conservative: bool  #: Whether every block is positive semi-definite.
-    status: str  #: What the solver says.
-    check_true: ErrorRow  #: Errors of the check runs, without noise.
+    first: int = 1  #: The first seed: its runs are kept.
 
 
 @dataclass(frozen=True)
-class Data:
-    """What every solver of a seed had: measurements, and what the conic program made of them."""
+class SolverRow(CampaignRow):
+    """What one solver found in one seed: the model, and its way down."""
 
-    measured: Measured
-    model: Judged
-
-
-@dataclass(frozen=True)
-class TrialRow:
-    """One line of a seed: its data, or a solver."""
-
-    key: str = ""  #: Letter of the solver, empty for the others.
-    data: Data | None = None  #: Of the seed, in its first line.
-    solver: SolverRow | None = None  #: What a solver found.
+    key: str = ""  #: Letter of the solver.
+    excess_f_m: float = 0.0  #: F_M over that of the conic program.
+    relative_excess: float = 0.0  #: The same, relative.
+    relative_excess_bound: float = 0.0  #: F_M over its certified lower bound, relative to the bound.
+    seconds_to_1_percent: float | None = None  #: Until F_M was within 1 % of the conic program's.
+    ratio_to_conic: float | None = None  #: The same over the conic program's whole time.
+    whole_ratio_to_conic: float = 1.0  #: Whole time over the conic program's.
+    evaluations: int | None = None  #: Of F_M; None where nobody counts them.
+    local_solves: int | None = None  #: How many; None where there are none.
+    local_solves_elsewhere: int | None = None  #: Those that ended more than CLOSE above the conic program.
+    data_file: str | None = None  #: dataset.csv, in a row of the first seed.
 
 
 @dataclass(frozen=True)
@@ -108,47 +95,32 @@ class Solved:
     way: list[tuple[float, float]]  #: Seconds and F_M of every improvement.
     seconds: float  #: Wall time of the whole call, reduction of the dataset included.
     evaluations: int | None = None  #: Of F_M; None where nobody counts them.
-    solves: Sequence[float] | None = None  #: F_M of its local solves; None where there are none.
+    solves: Sequence[float] = ()  #: F_M of its local solves.
 
 
-@dataclass(frozen=True)
-class Found:
-    """What a solver over b found."""
-
-    b: Array  #: The vectors, (size,).
-    evaluations: int  #: Of F_M.
-    solves: list[float]  #: F_M that its local solves ended with.
-
-
+Found = tuple[Array, int, list[float]]
+"""The vectors b, (size,), evaluations of F_M, and F_M that the local solves ended with."""
 OverB = Callable[[Factorised, np.random.Generator, Observe], Found]
 """A solver over b: problem, source of its starts, who is told of every least F_M."""
 
 
-def search(budget: Budget) -> OverB:
+def search(budget: Budget, problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
     """The paper's optimiser, run through its whole budget: no threshold stops it."""
-
-    def solver(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
-        found = explore(problem, budget, rng, observe)
-        return Found(found.best, found.evaluations, found.descents)
-
-    return solver
+    found = explore(problem, budget, rng, observe)
+    return found.best, found.evaluations, found.descents
 
 
-def local_solves(starts: int) -> OverB:
+def local_solves(starts: int, problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
     """Local solves on the analytic gradient, from random starts."""
-
-    def solver(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
-        found = descents(problem, rng, starts=starts, observe=observe)
-        best = min(found, key=lambda descent: descent.f_m)
-        return Found(best.b, sum(d.evaluations for d in found), [d.f_m for d in found])
-
-    return solver
+    found = descents(problem, rng, starts=starts, observe=observe)
+    best = min(found, key=lambda descent: descent.f_m)
+    return best.b, sum(d.evaluations for d in found), [d.f_m for d in found]
 
 
 def differences(problem: Factorised, rng: np.random.Generator, observe: Observe) -> Found:
     """One local solve that knows F_M alone and takes its gradient by finite differences."""
     end = descend(problem, random_start(problem, rng), evaluate=forward_differences, observe=observe)
-    return Found(end.b, (problem.size + 1) * end.evaluations, [end.f_m])
+    return end.b, (problem.size + 1) * end.evaluations, [end.f_m]
 
 
 def forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
@@ -157,7 +129,6 @@ def forward_differences(problem: Factorised, b: Array) -> tuple[float, Array]:
     return float(values[0]), (values[1:] - values[0]) / DIFFERENCE
 
 
-Search = tuple[str, OverB, int]  #: Letter of a solver, itself, and the number of its stream of random starts.
 PAPERS = ("a", "a'")  #: Letters of the paper's optimiser.
 
 
@@ -173,7 +144,7 @@ def gco_model(cell: Cell, name: str) -> Model:
     return model
 
 
-def settings(options: Options, quick: bool, _: range) -> Options:
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for.
 
     Raises:
@@ -182,29 +153,37 @@ def settings(options: Options, quick: bool, _: range) -> Options:
     gco_model(build_cell(find_arm(ARM)), options.model)
     if options.scs:
         cvxpy("SCS")
-    if not quick:
-        return options
-    generations, starts = min(options.generations, QUICK_GENERATIONS), min(options.starts, QUICK_STARTS)
-    return replace(options, generations=generations, starts=starts)
+    most = (QUICK_GENERATIONS, QUICK_STARTS) if quick else (options.generations, options.starts)
+    generations, starts = map(min, zip((options.generations, options.starts), most, strict=True))
+    return Settings(**vars(options) | {"generations": generations, "starts": starts}, first=seeds[0])
 
 
-def trials(asked: Options, seeds: Sequence[int]) -> list[list[TrialRow]]:
-    """Rows of some seeds."""
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[SolverRow]]:
+    """Rows of some seeds, one a solver."""
     cell = build_cell(find_arm(ARM))
     model = gco_model(cell, asked.model)
-    return [list(_trial(cell, model, asked, seed)) for seed in seeds]
+    return [_trial(cell, model, asked, seed) for seed in seeds]
 
 
-def _trial(cell: Cell, model: Model, asked: Options, seed: int) -> Iterator[TrialRow]:
+def _trial(cell: Cell, model: Model, asked: Settings, seed: int) -> list[SolverRow]:
     campaign = simulate(cell, SCENARIO, seed)
     conic = _repeated("d", gco, cell, model, campaign)
     found = [*_factor_solvers(cell, model, asked, campaign), conic]
     if asked.scs:
         found.append(_repeated("e", modelled("SCS"), cell, model, campaign))
-    own = judged(judge(cell, campaign, model, conic.estimate, conic.seconds))
-    yield TrialRow(data=Data(measured(campaign), own))
-    for solved in found:
-        yield TrialRow(key=solved.key, solver=_row(cell, model, campaign, solved, conic))
+    proof = conic.estimate.certificate
+    assert proof is not None
+    proofs = [proof if own is conic else certify(own.estimate, dual=proof.dual) for own in found]
+    results = [
+        judge(cell, campaign, model, replace(own.estimate, certificate=proven), own.seconds)
+        for own, proven in zip(found, proofs, strict=True)
+    ]
+    data = csv_text(campaign.identification, cell.arm) if seed == asked.first else None
+    rows = campaign_rows(cell, campaign, results, TUBES, placed=False)
+    return [
+        replace(_row(row, own, conic, proven.f_m_excess_bound), data_file=data if own is conic else None)
+        for row, own, proven in zip(rows, found, proofs, strict=True)
+    ]
 
 
 def _repeated(key: str, estimator: Estimator, cell: Cell, model: Model, campaign: Campaign) -> Solved:
@@ -218,58 +197,51 @@ def _repeated(key: str, estimator: Estimator, cell: Cell, model: Model, campaign
     return sorted(calls[1:], key=lambda call: call.seconds)[REPEATS // 2]
 
 
-def _factor_solvers(cell: Cell, model: Model, asked: Options, campaign: Campaign) -> list[Solved]:
+def _factor_solvers(cell: Cell, model: Model, asked: Options, campaign: Campaign) -> Iterator[Solved]:
     """The solvers over b: the paper's, long and short, and local solves from random starts."""
     points = asked.trial_points
     first = min(Budget().stage_one_points, points)
-    long, short = (
-        search(Budget(generations=n, trial_points=points, stage_one_points=first))
+    budgets = [
+        Budget(generations=n, trial_points=points, stage_one_points=first)
         for n in (asked.generations, SHORT_GENERATIONS)
-    )
-    runs: tuple[Search, ...] = (
-        ("a", long, 10),
-        ("a'", short, 10),
-        ("b", local_solves(1), 11),
+    ]
+    runs: tuple[tuple[str, OverB, int], ...] = (  # the last is the number of its stream of random starts
+        ("a", partial(search, budgets[0]), 10),
+        ("a'", partial(search, budgets[1]), 10),
+        ("b", partial(local_solves, 1), 11),
         ("b'", differences, 11),  # from the same start
-        ("c", local_solves(asked.starts), 12),
+        ("c", partial(local_solves, asked.starts), 12),
     )
-    return [_searched(cell, model, asked, campaign, run) for run in runs]
+    for key, solver, random in runs:
+        way: list[tuple[float, float]] = []
+        start = perf_counter()
+        problem = factorise(reduce(cell.vjm, model.structure, campaign.identification), asked.m)
+        note = partial(_note, way, start)
+        b, evaluations, solves = solver(problem, stream(campaign.seed, random), note)
+        pi, method = parameters(problem, b), f"GCO over b, m = {asked.m}"
+        estimate = make_estimate(problem.regression, pi, method=method, constraint="psd")
+        estimate = replace(estimate, status="budget spent" if key in PAPERS else "local optimum")
+        yield Solved(key, estimate, way, perf_counter() - start, evaluations, solves)
 
 
-def _searched(cell: Cell, model: Model, asked: Options, campaign: Campaign, run: Search) -> Solved:
-    key, solver, random = run
-    way: list[tuple[float, float]] = []
-    start = perf_counter()
-    problem = factorise(reduce(cell.vjm, model.structure, campaign.identification), asked.m)
-    rng = stream(campaign.seed, random)
-    found = solver(problem, rng, lambda f_m: way.append((perf_counter() - start, f_m)))
-    pi, method = parameters(problem, found.b), f"GCO over b, m = {asked.m}"
-    status = "budget spent" if key in PAPERS else "local optimum"
-    estimate = replace(make_estimate(problem.regression, pi, method=method, constraint="psd"), status=status)
-    return Solved(key, estimate, way, perf_counter() - start, found.evaluations, found.solves)
+def _note(way: list[tuple[float, float]], start: float, f_m: float) -> None:
+    way.append((perf_counter() - start, f_m))
 
 
-def _row(cell: Cell, model: Model, campaign: Campaign, row: Solved, conic: Solved) -> SolverRow:
-    proof = conic.estimate.certificate
-    assert proof is not None
-    estimate, best = row.estimate, conic.estimate.f_m
-    excess = certify(estimate, dual=proof.dual).f_m_excess_bound
-    there = next((seconds for seconds, value in row.way if value <= WITHIN * best), None)
-    elsewhere = [value > best * (1 + CLOSE) for value in row.solves or ()]
+def _row(row: CampaignRow, own: Solved, conic: Solved, excess: float) -> SolverRow:
+    f_m, best = own.estimate.f_m, conic.estimate.f_m
+    there = next((seconds for seconds, value in own.way if value <= WITHIN * best), None)
+    elsewhere = [value > best * (1 + CLOSE) for value in own.solves]
     return SolverRow(
-        f_m=estimate.f_m,
-        excess_f_m=estimate.f_m - best,
-        relative_excess=estimate.f_m / best - 1,
-        f_m_excess_bound=excess,
-        relative_excess_bound=excess / (estimate.f_m - excess),
-        seconds=row.seconds,
+        **vars(row),
+        key=own.key,
+        excess_f_m=f_m - best,
+        relative_excess=f_m / best - 1,
+        relative_excess_bound=excess / (f_m - excess),
         seconds_to_1_percent=there,
         ratio_to_conic=None if there is None else there / conic.seconds,
-        whole_ratio_to_conic=row.seconds / conic.seconds,
-        evaluations=row.evaluations,
-        local_solves=len(row.solves) if row.solves else None,
-        local_solves_elsewhere=sum(elsewhere) if row.solves else None,
-        conservative=estimate.conservative,
-        status=estimate.status,
-        check_true=error_row(judge(cell, campaign, model, estimate, row.seconds).check_true),
+        whole_ratio_to_conic=own.seconds / conic.seconds,
+        evaluations=own.evaluations,
+        local_solves=len(elsewhere) or None,
+        local_solves_elsewhere=sum(elsewhere) if elsewhere else None,
     )

@@ -7,7 +7,6 @@ meets every prior once: a Latin square.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Annotated
 
 import numpy as np
@@ -30,7 +29,7 @@ from testbench.identify.hierarchy import KIND
 from testbench.identify.intervals import CONFIDENCE
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
-from testbench.studies.factorial.trial import Case, FitRow, fitted, judged, plain_models, reread
+from testbench.studies.factorial.trial import Case, FitRow, each_seed, fitted, judged, plain_models, reread
 
 POSES = (8, 12, 20)  #: From how many is identified; the last one is how many there are.
 CHECK_POSES = 3
@@ -99,25 +98,21 @@ def settings(options: Options, quick: bool, _: range) -> Settings:
     return Settings(options.arm, workspace=workspace, stiffer=options.stiffer)
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[MethodRow]]:
-    """Rows of some seeds, one a truth, method and number of poses."""
+@each_seed
+def trials(asked: Settings, seed: int) -> Iterator[MethodRow]:
+    """Rows of a seed, one a truth, method and number of poses."""
     cell = build_cell(find_arm(asked.arm))
     plain, bare = plain_models(cell, PLAIN), to_fill(cell)
-    found = []
-    for seed in seeds:
-        poses = draw_poses(cell, scenario(asked), seed)
-        rows: list[MethodRow] = []
-        for truth, name in pairs(seed):
-            true, prior = true_cell(cell, truth, seed, asked.stiffer), prior_of(cell, name, seed)
-            campaign = simulate_at(true, scenario(asked), seed, poses)
-            factors = {"true_arm": truth, "prior_error": name, "sigma_um": UM * asked.sigma}
-            cases = [
-                Case(runs, campaign.truth, {**factors, "poses": n})
-                for runs, n in zip(read(campaign), POSES, strict=True)
-            ]
-            rows += _rows(true, [*plain, *with_priors(bare, prior)], cases, prior, seed)
-        found.append(rows)
-    return found
+    poses = draw_poses(cell, scenario(asked), seed)
+    for truth, name in pairs(seed):
+        true, prior = true_cell(cell, truth, seed, asked.stiffer), prior_of(cell, name, seed)
+        campaign = simulate_at(true, scenario(asked), seed, poses)
+        factors = {"true_arm": truth, "prior_error": name, "sigma_um": UM * asked.sigma}
+        cases = [
+            Case(runs, campaign.truth, {**factors, "poses": n})
+            for runs, n in zip(read(campaign), POSES, strict=True)
+        ]
+        yield from _rows(true, [*plain, *with_priors(bare, prior)], cases, prior, seed)
 
 
 def to_fill(cell: Cell) -> list[Model]:
@@ -168,16 +163,18 @@ def _rows(
     truth, far = cases[0].judge, PRIORS[str(cases[0].factors["prior_error"])].far
     link = wrong_link(cell, seed) if far == "link" else None
     share = None if link is None else _share(cell, link, truth, chosen[0].estimate)
-    for (k, name), row in zip(product(range(len(cases)), fits), judged(cell, cases, fits), strict=True):
+
+    def more(name: str, k: int) -> dict[str, object]:
         estimate = fits[name][k]
-        yield MethodRow(
-            **vars(row),
-            wrong=KIND if far == "joints" else None if link is None else cell.arm.links[link].name,
-            link_share=share,
-            chosen=chosen[k].name if name == CHOSEN else None,
-            cover=cover(cell, estimate, truth) if name in COVERED else None,
-            doubted=_doubted(cell, link, estimate, prior) if name == CHOSEN else None,
-        )
+        return {
+            "wrong": KIND if far == "joints" else None if link is None else cell.arm.links[link].name,
+            "link_share": share,
+            "chosen": chosen[k].name if name == CHOSEN else None,
+            "cover": cover(cell, estimate, truth) if name in COVERED else None,
+            "doubted": _doubted(cell, link, estimate, prior) if name == CHOSEN else None,
+        }
+
+    yield from judged(cell, cases, fits, MethodRow, more)
 
 
 def _share(cell: Cell, link: int, truth: Dataset, estimate: Estimate) -> float:

@@ -1,22 +1,136 @@
 """The page of a run in one file: its words, pictures, and what is drawn as data for its scripts."""
 
-from dataclasses import dataclass
+import base64
+import functools
+import json
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markdown_it import MarkdownIt
+from markupsafe import Markup
 
 from testbench import files
 from testbench.errors import Array
 from testbench.plant.import_robot.thin import decimated
-from testbench.plant.shapes import Frames, Shape, visual_shapes
-from testbench.views.colours import SCALE, hexadecimal
+from testbench.plant.shapes import Frames, Shape, quaternions, visual_shapes
+from testbench.trials.spread import Spread
+from testbench.views.colours import SCALE, Look, hexadecimal
 from testbench.views.markdown import Told, as_plain
-from testbench.views.page import html
-from testbench.views.page.html import Json, grid, look_plain
-from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen
+from testbench.views.scene import Poses, Seen
+from testbench.views.schema import Column, Table, brackets, looks
+
+Json = Mapping[str, object]
+FOLDER = Path(__file__).parent
+SCRIPTS = ("tables.js", "charts.js", "raster.js", "scene.js", "maps.js", "page.js")
+"""In the order in which they are run."""
+BRACKETS = re.compile(r" (?=[(\[])")
+
+
+def markdown(text: str) -> Markup:
+    """Markdown as HTML: tags in it are shown as text, pictures are left out."""
+    found = MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
+    return Markup(found.render(text))
+
+
+def grid(table: Table) -> Json:
+    """A table as rows of cells, each with its text and the numbers behind it."""
+    drawn = [_drawn(column, table) for column in table.columns]
+    head = [{"title": column.title, "drawn": own} for column, own in zip(table.columns, drawn, strict=True)]
+    rows = [
+        {
+            "marked": table.bold == table.columns[0].cell(row),
+            "cells": [_cell(column, row) for column in table.columns],
+        }
+        for row in table.rows
+    ]
+    shown = table.looks or looks(table.rows, table.columns[0])
+    return {
+        "title": table.title,
+        "across": table.across,
+        "first": next((k for k, c in enumerate(table.columns) if c.key == table.headline and drawn[k]), -1),
+        "head": head,
+        "rows": rows,
+        "brackets": brackets(table),
+        "looks": {name: look_plain(own) for name, own in shown.items()},
+    }
+
+
+def look_plain(look: Look) -> Json:
+    """Colour, shape and filling of a model's dots."""
+    return {"colour": look.hex, "mark": look.mark, "filled": look.prior}
+
+
+def _drawn(column: Column, table: Table) -> bool:
+    """Whether a column can be drawn: numbers, and not all alike."""
+    numbers = [_numbers(column.value(row)) for row in table.rows]
+    return column.form != "yes" and len({n[0] for n in numbers if n}) > 1
+
+
+def _cell(column: Column, row: object) -> Json:
+    numbers = _numbers(column.value(row))
+    known = column.known(row)
+    text = column.cell(row)
+    keys = dict(zip(("v", "low", "high"), numbers, strict=False))
+    return {"text": f"{text} [{known}]" if known else text, **keys}
+
+
+def unbroken(text: str) -> Markup:
+    """The text of a cell: it breaks before what is in brackets, and nowhere else."""
+    parts = BRACKETS.split(text)
+    return Markup(" ").join(Markup("<span>{}</span>").format(part) for part in parts)
+
+
+def _numbers(value: object) -> tuple[float, ...]:
+    """A number alone, or a median with its ends; nothing of words, NaN, infinity."""
+    found: tuple[float, ...] = ()
+    if isinstance(value, Spread):
+        found = value.median, *value.ends
+    elif isinstance(value, int | float):
+        found = (float(value),)
+    return found if all(map(math.isfinite, found)) else ()
+
+
+def embedded(png: Path) -> Markup:
+    """A picture as the address of itself."""
+    data = base64.b64encode(png.read_bytes()).decode()
+    return Markup(f"data:image/png;base64,{data}")
+
+
+def data(value: object) -> Markup:
+    """Plain data as JSON that cannot end the script element in which it stands."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    for letter in "<>&\u2028\u2029":
+        text = text.replace(letter, f"\\u{ord(letter):04x}")
+    return Markup(text)
+
+
+def fill(**values: object) -> str:
+    """The page."""
+    style = (FOLDER / "page.css").read_text(encoding="utf-8")
+    script = "\n".join((FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    own = {"style": Markup(style), "script": Markup(script)}
+    return _environment().get_template("page.html.j2").render(**values, **own)
+
+
+@functools.cache
+def _environment() -> Environment:
+    found = Environment(
+        loader=FileSystemLoader(FOLDER),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.filters |= {"markdown": markdown, "data": data, "unbroken": unbroken}
+    return found
+
 
 NAME = "report.html"
 MARKED, FACTS = ("answer", "worst", "statements"), ("question", "title")
@@ -36,8 +150,8 @@ def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
         words: Of its report.
         seen: What is drawn.
     """
-    pictures = [{"name": png.name, "data": html.embedded(png)} for png in sorted(folder.glob("*.png"))]
-    text = html.fill(
+    pictures = [{"name": png.name, "data": embedded(png)} for png in sorted(folder.glob("*.png"))]
+    text = fill(
         scenario=scenario,
         words={name: words.block(name) for name in MARKED}
         | {name: as_plain(words.block(name)) for name in FACTS},
@@ -52,82 +166,43 @@ def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
 
 def seen_plain(seen: Seen) -> Json:
     """All that is drawn."""
-    return {
-        "scene": _scene(seen.scene) if seen.scene else None,
-        "map": map_plain(seen.map) if seen.map else None,
-        "runs": [chart_plain(chart) for chart in seen.runs],
-        "tables": [grid(table) for table in seen.tables],
-        "ramp": SCALE,
+    scene = seen.scene and {
+        "title": seen.scene.title,
+        "solids": [_solid(solid(shape)) for shape in visual_shapes(seen.scene.cell.room)],
+        "groups": [_group(own) for own in seen.scene.groups],
     }
-
-
-def chart_plain(chart: RunChart) -> Json:
-    """A chart."""
-    return {
-        "title": chart.title,
-        "group": chart.group,
-        "across": chart.across,
-        "labels": list(chart.labels),
-        "lines": [_line(line) for line in chart.lines],
-        "limit": None if chart.limit is None or not np.isfinite(chart.limit) else chart.limit,
-        "note": chart.note,
-    }
-
-
-def map_plain(found: PlaceMap) -> Json:
-    """A map."""
-    at = [[round(x, 3) for x in row] if np.isfinite(row).all() else None for row in found.at.tolist()]
-    return {
-        "title": found.title,
-        "group": found.group,
-        "heading": found.heading,
-        "without": found.without,
-        "at": at,
-        "lines": [_line(line) for line in found.lines],
-    }
-
-
-def _line(line: Line) -> Json:
-    found = {"name": line.name, **look_plain(line.look), "values": _short(line.values)}
-    return found if line.ends is None else found | {"ends": [_short(end) for end in line.ends]}
-
-
-def _short(values: Array) -> list[float | None]:
-    """Four digits of each."""
-    return [float(f"{x:.4g}") if np.isfinite(x) else None for x in values.tolist()]
-
-
-def _scene(scene: Scene) -> Json:
-    return {
-        "title": scene.title,
-        "solids": [_solid(solid(shape)) for shape in visual_shapes(scene.cell.room)],
-        "groups": [_group(group) for group in scene.groups],
-    }
+    parts = {"map": plain(seen.map), "runs": plain(seen.runs), "tables": [grid(own) for own in seen.tables]}
+    return {"scene": scene, **parts, "ramp": SCALE}
 
 
 def _group(own: Poses) -> Json:
-    return {
-        "name": own.name,
-        "names": list(own.names),
-        "words": list(own.words),
-        "first": own.first,
-        "near": None if own.near is None else _near(own.near),
-        "rigid": frames_plain(own.rigid),
-        "bent": None if own.bent is None else frames_plain(own.bent),
-        "layers": [_layer(layer) for layer in own.layers],
-    }
+    found: Json = plain(replace(own, near=None))
+    return found if own.near is None else {**found, "near": _near(own.near)}
 
 
-def _layer(layer: Layer) -> Json:
-    return {
-        "name": layer.name,
-        "colour": hexadecimal(layer.colour),
-        "kind": layer.kind,
-        "at": [_whole(row) for row in layer.at],
-        "to": None if layer.to is None else [_whole(row) for row in layer.to],
-        "labels": list(layer.labels),
-        "shown": layer.shown,
-    }
+def plain(value: Any) -> Any:
+    """What is drawn as JSON data, by the names of its fields; null is what is no number.
+
+    Numbers of a line have four digits, places of a map are in whole millimetres, all that moves in `MICRO`;
+    what a look has stands beside what is drawn so.
+    """
+    if isinstance(value, Frames):
+        return frames_plain(value)
+    if isinstance(value, Look):
+        return look_plain(value)
+    if is_dataclass(value):
+        found = {own.name: plain(getattr(value, own.name)) for own in fields(value)}
+        colour = {"colour": hexadecimal(found["colour"])} if "colour" in found else {}
+        return found | found.pop("look", {}) | colour
+    if isinstance(value, np.ndarray) and value.ndim == 3:
+        return [_whole(row) for row in value]
+    if isinstance(value, np.ndarray) and value.ndim == 2:
+        return [[round(x, 3) for x in row] if np.isfinite(row).all() else None for row in value.tolist()]
+    if isinstance(value, np.ndarray):
+        return [float(f"{x:.4g}") if np.isfinite(x) else None for x in value.tolist()]
+    if isinstance(value, list | tuple):
+        return [plain(own) for own in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _near(points: Array) -> Json:
@@ -142,8 +217,7 @@ def _near(points: Array) -> Json:
 
 def frames_plain(frames: Frames) -> list[list[int | None]]:
     """By pose: of every body its origin and its turn as a quaternion, x, y, z, w."""
-    shape = frames.rotations.shape[:2]
-    turns = Rotation.from_matrix(frames.rotations.reshape(-1, 3, 3)).as_quat().reshape(*shape, 4)
+    turns = quaternions(frames.rotations)
     return [_whole(row) for row in np.concatenate([frames.positions, turns], axis=2)]
 
 
@@ -187,6 +261,8 @@ def _thin(shape: Shape) -> tuple[Array, Faces]:
 
 def _hull(points: Array) -> tuple[Array, Faces]:
     """Convex hull of points, its triangles seen counter-clockwise from outside."""
+    from scipy.spatial import ConvexHull  # here: it takes long to import, and most arms are meshes
+
     found = ConvexHull(points)
     faces = found.simplices.copy()
     a, b, c = (points[faces[:, k]] for k in range(3))

@@ -25,9 +25,8 @@ from testbench.views.colours import (
     Colour,
 )
 from testbench.views.markdown import Told, as_markdown, grid
-from testbench.views.recording.maps import map_tab, write_map
 from testbench.views.recording.stream import Header, Pen, layout, recording, snake, text_view
-from testbench.views.recording.world import frame, orbit, reach, write_arm, write_layer
+from testbench.views.recording.world import frame, map_tab, orbit, reach, write_arm, write_layer, write_map
 from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen
 
 WORST, POSE = "worst_first", "pose"
@@ -107,8 +106,12 @@ def write_run(path: Path, header: Header, words: Told, seen: Seen, figures: Mapp
     front, back = (tabs, pictures) if tabs else (pictures, [])
     views = [*lead, *front, *where, *back, text_view("tables", "Tables")]
     places = len(groups[0].poses.names) if groups else 1
-    with recording(path, "run", header, layout(*views, timeline=WORST, places=places)) as pen:
-        pen.documents({"summary": summary(words), "tables": _tables(words, seen)})
+    documents = {"summary": summary(words), "tables": _tables(words, seen)}
+    titles = [own.title for own in (seen.scene, seen.map, *seen.runs) if own]
+    with recording(
+        path, header, layout(*views, timeline=WORST, places=places), [*documents.values(), *titles]
+    ) as pen:
+        pen.documents(documents)
         if seen.scene:
             _write_scene(pen, seen.scene.cell, groups)
         if seen.map:

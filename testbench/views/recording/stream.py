@@ -96,28 +96,31 @@ def text_view(origin: str, name: str) -> rrb.TextDocumentView:
 
 
 @contextlib.contextmanager
-def recording(path: Path, kind: str, header: Header, blueprint: rrb.Blueprint) -> Iterator[Pen]:
+def recording(
+    path: Path, header: Header, blueprint: rrb.Blueprint, words: Sequence[str] = ()
+) -> Iterator[Pen]:
     """A stream in memory, closed in any case; without an error it is written to `path`, whole.
 
     A stream into a file would only print that the disk is full, and leave half of it.
 
     Args:
         path: The .rrd file.
-        kind: Of study, in a word.
         header: What identifies it.
         blueprint: Its layout, embedded.
+        words: What else tells it from recordings of another layout: the viewer keeps one an application id.
     """
     strict = rr.strict_mode()
     rr.set_strict_mode(True)  # otherwise a wrong argument only warns, and the data are lost
-    words = f"{header.scenario} {header.parameters} {header.seed}"
-    application = f"testbench_{kind}_{_digest(blueprint)}"
-    digest = hashlib.sha256(words.encode()).hexdigest()[:16]
+    about = f"{header.scenario} {header.parameters} {header.seed}"
+    application, digest = (
+        hashlib.sha256(own.encode()).hexdigest()[:16] for own in ("\0".join([about, *words]), about)
+    )
     try:
         # The stream's own properties hold the time of writing, and its chunks end by the clock: with
         # either equal seeds would differ.
         batches = rr.ChunkBatcherConfig.NEVER()
         stream = rr.RecordingStream(
-            application, recording_id=digest, send_properties=False, batcher_config=batches
+            f"testbench_{application}", recording_id=digest, send_properties=False, batcher_config=batches
         )
         try:
             stream.set_log_time_enabled(False)
@@ -152,26 +155,3 @@ def layout(*tabs: rrb.Container | rrb.View, timeline: str, places: int) -> rrb.B
         auto_views=False,
         collapse_panels=True,
     )
-
-
-def _digest(blueprint: rrb.Blueprint) -> str:
-    """What tells a layout from any other: names, shares, origins, cameras, axes; not its random ids.
-
-    The viewer keeps one layout an application id: two runs with other titles or axes must not share it.
-    """
-    return hashlib.sha256("\n".join(_described(blueprint.root_container)).encode()).hexdigest()[:8]
-
-
-def _described(part: rrb.Container | rrb.View) -> Iterator[str]:
-    """Lines about a part of a layout and all within it."""
-    if isinstance(part, rrb.Container):
-        shares = (part.column_shares, part.row_shares, part.grid_columns)
-        yield f"{part.kind!r} {part.name!r} {shares!r}"
-        for inner in part.contents:
-            yield from _described(inner)
-        return
-    hidden = sorted(map(repr, part.visualizer_overrides))
-    yield f"{part.class_identifier!r} {part.name!r} {part.origin!r} {part.contents!r} {hidden}"
-    for name, archetype in sorted(part.properties.items()):
-        values = [batch.as_arrow_array().to_pylist() for batch in archetype.as_component_batches()]
-        yield f"{name} {values}"
