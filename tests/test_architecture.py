@@ -31,8 +31,8 @@ DOORS = {
     **dict.fromkeys(("markdown_it", "markupsafe"), "views/page/page.py"),
     "pyarrow": ("trials", "data/table.py", "report/table.py"),
     "distributed": "trials/cluster.py",
-    **dict.fromkeys(("trimesh", "collada"), "plant/import_robot/meshes.py"),
-    "fast_simplification": "plant/import_robot/thin.py",
+    "trimesh": ("plant/import_robot/meshes.py", "plant/import_robot/solids.py"),
+    **dict.fromkeys(("collada", "fast_simplification"), "plant/import_robot/meshes.py"),
 }
 """The folder or module that imports a heavy package; matplotlib has a test of its own."""
 UNTYPED = """

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.arm.folder import COMPLIANCE_UNIT
 from testbench.errors import Array, BenchError
-from testbench.plant.import_robot.beam import Beam, beams, reach
+from testbench.plant.import_robot.beam import Beam, beams, extent, outer_diameter, reach, triangles
 from testbench.plant.import_robot.chain import Chain, Part
 from testbench.plant.import_robot.classes import (
     GUESSED,
@@ -19,7 +19,6 @@ from testbench.plant.import_robot.classes import (
     tube_of,
 )
 from testbench.plant.import_robot.elastic_text import JointRow, LinkRow, Rows, elastic_text
-from testbench.plant.import_robot.outline import extent, outer_diameter, triangles
 from testbench.plant.import_robot.points import points, tool_pose, unique
 from testbench.plant.import_robot.wishes import Wishes
 

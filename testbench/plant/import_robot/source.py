@@ -10,7 +10,7 @@ import numpy as np
 from testbench.arm.decimal import WRITTEN, read_decimals
 from testbench.arm.document import parse_xml
 from testbench.errors import Array, InputError, read_text, word
-from testbench.plant.import_robot.pose import pose_of, turned
+from testbench.plant.import_robot.chain import pose_of, turned
 
 MAX_BYTES = 16_000_000
 MAX_ELEMENTS = 20_000
