@@ -16,9 +16,9 @@ from testbench.plant.import_robot.meshes import Meshes, check_size, decimated, s
 from testbench.plant.import_robot.solids import hull_of
 from testbench.plant.import_robot.source import (
     MAX_ELEMENTS,
-    beside,
     check_numbers,
     check_shapes,
+    inside,
     need,
     read_numbers,
     read_xml,
@@ -91,7 +91,7 @@ def _include(file: Path, root: ET.Element) -> None:
     while pair := next(((p, c) for p in root.iter() for c in p if c.tag == "include"), None):
         parent, e = pair
         name = need(file, e, "file")
-        path = beside(file, name)
+        path = inside(file.parent, Path(name))
         if path is None:
             raise InputError(file, where(e), f"expected a file inside of {file.parent}, got {name!r}")
         if str(path) in seen or len(seen) > MAX_FILES:
@@ -170,7 +170,7 @@ def read_assets(file: Path, root: ET.Element, folder: Path, meshes: Meshes) -> d
 
 def _stl(file: Path, e: ET.Element, path: Path, meshes: Meshes) -> bytes:
     """A mesh file as STL; MuJoCo is told where it is flat."""
-    found = beside(file, str(path.absolute()))
+    found = inside(file.parent, path.absolute())
     if found is None:
         raise MeshError(f"lies outside of {file.parent}")
     mesh = meshes.load(found)

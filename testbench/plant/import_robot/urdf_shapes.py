@@ -14,7 +14,7 @@ from testbench.plant.import_robot.chain import Shape, Solid, moved
 from testbench.plant.import_robot.mesh_door import MeshError
 from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size
 from testbench.plant.import_robot.solids import VISIBLE, solid_shape
-from testbench.plant.import_robot.source import need, read_number, read_numbers, read_origin, where
+from testbench.plant.import_robot.source import inside, need, read_number, read_numbers, read_origin, where
 
 MAX_BYTES = 1_000_000  #: Of a package.xml.
 UP = 8  #: Folders above the URDF in which a package is looked for.
@@ -146,11 +146,7 @@ def _package_name(file: Path) -> str:
 
 
 def _inside(folder: Path, file: Path) -> Path:
-    """The file, if it lies in the folder, symbolic links followed."""
-    try:
-        real = Path(os.path.realpath(file))
-    except ValueError as err:  # a zero byte
-        raise MeshError("no path") from err
-    if not real.is_relative_to(os.path.realpath(folder)):
+    found = inside(folder, file)
+    if found is None:
         raise MeshError(f"lies outside of {folder}")
-    return real
+    return found
