@@ -30,13 +30,9 @@ SIDE = 4  #: Maps side by side.
 
 
 def maps(panes: Mapping[str, Table], answer: str, reading: str, framed: Column) -> Figure:
-    """Ratios of errors by two factors, a map a table: colour and number are the median.
+    """Ratios of errors by two factors, a map a table: its columns go along, go up, and are drawn.
 
-    Args:
-        panes: By title; the columns of a table go along, go up, and are drawn.
-        answer: See `say`.
-        reading: The same.
-        framed: A share; cells in which it is above one half have a frame.
+    Colour and number are the median; cells in which the share `framed` is above one half have a frame.
     """
     down = -(-len(panes) // SIDE)
     figure = page(1.6 + 2.9 * down)

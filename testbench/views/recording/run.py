@@ -82,15 +82,7 @@ class _Group:
 
 
 def write_run(path: Path, header: Header, words: Told, seen: Seen, figures: Mapping[str, Path]) -> None:
-    """Write a run for the Rerun viewer; an existing file is replaced only by a whole one.
-
-    Args:
-        path: The .rrd file.
-        header: What identifies it.
-        words: Of the report.
-        seen: What the page draws.
-        figures: PNGs by title, a tab each.
-    """
+    """Write a run for the Rerun viewer; an existing file is replaced only by a whole one."""
     if seen.map and not any(np.isfinite(line.values).any() for line in seen.map.lines):
         seen = replace(seen, map=None)  # nowhere is there a bound
     groups = _groups(seen)
