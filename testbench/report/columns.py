@@ -44,7 +44,6 @@ EVERY = (
     Column("level", "expected error"),
     Column("sigma_um", "noise of a reading", "um", "g"),
     Column("fits_share", "of the fits", form="yes"),
-    Column("beats_joints_in", "beats joint stiffness only", form="yes"),
     # with and without a prior: what is varied, pairs of models, a choice, intervals
     Column("uncertainty_percent", "uncertainty of the prior", "%", ".0f"),
     Column("nonlinear.workspace.rms_mm", "non-linear truth", "mm", short="non-linear\ntruth mm"),

@@ -1,16 +1,19 @@
 """What figures share: one width, a title that answers, dots with their spread, lines, quiet axes."""
 
+import contextlib
 import math
 import textwrap
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
+from pathlib import Path
+from typing import IO, Literal
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Figure
 from matplotlib.figure import SubFigure
@@ -33,16 +36,37 @@ FAR = 5.0  #: Times the least number from which an axis is logarithmic [1].
 TITLE, CAPTION = 92, 150  #: Letters of a line of the title and of the words below.
 
 
+LEVEL = 4  #: Of a PNG's compression: the next ones save no more than a fiftieth of its size.
+
+
 class Page(Figure):
     """A figure in which no dollar of a name begins a formula."""
 
     def draw(self, renderer: RendererBase) -> None:
         """Draw it, also such text as comes to be while it is drawn."""
-        for text in self.findobj(Text):
-            text.set_parse_math(False)
-        with rc_context({"text.parse_math": False}), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Glyph .* missing")  # of a script without a font here
+        with _as_it_is(self):
             super().draw(renderer)
+
+
+@contextlib.contextmanager
+def _as_it_is(figure: Figure) -> Iterator[None]:
+    """All text of a figure, letters of scripts without a font here among it."""
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+    with rc_context({"text.parse_math": False}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")
+        yield
+
+
+def save(figure: Figure, path: Path | IO[bytes]) -> None:
+    """Write a figure as PNG, laid out and drawn once: `savefig` draws it twice."""
+    canvas = FigureCanvasAgg(figure)
+    engine = figure.get_layout_engine()
+    if figure.axes and engine is not None:
+        with _as_it_is(figure):
+            engine.execute(figure)
+        figure.set_layout_engine("none")
+    canvas.print_png(path, pil_kwargs={"compress_level": LEVEL})  # type: ignore[no-untyped-call]
 
 
 def page(height: float) -> Figure:
@@ -225,9 +249,13 @@ def labelled(column: Column) -> str:
     return f"{column.heading} [{column.unit}]" if column.unit else column.heading
 
 
-def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
-    """Medians and spreads without lines, a pane a table: its columns name row and model, and are drawn."""
-    rows, (down, name, value) = (table := next(iter(panes.values()))).rows, table.columns
+def ranges(panes: Mapping[str, Table], answer: str, reading: str, mark: float | None = None) -> Figure:
+    """Medians and spreads without lines, a pane a table: its columns name row and model, and are drawn.
+
+    A dotted line is at the number `mark`.
+    """
+    table, rows = next(iter(panes.values())), [row for own in panes.values() for row in own.rows]
+    down, name, value = table.columns
     places, known = list(dict.fromkeys(down.cell(row) for row in rows)), table.looks or looks(rows, name)
     figure = page(2.4 + 0.6 * len(places))
     part = _body(figure)
@@ -241,6 +269,8 @@ def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
             middles = [middle(value.value(row)) for row in shown]
             axes.plot(middles, y, linestyle="", label=model, **look.dots(5))
         log_ticks(axes, "x", *axes.dataLim.intervalx)
+        if mark is not None:
+            axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
         axes.set(xlabel=labelled(value))
         axes.set_title(title, fontsize="medium")
         axes.grid(axis="y", alpha=0.2)
