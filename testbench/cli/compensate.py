@@ -9,11 +9,10 @@ import typer
 
 from testbench import files
 from testbench.campaign.campaign import build_cell
-from testbench.campaign.compensate import NAMED, CorrectedProgram, correct_program
-from testbench.campaign.load_model import load_model
 from testbench.campaign.payload import payload_of
 from testbench.campaign.plan_input import joints_of, place
-from testbench.campaign.predict import with_payload
+from testbench.campaign.program import NAMED, CorrectedProgram, correct_program, with_payload
+from testbench.campaign.stiffness_model import load_model
 from testbench.cli.arguments import Load, MapFile
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked
@@ -41,7 +40,7 @@ class Options:
     format: Annotated[
         str | None, typer.Option(help="csv, krl, rapid or urscript, if the suffix does not say.")
     ] = None
-    report: Annotated[Path | None, typer.Option(help="Folder of the page; beside --out if not given.")] = None
+    report: Annotated[Path | None, typer.Option(help="Folder of the page; default: beside --out.")] = None
     arm: Annotated[str | None, typer.Option(help="The arm, to check that the model belongs to it.")] = None
     mapping: MapFile = None
     load: Load = None

@@ -8,10 +8,10 @@ import typer
 
 from testbench import files
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.load_model import load_model
 from testbench.campaign.payload import overloaded, payload_of
 from testbench.campaign.plan_input import box
-from testbench.campaign.predict import FORCE, predicted, read_asked
+from testbench.campaign.program import FORCE, predicted, read_asked
+from testbench.campaign.stiffness_model import load_model
 from testbench.cli.arguments import Load, MapFile
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
 from testbench.correct.arm_model import ArmModel
@@ -36,7 +36,9 @@ class Options:
     ] = False
     push: Annotated[
         float | None,
-        typer.Option("--push", min=0.001, max=1e6, help="Force of the map in N; the weight of the payload."),
+        typer.Option(
+            "--push", min=0.001, max=1e6, help="Force of the map in N; default: the weight of the payload."
+        ),
     ] = None
     box: Annotated[
         str | None, typer.Option(help="Corners of the map in m, x0,y0,z0,x1,y1,z1; else the workspace.")

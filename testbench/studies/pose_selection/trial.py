@@ -12,7 +12,6 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Cell, build_cell, settle_both, stream
 from testbench.campaign.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
-from testbench.campaign.plan import hung
 from testbench.campaign.predicted_error import Expected, fitted, half_widths, joints_alone, overall
 from testbench.campaign.rows import MM, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
 from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
@@ -27,7 +26,7 @@ from testbench.identify import Estimate
 from testbench.identify.evaluate import Score, all_deflections, deflections, score
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
-from testbench.model.load import Load
+from testbench.model.load import Load, weight
 from testbench.model.vjm import chain
 from testbench.studies.pose_selection import settings as s
 from testbench.studies.pose_selection.settings import PLANNED, RANDOM, Fit, PlanRow, Settings
@@ -249,7 +248,7 @@ def specify(cell: Cell, asked: Settings, prior: Prior, fit: Fit = PLANNED) -> Sp
     Without a prior of its own a fit's unknowns are still in units of the planner's.
     """
     scope, scene = asked.scope, asked.scene
-    load = hung(cell, scope.payload)
+    load = weight(cell.vjm, scope.payload)
     own = metric(prior, cell.vjm, fit.structure(cell.arm))
     return Specification(
         experiment=Experiment(cell.vjm, own, cell.vjm.markers, scope.sigma),

@@ -8,11 +8,10 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.rows import MM, UM
 from testbench.data.series import Series
-from testbench.plant.shapes import origins, rigid_frames
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, find, merged
-from testbench.studies.calibration_scene import with_errors
+from testbench.studies.calibration_scene import amid_errors
 from testbench.studies.real_ur10 import trial
 from testbench.studies.real_ur10.joints import TRAINED, joint_rows
 from testbench.studies.study import Run, Study
@@ -22,11 +21,10 @@ from testbench.views.colours import CHOICE, Look, look
 from testbench.views.figure import Figure, forest
 from testbench.views.gains import Gain, gained, more
 from testbench.views.markdown import Markdown
-from testbench.views.scene import Poses, RunChart, Scene, Seen, arrow_scale, of_all, picked
+from testbench.views.scene import Seen
 from testbench.views.schema import Table
 
 LASTS = 0.7  #: Correlation above which a joint's error counts as the same: half of what either says.
-LONGEST = 0.3  #: Most arrows of errors over the reach [1].
 MEANS = {
     trial.BLOCKS: "blocks_mm",
     trial.TO_C: "a_to_c_mm",
@@ -258,18 +256,8 @@ def write(run: Run[trial.Settings]) -> Seen:
         writer.writerow(["series", "run", *(f"{joint.name}_rad" for joint in cell.arm.joints), *vectors])
         numbers = np.hstack([q, *left.values()]).tolist()
         writer.writerows([*name, *own] for name, own in zip(named, numbers, strict=True))
-    some = picked(np.linalg.norm(left[trial.TWO[-1]], axis=1), np.arange(len(q)))
-    errors = {name: own[some, None] / UM for name, own in left.items()}
-    names, rigid = (
-        [f"Series {named[k][0]}, run {named[k][1]}" for k in some],
-        rigid_frames(cell.room, q[some]),
-    )
-    A = arrow_scale(errors[trial.JOINTS], LONGEST * cell.vjm.reach)
-    poses = Poses("Positions that were not fitted", names, [""] * len(some), rigid, bent=None)
-    drawn, sizes = with_errors(poses, origins(cell.room, cell.arm.markers, rigid), errors, LOOKS, A)
-    note = of_all(len(some), len(q), "positions")
-    chart = RunChart("Error at each position (mm)", 0, "position", names, sizes, note=note)
-    return Seen(scene=Scene(cell, f"Errors x {A:g}.", [drawn]), runs=[chart])
+    errors = {name: own / UM for name, own in left.items()}
+    return amid_errors(cell, q, [f"Series {name}, run {row}" for name, row in named], errors, LOOKS)
 
 
 STUDY = Study(

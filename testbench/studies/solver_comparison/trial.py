@@ -20,10 +20,10 @@ from testbench.campaign.campaign_row import CampaignRow, campaign_rows
 from testbench.campaign.evaluation import judge
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.pose_campaign import FullPose, simulate
-from testbench.data.csvfile import csv_text
+from testbench.data.write import csv_text
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce
-from testbench.identify.factorised import (
+from testbench.studies.estimators.factorised import (
     CLOSE,
     LARGEST_ORDER,
     Factorised,
@@ -35,8 +35,8 @@ from testbench.identify.factorised import (
     parameters,
     random_start,
 )
-from testbench.identify.modelled import cvxpy, modelled
-from testbench.identify.search import Budget, explore
+from testbench.studies.estimators.modelled import cvxpy, modelled
+from testbench.studies.estimators.search import Budget, explore
 from testbench.studies.six_dof_arm.trial import TUBES
 
 ARM = "arm_6r"

@@ -15,13 +15,11 @@ import numpy.typing as npt
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from markupsafe import Markup
-from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
 from testbench import files
 from testbench.errors import Array
 from testbench.plant.import_robot.thin import decimated
-from testbench.plant.shapes import Frames, Shape, visual_shapes
+from testbench.plant.shapes import Frames, Shape, quaternions, visual_shapes
 from testbench.trials.spread import Spread
 from testbench.views.colours import SCALE, Look, hexadecimal
 from testbench.views.markdown import Told, as_plain
@@ -44,7 +42,10 @@ def markdown(text: str) -> Markup:
 def grid(table: Table) -> Json:
     """A table as rows of cells, each with its text and the numbers behind it."""
     drawn = [_drawn(column, table) for column in table.columns]
-    head = [{"title": column.title, "drawn": own} for column, own in zip(table.columns, drawn, strict=True)]
+    head = [
+        {"title": column.title, "drawn": own, "ratio": column.key == "ratio"}
+        for column, own in zip(table.columns, drawn, strict=True)
+    ]
     rows = [
         {
             "marked": table.bold == table.columns[0].cell(row),
@@ -219,8 +220,7 @@ def _near(points: Array) -> Json:
 
 def frames_plain(frames: Frames) -> list[list[int | None]]:
     """By pose: of every body its origin and its turn as a quaternion, x, y, z, w."""
-    shape = frames.rotations.shape[:2]
-    turns = Rotation.from_matrix(frames.rotations.reshape(-1, 3, 3)).as_quat().reshape(*shape, 4)
+    turns = quaternions(frames.rotations)
     return [_whole(row) for row in np.concatenate([frames.positions, turns], axis=2)]
 
 
@@ -264,6 +264,8 @@ def _thin(shape: Shape) -> tuple[Array, Faces]:
 
 def _hull(points: Array) -> tuple[Array, Faces]:
     """Convex hull of points, its triangles seen counter-clockwise from outside."""
+    from scipy.spatial import ConvexHull  # here: it takes long to import, and most arms are meshes
+
     found = ConvexHull(points)
     faces = found.simplices.copy()
     a, b, c = (points[faces[:, k]] for k in range(3))

@@ -8,11 +8,10 @@ import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.components import FillMode
-from scipy.spatial.transform import Rotation
 
 from testbench.campaign.campaign import Cell
 from testbench.errors import Array
-from testbench.plant.shapes import Frames, Shape, body_names, join_meshes, visual_shapes
+from testbench.plant.shapes import Frames, Shape, body_names, join_meshes, quaternions, visual_shapes
 from testbench.views.colours import GREY, MEASURED, SCALE, Colour
 from testbench.views.markdown import Markdown, as_markdown, place
 from testbench.views.recording.stream import Pen, snake, text_view
@@ -49,7 +48,7 @@ def write_arm(pen: Pen, cell: Cell, root: str, rigid: Frames, bent: Frames | Non
 
 
 def _write_frames(pen: Pen, path: str, frames: Frames, body: int) -> None:
-    turns = Rotation.from_matrix(frames.rotations[:, body]).as_quat()
+    turns = quaternions(frames.rotations[:, body])
     pen.rows(path, rr.Transform3D.columns(translation=frames.positions[:, body], quaternion=turns))
 
 
@@ -73,7 +72,7 @@ def _solids(shapes: Sequence[Shape], colour: Colour | None) -> list[rr.AsCompone
         size, centre = np.array([s.size for s in own]), np.array([s.position for s in own])
         R, radius, length = np.array([s.rotation for s in own]), size[:, 0], 2 * size[:, 2]
         look: dict[str, Any] = {
-            "quaternions": Rotation.from_matrix(R).as_quat(),
+            "quaternions": quaternions(R),
             "colors": [colour or _grey(s.rgba) for s in own],
             "fill_mode": FillMode.Solid,
         }
