@@ -134,8 +134,8 @@ def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
         lines.insert(0, f"{found}, with links, joints and masses, without shapes")
     else:
         lines.append(
-            f"its own drawing was that of {arm} to {1e6 * off:.3g} um and urad; {tip!r} stands {aside:.4g} mm "
-            "from the model's tool, and so it does still"
+            f"its own drawing was that of {arm} to {1e6 * off:.3g} um and urad; {tip!r} stands {aside:.4g} "
+            "mm from the model's tool, and so it does still"
         )
     if draft.loose_meshes:
         lines.append("it names meshes by their place beside the robot's URDF: keep it in that folder")
