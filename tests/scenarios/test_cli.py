@@ -305,7 +305,7 @@ def test_view_serves_recording_and_page_to_this_machine_until_ctrl_c(tmp_path):
     manifest = {
         "versions": {"testbench": "0"},
         "command": "x",
-        "files": ["report.html", "a.png", "dataset.csv", "../above.png", "..", "\0.png"],
+        "files": ["report.html", "a.png", "dataset.csv", "../above.png", ".."],
     }
     (tmp_path / "manifest.json").write_text(json.dumps(manifest))
     for name in ("report.html", "a.png", "stranger.png", "dataset.csv"):

@@ -9,11 +9,11 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.rows import UM, dataset_row
 from testbench.data.csvfile import write_csv
-from testbench.identify.factorised import order_range
 from testbench.report.columns import columns
 from testbench.report.report import Report, say
 from testbench.report.table import Cells, Row, Trials, aligned, find, merged, number, paired
 from testbench.studies import paper
+from testbench.studies.estimators.factorised import order_range
 from testbench.studies.single_link.trial import (
     GCO,
     LEAST_SQUARES,

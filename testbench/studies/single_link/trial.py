@@ -25,8 +25,8 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, gco, least_squares
 from testbench.identify.estimate import CONSERVATIVE_TOLERANCE
-from testbench.identify.factorised import LARGEST_ORDER, LocalSolves
 from testbench.model.structure import Structure, free36
+from testbench.studies.estimators.factorised import LARGEST_ORDER, LocalSolves
 
 NAME = "single_link"
 LEAST_SQUARES, SYMMETRIC, GCO = "MLS36", "MLS21", "MGCO21"
