@@ -14,7 +14,7 @@ from testbench.arm.document import Strict, parse_toml
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
-from testbench.campaign.payload import overloaded
+from testbench.campaign.plan_input import overloaded
 from testbench.campaign.rows import MM, UM
 from testbench.data.dataset import Dataset, Ids, Mask, select, split
 from testbench.data.export import Export, read_export

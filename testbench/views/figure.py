@@ -19,7 +19,7 @@ from matplotlib.figure import Figure as Figure
 from matplotlib.figure import SubFigure
 from matplotlib.text import Text
 
-from testbench.campaign.baselines import JOINTS
+from testbench.campaign.models import JOINTS
 from testbench.trials.spread import Number, Spread, ends, middle, span
 from testbench.views.colours import GREY, SCALE, Look, hexadecimal
 from testbench.views.schema import Column, Table, best_of, looks
