@@ -24,10 +24,9 @@ from testbench.campaign.plan_input import (
 )
 from testbench.campaign.tracker_runs import by_trackers, places
 from testbench.cli.arguments import ArmName, MapFile, Noise, mass
-from testbench.data.csvfile import write_csv
 from testbench.data.posefile import read_poses
 from testbench.data.series import Series
-from testbench.data.series_csv import write_series
+from testbench.data.write import write_csv, write_series
 from testbench.errors import Array, BenchError, InputError
 from testbench.output.place import Kind, claim_file
 from testbench.output.whole import whole_files
