@@ -81,6 +81,11 @@ class Draft:
     drawing_off: float | None = None  #: Between the two drawings, of a robot's own URDF [m, rad].
     loose_meshes: bool = False  #: Meshes are named by their place beside the URDF.
 
+    @property
+    def aside(self) -> float:
+        """From the model's tool to the tip, as drawn [m]."""
+        return float(np.linalg.norm(self.frames.tip[:3, 3]))
+
 
 def draft_new(state: State) -> Draft:
     """A URDF from scratch: its frames are the bodies of rigid.xml."""

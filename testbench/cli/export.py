@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from testbench.arm.urdf_text import BEGINS as STAMPED
@@ -116,7 +115,6 @@ def _arm_beside(document: Path) -> str | None:
 
 def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
     draft, off = done.draft, done.draft.drawing_off
-    aside = 1e3 * float(np.linalg.norm(draft.frames.tip[:3, 3]))
     tip, at = draft.frames.names[-1], f"{done.urdf}, replaced" if replaced and off is not None else done.urdf
     (moved, moved_most), (rest, rest_most) = done.geometry_mm, done.rest_mm
     lines = [
@@ -134,8 +132,8 @@ def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
         lines.insert(0, f"{found}, with links, joints and masses, without shapes")
     else:
         lines.append(
-            f"its own drawing was that of {arm} to {1e6 * off:.3g} um and urad; {tip!r} stands {aside:.4g} "
-            "mm from the model's tool, and so it does still"
+            f"its own drawing was that of {arm} to {1e6 * off:.3g} um and urad; {tip!r} stands "
+            f"{1e3 * draft.aside:.4g} mm from the model's tool, and so it does still"
         )
     if draft.loose_meshes:
         lines.append("it names meshes by their place beside the robot's URDF: keep it in that folder")
