@@ -9,7 +9,7 @@ import typer
 
 from testbench import files
 from testbench.arm.decimal import is_decimal
-from testbench.campaign.payload import read_mass
+from testbench.campaign.plan_input import read_mass
 from testbench.errors import BenchError
 
 

@@ -134,14 +134,7 @@ def looked_at(out: Path) -> list[str]:
 
 
 def print_places(console: Console, out: Path, *, figures: list[str], data: str = "dataset.csv") -> None:
-    """Where the results are, and how to open them.
-
-    Args:
-        console: A plain one.
-        out: Folder of the results.
-        figures: Names of the figures.
-        data: Name of the data file.
-    """
+    """Where the results are, and how to open them."""
     lines = [
         f"numbers    {out / 'report.json'}, {out / 'report.md'}, {out / 'trials.parquet'}, {out / data}",
         f"figures    {', '.join(str(out / name) for name in figures)}",

@@ -23,7 +23,7 @@ from testbench.campaign.campaign import Scenario, build_cell, simulate
 from testbench.campaign.plan_input import read_masses
 from testbench.cli.arguments import mass
 from testbench.cli.program import COMMANDS, program
-from testbench.data.csvfile import write_csv
+from testbench.data.write import write_csv
 from testbench.views.recording.run import write_run
 from testbench.views.recording.stream import Header
 from testbench.views.scene import Seen

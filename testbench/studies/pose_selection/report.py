@@ -13,7 +13,7 @@ from testbench.campaign.perturbed_prior import SCALE, SHAPE, UNCERTAINTY
 from testbench.campaign.rows import MM
 from testbench.campaign.true_arms import CALLED, TRUTHS
 from testbench.commands.plan_drawn import ORDER, OURS, UNSCALED, World
-from testbench.data.csvfile import write_csv
+from testbench.data.write import write_csv
 from testbench.design.rows import deflection_rows
 from testbench.design.specification import promise_of
 from testbench.errors import Array

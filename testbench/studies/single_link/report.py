@@ -8,7 +8,7 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.rows import UM, dataset_row
-from testbench.data.csvfile import write_csv
+from testbench.data.write import write_csv
 from testbench.report.columns import columns
 from testbench.report.report import Report, say
 from testbench.report.table import Cells, Row, Trials, aligned, find, merged, number, paired
