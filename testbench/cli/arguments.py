@@ -1,9 +1,8 @@
 """Arguments that several commands take."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -26,7 +25,7 @@ def mass_or_none(text: str) -> float:
     return 0.0 if is_decimal(text) and float(text) == 0 else mass(text)
 
 
-def plain(asked: Any, *files_read: str, without: Sequence[str] = ()) -> dict[str, object]:
+def plain(asked: object, *files_read: str, without: Sequence[str] = ()) -> dict[str, object]:
     """Flags as plain data but for places of results; of files their names and digests.
 
     Args:
@@ -35,7 +34,7 @@ def plain(asked: Any, *files_read: str, without: Sequence[str] = ()) -> dict[str
         without: Other fields that are left out.
     """
     left = {"out", "report", "force", *without}
-    flags = {name: value for name, value in asdict(asked).items() if name not in left}
+    flags = {name: value for name, value in vars(asked).items() if name not in left}
     for name in (*files_read, "mapping"):
         given = flags[name] if isinstance(flags[name], list) else [flags[name]]
         flags[name] = {path.name: files.digest(path) for path in filter(None, given)} or None

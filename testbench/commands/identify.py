@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from testbench import files
 from testbench.campaign.campaign import Cell
@@ -36,7 +35,7 @@ READING = Markdown(
 )
 
 
-def tell(cells: tuple[Cell, Cell], found: Identified, flags: Mapping[str, Any], out: Path) -> Report:
+def tell(cells: tuple[Cell, Cell], found: Identified, flags: Mapping[str, object], out: Path) -> Report:
     """Write the model, all fits, report, pictures, recording, page and manifest.json; return what to say.
 
     Args:
@@ -48,14 +47,15 @@ def tell(cells: tuple[Cell, Cell], found: Identified, flags: Mapping[str, Any], 
     Raises:
         InputError: When they cannot be written.
     """
-    filed, cell = cells
+    (filed, cell), data = cells, flags["dataset"]
+    assert isinstance(data, dict)
     left = left_by(cell, found)
-    f = numbers(filed, cell, found, left, widths=flags["intervals"])
+    f = numbers(filed, cell, found, left, widths=bool(flags["intervals"]))
     said = report(f)
 
     def more(folder: Path) -> dict[str, object]:
         files.write_json(asdict(found.fits), folder / FITS)
-        write_stiffness(cell, found, found.runs, flags["dataset"], folder)
+        write_stiffness(cell, found, found.runs, data, folder)
         return {}
 
     arm = [cell.arm.rigid.parent]
