@@ -94,18 +94,19 @@ EVERY = (
             ("negative_eigenvalue", "of symmetric part below 0", "", "yes", "of sym.\npart"),
             ("matrix_eigenvalue_micro", "smallest eigenvalue", SI, ".3f", f"smallest\n{SI}"),
             ("symmetric_eigenvalue_micro", "smallest of symmetric part", SI, ".3f", f"of sym.\npart\n{SI}"),
-            ("prediction.position_rms_um", "position error", "um", ".1f", ""),
-            ("prediction.position_relative_percent", "of the deflection", "%", ".2f", "%"),
-            ("prediction.rotation_rms_urad", "rotation error", "urad", ".0f", ""),
-            ("prediction.rotation_relative_percent", "of the rotation", "%", ".2f", "%"),
-            *(
-                (f"entries.{key}", heading, unit, ".2f", f"{short}\n{unit}")
-                for key, heading, unit, short in (
-                    ("translation_rms_um_per_N", "C force-position", "um/N", "force\npos."),
-                    ("coupling_translation_rms_um_per_Nm", "C moment-position", "um/(N m)", "moment\npos."),
-                    ("coupling_rotation_rms_urad_per_N", "C force-rotation", "urad/N", "force\nrot."),
-                    ("rotation_rms_urad_per_Nm", "C moment-rotation", "urad/(N m)", "moment\nrotation"),
-                )
+            ("position_rms_um", "position error", "um", ".1f", ""),
+            ("position_relative_percent", "of the deflection", "%", ".2f", "%"),
+            ("rotation_rms_urad", "rotation error", "urad", ".0f", ""),
+            ("rotation_relative_percent", "of the rotation", "%", ".2f", "%"),
+            ("force_position_rms_um_per_N", "C force-position", "um/N", ".2f", "force\npos.\num/N"),
+            (
+                "moment_position_rms_um_per_Nm", "C moment-position", "um/(N m)", ".2f",
+                "moment\npos.\num/(N m)",
+            ),
+            ("force_rotation_rms_urad_per_N", "C force-rotation", "urad/N", ".2f", "force\nrot.\nurad/N"),
+            (
+                "moment_rotation_rms_urad_per_Nm", "C moment-rotation", "urad/(N m)", ".2f",
+                "moment\nrotation\nurad/(N m)",
             ),
         )
     ),
