@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import testbench
 
@@ -64,7 +65,16 @@ def refuse_undocumented(_: object) -> None:
         raise RuntimeError(f"public names without a docstring: {', '.join(bare)}")
 
 
-def setup(app: object) -> None:
+def refuse_missing(_: object, env: Any) -> None:
+    """A public name that the API page lacks fails the build."""
+    known = env.domains["py"].objects
+    missing = [name for name in testbench.__all__ if f"testbench.{name}" not in known]
+    if missing:
+        raise RuntimeError(f"docs/api.md lacks {', '.join(missing)}")
+
+
+def setup(app: Any) -> None:
     """Sphinx calls this first."""
+    app.connect("env-check-consistency", refuse_missing)
     app.connect("builder-inited", refuse_undocumented)
     app.connect("builder-inited", write_help)

@@ -30,7 +30,7 @@ from pathlib import Path
 
 from pyarrow import parquet
 
-from testbench.trials.records import stored_seeds
+from testbench.trials.store import stored_seeds
 
 ROOT = Path(__file__).resolve().parents[1]
 MAIN = (sys.executable, "-c", "from testbench.cli import main; main()")

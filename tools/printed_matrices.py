@@ -13,7 +13,7 @@ from testbench.identify import gco, reduce
 from testbench.identify.regression import f_m
 from testbench.report.columns import columns
 from testbench.report.table import Row
-from testbench.studies.paper import EQ_22, EQ_23, Claim, every_order, judged
+from testbench.studies.paper import EQ_22, EQ_23, every_order, judged
 from testbench.studies.single_link.trial import (
     Settings,
     eigenvalues,
@@ -69,7 +69,7 @@ def tables(found: Row) -> dict[str, Table]:
     }
 
 
-def least_cost(found: Row) -> Claim:
+def least_cost(found: Row) -> Row:
     """The paper's statement of Eq. (23), judged."""
     own = found[OWN]
     least, most = own.printed_f_m_within_rounding

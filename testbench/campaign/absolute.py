@@ -50,12 +50,7 @@ class Score:
 def read_all(
     paths: Sequence[Path], arm: Arm, mapping: Path | None, sigma: float | None
 ) -> tuple[tuple[Series, ...], tuple[str, ...]]:
-    """Absolute readings of several files, and what was understood.
-
-    Raises:
-        InputError: When a file cannot be read, two would share frame and target by their names alone, or most
-            rows of one stand in another.
-    """
+    """Absolute readings of several files, each once and of another name, and what was understood."""
     series: list[Series] = []
     notes: list[str] = []
     for k, path in enumerate(paths):
@@ -86,11 +81,7 @@ def _readings(series: Series) -> list[bytes]:
 
 
 def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequence[str] = ()) -> Calibrated:
-    """Calibrate an arm, its masses by joint torques where these were read.
-
-    Raises:
-        BenchError: When the readings do not fit the arm, or leave a frame or target open.
-    """
+    """Calibrate an arm, its masses by joint torques where these were read."""
     weights, said = read_weights(vjm.arm), list(notes)
     if any(one.torque is not None for one in series):
         weights, note = fit_weights(vjm, weights, tuple(series))
@@ -101,14 +92,10 @@ def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequ
 
 
 def score(state: State, belief: Belief, series: Sequence[Series], frame_poses: int | None) -> Score:
-    """How far readings are from a model.
+    """How far readings are from a calibrated arm.
 
-    Args:
-        state: The calibrated arm.
-        belief: How sure it is.
-        series: Readings, of one arm.
-        frame_poses: Rows of each series that tell its frame and mount, not counted; None for those of the
-            calibration where it has them, else FRAME_POSES.
+    So many rows of each series tell its frame and mount, and are not counted; if not said, those of the
+    calibration count where it has them, else FRAME_POSES rows do.
     """
     far, within = [], []
     for one in series:

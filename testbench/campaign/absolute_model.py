@@ -7,20 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.campaign import model_folder
 from testbench.campaign.model_document import CalibrationDocument, Document, Rows
-from testbench.campaign.model_folder import (
-    Kind,
-    about_of,
-    about_said,
-    copy_arm,
-    numbers_of,
-    read_arm,
-    read_arrays,
-    read_document,
-    weights_of,
-    weights_said,
-    write_parts,
-)
 from testbench.correct.arm_model import About
 from testbench.errors import Array, check_array
 from testbench.identify.absolute.evidence import Choice
@@ -38,7 +26,6 @@ from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
 from testbench.output.replace import reading
 
-CALIBRATION = Kind("absolute calibration", range(1, 3), 2, CalibrationDocument, "testbench calibrate")
 ARRAYS = ("root", "L")
 """Of posterior.npz: root of the precision, (a, a), and L of the metric of the compliances in it, (e, e)."""
 TURN = 1e-6  #: Most that a rotation of a file differs from one [1].
@@ -49,17 +36,7 @@ STRUCTURES = {"joints": joints_only, "links": all153}
 def write_model(
     calibration: Calibration, data: Mapping[str, str], doubts: Sequence[str], folder: Path
 ) -> None:
-    """Write a calibrated arm into a folder that exists.
-
-    Args:
-        calibration: The arm.
-        data: SHA-256 of every file of readings, by its name.
-        doubts: What may be wrong with it, sentences.
-        folder: The model's.
-
-    Raises:
-        InputError: When a file of the arm cannot be copied.
-    """
+    """Write a calibrated arm into a folder that exists; `data` has the SHA-256 of every file of readings."""
     state, own, noise = calibration.state, calibration.own, calibration.noise
     belief, elastic, errors = belief_of(calibration), own.elastic, state.errors
     kept = [step.name for step in calibration.chosen.steps if step.kept]
@@ -69,19 +46,17 @@ def write_model(
     joints = elastic is not None and elastic.structure.n == vjm.arm.n_joints
     said = {
         "arm": vjm.arm.name,
-        "digests": copy_arm(vjm.arm, folder),
+        "digests": model_folder.copy_arm(vjm.arm, folder),
         "compliances": "none" if elastic is None else "joints" if joints else "links",
         "theta_0": state.theta_0.tolist(),
         "C_theta": state.C_theta.tolist(),
         "errors": {
+            **vars(errors),
             "orders": list(errors.orders),
-            "ratio": errors.ratio,
-            "play": errors.play,
-            "stiffening": errors.stiffening,
             "coefficients": state.n.tolist(),
             "torque_scale": state.torque_scale.tolist(),
         },
-        "weights": weights_said(state.weights),
+        "weights": model_folder.weights_said(state.weights),
         "noise": {
             "open_position_m": float(noise.open_position),
             "open_rotation_rad": float(noise.open_rotation),
@@ -100,10 +75,10 @@ def write_model(
             }
             for name, one in state.mounts.items()
         },
-        "about": about_said(method, data, doubts, loads),
+        "about": model_folder.about_said(method, data, doubts, loads),
     }
     L = np.zeros((0, 0)) if elastic is None else elastic.L
-    write_parts(CALIBRATION, said, folder, root=belief.root, L=L)
+    model_folder.write_parts(CalibrationDocument, said, folder, root=belief.root, L=L)
 
 
 def belief_of(calibration: Calibration) -> Belief:
@@ -122,30 +97,22 @@ def belief_of(calibration: Calibration) -> Belief:
 
 
 def read_model(folder: Path) -> tuple[State, Belief]:
-    """A calibrated arm from its folder.
-
-    Raises:
-        InputError: When the folder is not one, or what it holds does not belong together.
-    """
+    """A calibrated arm from its folder; InputError where it holds none that is whole."""
     with reading(folder):
-        state, belief, _ = read_whole(folder, read_document(folder, {CALIBRATION.name: CALIBRATION}))
+        state, belief, _ = read_whole(folder, model_folder.read_document(folder, CalibrationDocument))
     return state, belief
 
 
 def read_whole(folder: Path, found: Document) -> tuple[State, Belief, About]:
-    """The arm of a folder whose model.json was read, and where it comes from.
-
-    Raises:
-        InputError: When what it holds does not belong together.
-    """
+    """The arm of a folder whose model.json was read, and where it comes from."""
     assert isinstance(found, CalibrationDocument)
-    arm = read_arm(folder, found, meshes=found.format > 1)
-    root, L = read_arrays(folder, found, ARRAYS)
-    with numbers_of(folder):
+    arm = model_folder.read_arm(folder, found, meshes=found.format > 1)
+    root, L = model_folder.read_arrays(folder, found, ARRAYS)
+    with model_folder.numbers_of(folder):
         state = _state(found, arm)
         if (found.about is None) != (found.format == 1):
             raise ValueError("about: expected from format 2 on")
-        about = About("absolute calibration") if found.about is None else about_of(found.about)
+        about = About("absolute calibration") if found.about is None else model_folder.about_of(found.about)
         return state, _belief(found, state, root, L), about
 
 
@@ -158,7 +125,7 @@ def _state(found: CalibrationDocument, arm: Arm) -> State:
         raise ValueError("C_theta: expected a symmetric matrix")
     return State(
         vjm=vjm,
-        weights=weights_of(found.weights, arm),
+        weights=model_folder.weights_of(found.weights, arm),
         theta_0=check_array(np.array(found.theta_0), (n,), "theta_0 [m, rad]"),
         C_theta=C,
         errors=errors,

@@ -3,7 +3,6 @@
 Arm, geometry, gears and springs are MuJoCo's; nothing here is shared with the model that is fitted.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -41,8 +40,6 @@ REAL_ARM = Disturbances(
 NEAREST, FARTHEST = 1.5, 3.0  #: How far from the base a tracker stands, over the arm's reach [1].
 LOWEST, HIGHEST = 0.8, 2.0  #: Its height over the base [m].
 TILT = 0.02  #: How far from upright it stands, about each horizontal axis, standard deviation [rad].
-
-Generators = Sequence[np.random.Generator]
 
 
 class AbsoluteCampaign(BaseModel):
@@ -134,15 +131,8 @@ def true_poses(
 ) -> tuple[Array, Array]:
     """Where targets truly are in any poses, as the tracker of a series would see them without noise.
 
-    Args:
-        truth: The arm.
-        series: Index of the series.
-        q: Commanded joints, (rows, n) [rad, m].
-        wrench: Load beside own weight, world axes, (rows, 6) [N, N m]; None for none.
-        point: Where it acts, in the tool's frame, (rows, 3) [m]; None for the tool's origin.
-
-    Returns:
-        Positions in the tracker's frame, (rows, m, 3) [m], and orientations of the mount, (rows, 3, 3).
+    Positions in the tracker's frame, (rows, m, 3) [m], and orientations of the mount, (rows, 3, 3), of
+    commanded joints q (rows, n) [rad, m] under a wrench (rows, 6) beside own weight at a point of the tool.
     """
     rest = settle_disturbed(truth.arm, q, wrench, point)
     return _seen(truth, series, rest.tool, rest.rotation)
@@ -169,14 +159,6 @@ def simulate_series(
         asked: What to measure; None for 200 poses of one target under own weight alone.
         seed: Root of all randomness.
         q: Poses of every series, (poses, n) [rad, m]; None for random ones that the arm can take.
-
-    Returns:
-        The readings, and the truth behind them.
-
-    Raises:
-        BenchError: When the arm has no joints, or fewer markers than targets are asked for.
-        PoseError: When too few feasible poses exist.
-        NoEquilibrium: When the arm cannot carry a load.
     """
     asked = AbsoluteCampaign() if asked is None else asked
     _check(cell, asked)
@@ -185,8 +167,10 @@ def simulate_series(
     turn = _turns(asked, asked.poses if q is None else len(q))
     truth = Truth(
         arm=arm,
-        stations=draw_stations(cell, asked, [own[0] for own in chances]),
-        mounts=draw_mounts(cell.plant, asked, [own[1] for own in chances]),
+        stations=_of_all(
+            [_station(cell, asked, k, own[0]) for k, own in enumerate(chances)], asked.share_frame
+        ),
+        mounts=_of_all([_mount(cell.plant, asked, own[1]) for own in chances], asked.share_target),
         markers=cell.plant.model.body_pos[cell.plant.markers[: asked.targets]],
         outliers=tuple(own[2].random((len(turn), asked.targets)) < asked.outliers for own in chances),
     )
@@ -203,13 +187,13 @@ def simulate_series(
     return tuple(found), truth
 
 
-def draw_stations(cell: Cell, asked: AbsoluteCampaign, rngs: Generators) -> tuple[Frame, ...]:
-    """The world in the tracker's frame, of every series: facing anywhere, and never quite upright."""
-    found = [_station(cell, asked, k, rng) for k, rng in enumerate(rngs)]
-    return tuple(found[:1] * len(found) if asked.share_frame else found)
+def _of_all(found: list[Frame], shared: bool) -> tuple[Frame, ...]:
+    """One of every series; the first of all where it is shared."""
+    return tuple(found[:1] * len(found) if shared else found)
 
 
 def _station(cell: Cell, asked: AbsoluteCampaign, k: int, rng: np.random.Generator) -> Frame:
+    """The world in the tracker's frame: facing anywhere, and never quite upright."""
     azimuth, heading = rng.uniform(-np.pi, np.pi, 2)
     distance, height = cell.vjm.reach * rng.uniform(NEAREST, FARTHEST), rng.uniform(LOWEST, HIGHEST)
     tilt = Rotation.from_rotvec([*(TILT * rng.standard_normal(2)), 0.0])
@@ -221,20 +205,15 @@ def _station(cell: Cell, asked: AbsoluteCampaign, k: int, rng: np.random.Generat
     return Frame(R, -R @ place)
 
 
-def draw_mounts(plant: Plant, asked: AbsoluteCampaign, rngs: Generators) -> tuple[Frame, ...]:
-    """The mount of the targets in the tool's frame, of every series."""
-    found = [_mount(plant, asked, rng) for rng in rngs]
-    return tuple(found[:1] * len(found) if asked.share_target else found)
-
-
 def _mount(plant: Plant, asked: AbsoluteCampaign, rng: np.random.Generator) -> Frame:
+    """The mount of the targets in the tool's frame."""
     shift, turn = asked.mount.position * rng.standard_normal(3), asked.mount.angle * rng.standard_normal(3)
     quarters = rng.integers(4) if asked.quarter_turns else 0
-    R = Rotation.from_rotvec(np.pi / 2 * quarters * last_axis(plant)) * Rotation.from_rotvec(turn)
+    R = Rotation.from_rotvec(np.pi / 2 * quarters * _last_axis(plant)) * Rotation.from_rotvec(turn)
     return Frame(R.as_matrix(), shift)
 
 
-def last_axis(plant: Plant) -> Array:
+def _last_axis(plant: Plant) -> Array:
     """Unit axis of the last joint in the tool's frame, (3,)."""
     arm = plant.arm
     (_, link), (_, tool) = unloaded(plant, np.zeros((1, arm.n_joints)), [arm.links[-1].name, arm.tool])
@@ -260,11 +239,7 @@ def _turns(asked: AbsoluteCampaign, poses: int) -> Ids:
 def _settled(arm: DisturbedPlant, rows: LoadedPoses, turn: Ids, off: Array) -> tuple[Array, Array]:
     """The tool of every row at rest in the world; in a pose each load is hung on the arm as the last left it.
 
-    Args:
-        arm: The true arm.
-        rows: What is commanded.
-        turn: Which load of its pose a row has, (rows,).
-        off: How far the joints are off what is commanded, (rows, n) [rad, m].
+    A row has the `turn`-th load of its pose, its joints are `off` what is commanded, (rows, n) [rad, m].
     """
     tool, rotation, rest = np.empty((len(turn), 3)), np.empty((len(turn), 3, 3)), None
     for k in range(turn.max() + 1):

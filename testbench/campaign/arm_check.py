@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.arm.elastic import Elastic, LinkEntry, read_elastic
-from testbench.campaign.agreement import check_agreement
-from testbench.campaign.arm_doubts import UPRIGHT, Looked, Sag, arm_doubts, sag, stance
-from testbench.campaign.campaign import Cell, build_cell
+from testbench.arm.elastic import LinkEntry, read_elastic
+from testbench.campaign.arm_doubts import UPRIGHT, Looked, arm_doubts, sag, stance
+from testbench.campaign.campaign import build_cell, check_agreement
 from testbench.errors import Array
 from testbench.identify.doubts import Doubt
 from testbench.model.vjm import body_poses, tool_pose
@@ -29,38 +28,25 @@ class Item(NamedTuple):
     words: str  #: What it is, its value, where it comes from.
 
 
-def to_confirm(cell: Cell, elastic: Elastic, found: Sag) -> list[Item]:
+def to_confirm(arm: Looked) -> list[Item]:
     """Everything estimated or assumed, the largest effect on the tool's deflection first."""
-    items = [
-        *_payload(elastic),
-        *_joints(elastic, found),
-        *_links(elastic, found),
-        *_points(cell, elastic, found),
-    ]
-    return sorted(items, key=lambda item: -item.share)
+    return sorted([*_numbers(arm), *_points(arm)], key=lambda item: -item.share)
 
 
-def _payload(elastic: Elastic) -> Iterator[Item]:
-    payload = elastic.payload
+def _numbers(arm: Looked) -> Iterator[Item]:
+    """Payload, compliances of joints, tubes of links."""
+    elastic, payload, shares = arm.elastic, arm.elastic.payload, arm.sag.shares.tolist()
     if payload is None:
         yield Item(1.0, "payload, not stated: the sag is proportional to it")
     elif payload.origin in UNSURE:
         yield Item(1.0, f"payload {payload.value:g} kg, {payload.origin}: the sag is proportional to it")
-
-
-def _joints(elastic: Elastic, found: Sag) -> Iterator[Item]:
-    first = len(elastic.link)
-    for k, joint in enumerate(elastic.joint):
+    for joint, share in zip(elastic.joint, shares[len(elastic.link) :], strict=True):
         c = joint.compliance
         if c.origin in UNSURE:
-            words = f"{joint.name}'s compliance {1e6 * c.value:.3g} u{c.unit}, {c.origin}"
-            yield Item(float(found.shares[first + k]), words)
-
-
-def _links(elastic: Elastic, found: Sag) -> Iterator[Item]:
-    for k, link in enumerate(elastic.link):
+            yield Item(share, f"{joint.name}'s compliance {1e6 * c.value:.3g} u{c.unit}, {c.origin}")
+    for link, share in zip(elastic.link, shares, strict=False):
         if words := _tube(link):
-            yield Item(float(found.shares[k]), f"{link.name}'s {words}")
+            yield Item(share, f"{link.name}'s {words}")
 
 
 def _tube(link: LinkEntry) -> str:
@@ -81,27 +67,21 @@ def _tube(link: LinkEntry) -> str:
     return f"{', '.join(unsure)}, {' and '.join(sorted(set(unsure.values())))}"
 
 
-def _points(cell: Cell, elastic: Elastic, found: Sag) -> Iterator[Item]:
+def _points(arm: Looked) -> Iterator[Item]:
     """Load point and markers: what 10 mm aside change."""
-    names = elastic.to_confirm
+    elastic, cell, names = arm.elastic, arm.cell, arm.elastic.to_confirm
     if elastic.load in names:
-        yield Item(_load_aside(cell, found), f"load point {elastic.load}, estimated: {OF_ASIDE}")
+        # largest change of the sag as the load point moves along an axis of the tool
+        moved = [replace(cell.vjm, load=cell.vjm.load + ASIDE * axis) for axis in np.eye(3)]
+        most = max(rms(sag(replace(cell, vjm=vjm)).whole - arm.sag.whole) for vjm in moved)
+        yield Item(most / rms(arm.sag.whole), f"load point {elastic.load}, estimated: {OF_ASIDE}")
     asked = [name for name in elastic.markers if name in names]
     if asked:
         # a marker moves with the tool's turn too, and all the more the farther off it is
-        share = ASIDE * rms(found.turn) / rms(found.whole)
+        share = ASIDE * rms(arm.sag.turn) / rms(arm.sag.whole)
         yield Item(share, f"markers {', '.join(asked)}, estimated: {OF_ASIDE}")
     if elastic.tool in names:
         yield Item(0.0, f"tool {elastic.tool}, estimated: readings do not need it, tasks do")
-
-
-def _load_aside(cell: Cell, found: Sag) -> float:
-    """Largest change of the sag as the load point moves along an axis of the tool, over the sag."""
-    changes = []
-    for axis in np.eye(3):
-        moved = replace(cell, vjm=replace(cell.vjm, load=cell.vjm.load + ASIDE * axis))
-        changes.append(rms(sag(moved).whole - found.whole))
-    return max(changes) / rms(found.whole)
 
 
 def rms(vectors: Array) -> float:
@@ -110,20 +90,17 @@ def rms(vectors: Array) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Checked:
+class Checked(Looked):
     """An arm and what was found."""
 
-    cell: Cell  #: The arm.
-    elastic: Elastic  #: Its elastic.toml, with the origin of every number.
     apart: float  #: Largest distance between the two readings of it [m].
-    sag: Sag  #: Of its tool over the work area.
     items: list[Item]  #: To confirm, the largest effect first.
     doubts: list[Doubt]  #: What may be wrong.
 
     @property
     def reach(self) -> float:
         """Stretched length from the first joint to the tool [m]."""
-        return self.cell.vjm.reach
+        return self.vjm.reach
 
     @cached_property
     def poses(self) -> Array:
@@ -147,28 +124,26 @@ class Checked:
     @property
     def worst_place(self) -> list[float]:
         """Where the tool is in it, without the sag [m]."""
-        position, _ = tool_pose(self.cell.vjm, self.sag.q[self.worst][None])
+        position, _ = tool_pose(self.vjm, self.sag.q[self.worst][None])
         return [float(x) for x in position[0]]
 
     @property
     def beams(self) -> Array:
         """Where each link's beam begins and how it lies, in both poses, (2, n + 1, 4, 4) [m]."""
         found = np.tile(np.eye(4), (2, len(self.cell.arm.links), 1, 1))
-        for k, (link, (p, R)) in enumerate(
-            zip(self.cell.arm.links, body_poses(self.cell.vjm, self.poses), strict=False)
-        ):
+        bodies = body_poses(self.vjm, self.poses)
+        for k, (link, (p, R)) in enumerate(zip(self.cell.arm.links, bodies, strict=False)):
             found[:, k, :3, :3], found[:, k, :3, 3] = R @ link.frame, p
         return found
 
     @property
     def sizes(self) -> Array:
         """Length and outer diameter of each tube; of a link without one its way, (n + 1, 2) [m]."""
+        tubes, ways = [link.tube for link in self.elastic.link], self.vjm.steps
         return np.array(
             [
-                (np.linalg.norm(way), 0.0)
-                if link.tube is None
-                else (link.tube.length.value, link.tube.outer_diameter.value)
-                for link, way in zip(self.elastic.link, self.cell.vjm.steps, strict=True)
+                (t.length.value, t.outer_diameter.value) if t else (np.linalg.norm(way), 0.0)
+                for t, way in zip(tubes, ways, strict=True)
             ]
         )
 
@@ -179,19 +154,12 @@ class Checked:
 
 
 def check(folder: str | Path) -> Checked:
-    """Read an arm and look for what must be confirmed and what may be wrong.
-
-    Raises:
-        InputError: When the arm's folder is wrong.
-    """
+    """Read an arm, look for what must be confirmed and what may be wrong; InputError for a wrong folder."""
     cell = build_cell(folder)
-    elastic = read_elastic(find_arm(folder) / "elastic.toml")
-    found = sag(cell)
+    arm = Looked(cell, read_elastic(find_arm(folder) / "elastic.toml"), sag(cell))
     return Checked(
-        cell=cell,
-        elastic=elastic,
+        **vars(arm),
         apart=check_agreement(cell.vjm, cell.plant),
-        sag=found,
-        items=to_confirm(cell, elastic, found),
-        doubts=arm_doubts(Looked(cell, elastic, found)),
+        items=to_confirm(arm),
+        doubts=arm_doubts(arm),
     )

@@ -93,9 +93,9 @@ def work_area(cell: Cell) -> Array:
 class Looked:
     """An arm and what its doubts are judged by."""
 
-    cell: Cell
-    elastic: Elastic
-    sag: Sag
+    cell: Cell  #: The arm.
+    elastic: Elastic  #: Its elastic.toml, with the origin of every number.
+    sag: Sag  #: Of its tool over the work area.
 
     @property
     def vjm(self) -> Vjm:
@@ -105,25 +105,23 @@ class Looked:
 
 def arm_doubts(looked: Looked) -> list[Doubt]:
     """Everything that looks wrong, the geometry first."""
-    found: list[Doubt] = []
-    for name, look in {
-        "tube length": tube_lengths,
-        "beam axis": beam_axes,
-        "tube diameter": diameters,
-        "tube shape": fragments,
-        "joint compliance": neighbours,
-        "sag": sags,
-        "payload": payloads,
-        "points of the tool": points,
-        "flange": behind,
-        "mass": masses,
-        "base": base,
-    }.items():
-        found += [Doubt(name, sentence) for sentence in look(looked)]
-    return found
+    looks = {
+        "tube length": _tube_lengths,
+        "beam axis": _beam_axes,
+        "tube diameter": _diameters,
+        "tube shape": _fragments,
+        "joint compliance": _neighbours,
+        "sag": _sags,
+        "payload": _payloads,
+        "points of the tool": _points,
+        "flange": _behind,
+        "mass": _masses,
+        "base": _base,
+    }
+    return [Doubt(name, sentence) for name, look in looks.items() for sentence in look(looked)]
 
 
-def tube_lengths(arm: Looked) -> Iterator[str]:
+def _tube_lengths(arm: Looked) -> Iterator[str]:
     """A tube as long as the way to the next joint."""
     for link, step in zip(arm.elastic.link, arm.vjm.steps, strict=True):
         if link.tube is not None:
@@ -135,7 +133,7 @@ def tube_lengths(arm: Looked) -> Iterator[str]:
                 yield f"{link.name}: its tube is {length:.3g} m long, its frames are {distance:.3g} m apart"
 
 
-def beam_axes(arm: Looked) -> Iterator[str]:
+def _beam_axes(arm: Looked) -> Iterator[str]:
     """A beam that points to the next joint."""
     for link, step in zip(arm.cell.arm.links, arm.vjm.steps, strict=True):
         distance = float(np.linalg.norm(step))
@@ -147,7 +145,7 @@ def beam_axes(arm: Looked) -> Iterator[str]:
                 yield f"{link.name}: its beam axis points {angle:.0f} deg off the next frame, {way}"
 
 
-def diameters(arm: Looked) -> Iterator[str]:
+def _diameters(arm: Looked) -> Iterator[str]:
     """A tube neither a disc nor thicker than the link is drawn."""
     widths = _widths(arm.cell)
     for k, link in enumerate(arm.elastic.link):
@@ -160,7 +158,7 @@ def diameters(arm: Looked) -> Iterator[str]:
             yield f"{link.name}: its tube is {outer:.3g} m thick, its drawn shape {widths[k]:.3g} m wide"
 
 
-def fragments(arm: Looked) -> Iterator[str]:
+def _fragments(arm: Looked) -> Iterator[str]:
     """Tubes of a thickness that their drawn links tell."""
     from testbench.plant.import_robot.classes import GUESSED
 
@@ -197,7 +195,7 @@ def _drawn(cell: Cell) -> dict[int, Array]:
     return found
 
 
-def neighbours(arm: Looked) -> Iterator[str]:
+def _neighbours(arm: Looked) -> Iterator[str]:
     """Joints of one kind whose compliances are of one class."""
     for a, b in pairwise(arm.elastic.joint):
         if a.compliance.unit != b.compliance.unit:
@@ -208,7 +206,7 @@ def neighbours(arm: Looked) -> Iterator[str]:
             yield f"{soft.name} is {ratio:.3g} times as soft as its neighbour {hard.name}"
 
 
-def sags(arm: Looked) -> Iterator[str]:
+def _sags(arm: Looked) -> Iterator[str]:
     """A rated payload that moves the tool by what arms do."""
     payload, (low, high) = arm.cell.arm.payload, SAGS
     if payload is not None:
@@ -218,7 +216,7 @@ def sags(arm: Looked) -> Iterator[str]:
             yield f"its {payload:g} kg move the tool by {1e3 * moved:.3g} mm (median), expected {expected}"
 
 
-def payloads(arm: Looked) -> Iterator[str]:
+def _payloads(arm: Looked) -> Iterator[str]:
     """A payload that somebody has stated."""
     from testbench.plant.import_robot.classes import PAYLOAD_OFF
 
@@ -228,7 +226,7 @@ def payloads(arm: Looked) -> Iterator[str]:
         yield f"its payload of {payload.value:g} kg is a guess, {off}: state the maker's in elastic.toml"
 
 
-def behind(arm: Looked) -> Iterator[str]:
+def _behind(arm: Looked) -> Iterator[str]:
     """Tool beyond the last link as drawn; load point and markers beyond its end, or the tool in it."""
     from testbench.plant.import_robot.beam import COINCIDE, flange_axis
 
@@ -250,7 +248,7 @@ def behind(arm: Looked) -> Iterator[str]:
             yield f"{name} is {1e3 * hidden:.0f} mm behind the flange: is it where the tool carries it?"
 
 
-def points(arm: Looked) -> Iterator[str]:
+def _points(arm: Looked) -> Iterator[str]:
     """Load point and markers near the tool, markers not on a line."""
     from testbench.plant.import_robot.points import on_a_line
 
@@ -263,7 +261,7 @@ def points(arm: Looked) -> Iterator[str]:
         yield f"markers {', '.join(names)} lie on a line: a turn about it is not seen"
 
 
-def masses(arm: Looked) -> Iterator[str]:
+def _masses(arm: Looked) -> Iterator[str]:
     """Links that weigh something, an arm that weighs as arms of its size do."""
     model = arm.cell.room.model
     weights = np.array([model.body(link.name).mass[0] for link in arm.cell.arm.links])
@@ -297,7 +295,7 @@ def _densities(cell: Cell, weights: Array) -> Iterator[str]:
         yield f"{inside}, expected {low:g} to {high:g}"
 
 
-def base(arm: Looked) -> Iterator[str]:
+def _base(arm: Looked) -> Iterator[str]:
     """A base that stands upright: gravity acts along the world's -z."""
     turning, tilt, below = stance(arm.cell)
     weight = "Weight acts along the world's -z"

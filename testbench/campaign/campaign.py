@@ -11,19 +11,22 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.agreement import check_agreement
 from testbench.data.dataset import Dataset, Ids, Mask, split
 from testbench.data.tracker import Tracker, read_orientations, read_positions
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, InputError
 from testbench.model.kinematics import build_vjm
 from testbench.model.poses import WorkArea, random_poses
-from testbench.model.vjm import Vjm
+from testbench.model.vjm import Vjm, body_poses
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
     from testbench.plant import Equilibrium, Plant, Room
 
+    Pair = tuple[Equilibrium, Equilibrium]
+
 T = TypeVar("T")
 Truth = Literal["nonlinear", "linear"]
+AGREEMENT, POSES = 1e-9, 8
+"""Distance between two readings of an arm [m] over one metre plus that from the origin; poses compared."""
 
 
 class Setup(BaseModel):
@@ -150,6 +153,35 @@ def build_cell(folder: str | Path) -> Cell:
     return cell
 
 
+def check_agreement(vjm: Vjm, plant: "Plant") -> float:
+    """Largest distance between where truth and model place bodies; axes count at a metre [m].
+
+    MuJoCo and Pinocchio read an arm each for itself: InputError names a body that rounding does not explain.
+    """
+    from testbench.plant import unloaded
+
+    arm = vjm.arm
+    lower, upper = arm.limits
+    q = np.random.default_rng(0).uniform(lower, upper, (POSES, arm.n_joints))
+    ours = [np.dstack([R, p]) for p, R in body_poses(vjm, q)]  # axes and origin as columns
+    ours += [_point(ours[-1], point) for point in (vjm.load, *vjm.markers)]
+    names = (*(link.name for link in arm.links), arm.tool, arm.load, *arm.markers)
+    largest = 0.0
+    for name, own, (p, R) in zip(names, ours, unloaded(plant, q, names), strict=True):
+        theirs = np.dstack([R, p])[..., -own.shape[2] :]
+        apart = float(np.abs(own - theirs).max())
+        if not apart <= AGREEMENT * (1 + float(np.abs(p).max())):
+            problem = f"MuJoCo and Pinocchio place it {apart:.1e} m apart"
+            raise InputError(arm.rigid, f"<body name={name!r}>", problem)
+        largest = max(largest, apart)
+    return largest
+
+
+def _point(tool: Array, point: Array) -> Array:
+    """A point of the tool in the world, as a column, (poses, 3, 1) [m]: the model knows no axes there."""
+    return tool[..., 3:] + tool[..., :3] @ point[:, None]
+
+
 def stream(seed: int, trial: int = 0) -> np.random.Generator:
     """Random numbers of one trial, independent of order, workers and restarts."""
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(trial,))))
@@ -209,11 +241,7 @@ def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: Poses) -> Camp
 
 
 def clear_poses(cell: Cell, area: WorkArea | None, count: int, rng: np.random.Generator) -> Array:
-    """Random poses with the tool in an area, None for anywhere, free of collision, (count, n) [rad, m].
-
-    Raises:
-        PoseError: When too few can be found.
-    """
+    """Random poses with the tool in an area, None for anywhere, free of collision, (count, n) [rad, m]."""
     from testbench.plant import collisions
 
     def clear(q: Array) -> Mask:
@@ -247,11 +275,7 @@ def hanging(cell: Cell, q: Array, pose: Ids, mass: float | Array) -> LoadedPoses
 def measure(cell: Cell, setup: Setup, loaded: LoadedPoses, rng: np.random.Generator | None = None) -> Dataset:
     """Read every marker before and after loading, and the tool's orientation where the setup reads it.
 
-    Args:
-        cell: The arm.
-        setup: Kind of truth, sigmas of the fit.
-        loaded: The runs.
-        rng: Source of the noise; None for readings without noise.
+    Readings have the noise of `rng`, none without it.
     """
     settled = settle_both(cell.plant, setup.truth, loaded.q, loaded.wrench, loaded.point)
     return read_markers(cell, setup, loaded, settled, rng)
@@ -266,39 +290,21 @@ def measure_both(
 
 
 def read_markers(
-    cell: Cell,
-    setup: Setup,
-    loaded: LoadedPoses,
-    settled: tuple["Equilibrium", "Equilibrium"],
-    rng: np.random.Generator | None = None,
+    cell: Cell, setup: Setup, loaded: LoadedPoses, settled: "Pair", rng: np.random.Generator | None = None
 ) -> Dataset:
     """The readings of the arm at rest, unloaded and loaded."""
-    before, after = settled
     sigma, sigma_rotation = setup.sigmas
     tracker = Tracker(sigma, sigma_rotation) if setup.noise and rng else Tracker(0.0, 0.0)
-    rng = rng or stream(0)  # of no effect: the tracker has no noise
-    data = Dataset(
-        markers=cell.arm.markers,
-        run=np.arange(len(loaded.q)) + 1,
-        pose=loaded.pose,
-        q=loaded.q,
-        wrench=loaded.wrench,
-        point=loaded.point,
-        before=read_positions(tracker, before.markers, rng),
-        after=read_positions(tracker, after.markers, rng),
-        sigma=sigma,
-    )
+    rng, runs = rng or stream(0), np.arange(len(loaded.q)) + 1  # of no effect: the tracker has no noise
+    before, after = (read_positions(tracker, rest.markers, rng) for rest in settled)
+    data = Dataset(cell.arm.markers, runs, **vars(loaded), before=before, after=after, sigma=sigma)
     if sigma_rotation is None:
         return data
-    turned = (read_orientations(tracker, rest.rotation, rng) for rest in (before, after))
-    return replace(
-        data, rotation_before=next(turned), rotation_after=next(turned), sigma_rotation=sigma_rotation
-    )
+    before, after = (read_orientations(tracker, rest.rotation, rng) for rest in settled)
+    return replace(data, rotation_before=before, rotation_after=after, sigma_rotation=sigma_rotation)
 
 
-def settle_both(
-    plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Array
-) -> tuple["Equilibrium", "Equilibrium"]:
+def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Array) -> "Pair":
     """The true arm unloaded and loaded, all in one call: a call of its own costs what 20 poses cost."""
     from testbench.plant import part_of, settle, settle_linear
 

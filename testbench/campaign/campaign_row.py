@@ -1,22 +1,15 @@
 """What a model makes of a campaign, as a row: of every study that judges models by campaigns."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from testbench.campaign.campaign import Campaign, Cell, Setup
-from testbench.campaign.evaluation import Errors, Result
-from testbench.campaign.rows import (
-    DatasetRow,
-    JudgedRow,
-    dataset_row,
-    fit_row,
-    judged_row,
-)
+from testbench.campaign.evaluation import Result
+from testbench.campaign.rows import DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
 from testbench.campaign.workspace_errors import Places, kept_mm, places_of
 from testbench.data.dataset import Dataset
-from testbench.errors import Array
 
 Flat = tuple[float, ...]
 
@@ -59,9 +52,13 @@ class Measured(DatasetRow):
 
 
 @dataclass(frozen=True)
-class CampaignRow(JudgedRow):
+class CampaignRow(FitRow):
     """One model in one trial."""
 
+    identification: ErrorRow  #: At the poses that were fitted, against their readings.
+    check: ErrorRow  #: At check poses, against their readings.
+    check_true: ErrorRow  #: At check poses, against the true deflections.
+    workspace: ErrorRow  #: Over the whole workspace, against the true deflections.
     measured: Measured
     true_arm: str  #: Its name in `TRUTHS`; model and prior are those of the folder.
     places: Places | None  #: Poses of the workspace; None but in the first seed.
@@ -76,56 +73,44 @@ def campaign_rows(
     data, found = measured(campaign), []
     for k, result in enumerate(results):
         prior = result.estimate.belief is not None
-        fit = fit_row(result.model.name, result.estimate, result.seconds, prior=prior)
         own = CampaignRow(
-            **vars(judged_row(fit, result)),
+            **vars(fit_row(result.model.name, result.estimate, result.seconds, prior=prior)),
+            identification=error_row(result.identification),
+            check=error_row(result.check),
+            check_true=error_row(result.check_true),
+            workspace=error_row(result.truth),
             measured=data,
             true_arm=true_arm,
             places=places_of(cell, campaign.truth) if placed else None,
             place_mm=kept_mm(result.places) if placed else None,
-            drawn=drawn(campaign, result, whole=k == 0) if placed else None,
+            drawn=_drawn(campaign, result, whole=k == 0) if placed else None,
         )
         found.append(own)
     return found
 
 
-def drawn(campaign: Campaign, errors: Errors, *, whole: bool) -> Drawn:
+def _drawn(campaign: Campaign, result: Result, *, whole: bool) -> Drawn:
     """What pictures need of a model; `whole` with the runs, once a campaign."""
-    measured, over = (runs_row(data) if whole else None for data in (campaign.measured, campaign.truth))
-    return Drawn(measured, over, _flat(errors.residuals), _flat(errors.wrong))
+    measured, over = (_runs(data) if whole else None for data in (campaign.measured, campaign.truth))
+    return Drawn(measured, over, *(tuple(own.ravel().tolist()) for own in (result.residuals, result.wrong)))
 
 
-def runs_row(data: Dataset) -> Runs:
+def _runs(data: Dataset) -> Runs:
     """A dataset for a row: see `dataset_of`."""
-    turned = data.rotation_before, data.rotation_after
-    arrays = (data.q, data.wrench, data.point, data.before, data.after)
-    ids = (tuple(own.tolist()) for own in (data.run, data.pose))
-    return Runs(*ids, *map(_flat, arrays), *(None if own is None else _flat(own) for own in turned))
-
-
-def _flat(values: Array) -> Flat:
-    return tuple(values.ravel().tolist())
+    arrays = (getattr(data, f.name) for f in fields(Runs))
+    flat = (None if own is None else tuple(own.ravel().tolist()) for own in arrays)
+    return Runs(*flat)  # type: ignore[arg-type]  # run and pose are whole numbers, and always there
 
 
 def dataset_of(cell: Cell, setup: Setup, runs: Runs) -> Dataset:
     """The runs of a row as a dataset again, bit by bit."""
-    markers, (sigma, sigma_rotation) = cell.arm.markers, setup.sigmas
-    turned = runs.rotation_before, runs.rotation_after
-    before, after = (None if own is None else np.reshape(own, (-1, 3)) for own in turned)
-    return Dataset(
-        markers=markers,
-        run=np.array(runs.run),
-        pose=np.array(runs.pose),
-        q=np.reshape(runs.q, (-1, cell.arm.n_joints)),
-        wrench=np.reshape(runs.wrench, (-1, 6)),
-        point=np.reshape(runs.point, (-1, 3)),
-        before=np.reshape(runs.before, (-1, len(markers), 3)),
-        after=np.reshape(runs.after, (-1, len(markers), 3)),
-        sigma=sigma,
-        rotation_before=before,
-        rotation_after=after,
-        sigma_rotation=sigma_rotation,
-    )
+    markers, (sigma, sigma_rotation), n = cell.arm.markers, setup.sigmas, len(runs.run)
+    shapes = {"run": (n,), "pose": (n,), "before": (n, len(markers), 3), "after": (n, len(markers), 3)}
+    arrays = {
+        key: None if own is None else np.reshape(own, shapes.get(key, (n, -1)))
+        for key, own in vars(runs).items()
+    }
+    return Dataset(markers, sigma=sigma, sigma_rotation=sigma_rotation, **arrays)  # type: ignore[arg-type]
 
 
 def measured(campaign: Campaign) -> Measured:

@@ -145,10 +145,8 @@ def find(
 ) -> Candidates:
     """So many feasible poses, drawn evenly over the joint limits; at least `least` where no more are found.
 
-    It gives up after `patience` draws, and DRAWS_A_POSE more for every pose found.
-
-    Raises:
-        PoseError: When too few are found; says what refused them and what to change.
+    It gives up after `patience` draws, and DRAWS_A_POSE more for every pose found: PoseError says what
+    refused them and what to change.
     """
     least = count if least is None else least
     if not 1 <= least <= count or patience < 1:

@@ -15,9 +15,12 @@ from testbench.model.vjm import Vjm
 
 
 @dataclass(frozen=True)
-class Errors:
-    """An estimate judged."""
+class Result:
+    """One model, identified and judged."""
 
+    model: Model  #: What was asked for.
+    estimate: Estimate  #: What was found.
+    seconds: float  #: Wall time of the estimator.
     identification: Score  #: Errors on the runs it was identified from, against their readings.
     check: Score  #: Errors on the check runs, against their readings.
     check_true: Score  #: The same against their true deflections.
@@ -31,26 +34,43 @@ class Errors:
         return np.asarray(np.sqrt(np.mean(np.sum(self.wrong**2, axis=-1), axis=-1)))
 
 
-@dataclass(frozen=True)
-class Result(Errors):
-    """One model, identified and judged."""
-
-    model: Model  #: What was asked for.
-    estimate: Estimate  #: What was found.
-    seconds: float  #: Wall time of the estimator.
-
-
 def identify(
     cell: Cell, campaign: Campaign, models: Sequence[Model], clock: Callable[[], float]
 ) -> list[Result]:
     """Identify every model from the campaign and judge it on all sets."""
-    estimates, seconds = [], []
+    found = []
     for model in models:
         start = clock()
-        estimates.append(of_model(cell, model, campaign.identification))
-        seconds.append(clock() - start)
-    found = zip(models, estimates, seconds, judge_all(cell, campaign, estimates), strict=True)
-    return [Result(**vars(errors), model=m, estimate=e, seconds=taken) for m, e, taken, errors in found]
+        found.append((model, of_model(cell, model, campaign.identification), clock() - start))
+    return _judged(cell, campaign, found)
+
+
+def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float) -> Result:
+    """Score an estimate on the runs that it was identified from, on the check runs and by the truth."""
+    return _judged(cell, campaign, [(model, estimate, seconds)])[0]
+
+
+def _judged(cell: Cell, campaign: Campaign, found: Sequence[tuple[Model, Estimate, float]]) -> list[Result]:
+    """Several estimates of one campaign judged: where the arm is, is worked out once."""
+    fitted, check, truth = campaign.identification, campaign.check, campaign.truth
+    estimates = [estimate for _, estimate, _ in found]
+    predicted = [
+        all_deflections(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)
+    ]
+    return [
+        Result(
+            model=model,
+            estimate=estimate,
+            seconds=seconds,
+            identification=score(own[0], fitted.deflection),
+            check=score(own[1], check.deflection),
+            check_true=score(own[1], campaign.check_true.deflection),
+            truth=score(own[2], truth.deflection),
+            wrong=truth.deflection - own[2],
+            residuals=campaign.measured.deflection - own[3],
+        )
+        for (model, estimate, seconds), *own in zip(found, *predicted, strict=True)
+    ]
 
 
 class EstimatorFailed(BenchError):
@@ -62,11 +82,7 @@ class EstimatorFailed(BenchError):
 
 
 def of_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
-    """What a model makes of runs; an estimator of one's own does not see the folder's compliances.
-
-    Raises:
-        EstimatorFailed: When an estimator of one's own does.
-    """
+    """What a model makes of runs; an estimator of one's own does not see the folder's compliances."""
     if isinstance(model.estimator, Method):
         return model.estimator(cell.vjm, model.structure, data)
     try:
@@ -94,28 +110,3 @@ def identify_each(cell: Cell, model: Model, datasets: Sequence[Dataset]) -> list
     if isinstance(model.estimator, Method):
         return model.estimator.each(cell.vjm, model.structure, datasets)
     return [of_model(cell, model, data) for data in datasets]
-
-
-def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float) -> Result:
-    """Score an estimate on the runs that it was identified from, on the check runs and by the truth."""
-    [errors] = judge_all(cell, campaign, [estimate])
-    return Result(**vars(errors), model=model, estimate=estimate, seconds=seconds)
-
-
-def judge_all(cell: Cell, campaign: Campaign, estimates: Sequence[Estimate]) -> list[Errors]:
-    """The errors of several estimates of one campaign."""
-    fitted, check, truth = campaign.identification, campaign.check, campaign.truth
-    predicted = [
-        all_deflections(cell.vjm, estimates, data) for data in (fitted, check, truth, campaign.measured)
-    ]
-    return [
-        Errors(
-            identification=score(own[0], fitted.deflection),
-            check=score(own[1], check.deflection),
-            check_true=score(own[1], campaign.check_true.deflection),
-            truth=score(own[2], truth.deflection),
-            wrong=truth.deflection - own[2],
-            residuals=campaign.measured.deflection - own[3],
-        )
-        for own in zip(*predicted, strict=True)
-    ]

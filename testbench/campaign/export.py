@@ -1,16 +1,23 @@
-"""The composer of exports: an identified arm as URDF, read back before anything stands at its place.
+"""An identified arm as URDF, new or the robot's own, read back before anything stands at its place.
 
-What a URDF cannot hold, compliances, errors of the joints and weights, is documented JSON beside it.
+What a URDF cannot hold, compliances, errors of the joints and weights, is documented JSON beside it. A new
+URDF has links, joints with limits, tool and masses, no shapes.
 """
 
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from testbench import files
+from testbench.arm.folder import Arm
+from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
+from testbench.arm.mjcf_words import NUMBERS
+from testbench.arm.urdf_text import NEW_STAMP, origin_of, words
 from testbench.campaign.export_geometry import (
     Frames,
+    Rigid,
     apart,
     by_geometry,
     by_the_rest,
@@ -19,10 +26,9 @@ from testbench.campaign.export_geometry import (
     tool_poses,
 )
 from testbench.campaign.export_own import own_urdf, place, read_own
-from testbench.campaign.export_scratch import new_urdf
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State
-from testbench.model.kinematics import urdf_poses
+from testbench.model.kinematics import body_pose, urdf_poses
 from testbench.output.whole import whole_files
 
 NEAR = 1e-6  #: Most that the written URDF may differ from the model [m, rad].
@@ -44,6 +50,11 @@ WORDS = {
     "tool": "the URDF's tip in the model's tool",
 }
 """A sentence for every part."""
+
+
+ROOT = "world"  #: The first link: MJCF keeps the name for itself, so no link of an arm has it.
+UNKNOWN = {"effort": "0", "velocity": "0"}
+"""Limits that URDF asks for and an arm's folder does not hold."""
 
 
 @dataclass(frozen=True)
@@ -79,15 +90,11 @@ def draft_new(state: State) -> Draft:
     arm, geometry, one = state.vjm.arm, identified(state), np.eye(4)
     names = [link.name for link in arm.links]
     frames = Frames([*names, arm.tool], one, [one] * len(names), one)
-    return Draft(new_urdf(state, geometry), tuple(joint.name for joint in arm.joints), frames)
+    return Draft(_new_urdf(state, geometry), tuple(joint.name for joint in arm.joints), frames)
 
 
 def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
-    """The robot's own URDF with other origins.
-
-    Raises:
-        InputError: When it is not the arm's; see `read_own` and `place`.
-    """
+    """The robot's own URDF with other origins; InputError when it is not the arm's."""
     own = read_own(file, state.vjm.arm, tip)
     frames, off = place(own, state)
     text = own_urdf(own, frames, identified(state))
@@ -95,12 +102,7 @@ def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
 
 
 def export(state: State, draft: Draft, out: Path) -> Exported:
-    """Write a URDF and what it cannot hold beside it, both or none.
-
-    Args:
-        state: The identified arm.
-        draft: Its URDF.
-        out: Where to; the JSON has the same stem.
+    """Write a URDF and what it cannot hold beside it, in JSON of the same stem: both or none.
 
     Raises:
         BenchError: When the URDF, read back, is not the model's geometry.
@@ -133,11 +135,7 @@ def beside_of(urdf: Path) -> Path:
 
 
 def read_back(state: State, draft: Draft, urdf: Path, text: str) -> tuple[float, float]:
-    """How far the written file, read by Pinocchio's own reader of URDF, is from the model [m, rad].
-
-    Raises:
-        BenchError: When that is too far.
-    """
+    """How far the written file, as Pinocchio reads it, is from the model [m, rad]; BenchError for too far."""
     q, frames = random_joints(state.vjm), draft.frames
     found = frames.root @ urdf_poses(urdf, text, draft.joints, frames.names[-1], q)
     far = apart(found, tool_poses(state.vjm, q, state.theta_0) @ frames.tip)
@@ -226,3 +224,67 @@ def _weights(state: State, frames: Frames) -> list[dict[str, object]]:
         {"urdf_link": name, "mass_kg": float(m), "centre_m": (T[:3, :3].T @ (c - T[:3, 3])).tolist()}
         for name, m, c, T in rows
     ]
+
+
+def _new_urdf(state: State, geometry: Rigid) -> str:
+    """The text of a URDF."""
+    arm = state.vjm.arm
+    robot = ET.Element("robot", name=arm.name)
+    tensors = _tensors(arm)
+    names = [*(link.name for link in arm.links), arm.tool]
+    ET.SubElement(robot, "link", name=ROOT)
+    for name, mass, centre in zip(names, state.weights.mass, state.weights.centre, strict=True):
+        link = ET.SubElement(robot, "link", name=name)
+        if mass > 0:
+            _inertial(link, float(mass), centre, tensors[name])
+    taken = {joint.name for joint in arm.joints}
+    _add_joint(robot, _free(f"{names[0]}_fixed", taken), "fixed", (ROOT, names[0]), geometry.base)
+    for k, joint in enumerate(arm.joints):
+        kind = "prismatic" if joint.prismatic else "revolute"
+        e = _add_joint(robot, joint.name, kind, (names[k], names[k + 1]), geometry.steps[k])
+        ET.SubElement(e, "axis", xyz=words(state.vjm.axes[k]))
+        ET.SubElement(e, "limit", lower=f"{joint.lower:.12g}", upper=f"{joint.upper:.12g}")
+        e[-1].attrib.update(UNKNOWN)
+    _add_joint(robot, _free(f"{names[-1]}_fixed", taken), "fixed", (names[-2], names[-1]), geometry.tool)
+    ET.indent(robot)
+    return f'<?xml version="1.0"?>\n{NEW_STAMP}{ET.tostring(robot, encoding="unicode")}\n'
+
+
+def _free(name: str, taken: set[str]) -> str:
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    return name
+
+
+def _add_joint(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], pose: Array) -> ET.Element:
+    e = ET.SubElement(robot, "joint", name=name, type=kind)
+    ET.SubElement(e, "origin", origin_of(pose))
+    for tag, link in zip(("parent", "child"), ends, strict=True):
+        ET.SubElement(e, tag, link=link)
+    return e
+
+
+def _inertial(link: ET.Element, mass: float, centre: Array, tensor: Array) -> None:
+    e = ET.SubElement(link, "inertial")
+    ET.SubElement(e, "origin", xyz=words(centre), rpy="0 0 0")
+    ET.SubElement(e, "mass", value=f"{mass:.12g}")
+    upper = {f"i{'xyz'[a]}{'xyz'[b]}": f"{tensor[a, b]:.12g}" for a in range(3) for b in range(a, 3)}
+    ET.SubElement(e, "inertia", upper)
+
+
+def _tensors(arm: Arm) -> dict[str, Array]:
+    """Inertia of every body about its centre in its own axes, as rigid.xml says, (3, 3) [kg m^2]."""
+    root = read_mjcf(arm.rigid)
+    found = {}
+    for name in (*(link.name for link in arm.links), arm.tool):
+        e = find_body(arm.rigid, root, name).find("inertial")
+        tensor = np.zeros((3, 3))
+        if e is not None and "fullinertia" in e.attrib:
+            xx, yy, zz, xy, xz, yz = numbers(arm.rigid, e, "fullinertia", NUMBERS["fullinertia"])
+            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        elif e is not None and "diaginertia" in e.attrib:
+            R = body_pose(arm, e, angle_unit(root))[:3, :3]
+            tensor = R @ np.diag(numbers(arm.rigid, e, "diaginertia", NUMBERS["diaginertia"])) @ R.T
+        found[name] = tensor
+    return found

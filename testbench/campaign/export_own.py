@@ -75,15 +75,9 @@ class Own:
 
 
 def read_own(file: Path, arm: Arm, tip: str | None = None) -> Own:
-    """The chain of an arm in a robot's own URDF.
+    """The chain of an arm in a robot's own URDF; InputError where its joints up to the tip are not the arm's.
 
-    Args:
-        file: The URDF.
-        arm: The arm that the model is of.
-        tip: The link that carries the tool; None for one called as the arm's tool, else the usual one.
-
-    Raises:
-        InputError: When it is no URDF, or its joints up to the tip are not the arm's.
+    The tip carries the tool: if not given the link called as the arm's tool, else the usual one.
     """
     root, text = read_xml(file), read_text(file, MAX_BYTES)
     if re.match(BEGINS, text.encode()) and not re.match(BEGINS_NEW, text.encode()):
@@ -180,11 +174,7 @@ def _tips(rigid: Rigid, axes: Array, slides: list[bool], q: Array) -> Array:
 
 
 def own_urdf(own: Own, placed: Frames, geometry: Rigid) -> str:
-    """The robot's URDF with the origins of its joints as identified.
-
-    Raises:
-        InputError: When the tool has moved on the last link, and nothing fixed leads to it.
-    """
+    """The robot's URDF with the origins of its joints as identified."""
     poses: dict[str, Array] = {}
     cuts = [1, *(k + 1 for k in own.moving)]
     for i, step in enumerate(geometry.steps):
@@ -205,10 +195,7 @@ def own_urdf(own: Own, placed: Frames, geometry: Rigid) -> str:
 def axis_lines(bodies: Sequence[Array], axes: Array, slides: Sequence[bool]) -> Array:
     """Twists of the joints at q = 0 in the frame of the poses, (n, 6): turn, then speed at the origin [1, m].
 
-    Args:
-        bodies: Poses of the joints' bodies, (n) of (4, 4) [m].
-        axes: Their unit axes in their bodies, (n, 3).
-        slides: Which of them slide.
+    The joints' bodies have poses (4, 4) [m], in which their unit axes are (n, 3); some slide.
     """
     found = []
     for pose, axis, slide in zip(bodies, axes, slides, strict=True):
@@ -218,13 +205,9 @@ def axis_lines(bodies: Sequence[Array], axes: Array, slides: Sequence[bool]) -> 
 
 
 def align(theirs: Array, ours: Array) -> Array:
-    """The pose of their frame in ours that lays their axes onto ours best, (4, 4) [m].
+    """The pose of their frame in ours that lays their twists (n, 6), see `axis_lines`, onto ours, (4, 4) [m].
 
     Where axes leave it open, as the height of a base below parallel axes, it moves least.
-
-    Args:
-        theirs: Twists, (n, 6), see `axis_lines`.
-        ours: The same of the model.
     """
     found = [_descend(theirs, ours, start) for start in Rotation.create_group("O").as_matrix()]
     return min(found, key=lambda one: one[0])[1]
@@ -259,13 +242,9 @@ def _residual(theirs: Array, ours: Array, R: Array, t: Array) -> tuple[Array, Ar
 
 
 def onto_axis(frame: Array, theirs: Array, ours: Array, *, slide: bool) -> Array:
-    """A link's frame in the model's body, its axis exactly on the model's through the body's origin.
+    """A link's frame (4, 4) [m] in the model's body, moved so that its axis is exactly the model's.
 
-    Args:
-        frame: About that, (4, 4) [m].
-        theirs: Unit axis in the link, (3,).
-        ours: Unit axis in the body, (3,).
-        slide: Whether the joint slides: then the axis has no place.
+    The unit axis is `theirs` in the link and `ours`, (3,), in the body; that of a slide has no place.
     """
     d = frame[:3, :3] @ theirs
     across = np.cross(d, ours)

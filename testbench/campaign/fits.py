@@ -1,17 +1,18 @@
 """A user's runs fitted by several models, and which model to take: what models.json holds."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import gammainc
 
 from testbench.campaign.campaign import Cell
-from testbench.campaign.evaluation import EstimatorFailed, of_model
-from testbench.campaign.model_selection import Recommendation, default_name, recommend, why
+from testbench.campaign.evaluation import EstimatorFailed
+from testbench.campaign.fit_models import Clock, Found, fit_all
+from testbench.campaign.model_selection import default_name, why
 from testbench.campaign.models import Model
 from testbench.campaign.rows import MM, ErrorRow, FitRow, error_row, fit_row
-from testbench.campaign.streamed_fit import Many, fit_many
+from testbench.campaign.runs import Runs
 from testbench.data.dataset import Dataset, in_order
 from testbench.data.stream import SHOWN, some
 from testbench.errors import Array, BenchError
@@ -20,7 +21,6 @@ from testbench.identify.contradiction import Unchecked, unchecked
 from testbench.identify.contradiction import doubts as contradictions
 from testbench.identify.doubts import Doubt
 from testbench.identify.estimate import Rejected
-from testbench.identify.evaluate import deflections, score
 from testbench.identify.metric import metric
 from testbench.identify.regression import BLOCK_RUNS, ROUNDING
 from testbench.model.vjm import chain, generalised_load
@@ -29,27 +29,6 @@ UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, 
 
 QUIET, CHANCE = 0.6, 1e-6
 """Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
-
-
-@dataclass(frozen=True)
-class Runs:
-    """A user's runs."""
-
-    name: str  #: Of the file.
-    every: Dataset  #: All of them, or those that are looked at one by one.
-    used: Dataset  #: Those to fit.
-    check: Dataset | None  #: Those held back; None if there are none.
-    notes: tuple[str, ...] = ()  #: What was understood of them.
-    registration: Mapping[str, object] | None = None  #: Frames and targets; None where no frame fitted.
-    doubts: tuple[Doubt, ...] = ()  #: What may be wrong with them, the likeliest first.
-    #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
-    scale: float | None = None
-    many: Many | None = None  #: All, where they are too many to hold.
-
-    @property
-    def total(self) -> int:
-        """How many there are."""
-        return self.every.runs if self.many is None else self.many.every.runs
 
 
 @dataclass(frozen=True)
@@ -127,63 +106,42 @@ class Identified:
         return self.estimates[self.fits.recommended]
 
 
-@dataclass(frozen=True)
-class _Judged:
-    """A model that was fitted and judged."""
-
-    model: Model
-    estimate: Estimate
-    seconds: float
-    used: ErrorRow  #: On the runs that were fitted.
-    check: ErrorRow | None  #: On those held back.
-
-
-def fit(
-    cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float], *, widths: bool = False
-) -> Identified:
-    """Fit every model, judge it, and recommend one.
-
-    Args:
-        cell: The arm.
-        models: Structures and methods.
-        runs: What was measured.
-        clock: Wall time [s], such as time.perf_counter.
-        widths: Whether intervals of the predicted deflections are wanted.
+def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths: bool = False) -> Identified:
+    """Fit every model, judge it, and recommend one; `widths` asks for intervals of predicted deflections.
 
     Raises:
         BenchError: When a method cannot fit a structure to the runs.
     """
     try:
         models, still = _moved(cell, models, runs.used)
-        runs = replace(runs, notes=(*runs.notes, *still))
-        runs, found, taken, lost = _working(cell, models, runs, clock)
+        own, lost = _working(cell, models, replace(runs, notes=(*runs.notes, *still)), clock)
     except BenchError as err:
         raise BenchError("; ".join([*(doubt.sentence for doubt in runs.doubts), str(err)])) from err
+    runs, taken = own.runs, own.taken
     widest = runs.check or runs.used
     if widths and runs.many is None and widest.runs > SHOWN:
         runs = replace(runs, notes=(*runs.notes, f"intervals are of {SHOWN} of {widest.runs} runs, evenly"))
         widest = in_order(widest, some(np.arange(widest.runs)))
+    estimates = {m.name: estimate for m, estimate in zip(own.models, own.estimates, strict=True)}
     # beside a prior, intervals that count noise alone would look the surest
-    plain = all(own.estimate.belief is None for own in found)
-    sure = {own.model.name for own in found if plain or own.estimate.belief is not None} | {taken.name}
-    estimates = {own.model.name: own.estimate for own in found}
-    best = next(own for own in found if own.model.name == taken.name)
+    plain = all(estimate.belief is None for estimate in own.estimates)
+    sure = [widths and (plain or e.belief is not None or name == taken.name) for name, e in estimates.items()]
     fits = Fits(
         dataset=runs.name,
         arm=cell.arm.name,
         runs=runs.used.runs if runs.many is None else int(runs.many.used.sum()),
         poses=len(np.unique(runs.used.pose)) if runs.many is None else runs.many.poses,
-        models=tuple(_fit(cell, m, widest if widths and m.model.name in sure else None) for m in found),
+        models=tuple(_fit(cell, own, k, widest if sure[k] else None) for k in range(len(sure))),
         recommended=taken.name,
-        why=why(taken, best.estimate),
+        why=why(taken, estimates[taken.name]),
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
         doubts=(
             *runs.doubts,
             *lost,
-            *_of_noise(found),
+            *_of_noise(own.estimates),
             *_of_prior(estimates, taken.name, default_name(cell.arm)),
         ),
-        unchecked=_unchecked(cell, best),
+        unchecked=_unchecked(cell, next(m for m in own.models if m.name == taken.name), estimates),
         notes=runs.notes,
         registration=runs.registration,
         scale=runs.scale,
@@ -210,9 +168,7 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
     return moved, [f"{name} is left out: no load acts on what it can bend" for name in still]
 
 
-def _working(
-    cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]
-) -> tuple[Runs, list[_Judged], Recommendation, list[Doubt]]:
+def _working(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock) -> tuple[Found, list[Doubt]]:
     """What is found without estimators of one's own that fail, and a doubt on each failure.
 
     Raises:
@@ -221,7 +177,7 @@ def _working(
     lost: list[Doubt] = []
     while True:
         try:
-            return (*_all(cell, models, runs, clock), lost)
+            return fit_all(cell, models, runs, clock), lost
         except EstimatorFailed as err:
             models = [model for model in models if model.name != err.model]
             lost.append(Doubt("estimator", f"left out: {err}"))
@@ -229,40 +185,9 @@ def _working(
                 raise BenchError("; ".join(doubt.sentence for doubt in lost)) from err
 
 
-def _all(
-    cell: Cell, models: Sequence[Model], runs: Runs, clock: Callable[[], float]
-) -> tuple[Runs, list[_Judged], Recommendation]:
-    """Runs that are looked at one by one, every model, and which to take."""
-    if runs.many is None:
-        found = [_timed(cell, model, runs, clock) for model in models]
-        return runs, found, recommend(cell, models, runs.used)
-    own = fit_many(cell, models, runs.many, clock)
-    every, fitted, held_back = runs.many.looked_at(own.worst)
-    note = (
-        f"all {runs.total} runs are fitted and judged; doubts, intervals, tables and pictures are of "
-        f"{every.runs} of them, evenly out of all and those of which most is left"
-    )
-    checks = [error_row(one) for one in own.check] if own.check else [None] * len(models)
-    rows = zip(models, own.estimates, own.seconds, map(error_row, own.used), checks, strict=True)
-    shown = replace(runs, every=every, used=fitted, check=held_back, notes=(*runs.notes, note))
-    return shown, [_Judged(*row) for row in rows], own.taken
-
-
-def _timed(cell: Cell, model: Model, runs: Runs, clock: Callable[[], float]) -> _Judged:
-    start = clock()
-    estimate = of_model(cell, model, runs.used)
-    seconds = clock() - start
-    check = None if runs.check is None else _errors(cell, estimate, runs.check)
-    return _Judged(model, estimate, seconds, _errors(cell, estimate, runs.used), check)
-
-
-def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> ErrorRow:
-    return error_row(score(deflections(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen]))
-
-
-def _of_noise(found: Sequence[_Judged]) -> list[Doubt]:
+def _of_noise(found: Iterable[Estimate]) -> list[Doubt]:
     """Whether a model leaves far less than the stated noise alone would: whatever it lacks adds to that."""
-    quiet = [own.estimate for own in found if own.estimate.f_m < QUIET * own.estimate.f_m_floor]
+    quiet = [own for own in found if own.f_m < QUIET * own.f_m_floor]
     if not quiet:
         return []
     least = min(quiet, key=lambda e: e.f_m / e.f_m_floor)
@@ -286,24 +211,24 @@ def _of_prior(by_name: Mapping[str, Estimate], taken: str, default: str) -> list
     return said
 
 
-def _unchecked(cell: Cell, taken: _Judged) -> Unchecked:
+def _unchecked(cell: Cell, taken: Model, estimates: Mapping[str, Estimate]) -> Unchecked:
     """What the readings do not check of a model's prior; nothing where it has none."""
-    method = taken.model.estimator
+    method = taken.estimator
     if not isinstance(method, Method) or method.prior is None:
         return Unchecked()
-    scaled = metric(method.prior, cell.vjm, taken.model.structure)
-    return unchecked(taken.estimate.regression, scaled)
+    return unchecked(estimates[taken.name].regression, metric(method.prior, cell.vjm, taken.structure))
 
 
-def _fit(cell: Cell, own: _Judged, widest: Dataset | None) -> Fitted:
+def _fit(cell: Cell, found: Found, k: int, widest: Dataset | None) -> Fitted:
     """A model, with intervals of its predictions for some runs."""
-    estimate = own.estimate
+    estimate, check = found.estimates[k], found.check[k]
+    prior = estimate.belief is not None
     blocks = (estimate.C_theta[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(len(cell.arm.links)))
     return Fitted(
-        **vars(fit_row(own.model.name, estimate, own.seconds, prior=estimate.belief is not None)),
+        **vars(fit_row(found.models[k].name, estimate, found.seconds[k], prior=prior)),
         equations=estimate.regression.equations,
-        identification=own.used,
-        check=own.check,
+        identification=error_row(found.used[k]),
+        check=None if check is None else error_row(check),
         intervals=None if widest is None else _intervals(cell, estimate, widest),
         learnt=estimate.belief is not None and estimate.belief.moves is not None,
         links={link.name: C.tolist() for link, C in zip(cell.arm.links, blocks, strict=True)},

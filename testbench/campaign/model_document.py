@@ -1,6 +1,6 @@
 """What model.json says, of either kind of model: typed rows of what is read back, the unit in the name."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, JsonValue
 from pydantic_core import PydanticCustomError
@@ -67,6 +67,11 @@ class AboutRow(Row):
 class Document(Row):
     """What all kinds have."""
 
+    KIND: ClassVar[str]  #: As model.json names it.
+    FORMATS: ClassVar[range]  #: Those that are read, the last one is written.
+    SEALED: ClassVar[int]  #: The first of them that has checksums.
+    COMMAND: ClassVar[str]  #: That writes it.
+
     kind: str
     format: int
     arm: Annotated[str, Field(max_length=NAME, pattern=PRINTED)]
@@ -104,6 +109,8 @@ class SpreadRow(Row):
 
 class StiffnessDocument(Document):
     """model.json of `testbench identify`; docs/formats.md says what `Free` parts hold."""
+
+    KIND, FORMATS, SEALED, COMMAND = "stiffness", range(1, 2), 1, "testbench identify"
 
     format: Literal[1]
     kind: Literal["stiffness"]
@@ -159,6 +166,8 @@ class NoiseRow(Row):
 
 class CalibrationDocument(Document):
     """model.json of `testbench calibrate`."""
+
+    KIND, FORMATS, SEALED, COMMAND = "absolute calibration", range(1, 3), 2, "testbench calibrate"
 
     format: Literal[1, 2]
     kind: Literal["absolute calibration"]

@@ -11,7 +11,7 @@ import json
 import shutil
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -25,7 +25,7 @@ from testbench.arm.document import Strict
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mesh import MAX_BYTES as MESH_BYTES
 from testbench.arm.mjcf import assets, read_mjcf
-from testbench.campaign.model_document import AboutRow, Document, Head, StiffnessDocument, WeightsRow
+from testbench.campaign.model_document import AboutRow, Document, Head, WeightsRow
 from testbench.correct.arm_model import About
 from testbench.errors import Array, BenchError, InputError, check_array, open_file, read_bytes, read_text
 from testbench.model.weights import Weights
@@ -38,26 +38,8 @@ LARGEST_OF_ROOT = 1e100  #: Of posterior.npz: sums of squares are finite.
 D = TypeVar("D", bound=Strict)
 
 
-@dataclass(frozen=True)
-class Kind:
-    """A kind of model."""
-
-    name: str  #: As model.json has it.
-    formats: range  #: Those that are read, the last one is written.
-    sealed: int  #: The first of them that has checksums.
-    document: type[Document]
-    command: str  #: That writes it.
-
-
-STIFFNESS = Kind("stiffness", range(1, 2), 1, StiffnessDocument, "testbench identify")
-
-
 def copy_arm(arm: Arm, folder: Path) -> dict[str, str]:
-    """Copy the files of an arm, meshes among them; SHA-256 of each, by its path.
-
-    Raises:
-        InputError: When a file that rigid.xml names cannot be copied.
-    """
+    """Copy the files of an arm, meshes among them; SHA-256 of each, by its path."""
     names, own = arm_files(arm.rigid.parent), arm.rigid.parent
     for name in names:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -74,26 +56,16 @@ def arm_files(folder: Path) -> tuple[str, ...]:
 
 def digests(folders: Iterable[Path]) -> dict[str, dict[str, str]]:
     """SHA-256 of every file of arms, or of models of arms, by the folder's name and the path in it."""
-    return {folder.resolve().name: _digests(folder) for folder in folders}
+    found = {}
+    for folder in folders:
+        model = {name: MAX_ROOT for name in (DOCUMENT, POSTERIOR) if (folder / name).is_file()}
+        sizes = dict.fromkeys(arm_files(folder), MESH_BYTES) | model
+        found[folder.resolve().name] = {name: files.digest(folder / name, k) for name, k in sizes.items()}
+    return found
 
 
-def _digests(folder: Path) -> dict[str, str]:
-    model = {name: MAX_ROOT for name in (DOCUMENT, POSTERIOR) if (folder / name).is_file()}
-    sizes = dict.fromkeys(arm_files(folder), MESH_BYTES) | model
-    return {name: files.digest(folder / name, size) for name, size in sizes.items()}
-
-
-def read_document(folder: Path, kinds: Mapping[str, Kind]) -> Document:
-    """What model.json says.
-
-    Args:
-        folder: The model's.
-        kinds: Those that are expected, by name.
-
-    Raises:
-        InputError: When there is none, or none of these kinds, of a format that nobody knows, not whole, or
-            changed since it was written.
-    """
+def read_document(folder: Path, *kinds: type[Document]) -> Document:
+    """What model.json says, of one of these kinds; InputError where it has changed since it was written."""
     path = folder / DOCUMENT
     if not path.is_file():
         problem = f"expected the folder of a model, with {DOCUMENT}"
@@ -102,17 +74,16 @@ def read_document(folder: Path, kinds: Mapping[str, Kind]) -> Document:
         raise InputError(folder, "", problem)
     text = read_text(path, MAX_BYTES)
     head = _valid(Head, text, path)
-    kind = kinds.get(head.kind)
+    kind = next((own for own in kinds if head.kind == own.KIND), None)
     if kind is None:
-        expected = " or ".join(f"{name!r} ({own.command})" for name, own in kinds.items())
+        expected = " or ".join(f"{own.KIND!r} ({own.COMMAND})" for own in kinds)
         raise InputError(path, "kind", f"expected {expected}, got {head.kind[:80]!r}")
-    if head.format not in kind.formats:
-        known = " and ".join(map(str, kind.formats))
-        raise InputError(
-            path, "format", f"is a {head.kind} of format {head.format}, this version reads {known}"
-        )
-    found = _valid(kind.document, text, path)
-    if found.format >= kind.sealed or found.checksum is not None:
+    if head.format not in kind.FORMATS:
+        known = " and ".join(map(str, kind.FORMATS))
+        problem = f"is a {head.kind} of format {head.format}, this version reads {known}"
+        raise InputError(path, "format", problem)
+    found = _valid(kind, text, path)
+    if found.format >= kind.SEALED or found.checksum is not None:
         _check_sealed(path, text, found.checksum)
     return found
 
@@ -162,16 +133,7 @@ def numbers_of(folder: Path) -> Iterator[None]:
 
 
 def read_arm(folder: Path, found: Document, *, meshes: bool) -> Arm:
-    """The arm of a model.
-
-    Args:
-        folder: The model's.
-        found: Its model.json.
-        meshes: Whether the folder has the meshes of the arm.
-
-    Raises:
-        InputError: When a file of the arm has changed.
-    """
+    """The arm of a model, whose files, meshes too where it has them, must be those of its model.json."""
     _check_same(folder, ARM, found)
     if meshes:
         _check_same(folder, assets(folder / ARM[0], read_mjcf(folder / ARM[0])), found)
@@ -179,19 +141,13 @@ def read_arm(folder: Path, found: Document, *, meshes: bool) -> Arm:
 
 
 def _check_same(folder: Path, names: Sequence[str], found: Document) -> None:
-    for name in names:
-        if not (folder / name).is_file() or files.digest(folder / name, MESH_BYTES) != found.digests.get(
-            name
-        ):
-            raise InputError(folder / name, "", "is not the arm of the model; it has changed")
+    for path, said in ((folder / name, found.digests.get(name)) for name in names):
+        if not path.is_file() or files.digest(path, MESH_BYTES) != said:
+            raise InputError(path, "", "is not the arm of the model; it has changed")
 
 
 def check_arm(folder: Path, found: Document, arm: str | Path) -> None:
-    """Refuse a model of another arm than one in a folder, or of ours by its name.
-
-    Raises:
-        InputError: Names the file that differs.
-    """
+    """Refuse a model of another arm than one in a folder, or of ours by its name."""
     place = find_arm(arm)
     for name in ARM:
         own = files.digest(place / name, MESH_BYTES) if (place / name).is_file() else "none"
@@ -200,9 +156,9 @@ def check_arm(folder: Path, found: Document, arm: str | Path) -> None:
             raise InputError(folder, "", f"is a model of another arm, {found.arm} ({digests})")
 
 
-def write_parts(kind: Kind, said: Mapping[str, object], folder: Path, **arrays: Array) -> None:
+def write_parts(kind: type[Document], said: Mapping[str, object], folder: Path, **arrays: Array) -> None:
     """Write posterior.npz of these arrays, and what is said as model.json with the checksums of both."""
-    document = kind.document.model_validate({"format": kind.formats[-1], "kind": kind.name, **said})
+    document = kind.model_validate({"format": kind.FORMATS[-1], "kind": kind.KIND, **said})
     np.savez_compressed(folder / POSTERIOR, **arrays)  # type: ignore[arg-type]  # stubs: allow_pickle
     whole = sealed(document.model_dump(), (folder / POSTERIOR).read_bytes())
     files.write_json(whole, folder / DOCUMENT)
@@ -229,11 +185,7 @@ def about_of(row: AboutRow) -> About:
 
 
 def read_arrays(folder: Path, found: Document, names: Sequence[str]) -> tuple[Array, ...]:
-    """Arrays of posterior.npz, of any size, finite.
-
-    Raises:
-        InputError: When it has changed since it was written, is too large, or lacks one of them.
-    """
+    """Arrays of posterior.npz, of any size, finite; InputError where it is not what the command wrote."""
     raw = read_bytes(path := folder / POSTERIOR, MAX_ROOT)
     if found.posterior not in (None, hashlib.sha256(raw).hexdigest()):
         raise InputError(path, "", "has changed since the model was written")

@@ -62,10 +62,7 @@ class Choice:
 def default_models(cell: Cell, prior: Prior | None, strength: Strength | None = None) -> list[Model]:
     """What is fitted where no model is named: some without a prior and, where there is one, with it.
 
-    Args:
-        cell: The arm.
-        prior: Expected compliances; None for models without a prior, all that the method can fit.
-        strength: How firmly they are believed; None to learn it.
+    How firmly a prior is believed is learnt where no `strength` is given.
     """
     if prior is None:
         return named_models(cell, _possible(cell, tuple(MODELS)))
@@ -92,16 +89,7 @@ def with_priors(models: Sequence[Model], prior: Prior, strength: Strength | None
 
 
 def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
-    """Identify as is best by default.
-
-    Args:
-        cell: The arm.
-        data: The runs.
-        prior: Expected compliances.
-
-    Returns:
-        The default, or joints alone where these predict what is held out clearly better.
-    """
+    """The default, or joints alone where these predict what is held out clearly better."""
     models = [*named_models(cell, (JOINTS,)), *with_priors(named_models(cell, (EVERY,)), prior)]
     found = recommend(cell, models, data)
     [model] = [m for m in models if m.name == found.name]
@@ -117,12 +105,8 @@ def why(found: Recommendation, estimate: Estimate) -> str:
 def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendation:
     """The default, or the model of fewest unknowns where it is not there, unless beaten on what is held out.
 
-    The default can be beaten by joints alone only; what else was fitted stands beside it to compare.
-
-    Args:
-        cell: The arm.
-        models: Structures and methods; outliers stay in, as every model has to face the same readings.
-        data: The runs.
+    The default can be beaten by joints alone only; what else was fitted stands beside it to compare. Outliers
+    stay in, as every model has to face the same readings.
     """
     return recommended(cell, models, len(np.unique(data.pose)), lambda m: _errors(cell, m, data))
 

@@ -109,20 +109,12 @@ def _first_is_loaded(vjm: Vjm) -> bool:
 
 
 def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
-    """Models by the names that the arm gives them, in any case; "ALL" for all links and joints.
-
-    Raises:
-        BenchError: When the arm has no such model.
-    """
+    """Models by the names that the arm gives them, in any case; "ALL" for all links and joints."""
     return [MODELS[own_names(cell.arm)[right_name(cell.arm, name)]](cell) for name in names]
 
 
 def right_name(arm: Arm, name: str) -> str:
-    """The name of an arm's model as it is written, from one in any case.
-
-    Raises:
-        BenchError: When there is no such model.
-    """
+    """The name of an arm's model as it is written, from one in any case; BenchError for no such model."""
     names = own_names(arm)
     every = {known.casefold(): known for known in names}
     every |= {EVERY.casefold(): next(known for known, kind in names.items() if kind == "ALL153")}

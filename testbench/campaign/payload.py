@@ -18,11 +18,7 @@ QUANTITY = re.compile(r"\s*([-+.\d]+(?:[eE][-+]?\d+)?)\s*([^\d\s].*)?")
 
 
 def read_mass(text: str) -> float:
-    """A hung mass: 240, 240kg, 530 lb; or its weight, 2354 N [kg].
-
-    Raises:
-        BenchError: When it is none, or out of range.
-    """
+    """A hung mass: 240, 240kg, 530 lb; or its weight, 2354 N [kg]; BenchError for none, or out of range."""
     parts = QUANTITY.fullmatch(text)
     if parts is None or not is_decimal(parts[1]):
         raise BenchError("expected a mass such as 240, 240kg or 530lb")
@@ -37,11 +33,7 @@ def read_mass(text: str) -> float:
 
 
 def payload_of(arm: Arm, asked: float | None, flag: str) -> float:
-    """The mass that was asked for by a flag, else the payload that the arm states [kg].
-
-    Raises:
-        BenchError: When neither is there.
-    """
+    """The mass that was asked for by a flag, else the payload that the arm states [kg], else BenchError."""
     if asked is not None:
         return asked
     if arm.payload is None:

@@ -27,6 +27,8 @@ class Wrong:
     """What is wrong with a prior."""
 
     spoil: Spoil
+    called: str  #: In a word or two.
+    words: str
     far: Literal["link", "joints"] | None = None  #: What is FAR too soft or too stiff: a link, or all joints.
 
 
@@ -36,16 +38,7 @@ def wrong_prior(cell: Cell, seed: int, scale: float = SCALE) -> Prior:
 
 
 def prior_of(cell: Cell, name: str, seed: int) -> Prior:
-    """A prior by the name of its error: right, or `wrong_prior` with something more.
-
-    Args:
-        cell: The arm, as its folder says; not its truth.
-        name: One of PRIORS.
-        seed: Of the errors.
-
-    Raises:
-        BenchError: When there is no such prior.
-    """
+    """A prior by the name of its error, one of PRIORS: right, or `wrong_prior` with something more."""
     if name not in PRIORS:
         raise BenchError(f"no prior {name!r}; priors are {', '.join(PRIORS)}")
     if name == RIGHT:
@@ -57,7 +50,7 @@ def prior_of(cell: Cell, name: str, seed: int) -> Prior:
 
 def wrong_link(cell: Cell, seed: int) -> int:
     """Which link `prior_of` has FAR wrong in the prior that has one so, from 0."""
-    return _drawn(len(cell.arm.links), stream(seed, 9))
+    return int(stream(seed, 9).integers(len(cell.arm.links)))
 
 
 def with_wrong_prior(cell: Cell, models: Sequence[Model], names: Sequence[str], seed: int) -> list[Model]:
@@ -72,13 +65,9 @@ def _as_it_is(C: Array, *_: object) -> Array:
 
 def _one_link(C: Array, links: int, rng: np.random.Generator) -> Array:
     """One link FAR too soft or too stiff."""
-    k = 6 * _drawn(links, rng)
+    k = 6 * int(rng.integers(links))
     C[k : k + 6, k : k + 6] *= _far(rng)
     return C
-
-
-def _drawn(links: int, rng: np.random.Generator) -> int:
-    return int(rng.integers(links))
 
 
 def _joints(C: Array, links: int, rng: np.random.Generator) -> Array:
@@ -89,7 +78,7 @@ def _joints(C: Array, links: int, rng: np.random.Generator) -> Array:
 
 def _axes(C: Array, links: int, rng: np.random.Generator) -> Array:
     """The beam axes of every link turned by TURN, each about a random axis."""
-    for own in _blocks(links):
+    for own in (slice(6 * k, 6 * k + 6) for k in range(links)):
         C[own, own] = turned(C[own, own], rng.standard_normal(3), TURN)
     return C
 
@@ -99,39 +88,23 @@ def _uncoupled(C: Array, *_: object) -> Array:
     return np.diag(np.diag(C))
 
 
-def _blocks(links: int) -> list[slice]:
-    return [slice(6 * k, 6 * k + 6) for k in range(links)]
-
-
 def _far(rng: np.random.Generator) -> float:
     return FAR if rng.random() < 0.5 else 1 / FAR
 
 
 RIGHT = "right"
 PRIORS: Mapping[str, Wrong] = {
-    RIGHT: Wrong(_as_it_is),
-    "scaled": Wrong(_as_it_is),
-    "link": Wrong(_one_link, far="link"),
-    "joints": Wrong(_joints, far="joints"),
-    "axes": Wrong(_axes),
-    "uncoupled": Wrong(_uncoupled),
+    RIGHT: Wrong(_as_it_is, "right", "the folder's compliances"),
+    "scaled": Wrong(
+        _as_it_is,
+        "scaled",
+        f"{SCALE:g} times too soft, and {100 * SHAPE:.0f} % off axis by axis, as all that follow",
+    ),
+    "link": Wrong(_one_link, "one link off", f"one link {FAR:g} times too soft or too stiff", far="link"),
+    "joints": Wrong(_joints, "joints off", f"all joints {FAR:g} times too soft or too stiff", far="joints"),
+    "axes": Wrong(_axes, "axes turned", f"beam axes of every link turned by {np.rad2deg(TURN):.0f} degrees"),
+    "uncoupled": Wrong(_uncoupled, "no couplings", "no couplings inside a link"),
 }
 """By name what is wrong with a prior; all but the right one are SCALE and SHAPE wrong before."""
-PRIORS_CALLED = {
-    "right": "right",
-    "scaled": "scaled",
-    "link": "one link off",
-    "joints": "joints off",
-    "axes": "axes turned",
-    "uncoupled": "no couplings",
-}
-"""The same for readers."""
-PRIOR_WORDS = {
-    "right": "the folder's compliances",
-    "scaled": f"{SCALE:g} times too soft, and {100 * SHAPE:.0f} % off axis by axis, as all that follow",
-    "link": f"one link {FAR:g} times too soft or too stiff",
-    "joints": f"all joints {FAR:g} times too soft or too stiff",
-    "axes": f"beam axes of every link turned by {np.rad2deg(TURN):.0f} degrees",
-    "uncoupled": "no couplings inside a link",
-}
-"""What is wrong with them."""
+PRIORS_CALLED = {name: own.called for name, own in PRIORS.items()}
+PRIOR_WORDS = {name: own.words for name, own in PRIORS.items()}

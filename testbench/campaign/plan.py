@@ -1,43 +1,51 @@
-"""The composer of a plan: what an engineer asks for becomes candidates, poses, and what they promise."""
+"""The composer of a plan: what an engineer asks for becomes candidates, poses, and what they promise.
+
+For tasks under loads, or for absolute readings: then geometry, joint errors and the set-up are unknown too.
+"""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell, stream
 from testbench.campaign.candidates import Candidates, Conditions, build_checks, feasible, find
-from testbench.campaign.plan_input import Place
 from testbench.campaign.plan_settings import PlanSettings, structure
 from testbench.campaign.predicted_error import fitted
-from testbench.campaign.rows import UM
-from testbench.data.columns import Columns, find_columns, joint_coordinates
-from testbench.data.components import vector
-from testbench.data.mapping import read_map
+from testbench.campaign.rows import MM, UM
+from testbench.data.series import Series, select_rows
 from testbench.data.station import Station
-from testbench.data.table import read_table
+from testbench.design import absolute
+from testbench.design.absolute import Sizes, Union
 from testbench.design.forecast import Forecast, open_to, widened, without_bound
 from testbench.design.observability import observability
-from testbench.design.planning import Chosen, Plan, candidate_set, make_plan
+from testbench.design.planning import Chosen, Plan, Search, candidate_set, make_plan
+from testbench.design.planning import choose as search_best
 from testbench.design.refine import Reach
 from testbench.design.rows import Experiment
 from testbench.design.specification import Specification, Tasks, loads_of, task_rows, workspace_rows
 from testbench.design.whole_arm import promise_on
-from testbench.errors import Array, BenchError, InputError, check_array
+from testbench.errors import Array, BenchError, check_array
+from testbench.identify.absolute.pull import pull_of
+from testbench.identify.absolute.seen import LOOSE, hidden
+from testbench.identify.absolute.seen_words import sentences
+from testbench.identify.absolute.state import Frame, Mount, nominal
+from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
-from testbench.model.load import Load
-from testbench.plant import build_site, collisions, contacts
+from testbench.model.joint_errors import JointErrors
+from testbench.model.load import Load, weight
+from testbench.model.vjm import Vjm
+from testbench.model.weights import read_weights
+from testbench.plant import build_site, contacts
 
 WORKSPACE = 200  #: Poses that stand for the workspace.
 STEP, SLIDE_STEP = math.radians(5), 0.02
 """Largest steps of a hinge [rad] and a slide [m] between collision checks on the way from pose to pose."""
 NAMED = 5  #: Tasks that a message names; more are counted.
-MAX_TASKS = 1000
+FRAME, MOUNT = "tracker", "target"  #: Names of what is unknown of the set-up of absolute readings.
 
 
 @dataclass(frozen=True)
@@ -53,14 +61,13 @@ class Planned:
     workspace: Forecast  #: Over the workspace, under the first load [m].
 
 
-def hung(cell: Cell, mass: float) -> Load:
-    """A mass that hangs from the arm's load point [kg]."""
-    return Load(np.array([0, 0, -GRAVITY * mass, 0, 0, 0]), cell.vjm.load)
+@dataclass(frozen=True)
+class AbsolutePlanned(Planned):
+    """A plan of absolute readings and what it promises."""
 
-
-def pulled(cell: Cell, force: Place) -> Load:
-    """A force that pulls at the arm's load point, world axes [N]."""
-    return Load(np.array([*force, 0, 0, 0]), cell.vjm.load)
+    union: Union  #: What is unknown.
+    q: Array  #: Poses over which it is judged, (poses, n) [rad, m].
+    wanted: Array  #: Predictions there, `absolute.position_rows`.
 
 
 def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
@@ -81,7 +88,7 @@ def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
     if settings.absolute:
         raise BenchError("absolute: expected a plan for tasks")
     q = check_array(q, (None, cell.arm.n_joints), "tasks q [rad, m]")
-    return plan_for(cell, settings, Tasks(q, hung(cell, settings.loads_kg[0])))
+    return plan_for(cell, settings, Tasks(q, weight(cell.vjm, settings.loads_kg[0])))
 
 
 def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
@@ -109,12 +116,7 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
 
 
 def search(cell: Cell, settings: PlanSettings) -> Candidates:
-    """Feasible poses.
-
-    Raises:
-        PoseError: When there are fewer than the plan needs; says which condition refused them.
-        BenchError: When the tracker stands inside the arm, or the sling is too short.
-    """
+    """Feasible poses; PoseError for fewer than the plan needs says which condition refused them."""
     checks, rng = build_checks(cell, settings.conditions), stream(settings.seed, 0)
     found = find(checks, settings.candidates_wanted, rng, least=settings.poses)
     return replace(found, q=nearest_turn(found.q, cell.arm))
@@ -147,10 +149,12 @@ def choose(cell: Cell, settings: PlanSettings, tasks: Tasks, found: Candidates) 
     """The best plan found; BenchError where without a prior poses are too few or loads show too little."""
     own = metric(cad_prior(cell.arm), cell.vjm, structure(cell, settings.model))
     percent = settings.uncertainty_percent
-    loads = [hung(cell, mass) for mass in settings.loads_kg]
     spec = Specification(
         experiment=Experiment(cell.vjm, own, cell.vjm.markers, settings.sigma_um / UM),
-        loads=(*loads, *(pulled(cell, force) for force in settings.pulls_n)),
+        loads=(
+            *(weight(cell.vjm, mass) for mass in settings.loads_kg),
+            *(Load(np.array([*force, 0, 0, 0]), cell.vjm.load) for force in settings.pulls_n),
+        ),
         tasks=tasks,
         workspace=around(cell, settings),
         uncertainty=None if percent is None else percent / 100,
@@ -191,47 +195,79 @@ def _check_without_prior(spec: Specification, q: Array) -> None:
         )
 
 
-def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) -> Tasks:
-    """Read tasks, one pose a row, and check that the arm can take them.
-
-    Columns: JOINT_rad or JOINT_deg of every joint, of a slide JOINT_m or JOINT_mm. force_*_N and moment_*_Nm
-    (optional): load of the process, world axes. point_*_m (optional with them): where it acts, in the tool's
-    frame; the arm's load point if not given.
-
-    Tasks without such columns have the load `hung`. A map says how the file names the columns otherwise.
-
-    Raises:
-        InputError: Names line, joint or bodies, and what was expected.
-    """
-    names = read_map(mapping, cell.arm)
-    table = read_table(path, lambda name: names.find(name) is not None, names.layout)
-    columns = find_columns(table, names, cell.arm)
-    q = joint_coordinates(columns, cell.arm)
-    if not 1 <= table.rows <= MAX_TASKS:
-        raise table.error(
-            min(table.rows, MAX_TASKS), "", f"expected 1 to {MAX_TASKS} tasks, got {table.rows}"
-        )
-    for line, pair in zip(table.lines.tolist(), collisions(cell.room, q), strict=True):
-        if pair:
-            raise InputError(path, f"line {line}", f"{pair[0]} collides with {pair[1]} in this pose")
-    return Tasks(q, _read_load(columns, hung))
+def plan_absolute(cell: Cell, settings: PlanSettings) -> AbsolutePlanned:
+    """The poses whose absolute readings calibrate an arm best, and what they promise."""
+    if not cell.arm.joints:
+        raise BenchError(f"{cell.arm.name}: expected an arm with joints")
+    union, found, q = union_of(cell, settings), search(cell, settings), around(cell, settings)
+    wanted = absolute.position_rows(union, q)
+    examined = absolute.candidate_set(union, found.q, settings.poses)
+    asked = Search(
+        measured=lambda q, _load: absolute.measured_rows(union, q),
+        poses=settings.poses,
+        limits=cell.arm.limits,
+        reach=reach_of(cell, settings),
+        rng=stream(settings.seed, 1),
+    )
+    best = search_best(asked, absolute.criterion_of(settings.criterion, examined.problem, wanted), examined)
+    there, over = (absolute.promise(best, rows) for rows in (absolute.position_rows(union, best.q), wanted))
+    return AbsolutePlanned(cell, settings, found, best, there, over, over, union, q, wanted)
 
 
-def _read_load(columns: Columns, hung: Load) -> Load:
-    """The load of every task."""
-    table = columns.table
-    force, moment, point = (vector(columns, what) for what in ("force", "moment", "point"))
-    if force is None and moment is None:
-        if point is None:
-            return hung
-        raise InputError(
-            table.path,
-            f"line {table.header}",
-            "expected force_x_N, force_y_N, force_z_N where point_x_m, point_y_m, point_z_m are given",
-        )
-    none = np.zeros((table.rows, 3))
-    wrench = np.hstack([none if part is None else part for part in (force, moment)])
-    idle = np.flatnonzero(~wrench.any(axis=1))
-    if len(idle):
-        raise table.error(idle[0], "", "expected a load, got zero force and moment")
-    return Load(wrench, np.tile(hung.point, (table.rows, 1)) if point is None else point)
+def union_of(cell: Cell, settings: PlanSettings) -> Union:
+    """What is unknown where a tracker reads an arm absolutely."""
+    pose, vjm = _one_pose(cell.vjm, settings), cell.vjm
+    unknowns = unknowns_of(
+        vjm, (pose,), JointErrors(tuple(range(1, settings.orders + 1))), structure(cell, settings.model)
+    )
+    prior, n = cad_prior(cell.arm), cell.arm.n_joints
+    state = replace(
+        nominal(vjm, read_weights(cell.arm), np.ones(n)),
+        C_theta=prior.C_theta,
+        errors=unknowns.errors,
+        n=np.zeros((n, unknowns.errors.size)),
+        frames={FRAME: Frame(np.eye(3), np.zeros(3))},
+        mounts={MOUNT: Mount(vjm.markers[: len(pose.markers)], np.eye(3), pose.markers)},
+    )
+    sizes = Sizes(
+        shift=settings.geometry_mm / MM, turn=settings.geometry_mm / MM, error=settings.gear_urad / UM
+    )
+    assert settings.uncertainty_percent is not None
+    own = metric(prior, vjm, unknowns.structure)
+    L = absolute.expected_root(unknowns, sizes, own, settings.uncertainty_percent / 100)
+    hinges = np.array([not joint.prismatic for joint in cell.arm.joints])
+    return Union(unknowns, state, L, pose, np.where(hinges, settings.rest_urad / UM, 0.0))
+
+
+def _one_pose(vjm: Vjm, settings: PlanSettings) -> Series:
+    """How a pose is read: under own weight, then under one load after the other."""
+    load = weight(vjm, np.array([0.0, *settings.loads_kg]))
+    rows, sigma = len(load.wrench), settings.sigma_um / UM
+    markers = vjm.arm.markers[:1] if settings.orientations else vjm.arm.markers
+    return Series(
+        name="plan",
+        markers=markers,
+        frame=FRAME,
+        target=MOUNT,
+        row=np.arange(rows),
+        pose=np.zeros(rows, dtype=int),
+        q=np.zeros((rows, vjm.arm.n_joints)),
+        wrench=load.wrench,
+        point=load.point,
+        position=np.zeros((rows, len(markers), 3)),
+        sigma=sigma,
+        rotation=np.tile(np.eye(3), (rows, 1, 1)) if settings.orientations else None,
+        sigma_rotation=sigma if settings.orientations else None,
+    )
+
+
+def left_open(union: Union, q: Array) -> tuple[str, ...]:
+    """What poses (poses, n) [rad, m] leave unknown, in words."""
+    once = absolute.at(replace(union, pose=select_rows(union.pose, np.arange(1))), q)
+    pull = pull_of(
+        union.unknowns, union.state, (once,), lambda series: absolute.information_of(union, series.q)
+    )
+    tells, prior = absolute.information_of(union, q), union.L @ union.L.T
+    set_up = union.unknowns.starts["geometry"]
+    prior[:set_up, :set_up] = LOOSE**2 * np.eye(set_up)
+    return sentences(hidden(union.unknowns, tells, prior, pull))

@@ -1,4 +1,4 @@
-"""What files and flags of a plan say: what hangs or pulls in each run of a plan.csv, places, masses."""
+"""What files and flags of a plan say: tasks, what hangs or pulls in a run of a plan.csv, places, masses."""
 
 from pathlib import Path
 
@@ -7,24 +7,27 @@ import numpy as np
 from testbench.arm.decimal import read_decimals
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
+from testbench.campaign.campaign import Cell
 from testbench.campaign.payload import read_mass
+from testbench.data.columns import Columns, find_columns, joint_coordinates
+from testbench.data.components import vector
+from testbench.data.mapping import read_map
 from testbench.data.table import Table, read_table
+from testbench.design.specification import Tasks
 from testbench.errors import Array, BenchError, InputError
+from testbench.model.load import Load
 
 Place = tuple[float, float, float]
 LOAD_RANGE = (1e-3, 1e4)  #: Masses that can hang from an arm [kg], as in campaign.Scenario.
 PULL_RANGE = (GRAVITY * LOAD_RANGE[0], GRAVITY * LOAD_RANGE[1])  #: Sizes of forces that can pull [N].
+MAX_TASKS = 1000
 LARGEST = 1e6  #: Of a number in a flag, whatever its unit.
 LOAD = "load_kg"  #: Column of a plan: what hangs in a run.
 FORCE = ("force_x_N", "force_y_N", "force_z_N")  #: Columns of a plan: what pulls in a run, world axes.
 
 
 def read_payload(path: Path) -> Array | None:
-    """Hung mass of every run of a plan, (runs,) [kg], 0 where it is pulled; None for poses without loads.
-
-    Raises:
-        InputError: Where a run has neither a mass nor a force, or both.
-    """
+    """Hung mass of every run of a plan, (runs,) [kg], 0 where it is pulled; None for poses without loads."""
     table, pulls = read_table(path, _says_load), read_pulls(path)
     if LOAD not in table.names and pulls is None:
         return None
@@ -42,9 +45,6 @@ def read_pulls(path: Path) -> Array | None:
     """Force at the load point in every run of a plan, world axes, (runs, 3) [N], 0 where a weight hangs.
 
     None for a plan without columns force_*_N.
-
-    Raises:
-        InputError: Where one of the columns is missing, a force is out of range or acts elsewhere.
     """
     table = read_table(path, _says_load)
     if not set(FORCE) & set(table.names):
@@ -118,3 +118,51 @@ def _numbers(text: str, count: int, flag: str) -> tuple[float, ...]:
         problem = f"expected {count} numbers with commas between them, up to {LARGEST:g}, got {text[:80]!r}"
         raise BenchError(f"{flag}: {problem}")
     return values
+
+
+def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) -> Tasks:
+    """Read tasks, one pose a row, and check that the arm can take them.
+
+    Columns: JOINT_rad or JOINT_deg of every joint, of a slide JOINT_m or JOINT_mm. force_*_N and moment_*_Nm
+    (optional): load of the process, world axes. point_*_m (optional with them): where it acts, in the tool's
+    frame; the arm's load point if not given.
+
+    Tasks without such columns have the load `hung`. A map says how the file names the columns otherwise.
+
+    Raises:
+        InputError: Names line, joint or bodies, and what was expected.
+    """
+    from testbench.plant import collisions
+
+    names = read_map(mapping, cell.arm)
+    table = read_table(path, lambda name: names.find(name) is not None, names.layout)
+    columns = find_columns(table, names, cell.arm)
+    q = joint_coordinates(columns, cell.arm)
+    if not 1 <= table.rows <= MAX_TASKS:
+        raise table.error(
+            min(table.rows, MAX_TASKS), "", f"expected 1 to {MAX_TASKS} tasks, got {table.rows}"
+        )
+    for line, pair in zip(table.lines.tolist(), collisions(cell.room, q), strict=True):
+        if pair:
+            raise InputError(path, f"line {line}", f"{pair[0]} collides with {pair[1]} in this pose")
+    return Tasks(q, _read_load(columns, hung))
+
+
+def _read_load(columns: Columns, hung: Load) -> Load:
+    """The load of every task."""
+    table = columns.table
+    force, moment, point = (vector(columns, what) for what in ("force", "moment", "point"))
+    if force is None and moment is None:
+        if point is None:
+            return hung
+        raise InputError(
+            table.path,
+            f"line {table.header}",
+            "expected force_x_N, force_y_N, force_z_N where point_x_m, point_y_m, point_z_m are given",
+        )
+    none = np.zeros((table.rows, 3))
+    wrench = np.hstack([none if part is None else part for part in (force, moment)])
+    idle = np.flatnonzero(~wrench.any(axis=1))
+    if len(idle):
+        raise table.error(idle[0], "", "expected a load, got zero force and moment")
+    return Load(wrench, np.tile(hung.point, (table.rows, 1)) if point is None else point)

@@ -51,10 +51,6 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
     """Draw poses and wrenches, load the true arm, and read the tool's pose.
 
     Poses, wrenches and noise do not depend on the kind of truth.
-
-    Raises:
-        PoseError: When too few runs have a deflection in the range that is asked for.
-        NoEquilibrium: When the arm cannot carry a load.
     """
     poses_rng, noise_rng = stream(seed, 0), stream(seed, 1)
     q = _random_q(cell, scenario.poses, poses_rng)

@@ -57,10 +57,7 @@ def within(spec: Specification) -> float:
 
 
 def fitted(spec: Specification, prior: Prior, q: Array, load: Ids) -> Fitted:
-    """A specification's model after poses (poses, n) [rad, m] were measured, each under its load (poses,).
-
-    The arms are those of the prior, each compliance within its uncertainty.
-    """
+    """A specification's model after poses (poses, n) [rad, m] were measured, each under its load (poses,)."""
     every = spec.experiment
     whole = replace(every, metric=metric(prior, every.vjm, all153(every.vjm.arm)))
     return fit_of(whole, within(spec), spec, q, load)
@@ -84,12 +81,9 @@ def half_widths(forecast: Forecast) -> Array:
 
 
 def error_map(cell: Cell, plan: Plan, own: Forecast) -> ErrorPlaces:
-    """Errors over the workspace under the first load; GCO without a prior is no linear fit: not foretold.
+    """Errors over the workspace under the first load, by the planned model its `own`, and by `OTHERS`.
 
-    Args:
-        cell: The arm.
-        plan: What is measured.
-        own: Errors over the workspace by the planned model.
+    GCO without a prior is no linear fit: it is not foretold.
     """
     spec, prior = plan.specification, cad_prior(cell.arm)
     q, load = spec.workspace, spec.loads[0]
@@ -114,10 +108,7 @@ def rms(deflection: Array) -> Array:
 
 @dataclass(frozen=True)
 class Unshown:
-    """Joints that the tasks turn and no load of the plan does, and the pull that would turn some of them.
-
-    None where no force at the load point turns any.
-    """
+    """Joints that the tasks turn and no load of the plan does; the pull, if any, that turns some of them."""
 
     joints: list[str]
     turned_by_pull: list[str]
@@ -128,11 +119,7 @@ def unshown(plan: Plan, share: float) -> Unshown | None:
     """Which joints' compliances no load of a plan can show though the tasks need them; None where all are.
 
     The pull is along the world's axis that turns them most in the plan's poses, about as strong as the first
-    load.
-
-    Args:
-        plan: The plan.
-        share: Of the expected error at the tasks what stays open, whatever is measured [1].
+    load. `share` of the expected error at the tasks stays open, whatever is measured [1].
     """
     if share <= OPEN:
         return None

@@ -4,12 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.campaign.evaluation import Errors
 from testbench.data.dataset import Dataset
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace
 from testbench.identify.evaluate import Score
-from testbench.trials.spread import Count, Number, Share
+from testbench.trials.spread import Number, Share, Spread
 
 MM, UM = 1e3, 1e6
 
@@ -53,7 +52,7 @@ class FitRow:
     prior: bool  #: Whether a prior fills what the data cannot see.
     status: str  #: "solved", or why not.
     parameters: int  #: Unknowns.
-    rank: Count  #: Directions of them that the data see.
+    rank: int | Spread | None  #: Directions of them that the data see.
     unique: Share  #: Whether they see all.
     conservative: Share  #: Whether every block is symmetric and positive semi-definite.
     min_eigenvalue: Number  #: Smallest eigenvalue of a block [m/N, rad/(N m)].
@@ -67,27 +66,6 @@ class FitRow:
     total_trace_rad_per_Nm: Number  #: Of all blocks, in scaled units.
     solve_seconds: Number  #: Wall time of the estimator.
     advice: tuple[str, ...]  #: What the estimate says of itself.
-
-
-@dataclass(frozen=True)
-class JudgedRow(FitRow):
-    """A model judged."""
-
-    identification: ErrorRow  #: At the poses that were fitted, against their readings.
-    check: ErrorRow  #: At check poses, against their readings.
-    check_true: ErrorRow  #: At check poses, against the true deflections.
-    workspace: ErrorRow  #: Over the whole workspace, against the true deflections.
-
-
-def judged_row(fit: FitRow, errors: Errors) -> JudgedRow:
-    """A model of a campaign of section 6."""
-    return JudgedRow(
-        **vars(fit),
-        identification=error_row(errors.identification),
-        check=error_row(errors.check),
-        check_true=error_row(errors.check_true),
-        workspace=error_row(errors.truth),
-    )
 
 
 def fit_row(name: str, estimate: Estimate, seconds: float, *, prior: bool = False) -> FitRow:

@@ -1,32 +1,92 @@
 """Measured runs for a fit: read, brought into the base's frame, poses that are held back set apart."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Annotated, Protocol, get_args
 
 import numpy as np
+from pydantic import Field, ValidationError
 
+from testbench.arm.document import Strict, parse_toml
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
-from testbench.campaign.fits import Runs
-from testbench.campaign.frame_choice import frame_files, registration_row, to_base
 from testbench.campaign.payload import overloaded
-from testbench.campaign.rows import UM
-from testbench.campaign.streamed_fit import Many
-from testbench.data.dataset import split
+from testbench.campaign.rows import MM, UM
+from testbench.data.dataset import Dataset, Ids, Mask, select, split
 from testbench.data.export import Export, read_export
 from testbench.data.spool import Campaign
-from testbench.data.stream import read_campaign
-from testbench.errors import BenchError, InputError
+from testbench.data.stream import read_campaign, some
+from testbench.errors import BenchError, InputError, read_text
 from testbench.identify.doubts import Doubt, HandedIn, doubts, open_places, scale
 from testbench.identify.in_base import in_base
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
-from testbench.identify.registered import Registered
+from testbench.identify.registered import Choice, Registered, registered
+from testbench.identify.registration import Frame, spread
 from testbench.model.structure import all153
+
+MAX_BYTES = 20_000
+Metres = Annotated[float, Field(ge=-1000, le=1000)]
+Degrees = Annotated[float, Field(ge=-360, le=360)]
+
+
+class _Frame(Strict):
+    """The base in the tracker's frame: a reading is R x + position, R = Rz Ry Rx."""
+
+    station: int = 1  #: Identifier of the station.
+    position_m: list[Metres] = Field(min_length=3, max_length=3)
+    rotation_xyz_deg: list[Degrees] = Field(min_length=3, max_length=3)  #: About the tracker's x, y, then z.
+
+
+class _File(Strict):
+    frame: list[_Frame] = Field(min_length=1, max_length=100)
+
+
+@dataclass(frozen=True, eq=False)
+class Many:
+    """Runs block by block."""
+
+    every: Campaign  #: All of them, in the base's frame.
+    used: Mask  #: Those to fit, (runs,).
+
+    @property
+    def poses(self) -> int:
+        """How many poses those to fit are in."""
+        return len(np.unique(self.every.pose[self.used]))
+
+    def looked_at(self, worst: Ids) -> tuple[Dataset, Dataset, Dataset | None]:
+        """Runs that are looked at one by one, these worst among them: all, those to fit, those held back."""
+        place = np.arange(self.every.runs)
+        kept = [some(place[own]) for own in (self.used, ~self.used) if own.any()]
+        runs = np.unique(np.concatenate([*kept, worst]))
+        data = self.every.pick(runs)
+        used = self.used[runs]
+        return data, select(data, used), None if used.all() else select(data, ~used)
+
+
+@dataclass(frozen=True)
+class Runs:
+    """A user's runs."""
+
+    name: str  #: Of the file.
+    every: Dataset  #: All of them, or those that are looked at one by one.
+    used: Dataset  #: Those to fit.
+    check: Dataset | None  #: Those held back; None if there are none.
+    notes: tuple[str, ...] = ()  #: What was understood of them.
+    registration: Mapping[str, object] | None = None  #: Frames and targets; None where no frame fitted.
+    doubts: tuple[Doubt, ...] = ()  #: What may be wrong with them, the likeliest first.
+    #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
+    scale: float | None = None
+    many: Many | None = None  #: All, where they are too many to hold.
+
+    @property
+    def total(self) -> int:
+        """How many there are."""
+        return self.every.runs if self.many is None else self.many.every.runs
 
 
 class Source(Protocol):
@@ -67,7 +127,12 @@ class Asked(Source, Protocol):
 
 def files_read(asked: Source) -> list[Path]:
     """The files that are read: table, map, frames."""
-    return [asked.dataset, *([asked.mapping] if asked.mapping else []), *frame_files(asked.frame)]
+    return [asked.dataset, *([asked.mapping] if asked.mapping else []), *_frame_files(asked.frame)]
+
+
+def _frame_files(frame: str) -> list[Path]:
+    """The file that a choice of frame names, if it names one."""
+    return [Path(frame)] if frame.endswith(".toml") else []
 
 
 def read(cell: Cell, asked: Source) -> Export:
@@ -76,8 +141,13 @@ def read(cell: Cell, asked: Source) -> Export:
 
 
 def _how(cell: Cell, asked: Source) -> tuple[Path, Arm, Path | None, float | None]:
-    sigma = None if asked.sigma_um is None else asked.sigma_um / UM
-    return asked.dataset, with_new(cell.arm, asked.new_target or ()), asked.mapping, sigma
+    """File, arm with the targets that its folder lacks, map and sigma [m]."""
+    arm, sigma = cell.arm, None if asked.sigma_um is None else asked.sigma_um / UM
+    markers = (*arm.markers, *(asked.new_target or ()))
+    if "" in markers or len(set(markers)) < len(markers):
+        new, have = ", ".join(asked.new_target or ()), ", ".join(arm.markers)
+        raise BenchError(f"--new-target: expected new names, got {new}; {arm.name} has {have}")
+    return asked.dataset, replace(arm, markers=markers), asked.mapping, sigma
 
 
 def _loaded(asked: Source, found: Export) -> Export:
@@ -87,14 +157,7 @@ def _loaded(asked: Source, found: Export) -> Export:
 
 
 def register(cell: Cell, export: Export, asked: Source) -> tuple[Cell, Registered]:
-    """The cell with targets where they are, and the runs in the base's frame.
-
-    A flag counts more than the map.
-
-    Raises:
-        InputError: When a file of frames is wrong.
-        BenchError: When the frame cannot be found.
-    """
+    """The cell with targets where they are, runs in the base's frame; a flag counts more than the map."""
     try:
         return to_base(cell, export.data, _said(export, asked))
     except InputError:
@@ -107,11 +170,7 @@ def register(cell: Cell, export: Export, asked: Source) -> tuple[Cell, Registere
 
 
 def look_at(cell: Cell, export: Export, found: Registered, asked: Source) -> tuple[tuple[Doubt, ...], float]:
-    """Doubts about registered runs of an arm, as its folder has it, and the factor of their deflections.
-
-    Raises:
-        InputError: When the runs are not of this arm.
-    """
+    """Doubts about registered runs of an arm, as its folder has it, and the factor of their deflections."""
     prior = cad_prior(cell.arm)
     try:
         seen = doubts(HandedIn(cell.vjm, export.data, found, _said(export, asked) != "auto"), prior)
@@ -177,14 +236,80 @@ def _many(every: Campaign, found: Registered, asked: Asked) -> Many:
     return Many(every, used)
 
 
-def with_new(arm: Arm, names: Sequence[str]) -> Arm:
-    """The arm as a reader of files knows it: with targets that it lacks.
+def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Registered]:
+    """The cell with targets where they are, and the runs in the base's frame.
 
-    Raises:
-        BenchError: When it has one of them, or a name is empty or comes twice.
+    The frame is auto, base, tracker, or the name of a TOML file with the frames.
     """
-    markers = (*arm.markers, *names)
-    if "" in markers or len(set(markers)) < len(markers):
-        have = ", ".join(arm.markers)
-        raise BenchError(f"--new-target: expected new names, got {', '.join(names)}; {arm.name} has {have}")
-    return replace(arm, markers=markers)
+    words = get_args(Choice)
+    choice: Choice | tuple[Frame, ...]
+    if frame in words:
+        choice = next(word for word in words if word == frame)
+    elif files := _frame_files(frame):
+        to_world = np.asarray(np.linalg.inv(cell.vjm.base), dtype=float)
+        choice = tuple(one.of(to_world) for one in read_frames(files[0]))
+    else:
+        raise BenchError(f"--frame: expected {', '.join(words)} or a .toml file, got {frame[:80]!r}")
+    found = registered(cell.vjm, data, choice)
+    return replace(cell, vjm=found.vjm), found
+
+
+def read_frames(path: Path) -> tuple[Frame, ...]:
+    """Bases in the frames of stations, as a user gives them; InputError names the key."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
+
+    content = parse_toml(path, read_text(path, MAX_BYTES))
+    try:
+        given = _File.model_validate(content).frame
+    except ValidationError as err:
+        first = err.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        hint = "expected [[frame]] with position_m and rotation_xyz_deg of the base in the tracker's frame"
+        raise InputError(path, place, f"{first['msg']}; {hint}") from err
+    stations = [one.station for one in given]
+    if len(set(stations)) < len(stations):
+        raise InputError(path, "frame", f"expected every station once, got {stations}")
+    turns = [Rotation.from_euler("xyz", one.rotation_xyz_deg, degrees=True).as_matrix() for one in given]
+    return tuple(
+        Frame(one.station, R, np.array(one.position_m), np.zeros((6, 6)))
+        for one, R in zip(given, turns, strict=True)
+    )
+
+
+def registration_row(registered: Registered) -> dict[str, object] | None:
+    """Frames and targets, and how well the unloaded readings fit them; None where no frame fitted.
+
+    Of a frame the base's position in it, turn as a rotation vector, and largest standard deviations, 0 for
+    one that was given; of a target its place in the tool's frame, its distance from where the arm's folder
+    has it, None if it has not, and its largest standard deviation.
+    """
+    found = registered.registration
+    if found is None:
+        return None
+    away = MM * np.linalg.norm(found.targets - found.nominal, axis=1)
+    return {
+        "frame": registered.frame,
+        "frames": [
+            {
+                "station": one.station,
+                "position_mm": (MM * one.translation).tolist(),
+                "rotation_deg": np.degrees(one.rotation_vector).tolist(),
+                "position_sd_mm": MM * spread(one.covariance[3:, 3:]),
+                "rotation_sd_deg": math.degrees(one.deviation),
+            }
+            for one in (own.of(registered.vjm.base) for own in found.frames)
+        ],
+        "targets": [
+            {
+                "marker": name,
+                "position_mm": (MM * found.targets[k]).tolist(),
+                "from_nominal_mm": float(away[k]) if np.isfinite(away[k]) else None,
+                "position_sd_mm": MM * float(found.target_deviations[k].max()),
+            }
+            for k, name in enumerate(found.markers)
+        ],
+        "rms_mm": MM * found.rms,
+        "noise_mm": MM * found.noise,
+        "readings": found.readings,
+        "wild": found.wild,
+    }

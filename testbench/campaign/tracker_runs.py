@@ -15,11 +15,7 @@ from testbench.errors import Array, BenchError
 
 
 def places(texts: Sequence[str]) -> list[Place]:
-    """Places of trackers in the world [m], from texts such as "4,-1,1.5".
-
-    Raises:
-        BenchError: For what is no place near any arm.
-    """
+    """Places of trackers in the world [m], from texts such as "4,-1,1.5"; BenchError for what is far away."""
     found = []
     for text in texts:
         try:
@@ -34,16 +30,10 @@ def places(texts: Sequence[str]) -> list[Place]:
 
 
 def by_trackers(clean: Dataset, trackers: Sequence[Place], seed: int) -> Dataset:
-    """Readings without noise, in world axes, as trackers in turn read them, a pose each.
+    """Readings without noise, in world axes, as trackers at places (3,) [m] in turn read them, a pose each.
 
-    Args:
-        clean: The runs.
-        trackers: Where they stand in the world, (3,) [m] each.
-        seed: Root of their noise and of the directions that they face.
-
-    Returns:
-        Positions in the frame of the tracker that read them, which has its origin there and an upright z
-        axis, with the covariance of every deflection; stations from 1 where there are several.
+    Positions are in the frame of the tracker that read them, which has its origin there, an upright z axis
+    and any direction, with the covariance of every deflection; stations from 1 where there are several.
     """
     pose = np.unique(clean.pose, return_inverse=True)[1].ravel()
     station = pose % len(trackers)

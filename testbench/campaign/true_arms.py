@@ -26,17 +26,12 @@ HALVINGS = 24  #: Of the interval in which the size of a link's deformation is s
 
 
 def distance_from_tubes(C: Array) -> float:
-    """How far a compliance is from any tube in its own axes: relative, in the metric of the nearest [1].
+    """How far C (6, 6) [m/N, rad/(N m)], in beam axes, is from any tube, in the metric of the nearest [1].
 
     The least |T^-1/2 C T^-1/2 - 1|_F / sqrt(6) over the beam templates T, hence a lower bound for tubes: the
     root mean square relative error of the six compliances along the common axes of C and T. T^-1 has the
-    entries of T, and with C = L L^T the norm is that of L^T T^-1 L - 1: a linear least squares problem.
-
-    Args:
-        C: Positive definite, in beam axes, (6, 6) [m/N, rad/(N m)].
-
-    Returns:
-        Between 0 and 1; no tube, but a beam template that is not positive definite, may be nearest above 0.4.
+    entries of T, and with C = L L^T the norm is that of L^T T^-1 L - 1: a linear least squares problem. Above
+    0.4 a beam template that is not positive definite, and so no tube, may be nearest.
     """
     L = np.linalg.cholesky(C)
     columns = []
@@ -49,13 +44,7 @@ def distance_from_tubes(C: Array) -> float:
 
 
 def deformed(C: Array, S: Array, distance: float) -> Array:
-    """C^1/2 exp(t S) C^1/2 with t such that it is this far from any tube, (6, 6).
-
-    Args:
-        C: A tube's compliance, (6, 6).
-        S: Symmetric, with entries that no tube has, (6, 6) [1].
-        distance: As `distance_from_tubes` counts [1].
-    """
+    """A tube's C^1/2 exp(t S) C^1/2, S symmetric (6, 6) [1], with t such that it is so far from any tube."""
     d = np.sqrt(np.diag(C))
     values, Q = np.linalg.eigh(C / np.outer(d, d))
     half = d[:, None] * Q * np.sqrt(values)
@@ -85,10 +74,6 @@ def _off_tubes(share: float, arm: Arm, rng: np.random.Generator) -> Arm:
     return replace(arm, links=tuple(off(link) for link in arm.links))
 
 
-def _tubes(arm: Arm, _: np.random.Generator) -> Arm:
-    return arm
-
-
 def _cast(arm: Arm, rng: np.random.Generator) -> Arm:
     return replace(arm, links=tuple(cast_link(link, rng) for link in arm.links))
 
@@ -100,7 +85,7 @@ def _unequal_joints(arm: Arm, rng: np.random.Generator) -> Arm:
 
 
 TRUTHS: Mapping[str, TrueArm] = {
-    "tubes": _tubes,
+    "tubes": lambda arm, _: arm,
     "off_10": partial(_off_tubes, 0.1),
     "off_20": partial(_off_tubes, 0.2),
     "off_40": partial(_off_tubes, 0.4),
@@ -134,25 +119,11 @@ def member(family: str, seed: int) -> str:
     return list(TRUTHS)[seed % len(TRUTHS)] if family == FAMILY else family
 
 
-def stiffened(arm: Arm, times: float) -> Arm:
-    """The arm with links so many times stiffer, joints as they are."""
-    return replace(arm, links=tuple(replace(k, compliance=k.compliance / times) for k in arm.links))
-
-
 def true_cell(cell: Cell, name: str, seed: int, stiffer: float = 1.0) -> Cell:
-    """The same model of another true arm, a new one for every seed.
-
-    Args:
-        cell: The arm of the model.
-        name: One of TRUTHS.
-        seed: Of its dimensions.
-        stiffer: How many times stiffer its links are than the folder's.
-
-    Raises:
-        BenchError: When there is no such truth.
-    """
+    """The same model of another true arm, one of TRUTHS, a new one for every seed, with stiffer links."""
     from testbench.plant import build_plant
 
     if name not in TRUTHS:
         raise BenchError(f"no truth {name!r}; truths are {', '.join(TRUTHS)}")
-    return replace(cell, truth=build_plant(TRUTHS[name](stiffened(cell.arm, stiffer), stream(seed, 8))))
+    links = tuple(replace(link, compliance=link.compliance / stiffer) for link in cell.arm.links)
+    return replace(cell, truth=build_plant(TRUTHS[name](replace(cell.arm, links=links), stream(seed, 8))))

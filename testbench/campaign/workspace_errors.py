@@ -84,14 +84,7 @@ class ErrorPlaces:
 
 
 def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> Places:
-    """Poses, numbered from 1.
-
-    Args:
-        arm: Whose they are.
-        q: Joints, (n, joints) [rad, m].
-        position: Of the unloaded tool, (n, 3) [m].
-        moved: Deflection there, (n,) [m].
-    """
+    """Poses (n, joints) [rad, m], numbered from 1; unloaded tool (n, 3) and deflection (n,) there [m]."""
     x, y, z = position.round(M_DECIMALS).T.tolist()
     return Places(
         run=tuple(range(1, len(q) + 1)),
@@ -129,11 +122,7 @@ def error_places(
 ) -> ErrorPlaces:
     """Places by how much the first and the last of the compared models differ, the widest first.
 
-    Args:
-        at: The places.
-        error_mm: Error of each model at each of them, None where it has no bound.
-        compared: Names of models; of one its greatest error comes first, of none that of the first model.
-        means: What an error is.
+    Of one model its greatest error comes first, of none that of the first; an error without a bound is None.
     """
     names = tuple(compared) or tuple(error_mm)[:1]
     first, last = (_endless(error_mm[name]) for name in (names[0], names[-1]))

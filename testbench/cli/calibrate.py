@@ -16,7 +16,7 @@ from testbench.commands.calibrate_numbers import left_of
 from testbench.errors import word
 from testbench.identify.absolute.fit import NAMES, ORDERS
 from testbench.identify.absolute.fit import Options as Tried
-from testbench.output.run import claim_folder
+from testbench.output.place import claim_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements, print_table
 

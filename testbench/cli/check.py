@@ -12,7 +12,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.arm_check import check
 from testbench.cli.arguments import ArmName
 from testbench.commands.check import COMMAND, confirm_lines, contents, report, write
-from testbench.output.run import claim_folder
+from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements
 

@@ -10,9 +10,9 @@ import typer
 from testbench.commands.compare import COMMAND, LETTERS, input_lines, printed, report, write
 from testbench.commands.compare_inputs import refuse_unlike
 from testbench.errors import BenchError
-from testbench.output.finished import read_run
+from testbench.output.manifest import read_run
+from testbench.output.place import claim_folder
 from testbench.output.replace import reading
-from testbench.output.run import claim_folder
 from testbench.shell.options import Force, takes
 from testbench.views import terminal
 from testbench.views.markdown import as_plain

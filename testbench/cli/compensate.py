@@ -9,11 +9,10 @@ import typer
 
 from testbench import files
 from testbench.campaign.campaign import build_cell
-from testbench.campaign.compensate import NAMED, CorrectedProgram, correct_program
-from testbench.campaign.load_model import load_model
 from testbench.campaign.payload import payload_of
 from testbench.campaign.plan_input import joints_of, place
-from testbench.campaign.predict import with_payload
+from testbench.campaign.program import NAMED, CorrectedProgram, correct_program, with_payload
+from testbench.campaign.stiffness_model import load_model
 from testbench.cli.arguments import Load, MapFile
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked
@@ -21,8 +20,8 @@ from testbench.correct.step import Hold
 from testbench.data.motion.formats import CSV, WRITERS, format_of
 from testbench.data.program import read_program
 from testbench.errors import InputError
-from testbench.output.place import Kind, claim_file, inside
-from testbench.output.run import claim_folder
+from testbench.output.place import Kind, claim_file, claim_folder
+from testbench.output.replace import inside
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements, print_table
 

@@ -13,7 +13,7 @@ from testbench.campaign.runs import files_read, look_at, read, register
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.commands.data import COMMAND, listed, report, understand, write
 from testbench.errors import BenchError
-from testbench.output.run import claim_folder
+from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements
 

@@ -11,11 +11,11 @@ import typer
 from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
 from testbench.campaign.export import BEGINS, Exported, beside_of, draft_new, draft_own, export
-from testbench.campaign.load_model import load_model
+from testbench.campaign.stiffness_model import load_model
 from testbench.errors import BenchError, InputError
-from testbench.output.finished import read_plain
+from testbench.output.manifest import read_plain
 from testbench.output.place import HEAD, INSTEAD, Kind, claim_file, look
-from testbench.output.scratch import writing
+from testbench.output.whole import writing
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import plain_console
 

@@ -13,7 +13,7 @@ from testbench.campaign.campaign import build_cell
 from testbench.campaign.models import named_models, plain_name
 from testbench.campaign.runs import files_read, read, register
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
-from testbench.commands.identifiability import figure, report
+from testbench.commands.identifiability import report, write
 from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.place import PNG, claim_file
@@ -66,5 +66,5 @@ def command(asked: Options) -> None:
         console.print("\n".join(f"- {note}" for note in (*export.notes, *found.notes)), soft_wrap=True)
         if png is not None:
             with whole_file(png) as part:
-                figure(said).savefig(part, format="png")
+                write(said, part)
             console.print(f"figure     {png}", soft_wrap=True)

@@ -22,7 +22,7 @@ from testbench.errors import BenchError, word
 from testbench.identify import robust
 from testbench.identify.doubts import Doubt
 from testbench.identify.prior import Strength, cad_prior
-from testbench.output.run import claim_folder
+from testbench.output.place import claim_folder
 from testbench.report.leave import MAP
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal

@@ -7,7 +7,7 @@ import typer
 
 from testbench.campaign.campaign import build_cell
 from testbench.errors import BenchError, InputError, word
-from testbench.output.run import new_folder
+from testbench.output.place import new_folder
 from testbench.plant.import_robot.folder import write_arm
 from testbench.plant.import_robot.read import read_chain
 from testbench.plant.import_robot.wishes import read_wishes

@@ -7,19 +7,19 @@ from typing import Annotated
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.absolute_plan import plan_absolute
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.models import EVERY, plain_name, right_name
 from testbench.campaign.payload import overloaded, overpulled, payload_of
-from testbench.campaign.plan import hung, plan_for, read_tasks
-from testbench.campaign.plan_input import box, place, pull
+from testbench.campaign.plan import plan_absolute, plan_for
+from testbench.campaign.plan_input import box, place, pull, read_tasks
 from testbench.campaign.plan_settings import PlanSettings, structure
 from testbench.cli.arguments import ArmName, MapFile, Noise, mass
 from testbench.commands.plan import COMMAND, printed, report, write
 from testbench.commands.plan_numbers import numbers
 from testbench.design.planning import check_criterion
 from testbench.errors import BenchError
-from testbench.output.run import claim_folder
+from testbench.model.load import weight
+from testbench.output.place import claim_folder
 from testbench.plant import Payload
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.terminal import looked_at, plain_console, print_words
@@ -131,7 +131,9 @@ def command(asked: Options, absolute: Absolute) -> None:
         with of_flag("--model"):
             structure(cell, settings.model)  # refused here, not after the search
         console = plain_console()
-        tasks = asked.task and read_tasks(asked.task, cell, hung(cell, settings.loads_kg[0]), asked.mapping)
+        tasks = asked.task and read_tasks(
+            asked.task, cell, weight(cell.vjm, settings.loads_kg[0]), asked.mapping
+        )
         heavy = overloaded(cell.arm, (0.0, *settings.loads_kg)), overpulled(cell.arm, settings.pulls_n)
         for doubt in filter(None, heavy):
             console.print(f"Doubt: {doubt}", soft_wrap=True)

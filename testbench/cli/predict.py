@@ -8,15 +8,15 @@ import typer
 
 from testbench import files
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.load_model import load_model
 from testbench.campaign.payload import overloaded, payload_of
 from testbench.campaign.plan_input import box
-from testbench.campaign.predict import FORCE, predicted, read_asked
+from testbench.campaign.program import FORCE, predicted, read_asked
+from testbench.campaign.stiffness_model import load_model
 from testbench.cli.arguments import Load, MapFile
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
 from testbench.correct.arm_model import ArmModel
 from testbench.model.poses import WorkArea
-from testbench.output.run import claim_folder
+from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements, print_table
 

@@ -18,8 +18,8 @@ from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row
-from testbench.trials.gain import gained
 from testbench.views.colours import GCO, MEASURED, NOMINAL, Look
+from testbench.views.gains import gained
 from testbench.views.markdown import Markdown, ended
 from testbench.views.scene import (
     Layer,

@@ -15,14 +15,13 @@ from testbench.commands.compare_rows import (
     told,
 )
 from testbench.errors import BenchError, InputError
-from testbench.output.finished import Finished
+from testbench.output.manifest import Finished
 from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, lines, numbers_of, read_report, say
 from testbench.report.table import Row
-from testbench.trials.gain import Gain
 from testbench.trials.spread import Spread, middle, triple
 from testbench.views.colours import GREY, Look, look
-from testbench.views.gains import less
+from testbench.views.gains import Gain, less
 from testbench.views.markdown import Markdown, as_markdown, as_plain, counted, ended, listed
 from testbench.views.scene import Seen
 from testbench.views.schema import Column, Table

@@ -7,7 +7,7 @@ from pydantic import JsonValue
 
 from testbench.campaign.true_arms import CALLED, TRUTHS, member
 from testbench.errors import BenchError
-from testbench.output.finished import Finished
+from testbench.output.manifest import Finished
 from testbench.report.table import Row
 
 ABSENT, NONE = "not said", "none"

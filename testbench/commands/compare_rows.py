@@ -7,13 +7,12 @@ from typing import Any, Literal
 import numpy as np
 
 from testbench.errors import InputError
-from testbench.output.finished import Finished
+from testbench.output.manifest import Finished
 from testbench.report.report import Report, number
 from testbench.report.table import Row
-from testbench.trials.gain import ALIKE
 from testbench.trials.spread import SAME, Number, Spread, ends, middle, spread, triple, wins
 from testbench.trials.store import WHOLE
-from testbench.views.schema import Column, Table
+from testbench.views.schema import ALIKE, Column, Table
 
 KINDS = {
     "workspace": "over the workspace, against the truth",

@@ -8,7 +8,7 @@ import numpy as np
 
 from testbench import files
 from testbench.campaign.campaign import Cell
-from testbench.campaign.compensate import CorrectedProgram, more_columns
+from testbench.campaign.program import CorrectedProgram, more_columns
 from testbench.campaign.rows import MM
 from testbench.correct.beyond import extent
 from testbench.correct.open import most_open

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -13,14 +14,11 @@ from testbench.identify.identifiability_unseen import Direction
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row
-from testbench.trials.gain import gained
 from testbench.views.colours import GCO, GREY, Look
+from testbench.views.gains import gained
 from testbench.views.markdown import Markdown, listed
 from testbench.views.scene import Line, RunChart, Seen
 from testbench.views.schema import Table
-
-if TYPE_CHECKING:
-    from testbench.views.figure import Figure
 
 AXES = (
     "stretch",
@@ -212,10 +210,8 @@ def _named(found: Identifiability, parameters: Sequence[int]) -> str:
     return f"{words[0]} of {part}" if len(words) == 1 else f"{part} ({', '.join(words)})"
 
 
-def figure(told: Report) -> "Figure":
+def seen(told: Report) -> Seen:
     """Of every link and joint how much the data tell, and how many of its unknowns the prior decides."""
-    from testbench.views.run_figure import overview  # here: matplotlib takes half a second
-
     blocks = told.numbers["blocks"]
     data = np.array([block.data_share_percent for block in blocks])
     parts = [block.part for block in blocks]
@@ -225,4 +221,12 @@ def figure(told: Report) -> "Figure":
         Line("unknowns decided by the prior", Look(GREY, 1, prior=True), prior),
     ]
     title = "Of what is known of each link and joint (%)"
-    return overview(told, Seen(runs=[RunChart(title, 0, "link or joint", parts, shown, joined=False)]))
+    return Seen(runs=[RunChart(title, 0, "link or joint", parts, shown, joined=False)])
+
+
+def write(told: Report, file: Path | IO[bytes]) -> None:
+    """The same as a PNG."""
+    from testbench.views.figure import save  # here: matplotlib takes half a second
+    from testbench.views.run_figure import overview
+
+    save(overview(told, seen(told)), file)

@@ -9,14 +9,14 @@ from testbench.campaign.baselines import JOINTS, is_least_squares
 from testbench.campaign.campaign import Cell
 from testbench.campaign.fits import Identified
 from testbench.campaign.model_folder import FITS
-from testbench.campaign.stiffness_write import write_stiffness
+from testbench.campaign.stiffness_model import write_stiffness
 from testbench.commands.identify_drawn import seen
 from testbench.commands.identify_rows import COUNTS, left_by, numbers
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, find
-from testbench.trials.gain import Gain, gained
+from testbench.views.gains import Gain, gained
 from testbench.views.markdown import Markdown, capital, ended
 from testbench.views.schema import Table
 

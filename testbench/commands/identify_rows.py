@@ -8,7 +8,7 @@ from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Cell, clear_poses, stream
 from testbench.campaign.fits import Fitted, Identified
 from testbench.campaign.rows import MM
-from testbench.campaign.stiffness_write import weights_known
+from testbench.campaign.stiffness_model import weights_known
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, kept_mm, places_at
 from testbench.correct.arm_model import of_estimate
 from testbench.correct.predicted import predict

@@ -8,9 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.campaign.absolute_plan import AbsolutePlanned, left_open
 from testbench.campaign.campaign import stream
-from testbench.campaign.plan import Planned
+from testbench.campaign.plan import AbsolutePlanned, Planned, left_open
 from testbench.campaign.plan_settings import pull_words
 from testbench.campaign.predicted_error import (
     Expected,

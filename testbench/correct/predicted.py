@@ -9,6 +9,7 @@ import numpy as np
 from testbench.correct.arm_model import ArmModel
 from testbench.correct.rest import TOGETHER, Rest, rest
 from testbench.correct.sure import Stand, curvature, half_widths
+from testbench.correct.turn import turn_between, turned
 from testbench.errors import Array, check_array
 from testbench.identify.intervals import CONFIDENCE, CURVED
 from testbench.model.load import Load, on_joints
@@ -94,7 +95,7 @@ def _predict(model: ArmModel, loaded: Stand, points: Array, *, linear: bool, con
         curved = curvature(model, loaded, points)
         half = np.hypot(half, curved * (1.0 if model.absolute else np.sqrt(CURVED**2 - 1)))
         deflection, turn = straight
-        rotation = _turned(turn) @ before.rotation
+        rotation = turned(turn) @ before.rotation
     known = np.full(half.shape, np.inf)
     if model.absolute:
         known = half_widths(model, loaded, None, points, confidence)
@@ -108,17 +109,8 @@ def _places(where: Rest, points: Array) -> Array:
 
 def _moved(before: Rest, after: Rest, points: Array) -> tuple[Array, Array]:
     """How far points, (poses, k, 3) [m], and the tool, (poses, 3) [rad], have moved."""
-    from scipy.spatial.transform import Rotation  # here: it takes long to import
-
-    turn = Rotation.from_matrix(after.rotation @ before.rotation.swapaxes(1, 2)).as_rotvec()
-    return _places(after, points) - _places(before, points), np.asarray(turn)
-
-
-def _turned(turn: Array) -> Array:
-    """Rotations of rotation vectors, (poses, 3) to (poses, 3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_rotvec(turn).as_matrix())
+    turn = turn_between(before.rotation, after.rotation)
+    return _places(after, points) - _places(before, points), turn
 
 
 def _linear(model: ArmModel, stand: Stand, points: Array) -> tuple[Array, Array]:

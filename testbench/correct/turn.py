@@ -12,6 +12,14 @@ def turn_between(start: Array, end: Array) -> Array:
     return _vectors(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
 
 
+def turned(turn: Array) -> Array:
+    """Rotations (points, 3, 3) of rotation vectors (points, 3) [rad], by Rodrigues' formula."""
+    angle = np.linalg.norm(turn, axis=1)[:, None, None]
+    K = np.cross(np.eye(3), turn[:, None])
+    half = np.sinc(angle / (2 * np.pi))
+    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + half**2 / 2 * K @ K)
+
+
 def turn_of_axis(start: Array, end: Array) -> Array:
     """The same of the shortest turns that take unit vectors (points, 3) to others."""
     return _vectors(np.cross(start, end), np.einsum("px,px->p", start, end))

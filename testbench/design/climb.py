@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from testbench.design.criteria import Criterion
+from testbench.design.rows import times
 from testbench.design.squares import Squares, squares
 from testbench.errors import Array
 
@@ -48,7 +49,7 @@ def climb(prior: Array, criterion: Criterion, rows: Array, w: Array) -> Array:
 
 def _curvature(rows: Array, every: Squares, I: Array, Z: Array) -> Array:  # noqa: E741
     """<Z, S_i M^-1 S_j> of all pairs of squares S = F^T F, I = M^-1, (candidates, candidates)."""
-    half = (rows @ I).swapaxes(1, 2) @ (rows @ Z)
+    half = times(rows, I).swapaxes(1, 2) @ times(rows, Z)
     return np.asarray((half + half.swapaxes(1, 2))[:, every.row, every.column] @ every.packed.T / 2)
 
 

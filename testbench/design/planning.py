@@ -12,7 +12,7 @@ from testbench.design.forecast import Forecast, forecast
 from testbench.design.order import joint_travel, shortest_path
 from testbench.design.refine import Neighbourhood, Reach, ascend, refine
 from testbench.design.relaxation import Relaxed, relax, sensitivity
-from testbench.design.rows import Ids, Problem, information, more
+from testbench.design.rows import Ids, Problem, information, more, times
 from testbench.design.specification import Specification, measured_rows, problem_of, task_rows, workspace_rows
 from testbench.errors import Array, BenchError
 
@@ -180,7 +180,7 @@ def _refined(
     load = examined.load[chosen]
 
     def rows(trial: Array, places: Ids) -> Array:
-        return measured(trial, load[places]) @ examined.problem.lift
+        return times(measured(trial, load[places]), examined.problem.lift)
 
     return refine(examined.q[chosen], examined.problem.prior, criterion, rows, near), load
 
@@ -191,7 +191,7 @@ def _climb(measured: Measured, examined: CandidateSet, relaxed: Relaxed, near: N
     load = examined.load[top]
 
     def usefulness(q: Array) -> Array:
-        rows = measured(q, np.resize(load, len(q))) @ examined.problem.lift
+        rows = times(measured(q, np.resize(load, len(q))), examined.problem.lift)
         return sensitivity(rows, relaxed.dual)
 
     return _add(measured, examined, ascend(examined.q[top], usefulness, near), load)

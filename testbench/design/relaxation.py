@@ -12,7 +12,7 @@ import numpy as np
 
 from testbench.design.climb import climb
 from testbench.design.criteria import Criterion
-from testbench.design.rows import Ids, Problem, total
+from testbench.design.rows import Ids, Problem, times, total
 from testbench.errors import Array
 
 FIRST, JOINING = 120, 40  #: Candidates of the first working set, and how many join it in a round.
@@ -34,7 +34,7 @@ class Relaxed:
 
 def sensitivity(rows: Array, Z: Array) -> Array:
     """<Z, F^T F> of every candidate, (candidates,)."""
-    return np.asarray(((rows @ Z) * rows).sum(axis=(1, 2)))
+    return np.asarray(np.einsum("pkr,pkr->p", times(rows, Z), rows))
 
 
 def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | None = None) -> Relaxed:

@@ -76,9 +76,13 @@ def _rows(experiment: Experiment, q: Array, load: Load, motion: Array) -> Array:
     where = chain(experiment.vjm, q)
     u = on_joints(where, [load.over(len(q))])
     J = np.tensordot(motion, twist_rows(where), axes=1)
-    A = np.stack([*parameter_rows(experiment.metric.structure, J, u)])
-    rows: Array = np.ascontiguousarray(A.transpose(2, 0, 1)) @ experiment.metric.L
-    return rows
+    L = experiment.metric.L
+    return np.stack([A.T @ L for A in parameter_rows(experiment.metric.structure, J, u)], axis=1)
+
+
+def times(rows: Array, X: Array) -> Array:
+    """Rows (poses, k, n) times (n, r), as one product: one a pose takes two to three times as long."""
+    return np.asarray((rows.reshape(-1, len(X)) @ X).reshape(*rows.shape[:2], -1))
 
 
 def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None) -> Problem:
@@ -95,14 +99,14 @@ def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None
     seen, rest = Vt[:r].T, Vt[r:].T
     if uncertainty is None:
         ridge = RIDGE * float(s[0] ** 2) / len(rows) * np.eye(r)
-        return Problem(rows @ seen, ridge, seen, np.zeros((n, n)), rest)
+        return Problem(times(rows, seen), ridge, seen, np.zeros((n, n)), rest)
     B, _ = precision_root(experiment.metric, Strength(uncertainty, SCALE_UNCERTAINTY))
     M = B.T @ B
     covariance = np.linalg.inv(rest.T @ M @ rest)
     follow = covariance @ (rest.T @ M @ seen)
     prior = seen.T @ M @ seen - (seen.T @ M @ rest) @ follow
     lift = seen - rest @ follow
-    return Problem(rows @ seen, prior, lift, rest @ covariance @ rest.T, np.zeros((n, 0)))
+    return Problem(times(rows, seen), prior, lift, rest @ covariance @ rest.T, np.zeros((n, 0)))
 
 
 def more(problem: Problem, rows: Array) -> Problem:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError, check_array
-from testbench.model.vjm import Chain, generalised_load
+from testbench.model.vjm import Chain, Vjm, generalised_load
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,13 @@ class Load:
     def of(self, some: slice | npt.NDArray[np.int_]) -> "Load":
         """That of some poses, where there is a row a pose."""
         return Load(self.wrench[some], self.point[some])
+
+
+def weight(vjm: Vjm, mass: float | Array) -> Load:
+    """A mass that hangs from the arm's load point, or one a pose, (poses,) [kg]."""
+    wrench = np.zeros((*np.shape(mass), 6))
+    wrench[..., 2] = -GRAVITY * mass
+    return Load(wrench, np.broadcast_to(vjm.load, (*np.shape(mass), 3)))
 
 
 def resultant(rotation: Array, loads: Sequence[Load]) -> Array:

@@ -1,12 +1,17 @@
-"""What manifest.json says of the folder that it lies in."""
+"""What the folder of a finished run tells of it, perhaps a stranger's: manifest.json, and plain JSON data."""
 
 import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
+from pydantic_core import from_json
 
-from testbench.errors import InputError, open_file, read_bytes
+from testbench.errors import InputError, open_file, read_bytes, read_text, shown
 
 NAME = "manifest.json"
 MOST = 16 * 2**20  #: Largest one that is read [byte].
@@ -56,3 +61,92 @@ def has_digest(path: Path, sha256: str | None) -> bool:
 def is_run(folder: Path) -> bool:
     """Whether a folder is that of a run, finished or under way."""
     return bool(read_manifest(folder).command) or (folder / "trials.log").is_file()
+
+
+REPORT = "report.json"
+LONGEST = 20_000  #: Longest text that is read [characters].
+BEYOND = 2**63  #: Integers lie below.
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A run."""
+
+    folder: Path  #: As it was named.
+    manifest: Manifest
+    report: Mapping[str, JsonValue]  #: report.json.
+    digest: str  #: SHA-256 of the data in report.json.
+
+    @property
+    def file(self) -> Path:
+        """Where the report is."""
+        return self.folder / REPORT
+
+    @property
+    def several(self) -> bool:
+        """Whether numbers are over several seeds."""
+        return self.manifest.seeds > 1
+
+
+def read_run(folder: Path) -> Finished:
+    """What the folder of a finished run says.
+
+    Raises:
+        InputError: When manifest.json or report.json is missing or is none; names the file and the place.
+    """
+    about, report = folder / NAME, folder / REPORT
+    data = read_plain(about)
+    try:
+        told = Manifest.model_validate_json(json.dumps(data))
+    except ValidationError as err:
+        raise told_as(about, err) from err
+    plain = read_plain(report)
+    if not isinstance(plain, dict):
+        raise InputError(report, "", f"expected a table of keys, got {type(plain).__name__}")
+    text = json.dumps(plain, sort_keys=True)
+    return Finished(folder, told, plain, hashlib.sha256(text.encode()).hexdigest())
+
+
+def told_as(file: Path, err: ValidationError) -> InputError:
+    """The first finding of pydantic in a file, in one line."""
+    first = err.errors(include_url=False, include_context=False)[0]
+    place = ".".join(map(str, first["loc"]))
+    if first["type"] == "missing":
+        return InputError(file, place, "expected it, there is none")
+    return InputError(file, place, f"{first['msg']}, got {str(first.get('input'))[:80]!r}")
+
+
+def read_plain(path: Path) -> JsonValue:
+    """JSON data with finite numbers and texts of printable characters.
+
+    Raises:
+        InputError: When the file cannot be read, is too large or too deep, is no JSON, or has a number that
+            is not finite; names the place.
+    """
+    text = read_text(path, MOST)
+    try:
+        found: JsonValue = from_json(text)
+    except ValueError as err:  # also one of thousands of digits, and data that are too deep
+        raise InputError(path, "", f"not JSON: {err}") from err
+    return _checked(path, found, ())
+
+
+def _checked(path: Path, value: JsonValue, place: tuple[object, ...]) -> JsonValue:
+    """The value; what would steer a terminal in its texts is replaced. `place` is keys that lead to it."""
+    problem = ""
+    if isinstance(value, dict):
+        keys = {str(_checked(path, key, (*place, key))): own for key, own in value.items()}
+        return {key: _checked(path, own, (*place, key)) for key, own in keys.items()}
+    if isinstance(value, list):
+        return [_checked(path, own, (*place, k)) for k, own in enumerate(value)]
+    if isinstance(value, str):
+        if len(value) <= LONGEST:
+            return "\n".join(map(shown, value.split("\n")))
+        problem = f"expected a text of at most {LONGEST} characters, got {len(value)}"
+    if isinstance(value, float) and not math.isfinite(value):
+        problem = f"expected a finite number, got {value}"
+    if isinstance(value, int) and not -BEYOND <= value < BEYOND:
+        problem = "expected an integer of 64 bits, got a larger one"
+    if problem:
+        raise InputError(path, ".".join(str(key)[:80] for key in place), problem)
+    return value

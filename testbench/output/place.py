@@ -1,4 +1,4 @@
-"""Whether an output may go to a place, asked before anything is computed."""
+"""Where an output may go, asked before anything is computed: a file, or the folder of one run."""
 
 import contextlib
 import os
@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from testbench.errors import InputError
-from testbench.output.lock import claim
-from testbench.output.manifest import is_run
-from testbench.output.scratch import folder_for, writing
+from testbench.output.lock import CLAIM, claim
+from testbench.output.manifest import is_run, read_manifest
+from testbench.output.replace import inside, put_in_place, settle
+from testbench.output.whole import NAME, folder_for, scratch, whole_file, writing
 
 LONGEST = 255  #: Longest name of a file [byte].
 HEAD = 4096  #: How much of a file says what it is [byte].
@@ -104,11 +105,6 @@ def same(path: Path, other: Path) -> bool:
         return False
 
 
-def inside(path: Path, folder: Path) -> bool:
-    """Whether a path leads into a folder."""
-    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
-
-
 def check_writable(folder: Path, path: Path) -> None:
     """Refuse a folder in which no file can be made, or which cannot be made.
 
@@ -119,3 +115,124 @@ def check_writable(folder: Path, path: Path) -> None:
         folder = folder.parent
     with writing(path), tempfile.TemporaryFile(dir=folder):
         pass
+
+
+SUFFIXES = frozenset((".json", ".md", ".csv", ".parquet", ".png", ".rrd", ".html"))
+"""Of files of runs whose manifest does not name them: older ones."""
+UNDER_WAY = frozenset(("trials.log", "prepared"))
+"""What a study keeps in its folder beside the files of a finished run."""
+ELSEWHERE = "choose another folder, or write into this one by --force"
+
+
+@contextlib.contextmanager
+def claim_folder(
+    out: Path, command: str, *, own: frozenset[str] = UNDER_WAY, inputs: Sequence[Path] = (), force: bool
+) -> Iterator[None]:
+    """The folder is this command's alone inside of the block, before anything is computed.
+
+    Args and Raises: as of `check_folder`; InputError too when another run has it.
+    """
+    settle(out)
+    check_folder(out, command, own=own, inputs=inputs, force=force)
+    with contextlib.ExitStack() as stack:
+        with writing(out):
+            stack.enter_context(folder_for(out))
+            stack.enter_context(claim(out, out))
+        settle(out)
+        check_folder(out, command, own=own, inputs=inputs, force=force)
+        yield
+
+
+def check_folder(
+    out: Path, command: str, *, own: frozenset[str] = UNDER_WAY, inputs: Sequence[Path] = (), force: bool
+) -> None:
+    """Refuse a folder that holds something else than a run of a command, or cannot be written.
+
+    Args:
+        out: Folder of the results; it need not exist.
+        command: Whose run it is, as manifest.json names it.
+        own: Names of what such a run may leave without a manifest.
+        inputs: Files and folders that the same command reads.
+        force: Whether files of another kind may stay there, and a run of another kind may be replaced.
+
+    Raises:
+        InputError: Names the file that is not of such a run.
+    """
+    status = look(out)
+    for source in inputs:
+        if inside(source, out):
+            raise InputError(out, "", f"expected a folder without {source}, which is read")
+    if status is not None and not out.is_dir():
+        raise InputError(out, "", "expected a folder, got a file, a device or a link to nothing")
+    if not force:
+        if status is not None and stat.S_ISLNK(status.st_mode):
+            raise InputError(out, "", f"is a symbolic link; {ELSEWHERE}")
+        if is_run(out.absolute().parent):
+            raise InputError(out, "", f"lies in the folder of a run; {ELSEWHERE}")
+        if status is not None:
+            _check_held(out, command, own)
+    check_writable(out, out)
+
+
+def _check_held(out: Path, command: str, own: frozenset[str]) -> None:
+    found = read_manifest(out)
+    if found.command not in (command, ""):
+        raise InputError(out, "", f"holds a run of {found.command}, expected {command}; {ELSEWHERE}")
+    for path in _entries(out, own, found.files or frozenset()):
+        plain = path.is_file() and not path.is_symlink()
+        named = path.suffix in SUFFIXES if found.files is None and found.command else False
+        if plain and (named or path.relative_to(out).as_posix() in (found.files or ())):
+            continue
+        raise InputError(path, "", f"is not of {command}, and a run folder holds only runs; {ELSEWHERE}")
+
+
+def _entries(out: Path, own: frozenset[str], named: frozenset[str]) -> Iterator[Path]:
+    """What lies in a run's folder, and in folders of it that hold named files; not what is its own."""
+    try:
+        for path in sorted(out.iterdir()):
+            if path.name in own or NAME.fullmatch(path.name) or CLAIM.fullmatch(path.name):
+                continue
+            if path.is_dir() and not path.is_symlink() and any(f.startswith(f"{path.name}/") for f in named):
+                below = frozenset(f.removeprefix(f"{path.name}/") for f in named)
+                yield from _entries(path, frozenset(), below)
+            else:
+                yield path
+    except OSError as err:
+        raise InputError(out, "", f"cannot be read: {err.strerror}") from err
+
+
+@contextlib.contextmanager
+def whole_folder(out: Path) -> Iterator[Path]:
+    """A scratch folder whose files replace the run in `out` once the block has ended well.
+
+    After an error or Ctrl-C the earlier results stand as they were; after a kill they do, or the next command
+    that opens the folder puts the new ones in place.
+
+    Args:
+        out: Folder of the results; made where it does not exist.
+
+    Raises:
+        InputError: When the folder cannot be made or written.
+    """
+    with writing(out), folder_for(out):
+        settle(out)
+        with scratch(out) as folder:
+            yield folder
+            put_in_place(out, folder)
+
+
+@contextlib.contextmanager
+def new_folder(out: Path) -> Iterator[Path]:
+    """A scratch folder that becomes `out` once the block has ended well; nothing is left of it otherwise.
+
+    Args:
+        out: A folder that does not exist yet; it is named so in the block too.
+
+    Raises:
+        InputError: When it exists, or cannot be made or written.
+    """
+    if look(out) is not None:
+        raise InputError(out, "", "exists already; expected the name of a new folder")
+    with whole_file(out) as part, writing(out), claim(out, out.parent):
+        part.mkdir()
+        yield part

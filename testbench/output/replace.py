@@ -14,8 +14,7 @@ from testbench.errors import InputError
 from testbench.output import manifest
 from testbench.output.lock import turn
 from testbench.output.manifest import has_digest, read_manifest
-from testbench.output.place import inside
-from testbench.output.scratch import READY, folder_for, remove, sync_all, sync_names, writing
+from testbench.output.whole import READY, folder_for, remove, sync_all, sync_names, writing
 from testbench.stops import stops_wait
 
 
@@ -99,6 +98,11 @@ def _complete(out: Path) -> None:
         (ready / file).replace(out / file)
     sync_names(out)
     remove(ready)
+
+
+def inside(path: Path, folder: Path) -> bool:
+    """Whether a path leads into a folder."""
+    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
 
 
 def _files(folder: Path) -> list[Path]:

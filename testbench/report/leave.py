@@ -9,9 +9,8 @@ import numpy as np
 
 from testbench import files
 from testbench.campaign.model_folder import digests
-from testbench.output.run import whole_folder
+from testbench.output.place import whole_folder
 from testbench.report.report import Report
-from testbench.views.page.page import write_page
 from testbench.views.scene import Seen
 
 More = Callable[[Path], Mapping[str, object]]
@@ -37,8 +36,10 @@ class Asked:
 
 def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
     """Write a run; InputError when its folder cannot be written."""
-    from testbench.views.recording.run import write_run  # here: matplotlib and rerun take two thirds
-    from testbench.views.recording.stream import Header  # of a second
+    from testbench.views.figure import save  # here: matplotlib and rerun take half a second, and not
+    from testbench.views.page.page import write_page  # every command leaves a folder
+    from testbench.views.recording.run import write_run
+    from testbench.views.recording.stream import Header
     from testbench.views.run_figure import error_map, overview
 
     with whole_folder(out) as folder:
@@ -47,9 +48,9 @@ def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
         (folder / f"{asked.stem}.md").write_text(report.whole(), encoding="utf-8")
         picture = folder / asked.picture
         drawn = replace(seen, tables=seen.tables or [own for own in report.tables.values() if own.rows])
-        overview(report, drawn).savefig(picture)
+        save(overview(report, drawn), picture)
         if asked.map and seen.map and any(np.isfinite(line.values).any() for line in seen.map.lines):
-            error_map(seen.map, asked.map).savefig(folder / MAP)
+            save(error_map(seen.map, asked.map), folder / MAP)
         header = Header(asked.command, json.dumps(asked.flags, sort_keys=True), next(iter(asked.seeds), 0))
         write_run(folder / "recording.rrd", header, report, drawn, {"Charts": picture})
         write_page(folder, f"{asked.command}: {asked.name}", report, drawn)

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import JsonValue
 
 from testbench.errors import InputError
-from testbench.output.finished import read_plain
+from testbench.output.manifest import read_plain
 from testbench.report.table import Row, plain, rows
 from testbench.trials.spread import Spread, middle
 from testbench.views.colours import Look

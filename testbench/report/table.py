@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from testbench.trials.gain import Gain, gained
 from testbench.trials.rows import flatten
 from testbench.trials.spread import spread, twins_once
+from testbench.views.gains import Gain, gained
 
 Cells = npt.NDArray[Any]
 MODEL, TRIAL = "name", "seed"

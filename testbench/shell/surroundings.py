@@ -10,11 +10,14 @@ import sys
 import warnings
 from pathlib import Path
 
+import numpy as np
+
 RECORDINGS = (
     "RERUN_FLUSH",
     "RERUN_CHUNK",
 )  #: Begin the names of what cuts recordings otherwise; RERUN=off none.
 SETTINGS = "matplotlibrc"
+UNUSED = "f2py", "testing"  #: Of numpy: scipy imports all it has, and these take a tenth of a second.
 
 
 def undisturbed() -> None:
@@ -28,6 +31,8 @@ def undisturbed() -> None:
         del os.environ[name]
     os.environ["MPLBACKEND"] = "agg"
     os.environ["MUJOCO_GL"] = "disable"  # nothing is drawn by MuJoCo; a driver that lacks is an error
+    np.__all__ = [name for name in np.__all__ if name not in UNUSED]
+    getattr(np, "__numpy_submodules__", set()).difference_update(UNUSED)
     if os.path.lexists(SETTINGS):
         _import_elsewhere("matplotlib")
 

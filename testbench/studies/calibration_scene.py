@@ -12,14 +12,26 @@ from testbench.campaign.rows import MM
 from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset, in_order, split
 from testbench.errors import Array
-from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.plant.shapes import elastic_frames, origins, rigid_frames
 from testbench.report.table import Row, Trials
 from testbench.studies.study import AnyRun
 from testbench.views.colours import LOAD, MEASURED, Look, look
-from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen, arrow_scale
+from testbench.views.scene import (
+    Layer,
+    Line,
+    PlaceMap,
+    Poses,
+    RunChart,
+    Scene,
+    Seen,
+    arrow_scale,
+    of_all,
+    picked,
+)
 
 ARROWS = 0.25  #: Length of an arrow longer than 95 % of all over the reach of the arm [1].
 FORCE = 0.2  #: Length of the arrow of the largest force over the reach [1].
+LONGEST = 0.3  #: The same of errors alone.
 OVER = "Error in each pose, against the truth, RMS over the markers (mm)"
 LEFT = "What is left in each run, against its readings, RMS over the markers (mm)"
 
@@ -52,6 +64,29 @@ def with_errors(
         first=int(lines[-1].values.argmax()),
     )
     return drawn, lines
+
+
+def amid_errors(
+    cell: Cell, q: Array, names: Sequence[str], errors: Mapping[str, Array], looks: Mapping[str, Look]
+) -> Seen:
+    """The arm in poses, with arrows from where models have its targets to where they truly are, or were read.
+
+    Args:
+        cell: The arm.
+        q: Poses, (poses, n) [rad, m]; those of the largest errors of the last model and others evenly.
+        names: Of the poses.
+        errors: Of models, on the first of the arm's markers, base axes, (poses, 3) [m].
+        looks: Of the models.
+    """
+    some = picked(np.linalg.norm([*errors.values()][-1], axis=-1), np.arange(len(q)))
+    errors, names = {name: off[some, None] for name, off in errors.items()}, [names[k] for k in some]
+    scale = arrow_scale(next(iter(errors.values())), LONGEST * cell.vjm.reach)
+    rigid = rigid_frames(cell.room, q[some])
+    poses = Poses("Positions that were not fitted", names, [""] * len(some), rigid, bent=None)
+    drawn, lines = with_errors(poses, origins(cell.room, cell.arm.markers[:1], rigid), errors, looks, scale)
+    note = of_all(len(some), len(q), "positions")
+    chart = RunChart("Error at each position (mm)", 0, "position", names, lines, note=note)
+    return Seen(scene=Scene(cell, f"Errors x {scale:g}.", [drawn]), runs=[chart])
 
 
 def runs_of(cell: Cell, setup: Setup, first: Trials) -> tuple[Dataset, Dataset]:

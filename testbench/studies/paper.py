@@ -1,17 +1,14 @@
 """What the paper says, to stand beside ours: its numbers of sections 5 and 6, and its statements judged."""
 
-from dataclasses import dataclass
-from typing import Literal
-
 from testbench.campaign.campaign import Cell, stream
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate
 from testbench.identify.factorised import LARGEST_ORDER, LocalSolves
 from testbench.model.structure import Structure
+from testbench.report.table import Row
 from testbench.trials.spread import Number, Spread, ends, middle
 from testbench.views.schema import show
 
-Verdict = Literal["confirmed", "not confirmed"]
 MOST = 0.95  #: Share of the seeds in which a comparison must hold.
 RULE = (
     "A number is confirmed where the paper's lies inside our 5 to 95 % over the seeds, of fewer than 20 "
@@ -22,21 +19,12 @@ RULE = (
 """How every verdict is made."""
 
 
-@dataclass(frozen=True)
-class Claim:
-    """A statement of the paper, and what our numbers say of it."""
-
-    claim: str  #: What the paper says, or our own thesis about it.
-    verdict: Verdict  #: Whether our numbers agree.
-    why: str  #: Our numbers.
-
-
-def judged(claim: str, holds: bool, why: str) -> Claim:
+def judged(claim: str, holds: bool, why: str) -> Row:
     """A statement that holds, or not; one of seeds has to hold in all of them."""
-    return Claim(claim, "confirmed" if holds else "not confirmed", why)
+    return Row(claim=claim, verdict="confirmed" if holds else "not confirmed", why=why)
 
 
-def number(claim: str, ours: Number, paper: float, differs: str) -> Claim:
+def number(claim: str, ours: Number, paper: float, differs: str) -> Row:
     """A number of the paper: confirmed where it lies inside our 5 to 95 % over the seeds.
 
     Args:
@@ -57,7 +45,7 @@ def number(claim: str, ours: Number, paper: float, differs: str) -> Claim:
     return judged(claim, False, f"{why}, which lies {side}: {differs}")
 
 
-def comparison(claim: str, test: str, held: int, seeds: int) -> Claim:
+def comparison(claim: str, test: str, held: int, seeds: int) -> Row:
     """One error against another on the same data: confirmed where the test is met in `MOST` of the seeds.
 
     Args:

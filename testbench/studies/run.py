@@ -17,16 +17,17 @@ from rich.console import Console
 from testbench import files
 from testbench.campaign.model_folder import digests
 from testbench.errors import InputError
-from testbench.output.run import claim_folder, whole_folder
+from testbench.output.place import claim_folder, whole_folder
 from testbench.report.table import Trials
 from testbench.shell.options import Common, takes
 from testbench.shell.trials import choose_backend, show_progress
-from testbench.studies.patched import checked, constants
+from testbench.studies.patched import checked, sums
 from testbench.studies.study import AnyStudy, Everywhere, P, Run
 from testbench.trials.engine import Backend, run_study
 from testbench.trials.experiment import Experiment
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 from testbench.views import terminal
+from testbench.views.figure import save
 from testbench.views.page.page import write_page
 from testbench.views.recording.run import write_run
 from testbench.views.scene import Seen
@@ -62,7 +63,7 @@ def run(study: AnyStudy, common: Common, options: Any, console: Console) -> None
     settings = study.settings(options, common.quick, seeds)
     plain = TypeAdapter(type(settings)).dump_python(settings, mode="json")
     text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
-    known = constants(study.trials)
+    known = sums(study.trials)
     scenario = {"settings": plain, "models": digests(arms), **known}
     script = f"scenarios/{study.name}.py"
     experiment = Experiment(study.name, scenario, seeds)
@@ -111,7 +112,7 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     (folder / "report.md").write_text(report.whole(), encoding="utf-8")
     figures = study.figures(report)
     for name, figure in figures.items():
-        figure.savefig(folder / name)
+        save(figure, folder / name)
     names = [*figures, *study.extra]
     if "data_file" in (first := found.first):
         (folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")

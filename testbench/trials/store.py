@@ -11,19 +11,81 @@ import hashlib
 import json
 import os
 import stat
+import struct
+import zlib
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import BinaryIO, Generic, TypeVar
 
 from testbench import files
 from testbench.errors import BenchError, InputError
 from testbench.output.lock import locked
 from testbench.output.manifest import read_manifest
-from testbench.output.scratch import folder_for, sweep, sync_names, writing
+from testbench.output.whole import folder_for, sweep, sync_names, writing
 from testbench.trials.experiment import Experiment, check_header
-from testbench.trials.records import HEADER, MAGIC, pack, read_at, record, records, unpack
 from testbench.trials.rows import Table, check_types, columns, restorer
+
+MAGIC = b"testbench trials 5\n"  #: Begins a file.
+HEAD = struct.Struct(">qI32s")  #: Seed, length of what follows [byte], SHA-256.
+HEADER = -1  #: In place of a seed: what the trials are of.
+LONGEST = 2**24  #: Longest record, and text in it [byte]: a few packed ones could be of any length.
+NONE = bytes(HEAD.size)  #: What some file systems leave at the end of a file after a crash.
+
+
+def record(seed: int, data: bytes, sha256: bytes) -> bytes:
+    """As it stands in the file."""
+    return HEAD.pack(seed, len(data), sha256) + data
+
+
+def records(file: BinaryIO) -> Iterator[tuple[int, int, bytes, bytes]]:
+    """Place, seed, checksum and data of every whole record from here on; ValueError for what is none."""
+    place = file.tell()
+    while len(head := file.read(HEAD.size)) == HEAD.size and head != NONE:
+        seed, size, sha256 = HEAD.unpack(head)
+        if size > LONGEST:
+            raise ValueError(f"a record of {size} bytes")
+        if len(data := file.read(size)) < size:
+            return
+        yield place, seed, sha256, data
+        place += HEAD.size + size
+
+
+def read_at(file: int, place: int) -> bytes:
+    """Data of the record at a place."""
+    _, size, _ = HEAD.unpack(os.pread(file, HEAD.size, place))
+    return os.pread(file, size, place + HEAD.size)
+
+
+def stored_seeds(path: Path) -> list[int]:
+    """Seeds of the trials in a file, perhaps of a run under way."""
+    with path.open("rb") as file:
+        file.seek(len(MAGIC))
+        return [seed for _, seed, _, _ in records(file) if seed != HEADER]
+
+
+def pack(table: Table) -> bytes:
+    """Rows of a trial as bytes; BenchError when they are too many."""
+    text = json.dumps(table, separators=(",", ":")).encode()
+    if len(text) > LONGEST:
+        raise BenchError(f"rows: expected at most {LONGEST} bytes of a trial, got {len(text)}")
+    return zlib.compress(text)
+
+
+def unpack(data: bytes) -> Table:
+    """Rows of a trial; ValueError or RecursionError where the bytes are of something else."""
+    opened = zlib.decompressobj()
+    try:
+        text = opened.decompress(data, LONGEST)
+    except zlib.error as err:
+        raise ValueError(f"packed rows: {err}") from err
+    if not opened.eof or opened.unused_data:
+        raise ValueError(f"packed rows: expected at most {LONGEST} bytes and no more behind them")
+    found = json.loads(text.decode())
+    if not isinstance(found, dict) or not all(isinstance(cells, list) for cells in found.values()):
+        raise ValueError("packed rows: expected columns")
+    return found
+
 
 FILE, WHOLE = "trials.log", "trials.parquet"
 """Trials of a run that is under way, and of one that has come to its end."""

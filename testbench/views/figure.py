@@ -5,12 +5,14 @@ import textwrap
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
+from pathlib import Path
+from typing import IO, Literal
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Figure
 from matplotlib.figure import SubFigure
@@ -34,6 +36,9 @@ FAR = 5.0  #: Times the least number from which an axis is logarithmic [1].
 TITLE, CAPTION = 92, 150  #: Letters of a line of the title and of the words below.
 
 
+LEVEL = 4  #: Of a PNG's compression: the next ones save no more than a fiftieth of its size.
+
+
 class Page(Figure):
     """A figure in which no dollar of a name begins a formula."""
 
@@ -44,6 +49,15 @@ class Page(Figure):
         with rc_context({"text.parse_math": False}), warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Glyph .* missing")  # of a script without a font here
             super().draw(renderer)
+
+
+def save(figure: Figure, path: Path | IO[bytes]) -> None:
+    """Write a figure as PNG, laid out and drawn once: `savefig` draws it twice."""
+    canvas = FigureCanvasAgg(figure)
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+    canvas.print_png(path, pil_kwargs={"compress_level": LEVEL})  # type: ignore[no-untyped-call]
 
 
 def page(height: float) -> Figure:
@@ -265,15 +279,17 @@ def labelled(column: Column) -> str:
     return f"{column.heading} [{column.unit}]" if column.unit else column.heading
 
 
-def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
+def ranges(panes: Mapping[str, Table], answer: str, reading: str, mark: float | None = None) -> Figure:
     """Medians and spreads of models by what names a row, a pane a table: nothing joins one row to the next.
 
     Args:
         panes: By title; the columns of a table name the row and the model, and are drawn.
         answer: See `say`.
         reading: The same.
+        mark: A number with a dotted line; None for none.
     """
-    rows, (down, name, value) = (table := next(iter(panes.values()))).rows, table.columns
+    table, rows = next(iter(panes.values())), [row for own in panes.values() for row in own.rows]
+    down, name, value = table.columns
     places, known = list(dict.fromkeys(down.cell(row) for row in rows)), table.looks or looks(rows, name)
     figure = page(2.4 + 0.6 * len(places))
     part = _body(figure)
@@ -287,6 +303,8 @@ def ranges(panes: Mapping[str, Table], answer: str, reading: str) -> Figure:
             middles = [middle(value.value(row)) for row in shown]
             axes.plot(middles, y, linestyle="", label=model, **look.dots(5))
         log_ticks(axes, "x", *axes.dataLim.intervalx)
+        if mark is not None:
+            axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
         axes.set(xlabel=labelled(value))
         axes.set_title(title, fontsize="medium")
         axes.grid(axis="y", alpha=0.2)

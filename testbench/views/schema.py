@@ -233,12 +233,7 @@ ALIKE = 0.02  #: Share of the least value within which others are as good as the
 
 
 def best_of(values: Mapping[str, Number], alike: float = ALIKE) -> Best:
-    """The names of least value, and all that are within a share of it.
-
-    Args:
-        values: Errors by name (medians are compared); those that are None or NaN take no part.
-        alike: Share of the least value that makes no difference.
-    """
+    """The names of least value (of medians), and all within a share of it; None and NaN take no part."""
     known = {name: middle(v) for name, v in values.items() if middle(v) == middle(v)}
     if not known:
         return Best((), float("nan"))

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from testbench.trials.records import HEADER, MAGIC, record, records
+from testbench.trials.store import HEADER, MAGIC, record, records
 
 RESUME = ("--workers", "1", "--resume")
 STORE, WHOLE = "trials.log", "trials.parquet"

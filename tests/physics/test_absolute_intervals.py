@@ -10,16 +10,18 @@ from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simula
 from testbench.campaign.campaign import clear_poses, stream
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.intervals import intervals
-from testbench.identify.absolute.moved import moved
 from testbench.identify.absolute.posterior import place
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.prior import cad_prior
 from testbench.plant import GearErrors
-from testbench.studies.absolute_calibration.beside import check, checking, judged, true_joints, true_unknowns
+from testbench.studies.absolute_calibration.beside import judged, true_joints, true_state
+from testbench.studies.absolute_calibration.trial import check
 
 SEEDS = range(501, 507)
 ON = frozenset({"joint springs", "links", "joint errors"})
 ASKED = AbsoluteCampaign(poses=100, disturbances=replace(REAL_ARM, gear=GearErrors(orders=4)))
+
+EXACT = ASKED.model_copy(update={"noise": False})
 
 
 @pytest.fixture(scope="module")
@@ -37,9 +39,9 @@ def test_intervals_hold_the_truth_as_often_as_they_say(arms):
     """Pooled over some arms; 5 of 60 joints outside are three standard deviations too many."""
     parts = {}
     for _, _, truth, own in arms:
-        for part, (held, _) in judged(own, truth).items():
-            parts.setdefault(part, []).append(held)
-    shares = {part: np.mean(inside) for part, inside in parts.items()}
+        for part, held in judged(own, truth)[0].items():
+            parts.setdefault(part, []).append((held.inside, held.of))
+    shares = {part: np.divide(*np.sum(held, axis=0)) for part, held in parts.items()}
     assert set(shares) == {"geometry", "joint errors", "joint compliances", "entries"}
     for part in ("geometry", "joint errors", "joint compliances"):
         assert 0.88 < shares[part] <= 1, (part, shares[part])
@@ -48,11 +50,13 @@ def test_intervals_hold_the_truth_as_often_as_they_say(arms):
 def test_positions_lie_in_their_ellipsoids(arms, kr500):
     """Of readings in poses that were never measured; the error itself is below that of geometry."""
     inside, error = [], []
-    for seed, series, truth, own in arms:
+    for seed, series, _, own in arms:
         q = clear_poses(kr500, None, 50, stream(seed, 900))
-        far, within = check(own, checking(series, truth, 0, q), stream(seed, 901))
+        [true], _ = simulate_series(kr500, EXACT, seed, q)
+        assert true.frame == series.frame
+        off, within = check(own, true, stream(seed, 901))
         inside.append(within)
-        error.append(far)
+        error.append(np.linalg.norm(off, axis=-1))
     assert 0.9 < np.mean(inside) < 0.985
     assert np.sqrt(np.mean(np.square(error))) < 0.15e-3
 
@@ -71,14 +75,14 @@ def test_intervals_have_names_and_the_units_of_people(arms):
     entry = by_name["entries", "link_1 phi_y, phi_y"]
     assert (entry.unit, entry.value) == ("urad/(N m)", pytest.approx(1e6 * C[10, 10]))
     assert all(one.half > 0 for one in by_name.values())
-    assert len(arm.joints) == len(true_joints(own.own.unknowns, truth))
+    assert len(arm.joints) == len(true_joints(own.state.vjm, truth))
 
 
 def test_the_truth_is_an_answer_to_readings_without_noise(kr500):
     """In place of what was found it leaves micrometres, MuJoCo's second order, once the frame is fitted."""
-    series, truth = simulate_series(kr500, ASKED.model_copy(update={"noise": False}), 3)
+    series, truth = simulate_series(kr500, EXACT, 3)
     own = calibrate(kr500.vjm, series, cad_prior(kr500.arm), Options(orders=4, only=ON))
-    true = moved(own.state, own.own, true_unknowns(own.own.unknowns, truth)[own.own.columns])
+    true = true_state(own.state, truth)
     here = place(true, belief_of(own), series[0], np.arange(series[0].rows))
     assert np.sqrt(np.mean(np.square(residuals(here.state, series[0])))) < 3e-6
 

@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.campaign.absolute_plan import left_open, union_of
 from testbench.campaign.campaign import build_cell, stream
 from testbench.campaign.candidates import Conditions, build_checks, find
-from testbench.campaign.plan import around
+from testbench.campaign.plan import around, left_open, union_of
 from testbench.campaign.plan_settings import PlanSettings
 from testbench.design import absolute
 from testbench.design.criteria import mean_square

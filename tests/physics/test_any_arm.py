@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from serial_arms import turned_arm, write_arm
 
-from testbench.campaign.agreement import check_agreement
-from testbench.campaign.campaign import Scenario, build_cell, hanging, measure, simulate
+from testbench.campaign.campaign import Scenario, build_cell, check_agreement, hanging, measure, simulate
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import default_models, default_name
 from testbench.campaign.models import named_models, plain_name

@@ -11,7 +11,7 @@ from testbench.report.report import read
 from testbench.report.table import Trials
 from testbench.trials.spread import ends, middle
 from testbench.views import terminal
-from testbench.views.page import html
+from testbench.views.page import page as html
 
 WIDTH = 80  #: Of a terminal.
 

@@ -8,8 +8,8 @@ from reports import check, table_of
 
 from testbench.report.table import find
 from testbench.studies.absolute_calibration import trial as s
-from testbench.studies.absolute_calibration.report import BY, LOOKS, OPTIMUM, figures, report
-from testbench.studies.absolute_calibration.trial import FitRow, Held
+from testbench.studies.absolute_calibration.beside import Held
+from testbench.studies.absolute_calibration.study import BY, LOOKS, OPTIMUM, figures, report
 from testbench.views.colours import GCO, LEAST_SQUARES
 from testbench.views.markdown import grid
 from testbench.views.schema import show
@@ -33,7 +33,7 @@ def row(rng, seed, key, kept):
     true_arm, campaign, poses, name = key
     optimum = rng.uniform(0.1, 0.2)
     return of_one_trial(
-        FitRow,
+        s.FitRow,
         rng,
         **{"arm": s.ARMS[seed % 2], "true_arm": true_arm, "campaign": campaign, "poses": poses, "name": name},
         readings=poses if campaign == s.ABSOLUTE else 200,
@@ -51,7 +51,7 @@ def made(kept=(), numbers=NUMBERS):
     """Three seeds an arm."""
     rng, own = np.random.default_rng(1), [key for key in OWN if key[2] != 50 or 50 in numbers]
     trials = table_of(SEEDS, lambda seed: [row(rng, seed, key, kept) for key in own])
-    return report(s.Settings(s.ARMS, numbers, 0, 200), SEEDS, trials), trials
+    return report(s.Settings(s.ARMS, numbers, 0, 200, SEEDS[0]), SEEDS, trials), trials
 
 
 def test_every_row_is_of_its_own_trials_and_shares_are_over_all_numbers():

@@ -13,6 +13,7 @@ from testbench.report.table import Row, find
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, IDENTIFIED, LINEAR, NOWHERE, REAL
 from testbench.studies.compensation.study import LOOKS, figures, group, report
+from testbench.studies.compensation.trial import JobsRow
 from testbench.views.colours import CHOICE, JOINTS
 from testbench.views.markdown import grid
 from testbench.views.schema import show
@@ -25,7 +26,7 @@ TIMES = {REAL: 5, LINEAR: 2, s.WEIGHT: 3}  #: As much is left.
 def row(rng, seed, arm, way, name):
     before, identified = rng.uniform(0.5, 3.0, POINTS), name in IDENTIFIED
     left = LEFT.get(name, 0.5) * TIMES.get(arm, 1) * TIMES.get(way.loads, 1) * rng.uniform(0.5, 1.5, POINTS)
-    return s.JobsRow(
+    return JobsRow(
         **{"true_arm": member(FAMILY, seed), "arm": arm, **vars(way), "name": name},
         chosen="ALL153 + prior" if name == DEFAULT else None,
         before_mm=tuple(before.tolist()),

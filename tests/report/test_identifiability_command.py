@@ -7,7 +7,7 @@ import pytest
 from reports import check
 
 from testbench.campaign.campaign import Scenario, simulate
-from testbench.commands.identifiability import DECIDED, figure, report
+from testbench.commands.identifiability import DECIDED, report, seen
 from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.structure import mgco68
@@ -60,9 +60,9 @@ def test_the_table_is_what_was_found(found):
 
 def test_the_figure_draws_the_share_of_the_data_and_what_the_prior_decides(found):
     said = report(found)
-    [axes] = figure(said).axes
-    data, prior = (line.get_ydata() for line in axes.get_lines())
+    [chart] = seen(said).runs
+    data, prior = (line.values.tolist() for line in chart.lines)
     blocks = said.numbers["blocks"]
-    assert data.tolist() == [block.data_share_percent for block in blocks]
-    assert prior.tolist() == [100 * block.prior_decides / block.parameters for block in blocks]
-    assert [text.get_text() for text in axes.get_xticklabels()] == [block.part for block in blocks]
+    assert data == [block.data_share_percent for block in blocks]
+    assert prior == [100 * block.prior_decides / block.parameters for block in blocks]
+    assert chart.labels == [block.part for block in blocks]

@@ -10,14 +10,15 @@ from reports import check
 from rich.console import Console
 
 from testbench.arm.folder import Joint
-from testbench.campaign.plan import Planned, hung, plan_for, read_tasks
-from testbench.campaign.plan_input import FORCE, read_payload, read_pulls
+from testbench.campaign.plan import Planned, plan_for
+from testbench.campaign.plan_input import FORCE, read_payload, read_pulls, read_tasks
 from testbench.campaign.plan_settings import PlanSettings
 from testbench.campaign.predicted_error import Expected, Unshown
 from testbench.commands.plan import WORST, printed, report
 from testbench.commands.plan_drawn import OURS, WORK, seen, write_poses, write_tasks
 from testbench.commands.plan_numbers import numbers
 from testbench.data.posefile import plan_columns
+from testbench.model.load import weight
 from testbench.model.vjm import chain, tool_points
 from testbench.report.table import Row
 from testbench.views import terminal
@@ -36,7 +37,7 @@ def made(kr500):
         model="MGCO56",
         tracker_m=(4.5, -2.5, 1.6),
     )
-    found = plan_for(kr500, asked, read_tasks(TASKS, kr500, hung(kr500, 460.0)))
+    found = plan_for(kr500, asked, read_tasks(TASKS, kr500, weight(kr500.vjm, 460.0)))
     return replace(found, plan=replace(found.plan, load=np.array([0, 2, 1, 2, 0])))
 
 

@@ -36,7 +36,7 @@ def test_noise_allows_less_than_any_model_leaves_that_lacks_an_error(rows):
 
 
 def test_arms_take_turns_and_many_poses_are_rare():
-    asked = settings(Options(), quick=False, _=range(1))
+    asked = settings(Options(), quick=False, seeds=range(1))
     assert [asked.arm_of(seed) for seed in range(4)] == ["ur10", "kr500_l480"] * 2
     many = [seed for seed in range(16) if 1000 in asked.numbers_of(seed)]
     assert many == [0, 1, 8, 9]

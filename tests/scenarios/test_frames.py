@@ -10,7 +10,7 @@ from run_here import here
 from scipy.spatial.transform import Rotation
 
 from testbench.campaign.campaign import Scenario, simulate
-from testbench.campaign.frame_choice import read_frames, registration_row, to_base
+from testbench.campaign.runs import read_frames, registration_row, to_base
 from testbench.campaign.tracker_runs import by_trackers
 from testbench.cli.program import program
 from testbench.errors import InputError

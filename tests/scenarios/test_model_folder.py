@@ -14,7 +14,7 @@ from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_folder import sealed
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
-from testbench.campaign.stiffness_write import write_stiffness
+from testbench.campaign.stiffness_model import write_stiffness
 from testbench.cli.program import program
 from testbench.errors import InputError
 from testbench.identify.intervals import CURVED, curvature, linearise

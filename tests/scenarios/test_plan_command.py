@@ -13,12 +13,14 @@ from run_here import here
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Scenario, build_cell, hanging, measure
 from testbench.campaign.models import MODELS
-from testbench.campaign.plan import hung, read_tasks, straight_way
+from testbench.campaign.plan import straight_way
+from testbench.campaign.plan_input import read_tasks
 from testbench.cli.program import program
 from testbench.data.csvfile import read_csv
 from testbench.data.posefile import absolute_columns, plan_columns, read_poses
 from testbench.data.station import Station
 from testbench.identify import least_squares
+from testbench.model.load import weight
 from testbench.model.loaded import load_jacobian
 from testbench.model.poses import in_area
 from testbench.model.vjm import chain
@@ -172,7 +174,7 @@ def jacobian(vjm, q, point=(0.0, 0.0, 0.0)):
 
 def errors_at_tasks(cell, C_theta):
     """RMS distance of what a model predicts from what the true arm does [m]."""
-    tasks = read_tasks(TASKS, cell, hung(cell, 460.0))
+    tasks = read_tasks(TASKS, cell, weight(cell.vjm, 460.0))
     assert in_area(cell.vjm, Scenario(arm="kr500_l480").station, tasks.q).all()
     scenario = Scenario(arm="kr500_l480", payload=460.0)
     loaded = hanging(cell, tasks.q, np.arange(20), 460.0)

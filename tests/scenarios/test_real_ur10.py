@@ -28,8 +28,8 @@ def test_a_run_leaves_its_files_and_says_what_its_numbers_say(quick, report, bla
     assert all(model["conservative"] and model["min_eigenvalue"] > -1e-15 for model in report["models"])
     for line in report["ladder"]:
         e = line["error"]
-        assert 0 < e["mean_mm"] < e["rms_mm"] < e["p95_mm"] <= e["p99_mm"] <= e["max_mm"] < 10
-        assert 0 < e["inside_95_percent"] <= 100
+        assert 0 < e["mean_mm"] < e["rms_mm"] < e["p95_mm"] <= e["max_mm"] < 10
+        assert 0 < e["coverage_95"] <= 1
     text = (quick[0] / "report.md").read_text()
     assert f"{mean(report, WAVES, 'blocks'):.3f} mm with periodic joint errors" in text
 
@@ -40,7 +40,7 @@ def test_joint_errors_halve_what_joint_springs_leave_where_the_joints_were(repor
         assert mean(report, WAVES, split) < mean(report, SPRINGS, split) / 2
         assert mean(report, SPRINGS, split) < mean(report, "geometry", split)
     assert 0.3 < mean(report, SPRINGS, "blocks") < 0.7  # what calibrated arms of this kind are off by [mm]
-    assert min(e["inside_95_percent"] for e in errors(report, WAVES, "blocks")) > 70
+    assert min(e["coverage_95"] for e in errors(report, WAVES, "blocks")) > 0.7
 
 
 def test_either_series_alone_finds_the_same_errors_of_the_joints_months_apart(report):

@@ -1,10 +1,8 @@
 """The engine of trials, killed, interrupted, out of disk, on a cluster: always the same bytes."""
 
-import contextlib
 import json
 import os
 import re
-import resource
 import shutil
 import signal
 import socket
@@ -28,8 +26,7 @@ from testbench.trials.cluster import on_cluster
 from testbench.trials.engine import run_study
 from testbench.trials.experiment import Experiment
 from testbench.trials.local import on_cores
-from testbench.trials.records import stored_seeds
-from testbench.trials.store import FILE, open_store, write_parquet
+from testbench.trials.store import FILE, open_store, stored_seeds, write_parquet
 
 HERE = Path(__file__).resolve().parent
 SCRIPT = HERE / "trial_study.py"
@@ -56,16 +53,6 @@ def script(*args):
 
 def run(*args, **options):
     return subprocess.run(script(*args), capture_output=True, text=True, check=False, timeout=60, **options)
-
-
-@contextlib.contextmanager
-def endless(*args, **options):
-    """A run that never ends by itself; killed with the block, however that ends."""
-    with subprocess.Popen(script(*args, "--endless"), **options) as run_:
-        try:
-            yield run_
-        finally:
-            run_.kill()
 
 
 def until(happened):
@@ -141,43 +128,16 @@ def test_a_trial_that_kills_every_worker_is_given_up_and_the_others_are_kept(tmp
     assert study(tmp_path, ONE, resume=True)[1] == alone
 
 
-def test_the_whole_run_killed_in_mid_study_loses_nothing_that_was_stored(tmp_path, alone):
-    out, pids = tmp_path / "out", tmp_path / "pids"
-    pids.mkdir()
-    with endless(out, "--workers", 2, "--pids", pids, stdout=subprocess.DEVNULL):
-        kept = until(lambda: stored(out))
-        until(lambda: len(list(pids.iterdir())) == 2)
-    workers = [path.name for path in pids.iterdir()]
-    assert len(workers) == 2
-    assert until(lambda: not any(map(runs, workers)))  # no process outlives it
-    assert any(path.name.startswith(".new-") for path in out.iterdir())
-    counts, data = study(out, TWO, resume=True)
-    assert kept <= counts[0] < TRIALS
-    assert data == alone
-    assert not any(path.name.startswith(".new-") for path in out.iterdir())
-
-
-def runs(pid):
-    """Whether a process runs; one that ended and was not asked about does not."""
-    state = subprocess.run(["ps", "-o", "stat=", "-p", pid], capture_output=True, text=True)
-    return state.stdout.strip()[:1] not in ("", "Z")
-
-
 def test_ctrl_c_says_how_to_resume_and_resuming_gives_the_same_bytes(tmp_path, alone):
     out = tmp_path / "out"
-    with endless(
-        out,
-        "--workers",
-        2,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        preexec_fn=heed_ctrl_c,
-    ) as run_:
-        until(lambda: stored(out) > 2)  # so a first chunk is counted as well as stored
-        os.killpg(run_.pid, signal.SIGINT)  # as a terminal does: the workers get it too
-        _, error = run_.communicate(timeout=30)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
+    with subprocess.Popen(script(out, "--workers", 2, "--endless"), **pipes, preexec_fn=heed_ctrl_c) as run_:
+        try:
+            until(lambda: stored(out) > 2)  # so a first chunk is counted as well as stored
+            os.killpg(run_.pid, signal.SIGINT)  # as a terminal does: the workers get it too
+            _, error = run_.communicate(timeout=30)
+        finally:
+            run_.kill()
     assert run_.returncode == 130
     kept = stored(out)
     said = rf"at least (\d+) of {TRIALS} trials are stored: --resume goes on with them"
@@ -189,21 +149,6 @@ def test_ctrl_c_says_how_to_resume_and_resuming_gives_the_same_bytes(tmp_path, a
     assert run(out, "--resume", "--workers", 2).returncode == 0
     assert [p.name for p in out.iterdir()] == ["trials.parquet"]
     assert (out / "trials.parquet").read_bytes() == alone
-
-
-def test_a_full_disk_is_one_line_and_leaves_what_was_stored(tmp_path, alone):
-    (tmp_path / "trials.parquet").write_text("earlier")
-
-    def small_disk():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
-
-    done = run(tmp_path, "--workers", 1, preexec_fn=small_disk)
-    one_line(done, f"{FILE}: cannot be written: File too large; ")
-    kept = stored(tmp_path)
-    assert f"{kept} of {TRIALS} trials are stored, --resume goes on" in done.stderr
-    assert 0 < kept < TRIALS
-    assert (tmp_path / "trials.parquet").read_text() == "earlier"
-    assert study(tmp_path, ONE, resume=True)[1] == alone
 
 
 def test_bad_input_is_one_line_and_touches_nothing(tmp_path):

@@ -12,7 +12,7 @@ import trial_work
 import typer
 from rich.console import Console
 
-from testbench.output.run import whole_folder
+from testbench.output.place import whole_folder
 from testbench.shell import command, interrupt
 from testbench.shell.options import Common, takes
 from testbench.shell.trials import choose_backend, show_progress

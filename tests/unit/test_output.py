@@ -10,10 +10,8 @@ from pathlib import Path
 import pytest
 
 from testbench.errors import InputError
-from testbench.output import scratch
-from testbench.output.place import PNG, check_file
-from testbench.output.run import check_folder, new_folder, whole_folder
-from testbench.output.whole import whole_file, write_whole
+from testbench.output.place import PNG, check_file, check_folder, new_folder, whole_folder
+from testbench.output.whole import HOST, scratch, whole_file, write_whole
 
 OURS, OTHER = "testbench identify", "testbench plan"
 PICTURE = b"\x89PNG\r\n\x1a\n"
@@ -123,14 +121,14 @@ def test_a_place_that_cannot_be_written_is_found_before_anything_is_made(tmp_pat
     "write", [lambda out: write_whole("", out / "a.csv"), lambda out: write_run(out, "a.json")]
 )
 def test_what_killed_processes_left_goes_and_what_others_make_stays(write, tmp_path, monkeypatch):
-    code = "import os, sys; from testbench.output.run import whole_folder; from pathlib import Path\n"
+    code = "import os, sys; from testbench.output.place import whole_folder; from pathlib import Path\n"
     code += "with whole_folder(Path(sys.argv[1])) as f: (f / 'half').touch(); os.kill(os.getpid(), 9)"
     subprocess.run([sys.executable, "-c", code, tmp_path], check=False)
     [left] = tmp_path.glob(".new-*")
-    elsewhere = tmp_path / left.name.replace(scratch.HOST, "elsewhere", 1)
+    elsewhere = tmp_path / left.name.replace(HOST, "elsewhere", 1)
     for path in (elsewhere, tmp_path / ".new-mine"):
         path.touch()
-    with scratch.scratch(tmp_path) as neighbour, monkeypatch.context() as patch:
+    with scratch(tmp_path) as neighbour, monkeypatch.context() as patch:
         left.mkdir(exist_ok=True)
         (left / "half").touch()
         patch.setattr("fcntl.flock", no_locks)

@@ -13,7 +13,7 @@ from made_up_run import made_up_run
 from testbench.plant.shapes import Mesh, Shape, visual_shapes
 from testbench.trials.spread import Spread
 from testbench.views.colours import hexadecimal, look
-from testbench.views.page import html
+from testbench.views.page import page as html
 from testbench.views.page.page import TRIANGLES, plain, seen_plain, solid
 from testbench.views.scene import Line, PlaceMap, RunChart
 from testbench.views.schema import Column, Table, looks

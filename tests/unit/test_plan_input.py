@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from testbench.arm.folder import Joint
-from testbench.campaign.plan import hung, nearest_turn, read_tasks
-from testbench.campaign.plan_input import box, place, read_payload, read_pulls
+from testbench.campaign.plan import nearest_turn
+from testbench.campaign.plan_input import box, place, read_payload, read_pulls, read_tasks
 from testbench.campaign.plan_settings import PlanSettings
 from testbench.data.posefile import read_poses
 from testbench.errors import BenchError, InputError
+from testbench.model.load import weight
 
 NAMES = [f"joint_{k}" for k in range(1, 7)]
 POSES = np.array([[0, -90, 90, 0, 20, 0], [20, -80, 95, 10, -30, 15]], dtype=float)
@@ -32,7 +33,7 @@ def file(tmp_path):
 
 
 def test_degrees_and_radians_are_the_same_tasks(kr500, file):
-    load = hung(kr500, 460.0)
+    load = weight(kr500.vjm, 460.0)
     degrees = read_tasks(write(file, DEG, POSES), kr500, load)
     shuffled = write(file, RAD[::-1], np.deg2rad(POSES[:, ::-1]).tolist())
     radians = read_tasks(shuffled, kr500, load)
@@ -43,7 +44,7 @@ def test_degrees_and_radians_are_the_same_tasks(kr500, file):
 
 
 def test_loads_of_the_process_act_where_they_are_said_to(kr500, file):
-    load = hung(kr500, 460.0)
+    load = weight(kr500.vjm, 460.0)
     rows = np.hstack([POSES, [[1, 2, 3, 0.1, 0.2, 0.3], [4, 5, 6, 0.4, 0.5, 0.6]]])
     tasks = read_tasks(write(file, DEG + FORCE + POINT, rows), kr500, load)
     np.testing.assert_array_equal(tasks.load.wrench, [[1, 2, 3, 0, 0, 0], [4, 5, 6, 0, 0, 0]])
@@ -78,7 +79,7 @@ BROKEN = [
 @pytest.mark.parametrize(("header", "rows", "text"), BROKEN)
 def test_wrong_tasks_name_line_and_column(kr500, file, header, rows, text):
     with pytest.raises(InputError) as err:
-        read_tasks(write(file, header, rows), kr500, hung(kr500, 460.0))
+        read_tasks(write(file, header, rows), kr500, weight(kr500.vjm, 460.0))
     assert text in str(err.value)
     assert "\n" not in str(err.value)
 

@@ -6,7 +6,7 @@ import pytest
 from testbench.trials.spread import most_trials, spans, spread, twins_once, wins
 from testbench.views import terminal
 from testbench.views.figure import of_seeds
-from testbench.views.page import html
+from testbench.views.page import page as html
 from testbench.views.schema import Column, Table, brackets
 
 

@@ -13,7 +13,7 @@ from testbench.arm.folder import load_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.models import named_models
-from testbench.campaign.streamed_fit import Many
+from testbench.campaign.runs import Many
 from testbench.data import stream
 from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset, select

@@ -15,9 +15,8 @@ import pytest
 from testbench import files
 from testbench.errors import InputError
 from testbench.output import lock
-from testbench.output.place import PNG, claim_file
+from testbench.output.place import PNG, check_folder, claim_file, claim_folder, new_folder, whole_folder
 from testbench.output.replace import reading, settle
-from testbench.output.run import check_folder, claim_folder, new_folder, whole_folder
 from testbench.output.whole import whole_files
 
 RACES = int(os.environ.get("TESTBENCH_RACES", "8"))

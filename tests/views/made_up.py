@@ -2,7 +2,7 @@
 
 import functools
 import types
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -11,7 +11,7 @@ from numpy.random import Generator
 from testbench.trials.spread import Spread
 
 COUNT = 3
-"""Entries of lists and mappings of any length."""
+"""Entries of tuples of any length."""
 LEAST, MOST = 10.0, 100.0
 """Numbers between: two digits in every format, narrow enough for a terminal."""
 
@@ -52,19 +52,13 @@ def _maker(kind: Any, name: str) -> Callable[[Generator], Any]:
     if origin is tuple:
         makers = [_maker(a, name) for a in (args[:1] * COUNT if args[-1] is Ellipsis else args)]
         return lambda rng: tuple(make(rng) for make in makers)
-    if isinstance(origin, type) and issubclass(origin, Mapping):
-        key, value = (_maker(a, name) for a in args)
-        return lambda rng: {key(rng): value(rng) for _ in range(COUNT)}
-    if isinstance(origin, type) and issubclass(origin, Sequence):
-        make = _maker(args[0], name)
-        return lambda rng: [make(rng) for _ in range(COUNT)]
     return _plain(kind, name)
 
 
 def _plain(kind, name):
     if is_dataclass(kind) and kind is not Spread:
         return lambda rng: of_one_trial(kind, rng)
-    if kind in (str, object):
+    if kind is str:
         return lambda rng: f"{name.replace('_', ' ')} {_word(rng)}"
     made = {
         Spread: _number,

@@ -8,7 +8,7 @@ from chromium import DESKTOP, PHONE
 from scipy.spatial.transform import Rotation
 
 from testbench.plant.shapes import Frames
-from testbench.views.page.html import FOLDER, SCRIPTS
+from testbench.views.page.page import FOLDER, SCRIPTS
 from testbench.views.page.page import frames_plain as _frames
 
 FITS = '<meta name="viewport" content="width=device-width">'

@@ -1,12 +1,14 @@
 """Numbers in hand-written pages: those between marks are a run's, and no other is typed."""
 
+import csv
 import json
 import re
 from pathlib import Path
 
 import pytest
-from blocks import FROM, PLAIN, fill
+from blocks import FROM, PLAIN, expected, fill
 from run_here import app_of, here
+from words import sentences
 
 from testbench.errors import InputError
 from testbench.report.report import read_report
@@ -91,3 +93,17 @@ def test_no_measured_number_is_typed_by_hand(file):
     lines = [line for line in text.splitlines() if not line.startswith("    ")]
     typed = [m[0] for line in lines for m in MEASURED.finditer(line)]
     assert not typed
+
+
+def test_words_counts_sentences_of_prose_alone():
+    code = "    code. code.\n\n```sh\nx. y.\n```\n"
+    text = f"# Title\n\nOne two. Three [four](five.md)!\n\n- six\n- seven\n\n| a. b |\n\n{code}"
+    assert sentences(text) == ["One two.", "Three four!", "- six", "seven"]
+
+
+def test_readme_expects_what_the_tables_of_the_studies_hold():
+    assert expected() in (ROOT / "README.md").read_text()
+    with (ROOT / "docs/studies/gravity_calibration/models.csv").open() as file:
+        rows = {row["model"]: row["RMS workspace, true, mm"] for row in csv.DictReader(file)}
+    cells = [cell.split()[0] for cell in expected().splitlines()[2].split("|")[2:6]]
+    assert cells == [rows[name] for name in ("ALL153 + prior", "Joints", "MLS56 + prior", "MLS56")]

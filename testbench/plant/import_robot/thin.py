@@ -1,14 +1,17 @@
 """Surfaces made small, and written as STL."""
 
 import struct
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from testbench.errors import Array
-from testbench.plant.import_robot.meshes import Faces, Surface
+
+if TYPE_CHECKING:  # they read meshes by libraries that take long to import
+    from testbench.plant.import_robot.meshes import Faces, Surface
 
 
-def decimated(vertices: Array, faces: Faces, most: int) -> Surface:
+def decimated(vertices: Array, faces: "Faces", most: int) -> "Surface":
     """A surface of at most about so many triangles."""
     if len(faces) <= most:
         return vertices, faces
@@ -22,7 +25,7 @@ def decimated(vertices: Array, faces: Faces, most: int) -> Surface:
     return np.asarray(thin, dtype=float), np.asarray(kept, dtype=int)
 
 
-def stl_bytes(vertices: Array, faces: Faces) -> bytes:
+def stl_bytes(vertices: Array, faces: "Faces") -> bytes:
     """A surface as a binary STL file."""
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -8,19 +8,24 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
+from testbench.campaign.absolute_model import belief_of
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
-from testbench.campaign.campaign import Cell, build_cell, clear_poses, hanging, stream
+from testbench.campaign.campaign import Cell, build_cell, clear_poses, stream
 from testbench.campaign.perturbed_prior import wrong_prior
-from testbench.campaign.rows import MM
+from testbench.campaign.rows import MM, UM
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Mask
 from testbench.data.series import Series
+from testbench.data.series_csv import series_text
+from testbench.data.tracker import Tracker, read_positions
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.fit import Calibration, Gathered, explain, gather
+from testbench.identify.absolute.fit import Calibration, explain, gather
 from testbench.identify.absolute.fit import Options as Fit
-from testbench.identify.absolute.intervals import deviations_root
+from testbench.identify.absolute.intervals import deviations_root, placed
+from testbench.identify.absolute.posterior import inside, predict
 from testbench.plant import GearErrors, build_plant
-from testbench.studies.absolute_calibration.beside import check, checking, judged, optimum_mm, true_unknowns
+from testbench.report.table import Row
+from testbench.studies.absolute_calibration.beside import Held, judged, optimum_mm, true_state
 
 NAME = "absolute_calibration"
 ARMS = ("ur10", "kr500_l480")  #: A seed each in turn.
@@ -59,7 +64,7 @@ BY_POSES = (GEOMETRY, INCUMBENT, WITH_GEARS, ALL_LS, ALL, CHOSEN)
 HIDING = (INCUMBENT, WITH_GEARS, WITH_LINKS, ALL, CHOSEN)
 CAMPAIGN = (INCUMBENT, ALL)
 FINAL = (INCUMBENT, ALL, CHOSEN)
-
+DRAWN = (INCUMBENT, CHOSEN)
 
 REAL, NO_GEARS, JOINTS_ONLY, KINDER, NASTIER = "real", "no joint errors", "rigid links", "kinder", "nastier"
 TRUE_ARMS: Mapping[str, tuple[str, AbsoluteCampaign]] = {
@@ -95,8 +100,6 @@ TRUE_ARMS: Mapping[str, tuple[str, AbsoluteCampaign]] = {
     ),
 }
 """True arms in words, and how they are measured; the first is that of everything else."""
-HIDING_ARMS = (NO_GEARS, JOINTS_ONLY)
-OTHER_ARMS = (KINDER, NASTIER)
 
 ABSOLUTE, MIXED, PAIRS = "absolute alone", "mixed", "pairs alone"
 CAMPAIGNS: Mapping[str, tuple[float, float]] = {ABSOLUTE: (1.0, 0.0), MIXED: (0.75, 0.25), PAIRS: (0.5, 0.5)}
@@ -122,6 +125,7 @@ class Settings:
     numbers: tuple[int, ...]  #: Of poses.
     many: int  #: Poses that are tried in some trials; 0 for none.
     featured: int  #: Poses of everything else.
+    first: int  #: The first seed, whose rows keep what is drawn.
 
     def arm_of(self, seed: int) -> str:
         """The arm of a trial."""
@@ -133,7 +137,7 @@ class Settings:
         return (*self.numbers, self.many) if often else self.numbers
 
 
-def settings(options: Options, quick: bool, _: range) -> Settings:
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for.
 
     Raises:
@@ -143,19 +147,9 @@ def settings(options: Options, quick: bool, _: range) -> Settings:
     for name in arms:
         if name not in PAYLOAD or arms.count(name) > 1:
             raise BenchError(f"--arm: expected different ones of {', '.join(PAYLOAD)}, got {name!r}")
-    return (
-        Settings(arms, QUICK_NUMBERS, 0, QUICK_NUMBERS[0])
-        if quick
-        else Settings(arms, NUMBERS, MANY, FEATURED)
-    )
-
-
-@dataclass(frozen=True)
-class Held:
-    """Numbers that should lie in their 95 % intervals."""
-
-    of: int
-    inside: int
+    if quick:
+        return Settings(arms, QUICK_NUMBERS, 0, QUICK_NUMBERS[0], seeds[0])
+    return Settings(arms, NUMBERS, MANY, FEATURED, seeds[0])
 
 
 @dataclass(frozen=True)
@@ -181,128 +175,137 @@ class FitRow:
     compliance_off: tuple[float, ...]
     #: RMS error of geometry along the combinations of its errors that the fit of everything knows [mm, mrad].
     geometry_off: float
+    #: Checking poses, (poses * n,) [rad], and true minus predicted positions there under own weight, base
+    #: axes, (poses * m * 3,) [um]; of what is drawn of the first trial.
+    q_rad: tuple[float, ...] | None = None
+    off_um: tuple[float, ...] | None = None
+    data_file: str | None = None  #: dataset.csv of the first trial; the same.
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is measured, and what explains it."""
+
+    true_arm: str  #: One of TRUE_ARMS.
+    campaign: str  #: One of CAMPAIGNS.
+    poses: int
+    models: tuple[str, ...]  #: The one of everything is among them.
+    loaded: int = 0  #: How many of the poses see the payload as well.
+    shown: bool = False  #: Whether rows keep the readings, and what is drawn.
 
 
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
     """Rows of some seeds."""
     cells = {name: build_cell(find_arm(name)) for name in asked.arms}
-    return [list(_trial(cells[asked.arm_of(seed)], asked, seed)) for seed in seeds]
+    return [
+        [row for one in _campaigns(asked, seed) for row in _rows(cells[asked.arm_of(seed)], one, seed)]
+        for seed in seeds
+    ]
 
 
-def _trial(cell: Cell, asked: Settings, seed: int) -> Iterator[FitRow]:
-    for n in asked.numbers_of(seed):
-        models = (*BY_POSES, WITH_LINKS) if n == asked.featured else BY_POSES
-        yield from rows(measure(cell, Asked(REAL, ABSOLUTE, n), seed), models, optimum=True)
-    for true in HIDING_ARMS:
-        yield from rows(measure(cell, Asked(true, ABSOLUTE, asked.featured), seed), HIDING)
-    for true in OTHER_ARMS:
-        yield from rows(measure(cell, Asked(true, ABSOLUTE, asked.featured), seed), FINAL)
+def _campaigns(asked: Settings, seed: int) -> Iterator[Asked]:
+    """All that is measured in a trial."""
+    n = asked.featured
+    for poses in asked.numbers_of(seed):
+        models = (*BY_POSES, WITH_LINKS) if poses == n else BY_POSES
+        yield Asked(REAL, ABSOLUTE, poses, models, shown=(seed, poses) == (asked.first, n))
+    for true in (NO_GEARS, JOINTS_ONLY, KINDER, NASTIER):
+        yield Asked(true, ABSOLUTE, n, FINAL if true in (KINDER, NASTIER) else HIDING)
     for name in (MIXED, PAIRS):
-        poses, loaded = (round(share * asked.featured) for share in CAMPAIGNS[name])
-        yield from rows(measure(cell, Asked(REAL, name, poses, loaded), seed), CAMPAIGN)
+        poses, loaded = (round(share * n) for share in CAMPAIGNS[name])
+        yield Asked(REAL, name, poses, CAMPAIGN, loaded)
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What is measured."""
-
-    true_arm: str  #: One of TRUE_ARMS.
-    campaign: str  #: One of CAMPAIGNS.
-    poses: int
-    loaded: int = 0  #: How many of the poses see the payload as well.
-
-
-@dataclass(frozen=True)
-class Measured:
-    """Readings of a true arm, gathered for fits."""
-
-    asked: Asked
-    seed: int
-    arm: str
-    truth: Truth
-    series: tuple[Series, ...]
-    check: Series  #: True positions in the checking poses.
-    loaded: Series  #: The same under the payload.
-    gathered: Gathered
-
-
-def measure(cell: Cell, asked: Asked, seed: int) -> Measured:
-    """Draw a true arm of the family, measure it, and boil its readings down.
+def _rows(cell: Cell, asked: Asked, seed: int) -> Iterator[FitRow]:
+    """Draw a true arm of the family, measure it, and judge what models make of its readings.
 
     The arm, its frames and its poses are the same in all that is asked of a seed.
     """
-    name, (_, true) = cell.arm.name, TRUE_ARMS[asked.true_arm]
-    own = true_cell(cell, member(FAMILY, seed // 2), seed)
+    own, (_, true) = true_cell(cell, member(FAMILY, seed // 2), seed), TRUE_ARMS[asked.true_arm]
     if asked.true_arm == JOINTS_ONLY:
         arm = own.plant.arm
         links = tuple(replace(link, compliance=STIFF * link.compliance) for link in arm.links)
         own = replace(own, truth=build_plant(replace(arm, links=links)))
-    masses = (0.0, PAYLOAD[name]) if asked.loaded else (0.0,)
-    how = {"poses": asked.poses, "masses": masses, "loaded_poses": asked.loaded or None}
+    payload = PAYLOAD[cell.arm.name]
+    masses = (0.0, payload) if asked.loaded else (0.0,)
+    how = Row(poses=asked.poses, masses=masses, loaded_poses=asked.loaded or None)
     series, truth = simulate_series(own, true.model_copy(update=how), seed)
     q = clear_poses(cell, None, CHECKING, stream(seed, 900))
-    plain = checking(series[0], truth, 0, q)
-    hung = hanging(cell, q, plain.pose, PAYLOAD[name])
-    loaded = checking(series[0], truth, 0, q, (hung.wrench, hung.point))
+    exact = true.model_copy(update={"noise": False, "repeatability": 0.0, "outliers": 0.0})
+    checks = [
+        simulate_series(own, exact.model_copy(update={"masses": (mass,)}), seed, q)[0][0]
+        for mass in (0.0, payload)
+    ]
     gathered = gather(cell.vjm, series, wrong_prior(cell, seed), MODELS[CHOSEN])
-    return Measured(asked, seed, name, truth, series, plain, loaded, gathered)
+    found = {name: explain(gathered, MODELS[name]) for name in asked.models}
+    alone, known = (asked.true_arm, asked.campaign) == (REAL, ABSOLUTE), _known(found[ALL])
+    about = Row(arm=cell.arm.name, true_arm=asked.true_arm, campaign=asked.campaign, poses=asked.poses)
+    about |= Row(readings=sum(one.rows for one in series))
+    about |= Row(optimum_mm=optimum_mm(gathered, truth, checks[0]) if alone else None)
+    text = series_text(cell.arm, series, "dataset") if asked.shown else None
+    for name, fit in found.items():
+        row = Row(about, name=name, geometry_off=_geometry_off(fit, truth, known))
+        if asked.shown and name in DRAWN:
+            row |= Row(q_rad=tuple(q.ravel().tolist()), data_file=text)
+        yield _row(row, fit, truth, checks, stream(seed, 901))
 
 
-def rows(measured: Measured, models: Sequence[str], *, optimum: bool = False) -> list[FitRow]:
-    """What some models make of the readings; the one of everything is among them."""
-    best = optimum_mm(measured.gathered, measured.truth, measured.check) if optimum else None
-    found = {name: explain(measured.gathered, MODELS[name]) for name in models}
-    known = _known(found[ALL])
-    return [_row(measured, name, own, known, best) for name, own in found.items()]
+def _row(
+    about: Row, fit: Calibration, truth: Truth, checks: Sequence[Series], rng: np.random.Generator
+) -> FitRow:
+    """A calibration beside the truth.
 
-
-def _known(own: Calibration) -> Array:
-    """Combinations of errors of geometry that a fit knows to KNOWN, orthonormal, (k, geometry)."""
-    geometry = own.own.unknowns.columns("geometry")
-    root = deviations_root(own)[np.flatnonzero(np.isin(own.own.columns, np.r_[geometry]))]
-    values, vectors = np.linalg.eigh(root @ root.T)
-    return np.asarray(vectors[:, values < KNOWN**2].T)
-
-
-def _row(measured: Measured, name: str, own: Calibration, known: Array, optimum: float | None) -> FitRow:
-    asked, rng = measured.asked, stream(measured.seed, 901)
-    error, within = check(own, measured.check, rng)
-    parts = judged(own, measured.truth)
-    held = {part: _held(*one) for part, one in parts.items()}
-    _, joints = parts.get("joint compliances", (None, np.zeros(0)))
+    Args:
+        about: What is known of the row.
+        fit: The calibration.
+        truth: What it was made of.
+        checks: True positions in the checking poses, under own weight and under the payload.
+        rng: Source of the noise of their readings.
+    """
+    off, within = check(fit, checks[0], rng)
+    held, joints = judged(fit, truth)
     return FitRow(
-        arm=measured.arm,
-        true_arm=asked.true_arm,
-        campaign=asked.campaign,
-        poses=asked.poses,
-        readings=sum(one.rows for one in measured.series),
-        name=name,
-        kept=tuple(step.name for step in own.chosen.steps if step.kept),
-        error_mm=_rms_mm(error),
-        loaded_mm=_rms_mm(check(own, measured.loaded, rng)[0]),
-        optimum_mm=optimum,
+        **about,
+        kept=tuple(step.name for step in fit.chosen.steps if step.kept),
+        error_mm=_rms_mm(off),
+        loaded_mm=_rms_mm(check(fit, checks[1], rng)[0]),
         positions=Held(within.size, int(within.sum())),
         geometry=held.get("geometry"),
         joint_errors=held.get("joint errors"),
         joints=held.get("joint compliances"),
         entries=held.get("entries"),
         compliance_off=tuple(joints.tolist()),
-        geometry_off=_geometry_off(own, measured.truth, known),
+        off_um=tuple(np.round(UM * off, 2).ravel().tolist()) if "q_rad" in about else None,
     )
 
 
-def _held(inside: Mask, relative: Array) -> Held | None:
-    """Those that the truth has, such as joint errors of its orders; None where it has none."""
-    there = np.isfinite(relative)
-    return Held(int(there.sum()), int(inside[there].sum())) if there.any() else None
+def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> tuple[Array, Mask]:
+    """Positions by a calibration beside the true ones of a series that it has, and readings of these.
+
+    Returns:
+        True position minus the model's, base axes, (rows, m, 3) [m], and which readings lie in their 95 %
+        ellipsoid, (rows, m).
+    """
+    read = replace(true, position=read_positions(Tracker(true.sigma, None), true.position, rng))
+    found = predict(placed(calibration, read), belief_of(calibration), read)
+    turn = calibration.state.frame(true).rotation
+    return found.left - (read.position - true.position) @ turn, np.asarray(inside(found))
 
 
-def _rms_mm(error: Array) -> float:
-    return MM * float(np.sqrt(np.mean(np.square(error))))
+def _rms_mm(off: Array) -> float:
+    """Of distances, (rows, m, 3) [m]."""
+    return MM * float(np.sqrt((off**2).sum(axis=-1).mean()))
 
 
-def _geometry_off(own: Calibration, truth: Truth, known: Array) -> float:
+def _known(fit: Calibration) -> Array:
+    """Combinations of errors of geometry that a fit knows to KNOWN, orthonormal, (k, geometry)."""
+    geometry = fit.own.unknowns.columns("geometry")
+    root = deviations_root(fit)[np.flatnonzero(np.isin(fit.own.columns, np.r_[geometry]))]
+    values, vectors = np.linalg.eigh(root @ root.T)
+    return np.asarray(vectors[:, values < KNOWN**2].T)
+
+
+def _geometry_off(fit: Calibration, truth: Truth, known: Array) -> float:
     """RMS error along some combinations of errors of geometry [mm, mrad]; 0 without any."""
-    unknowns = own.own.unknowns
-    off = own.state.theta_0[unknowns.inner] - true_unknowns(unknowns, truth)[unknowns.columns("geometry")]
+    off = (fit.state.theta_0 - true_state(fit.state, truth).theta_0)[fit.own.unknowns.inner]
     return MM * float(np.sqrt(np.mean((known @ off) ** 2))) if len(known) else 0.0

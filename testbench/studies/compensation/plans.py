@@ -12,7 +12,6 @@ from testbench.campaign.campaign import Cell, build_cell, stream
 from testbench.campaign.candidates import Checks, Conditions, build_checks, feasible, find
 from testbench.campaign.models import MODELS
 from testbench.campaign.perturbed_prior import UNCERTAINTY, wrong_prior
-from testbench.campaign.plan import hung, pulled
 from testbench.correct.inverse import joints_along
 from testbench.data.station import Station
 from testbench.design.planning import make_plan
@@ -21,7 +20,7 @@ from testbench.design.rows import Experiment
 from testbench.design.specification import Specification
 from testbench.errors import Array, BenchError
 from testbench.identify.metric import metric
-from testbench.model.load import Load
+from testbench.model.load import Load, weight
 from testbench.plant import Payload
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.jobs import FORCE, TIP, Job, jobs, tasks
@@ -67,7 +66,7 @@ def program(cell: Cell, job: Job) -> Array:
 
 def loads(cell: Cell) -> tuple[Load, Load]:
     """The hung weight, and the pull of the rope."""
-    return hung(cell, s.PAYLOAD), pulled(cell, (0.0, s.PULL, 0.0))
+    return weight(cell.vjm, s.PAYLOAD), Load(np.array([0.0, s.PULL, 0.0, 0.0, 0.0, 0.0]), cell.vjm.load)
 
 
 def plan_rows(asked: s.Settings, numbers: Sequence[int]) -> list[list[s.PlanRow]]:

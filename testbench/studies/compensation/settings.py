@@ -1,4 +1,4 @@
-"""What the study of compensation tries: campaigns, models; and the rows of its tables."""
+"""What the study of compensation tries: campaigns and models, and plans among poses."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -59,30 +59,6 @@ class Scene:
     candidates: Angles = ()  #: Feasible poses to measure.
     program: Angles = ()  #: Programmed joints of all jobs, one job after the other.
     plans: tuple[PlanRow, ...] = ()
-
-
-@dataclass(frozen=True)
-class JobsRow:
-    """All jobs of one trial, corrected by one model."""
-
-    true_arm: str
-    arm: str  #: What it does that no model knows, one of ARMS.
-    by: str  #: How poses were chosen, PLANNED or RANDOM; empty for a model that is not identified.
-    loads: str  #: What loaded the arm, WEIGHT or BOTH; the same.
-    poses: int  #: How many were measured; 0 for the same.
-    name: str  #: Of the model.
-    chosen: str | None  #: Of the default: what it chose.
-    #: Distance of the loaded tool from where it was asked, not corrected, point by point, (points,) [mm].
-    before_mm: tuple[float, ...]
-    after_mm: tuple[float, ...]  #: The same, corrected.
-    inside: int  #: Components of what is left that lie in their 95 % interval, of those that have a bound.
-    of: int  #: So many have one; 0 for a model that has no intervals.
-    unseen: int  #: And so many have none, as the readings say nothing of them.
-    buckled: bool  #: Whether the model had no equilibrium under the process; nothing is corrected then.
-    #: Where the tool is off, not corrected, then corrected, (2, points, 3) in a row [mm]; of what is drawn of
-    #: the first trial.
-    off_mm: tuple[float, ...] | None = None
-    data_file: str | None = None  #: dataset.csv of the first trial; the same.
 
 
 @dataclass(frozen=True)

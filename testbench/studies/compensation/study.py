@@ -20,7 +20,7 @@ from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.jobs import FORCE, jobs
 from testbench.studies.compensation.plans import prepare
 from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, NOWHERE, REAL, Way
-from testbench.studies.compensation.trial import tasks_of, trials
+from testbench.studies.compensation.trial import JobsRow, tasks_of, trials
 from testbench.studies.study import Run, Study
 from testbench.trials.spread import span, spread
 from testbench.views.colours import CHOICE, LOAD, MEASURED, TASK, Look, look
@@ -273,7 +273,7 @@ STUDY = Study(
     settings=s.settings,
     seeds=(100, 6),
     arms=lambda asked: [find_arm(asked.arm)],
-    row=s.JobsRow,
+    row=JobsRow,
     trials=trials,
     report=report,
     printed=("short",),

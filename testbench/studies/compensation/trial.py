@@ -43,7 +43,7 @@ from testbench.plant import TYPICAL, DisturbedPlant, Equilibrium, disturb, part_
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.jobs import TIP, drawn, jobs, tasks
 from testbench.studies.compensation.plans import loads
-from testbench.studies.compensation.settings import JobsRow, Settings, Way
+from testbench.studies.compensation.settings import Settings, Way
 
 AIM = Aim(point=TIP)  #: The whole pose of the tool is put right.
 SETUP = Setup(arm=s.ARM, truth="nonlinear", sigma=s.SIGMA)
@@ -53,6 +53,30 @@ HIDDEN, CHOSEN, PROCESS, NOISE = 20, 30, 50, 1000
 LINEAR_JOINTS = replace(TYPICAL, stiffening=0.0, backlash=0.0, hysteresis=0.0)
 Settle = Callable[[Array, Array, Array], tuple[Equilibrium, Equilibrium]]
 """The arm unloaded and loaded, in poses (runs, n), under wrenches (runs, 6) at points (runs, 3)."""
+
+
+@dataclass(frozen=True)
+class JobsRow:
+    """All jobs of one trial, corrected by one model."""
+
+    true_arm: str
+    arm: str  #: What it does that no model knows, one of s.ARMS.
+    by: str  #: How poses were chosen, s.PLANNED or s.RANDOM; empty for a model that is not identified.
+    loads: str  #: What loaded the arm, s.WEIGHT or s.BOTH; the same.
+    poses: int  #: How many were measured; 0 for the same.
+    name: str  #: Of the model.
+    chosen: str | None  #: Of the default: what it chose.
+    #: Distance of the loaded tool from where it was asked, not corrected, point by point, (points,) [mm].
+    before_mm: tuple[float, ...]
+    after_mm: tuple[float, ...]  #: The same, corrected.
+    inside: int  #: Components of what is left that lie in their 95 % interval, of those that have a bound.
+    of: int  #: So many have one; 0 for a model that has no intervals.
+    unseen: int  #: And so many have none, as the readings say nothing of them.
+    buckled: bool  #: Whether the model had no equilibrium under the process; nothing is corrected then.
+    #: Where the tool is off, not corrected, then corrected, (2, points, 3) in a row [mm]; of what is drawn of
+    #: the first trial.
+    off_mm: tuple[float, ...] | None = None
+    data_file: str | None = None  #: dataset.csv of the first trial; the same.
 
 
 @dataclass(frozen=True)

@@ -24,11 +24,10 @@ from testbench.studies.pose_selection import trial
 from testbench.studies.pose_selection.plans import prepare
 from testbench.studies.pose_selection.settings import BARE, FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, Settings
 from testbench.studies.study import Run, Study
-from testbench.trials.gain import Gain, gained
 from testbench.trials.spread import ends, middle, most_trials, wins
 from testbench.views.colours import GREY, SERIES, Look
 from testbench.views.figure import Figure, forest, of_seeds, sweeps
-from testbench.views.gains import more
+from testbench.views.gains import Gain, gained, more
 from testbench.views.markdown import Markdown
 from testbench.views.scene import Line, PlaceMap, RunChart, Scene, Seen
 from testbench.views.schema import Table, best_of

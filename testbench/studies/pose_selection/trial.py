@@ -17,7 +17,6 @@ from testbench.campaign.evaluation import identify_each, judge, of_model
 from testbench.campaign.model_selection import FILLED
 from testbench.campaign.models import Model
 from testbench.campaign.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
-from testbench.campaign.plan import hung
 from testbench.campaign.predicted_error import Expected, fitted, half_widths, joints_alone, overall
 from testbench.campaign.rows import MM
 from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
@@ -32,6 +31,7 @@ from testbench.identify import Estimate
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
+from testbench.model.load import weight
 from testbench.model.vjm import chain
 from testbench.studies.pose_selection import settings as s
 from testbench.studies.pose_selection.settings import FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, Settings
@@ -205,7 +205,7 @@ def specify(cell: Cell, asked: Settings, prior: Prior, fit: str = PLANNED) -> Sp
 
     Without a prior of its own a fit's unknowns are still in units of the planner's.
     """
-    scope, scene, load = asked.scope, asked.scene, hung(cell, asked.scope.payload)
+    scope, scene, load = asked.scope, asked.scene, weight(cell.vjm, asked.scope.payload)
     own = metric(prior, cell.vjm, s.fits(cell, prior)[fit].structure)
     return Specification(
         experiment=Experiment(cell.vjm, own, cell.vjm.markers, scope.sigma),

@@ -9,7 +9,7 @@ from testbench.campaign.rows import UM
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.report.table import Row, Trials
-from testbench.studies.real_ur10.trial import BOTH, TO_A, TO_C, TWO, WAVES
+from testbench.studies.real_ur10.trial import BOTH, TO_A, TO_C, WAVES
 
 STRANGE = 2.0
 """Distance of an angle from those that trained, beyond which order 60 has turned by a third [deg]."""
@@ -63,13 +63,3 @@ def _far(angles: Array, known: Array) -> Array:
     at = angles % 360
     place = np.clip(np.searchsorted(ring, at), 1, len(ring) - 1)
     return np.asarray(np.minimum(at - ring[place - 1], ring[place] - at))
-
-
-def compliances(ladder: Trials) -> list[Row]:
-    """Of joint springs without and with joint errors, by A, by C, by both."""
-    return [
-        Row(trained=by, name=name, urad_per_Nm=[UM * c for c in own["joints"][0]])
-        for name in TWO
-        for split, by in TRAINED.items()
-        if len(own := ladder.where(split=split, name=name))
-    ]

@@ -10,15 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.absolute import FRAME_POSES, read_all
+from testbench.campaign.absolute import FRAME_POSES, Score, read_all, score
 from testbench.campaign.absolute_model import belief_of
 from testbench.campaign.campaign import Cell, build_cell, stream
-from testbench.campaign.rows import MM, UM
+from testbench.campaign.rows import UM
 from testbench.data.series import Series, select_rows
-from testbench.errors import Array
 from testbench.identify.absolute.choose import blocks_of
 from testbench.identify.absolute.fit import ORDERS, Calibration, Options, explain, gather
-from testbench.identify.absolute.posterior import Placed, evenly, inside, known, place, predict
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.vjm import Vjm
@@ -60,7 +58,6 @@ SPLITS = {
 DRAW = "random poses of C"  #: What trains where the number of poses is in question.
 ENOUGH = 50  #: Highest order where the number of poses is in question: more change little and cost twice.
 JUDGING = 200  #: Random poses of C, never of those that trained, and about as many of A, that judge these.
-INTERVALS = 250  #: Positions, evenly spaced, whose 95 % ellipsoids are worked out.
 
 
 @dataclass(frozen=True)
@@ -86,12 +83,8 @@ def settings(_: Flags, quick: bool, seeds: range) -> Settings:
     return Settings(1, ORDERS, tuple(LADDER), seeds[0], {50: 20, 100: 20, 200: 6, 500: 3, 1000: 3})
 
 
-@dataclass(frozen=True)
-class Judged:
-    """Readings that judge a model."""
-
-    series: Series
-    frame_poses: int | None  #: Rows that tell its frame and target anew; None for those of the training.
+Judged = tuple[Series, int | None]
+"""Readings that judge a model, and how many rows tell its frame and target; None where training did."""
 
 
 def read(thin: int) -> tuple[Cell, tuple[Series, ...]]:
@@ -107,27 +100,14 @@ def split(name: str, series: Sequence[Series]) -> tuple[tuple[Series, ...], tupl
     """Readings that train, and others that judge."""
     a, c = series
     if name == TO_C:
-        return (a,), (Judged(c, FRAME_POSES),)
+        return (a,), ((c, FRAME_POSES),)
     if name == TO_A:
-        return (c,), (Judged(a, FRAME_POSES),)
+        return (c,), ((a, FRAME_POSES),)
     if name == BOTH:
         return (a, c), ()
     pairs = list(zip(series, blocks_of(series), strict=True))
     even, odd = (tuple(select_rows(one, own % 2 == k) for one, own in pairs) for k in (0, 1))
-    return even, tuple(Judged(one, FRAME_POSES if name == AGAIN else None) for one in odd)
-
-
-@dataclass(frozen=True)
-class Error:
-    """Distances of positions that were not fitted from a model; None where nothing judges."""
-
-    n: int = 0
-    mean_mm: float | None = None
-    rms_mm: float | None = None
-    p95_mm: float | None = None
-    p99_mm: float | None = None
-    max_mm: float | None = None
-    inside_95_percent: float | None = None  #: Share of some positions inside their 95 % ellipsoid.
+    return even, tuple((one, FRAME_POSES if name == AGAIN else None) for one in odd)
 
 
 @dataclass(frozen=True)
@@ -138,7 +118,7 @@ class FitRow:
     name: str  #: Of the model.
     judged: str  #: Series that judges it, empty for none.
     poses: int  #: That trained it.
-    error: Error
+    error: Score | None  #: Positions that were not fitted; None where nothing judges.
     #: Readings minus model of all judged rows, base axes, (3 rows,) [um]; of those that are drawn.
     left_um: tuple[float, ...]
     method: str | None  #: How compliances were found; None of a rigid arm.
@@ -202,7 +182,7 @@ def _draws(asked: Settings, vjm: Vjm, series: Sequence[Series], seed: int) -> It
         for model in TWO:
             own = explain(found, LADDER[model])
             about = replace(_about(own, model), split=DRAW, poses=poses, waves=())
-            for one in (Judged(rest, None), Judged(few, FRAME_POSES)):
+            for one in ((rest, None), (few, FRAME_POSES)):
                 yield _judged(own, about, one)
 
 
@@ -216,7 +196,7 @@ def _about(found: Calibration, model: str) -> FitRow:
         name=model,
         judged="",
         poses=0,
-        error=Error(),
+        error=None,
         left_um=(),
         method=None if estimate is None else estimate.method,
         parameters=int((own.columns >= own.unknowns.starts["geometry"]).sum()),
@@ -231,24 +211,10 @@ def _about(found: Calibration, model: str) -> FitRow:
 
 
 def _judged(found: Calibration, about: FitRow, judged: Judged) -> FitRow:
-    """Readings minus model in base axes, but those that told frame and target."""
-    belief, series = belief_of(found), judged.series
-    if judged.frame_poses is None:
-        at = known(found.state, belief, series)
-    else:
-        at = place(found.state, belief, series, evenly(series, judged.frame_poses))
-    off = np.delete(residuals(at.state, series)[0].T, at.rows, axis=0)
-    drawn = about.split == BLOCKS and about.name in TWO
-    left = tuple(np.round(UM * off, 2).ravel().tolist()) if drawn else ()
-    return replace(about, judged=series.name, error=_error(found, at, series, off), left_um=left)
-
-
-def _error(found: Calibration, at: Placed, series: Series, off: Array) -> Error:
-    """Distances of what is left, (rows, 3) [m], and how many readings lie where the model was sure."""
-    far = MM * np.linalg.norm(off, axis=1)
-    rest = np.setdiff1d(np.arange(series.rows), at.rows)
-    some = rest[np.linspace(0, len(rest) - 1, min(len(rest), INTERVALS)).astype(int)]
-    within = inside(predict(at, belief_of(found), select_rows(series, some)))
-    p95, p99 = np.percentile(far, [95, 99]).tolist()
-    rms, most = float(np.sqrt((far**2).mean())), float(far.max())
-    return Error(len(far), float(far.mean()), rms, p95, p99, most, float(100 * within.mean()))
+    """A model beside readings that judge it, but those that told frame and target."""
+    series, frame_poses = judged
+    drawn, left = about.split == BLOCKS and about.name in TWO, np.zeros(0)
+    if drawn:
+        left = np.round(UM * residuals(found.state, series)[0].T, 2)
+    error = score(found.state, belief_of(found), [series], frame_poses)
+    return replace(about, judged=series.name, error=error, left_um=tuple(left.ravel().tolist()))

@@ -8,7 +8,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import CALLED
 from testbench.report.campaigns import pairs
-from testbench.report.columns import KNOWN, columns
+from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials
 from testbench.studies.factorial import compare
@@ -22,16 +22,15 @@ from testbench.studies.regimes.trial import (
     JOINTS,
     LENT,
     NONE,
-    PRIORS,
     SQUARES,
     Options,
     Settings,
 )
 from testbench.studies.study import Study
 from testbench.trials.spread import Number, ends, middle, most_trials, span
-from testbench.views.figure import Figure
+from testbench.views.colours import look
+from testbench.views.figure import Figure, ranges
 from testbench.views.markdown import Markdown, capital, counted
-from testbench.views.ratio_figure import maps
 from testbench.views.schema import Table, pivot
 
 KINDS = {"gravity": "a weight, three markers", "full_pose": "six wrenches, full pose"}
@@ -42,6 +41,8 @@ NAMES = ("0 to 1 %", "1 to 3 %", "3 to 10 %", "10 to 30 %", "30 to 100 %", "over
 FREE = "the cone does not bind"
 MATTERS = 0.95  #: Ratio of errors, median, above which a gain is too small to count.
 CELL = ("part", "structure", "poses", "sigma_um")
+LOOKS = {SQUARES: look("MLS56", "none"), LENT: look("MLS56", "free"), JOINTS: look("Joints", "none")}
+"""Of those that GCO is drawn beside."""
 PAIRS = [(GCO, theirs) for theirs in (SQUARES, LENT, EQUAL, JOINTS)]
 HOW = Markdown(
     "## How to read the maps\n\n"
@@ -58,40 +59,29 @@ HOW = Markdown(
 
 
 def report(asked: Settings, seeds: range, trials: Trials) -> Report:
-    """Medians and spreads by cell, level and prior."""
+    """Medians and spreads by cell and by the error to expect."""
     plain = trials.where(uncertainty=NONE)
     cells = compare.duels(plain, PAIRS, *CELL, within=("true_arm",))
     errors = compare.cells(plain, *CELL, also=("free",))
+    at = {"part": "gravity", "poses": FEATURED_POSES, "sigma_um": UM * FEATURED_SIGMA}
+    here = [row for row in errors if all(row[key] == value for key, value in at.items())]
+    best = min((m for m in here if m.name == GCO), key=lambda m: middle(m.rms_um)).structure
+    own = compare.by_case(plain.where(structure=best, **at), "true_arm")
     f = Row(
-        seed=list(seeds) if len(seeds) > 1 else seeds[0],
-        noise=True,
+        compare.head(seeds, trials),
         truth=asked.truths,
         arms={kind: grid.arm for kind, grid in asked.grids.items()},
-        trials=len(seeds),
         workspace_poses=asked.judged,
         cells=cells,
         errors=errors,
-        counts={kind: _counts(kind, cells, errors) for kind in KINDS},
+        counts={kind: _counts(kind, cells) for kind in KINDS},
         levels=_levels(plain),
-        priors=compare.duels(
-            trials.where(uncertainty=set(PRIORS)),
-            [(GCO, SQUARES), (GCO, JOINTS)],
-            *("part", "uncertainty"),
-            within=("true_arm", *CELL[1:]),
-        ),
         worst={kind: max(_of(cells, kind, SQUARES), key=lambda row: middle(row.ratio)) for kind in KINDS},
-        featured_poses=FEATURED_POSES,
-        featured_um=UM * FEATURED_SIGMA,
-        dataset=compare.dataset(trials),
+        structure=best,
+        gains=pairs(own, {"least_squares": (GCO, SQUARES), "joints": (GCO, JOINTS)}, compare.ERROR, 1e-3),
+        models=[model for row in here for model in compare.contract([row], where=row.structure)],
     )
-    at = {"part": "gravity", "poses": FEATURED_POSES, "sigma_um": f.featured_um}
-    here = [row for row in errors if all(row[key] == value for key, value in at.items())]
-    f["structure"] = min((m for m in here if m.name == GCO), key=lambda m: middle(m.rms_um)).structure
-    own = compare.by_case(plain.where(structure=f.structure, **at), "true_arm")
-    rivals = {"least_squares": (GCO, SQUARES), "joints": (GCO, JOINTS)}
-    f["gains"] = pairs(own, rivals, compare.ERROR, 1e-3)
-    f["models"] = [model for row in here for model in compare.contract([row], where=row.structure)]
-    where = say("A weight, {featured_poses} poses, {featured_um:g} um of noise, {structure}:", f)
+    where = say("A weight, {poses} poses, {sigma_um:g} um of noise, {structure}:", at, structure=best)
     worst = "{structure}, {poses} poses, {sigma_um:g} um: GCO errs {ratio:~.2f} times"
     return Report(
         scenario=STUDY.name,
@@ -121,41 +111,22 @@ def pays(ratio: Number) -> bool:
     return ends(ratio)[1] < 1 and middle(ratio) <= MATTERS
 
 
-def costs(ratio: Number) -> bool:
-    """Whether it is above 1 in as many, in the middle by as much."""
-    return ends(ratio)[0] > 1 and middle(ratio) >= 1 / MATTERS
-
-
-def _counts(kind: str, cells: Sequence[Row], errors: Sequence[Row]) -> Row:
-    """How many cells do what; the cone by itself pays with the same free directions."""
-    lent, squares, joints = (_of(cells, kind, theirs) for theirs in (LENT, SQUARES, JOINTS))
-    free = [middle(row.free) > 0 for row in errors if (row.part, row.name) == (kind, GCO)]
-    beats = [row.won > 0.5 for row in joints]
-    cone, own = ([pays(row.ratio) for row in rows] for rows in (lent, squares))
-    cost = [costs(row.ratio) for row in squares]
-    return Row(
-        cells=len(lent),
-        cone_pays=sum(cone),
-        cone_pays_and_beats_joints=sum(map(all, zip(cone, beats, strict=True))),
-        pay=sum(own),
-        pay_and_beat_joints=sum(map(all, zip(own, beats, strict=True))),
-        cost=sum(cost),
-        cost_with_free=sum(map(all, zip(cost, free, strict=True))),
-    )
+def _counts(kind: str, cells: Sequence[Row]) -> Row:
+    """In how many cells the cone by itself pays: with the same free directions."""
+    lent, joints = (_of(cells, kind, theirs) for theirs in (LENT, JOINTS))
+    cone = [pays(row.ratio) for row in lent]
+    beats = [paid and row.won > 0.5 for paid, row in zip(cone, joints, strict=True)]
+    return Row(cells=len(lent), cone_pays=sum(cone), cone_pays_and_beats_joints=sum(beats))
 
 
 def _levels(plain: Trials) -> list[Row]:
     """By the error that noise is expected to leave where the cone binds, ascending; and where it does not."""
+    names = (*NAMES, FREE)
     level = np.where(plain["binds"], np.digitize(plain["expected"], LEVELS), len(NAMES))
     duels = compare.duels(plain.add(level=level), PAIRS, "part", "level", within=("true_arm", *CELL[1:]))
-    fits = {
-        (kind, theirs): sum(d.trials for d in _of(duels, kind, theirs))
-        for kind in KINDS
-        for _, theirs in PAIRS
-    }
-    names = dict(enumerate((*NAMES, FREE)))
+    fits = {kind: sum(row.trials for row in _of(duels, kind, SQUARES)) for kind in KINDS}
     return [
-        Row(row, level=names[row.level], fits_share=row.trials / fits[row.part, row.theirs])
+        Row(row, level=names[int(row.level)], fits_share=row.trials / fits[row.part])
         for row in sorted(duels, key=lambda row: int(row.level))
     ]
 
@@ -163,18 +134,13 @@ def _levels(plain: Trials) -> list[Row]:
 def _tables(f: Row) -> dict[str, Table]:
     """A map of every kind of reading, and both by the error to expect."""
     cell, sigma, level, theirs, share, ratio = columns("cell sigma_um level theirs fits_share ratio")
-    found = {}
+    found, told = {}, []
     for kind, words in KINDS.items():
         rows = [Row(row, cell=f"{row.structure}, {row.poses} poses") for row in _of(f.cells, kind, SQUARES)]
         found[kind] = pivot(Table((), rows, f"{words}: GCO over least squares, by noise"), cell, sigma, ratio)
-    rows = [
-        Row(row, level=f"{KINDS[kind]}: {row.level}")
-        for kind in KINDS
-        for row in f.levels
-        if row.part == kind
-    ]
+        told += [Row(row, level=f"{words}: {row.level}") for row in f.levels if row.part == kind]
     title = "GCO's error over the other's, by the error to expect of least squares over the deflection"
-    return found | {"levels": pivot(Table((), rows, title), level, theirs, ratio, share)}
+    return found | {"levels": pivot(Table((), told, title), level, theirs, ratio, share)}
 
 
 def _title(f: Row) -> Markdown:
@@ -200,35 +166,37 @@ def _claims(f: Row) -> Iterator[Markdown]:
         yield say(
             f"{capital(words)}: the cone by itself pays in {{cone_pays}} of {{cells}} cells; {also}.", own
         )
-    if levels := [row for row in _of(f.levels, "gravity", LENT) if row.level != FREE]:
-        yield say(
-            "It gains most where noise swamps least squares: {ratio:~.2f} times their error where noise "
-            "costs {level} of the deflection, {low:~.2f} at {least}.",
-            levels[-1],
-            low=levels[0].ratio,
-            least=levels[0].level,
-        )
+    yield _gained(f)
+
+
+def _gained(f: Row) -> Markdown:
+    """What the cone by itself gains at most and at least noise."""
+    levels = [row for row in _of(f.levels, "gravity", LENT) if row.level != FREE]
+    if not levels:
+        return Markdown("The cone binds nowhere.")
+    return say(
+        "The cone gains where noise swamps least squares: {ratio:~.2f} times their error where noise "
+        "costs {level} of the deflection, {low:~.2f} at {least}.",
+        levels[-1],
+        low=levels[0].ratio,
+        least=levels[0].level,
+    )
 
 
 def figures(found: Report) -> dict[str, Figure]:
-    """Maps of noise by poses, a structure and ratio each."""
-    f, panes = Row(found.numbers), {}
-    for kind, words in KINDS.items():
-        beats = [row.won for row in _of(f.cells, kind, JOINTS)]
-        for theirs, called in ((SQUARES, f"GCO over {SQUARES}"), (LENT, LENT)):
-            rows = [Row(r, beats_joints_in=b) for r, b in zip(_of(f.cells, kind, theirs), beats, strict=True)]
-            for structure in dict.fromkeys(row.structure for row in rows):
-                own = [row for row in rows if row.structure == structure]
-                title = f"{words.partition(',')[0]}, {structure}: {called}"
-                panes[title] = Table(columns("sigma_um poses ratio"), own)
-    where = f"A weight, {f.featured_poses} poses, {f.featured_um:g} um of noise, {f.structure}:"
+    """GCO over others by the error that noise is expected to leave, a pane a kind of reading."""
+    f, shown = Row(found.numbers), columns("level theirs ratio")
+    looks = {shown[1].text(theirs): own for theirs, own in LOOKS.items()}
+    panes = {
+        words: Table(shown, [r for r in f.levels if r.part == kind and r.theirs in LOOKS], looks=looks)
+        for kind, words in KINDS.items()
+    }
     reading = (
-        f"GCO's RMS error over the workspace over the other's, medians of {f.trials} trials, "
-        f"{len(f.truth)} true arms in turn; below 1 GCO is better. Hatched: their "
-        f"{span(f.gains.joints.trials)} holds 1. Framed: GCO beats joint stiffness only in most trials."
+        "GCO's RMS error over the other's, by what noise is expected to cost least squares, over the "
+        f"deflection: medians of fits with {span(f.trials)}, {f.trials} trials. Left of the dotted line "
+        "GCO is better. Same free directions: what the cone does by itself."
     )
-    answer = f"{where} {compare.gains_told(f.gains)}"
-    return {"regimes.png": maps(panes, answer, reading, KNOWN["beats_joints_in"])}
+    return {"regimes.png": ranges(panes, _gained(f), reading, mark=1.0)}
 
 
 STUDY = Study(

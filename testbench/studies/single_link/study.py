@@ -219,7 +219,7 @@ def _of_errors(f: Row) -> Markdown:
     )
 
 
-def _judged(f: Row) -> Iterator[paper.Claim]:
+def _judged(f: Row) -> Iterator[Row]:
     """The paper's statements of section 5.1, and one of ours, each with our numbers."""
     by = _named(f)
     for m, share, claim in (

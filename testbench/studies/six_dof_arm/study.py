@@ -237,7 +237,7 @@ def _claims(f: Row) -> Iterator[Markdown]:
     yield f.which_m
 
 
-def _judged(f: Row) -> Iterator[paper.Claim]:
+def _judged(f: Row) -> Iterator[Row]:
     """The paper's statements of section 5.2, and what our numbers say of each."""
     own, tie = {m.name: m for m in f.models}, f.ties[0]
     ours = [own[name] for name in MODELS]
@@ -254,7 +254,7 @@ def _judged(f: Row) -> Iterator[paper.Claim]:
         yield paper.comparison(claim, test, f.paired[key], f.paired.seeds)
 
 
-def _cells(m: Row) -> Iterator[paper.Claim]:
+def _cells(m: Row) -> Iterator[Row]:
     """The cells of Table II that the paper's text gives of a model."""
     differs = "another arm and a single draw"
     if m.name == "MGCO69":

@@ -25,9 +25,8 @@ from testbench.views.colours import (
     Colour,
 )
 from testbench.views.markdown import Told, as_markdown, grid
-from testbench.views.recording.maps import map_tab, write_map
 from testbench.views.recording.stream import Header, Pen, layout, recording, snake, text_view
-from testbench.views.recording.world import frame, orbit, reach, write_arm, write_layer
+from testbench.views.recording.world import frame, map_tab, orbit, reach, write_arm, write_layer, write_map
 from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen
 
 WORST, POSE = "worst_first", "pose"

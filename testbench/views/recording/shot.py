@@ -15,8 +15,7 @@ from rerun.experimental import ViewerClient
 
 from testbench.child import child
 from testbench.errors import BenchError
-from testbench.output.scratch import temporary_folder
-from testbench.output.whole import whole_file
+from testbench.output.whole import temporary_folder, whole_file
 from testbench.views.recording import headless
 from testbench.views.recording.viewer import newest
 

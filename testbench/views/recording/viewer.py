@@ -15,7 +15,7 @@ from typing import TypeVar
 from testbench.child import child
 from testbench.errors import BenchError, InputError
 from testbench.output.replace import settle
-from testbench.output.scratch import temporary_folder
+from testbench.output.whole import temporary_folder
 
 T = TypeVar("T")
 HERE = "127.0.0.1"  #: The address of this machine that no other one reaches.

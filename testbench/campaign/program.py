@@ -1,34 +1,129 @@
-"""A prediction: poses of any table of ours and what acts in them, deflections, stiffness, a map."""
+"""A robot's program: what acts at its points, where that brings the tool, and the joints that correct it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
-from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell, clear_poses, stream
-from testbench.campaign.compensate import drawn_joints, loads_of
 from testbench.campaign.plan_input import read_payload, read_pulls
 from testbench.correct.arm_model import ArmModel
 from testbench.correct.beyond import Extent, extent
+from testbench.correct.compensated import Compensated, compensate
+from testbench.correct.inverse import joints_along
 from testbench.correct.newton import Aim
 from testbench.correct.predicted import Prediction, predict
+from testbench.correct.process import process_wrench
 from testbench.correct.stiffness import Stiffness, give_halves, stiffness
 from testbench.data.dataset import Ids
+from testbench.data.jumps import refuse_joint_jumps
 from testbench.data.posefile import read_poses
 from testbench.data.program import Program, read_program, unread
 from testbench.data.table import read_table
-from testbench.errors import Array, InputError, NoEquilibrium
-from testbench.model.load import Load
+from testbench.errors import Array, BenchError, InputError, NoEquilibrium
+from testbench.model.load import Load, weight
 from testbench.model.poses import WorkArea
 from testbench.model.vjm import tool_pose
+from testbench.plant import Room
 
 T = TypeVar("T")
+NAMED = 5  #: Points that a message names; more are counted.
 PLACES = 600  #: Poses of the map.
 FORCE = 1000.0  #: Of the map where neither a flag nor the arm's payload says one [N].
 PROMISED = "expected_error_mm"  #: Column that only plans have.
+
+
+@dataclass(frozen=True)
+class CorrectedProgram:
+    """A program, what acts at its points, and its correction."""
+
+    program: Program
+    model: ArmModel
+    aim: Aim
+    loads: tuple[Load, ...]  #: Each with a row a point.
+    found: Compensated
+
+    @property
+    def unreached(self) -> tuple[str, ...]:
+        """Points that cannot be put right, each with its line and its reason."""
+        rows = zip(self.program.line, self.program.labels, self.found.refused, strict=True)
+        return tuple(f"line {line} (point {label}): {why}" for line, label, why in rows if why is not None)
+
+
+def correct_program(
+    model: ArmModel, program: Program, aim: Aim, room: Room | None = None, *, start: Array | None = None
+) -> CorrectedProgram:
+    """Correct a program.
+
+    Args:
+        model: The arm.
+        program: What it is to do.
+        aim: Tool point, spindle, what of the tool is put right.
+        room: Where the arm stands; None leaves collisions unchecked.
+        start: Joints near those of the first point, where the program has poses of the tool, (n,) [rad, m].
+
+    Raises:
+        InputError: When a set-point is out of the drawn arm's reach, the feed is nowhere, or the arm cannot
+            bear a load.
+    """
+    q = _drawn_joints(model, program, aim, start)
+    loads = _loads_of(model, program, aim, q)
+    try:
+        found = compensate(model, q, loads, aim, room)
+    except NoEquilibrium as err:
+        raise InputError(program.path, "", str(err)) from err
+    return CorrectedProgram(program, model, aim, loads, found)
+
+
+def _drawn_joints(model: ArmModel, program: Program, aim: Aim, start: Array | None) -> Array:
+    """Joints of the program: its own, or those that bring the drawn arm's tool to its poses."""
+    if program.position is None or program.rotation is None:
+        assert program.q is not None
+        return program.q
+    near = start if program.q is None else program.q
+    found = joints_along(model.vjm, program.position, program.rotation, start=near, point=np.array(aim.point))
+    far = np.flatnonzero(~found.there)
+    if len(far):
+        missing = 1e3 * np.column_stack([found.distance, found.angle])
+        names = [
+            "line {} by {:.3g} mm and {:.3g} mrad".format(program.line[k], *missing[k]) for k in far[:NAMED]
+        ]
+        more = f" and {len(far) - NAMED} more" if len(far) > NAMED else ""
+        raise InputError(program.path, "", f"out of the arm's reach: {', '.join(names)}{more}")
+    if not program.jumps:
+        refuse_joint_jumps(program.path, model.arm, program.line, found.q)
+    return found.q
+
+
+def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Load, ...]:
+    """What acts at every point: the process at the tool point or where the file says, and what hangs."""
+    position, rotation = tool_pose(model.vjm, q)
+    tip = np.array(aim.point)
+    try:
+        names = [f"line {line}" for line in program.line]
+        spindle = rotation @ np.array(aim.spindle)
+        along = process_wrench(program.along, position + rotation @ tip, spindle, names)
+    except BenchError as err:
+        raise InputError(program.path, "", str(err)) from err
+    loads = [Load(program.wrench + along, tip if program.point is None else program.point).over(len(q))]
+    return (*loads, *([weight(model.vjm, program.mass)] if program.mass.any() else []))
+
+
+def more_columns(found: CorrectedProgram) -> dict[str, Array | Sequence[str]]:
+    """What a corrected program says beside its joints, by column."""
+    own, arm = found.found, found.model.arm
+    moved = own.q - own.start
+    columns: dict[str, Array | Sequence[str]] = {
+        f"correction_{joint.shown_column}": joint.shown * moved[:, k] for k, joint in enumerate(arm.joints)
+    }
+    columns |= {f"before_{x}_mm": 1e3 * own.before[:, k] for k, x in enumerate("xyz")}
+    half = np.where(np.isfinite(own.half), own.half, np.nan)
+    columns |= {f"half_95_{x}_mm": 1e3 * half[:, k] for k, x in enumerate("xyz")}
+    columns["turn_left_mrad"] = 1e3 * np.linalg.norm(own.turned, axis=1)
+    columns["left_out"] = ["" if reason is None else reason for reason in own.refused]
+    return columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +175,9 @@ def read_asked(path: Path, model: ArmModel, mapping: Path | None, mass: Callable
         notes += ("The program was corrected: its joints count as they stand",)
         program = replace(program, position=None, rotation=None)
     program, said = with_payload(model, program, mass)
-    q = drawn_joints(model, program, aim, None)
-    loads, hung, notes = loads_of(model, program, aim, q), program.mass, (*notes, *said)
-    return Asked(path, program.line, program.labels, q, loads, hung, notes)
+    q = _drawn_joints(model, program, aim, None)
+    loads = _loads_of(model, program, aim, q)
+    return Asked(path, program.line, program.labels, q, loads, program.mass, (*notes, *said))
 
 
 def with_payload(
@@ -92,20 +187,20 @@ def with_payload(
     if program.mass.any() or program.wrench.any() or program.along.any():
         return program, ()
     hung = mass()
-    return replace(program, mass=np.full(program.points, hung)), (no_load(model, hung),)
+    return replace(program, mass=np.full(program.points, hung)), (_no_load(model, hung),)
 
 
 def _of_plan(path: Path, model: ArmModel, mass: Callable[[], float]) -> Asked:
     """Poses that `testbench plan` wrote, in which a weight hangs or a force pulls."""
     q, found, pulls = read_poses(path, model.arm), read_payload(path), read_pulls(path)
     hung = np.full(len(q), mass()) if found is None else found
-    notes = (no_load(model, hung[0]),) if found is None else ()
+    notes = (_no_load(model, hung[0]),) if found is None else ()
     labels = tuple(map(str, range(1, len(q) + 1)))
     forces = [] if pulls is None else [Load(np.hstack([pulls, 0 * pulls]), model.vjm.load).over(len(q))]
-    return Asked(path, np.arange(len(q)) + 2, labels, q, (*forces, hanging(model, hung)), hung, notes)
+    return Asked(path, np.arange(len(q)) + 2, labels, q, (*forces, weight(model.vjm, hung)), hung, notes)
 
 
-def no_load(model: ArmModel, mass: float) -> str:
+def _no_load(model: ArmModel, mass: float) -> str:
     """What hangs [kg] where the file says of no load, a sentence."""
     if not mass:
         return "No load in the file: nothing hangs"
@@ -113,41 +208,16 @@ def no_load(model: ArmModel, mass: float) -> str:
     return f"No load in the file: {what}"
 
 
-def hanging(model: ArmModel, mass: Array) -> Load:
-    """Weights at the arm's load point, (poses,) [kg]."""
-    weight = np.zeros((len(mass), 6))
-    weight[:, 2] = -GRAVITY * mass
-    return Load(weight, model.vjm.load).over(len(mass))
-
-
-def carried(asked: Asked, compute: Callable[[Array, list[Load]], T]) -> T:
-    """What follows from all poses and loads; a pose that bears its load not is named by its line.
-
-    Raises:
-        InputError: When a pose has no equilibrium.
-    """
+def _carried(asked: Asked, some: slice, compute: Callable[[Array, list[Load]], T]) -> T:
+    """What follows from some poses and loads; InputError names the line of the first that has no rest."""
     try:
-        return compute(asked.q, list(asked.loads))
-    except NoEquilibrium:
-        low, high = 0, len(asked.q)
-        while high - low > 1:  # the first half that has none, until one pose is left
-            middle = (low + high) // 2
-            if _bears(asked, slice(low, middle), compute):
-                low = middle
-            else:
-                high = middle
-        try:
-            return compute(asked.q[low:high], [load.of(slice(low, high)) for load in asked.loads])
-        except NoEquilibrium as err:
-            raise InputError(asked.path, f"line {asked.line[low]}", str(err)) from err
-
-
-def _bears(asked: Asked, some: slice, compute: Callable[[Array, list[Load]], T]) -> bool:
-    try:
-        compute(asked.q[some], [load.of(some) for load in asked.loads])
-    except NoEquilibrium:
-        return False
-    return True
+        return compute(asked.q[some], [load.of(some) for load in asked.loads])
+    except NoEquilibrium as err:
+        if some.stop - some.start == 1:
+            raise InputError(asked.path, f"line {asked.line[some.start]}", str(err)) from err
+        middle = (some.start + some.stop) // 2
+        _carried(asked, slice(some.start, middle), compute)  # ends here where one of these has none
+        return _carried(asked, slice(middle, some.stop), compute)
 
 
 @dataclass(frozen=True)
@@ -206,9 +276,9 @@ def predicted(
         InputError: When a pose has no equilibrium; names its line.
         PoseError: When too few poses have their tool in the area of the map.
     """
-    cell = Cell(model.arm, model.vjm)
-    found = carried(asked, lambda q, loads: predict(model, q, loads, linear=linear))
-    tool = carried(asked, lambda q, loads: stiffness(model, q, loads))
+    cell, every = Cell(model.arm, model.vjm), slice(0, len(asked.q))
+    found = _carried(asked, every, lambda q, loads: predict(model, q, loads, linear=linear))
+    tool = _carried(asked, every, lambda q, loads: stiffness(model, q, loads))
     return Predicted(
         model=model,
         cell=cell,
