@@ -10,8 +10,8 @@ from testbench.identify.certify import bound, gradient_dual
 from testbench.identify.conic import answers, by_clarabel, scale_program
 from testbench.identify.metric import Case, with_prior_rows
 from testbench.identify.regression import Regression
-from testbench.identify.regularised import REFEREES, parameters
-from testbench.identify.regularised import answers as with_prior
+from testbench.identify.regularised import REFEREES
+from testbench.identify.regularised import answer as with_prior
 
 RANDOM, NASTY_ONES = 10_000, 1_000
 SEED = 20_000
@@ -82,7 +82,7 @@ def compared(regression: Regression) -> Compared:
 
 def compared_with_prior(case: Case) -> Compared:
     """GCO with a prior; what is left is told by the step to the best of both, in standard deviations."""
-    [answer] = with_prior("psd", [case])
+    answer = with_prior("psd", case)
     referee = REFEREES["psd"](case)
     M, r = with_prior_rows(case.regression, case.belief.metric, case.belief.strength)
     x = [np.linalg.solve(case.belief.metric.L, pi) for pi in (answer.pi, referee.pi)]
@@ -94,5 +94,5 @@ def compared_with_prior(case: Case) -> Compared:
 def least_squares_off(case: Case) -> float:
     """Standard deviations between least squares with a prior and those of an orthogonal factorisation."""
     M, _ = with_prior_rows(case.regression, case.belief.metric, case.belief.strength)
-    apart = parameters("none", [case])[0] - REFEREES["none"](case).pi
+    apart = with_prior("none", case).pi - REFEREES["none"](case).pi
     return float(np.linalg.norm(M @ np.linalg.solve(case.belief.metric.L, apart)))

@@ -5,11 +5,11 @@ from measure import MODELS, Row, at_most, note, seconds, spread
 from testbench.campaign.campaign import Cell, Scenario, build_cell, simulate
 from testbench.data.dataset import Dataset
 from testbench.identify import reduce
-from testbench.identify.bounds import CEILING, FitSet, bounds, fit_set
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
+from testbench.studies.estimators.bounds import CEILING, FitSet, bounds, fit_set
 
 ARM = "kr500_l480"
 CONFIDENCE = 0.95

@@ -6,13 +6,13 @@ from measure import MODELS, Row, at_most, interleave, note, spread
 from testbench.campaign.campaign import Cell, Scenario, build_cell, simulate
 from testbench.errors import Array
 from testbench.identify import reduce
-from testbench.identify.bootstrap import resampler
 from testbench.identify.conic import by_clarabel, optima, optimum, scale_program
 from testbench.identify.metric import Belief, Case, metric, rescaled
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import Regression
-from testbench.identify.regularised import REFEREES, parameters
+from testbench.identify.regularised import REFEREES, answer
 from testbench.model.structure import Structure, all153, mgco68, template56
+from testbench.studies.estimators.bootstrap import resampler
 
 ARM = "kr500_l480"
 FITS, ALONE, REPEATS = 100, 8, 5
@@ -41,7 +41,7 @@ def rows_of(arm: Cell, structure: Structure, regressions: list[Regression]) -> l
     prior = rescaled(metric(cad_prior(arm.arm), arm.vjm, structure), regressions[0])
     for u in STRENGTHS:
         cases = [Case(regression, Belief(prior, Strength(u))) for regression in regressions]
-        [together] = interleave(REPEATS, lambda c=cases: parameters("psd", c))  # type: ignore[misc]
+        [together] = interleave(REPEATS, lambda c=cases: [answer("psd", case) for case in c])  # type: ignore[misc]
         own = [REFEREES["psd"](case).seconds for case in cases[:ALONE]]
         rows.append(_row(f"{structure.name}, prior uncertain by {100 * u:g} %", together, own))
     return rows

@@ -12,8 +12,8 @@ from testbench.data.series_export import read_series
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.align import LEAST
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
-from testbench.identify.absolute.outliers import outliers
 from testbench.identify.absolute.posterior import Belief, evenly, inside, known, place, predict
+from testbench.identify.absolute.scatter import outliers
 from testbench.identify.absolute.shared import far_off
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.torques import fit_weights

@@ -9,7 +9,7 @@ from testbench.arm.folder import Arm
 from testbench.campaign.campaign import Cell
 from testbench.errors import BenchError
 from testbench.identify import Estimator, gco, least_squares
-from testbench.identify.reduction import non_redundant
+from testbench.identify.regression import non_redundant
 from testbench.model.structure import (
     FULL,
     TEMPLATE,

@@ -10,7 +10,7 @@ length of svec(X) is the Frobenius norm of X.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Literal
 
 import clarabel
@@ -163,11 +163,37 @@ def svec(X: Array) -> Array:
 
 def smat(x: Array) -> Array:
     """The symmetric matrices of such triangles, (..., n (n + 1) / 2)."""
-    n = order(x.shape[-1])
+    places, scale = _unpacked(order(x.shape[-1]))
+    return np.asarray(x.take(places, axis=-1) * scale)
+
+
+@cache
+def _unpacked(n: int) -> tuple[Ids, Array]:
+    """Where the entries of a matrix stand in its svec, and their size per unit of that, (n, n) each."""
     row, column = upper(n)
-    X = np.zeros((*x.shape[:-1], n, n))
-    X[..., row, column] = X[..., column, row] = x * np.where(row == column, 1, math.sqrt(0.5))
-    return X
+    places = np.zeros((n, n), int)
+    places[row, column] = places[column, row] = np.arange(len(row))
+    return places, np.where(np.eye(n) == 1, 1.0, math.sqrt(0.5))
+
+
+def congruence(A: Array) -> Array:
+    """The maps svec(Y) -> svec(A Y A^T), (..., t, t), of matrices (..., n, n)."""
+    i, j = upper(A.shape[-1])
+    diagonal = i == j
+    weight = np.where(diagonal, 1.0, math.sqrt(2))[:, None] * np.where(diagonal, 0.5, math.sqrt(0.5))
+    row, column = i[:, None], j[:, None]
+    both = A[..., row, i] * A[..., column, j] + A[..., row, j] * A[..., column, i]
+    return np.asarray(both * weight)
+
+
+@lru_cache(maxsize=64)
+def groups_of(sizes: tuple[int, ...]) -> list[Ids]:
+    """Places of the blocks of each order in the svec of all, one behind the other, (blocks, entries)."""
+    ends = np.cumsum([triangle(n) for n in sizes])
+    return [
+        np.array([np.arange(e - triangle(n), e) for n, e in zip(sizes, ends, strict=True) if n == size])
+        for size in dict.fromkeys(sizes)
+    ]
 
 
 def psd_part(X: Array) -> Array:

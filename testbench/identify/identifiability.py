@@ -32,8 +32,7 @@ from testbench.identify.identifiability_unseen import (
 )
 from testbench.identify.metric import Metric, metric, precision_root, whitened
 from testbench.identify.prior import Prior, Strength, aggregate
-from testbench.identify.reduction import generic_rows
-from testbench.identify.regression import Regression, check_symmetric, reduce
+from testbench.identify.regression import Regression, check_symmetric, generic_rows, reduce
 from testbench.identify.weighed import marker_motion, marker_points
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm

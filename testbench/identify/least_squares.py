@@ -1,13 +1,18 @@
 """Weighted least squares, Eq. (14)-(15), by SVD of the reduced rows; never by an inverse."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from testbench.errors import Array
+from testbench.identify import cone
+from testbench.identify.conic import EXACT, clip, psd_entries, sensitivity_units
 from testbench.identify.estimate import Estimate, make_estimate
-from testbench.identify.regression import RANK_TOLERANCE, Regression
+from testbench.identify.identifiability_unseen import null_space
+from testbench.identify.regression import RANK_TOLERANCE, Regression, check_symmetric, f_m
+from testbench.model.structure import Structure
 
 
 def minimum_norm(regression: Regression) -> Estimate:
@@ -44,3 +49,97 @@ def solve_all(regressions: Sequence[Regression]) -> Array:
     pi = np.zeros((len(y), one.structure.n))
     pi[:, seen] = np.linalg.lstsq(A[:, seen] / scale, np.transpose(y), rcond=RANK_TOLERANCE)[0].T / scale
     return pi
+
+
+EQUAL = 1e-7
+"""Share by which F_M may exceed that of least squares and count as equal: negative eigenvalues of the
+solver's last digits are set to zero."""
+PROVEN = 1e-8
+"""Shift of all eigenvalues, where the data are of order one, that models of equal fit need if none is in the
+cone; below it is what solvers leave."""
+ROUNDING = 1e-12  #: Entry of a free direction of length one below which it is zero.
+NONE = "no conservative model fits as well as least squares"
+FILLED = (
+    "least squares filled the free directions with the conservative model nearest to the solution of minimum "
+    "norm"
+)
+
+
+@dataclass(frozen=True)
+class Free:
+    """What the data leave free: X = x + N w, entry by entry of the parameters."""
+
+    unit: Array  #: pi = unit * X, (n,).
+    x: Array  #: The solution of minimum norm, (n,).
+    N: Array  #: Directions that no reading sees, orthonormal as matrices, (n, n - r).
+
+
+def completed(regression: Regression) -> Estimate:
+    """Least squares whose free directions make it conservative, nearest to the solution of minimum norm.
+
+    Where what the data see allows no conservative model, it is the solution of minimum norm, and status and
+    advice say so.
+
+    Raises:
+        BenchError: When the structure is not symmetric.
+    """
+    check_symmetric(regression.structure)
+    plain = replace(minimum_norm(regression), constraint="free")
+    if plain.conservative:
+        return plain
+    if regression.rank == regression.structure.n:
+        return _left_as_it_is(plain, f"{NONE}: the data leave nothing free")
+    free = free_directions(regression, plain.pi)
+    found = _nearest(regression.structure, free)
+    if found.status != "solved":
+        why = NONE if least_shift(regression.structure, free) > PROVEN else found.failure
+        return replace(_left_as_it_is(plain, why), solver_seconds=found.seconds)
+    pi = free.unit * clip(regression.structure, free.x + free.N @ found.x[1:])
+    estimate = make_estimate(
+        regression, pi, method="least squares, conservative of equal fit", constraint="free", advice=(FILLED,)
+    )
+    allowed = EQUAL * plain.f_m + EXACT * f_m(regression, np.zeros(len(pi)))
+    good = estimate.conservative and estimate.f_m <= plain.f_m + allowed
+    if not good:
+        estimate = _left_as_it_is(plain, f"{found.failure}, and its digits do not suffice")
+    return replace(estimate, status="solved" if good else estimate.status, solver_seconds=found.seconds)
+
+
+def _left_as_it_is(plain: Estimate, why: str) -> Estimate:
+    """The solution of minimum norm, and why."""
+    return replace(plain, status=why, advice=(*plain.advice, f"{plain.structure.name}: {why}"))
+
+
+def free_directions(regression: Regression, pi: Array) -> Free:
+    """The directions along which models fit as parameters do, (n,), in units of sensitivity."""
+    s = regression.structure
+    unit = sensitivity_units(regression, f_m(regression, np.zeros(s.n)) or 1.0)
+    length = np.where(s.mirrored, math.sqrt(2), 1.0)  # an entry that stands at two places counts twice
+    unseen = null_space(np.vstack([term.R for term in regression.terms]))
+    N = np.linalg.qr((length / unit)[:, None] * unseen)[0]
+    N[np.abs(N) < ROUNDING] = 0
+    return Free(unit, pi / unit, N / length[:, None])
+
+
+def _nearest(s: Structure, free: Free) -> cone.Solution:
+    """The least t >= |w| over X_0 + N w with positive semi-definite blocks; the unknowns are t, then w."""
+    count = free.N.shape[1]
+    shortest = cone.norm_below(0, np.eye(count + 1)[1:], np.zeros(count))
+    return cone.solve(_program(s, free, np.zeros(s.n), (shortest,)))
+
+
+def least_shift(s: Structure, free: Free) -> float:
+    """What no t >= -1 is below, of all w for which X_0 + N w + t 1 has positive semi-definite blocks."""
+    one = np.where(s.a == s.b, 1.0, 0.0)
+    first = np.eye(1, 1 + free.N.shape[1])
+    return cone.solve(_program(s, free, one, (cone.Rows("nonnegative", -first, np.ones(1)),))).bound
+
+
+def _program(s: Structure, free: Free, beside: Array, rows: tuple[cone.Rows, ...]) -> cone.Problem:
+    """The least t with X_0 + N w + t beside in the cone, and what else; the unknowns are t, then w."""
+    for block in s.blocks:
+        entries, svec = psd_entries(s, block)
+        A = -svec @ np.c_[beside, free.N][entries]
+        rows += (cone.Rows("psd", A, svec @ free.x[entries]),)
+    cost = np.r_[1.0, np.zeros(free.N.shape[1])]
+    return cone.Problem(cost, (cone.free_block(0, len(cost)),), rows)

@@ -13,22 +13,18 @@ import numpy as np
 
 from testbench.errors import Array, BenchError
 from testbench.identify import cone
-from testbench.identify.blocks import blocks_of
-from testbench.identify.completion import completed
-from testbench.identify.conic import EXACT, f_m_norms, optima, optimum, optimum_each
-from testbench.identify.dense import least_squares, shares
+from testbench.identify.conic import optimum_each
 from testbench.identify.estimate import Constraint, Estimate, make_estimate
-from testbench.identify.least_squares import minimum_norm, solve, solve_all
-from testbench.identify.metric import Belief, Case, Metric, precision_root, whitened, with_prior_rows
-from testbench.identify.objective import Objective
+from testbench.identify.least_squares import completed, minimum_norm
+from testbench.identify.metric import Belief, Case, Metric, with_prior_rows
 from testbench.identify.prior import Strength
-from testbench.identify.regression import Regression, f_m
+from testbench.identify.projected import least_squares
+from testbench.identify.regression import Regression
 
 NEAR = 1e-8
 """Distance from the least half of chi squared and penalty within which an answer is proven to be: then it is
 within 1.5e-4 standard deviations of the optimum in every direction."""
 DIGITS = 1e-12  #: The same as a share of the cost: what rounding leaves of a misfit.
-SLACK = 1e-2  #: Share by which F_M may exceed its optimum while the trace is made least.
 
 
 def least_squares_with(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
@@ -43,15 +39,16 @@ def gco_with(regression: Regression, metric: Metric, strength: Strength) -> Esti
 
 def _with(constraint: Constraint, cases: Sequence[Case]) -> list[Estimate]:
     found = []
-    for case, answer in zip(cases, answers(constraint, cases), strict=True):
+    for case in cases:
+        own = answer(constraint, case)
         estimate = make_estimate(
             case.regression,
-            answer.pi,
+            own.pi,
             method=METHODS[constraint],
             constraint=constraint,
             advice=(words(case.belief),),
         )
-        known = replace(estimate, belief=case.belief, status=answer.status, solver_seconds=answer.seconds)
+        known = replace(estimate, belief=case.belief, status=own.status, solver_seconds=own.seconds)
         found.append(known)
     return found
 
@@ -66,57 +63,15 @@ class Answer:
     own: bool  #: Whether our own method found it.
 
 
-def parameters(constraint: Constraint, cases: Sequence[Case]) -> Array:
-    """Parameters of many datasets of one structure with priors, all at once, (cases, n)."""
-    return np.array([answer.pi for answer in answers(constraint, cases)])
-
-
-def answers(constraint: Constraint, cases: Sequence[Case]) -> list[Answer]:
-    """What `parameters` come from, those of one structure and number of terms together."""
-    found: dict[int, Answer] = {}
-    shapes = [
-        (c.regression.structure.n, (id(c.regression.structure), len(c.regression.terms))) for c in cases
-    ]
-    for share in shares(shapes):
-        found |= zip(share, _dense(constraint, [cases[k] for k in share]), strict=True)
-    return [found[k] for k in range(len(cases))]
-
-
-def _dense(constraint: Constraint, cases: Sequence[Case]) -> list[Answer]:
-    """By our own method; by an independent solver where its answer is not proven."""
-    start = time.perf_counter()
-    objective = _objective(cases)
-    blocks = blocks_of(cases[0].belief.metric.sizes) if constraint == "psd" else None
-    found = least_squares(objective, blocks)
-    good = np.isfinite(found.gap) & (found.gap <= NEAR + DIGITS * objective.value(found.x))
-    seconds = (time.perf_counter() - start) / len(cases)
-    return [
-        Answer(case.belief.metric.L @ x, seconds, "solved", own=True)
-        if proven
-        else REFEREES[constraint](case)
-        for case, x, proven in zip(cases, found.x, good, strict=True)
-    ]
-
-
-def _objective(cases: Sequence[Case]) -> Objective:
-    """Squared residuals of data and prior; a dataset is squared once, however many strengths there are."""
-    data: dict[tuple[int, int], tuple[Array, Array, Array]] = {}
-    R, z, H = [], [], []
-    for case in cases:
-        key = id(case.regression), id(case.belief.metric)
-        if key not in data:
-            A, y = whitened(case.regression, case.belief.metric)
-            data[key] = A, y, A.T @ A
-        A, y, AA = data[key]
-        B, c = precision_root(case.belief.metric, case.belief.strength)
-        R.append(np.concatenate([A, B]))
-        z.append(np.concatenate([y, c]))
-        H.append(AA + B.T @ B)
-    rows, n = R[0].shape
-    zero = np.zeros((len(R), n))
-    return Objective(
-        np.array(R), np.array(z), zero[:, :1], zero, np.array(H)[:, None], (slice(0, rows),), squared=True
-    )
+def answer(constraint: Constraint, case: Case) -> Answer:
+    """Newton's answer with a prior; an independent solver's where it is not proven."""
+    start, metric = time.perf_counter(), case.belief.metric
+    M, r = with_prior_rows(case.regression, metric, case.belief.strength)
+    x, gap = least_squares(M, r, metric.sizes if constraint == "psd" else ())
+    cost = float(np.sum((M @ x - r) ** 2)) / 2
+    if not gap <= NEAR + DIGITS * cost:
+        return REFEREES[constraint](case)
+    return Answer(metric.L @ x, time.perf_counter() - start, "solved", own=True)
 
 
 def _by_lapack(case: Case) -> Answer:
@@ -145,37 +100,6 @@ def _by_clarabel(case: Case) -> Answer:
 
 REFEREES: dict[Constraint, Callable[[Case], Answer]] = {"none": _by_lapack, "psd": _by_clarabel}
 METHODS: dict[Constraint, str] = {"none": "least squares with prior", "psd": "GCO with prior"}
-
-
-def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
-    """GCO without a prior: of the models that fit as well as the best, the one of least trace of X.
-
-    The prior's compliances are a metric here and nothing more: the trace counts every compliance in units of
-    what was expected. As well means an F_M within `SLACK` of the optimum, which itself may only be approached
-    as unseen compliance grows without end.
-    """
-    best = optimum(regression).f_m
-    n, count = metric.structure.n, len(regression.terms)
-    allowed = (1 + SLACK) * max(best, EXACT * f_m(regression, np.zeros(n)))
-    total = cone.Rows("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
-    norms = f_m_norms(regression.terms, [term.R @ metric.L / allowed for term in regression.terms], allowed)
-    solution = cone.solve(
-        cone.Problem(
-            cost=np.r_[np.zeros(count), metric.expected],
-            blocks=(cone.free_block(0, count), *cone.psd_blocks(count, metric.sizes)),
-            rows=(total, *norms),
-        )
-    )
-    estimate = make_estimate(
-        regression,
-        metric.L @ metric.project(solution.x[count:]),
-        method="GCO, least trace in the metric",
-        constraint="psd",
-        advice=(
-            f"free directions: least trace in the metric of {metric.prior}, F_M within {100 * SLACK:g} %",
-        ),
-    )
-    return replace(estimate, status=solution.status, solver_seconds=solution.seconds)
 
 
 def words(belief: Belief) -> str:
@@ -210,15 +134,3 @@ def fit_each(
     if constraint == "psd":
         return optimum_each(regressions)
     return [completed(r) if constraint == "free" else minimum_norm(r) for r in regressions]
-
-
-def fit_all(regressions: Sequence[Regression], constraint: Constraint, belief: Belief | None = None) -> Array:
-    """The parameters that `fit_reduced` finds, of many datasets of one structure, (datasets, n)."""
-    if belief is not None:
-        return parameters(constraint, [Case(regression, belief) for regression in regressions])
-    if constraint == "psd":
-        return optima(regressions)
-    if constraint == "free":
-        return np.array([completed(r).pi for r in regressions])
-    rows = {tuple(id(term.R) for term in r.terms) for r in regressions}
-    return solve_all(regressions) if len(rows) == 1 else np.array([solve(r) for r in regressions])

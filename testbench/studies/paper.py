@@ -3,9 +3,9 @@
 from testbench.campaign.campaign import Cell, stream
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate
-from testbench.identify.factorised import LARGEST_ORDER, LocalSolves
 from testbench.model.structure import Structure
 from testbench.report.table import Row
+from testbench.studies.estimators.factorised import LARGEST_ORDER, LocalSolves
 from testbench.trials.spread import Number, Spread, ends, middle
 from testbench.views.schema import show
 

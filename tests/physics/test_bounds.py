@@ -8,12 +8,12 @@ import pytest
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.errors import BenchError
 from testbench.identify import reduce
-from testbench.identify.bootstrap import resampler
-from testbench.identify.bounds import bounds, fit_set
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior, aggregate, cad_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
+from testbench.studies.estimators.bootstrap import resampler
+from testbench.studies.estimators.bounds import bounds, fit_set
 
 
 @pytest.fixture(scope="module")

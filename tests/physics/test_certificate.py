@@ -22,7 +22,7 @@ from testbench.identify.certify import (
     total_trace,
     trace_weight,
 )
-from testbench.identify.conic import _block, f_m_norms, optimum, scale_program
+from testbench.identify.conic import f_m_norms, optimum, psd_blocks, scale_program
 from testbench.identify.estimate import Dual
 from testbench.identify.regression import Term, f_m, reduce, regression_of
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco147, template56
@@ -86,7 +86,7 @@ def best_within(regression, t):
     found = cone.solve(
         cone.Problem(
             cost=np.r_[np.ones(count), np.zeros(s.n)],
-            blocks=(cone.free_block(0, count), *(_block(s, block, count) for block in s.blocks)),
+            blocks=(cone.free_block(0, count), *psd_blocks(s, count)),
             rows=(*f_m_norms(terms, rows, program.unit), cone.Rows("nonnegative", room, np.ones(len(room)))),
         )
     )

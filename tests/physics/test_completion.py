@@ -11,11 +11,10 @@ from testbench.campaign.campaign import simulate as calibrate
 from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.errors import BenchError
 from testbench.identify import reduce
-from testbench.identify.completion import NONE, PROVEN, free_directions, least_shift
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.identifiability_help import imagined
-from testbench.identify.least_squares import minimum_norm
+from testbench.identify.least_squares import NONE, PROVEN, free_directions, least_shift, minimum_norm
 from testbench.model.structure import free36, joints_only, mgco147, template56
 
 SECTION_5_2 = FullPose(arm="arm_6r", least=9e-3, most=41e-3, check_runs=10)

@@ -7,7 +7,9 @@ from testbench.campaign.campaign import stream
 from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce
-from testbench.identify.factorised import (
+from testbench.identify.regression import f_m
+from testbench.model.structure import free36, mgco69, mgco147, template56
+from testbench.studies.estimators.factorised import (
     LocalSolves,
     best_of,
     cost,
@@ -19,9 +21,7 @@ from testbench.identify.factorised import (
     parameters,
     random_start,
 )
-from testbench.identify.regression import f_m
-from testbench.identify.search import BOX, Budget, explore, trial_points
-from testbench.model.structure import free36, mgco69, mgco147, template56
+from testbench.studies.estimators.search import BOX, Budget, explore, trial_points
 
 SECTION_5_2 = FullPose(
     arm="arm_6r", sigma=25e-6 / 2**0.5, sigma_rotation=250e-6 / 2**0.5, least=9e-3, most=41e-3

@@ -10,8 +10,8 @@ from testbench.campaign.pose_campaign import FullPose
 from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.identify import reduce
 from testbench.identify.certify import total_trace, trace_weight
-from testbench.identify.completion import completed
 from testbench.identify.evaluate import deflections
+from testbench.identify.least_squares import completed
 from testbench.identify.prior import aggregate
 from testbench.identify.regularised import fit_each
 from testbench.model.structure import all153, mgco68, template56

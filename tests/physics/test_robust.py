@@ -17,8 +17,7 @@ from testbench.identify.huber import DELTA, REJECT, without_outliers
 from testbench.identify.metric import Belief, metric, precision_root
 from testbench.identify.prior import Strength, cad_prior, distorted
 from testbench.identify.readings import weigh
-from testbench.identify.reduction import non_redundant
-from testbench.identify.regression import f_m
+from testbench.identify.regression import f_m, non_redundant
 from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import chain, observation, rotation_observation

@@ -13,7 +13,6 @@ from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.data.dataset import in_order
 from testbench.errors import BenchError
 from testbench.identify import gco, intervals, least_squares, reduce, with_prior
-from testbench.identify.bootstrap import bootstrap, resampler
 from testbench.identify.evaluate import deflections
 from testbench.identify.intervals import CURVED, curvature, linearise
 from testbench.identify.least_squares import minimum_norm, solve
@@ -23,6 +22,7 @@ from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.report.table import Trials
+from testbench.studies.estimators.bootstrap import bootstrap, resampler
 from testbench.studies.identifiability.coverage import Case, bounded, draw_conservative, fitted, posterior
 from testbench.studies.identifiability.study import coverage
 

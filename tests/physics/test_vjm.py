@@ -6,8 +6,7 @@ import pytest
 from loads import random_q
 
 from testbench.errors import BenchError
-from testbench.identify.reduction import non_redundant
-from testbench.identify.regression import rank
+from testbench.identify.regression import non_redundant, rank
 from testbench.model.loaded import load_jacobian
 from testbench.model.poses import BATCH, WorkArea, random_poses
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mgco147, template56

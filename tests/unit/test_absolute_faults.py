@@ -14,8 +14,7 @@ from testbench.errors import BenchError
 from testbench.identify.absolute.align import align
 from testbench.identify.absolute.choose import blocks_of
 from testbench.identify.absolute.fit import Options, calibrate, explain, gather
-from testbench.identify.absolute.outliers import outliers
-from testbench.identify.absolute.scatter import residuals
+from testbench.identify.absolute.scatter import outliers, residuals
 from testbench.identify.absolute.shared import aligned, alike
 from testbench.identify.absolute.state import nominal
 from testbench.identify.absolute.steps import best, lacking

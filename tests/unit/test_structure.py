@@ -12,7 +12,6 @@ from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.errors import BenchError
 from testbench.identify import reduce
 from testbench.identify.conic import optimum
-from testbench.identify.factorised import factorise
 from testbench.model.structure import (
     FREE,
     FULL,
@@ -27,6 +26,7 @@ from testbench.model.structure import (
     template56,
 )
 from testbench.model.vjm import chain, observation, rotation_observation
+from testbench.studies.estimators.factorised import factorise
 
 MODELS = Path(__file__).parents[2] / "models"
 MAKERS = [mgco147, all153, mgco69, mgco68, mgco47, template56]

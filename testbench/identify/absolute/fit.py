@@ -17,8 +17,7 @@ from testbench.identify.absolute.changes import settled
 from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, blocks_of, choose
 from testbench.identify.absolute.evidence import Choice, choice, learn, squares, usual
 from testbench.identify.absolute.faults import check_last_joint
-from testbench.identify.absolute.inner import Inner, eliminate
-from testbench.identify.absolute.moved import moved
+from testbench.identify.absolute.inner import Inner, eliminate, moved
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.reduced import Point, Reduced, Weighting, reduce
 from testbench.identify.absolute.scatter import distance, pulls_of, scatter, single, units

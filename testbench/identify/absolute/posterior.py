@@ -13,7 +13,7 @@ from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import LEAST
 from testbench.identify.absolute.evidence import Choice
-from testbench.identify.absolute.moved import moved_frame, moved_mount
+from testbench.identify.absolute.inner import moved_frame, moved_mount
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import pulls_of, residuals

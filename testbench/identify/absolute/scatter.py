@@ -1,13 +1,14 @@
 """How far readings are from a state, how they scatter about it, and which of them pull less."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.noise import (
+    BEND,
     KINDS,
     Noise,
     lengths,
@@ -103,3 +104,47 @@ def distance(before: State, after: State, series: Sequence[Series]) -> float:
         d = residuals(before, one)[:m] - residuals(after, one)[:m]
         total, count = total + float((d**2).sum()), count + int(one.seen.sum())
     return float(np.sqrt(total / max(count, 1)))
+
+
+WILD = 0.5  #: How much a reading counts below which it is an outlier.
+
+
+@dataclass(frozen=True)
+class Outliers:
+    """Positions that count less than half, and the worst of them."""
+
+    count: int  #: Positions that count less than half.
+    of: int  #: Positions that were read.
+    series: str  #: Name of the series of the worst.
+    row: int  #: Its identifier.
+    distance: float  #: How far it is from the model [m].
+
+    @property
+    def words(self) -> str:
+        """A sentence."""
+        worst = f"the worst is row {self.row} of {self.series}, by {1e3 * self.distance:.3g} mm"
+        return (
+            f"{self.count} of {self.of} positions are more than {BEND / WILD:g} standard deviations off and "
+            f"count less than half; {worst}"
+        )
+
+
+def outliers(state: State, series: Sequence[Series], pulls: Sequence[Array]) -> Outliers | None:
+    """Positions that count less than half; None where all count more.
+
+    Args:
+        state: The calibrated arm.
+        series: The readings.
+        pulls: How much each reading counts, of every series (s, rows) [1].
+    """
+    found, count = [], 0
+    for one, counts in zip(series, pulls, strict=True):
+        m = len(one.markers)
+        wild = (counts[:m].T < WILD) & one.seen
+        far = np.where(wild, np.linalg.norm(residuals(state, one)[:m], axis=1).T, 0.0).max(axis=1)
+        k, count = int(far.argmax()), count + int(wild.sum())
+        found.append((float(far[k]), one.name, int(one.row[k])))
+    if not count:
+        return None
+    distance, name, row = max(found)
+    return Outliers(count, sum(int(one.seen.sum()) for one in series), name, row, distance)

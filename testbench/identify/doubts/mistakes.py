@@ -6,8 +6,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from testbench.identify.doubts.geometry import Free, Seen
-from testbench.identify.doubts.rigid import Rigid, losses
+from testbench.identify.doubts.geometry import Free, Rigid, Seen, losses
 from testbench.model.vjm import tool_points
 
 UNITS = {

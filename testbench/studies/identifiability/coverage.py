@@ -19,8 +19,6 @@ from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify import gco, intervals, reduce, with_prior
-from testbench.identify.bootstrap import bootstrap, resampler
-from testbench.identify.bounds import Bounds, bounds, fit_set
 from testbench.identify.conic import optimum
 from testbench.identify.intervals import Intervals, linearise
 from testbench.identify.least_squares import minimum_norm
@@ -30,6 +28,8 @@ from testbench.identify.regression import Regression
 from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
+from testbench.studies.estimators.bootstrap import bootstrap, resampler
+from testbench.studies.estimators.bounds import Bounds, bounds, fit_set
 
 CONFIDENCE = 0.95
 DRAWS_LS, DRAWS_GCO = 199, 39  #: Refits of a bootstrap: the interval's order statistics are exact for both.

@@ -32,10 +32,9 @@ from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, 
 from testbench.identify.crossval import choose_strength, every_fold
 from testbench.identify.metric import metric, rescaled
 from testbench.identify.prior import Prior
-from testbench.identify.regularised import gco_least_trace
-from testbench.identify.stein import gco_stein, stein_parameters
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
+from testbench.studies.estimators.stein import gco_least_trace, gco_stein, stein_parameters
 from testbench.studies.factorial.trial import Case, FitRow, each_seed, fitted, judged, plain_models
 from testbench.studies.identifiability import coverage
 from testbench.studies.identifiability.coverage import Covered

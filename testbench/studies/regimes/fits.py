@@ -13,7 +13,7 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.identify import Estimate
-from testbench.identify.completion import completed, free_directions
+from testbench.identify.least_squares import completed, free_directions
 from testbench.identify.metric import Belief, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression, regression_of

@@ -9,12 +9,12 @@ from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.rows import UM
-from testbench.identify.factorised import order_range
 from testbench.report import campaigns
 from testbench.report.columns import columns
 from testbench.report.report import Report, say
 from testbench.report.table import Row, Trials, aligned, merged, nested
 from testbench.studies import paper
+from testbench.studies.estimators.factorised import order_range
 from testbench.studies.single_link import trial
 from testbench.studies.single_link.trial import GCO, LEAST_SQUARES, NAME, SYMMETRIC, Settings, models
 from testbench.studies.study import Study

@@ -5,11 +5,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.identify.factorised import CLOSE
 from testbench.report import campaigns
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, merged, number
+from testbench.studies.estimators.factorised import CLOSE
 from testbench.studies.solver_comparison import trial
 from testbench.studies.solver_comparison.trial import ARM, SCENARIO, SHORT_GENERATIONS, Settings
 from testbench.studies.study import Study

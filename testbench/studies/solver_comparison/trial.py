@@ -23,7 +23,7 @@ from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.data.csvfile import csv_text
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce
-from testbench.identify.factorised import (
+from testbench.studies.estimators.factorised import (
     CLOSE,
     LARGEST_ORDER,
     Factorised,
@@ -35,8 +35,8 @@ from testbench.identify.factorised import (
     parameters,
     random_start,
 )
-from testbench.identify.modelled import cvxpy, modelled
-from testbench.identify.search import Budget, explore
+from testbench.studies.estimators.modelled import cvxpy, modelled
+from testbench.studies.estimators.search import Budget, explore
 from testbench.studies.six_dof_arm.trial import TUBES
 
 ARM = "arm_6r"

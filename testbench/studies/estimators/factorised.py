@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify.certify import certify
-from testbench.identify.conic import DATA_TOLERANCE, Program, scale_program
+from testbench.identify.conic import Program, scale_program
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.regression import Regression, Term, check_symmetric, reduce
 from testbench.model.structure import Structure
@@ -36,6 +36,7 @@ MAX_STEPS = 20_000
 TOLERANCE = 1e-12  #: Relative gain of a step at which a local solve ends.
 FLAT = 1e-9  #: Largest entry of the gradient at which it ends too.
 OUT_OF_STEPS = 1  #: Status of scipy's L-BFGS that spent all its steps.
+DATA_TOLERANCE = 1e-7  #: Share of F_M at C = 0 to which a fit of data without noise is the best one.
 CLOSE = 1e-5  #: Certified excess, relative to F_M, below which a local solution counts as the global one.
 
 

@@ -1,5 +1,6 @@
-"""GCO with the log-determinant prior: Stein's divergence from what was expected.
+"""Other ways to fill what data do not see, in the metric of a prior: least trace, and a log determinant.
 
+The log-determinant prior is Stein's divergence from what was expected.
 D(X, s) = tr(X) / s - log det(X / s) - n is zero at X = s and grows without bound as X becomes singular:
 every compliance stays positive definite. Near X = s it is |X / s - 1|^2 / 2, so that D / u^2 is the Gaussian
 penalty of relative uncertainty u there. The log determinant is its own barrier, so that Newton's method with
@@ -14,12 +15,14 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.identify import cone
+from testbench.identify.conic import EXACT, f_m_norms, optimum
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.metric import Belief, Case, Metric, whitened
 from testbench.identify.prior import Strength
-from testbench.identify.regression import Ids, Regression
-from testbench.identify.regularised import parameters, words
+from testbench.identify.regression import Ids, Regression, f_m
+from testbench.identify.regularised import answer, words
 
+SLACK = 1e-2  #: Share by which F_M may exceed its optimum while the trace is made least.
 DECREMENT = 1e-6  #: Newton decrement at which the step, still taken, is the last: what is left is its square.
 MAX_STEPS = 60
 LONGEST = 4.0  #: Of a step, in Newton's own.
@@ -49,7 +52,7 @@ def stein_parameters(cases: Sequence[Case]) -> Array:
 def _minima(cases: Sequence[Case]) -> tuple[Array, Array]:
     """Parameters, (cases, n), and the Newton decrement there, (cases,)."""
     metric = cases[0].belief.metric
-    gaussian = np.linalg.solve(metric.L, parameters("psd", cases).T)
+    gaussian = np.linalg.solve(metric.L, np.transpose([answer("psd", case).pi for case in cases]))
     scale = np.maximum(1e-6, metric.expected @ gaussian / (metric.expected @ metric.expected))
     squares = {}
     for case in cases:  # many strengths, few datasets
@@ -124,3 +127,34 @@ def _length(slope: Array, curve: Array, stretch: Array) -> Array:
         rising = slope + curve * t > (stretch / (1 + t[:, None] * stretch)).sum(axis=1)
         low, high = np.where(rising, low, t), np.where(rising, t, high)
     return low[:, None]
+
+
+def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
+    """GCO without a prior: of the models that fit as well as the best, the one of least trace of X.
+
+    The prior's compliances are a metric here and nothing more: the trace counts every compliance in units of
+    what was expected. As well means an F_M within `SLACK` of the optimum, which itself may only be approached
+    as unseen compliance grows without end.
+    """
+    best = optimum(regression).f_m
+    n, count = metric.structure.n, len(regression.terms)
+    allowed = (1 + SLACK) * max(best, EXACT * f_m(regression, np.zeros(n)))
+    total = cone.Rows("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
+    norms = f_m_norms(regression.terms, [term.R @ metric.L / allowed for term in regression.terms], allowed)
+    solution = cone.solve(
+        cone.Problem(
+            cost=np.r_[np.zeros(count), metric.expected],
+            blocks=(cone.free_block(0, count), *cone.psd_blocks(count, metric.sizes)),
+            rows=(total, *norms),
+        )
+    )
+    estimate = make_estimate(
+        regression,
+        metric.L @ metric.project(solution.x[count:]),
+        method="GCO, least trace in the metric",
+        constraint="psd",
+        advice=(
+            f"free directions: least trace in the metric of {metric.prior}, F_M within {100 * SLACK:g} %",
+        ),
+    )
+    return replace(estimate, status=solution.status, solver_seconds=solution.seconds)

@@ -1,17 +1,17 @@
 """Parametric bootstrap: new readings from the fitted model, refitted."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from testbench.errors import Array, BenchError, check_array
-from testbench.identify.conic import sensitivity_units
-from testbench.identify.estimate import Estimate
+from testbench.identify.conic import optima, sensitivity_units
+from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.intervals import Intervals, check_confidence, linearise
+from testbench.identify.least_squares import completed, solve_all
 from testbench.identify.regression import RANK_TOLERANCE, Regression, Term
-from testbench.identify.regularised import fit_all
 
 
 def bootstrap(
@@ -39,12 +39,21 @@ def bootstrap(
         raise BenchError(f"draws: expected at least {least} for {100 * confidence:g} %, got {draws}")
     centre, linear = a @ estimate.pi, linearise(estimate)
     again = resampler(estimate.regression)
-    refits = fit_all([again(estimate.pi, rng) for _ in range(draws)], estimate.constraint)
+    refits = _refits([again(estimate.pi, rng) for _ in range(draws)], estimate.constraint)
     errors = refits @ a.T - centre
     errors.sort(axis=0)
     unseen = np.where(np.isinf(linear.deviations(a)), np.inf, 0.0)
     lower, upper = centre - errors[-k] - unseen, centre - errors[k - 1] + unseen
     return Intervals(centre, lower, upper, confidence, linear.on_boundary)
+
+
+def _refits(regressions: Sequence[Regression], constraint: Constraint) -> Array:
+    """Parameters, (datasets, n), of datasets that differ in their readings alone."""
+    if constraint == "psd":
+        return optima(regressions)
+    if constraint == "free":
+        return np.array([completed(r).pi for r in regressions])
+    return solve_all(regressions)
 
 
 def resampler(regression: Regression) -> Callable[[Array, np.random.Generator], Regression]:
