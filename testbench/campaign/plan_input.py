@@ -9,8 +9,7 @@ from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
 from testbench.campaign.payload import read_mass
-from testbench.data.columns import Columns, find_columns, joint_coordinates
-from testbench.data.components import vector
+from testbench.data.columns import Columns, find_columns, joint_coordinates, vector
 from testbench.data.mapping import read_map
 from testbench.data.table import Table, read_table
 from testbench.design.specification import Tasks

@@ -18,9 +18,8 @@ from testbench.correct.predicted import Prediction, predict
 from testbench.correct.process import process_wrench
 from testbench.correct.stiffness import Stiffness, give_halves, stiffness
 from testbench.data.dataset import Ids
-from testbench.data.jumps import refuse_joint_jumps
 from testbench.data.posefile import read_poses
-from testbench.data.program import Program, read_program, unread
+from testbench.data.program import Program, read_program, refuse_joint_jumps, unread
 from testbench.data.table import read_table
 from testbench.errors import Array, BenchError, InputError, NoEquilibrium
 from testbench.model.load import Load, weight

@@ -17,7 +17,7 @@ from testbench.campaign.campaign import Cell
 from testbench.campaign.payload import overloaded
 from testbench.campaign.rows import MM, UM
 from testbench.data.dataset import Dataset, Ids, Mask, select, split
-from testbench.data.export import Export, read_export
+from testbench.data.read_pairs import Export, read_export
 from testbench.data.spool import Campaign
 from testbench.data.stream import read_campaign, some
 from testbench.errors import BenchError, InputError, read_text

@@ -40,7 +40,7 @@ class Options:
     format: Annotated[
         str | None, typer.Option(help="csv, krl, rapid or urscript, if the suffix does not say.")
     ] = None
-    report: Annotated[Path | None, typer.Option(help="Folder of the page; beside --out if not given.")] = None
+    report: Annotated[Path | None, typer.Option(help="Folder of the page; default: beside --out.")] = None
     arm: Annotated[str | None, typer.Option(help="The arm, to check that the model belongs to it.")] = None
     mapping: MapFile = None
     load: Load = None

@@ -53,7 +53,7 @@ class Options:
     uncertainty_percent: Annotated[
         float | None,
         typer.Option(
-            min=1e-4, max=1e8, help="Of the prior; learnt from the readings if not given, 30 with --robust."
+            min=1e-4, max=1e8, help="Of the prior; default: learnt from the readings, 30 with --robust."
         ),
     ] = None
     robust: Annotated[bool, typer.Option("--robust", help="Look for outliers and fit without them.")] = False

@@ -54,29 +54,27 @@ class Options:
         ),
     ] = None
     poses: Annotated[
-        int | None, typer.Option(help="How many to measure; 12 if not given, 50 with --absolute.")
+        int | None, typer.Option(help="How many to measure; default: 12, 50 with --absolute.")
     ] = None
     mapping: MapFile = None
     tracker: Annotated[str | None, typer.Option(help="Position of the tracker: x,y,z in m.")] = None
     acceptance_deg: Annotated[
         float | None,
-        typer.Option(min=0.1, max=90, help="Half angle of fixed targets; turned by hand if not given."),
+        typer.Option(min=0.1, max=90, help="Half angle of fixed targets; default: turned by hand."),
     ] = None
     box: Annotated[str | None, typer.Option(help="Where the tool may be: x0,y0,z0,x1,y1,z1 in m.")] = None
     criterion: Annotated[
-        str | None, typer.Option(help="test, D, A, E, G or I; test if not given, I with --absolute.")
+        str | None, typer.Option(help="test, D, A, E, G or I; default: test, I with --absolute.")
     ] = None
     model: Annotated[
         str | None, typer.Option(help="Model to be identified: all links and joints, MGCO68 with --no-prior.")
     ] = None
     sigma_um: Noise = 50.0
-    uncertainty_percent: Annotated[float | None, typer.Option(help="Of the CAD prior, 30 if not given.")] = (
-        None
-    )
+    uncertainty_percent: Annotated[float | None, typer.Option(help="Of the CAD prior; default: 30.")] = None
     no_prior: Annotated[bool, typer.Option("--no-prior", help="Plan for a fit without a prior.")] = False
     candidates: Annotated[
         int | None,
-        typer.Option(help="Feasible poses to choose from; 5000 if not given, 1000 with --absolute."),
+        typer.Option(help="Feasible poses to choose from; default: 5000, 1000 with --absolute."),
     ] = None
     sling_m: Annotated[float, typer.Option(min=0, max=100, help="From the load point to the weight.")] = 0.5
     floor_z: Annotated[

@@ -36,7 +36,9 @@ class Options:
     ] = False
     push: Annotated[
         float | None,
-        typer.Option("--push", min=0.001, max=1e6, help="Force of the map in N; the weight of the payload."),
+        typer.Option(
+            "--push", min=0.001, max=1e6, help="Force of the map in N; default: the weight of the payload."
+        ),
     ] = None
     box: Annotated[
         str | None, typer.Option(help="Corners of the map in m, x0,y0,z0,x1,y1,z1; else the workspace.")

@@ -206,10 +206,19 @@ def tables_compared(a: Report, b: Report, models: Sequence[Row]) -> tuple[list[R
     return sorted(shown, key=_order)[:KEPT], counts
 
 
-def _order(own: Row) -> tuple[bool, bool, bool, float]:
-    """First what differs by more than its spread, then what has none, at last what the spread covers."""
+def _order(own: Row) -> tuple[bool, bool, bool, bool, float]:
+    """First what differs by more than its spread, then what has none, at last what the spread covers.
+
+    Angles come last of each: those of another plan are neither better nor worse.
+    """
     far = 0.0 if own.ratio is None else size(own.a, own.b)
-    return not apart(own), own.by == "one", middle(own.a) * middle(own.b) < 0, -far
+    return (
+        not apart(own),
+        own.quantity.endswith(", deg"),
+        own.by == "one",
+        middle(own.a) * middle(own.b) < 0,
+        -far,
+    )
 
 
 def _is_size(own: Row) -> bool:

@@ -17,7 +17,7 @@ from testbench.correct.sure import Stand, fitted_half_widths
 from testbench.data.dataset import Ids
 from testbench.data.motion.formats import CSV, WRITERS, write_moves
 from testbench.data.program import unread
-from testbench.data.program_corrected import write_program
+from testbench.data.write import write_program
 from testbench.errors import Array
 from testbench.output.whole import whole_file
 from testbench.plant.shapes import elastic_frames, rigid_frames

@@ -30,6 +30,7 @@ from testbench.views.scene import (
 
 MOVED, LEFT = 0.12, 0.2  #: Length of most arrows of deflections and of errors over the reach [1].
 LEFT_MM = "What is left in each run, at the target where it is worst (mm)"
+ASIDE = 0.012  #: Arrows of two models start so far apart over the reach, as one would hide the other [1].
 NOWHERE = "no bound"
 
 
@@ -71,9 +72,10 @@ def _runs(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array], some
     load = generalised_load(chain(cell.vjm, data.q[some]), data.wrench[some], data.point[some])
     theta: Array = (found.taken.C_theta @ load).T  # Eq. (6)
     rows = [f.residuals[k] for k in some]
+    aside = ASIDE * reach * np.eye(3)[0] * (np.arange(len(off)) - (len(off) - 1) / 2)[:, None]
     errors = [
-        Layer(f"error of {name}", _line(f, name, at).look.colour, "arrows", at, at - A * own)
-        for name, own in off.items()
+        Layer(f"error of {name}", _line(f, name, at).look.colour, "arrows", start, start - A * own)
+        for (name, own), start in zip(off.items(), at + aside[:, None, None], strict=True)
     ]
     poses = Poses(
         name="Runs, against their readings",

@@ -13,8 +13,8 @@ from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at
 from testbench.correct.rest import rest
 from testbench.correct.stiffness import direction_words
-from testbench.data.cells import as_cell
 from testbench.data.dataset import Ids
+from testbench.data.lines import as_cell
 from testbench.errors import Array
 from testbench.output.whole import whole_file
 from testbench.plant.shapes import elastic_frames, rigid_frames

@@ -63,7 +63,7 @@ def is_run(folder: Path) -> bool:
     return bool(read_manifest(folder).command) or (folder / "trials.log").is_file()
 
 
-REPORT = "report.json"
+REPORTS = "report.json", "plan.json"  #: Numbers of a run, by the name that its command gives them.
 LONGEST = 20_000  #: Longest text that is read [characters].
 BEYOND = 2**63  #: Integers lie below.
 
@@ -74,13 +74,9 @@ class Finished:
 
     folder: Path  #: As it was named.
     manifest: Manifest
-    report: Mapping[str, JsonValue]  #: report.json.
-    digest: str  #: SHA-256 of the data in report.json.
-
-    @property
-    def file(self) -> Path:
-        """Where the report is."""
-        return self.folder / REPORT
+    file: Path  #: Where its numbers are: report.json, of a plan plan.json.
+    report: Mapping[str, JsonValue]  #: What is in it.
+    digest: str  #: SHA-256 of that.
 
     @property
     def several(self) -> bool:
@@ -94,7 +90,8 @@ def read_run(folder: Path) -> Finished:
     Raises:
         InputError: When manifest.json or report.json is missing or is none; names the file and the place.
     """
-    about, report = folder / NAME, folder / REPORT
+    about, files = folder / NAME, [folder / name for name in REPORTS]
+    report = next(filter(Path.is_file, files), files[0])
     data = read_plain(about)
     try:
         told = Manifest.model_validate_json(json.dumps(data))
@@ -104,7 +101,7 @@ def read_run(folder: Path) -> Finished:
     if not isinstance(plain, dict):
         raise InputError(report, "", f"expected a table of keys, got {type(plain).__name__}")
     text = json.dumps(plain, sort_keys=True)
-    return Finished(folder, told, plain, hashlib.sha256(text.encode()).hexdigest())
+    return Finished(folder, told, report, plain, hashlib.sha256(text.encode()).hexdigest())
 
 
 def told_as(file: Path, err: ValidationError) -> InputError:

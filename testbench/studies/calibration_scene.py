@@ -9,8 +9,8 @@ from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Cell, Setup, settle_both
 from testbench.campaign.campaign_row import Runs, dataset_of
 from testbench.campaign.rows import MM
-from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset, in_order, split
+from testbench.data.write import write_csv
 from testbench.errors import Array
 from testbench.plant.shapes import elastic_frames, origins, rigid_frames
 from testbench.report.table import Row, Trials

@@ -1,9 +1,10 @@
 """What figures share: one width, a title that answers, dots with their spread, lines, quiet axes."""
 
+import contextlib
 import math
 import textwrap
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Literal
@@ -44,18 +45,27 @@ class Page(Figure):
 
     def draw(self, renderer: RendererBase) -> None:
         """Draw it, also such text as comes to be while it is drawn."""
-        for text in self.findobj(Text):
-            text.set_parse_math(False)
-        with rc_context({"text.parse_math": False}), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Glyph .* missing")  # of a script without a font here
+        with _as_it_is(self):
             super().draw(renderer)
+
+
+@contextlib.contextmanager
+def _as_it_is(figure: Figure) -> Iterator[None]:
+    """All text of a figure, letters of scripts without a font here among it."""
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+    with rc_context({"text.parse_math": False}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")
+        yield
 
 
 def save(figure: Figure, path: Path | IO[bytes]) -> None:
     """Write a figure as PNG, laid out and drawn once: `savefig` draws it twice."""
     canvas = FigureCanvasAgg(figure)
-    if (engine := figure.get_layout_engine()) is not None:
-        engine.execute(figure)
+    engine = figure.get_layout_engine()
+    if figure.axes and engine is not None:
+        with _as_it_is(figure):
+            engine.execute(figure)
         figure.set_layout_engine("none")
     canvas.print_png(path, pil_kwargs={"compress_level": LEVEL})  # type: ignore[no-untyped-call]
 

@@ -12,7 +12,7 @@ from testbench.campaign.evaluation import identify, identify_each
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import DEFAULT, choose, default_models, recommend
 from testbench.campaign.models import Model, named_models
-from testbench.data.outliers import spoil
+from testbench.data.tracker import spoil
 from testbench.errors import BenchError
 from testbench.identify import Method, gco, least_squares, make_estimate, reduce, robust, with_prior
 from testbench.identify.evaluate import deflections, score

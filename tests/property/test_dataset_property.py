@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from testbench.arm.folder import load_arm
-from testbench.data.csvfile import columns, read_csv, write_csv
 from testbench.data.dataset import Dataset, select, split
-from testbench.data.export import SIGMA_RANGE
+from testbench.data.read_pairs import read_csv
+from testbench.data.scatter import SIGMA_RANGE
 from testbench.data.units import LARGEST, LEAST
+from testbench.data.write import columns, write_csv
 from testbench.errors import InputError
 
 ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")

@@ -6,7 +6,7 @@ from run_here import here
 
 from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.cli.program import program
-from testbench.data.series_export import read_series
+from testbench.data.read_series import read_series
 from testbench.plant import Disturbances, GearErrors, GeometryErrors
 
 FLAGS = ("--poses", 15, "--series", 2, "--geometry-mm", 0.5, "--gear-urad", 20, "--sigma-um", 10, "--seed", 7)

@@ -16,7 +16,7 @@ from testbench.campaign.model_selection import Choice, with_priors
 from testbench.campaign.models import named_models
 from testbench.correct.arm_model import of_estimate
 from testbench.correct.process import tangents
-from testbench.data.csvfile import read_csv
+from testbench.data.read_pairs import read_csv
 from testbench.model.load import on_joints
 from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import read_weights

@@ -8,9 +8,10 @@ import pytest
 
 from testbench.arm.folder import load_arm
 from testbench.campaign.campaign import Scenario, build_cell, simulate
-from testbench.data.csvfile import COVARIANCES as COLUMNS
-from testbench.data.csvfile import read_csv, write_csv
+from testbench.data.read_pairs import read_csv
 from testbench.data.tracker import LaserTracker, precision
+from testbench.data.write import COVARIANCES as COLUMNS
+from testbench.data.write import write_csv
 from testbench.errors import InputError
 
 KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"

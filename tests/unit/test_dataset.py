@@ -11,9 +11,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import Arm, load_arm
-from testbench.data.csvfile import columns, read_csv, write_csv
 from testbench.data.dataset import Dataset, select, split
 from testbench.data.lines import MAX_BYTES
+from testbench.data.read_pairs import read_csv
+from testbench.data.write import columns, write_csv
 from testbench.errors import BenchError, InputError
 
 MODELS = Path(__file__).parents[2] / "models"

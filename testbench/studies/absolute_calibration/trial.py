@@ -16,8 +16,8 @@ from testbench.campaign.rows import MM, UM
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Mask
 from testbench.data.series import Series
-from testbench.data.series_csv import series_text
 from testbench.data.tracker import Tracker, read_positions
+from testbench.data.write import series_text
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.fit import Calibration, explain, gather
 from testbench.identify.absolute.fit import Options as Fit

@@ -20,9 +20,9 @@ from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.perturbed_prior import with_wrong_prior, wrong_prior
 from testbench.campaign.rows import UM, DatasetRow
-from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset
 from testbench.data.tracker import Tracker, read_orientations, read_positions
+from testbench.data.write import write_csv
 from testbench.errors import Array
 from testbench.identify import Constraint, Estimate
 from testbench.identify.evaluate import Score, all_deflections, score

@@ -25,8 +25,7 @@ from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.campaign.rows import UM, dataset_row
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
-from testbench.data.outliers import spoil
-from testbench.data.tracker import Drift, LaserTracker, drifted, precision, read_positions
+from testbench.data.tracker import Drift, LaserTracker, drifted, precision, read_positions, spoil
 from testbench.errors import BenchError
 from testbench.studies.factorial.trial import (
     Case,

@@ -20,8 +20,8 @@ from testbench.campaign.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wr
 from testbench.campaign.predicted_error import Expected, fitted, half_widths, joints_alone, overall
 from testbench.campaign.rows import MM
 from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
-from testbench.data.csvfile import csv_text
 from testbench.data.dataset import Dataset
+from testbench.data.write import csv_text
 from testbench.design.forecast import widened
 from testbench.design.rows import Experiment
 from testbench.design.specification import Specification, Tasks

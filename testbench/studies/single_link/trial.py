@@ -21,8 +21,8 @@ from testbench.campaign.evaluation import of_model
 from testbench.campaign.models import Model
 from testbench.campaign.pose_campaign import FullPose, at_tool, random_wrenches
 from testbench.campaign.rows import UM, DatasetRow, FitRow, dataset_row, fit_row
-from testbench.data.csvfile import csv_text
 from testbench.data.dataset import Dataset
+from testbench.data.write import csv_text
 from testbench.errors import Array
 from testbench.identify import Estimate, gco, least_squares
 from testbench.identify.estimate import CONSERVATIVE_TOLERANCE

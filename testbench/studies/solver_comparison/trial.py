@@ -20,7 +20,7 @@ from testbench.campaign.campaign_row import CampaignRow, campaign_rows
 from testbench.campaign.evaluation import judge
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.pose_campaign import FullPose, simulate
-from testbench.data.csvfile import csv_text
+from testbench.data.write import csv_text
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce
 from testbench.studies.estimators.factorised import (

@@ -42,7 +42,10 @@ def markdown(text: str) -> Markup:
 def grid(table: Table) -> Json:
     """A table as rows of cells, each with its text and the numbers behind it."""
     drawn = [_drawn(column, table) for column in table.columns]
-    head = [{"title": column.title, "drawn": own} for column, own in zip(table.columns, drawn, strict=True)]
+    head = [
+        {"title": column.title, "drawn": own, "ratio": column.key == "ratio"}
+        for column, own in zip(table.columns, drawn, strict=True)
+    ]
     rows = [
         {
             "marked": table.bold == table.columns[0].cell(row),
