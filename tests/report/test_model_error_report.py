@@ -15,7 +15,7 @@ from testbench.studies.model_error.trial import ALL, NONE, STIFF, Settings, dist
 from testbench.views.colours import look
 
 SEEDS = range(2, 7)
-SETTINGS = Settings(arm="kr500_l480", sigma=40e-6)
+SETTINGS = Settings(arm="kr500_l480", first=2, sigma=40e-6)
 CASES = list(disturbances(1.0))
 PLAIN = "gravity compensator"
 DEFAULT = "ALL153 + prior"

@@ -27,6 +27,7 @@ from testbench.views.colours import look
 
 SEEDS = range(3, 6)
 SETTINGS = Settings(
+    3,
     ("tubes", "cast"),
     gravity=replace(GRAVITY, poses=(8, 12), sigmas=(15e-6, 50e-6)),
     full_pose=replace(FULL_POSE, poses=(2, 4), sigmas=(25e-6, 100e-6)),

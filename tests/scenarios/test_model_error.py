@@ -36,7 +36,7 @@ def test_the_plant_of_the_true_arm_is_disturbed():
     """What weighs is the same: how far it bends the arm is that arm's alone."""
     moved = {}
     for arm in ("tubes", "joints", "off_40"):
-        [rows] = trials(Settings("kr500_l480", workspace=5, only=("own weight",), true_arm=arm), [2])
+        [rows] = trials(Settings("kr500_l480", 2, workspace=5, only=("own weight",), true_arm=arm), [2])
         assert {row.true_arm for row in rows} == {arm}
         [moved[arm]] = {row.moved_um for row in rows if row.case == "own weight"}
     assert len(set(moved.values())) == 3

@@ -13,7 +13,7 @@ from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import DUELS, ERROR, RMS
-from testbench.studies.factorial.trial import FitRow, writes
+from testbench.studies.factorial.trial import FitRow
 from testbench.studies.noise_sensitivity import trial
 from testbench.studies.noise_sensitivity.trial import HEAVY, INSTRUMENT, NEAR, Options, Settings
 from testbench.studies.study import Study
@@ -195,5 +195,4 @@ STUDY = Study(
     report=report,
     printed=tuple(PARTS),
     figures=figures,
-    write=writes(trial.first_runs),
 )
