@@ -36,7 +36,7 @@ DOORS = {
 }
 """The folder or module that imports a heavy package; matplotlib has a test of its own."""
 UNTYPED = """
-    campaign/baselines.py commands/compare_rows.py files.py studies/estimators/factorised.py
+    commands/compare_rows.py files.py studies/estimators/factorised.py
     studies/estimators/modelled.py studies/estimators/search.py report/report.py report/table.py
     studies/run.py
     studies/study.py trials/cluster.py

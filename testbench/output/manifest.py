@@ -32,8 +32,7 @@ class Manifest(BaseModel):
     seeds: int = 0  #: How many; none where nothing is drawn.
     git: str = "unknown"
     models: dict[str, dict[str, str]] = {}  #: SHA-256 of every file of every arm's folder.
-    #: Its files, by their paths in it; None where it does not say: in older ones.
-    files: Annotated[frozenset[File], Field(max_length=FILES)] | None = None
+    files: Annotated[frozenset[File], Field(max_length=FILES)] = frozenset()  #: By their paths in it.
     sha256: dict[str, str] = {}  #: Of the files, as far as it says.
 
 

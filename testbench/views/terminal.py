@@ -88,14 +88,7 @@ def _end(column: Column, row: object, end: int | None = None) -> str:
 
 
 def print_words(console: Console, words: Told, tables: list[Table], where: str = MORE) -> None:
-    """Title, the answer, tables, what else is to be said.
-
-    Args:
-        console: A plain one.
-        words: Of the report.
-        tables: In their order.
-        where: The statements that are not printed are.
-    """
+    """Title, the answer, tables, what else is to be said."""
     console.print(as_plain(words.block("title")))
     print_answer(console, words)
     for table in tables:
@@ -127,14 +120,7 @@ def looked_at(out: Path) -> list[str]:
 
 
 def print_places(console: Console, out: Path, *, figures: list[str], data: str = "dataset.csv") -> None:
-    """Where the results are, and how to open them.
-
-    Args:
-        console: A plain one.
-        out: Folder of the results.
-        figures: Names of the figures.
-        data: Name of the data file.
-    """
+    """Where the results are, and how to open them."""
     lines = [
         f"numbers    {out / 'report.json'}, {out / 'report.md'}, {out / 'trials.parquet'}, {out / data}",
         f"figures    {', '.join(str(out / name) for name in figures)}",

@@ -145,14 +145,7 @@ Faces = npt.NDArray[np.int_]
 
 
 def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
-    """report.html of a run, from its words, what is drawn, and the pictures that lie in its folder.
-
-    Args:
-        folder: Of the run; all its other files are there but the manifest.
-        scenario: What was run, such as "Gravity calibration".
-        words: Of its report.
-        seen: What is drawn.
-    """
+    """report.html of a run, from its words, what is drawn, and the pictures that lie in its folder."""
     pictures = [{"name": png.name, "data": embedded(png)} for png in sorted(folder.glob("*.png"))]
     text = fill(
         scenario=scenario,
