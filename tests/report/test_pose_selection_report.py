@@ -8,7 +8,7 @@ from checks import at, bands, curves, key_of, looks_differ, unit_in
 from made_up import of_one_trial
 from reports import check, table_of
 
-from testbench.campaign.campaign_row import CampaignRow, Measured
+from testbench.campaign.evaluation import CampaignRow, Measured
 from testbench.campaign.predicted_error import Expected
 from testbench.campaign.true_arms import CALLED
 from testbench.studies.pose_selection import settings as s

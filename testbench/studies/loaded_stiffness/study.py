@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
-from testbench.campaign.baselines import JOINTS
+from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import MM, UM
 from testbench.report import campaigns
 from testbench.report.columns import ROUNDING_UM, columns

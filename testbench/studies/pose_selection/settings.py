@@ -8,10 +8,9 @@ import typer
 from pydantic import Field
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Cell
 from testbench.campaign.model_selection import DEFAULT, FILLED, with_priors
-from testbench.campaign.models import MODELS, Model
+from testbench.campaign.models import JOINTS, MODELS, Model
 from testbench.campaign.perturbed_prior import UNCERTAINTY
 from testbench.design.observability import Observability
 from testbench.identify.prior import Prior, Strength

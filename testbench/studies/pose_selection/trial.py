@@ -12,8 +12,7 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Setup, build_cell, hanging, stream
 from testbench.campaign.campaign import measure as read
-from testbench.campaign.campaign_row import CampaignRow, campaign_rows
-from testbench.campaign.evaluation import identify_each, judge, of_model
+from testbench.campaign.evaluation import CampaignRow, campaign_rows, identify_each, judge, of_model
 from testbench.campaign.model_selection import FILLED
 from testbench.campaign.models import Model
 from testbench.campaign.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
