@@ -8,12 +8,9 @@ import typer
 from pydantic import Field
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.campaign import Cell
-from testbench.campaign.model_selection import DEFAULT, FILLED, with_priors
-from testbench.campaign.models import JOINTS, MODELS, Model
-from testbench.campaign.perturbed_prior import UNCERTAINTY
+from testbench.campaign.model_selection import DEFAULT, FILLED
+from testbench.campaign.models import JOINTS
 from testbench.design.observability import Observability
-from testbench.identify.prior import Prior, Strength
 from testbench.model.poses import WorkArea
 
 NAME = "pose_selection"
@@ -24,15 +21,6 @@ FITS = (*(f"{name}{FILLED}" for name in PLAIN), *PLAIN)  #: How runs are identif
 PLANNED, BARE = FITS[0], PLAIN[0]  #: The fit that plans are made for, and the same without its prior.
 INCUMBENT = JOINTS  #: Six joint compliances by plain least squares.
 WHOLE = DEFAULT  #: What `identify` does by default.
-
-
-def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
-    """Models by name: of `FITS` with a prior the readings set its scale; `WHOLE` learns more of it."""
-    *plain, whole = (
-        replace(MODELS[name](cell), name=name) for name in (*PLAIN, DEFAULT.removesuffix(FILLED))
-    )
-    found = [*with_priors(plain, prior, Strength(UNCERTAINTY)), *plain, *with_priors([whole], prior)]
-    return {model.name: model for model in found}
 
 
 @dataclass(frozen=True)

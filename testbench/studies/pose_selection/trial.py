@@ -13,8 +13,8 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Setup, build_cell, hanging, stream
 from testbench.campaign.campaign import measure as read
 from testbench.campaign.evaluation import CampaignRow, campaign_rows, identify_each, judge, of_model
-from testbench.campaign.model_selection import FILLED
-from testbench.campaign.models import Model
+from testbench.campaign.model_selection import FILLED, with_priors
+from testbench.campaign.models import MODELS, Model
 from testbench.campaign.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
 from testbench.campaign.predicted_error import Expected, fitted, half_widths, joints_alone, overall
 from testbench.campaign.rows import MM
@@ -29,7 +29,7 @@ from testbench.errors import Array
 from testbench.identify import Estimate
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.metric import metric
-from testbench.identify.prior import Prior
+from testbench.identify.prior import Prior, Strength
 from testbench.model.load import weight
 from testbench.model.vjm import chain
 from testbench.studies.pose_selection import settings as s
@@ -90,9 +90,18 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[Row]]:
     ]
 
 
+def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
+    """Models by name: of `FITS` with a prior the readings set its scale; `WHOLE` learns more of it."""
+    *plain, whole = (
+        replace(MODELS[name](cell), name=name) for name in (*s.PLAIN, DEFAULT.removesuffix(FILLED))
+    )
+    found = [*with_priors(plain, prior, Strength(UNCERTAINTY)), *plain, *with_priors([whole], prior)]
+    return {model.name: model for model in found}
+
+
 def of_plans(bench: Bench, seed: int) -> Iterator[Row]:
     """Every plan and random poses, identified in every way."""
-    scope, models = bench.asked.scope, s.fits(bench.cell, wrong_prior(bench.cell, seed))
+    scope, models = bench.asked.scope, fits(bench.cell, wrong_prior(bench.cell, seed))
     levels = [(name, n) for name in (*scope.criteria, RANDOM) for n in scope.numbers(name)]
     runs = [measure(bench, poses_of(bench.asked, name, n, seed), seed) for name, n in levels]
     for fit in FITS:
@@ -126,7 +135,7 @@ def featured(bench: Bench, row: Row, model: Model, estimate: Estimate, data: Dat
 
 def of_ground(cell: Cell, asked: Settings, seed: int) -> Iterator[Row]:
     """Plans for the very fit against random poses, on one ground, the true arm one of the family."""
-    n, ground, models = asked.scope.featured, asked.scope.ground.name, s.fits(cell, wrong_prior(cell, seed))
+    n, ground, models = asked.scope.featured, asked.scope.ground.name, fits(cell, wrong_prior(cell, seed))
     bench = build_bench(true_cell(cell, member(FAMILY, seed), seed), asked)
     drawn = poses_of(asked, RANDOM, n, seed)
     chance = measure(bench, drawn, seed)
@@ -153,7 +162,7 @@ def of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) ->
     """
     (plan, q, data), cell, asked, name = measured, bench.cell, bench.asked, prior_in_turn(seed)
     prior, tasks = prior_of(cell, name, seed), bench.tasks
-    whole, models = specify(cell, asked, prior, WHOLE), s.fits(cell, prior)
+    whole, models = specify(cell, asked, prior, WHOLE), fits(cell, prior)
     for fit, spec in ((WHOLE, whole), (INCUMBENT, joints_alone(whole, prior))):
         after = fitted(spec, prior, q, np.zeros(len(q), dtype=int))
         promise = promise_on(after, whole.tasks.q, whole.tasks.load)
@@ -205,7 +214,7 @@ def specify(cell: Cell, asked: Settings, prior: Prior, fit: str = PLANNED) -> Sp
     Without a prior of its own a fit's unknowns are still in units of the planner's.
     """
     scope, scene, load = asked.scope, asked.scene, weight(cell.vjm, asked.scope.payload)
-    own = metric(prior, cell.vjm, s.fits(cell, prior)[fit].structure)
+    own = metric(prior, cell.vjm, fits(cell, prior)[fit].structure)
     return Specification(
         experiment=Experiment(cell.vjm, own, cell.vjm.markers, scope.sigma),
         loads=(load,),
