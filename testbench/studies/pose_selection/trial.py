@@ -93,7 +93,7 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[Row]]:
 def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
     """Models by name: of `FITS` with a prior the readings set its scale; `WHOLE` learns more of it."""
     *plain, whole = (
-        replace(MODELS[name](cell), name=name) for name in (*s.PLAIN, DEFAULT.removesuffix(FILLED))
+        replace(MODELS[name](cell), name=name) for name in (*s.PLAIN, WHOLE.removesuffix(FILLED))
     )
     found = [*with_priors(plain, prior, Strength(UNCERTAINTY)), *plain, *with_priors([whole], prior)]
     return {model.name: model for model in found}
