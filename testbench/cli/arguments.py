@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from testbench.arm.decimal import is_decimal
-from testbench.campaign.payload import read_mass
+from testbench.campaign.plan_input import read_mass
 from testbench.errors import BenchError
 
 

@@ -9,8 +9,7 @@ import typer
 
 from testbench import files
 from testbench.campaign.campaign import build_cell
-from testbench.campaign.payload import payload_of
-from testbench.campaign.plan_input import joints_of, place
+from testbench.campaign.plan_input import joints_of, payload_of, place
 from testbench.campaign.program import NAMED, CorrectedProgram, correct_program, with_payload
 from testbench.campaign.stiffness_model import load_model
 from testbench.cli.arguments import Load, MapFile

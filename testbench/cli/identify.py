@@ -15,7 +15,7 @@ from testbench.campaign.fits import fit
 from testbench.campaign.model_folder import DOCUMENT, FITS
 from testbench.campaign.model_selection import default_models, with_priors
 from testbench.campaign.models import Model, named_models
-from testbench.campaign.runs import files_read, read_runs
+from testbench.campaign.runs import Readings, files_read, read_runs
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.commands.identify import COMMAND, PICTURE, Source, printed, tell
 from testbench.errors import BenchError, word
@@ -66,13 +66,15 @@ class Options:
 def command(asked: Options) -> None:
     """Fit, judge, say which model to take, and write it."""
     arm = find_arm(asked.arm)
-    inputs = [arm, *files_read(asked)]
+    given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target)
+    given = replace(given, check_pose=asked.check_pose, full_pose=asked.full_pose)
+    inputs = [arm, *files_read(given)]
     with claim_folder(asked.out, COMMAND, own=OLD, inputs=inputs, force=asked.force):
         cell = build_cell(asked.arm)
         if asked.uncertainty_percent is not None and not asked.prior:
             raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
         filed = cell
-        cell, runs = read_runs(filed, asked)
+        cell, runs = read_runs(filed, given)
         models = _models(cell, asked)
         found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
         if asked.strict:

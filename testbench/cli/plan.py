@@ -9,9 +9,8 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.models import EVERY, plain_name, right_name
-from testbench.campaign.payload import overloaded, overpulled, payload_of
 from testbench.campaign.plan import plan_absolute, plan_for
-from testbench.campaign.plan_input import box, place, pull, read_tasks
+from testbench.campaign.plan_input import box, overloaded, overpulled, payload_of, place, pull, read_tasks
 from testbench.campaign.plan_settings import PlanSettings, structure
 from testbench.cli.arguments import ArmName, MapFile, Noise, mass
 from testbench.commands.plan import COMMAND, printed, report, write

@@ -8,8 +8,7 @@ import typer
 
 from testbench import files
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.payload import overloaded, payload_of
-from testbench.campaign.plan_input import box
+from testbench.campaign.plan_input import box, overloaded, payload_of
 from testbench.campaign.program import FORCE, predicted, read_asked
 from testbench.campaign.stiffness_model import load_model
 from testbench.cli.arguments import Load, MapFile

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Cell, Setup, settle_both
-from testbench.campaign.campaign_row import Runs, dataset_of
+from testbench.campaign.evaluation import Runs, dataset_of
+from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import MM
 from testbench.data.dataset import Dataset, in_order, split
 from testbench.data.write import write_csv

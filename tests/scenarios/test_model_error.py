@@ -50,19 +50,12 @@ def test_gco_stays_conservative_whatever_the_arm_does(report):
 
 
 def test_joints_alone_and_both_methods_with_the_prior_are_judged_in_every_case(report):
-    names = {c["name"] for c in report["cells"]}
+    filled = {f"{name} + prior" for name in ("Joints", "MLS56", "MGCO56", "MGCO68", "ALL153")}
     plain = {"Joints", "MLS56", "MLS56, PSD of equal fit", "MGCO56"}
-    assert names == plain | {
-        "Joints + prior",
-        "MLS56 + prior",
-        "MGCO56 + prior",
-        "MGCO68 + prior",
-        "ALL153 + prior",
-    }
+    assert {c["name"] for c in report["cells"]} == plain | filled
     for c in report["cells"]:  # what links give is no part of joints alone
         if c["structure"] == "Joints":
             assert c["rms_um"]["median"] > 150
-    assert {(b["ours"], b["theirs"]) for b in report["beats"]} >= {("MGCO56", "Joints"), ("MGCO56", "MLS56")}
 
 
 @pytest.mark.parametrize(

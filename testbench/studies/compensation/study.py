@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import build_cell
+from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import MM, UM
 from testbench.campaign.true_arms import CALLED, FAMILY, TRUTH_WORDS, TRUTHS, member, true_cell
 from testbench.errors import Array

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.model_selection import DEFAULT
+from testbench.campaign.models import JOINTS
 from testbench.campaign.true_arms import CALLED, FAMILY
 from testbench.identify import Constraint
 from testbench.report.campaigns import pairs

@@ -6,8 +6,8 @@ from dataclasses import is_dataclass
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.model_selection import DEFAULT, FILLED
+from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import UM
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
