@@ -9,9 +9,8 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.models import EVERY, plain_name, right_name
-from testbench.campaign.payload import overloaded, overpulled, payload_of
 from testbench.campaign.plan import plan_absolute, plan_for
-from testbench.campaign.plan_input import box, place, pull, read_tasks
+from testbench.campaign.plan_input import box, overloaded, overpulled, payload_of, place, pull, read_tasks
 from testbench.campaign.plan_settings import PlanSettings, structure
 from testbench.cli.arguments import ArmName, MapFile, Noise, mass
 from testbench.commands.plan import COMMAND, printed, report, write
@@ -22,6 +21,7 @@ from testbench.model.load import weight
 from testbench.output.place import claim_folder
 from testbench.plant import Payload
 from testbench.shell.options import Force, of_flag, takes
+from testbench.views.markdown import as_plain
 from testbench.views.terminal import looked_at, plain_console, print_words
 
 MORE = "under More in plan.md"
@@ -140,7 +140,7 @@ def command(asked: Options, absolute: Absolute) -> None:
             said, out = report(numbers(made), cell.arm), asked.out
             status.update("writing")
             write(made, said, folder, asked.task, out)
-        print_words(console, said, [printed(said)], MORE)
+        console.print(as_plain(said.title))
         tables = f", {out / 'tasks_expected.csv'}" if tasks else ""
         lines = [
             f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}",
@@ -148,7 +148,7 @@ def command(asked: Options, absolute: Absolute) -> None:
             f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
             *looked_at(out),
         ]
-        console.print("\n".join(lines), soft_wrap=True)
+        print_words(console, said, [printed(said)], lines, MORE)
 
 
 def _settings(cell: Cell, asked: Options, flags: Absolute) -> PlanSettings:

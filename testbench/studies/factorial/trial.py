@@ -13,11 +13,10 @@ from typing import TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbench.campaign.baselines import equal_fit
 from testbench.campaign.campaign import Cell, Truth
 from testbench.campaign.evaluation import identify_each
 from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import Model, named_models
+from testbench.campaign.models import Model, equal_fit, named_models
 from testbench.campaign.perturbed_prior import with_wrong_prior, wrong_prior
 from testbench.campaign.rows import UM, DatasetRow, dataset_row
 from testbench.data.dataset import Dataset

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS, distinct
+from testbench.campaign.models import JOINTS
 from testbench.campaign.perturbed_prior import SCALE, SHAPE
+from testbench.report.campaigns import distinct
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, find

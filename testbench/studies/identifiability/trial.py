@@ -13,7 +13,6 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import (
     Campaign,
     Cell,
@@ -24,7 +23,7 @@ from testbench.campaign.campaign import (
     simulate,
     simulate_at,
 )
-from testbench.campaign.models import Model, named_models
+from testbench.campaign.models import JOINTS, Model, named_models
 from testbench.campaign.perturbed_prior import SCALE, wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior

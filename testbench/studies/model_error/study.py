@@ -6,8 +6,8 @@ from dataclasses import is_dataclass
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.model_selection import DEFAULT, FILLED
+from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import UM
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
@@ -55,7 +55,6 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         sigma_um=sigma_um,
         scale=asked.scale,
         workspace_poses=asked.workspace,
-        sizes=trial.sizes(asked.scale, asked.only),
         cells=cells,
         claim=[
             Row(row, true_within=float(row.true_within), read_within=float(row.read_within))

@@ -7,16 +7,16 @@ trial disturbs a true arm of the family, the next one in turn; the model and the
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, simulate, stream
 from testbench.campaign.campaign_flags import TrueArmFlag
+from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
@@ -107,14 +107,6 @@ def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbanc
     stiff = {} if only else {STIFF: Disturbances(compensator=STIFF_COMPENSATOR)}
     together = {field: size for value in values.values() for field, size in value.items()}
     return {NONE: Disturbances(), **alone, **stiff, ALL: Disturbances(**together)}
-
-
-def sizes(scale: float, only: Sequence[str] = ()) -> dict[str, Mapping[str, object]]:
-    """What every case switches on, as plain data."""
-    return {
-        name: {key: value for key, value in asdict(case).items() if value}
-        for name, case in disturbances(scale, only).items()
-    }
 
 
 @each_seed

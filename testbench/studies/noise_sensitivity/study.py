@@ -5,9 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS, distinct
 from testbench.campaign.model_selection import DEFAULT
+from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import UM
+from testbench.report.campaigns import distinct
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched

@@ -15,11 +15,10 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.campaign.campaign_flags import TrueArmFlag
 from testbench.campaign.model_selection import DEFAULT
-from testbench.campaign.models import Model
+from testbench.campaign.models import JOINTS, Model
 from testbench.campaign.pose_campaign import FullPose
 from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.campaign.rows import UM

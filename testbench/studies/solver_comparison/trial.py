@@ -16,8 +16,7 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, build_cell, stream
-from testbench.campaign.campaign_row import CampaignRow, campaign_rows
-from testbench.campaign.evaluation import judge
+from testbench.campaign.evaluation import CampaignRow, campaign_rows, judge
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.data.write import csv_text

@@ -13,10 +13,9 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.campaign.model_selection import choose, with_priors
-from testbench.campaign.models import MODELS, Model
+from testbench.campaign.models import JOINTS, MODELS, Model
 from testbench.campaign.perturbed_prior import PRIORS, prior_of, wrong_link
 from testbench.campaign.rows import MM, UM
 from testbench.campaign.true_arms import TRUTHS, true_cell
