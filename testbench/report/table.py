@@ -258,6 +258,11 @@ def rows(value: Any) -> Any:
     return [rows(own) for own in value] if isinstance(value, list | tuple) else value
 
 
+def finite(value: float | None) -> float | None:
+    """A number, None for infinity and none."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
 def plain(value: Any) -> Any:
     """Numbers, words and what holds them as JSON data: what is not finite is null."""
     if isinstance(value, Mapping):

@@ -10,7 +10,7 @@ import numpy as np
 from testbench.campaign.campaign import Cell
 from testbench.data.dataset import Ids
 from testbench.errors import Array
-from testbench.plant.shapes import Frames
+from testbench.plant.shapes import Frames, rigid_frames
 from testbench.views.colours import Colour, Look
 from testbench.views.schema import Table
 
@@ -47,6 +47,12 @@ class Poses:
     first: int = 0  #: Index of the pose that is shown first.
     #: What the eye sees from the broad side, (n, 3) [m]; all that is drawn if None.
     near: Array | None = None
+
+
+def workspace(cell: Cell, q: Array, words: Sequence[str], layers: Sequence[Layer], first: int = 0) -> Poses:
+    """The arm in poses all over the workspace, (n, joints) [rad, m], and what is said of each."""
+    names = [f"Place {k} of {len(q)}" for k in range(1, len(q) + 1)]
+    return Poses("Workspace", names, words, rigid_frames(cell.room, q), None, layers, first)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ import io
 import json
 
 import numpy as np
-from checks import check_spread, check_words, unit_in
+from checks import check_spread, check_words, curves, unit_in
+from made_up import of_one_trial
 from rich.console import Console
 
 from testbench.report.report import read
@@ -82,6 +83,46 @@ def check_duels(duels, trials, *by, of="name"):
         assert len(ours) == row.trials
         check_spread(row.ratio, ours / theirs)
         assert (row.won, row.tied) == (np.mean(ours < theirs), np.mean(ours == theirs))
+
+
+def fit_row(kind, rng, models, name, **own):
+    """A made-up row of a factorial campaign's model.
+
+    Args:
+        kind: Type of the row.
+        rng: Source of what is not given.
+        models: Structure, constraint and whether it has a prior, by name.
+        name: Of the model.
+        own: Fields that are given; factors that are not are None.
+    """
+    known = dict(zip(("structure", "constraint", "prior"), models[name], strict=True))
+    factors = dict.fromkeys(("part", "case", "instrument", "distance_m", "sigma_um", "data_file"))
+    return of_one_trial(kind, rng, **{**factors, "name": name, **known, **own})
+
+
+def check_ranges(axes, numbers, looks, unit=None):
+    """Medians, spreads and colours of a pane of `figure.ranges`, whose dots nothing joins.
+
+    Args:
+        axes: The pane.
+        numbers: What is drawn by model, from top to bottom.
+        looks: Of the models.
+        unit: Of its axis; None without.
+    """
+    assert unit is None or unit_in(axes.get_xlabel()) == unit
+    spreads = [line.get_data() for line in axes.get_lines() if line.get_label().startswith("_")]
+    colours = {line.get_label(): line.get_color() for line in axes.get_lines()}
+    points = curves(axes)
+    assert list(points) == list(numbers)
+    for name, (x, y) in points.items():
+        assert x.tolist() == [middle(number) for number in numbers[name]]
+        assert np.rint(y).tolist() == list(range(len(y)))
+        assert colours[name] == looks[name].hex
+        for number, place in zip(numbers[name], y, strict=True):
+            assert any(np.allclose(own, [ends(number), (place, place)]) for own in spreads)
+    assert all(line.get_linestyle() == "None" or len(line.get_xdata()) == 2 for line in axes.get_lines())
+    low, high = axes.get_ylim()
+    assert low > high  # the first on top
 
 
 def check_forest(axes, numbers, looks, unit="mm"):

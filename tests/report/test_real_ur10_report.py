@@ -9,7 +9,10 @@ from made_up import of_one_trial
 from reports import check, check_forest, table_of
 
 from testbench.campaign.absolute import Score
+from testbench.campaign.campaign import build_cell
+from testbench.model.vjm import tool_pose
 from testbench.report.table import find
+from testbench.studies.calibration_scene import amid_errors
 from testbench.studies.real_ur10.study import LOOKS, PANES, figures, report
 from testbench.studies.real_ur10.trial import (
     ALL,
@@ -101,3 +104,21 @@ def test_the_figure_draws_the_ladder_in_the_colours_of_its_models(made):
         means = [at(find(found.numbers["models"], name=name), key) for name in LADDER]
         check_forest(axes, means, [LOOKS[name] for name in LADDER])
     assert [LOOKS[name].colour for name in TWO] == [colours.JOINTS, colours.JOINTS_PRIOR]
+
+
+def test_arrows_lead_from_where_a_model_has_the_target_to_the_reading(rng):
+    cell, q = build_cell("ur10"), np.linspace(-1, 1, 30).reshape(5, 6)
+    errors = {name: rng.uniform(-1e-3, 1e-3, (5, 3)) for name in TWO}
+    seen = amid_errors(cell, q, [*"abcde"], errors, LOOKS)
+    [poses], [chart] = seen.scene.groups, seen.runs
+    scale = float(seen.scene.title.split()[-1].rstrip("."))
+    tool, rotation = tool_pose(cell.vjm, q)
+    for layer, line, (name, off) in zip(poses.layers, chart.lines, errors.items(), strict=True):
+        np.testing.assert_allclose(layer.at[:, 0], tool + rotation @ cell.vjm.markers[0], atol=1e-9)
+        np.testing.assert_allclose((layer.to - layer.at)[:, 0], scale * off)
+        np.testing.assert_allclose(line.values, 1e3 * np.linalg.norm(off, axis=1))
+        assert (layer.name, layer.colour) == (f"error of {name}", LOOKS[name].colour)
+        assert (line.name, line.look) == (name, LOOKS[name])
+    assert poses.first == np.linalg.norm(errors[WAVES], axis=1).argmax()
+    assert f"{JOINTS} {chart.lines[0].values[1]:.3f} mm" in poses.words[1]
+    assert (chart.title, [*chart.labels]) == ("Error at each position (mm)", [*"abcde"])

@@ -257,7 +257,7 @@ def write(run: Run[trial.Settings]) -> Seen:
         numbers = np.hstack([q, *left.values()]).tolist()
         writer.writerows([*name, *own] for name, own in zip(named, numbers, strict=True))
     errors = {name: own / UM for name, own in left.items()}
-    return amid_errors(cell, q, [f"Series {name}, run {row}" for name, row in named], errors, LOOKS)
+    return amid_errors(cell, q, [f"{name} {row}" for name, row in named], errors, LOOKS)
 
 
 STUDY = Study(

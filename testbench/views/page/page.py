@@ -18,7 +18,7 @@ from markupsafe import Markup
 
 from testbench import files
 from testbench.errors import Array
-from testbench.plant.import_robot.thin import decimated
+from testbench.plant.import_robot.meshes import decimated
 from testbench.plant.shapes import Frames, Shape, quaternions, visual_shapes
 from testbench.trials.spread import Spread
 from testbench.views.colours import SCALE, Look, hexadecimal
