@@ -15,7 +15,7 @@ from testbench.commands.data import COMMAND, listed, report, understand, write
 from testbench.errors import BenchError
 from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes
-from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements
+from testbench.views.terminal import looked_at, plain_console, print_words
 
 group = typer.Typer(no_args_is_help=True)
 
@@ -62,10 +62,8 @@ def check(asked: Options) -> None:
         doubts, scale = look_at(filed, export, registered, given)
         found.update(dataset=asked.dataset.name, scale=scale, doubts=[own.sentence for own in doubts])
         said = report(found, registered)
-        print_answer(console, said)
-        print_statements(console, said)
-        console.print(columns, soft_wrap=True)
+        lines = [columns]
         if asked.out is not None:
             write(cell, registered, said, asked.out)
-            lines = [f"picture    {asked.out / 'data.png'}", *looked_at(asked.out)]
-            console.print("\n".join(lines), soft_wrap=True)
+            lines += [f"picture    {asked.out / 'data.png'}", *looked_at(asked.out)]
+        print_words(console, said, lines=lines)

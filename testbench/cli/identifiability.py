@@ -61,7 +61,9 @@ def command(asked: Options) -> None:
         told = describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength)
         said = report(told, cell.arm.name)
         console = terminal.plain_console()
-        terminal.print_words(console, said, [said.tables["help"]], "" if asked.more else "with --more")
+        console.print(terminal.as_plain(said.title))
+        where = "" if asked.more else "with --more"
+        terminal.print_words(console, said, [said.tables["help"]], where=where)
         if asked.more:
             console.print(Markdown(said.block("more")))
         console.print("\n".join(f"- {note}" for note in (*export.notes, *found.notes)), soft_wrap=True)

@@ -2,13 +2,12 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.fits import fit
@@ -16,8 +15,8 @@ from testbench.campaign.model_folder import DOCUMENT, FITS
 from testbench.campaign.model_selection import default_models, with_priors
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.runs import Readings, files_read, read_runs
-from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
-from testbench.commands.identify import COMMAND, PICTURE, Source, printed, tell
+from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm, plain
+from testbench.commands.identify import COMMAND, PICTURE, printed, tell
 from testbench.errors import BenchError, word
 from testbench.identify import robust
 from testbench.identify.doubts import Doubt
@@ -81,10 +80,9 @@ def command(asked: Options) -> None:
             from testbench.campaign.arm_check import check  # here: it reads the arm once more
 
             check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
-        readings, out = {asked.dataset.name: files.digest(asked.dataset)}, asked.out
-        source = Source(filed, cell, readings, _plain(asked, readings), asked.intervals)
-        said, console = tell(source, found, out), terminal.plain_console()
-        terminal.print_words(console, said, [printed(said)])
+        flags, out = plain(asked, "dataset", without=("arm",)), asked.out
+        said, console = tell((filed, cell), found, flags, out), terminal.plain_console()
+        console.print(terminal.as_plain(said.title))
         lines = [
             f"model      {out / DOCUMENT}: {found.fits.recommended}; all others: {out / FITS}",
             f"report     {out / 'report.md'}, {out / 'report.json'}",
@@ -93,7 +91,7 @@ def command(asked: Options) -> None:
             f"next       testbench predict {word(out)} POSES.csv",
             f"           testbench compensate {word(out)} PROGRAM.csv --out CORRECTED.csv",
         ]
-        console.print("\n".join(lines), soft_wrap=True)
+        terminal.print_words(console, said, [printed(said)], lines)
 
 
 def check_strictly(said: Sequence[Doubt]) -> None:
@@ -101,13 +99,6 @@ def check_strictly(said: Sequence[Doubt]) -> None:
     if said:
         count = "1 doubt" if len(said) == 1 else f"{len(said)} doubts"
         raise BenchError(f"--strict: {count}: {'; '.join(doubt.sentence for doubt in said)}")
-
-
-def _plain(asked: Options, readings: dict[str, str]) -> dict[str, object]:
-    """What was asked for, but for the place of the results, and which files were read."""
-    flags = {key: value for key, value in asdict(asked).items() if key not in ("arm", "out", "force")}
-    mapping = asked.mapping and {asked.mapping.name: files.digest(asked.mapping)}
-    return {**flags, "dataset": readings, "mapping": mapping}
 
 
 def _models(cell: Cell, asked: Options) -> list[Model]:

@@ -21,6 +21,7 @@ from testbench.model.load import weight
 from testbench.output.place import claim_folder
 from testbench.plant import Payload
 from testbench.shell.options import Force, of_flag, takes
+from testbench.views.markdown import as_plain
 from testbench.views.terminal import looked_at, plain_console, print_words
 
 MORE = "under More in plan.md"
@@ -139,7 +140,7 @@ def command(asked: Options, absolute: Absolute) -> None:
             said, out = report(numbers(made), cell.arm), asked.out
             status.update("writing")
             write(made, said, folder, asked.task, out)
-        print_words(console, said, [printed(said)], MORE)
+        console.print(as_plain(said.title))
         tables = f", {out / 'tasks_expected.csv'}" if tasks else ""
         lines = [
             f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}",
@@ -147,7 +148,7 @@ def command(asked: Options, absolute: Absolute) -> None:
             f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
             *looked_at(out),
         ]
-        console.print("\n".join(lines), soft_wrap=True)
+        print_words(console, said, [printed(said)], lines, MORE)
 
 
 def _settings(cell: Cell, asked: Options, flags: Absolute) -> PlanSettings:

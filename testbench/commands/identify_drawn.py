@@ -1,6 +1,7 @@
 """What `testbench identify` draws: the arm in its runs and over the workspace, what models leave there."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from testbench.views.scene import (
     arrow_scale,
     of_all,
     picked,
+    workspace,
 )
 
 MOVED, LEFT = 0.12, 0.2  #: Length of most arrows of deflections and of errors over the reach [1].
@@ -103,17 +105,10 @@ def _places(cell: Cell, errors: ErrorPlaces, taken: str) -> Poses:
     """The arm all over the workspace."""
     half, q = errors.errors(taken), np.array(errors.q)
     sizes = zip(errors.deflection_mm, half, errors.joints, strict=True)
-    return Poses(
-        name="Workspace, under the largest load",
-        names=[f"Place {k} of {len(q)}" for k in range(1, len(q) + 1)],
-        words=[
-            f"The tool moves {moved:.3f} mm, {_bound(mm)} (95 %). {joints}." for moved, mm, joints in sizes
-        ],
-        rigid=rigid_frames(cell.room, q),
-        bent=None,
-        layers=[Layer("tool", MEASURED, "dots", np.array(errors.position_m)[:, None])],
-        first=int(np.nan_to_num(half).argmax()),
-    )
+    words = [f"The tool moves {moved:.3f} mm, {_bound(mm)} (95 %). {joints}." for moved, mm, joints in sizes]
+    tool = Layer("tool", MEASURED, "dots", np.array(errors.position_m)[:, None])
+    first = int(np.nan_to_num(half).argmax())
+    return replace(workspace(cell, q, words, [tool], first), name="Workspace, under the largest load")
 
 
 def _bound(mm: float) -> str:
