@@ -105,7 +105,7 @@ class Columns:
         """What it says in every row, (rows,), 0 where nothing does; InputError at the first blank cell."""
         return self.full(own) if isinstance(own, Column) else np.full(self.table.rows, own or 0.0)
 
-    def whole(self, wanted: Mapping[str, Slot], hint: str = "") -> list[Column]:
+    def whole(self, wanted: Mapping[str, Slot]) -> list[Column]:
         """The columns of some quantities by their names in our files: all, or none where the file has none.
 
         Raises:
@@ -114,7 +114,7 @@ class Columns:
         found = [self.found.get(slot) for slot in wanted.values()]
         missing = [name for name, column in zip(wanted, found, strict=True) if column is None]
         if 0 < len(missing) < len(found):
-            raise self.lack(missing, hint)
+            raise self.lack(missing)
         return [column for column in found if column]
 
     def together(self, found: Sequence[Column]) -> tuple[Array, Mask]:

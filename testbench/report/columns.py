@@ -247,7 +247,6 @@ EVERY = (
     Column("after.median_mm", "after", "mm"),
     Column("after.p95_mm", "after, 95th percentile", "mm"),
     Column("after.most_mm", "after, largest", "mm"),
-    Column("solved", "solved", form="yes"),
     Column("unseen_percent", "without bound", "%", ".1f"),
     Column("buckled", "trials without equilibrium", form="d"),
     # an arm that is calibrated

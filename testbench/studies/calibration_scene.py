@@ -128,7 +128,7 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> See
         for key in ("drawn.wrong_m", "drawn.residuals_m")
     )
     measured, over = runs_of(cell, setup, first)
-    order = np.argsort(over.run)[np.searchsorted(np.sort(over.run), f.map.run)]
+    order = np.array([over.run.tolist().index(run) for run in f.map.run])
     over, wrong = in_order(over, order), {name: own[order] for name, own in wrong.items()}
     places = [f"Place {k} of {over.runs}" for k in range(1, over.runs + 1)]
     kinds = ["fitted" if pose <= fitted else "check" for pose in measured.pose.tolist()]

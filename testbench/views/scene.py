@@ -165,16 +165,19 @@ class Scale:
     ends: tuple[float, float]  #: Least and greatest error; what is less is drawn as the least [mm].
     logarithmic: bool
 
+    def _at(self, mm: Array) -> Array:
+        """Errors as they are spaced."""
+        return np.log10(mm) if self.logarithmic else mm
+
     def shares(self, mm: Array) -> Array:
-        """Places of errors [mm] on the scale, 0 to 1."""
-        if not self.logarithmic:
-            return shares(mm, self.ends)
-        low, high = np.log10(self.ends)
-        return shares(np.log10(np.maximum(mm, self.ends[0])), (low, high))
+        """Places of errors [mm] on the scale, 0 to 1; 0 where all are equal."""
+        low, high = self._at(np.array(self.ends))
+        at = self._at(np.maximum(mm, self.ends[0]))
+        return np.asarray((at - low) / (high - low if high > low else 1.0))
 
     def errors(self, share: Array) -> Array:
         """Errors [mm] at places on the scale, 0 to 1."""
-        low, high = np.log10(self.ends) if self.logarithmic else self.ends
+        low, high = self._at(np.array(self.ends))
         found = low + share * (high - low)
         return np.asarray(10**found if self.logarithmic else found)
 
@@ -195,14 +198,3 @@ def scale_of(*errors_mm: Array) -> Scale:
     low, high = float(every.min()), float(every.max())
     far = high > APART * min(float(np.median(mm)) for mm in errors_mm)
     return Scale((max(low, DEEP * high) if far else low, high), far)
-
-
-def shares(errors: Array, ends: tuple[float, float]) -> Array:
-    """Place of errors on the scale, 0 to 1; 0 where all are equal.
-
-    Args:
-        errors: Any shape [mm].
-        ends: Of the scale [mm].
-    """
-    low, high = ends
-    return np.asarray((errors - low) / (high - low) if high > low else np.zeros_like(errors))

@@ -9,6 +9,7 @@ from made_up_run import REPORT, made_up_run
 from PIL import Image
 from read_back import chunks_of, columns, document, on, rerun, series, sound, views
 from rerun.chunk import RrdReader
+from scipy.spatial.transform import Rotation
 
 from testbench.views.colours import SCALE
 from testbench.views.recording.run import write_run
@@ -65,10 +66,12 @@ def test_the_arm_and_its_ghost_stand_in_every_pose_worst_first(chunks, seen):
             c.entity_path for c in chunks if c.entity_path.startswith(f"/world/{root}/") and not c.is_static
         ]
         data = columns(on(chunks, "worst_first"), sorted(set(moved))[-1])
-        rows = sorted(zip(data["worst_first"], data["Transform3D:translation"], strict=True))
-        found = np.array([at[0] for _, at in rows])
-        distance = np.abs(found[:, None] - frames.positions[ORDER]).max(axis=2).min(axis=1)
-        assert distance == pytest.approx(0, abs=1e-6)
+        keys = ("worst_first", "Transform3D:translation", "Transform3D:quaternion")
+        _, at, turn = zip(*sorted(zip(*map(data.get, keys), strict=True)), strict=True)
+        apart = np.abs(np.reshape(at, (-1, 1, 3)) - frames.positions[ORDER]).max(axis=(0, 2))
+        assert apart.min() < 1e-6
+        turned = Rotation.from_quat(np.reshape(turn, (-1, 4))).as_matrix()
+        assert turned == pytest.approx(frames.rotations[ORDER][:, apart.argmin()], abs=1e-6)
         assert [c.entity_path for c in chunks if c.entity_path.startswith("/world/arm_1/")]  # of the places
 
 

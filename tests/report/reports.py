@@ -2,6 +2,8 @@
 
 import io
 import json
+import tempfile
+from pathlib import Path
 
 import numpy as np
 from checks import check_spread, check_words, curves, unit_in
@@ -10,6 +12,8 @@ from rich.console import Console
 
 from testbench.report.report import read
 from testbench.report.table import Trials
+from testbench.trials.parquet import write_trials
+from testbench.trials.rows import columns, tabled
 from testbench.trials.spread import ends, middle
 from testbench.views import terminal
 from testbench.views.page import page as html
@@ -18,8 +22,15 @@ WIDTH = 80  #: Of a terminal.
 
 
 def table_of(seeds, rows):
-    """Trials as a study's report gets them: `rows` makes those of a seed."""
-    return Trials.of([(seed, rows(seed)) for seed in seeds])
+    """Trials as a study's report gets them, from the file of its run: `rows` makes those of a seed."""
+    own = {seed: rows(seed) for seed in seeds}
+    kind = type(next(row for found in own.values() for row in found))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "trials.parquet"
+        write_trials(
+            path, {}, columns(kind), len(own), [(seed, tabled(found)) for seed, found in own.items()]
+        )
+        return Trials.read(path)
 
 
 def check(report, printed):

@@ -16,7 +16,7 @@ SEEDS, NUMBERS = range(300, 306), (50, 200)
 ALONE = (s.REAL, s.ABSOLUTE)
 OWN = [(*ALONE, n, name) for n in NUMBERS for name in s.BY_POSES] + [(*ALONE, 200, s.WITH_LINKS)]
 OWN += [(true, s.ABSOLUTE, 200, name) for true in [*s.TRUE_ARMS][1:] for name in s.HIDING]
-OWN += [(s.REAL, campaign, 100, name) for campaign in [*s.CAMPAIGNS][1:] for name in s.CAMPAIGN]
+OWN += [(s.REAL, campaign, 100, name) for campaign in [*s.CAMPAIGNS][1:] for name in s.COMPARED]
 
 
 def row(rng, seed, key, kept):

@@ -3,7 +3,8 @@
 import pytest
 from run_here import app_of_study, check_files, check_refused, quick_study
 
-from testbench.studies.model_error.trial import Settings, trials
+from testbench.plant import Disturbances
+from testbench.studies.model_error.trial import Settings, disturbances, trials
 
 APP = app_of_study("model_error")
 quick, report, rows = quick_study(APP, "--seed", 2, "--seeds", 2)
@@ -17,13 +18,14 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     check_files(quick, "model_error.png")
 
 
-def test_every_disturbance_is_switched_on_alone_and_all_together(report):
-    sizes = report["sizes"]
-    assert sizes["none"] == {}
-    for name, values in sizes.items():
-        if name not in ("none", "all together"):
-            assert len(values) == 1, name
-    assert len(sizes["all together"]) == 10
+def test_every_disturbance_is_switched_on_alone_and_all_together():
+    none = vars(Disturbances())
+    on = {
+        name: [key for key, value in vars(case).items() if value != none[key]]
+        for name, case in disturbances(1.0).items()
+    }
+    assert (on.pop("none"), len(on.pop("all together"))) == ([], 10)
+    assert {len(fields) for fields in on.values()} == {1}
 
 
 def test_payload_errors_spoil_the_model_and_not_the_arm(report):

@@ -55,7 +55,6 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         sigma_um=sigma_um,
         scale=asked.scale,
         workspace_poses=asked.workspace,
-        sizes=trial.sizes(asked.scale, asked.only),
         cells=cells,
         claim=[
             Row(row, true_within=float(row.true_within), read_within=float(row.read_within))

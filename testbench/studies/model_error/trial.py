@@ -7,7 +7,7 @@ trial disturbs a true arm of the family, the next one in turn; the model and the
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -107,14 +107,6 @@ def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbanc
     stiff = {} if only else {STIFF: Disturbances(compensator=STIFF_COMPENSATOR)}
     together = {field: size for value in values.values() for field, size in value.items()}
     return {NONE: Disturbances(), **alone, **stiff, ALL: Disturbances(**together)}
-
-
-def sizes(scale: float, only: Sequence[str] = ()) -> dict[str, Mapping[str, object]]:
-    """What every case switches on, as plain data."""
-    return {
-        name: {key: value for key, value in asdict(case).items() if value}
-        for name, case in disturbances(scale, only).items()
-    }
 
 
 @each_seed

@@ -12,9 +12,9 @@ from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import CALLED, TRUTH_WORDS, TRUTHS
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
-from testbench.report.table import Cells, Row, Trials, find, merged, number
+from testbench.report.table import TRIAL, Cells, Row, Trials, find, matched, merged, number
 from testbench.studies.factorial import compare
-from testbench.studies.factorial.compare import MARGIN, RMS
+from testbench.studies.factorial.compare import ERROR, RMS
 from testbench.studies.study import Study
 from testbench.studies.which_model import trial
 from testbench.studies.which_model.trial import CHOSEN, RUNS, Options, Settings
@@ -26,7 +26,8 @@ from testbench.views.schema import Table, pivot
 
 IN_ORDER = {"prior_error": PRIORS, "true_arm": TRUTHS}
 """Words that trials meet in other orders than a reader."""
-BESIDE = ("over_joints", "loses", "over_least", "best_in")
+BESIDE = ("over_joints", "loses")
+MARGIN = 0.05  #: Share by which an error must exceed that of joints alone for a method to lose.
 EVERY = "all"  #: All cases, in words.
 MOVES = 0.05  #: Share of the true deflection over the workspace from which a link is said to move it.
 SAID = ("doubted", "told", "unchecked", "otherwise", "either")  #: Columns of what is said of a prior.
@@ -47,7 +48,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     """Medians and spreads over the family, by number of poses, and of the default by true arm and prior."""
     places = [[list(known).index(word) for word in trials[name]] for name, known in IN_ORDER.items()]
     ordered = trials.pick(np.lexsort(places))
-    every = compare.over_incumbent(ordered, JOINTS, CHOSEN, "true_arm", "poses")
+    every = _over_joints(ordered)
     default, family = every.where(name=CHOSEN), compare.cells(every, "poses", also=BESIDE)
     counts, cases = sorted(every.values("poses")), compare.by_case(every, "true_arm")
     f = Row(
@@ -89,6 +90,13 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         tables=(tables := _tables(f)),
         body=[*tables, HOW, _families()],
     )
+
+
+def _over_joints(trials: Trials) -> Trials:
+    """Rows with their errors over those of joints alone in the same case, and whether these lose."""
+    joints = matched(trials, trials.where(name=JOINTS), ERROR, (TRIAL, "true_arm", "poses"))
+    over = trials[ERROR] / joints
+    return trials.add(over_joints=over, loses=over > 1 + MARGIN)
 
 
 def _promises(every: Trials) -> Iterator[Row]:
