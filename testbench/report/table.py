@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from testbench.trials.rows import flatten
 from testbench.trials.spread import spread, twins_once
 from testbench.views.gains import Gain, gained
 
@@ -66,13 +65,6 @@ class Trials:
                 table = file.read(use_threads=False)
                 return cls.holding({name: _checked(name, table[name]) for name in names})
         return cls({name: partial(_read, path, name) for name in names})
-
-    @classmethod
-    def of(cls, trials: Sequence[tuple[int, Sequence[object]]]) -> "Trials":
-        """The same of rows that are in memory, by seed."""
-        rows = [{TRIAL: seed, **flatten(row)} for seed, own in trials for row in own]
-        table = pa.Table.from_pylist([{k: _listed(v) for k, v in row.items()} for row in rows])
-        return cls.holding({name: _cells(table[name].combine_chunks()) for name in table.column_names})
 
     def __len__(self) -> int:
         return len(self[next(iter(self.made))]) if self.made else 0
@@ -138,11 +130,9 @@ class Trials:
 
 
 def numbered(columns: Sequence[Sequence[Cells]], sizes: Sequence[int]) -> list[Cells]:
-    """Numbers of rows of several tables that are the same where all these columns are, as they first appear.
+    """Numbers of rows of several tables, of these sizes, that are the same where all columns are.
 
-    Args:
-        columns: Of each quantity the column of every table.
-        sizes: Rows of every table.
+    They rise as rows first appear. Of each quantity there is the column of every table.
     """
     codes = np.zeros(sum(sizes), dtype=np.int64)
     for own in columns:
@@ -194,15 +184,7 @@ def _middle(cells: Cells) -> Any:
 
 
 def paired(trials: Trials, ours: str, theirs: str, value: str, scale: float = 1.0) -> Gain | None:
-    """Two models in the same trials by one error [mm once it is scaled]; None where one is not there.
-
-    Args:
-        trials: A row a model and trial.
-        ours: Name of one model.
-        theirs: Name of the other.
-        value: Column of the error.
-        scale: Its unit over mm [1].
-    """
+    """Two models in the same trials by one error [mm once it is scaled]; None where one is not there."""
     both = aligned(trials, (ours, theirs), value)
     if ours == theirs or not len(both):
         return None
@@ -258,6 +240,11 @@ def rows(value: Any) -> Any:
     return [rows(own) for own in value] if isinstance(value, list | tuple) else value
 
 
+def finite(value: float | None) -> float | None:
+    """A number, None for infinity and none."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
 def plain(value: Any) -> Any:
     """Numbers, words and what holds them as JSON data: what is not finite is null."""
     if isinstance(value, Mapping):
@@ -273,10 +260,6 @@ def plain(value: Any) -> Any:
 
 def _named(name: str, names: Sequence[str]) -> bool:
     return any(name == own or (own.endswith(".") and name.startswith(own)) for own in names)
-
-
-def _listed(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
 
 
 def _picked(make: Callable[[], Cells], rows: Cells) -> Cells:

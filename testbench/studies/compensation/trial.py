@@ -30,8 +30,8 @@ from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
 from testbench.correct.arm_model import About, ArmModel, bending, of_compliances, of_estimate
 from testbench.correct.compensated import Compensated, compensate
 from testbench.correct.newton import Aim
-from testbench.data.csvfile import csv_text
 from testbench.data.dataset import Dataset, Ids
+from testbench.data.write import csv_text
 from testbench.design.specification import Tasks
 from testbench.errors import Array, NoEquilibrium
 from testbench.identify.absolute.state import State
@@ -41,8 +41,7 @@ from testbench.model.structure import all153
 from testbench.model.weights import read_weights
 from testbench.plant import TYPICAL, DisturbedPlant, Equilibrium, disturb, part_of, settle_pair
 from testbench.studies.compensation import settings as s
-from testbench.studies.compensation.jobs import TIP, drawn, jobs, tasks
-from testbench.studies.compensation.plans import loads
+from testbench.studies.compensation.plans import TIP, drawn, jobs, loads, tasks
 from testbench.studies.compensation.settings import Settings, Way
 
 AIM = Aim(point=TIP)  #: The whole pose of the tool is put right.

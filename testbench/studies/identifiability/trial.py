@@ -6,14 +6,13 @@ each is in the first seeds of the study.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import (
     Campaign,
     Cell,
@@ -24,9 +23,8 @@ from testbench.campaign.campaign import (
     simulate,
     simulate_at,
 )
-from testbench.campaign.models import Model, named_models
+from testbench.campaign.models import JOINTS, Model, named_models
 from testbench.campaign.perturbed_prior import SCALE, wrong_prior
-from testbench.campaign.rows import dataset_row
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
 from testbench.identify.crossval import every_fold
@@ -66,18 +64,6 @@ class FilledModel(Model):
 
 
 @dataclass(frozen=True)
-class Tried:
-    """What is varied."""
-
-    structures: tuple[str, ...] = ("MGCO56", "MGCO68", "ALL153")  #: With a prior.
-    scales: tuple[float, ...] = (0.2, 0.5, 1.0, 2.0, 5.0)  #: Factors by which the prior is wrong.
-    poses: tuple[int, ...] = (5, 8, 12, 20, 40)  #: Numbers of identification poses.
-
-
-QUICK = Tried(structures=("MGCO56", "MGCO68"), scales=(0.5, 2.0), poses=(8, 20))
-
-
-@dataclass(frozen=True)
 class Options:
     """Flags of the study."""
 
@@ -93,12 +79,14 @@ class Settings:
 
     arm: str  #: Folder or name of the arm.
     scenario: Scenario  #: The campaign; its truth and number of poses are varied.
-    tried: Tried  #: What is varied in a campaign.
     first: int  #: The first seed.
     campaigns: int  #: Trials with a campaign.
     bootstraps: int  #: Those with bootstrap intervals.
     bounds: int  #: Those with set-based bounds.
     family: int  #: Those with an arm of the family.
+    structures: tuple[str, ...] = ("MGCO56", "MGCO68", "ALL153")  #: With a prior.
+    scales: tuple[float, ...] = (0.2, 0.5, 1.0, 2.0, 5.0)  #: Factors by which the prior is wrong.
+    poses: tuple[int, ...] = (5, 8, 12, 20, 40)  #: Numbers of identification poses.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,20 +106,21 @@ class TrialRow:
 
     fit: MethodRow | None = None
     intervals: Covered | None = None
+    data_file: str | None = None  #: dataset.csv, in a row of the first seed.
 
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for."""
-    return Settings(
+    found = Settings(
         arm=options.arm,
         scenario=of_arm(load_arm(options.arm), Scenario(arm=find_arm(options.arm).resolve().name)),
-        tried=QUICK if quick else Tried(),
         first=seeds[0],
         campaigns=min(options.campaigns, len(seeds), 2 if quick else len(seeds)),
         bootstraps=100,
         bounds=2 if quick else 100,
         family=2 if quick else 200,
     )
+    return replace(found, structures=VARIED, scales=(0.5, 2.0), poses=(8, 20)) if quick else found
 
 
 @each_seed
@@ -140,7 +129,8 @@ def trials(asked: Settings, seed: int) -> Iterator[TrialRow]:
     cell = build_cell(find_arm(asked.arm))
     heavy = coverage.gravity_cases(cell)
     if seed - asked.first < asked.campaigns:
-        yield from (TrialRow(fit=row) for row in _fits(cell, asked, seed))
+        for row in _fits(cell, asked, seed):
+            yield TrialRow(fit=replace(row, data_file=None), data_file=row.data_file)
     yield from (TrialRow(intervals=row) for row in _intervals(cell, heavy, asked, seed - asked.first))
 
 
@@ -159,16 +149,16 @@ def _intervals(cell: Cell, heavy: Sequence[coverage.Case], asked: Settings, k: i
 def _fits(cell: Cell, asked: Settings, seed: int) -> Iterator[MethodRow]:
     """All fits of one campaign."""
     straight, bent = _campaigns(cell, asked.scenario, seed)
-    linear, tried = asked.scenario.model_copy(update={"truth": "linear"}), asked.tried
+    linear = asked.scenario.model_copy(update={"truth": "linear"})
     plain = [FilledModel(**vars(model)) for model in plain_models(cell, PLAIN)]
-    every = [*plain, *_filled(cell, seed, tried.structures, FILLERS)]
-    seen = dataset_row(bent.measured)
-    yield from _judged(cell, every, [_case(straight, "linear"), _case(bent, "nonlinear", measured=seen)])
-    for scale in tried.scales:
+    every = [*plain, *_filled(cell, seed, asked.structures, FILLERS)]
+    seen = replace(_case(bent, "nonlinear"), shown=bent.measured if seed == asked.first else None)
+    yield from _judged(cell, every, [_case(straight, "linear"), seen])
+    for scale in asked.scales:
         _, *own = _filled(cell, seed, VARIED, (LS, GCO), scale)
         yield from _judged(cell, own, [_case(straight, "scale", scale=scale)])
     cases = []
-    for count in tried.poses:
+    for count in asked.poses:
         runs = round(count * asked.scenario.identification_runs / asked.scenario.identification_poses)
         more = linear.model_copy(update={"identification_poses": count, "identification_runs": runs})
         cases.append(_case(simulate(cell, more, seed), "poses", poses=count))
@@ -180,12 +170,6 @@ def _campaigns(cell: Cell, scenario: Scenario, seed: int) -> list[Campaign]:
     poses = draw_poses(cell, scenario, seed)
     truths = (scenario.model_copy(update={"truth": truth}) for truth in ("linear", "nonlinear"))
     return [simulate_at(cell, own, seed, poses) for own in truths]
-
-
-def first_runs(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
-    """The arm, and all that is measured of a seed with a non-linear truth."""
-    cell, scenario = build_cell(find_arm(asked.arm)), asked.scenario.model_copy(update={"workspace_poses": 1})
-    return cell, _campaigns(cell, scenario, seed)[1].measured
 
 
 def _case(campaign: Campaign, part: str, **more: object) -> Case:
