@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from testbench.correct.newton import Aim as Aim
     from testbench.correct.predicted import predict as predict
     from testbench.correct.stiffness import stiffness as stiffness
-    from testbench.data.csvfile import read_csv as read_csv
-    from testbench.data.csvfile import write_csv as write_csv
     from testbench.data.dataset import Dataset as Dataset
     from testbench.data.program import read_program as read_program
-    from testbench.data.program_corrected import write_program as write_program
+    from testbench.data.read_pairs import read_csv as read_csv
+    from testbench.data.read_series import read_series as read_series
     from testbench.data.series import Series as Series
-    from testbench.data.series_export import read_series as read_series
+    from testbench.data.write import write_csv as write_csv
+    from testbench.data.write import write_program as write_program
     from testbench.errors import BenchError as BenchError
     from testbench.identify import Estimate as Estimate
     from testbench.identify import certify as certify
@@ -55,10 +55,10 @@ HOMES = {
     "simulate": "campaign.campaign",
     "MODELS": "campaign.models",
     "Dataset": "data.dataset",
-    "read_csv": "data.csvfile",
-    "write_csv": "data.csvfile",
+    "read_csv": "data.read_pairs",
+    "write_csv": "data.write",
     "Series": "data.series",
-    "read_series": "data.series_export",
+    "read_series": "data.read_series",
     "Structure": "model.structure",
     "registered": "identify.registered",
     "least_squares": "identify",
@@ -79,7 +79,7 @@ HOMES = {
     "Aim": "correct.newton",
     "compensate": "correct.compensated",
     "read_program": "data.program",
-    "write_program": "data.program_corrected",
+    "write_program": "data.write",
     "stiffness": "correct.stiffness",
     "load_model": "campaign.stiffness_model",
     "PlanSettings": "campaign.plan_settings",

@@ -10,7 +10,7 @@ import pytest
 from testbench.arm.folder import Arm
 from testbench.data import stream
 from testbench.data.dataset import Dataset
-from testbench.data.export import read_export
+from testbench.data.read_pairs import read_export
 from testbench.data.spool import together
 from testbench.errors import InputError
 

@@ -13,13 +13,12 @@ from testbench.identify import gco, reduce
 from testbench.identify.regression import f_m
 from testbench.report.columns import columns
 from testbench.report.table import Row
-from testbench.studies.paper import EQ_22, EQ_23, judged
+from testbench.studies.paper import EQ_22, EQ_23, every_order, judged
 from testbench.studies.single_link.trial import (
     Settings,
     eigenvalues,
     models,
     noise_scale,
-    of_every_order,
     prediction_errors,
     rank_beyond_noise,
     rms,
@@ -156,7 +155,7 @@ def _papers_own_data(cell: Cell, asked: Settings, truth: Dataset) -> Row:
         optimum_f_m_excess_bound=best.certificate.f_m_excess_bound if best.certificate else None,
         optimum_rank=rank_beyond_noise(campaign, best.C_theta),
         optimum=with_eigenvalues(best.C_theta),
-        optimum_prediction=Row(vars(prediction_errors(best.C_theta, truth))),
+        optimum_prediction=Row(prediction_errors(best.C_theta, truth)),
         order=[
             Row(
                 m=m,
@@ -164,7 +163,7 @@ def _papers_own_data(cell: Cell, asked: Settings, truth: Dataset) -> Row:
                 eigenvalues=estimate.eigenvalues[0].tolist(),
                 rms_to_eq_23_over_sigma=rms((estimate.C_theta - ours) / noise_scale(campaign)),
             )
-            for m, estimate in of_every_order(cell, data, asked.starts, 0)
+            for m, estimate in enumerate(every_order(cell, structure, data, asked.starts, 0), start=1)
         ],
     )
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.data.read_series import read_series
 from testbench.data.series import Series, select_rows
-from testbench.data.series_export import read_series
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.align import LEAST
 from testbench.identify.absolute.fit import Calibration, Options, calibrate

@@ -45,8 +45,6 @@ def write_model(
     method = f"absolute calibration: {', '.join(['geometry', *kept])}"
     joints = elastic is not None and elastic.structure.n == vjm.arm.n_joints
     said = {
-        "arm": vjm.arm.name,
-        "digests": model_folder.copy_arm(vjm.arm, folder),
         "compliances": "none" if elastic is None else "joints" if joints else "links",
         "theta_0": state.theta_0.tolist(),
         "C_theta": state.C_theta.tolist(),
@@ -78,7 +76,7 @@ def write_model(
         "about": model_folder.about_said(method, data, doubts, loads),
     }
     L = np.zeros((0, 0)) if elastic is None else elastic.L
-    model_folder.write_parts(CalibrationDocument, said, folder, root=belief.root, L=L)
+    model_folder.write_parts(CalibrationDocument, vjm.arm, said, folder, root=belief.root, L=L)
 
 
 def belief_of(calibration: Calibration) -> Belief:

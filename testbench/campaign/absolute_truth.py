@@ -126,18 +126,6 @@ class Truth:
         return np.concatenate([*parts, self.arm.offset])
 
 
-def true_poses(
-    truth: Truth, series: int, q: Array, wrench: Array | None = None, point: Array | None = None
-) -> tuple[Array, Array]:
-    """Where targets truly are in any poses, as the tracker of a series would see them without noise.
-
-    Positions in the tracker's frame, (rows, m, 3) [m], and orientations of the mount, (rows, 3, 3), of
-    commanded joints q (rows, n) [rad, m] under a wrench (rows, 6) beside own weight at a point of the tool.
-    """
-    rest = settle_disturbed(truth.arm, q, wrench, point)
-    return _seen(truth, series, rest.tool, rest.rotation)
-
-
 def _seen(truth: Truth, series: int, tool: Array, rotation: Array) -> tuple[Array, Array]:
     """Targets and mount in the tracker's frame, of poses of the tool in the world."""
     station, mount = truth.stations[series], truth.mounts[series]

@@ -161,8 +161,7 @@ def check_agreement(vjm: Vjm, plant: "Plant") -> float:
     from testbench.plant import unloaded
 
     arm = vjm.arm
-    lower, upper = arm.limits
-    q = np.random.default_rng(0).uniform(lower, upper, (POSES, arm.n_joints))
+    q = np.random.default_rng(0).uniform(arm.limits[0], arm.limits[1], (POSES, arm.n_joints))
     ours = [np.dstack([R, p]) for p, R in body_poses(vjm, q)]  # axes and origin as columns
     ours += [_point(ours[-1], point) for point in (vjm.load, *vjm.markers)]
     names = (*(link.name for link in arm.links), arm.tool, arm.load, *arm.markers)

@@ -153,12 +153,10 @@ def find(
         raise BenchError(
             f"expected 1 <= least <= count and a patience of 1 or more, got {least}, {count} and {patience}"
         )
-    lower, upper = checks.vjm.arm.limits
-    rejected = dict.fromkeys(REASONS, 0)
+    rejected, drawn = dict.fromkeys(REASONS, 0), 0
     kept: list[Array] = []
-    drawn = 0
     while len(kept) < count and drawn < patience + DRAWS_A_POSE * len(kept):
-        q = rng.uniform(lower, upper, (BATCH, checks.vjm.arm.n_joints))
+        q = rng.uniform(checks.vjm.arm.limits[0], checks.vjm.arm.limits[1], (BATCH, checks.vjm.arm.n_joints))
         reasons = why_not(checks, q)
         good = np.flatnonzero([reason is None for reason in reasons])[: count - len(kept)]
         kept += list(q[good])

@@ -63,15 +63,12 @@ class Exported:
 
     urdf: Path
     beside: Path  #: JSON with what the URDF cannot hold.
-    tip: str  #: The link that is the tool.
-    tip_off: float  #: From the model's tool to the tip, as drawn [m].
+    draft: "Draft"  #: What was written.
     poses: int  #: In which the URDF was read back.
     position_um: float  #: Most that it was off the model's geometry there.
     rotation_urad: float
     geometry_mm: tuple[float, float]  #: How far the identified geometry moves the tool from the drawing.
     rest_mm: tuple[float, float]  #: How far own weight and errors of the joints do beside, not in the URDF.
-    drawing_off: float | None  #: Between the two drawings, of a robot's own URDF [m, rad].
-    loose_meshes: bool  #: Meshes are named by their place beside the URDF.
 
 
 @dataclass(frozen=True)
@@ -81,8 +78,13 @@ class Draft:
     text: str
     joints: tuple[str, ...]  #: Names of its joints, in the arm's order.
     frames: Frames
-    drawing_off: float | None = None
-    loose_meshes: bool = False
+    drawing_off: float | None = None  #: Between the two drawings, of a robot's own URDF [m, rad].
+    loose_meshes: bool = False  #: Meshes are named by their place beside the URDF.
+
+    @property
+    def aside(self) -> float:
+        """From the model's tool to the tip, as drawn [m]."""
+        return float(np.linalg.norm(self.frames.tip[:3, 3]))
 
 
 def draft_new(state: State) -> Draft:
@@ -112,19 +114,8 @@ def export(state: State, draft: Draft, out: Path) -> Exported:
     with whole_files([out, document]) as (urdf, other):
         urdf.write_bytes(draft.text.encode())
         far = read_back(state, draft, out, urdf.read_bytes().decode())
-        done = Exported(
-            urdf=out,
-            beside=document,
-            tip=draft.frames.names[-1],
-            tip_off=float(np.linalg.norm(draft.frames.tip[:3, 3])),
-            poses=len(q),
-            position_um=1e6 * far[0],
-            rotation_urad=1e6 * far[1],
-            geometry_mm=by_geometry(state, q),
-            rest_mm=by_the_rest(state, q),
-            drawing_off=draft.drawing_off,
-            loose_meshes=draft.loose_meshes,
-        )
+        moved = by_geometry(state, q), by_the_rest(state, q)
+        done = Exported(out, document, draft, len(q), 1e6 * far[0], 1e6 * far[1], *moved)
         files.write_json(beside(state, draft.frames, urdf, done), other)
     return done
 

@@ -80,23 +80,21 @@ def _moved(axis: Array, by: float, *, prismatic: bool) -> Array:
 
 
 def _pose(R: Array, p: Array) -> Array:
-    found = np.eye(4)
-    found[:3, :3], found[:3, 3] = R, p
+    """Poses (..., 4, 4) of rotations (..., 3, 3) and positions (..., 3)."""
+    found = np.zeros((*p.shape[:-1], 4, 4))
+    found[..., :3, :3], found[..., :3, 3], found[..., 3, 3] = R, p, 1
     return found
 
 
 def random_joints(vjm: Vjm) -> Array:
     """Poses over all of the joints' range, the same for every export, (POSES, n) [rad, m]."""
-    lower, upper = vjm.arm.limits
-    return np.random.default_rng(0).uniform(lower, upper, (POSES, vjm.arm.n_joints))
+    return np.random.default_rng(0).uniform(vjm.arm.limits[0], vjm.arm.limits[1], (POSES, vjm.arm.n_joints))
 
 
 def tool_poses(vjm: Vjm, q: Array, theta_0: Array | None = None) -> Array:
     """Poses of the model's tool in the world, rigid, (poses, 4, 4) [m]."""
     where = chain(vjm, q, None if theta_0 is None else np.tile(theta_0, (len(q), 1)))
-    found = np.tile(np.eye(4), (len(q), 1, 1))
-    found[:, :3, :3], found[:, :3, 3] = where.rotation, where.position
-    return found
+    return _pose(where.rotation, where.position)
 
 
 def apart(a: Array, b: Array) -> tuple[float, float]:

@@ -30,7 +30,7 @@ from testbench.errors import Array, InputError, read_text
 from testbench.identify.absolute.state import State
 from testbench.model.vjm import rotation, skew
 from testbench.plant.import_robot.chain import JointOf
-from testbench.plant.import_robot.names import fit_names
+from testbench.plant.import_robot.read import fit_names
 from testbench.plant.import_robot.source import MAX_BYTES, read_xml
 from testbench.plant.import_robot.tree import Body, Tree, path_to, usual_tip
 from testbench.plant.import_robot.urdf import read_urdf

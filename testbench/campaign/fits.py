@@ -122,16 +122,17 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
     if widths and runs.many is None and widest.runs > SHOWN:
         runs = replace(runs, notes=(*runs.notes, f"intervals are of {SHOWN} of {widest.runs} runs, evenly"))
         widest = in_order(widest, some(np.arange(widest.runs)))
-    estimates = {m.name: estimate for m, estimate in zip(own.models, own.estimates, strict=True)}
+    every = [(m.name, estimate) for m, estimate in zip(own.models, own.estimates, strict=True)]
+    estimates = dict(every)
     # beside a prior, intervals that count noise alone would look the surest
     plain = all(estimate.belief is None for estimate in own.estimates)
-    sure = [widths and (plain or e.belief is not None or name == taken.name) for name, e in estimates.items()]
+    sure = [widths and (plain or e.belief is not None or name == taken.name) for name, e in every]
     fits = Fits(
         dataset=runs.name,
         arm=cell.arm.name,
         runs=runs.used.runs if runs.many is None else int(runs.many.used.sum()),
         poses=len(np.unique(runs.used.pose)) if runs.many is None else runs.many.poses,
-        models=tuple(_fit(cell, own, k, widest if sure[k] else None) for k in range(len(sure))),
+        models=tuple(_fit(cell, own, k, widest if wanted else None) for k, wanted in enumerate(sure)),
         recommended=taken.name,
         why=why(taken, estimates[taken.name]),
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),

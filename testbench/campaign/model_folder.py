@@ -38,9 +38,9 @@ LARGEST_OF_ROOT = 1e100  #: Of posterior.npz: sums of squares are finite.
 D = TypeVar("D", bound=Strict)
 
 
-def copy_arm(arm: Arm, folder: Path) -> dict[str, str]:
+def _copy_arm(arm: Arm, folder: Path) -> dict[str, str]:
     """Copy the files of an arm, meshes among them; SHA-256 of each, by its path."""
-    names, own = arm_files(arm.rigid.parent), arm.rigid.parent
+    names, own = _arm_files(arm.rigid.parent), arm.rigid.parent
     for name in names:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         with open_file(own / name, MESH_BYTES) as source, (folder / name).open("wb") as copy:
@@ -48,7 +48,7 @@ def copy_arm(arm: Arm, folder: Path) -> dict[str, str]:
     return {name: files.digest(folder / name) for name in names}
 
 
-def arm_files(folder: Path) -> tuple[str, ...]:
+def _arm_files(folder: Path) -> tuple[str, ...]:
     """The files of an arm by their paths in its folder: what else lies there is none of ours."""
     rigid = folder / ARM[0]
     return (*ARM, *assets(rigid, read_mjcf(rigid)))
@@ -59,7 +59,7 @@ def digests(folders: Iterable[Path]) -> dict[str, dict[str, str]]:
     found = {}
     for folder in folders:
         model = {name: MAX_ROOT for name in (DOCUMENT, POSTERIOR) if (folder / name).is_file()}
-        sizes = dict.fromkeys(arm_files(folder), MESH_BYTES) | model
+        sizes = dict.fromkeys(_arm_files(folder), MESH_BYTES) | model
         found[folder.resolve().name] = {name: files.digest(folder / name, k) for name, k in sizes.items()}
     return found
 
@@ -156,9 +156,12 @@ def check_arm(folder: Path, found: Document, arm: str | Path) -> None:
             raise InputError(folder, "", f"is a model of another arm, {found.arm} ({digests})")
 
 
-def write_parts(kind: type[Document], said: Mapping[str, object], folder: Path, **arrays: Array) -> None:
-    """Write posterior.npz of these arrays, and what is said as model.json with the checksums of both."""
-    document = kind.model_validate({"format": kind.FORMATS[-1], "kind": kind.KIND, **said})
+def write_parts(
+    kind: type[Document], arm: Arm, said: Mapping[str, object], folder: Path, **arrays: Array
+) -> None:
+    """Copy an arm's files, write arrays as posterior.npz, and what is said as model.json with checksums."""
+    own = {"format": kind.FORMATS[-1], "kind": kind.KIND, "arm": arm.name, "digests": _copy_arm(arm, folder)}
+    document = kind.model_validate({**own, **said})
     np.savez_compressed(folder / POSTERIOR, **arrays)  # type: ignore[arg-type]  # stubs: allow_pickle
     whole = sealed(document.model_dump(), (folder / POSTERIOR).read_bytes())
     files.write_json(whole, folder / DOCUMENT)

@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Cell
 from testbench.campaign.evaluation import of_model
-from testbench.campaign.models import EVERY, MODELS, Model, named_models, own_name, right_name
+from testbench.campaign.models import EVERY, JOINTS, MODELS, Model, named_models, own_name, right_name
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import Estimate, Method, with_prior

@@ -8,7 +8,7 @@ from string import digits
 from testbench.arm.folder import Arm
 from testbench.campaign.campaign import Cell
 from testbench.errors import BenchError
-from testbench.identify import Estimator, gco, least_squares
+from testbench.identify import Constraint, Estimator, completed_least_squares, gco, least_squares
 from testbench.identify.regression import non_redundant
 from testbench.model.structure import (
     FULL,
@@ -23,6 +23,9 @@ from testbench.model.structure import (
     template56,
 )
 from testbench.model.vjm import Vjm
+
+JOINTS = "Joints"  #: Key of `MODELS`: what most calibrations identify, the incumbent to beat.
+EQUAL_FIT = "MLS56, PSD of equal fit"
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,7 @@ def _made(structure: Callable[[Arm], Structure], estimator: Estimator) -> Callab
 
 
 MODELS: dict[str, Callable[[Cell], Model]] = {
-    "Joints": _made(joints_only, least_squares),
+    JOINTS: _made(joints_only, least_squares),
     "MLS32": _mls32,
     "MLS56": _made(partial(template56, name="MLS56"), least_squares),
     "MGCO47": _made(mgco47, gco),
@@ -67,7 +70,7 @@ has its own count.
 SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 """The models of section 6, in the paper's order."""
 PAPERS_JOINTS = 6  #: Joints of the arms for which the paper chose links and parameters.
-ANY_ARM = ("Joints", "MLS56", "MGCO56", "MGCO147", "ALL153")
+ANY_ARM = (JOINTS, "MLS56", "MGCO56", "MGCO147", "ALL153")
 """Kinds of models that take all links or none, and so are of any arm."""
 LEVEL = 1e-9  #: Of a direction's upward part: rounding.
 EVERY = "ALL"  #: Of any arm the model of all links and joints, whatever its count.
@@ -81,7 +84,7 @@ def own_names(arm: Arm) -> dict[str, str]:
     counts = ("", single, single, full, full + arm.n_joints)
     names = (f"{kind.rstrip(digits)}{count}" for kind, count in zip(ANY_ARM, counts, strict=True))
     found = dict(zip(names, ANY_ARM, strict=True))
-    return found if arm.joints else {name: kind for name, kind in found.items() if kind != "Joints"}
+    return found if arm.joints else {name: kind for name, kind in found.items() if kind != JOINTS}
 
 
 def own_name(cell: Cell, kind: str) -> str | None:
@@ -122,3 +125,13 @@ def right_name(arm: Arm, name: str) -> str:
         return every[name.casefold()]
     of = "" if arm.n_joints == PAPERS_JOINTS else f" of {arm.name}, {arm.n_joints} joints"
     raise BenchError(f"no model {name!r}{of}; models are {', '.join(names)}")
+
+
+def equal_fit(cell: Cell) -> Model:
+    """The model of MLS56 with its free directions used to be conservative."""
+    return Model(EQUAL_FIT, template56(cell.arm, name="MLS56"), completed_least_squares)
+
+
+def is_least_squares(structure: str, constraint: Constraint, *, prior: bool) -> bool:
+    """Whether it is least squares of links without a prior, what GCO is compared with."""
+    return structure != JOINTS and constraint == "none" and not prior

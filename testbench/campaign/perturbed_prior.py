@@ -59,10 +59,6 @@ def with_wrong_prior(cell: Cell, models: Sequence[Model], names: Sequence[str], 
     return [*models, *with_priors(chosen, wrong_prior(cell, seed), Strength(UNCERTAINTY))]
 
 
-def _as_it_is(C: Array, *_: object) -> Array:
-    return C
-
-
 def _one_link(C: Array, links: int, rng: np.random.Generator) -> Array:
     """One link FAR too soft or too stiff."""
     k = 6 * int(rng.integers(links))
@@ -83,27 +79,22 @@ def _axes(C: Array, links: int, rng: np.random.Generator) -> Array:
     return C
 
 
-def _uncoupled(C: Array, *_: object) -> Array:
-    """No couplings inside a link."""
-    return np.diag(np.diag(C))
-
-
 def _far(rng: np.random.Generator) -> float:
     return FAR if rng.random() < 0.5 else 1 / FAR
 
 
 RIGHT = "right"
 PRIORS: Mapping[str, Wrong] = {
-    RIGHT: Wrong(_as_it_is, "right", "the folder's compliances"),
+    RIGHT: Wrong(lambda C, *_: C, "right", "the folder's compliances"),
     "scaled": Wrong(
-        _as_it_is,
+        lambda C, *_: C,
         "scaled",
         f"{SCALE:g} times too soft, and {100 * SHAPE:.0f} % off axis by axis, as all that follow",
     ),
     "link": Wrong(_one_link, "one link off", f"one link {FAR:g} times too soft or too stiff", far="link"),
     "joints": Wrong(_joints, "joints off", f"all joints {FAR:g} times too soft or too stiff", far="joints"),
     "axes": Wrong(_axes, "axes turned", f"beam axes of every link turned by {np.rad2deg(TURN):.0f} degrees"),
-    "uncoupled": Wrong(_uncoupled, "no couplings", "no couplings inside a link"),
+    "uncoupled": Wrong(lambda C, *_: np.diag(np.diag(C)), "no couplings", "no couplings inside a link"),
 }
 """By name what is wrong with a prior; all but the right one are SCALE and SHAPE wrong before."""
 PRIORS_CALLED = {name: own.called for name, own in PRIORS.items()}

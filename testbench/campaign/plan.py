@@ -12,7 +12,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.campaign.campaign import Cell, stream
 from testbench.campaign.candidates import Candidates, Conditions, build_checks, feasible, find
-from testbench.campaign.plan_settings import PlanSettings, structure
+from testbench.campaign.plan_settings import HIGHEST_ORDER, PlanSettings, structure
 from testbench.campaign.predicted_error import fitted
 from testbench.campaign.rows import MM, UM
 from testbench.data.series import Series, select_rows
@@ -236,7 +236,8 @@ def union_of(cell: Cell, settings: PlanSettings) -> Union:
     own = metric(prior, vjm, unknowns.structure)
     L = absolute.expected_root(unknowns, sizes, own, settings.uncertainty_percent / 100)
     hinges = np.array([not joint.prismatic for joint in cell.arm.joints])
-    return Union(unknowns, state, L, pose, np.where(hinges, settings.rest_urad / UM, 0.0))
+    beyond = settings.gear_urad * math.sqrt(HIGHEST_ORDER - settings.orders)  # orders that are noise
+    return Union(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0))
 
 
 def _one_pose(vjm: Vjm, settings: PlanSettings) -> Series:

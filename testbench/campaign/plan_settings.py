@@ -9,7 +9,7 @@ from testbench.campaign.candidates import Conditions
 from testbench.campaign.models import EVERY, named_models, own_names
 from testbench.campaign.plan_input import LOAD_RANGE, PULL_RANGE, Place
 from testbench.campaign.rows import UM
-from testbench.data.export import SIGMA_RANGE
+from testbench.data.scatter import SIGMA_RANGE
 from testbench.data.station import Station
 from testbench.design.absolute import CRITERIA
 from testbench.design.planning import check_criterion
@@ -92,14 +92,8 @@ class PlanSettings:
             _check_range("--load [kg]", load, *LOAD_RANGE)
         for pull in pulls:
             _check_range("--pull [N], its size", math.hypot(*pull), *PULL_RANGE)
-        choices = 1 if self.absolute else len(loads) + len(pulls)
-        every = choices * self.candidates_wanted
+        every = self.candidates_wanted * (1 if self.absolute else len(loads) + len(pulls))
         _check_range("--load and --pull, times --candidates", every, 1, MOST_CANDIDATES)
-
-    @property
-    def rest_urad(self) -> float:
-        """Standard deviation of what a joint does beyond the orders that are identified."""
-        return self.gear_urad * math.sqrt(HIGHEST_ORDER - self.orders)
 
     @property
     def station(self) -> Station | None:

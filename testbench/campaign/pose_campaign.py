@@ -53,7 +53,7 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
     Poses, wrenches and noise do not depend on the kind of truth.
     """
     poses_rng, noise_rng = stream(seed, 0), stream(seed, 1)
-    q = _random_q(cell, scenario.poses, poses_rng)
+    q = poses_rng.uniform(cell.arm.limits[0], cell.arm.limits[1], (scenario.poses, cell.arm.n_joints))
     loads = np.diag([scenario.force] * 3 + [scenario.moment] * 3)
     pose = np.repeat(np.arange(scenario.poses), 6)
     wrench = np.tile(loads, (scenario.poses, 1))
@@ -74,11 +74,6 @@ def _joined(a: Dataset, b: Dataset) -> Dataset:
     return replace(a, **joined)  # type: ignore[arg-type]  # arrays, by the names of theirs
 
 
-def _random_q(cell: Cell, count: int, rng: np.random.Generator) -> Array:
-    lower, upper = cell.arm.limits
-    return rng.uniform(lower, upper, (count, cell.arm.n_joints))
-
-
 def random_wrenches(count: int, force: float, moment: float, rng: np.random.Generator) -> Array:
     """Wrenches of random direction with force and moment of these magnitudes, (count, 6) [N, N m]."""
     directions = rng.standard_normal((count, 2, 3))
@@ -90,7 +85,7 @@ def _check_runs(cell: Cell, scenario: FullPose, rng: np.random.Generator) -> tup
     """Random poses and wrenches whose first-order deflection is in range; and how many were drawn."""
     kept_q, kept_wrench = np.empty((0, cell.arm.n_joints)), np.empty((0, 6))
     for k in range(1, MAX_BATCHES + 1):
-        q = _random_q(cell, BATCH, rng)
+        q = rng.uniform(cell.arm.limits[0], cell.arm.limits[1], (BATCH, cell.arm.n_joints))
         wrench = random_wrenches(BATCH, scenario.force, scenario.moment, rng)
         zero = np.zeros((BATCH, 3))
         moved = [settle_linear(cell.plant, q, load, zero).tool for load in (0 * wrench, wrench)]

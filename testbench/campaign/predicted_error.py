@@ -6,10 +6,9 @@ from statistics import NormalDist
 
 import numpy as np
 
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Cell
 from testbench.campaign.model_selection import FILLED
-from testbench.campaign.models import named_models, own_name
+from testbench.campaign.models import JOINTS, named_models, own_name
 from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import ErrorPlaces, Meaning, bounded_mm, error_places, places_at
 from testbench.data.dataset import Ids, Mask

@@ -18,9 +18,8 @@ from testbench.correct.predicted import Prediction, predict
 from testbench.correct.process import process_wrench
 from testbench.correct.stiffness import Stiffness, give_halves, stiffness
 from testbench.data.dataset import Ids
-from testbench.data.jumps import refuse_joint_jumps
 from testbench.data.posefile import read_poses
-from testbench.data.program import Program, read_program, unread
+from testbench.data.program import Program, read_program, refuse_joint_jumps, unread
 from testbench.data.table import read_table
 from testbench.errors import Array, BenchError, InputError, NoEquilibrium
 from testbench.model.load import Load, weight
@@ -55,14 +54,9 @@ class CorrectedProgram:
 def correct_program(
     model: ArmModel, program: Program, aim: Aim, room: Room | None = None, *, start: Array | None = None
 ) -> CorrectedProgram:
-    """Correct a program.
+    """Correct a program, in a room where collisions are to be checked.
 
-    Args:
-        model: The arm.
-        program: What it is to do.
-        aim: Tool point, spindle, what of the tool is put right.
-        room: Where the arm stands; None leaves collisions unchecked.
-        start: Joints near those of the first point, where the program has poses of the tool, (n,) [rad, m].
+    Where it has poses of the tool, `start` are joints near those of the first one, (n,) [rad, m].
 
     Raises:
         InputError: When a set-point is out of the drawn arm's reach, the feed is nowhere, or the arm cannot
@@ -158,14 +152,7 @@ def _between(values: Array) -> str:
 def read_asked(path: Path, model: ArmModel, mapping: Path | None, mass: Callable[[], float]) -> Asked:
     """Poses of a plan or of a program; of a corrected program its joints, which are what is commanded.
 
-    Args:
-        path: The file.
-        model: The arm.
-        mapping: A map of other names, of a program.
-        mass: Gives what hangs where the file says of no load [kg].
-
-    Raises:
-        InputError: Names the line, and what was expected.
+    A map has other names of a program's columns; `mass` gives what hangs where the file says of no load [kg].
     """
     if PROMISED in read_table(path, lambda name: name == PROMISED).names:
         return _of_plan(path, model, mass)
@@ -263,14 +250,7 @@ class Predicted:
 def predicted(
     model: ArmModel, asked: Asked, force: float, area: WorkArea | None = None, *, linear: bool = False
 ) -> Predicted:
-    """Predict all poses of a file.
-
-    Args:
-        model: The arm.
-        asked: Poses and their loads.
-        force: Of the map [N].
-        area: Of the map; None for all that the arm reaches.
-        linear: By Eq. (6) instead of Eq. (7).
+    """Predict all poses of a file, `linear` by Eq. (6) instead of Eq. (7), and map what a force does [N].
 
     Raises:
         InputError: When a pose has no equilibrium; names its line.

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Protocol, get_args
+from typing import Annotated, get_args
 
 import numpy as np
 from pydantic import Field, ValidationError
@@ -14,10 +14,10 @@ from testbench.arm.document import Strict, parse_toml
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
-from testbench.campaign.payload import overloaded
+from testbench.campaign.plan_input import overloaded
 from testbench.campaign.rows import MM, UM
 from testbench.data.dataset import Dataset, Ids, Mask, select, split
-from testbench.data.export import Export, read_export
+from testbench.data.read_pairs import Export, read_export
 from testbench.data.spool import Campaign
 from testbench.data.stream import read_campaign, some
 from testbench.errors import BenchError, InputError, read_text
@@ -89,43 +89,20 @@ class Runs:
         return self.every.runs if self.many is None else self.many.every.runs
 
 
-class Source(Protocol):
+@dataclass(frozen=True)
+class Readings:
     """What a command says about where its readings are, and how to read them."""
 
-    @property
-    def dataset(self) -> Path:
-        """The file."""
-
-    @property
-    def mapping(self) -> Path | None:
-        """A map of its names; None where it uses ours."""
-
-    @property
-    def sigma_um(self) -> float | None:
-        """Standard deviation of a reading; None where the file says it."""
-
-    @property
-    def frame(self) -> str:
-        """Frame of the readings, as of `to_base`."""
-
-    @property
-    def new_target(self) -> Sequence[str] | None:
-        """Targets in the file that the arm's folder lacks."""
+    dataset: Path  #: The file.
+    mapping: Path | None  #: A map of its names; None where it uses ours.
+    sigma_um: float | None  #: Standard deviation of a reading; None where the file says it.
+    frame: str  #: Frame of the readings, as of `to_base`.
+    new_target: Sequence[str] | None  #: Targets in the file that the arm's folder lacks.
+    check_pose: Sequence[int] | None = None  #: Poses to hold back.
+    full_pose: bool = False  #: Whether orientations are insisted on.
 
 
-class Asked(Source, Protocol):
-    """What a command says about its runs."""
-
-    @property
-    def check_pose(self) -> Sequence[int] | None:
-        """Poses to hold back."""
-
-    @property
-    def full_pose(self) -> bool:
-        """Whether orientations are insisted on."""
-
-
-def files_read(asked: Source) -> list[Path]:
+def files_read(asked: Readings) -> list[Path]:
     """The files that are read: table, map, frames."""
     return [asked.dataset, *([asked.mapping] if asked.mapping else []), *_frame_files(asked.frame)]
 
@@ -135,12 +112,12 @@ def _frame_files(frame: str) -> list[Path]:
     return [Path(frame)] if frame.endswith(".toml") else []
 
 
-def read(cell: Cell, asked: Source) -> Export:
+def read(cell: Cell, asked: Readings) -> Export:
     """The runs as they were read; InputError names what is wrong with the file or its map."""
     return _loaded(asked, read_export(*_how(cell, asked)))
 
 
-def _how(cell: Cell, asked: Source) -> tuple[Path, Arm, Path | None, float | None]:
+def _how(cell: Cell, asked: Readings) -> tuple[Path, Arm, Path | None, float | None]:
     """File, arm with the targets that its folder lacks, map and sigma [m]."""
     arm, sigma = cell.arm, None if asked.sigma_um is None else asked.sigma_um / UM
     markers = (*arm.markers, *(asked.new_target or ()))
@@ -150,13 +127,13 @@ def _how(cell: Cell, asked: Source) -> tuple[Path, Arm, Path | None, float | Non
     return asked.dataset, replace(arm, markers=markers), asked.mapping, sigma
 
 
-def _loaded(asked: Source, found: Export) -> Export:
+def _loaded(asked: Readings, found: Export) -> Export:
     if not found.data.wrench.any():
         raise InputError(asked.dataset, "", "expected loads, all forces and moments are 0")
     return found
 
 
-def register(cell: Cell, export: Export, asked: Source) -> tuple[Cell, Registered]:
+def register(cell: Cell, export: Export, asked: Readings) -> tuple[Cell, Registered]:
     """The cell with targets where they are, runs in the base's frame; a flag counts more than the map."""
     try:
         return to_base(cell, export.data, _said(export, asked))
@@ -169,7 +146,9 @@ def register(cell: Cell, export: Export, asked: Source) -> tuple[Cell, Registere
         raise BenchError(f"{err}; {doubt.sentence}") from err
 
 
-def look_at(cell: Cell, export: Export, found: Registered, asked: Source) -> tuple[tuple[Doubt, ...], float]:
+def look_at(
+    cell: Cell, export: Export, found: Registered, asked: Readings
+) -> tuple[tuple[Doubt, ...], float]:
     """Doubts about registered runs of an arm, as its folder has it, and the factor of their deflections."""
     prior = cad_prior(cell.arm)
     try:
@@ -182,12 +161,12 @@ def look_at(cell: Cell, export: Export, found: Registered, asked: Source) -> tup
     return (*seen, *([] if heavy is None else [Doubt("payload", heavy)])), factor
 
 
-def _said(export: Export, asked: Source) -> str:
+def _said(export: Export, asked: Readings) -> str:
     """The frame that was said, "auto" if none was."""
     return asked.frame if asked.frame != "auto" or export.frame is None else export.frame
 
 
-def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
+def read_runs(cell: Cell, asked: Readings) -> tuple[Cell, Runs]:
     """The cell that was measured, and its runs: those to fit, and those in the poses held back.
 
     Frames and targets are found from the unloaded readings of all poses, those held back among them.
@@ -221,7 +200,7 @@ def read_runs(cell: Cell, asked: Asked) -> tuple[Cell, Runs]:
     return cell, replace(runs, used=used, check=check)
 
 
-def _many(every: Campaign, found: Registered, asked: Asked) -> Many:
+def _many(every: Campaign, found: Registered, asked: Readings) -> Many:
     """All runs in the base's frame, those in the poses that are held back left out of the fit."""
     if found.frame == "tracker":
         assert found.registration is not None

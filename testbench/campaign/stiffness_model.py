@@ -116,14 +116,11 @@ def write_stiffness(
 ) -> None:
     """Write the model to take into a folder that exists; `data` has the SHA-256 of every file of readings."""
     fits, estimate, used = found.fits, found.taken, runs.used
-    digests, (weights, notes) = model_folder.copy_arm(cell.arm, folder), weights_known(cell.arm)
-    spread, own = linearise(estimate), estimate.structure
+    (weights, notes), spread, own = weights_known(cell.arm), linearise(estimate), estimate.structure
     [row] = [m for m in fits.models if m.name == fits.recommended]
     loads = resultant(tool_pose(cell.vjm, used.q)[1], [Load(used.wrench, used.point)])
     doubts = [*(doubt.sentence for doubt in fits.doubts), *notes]
     said = {
-        "arm": cell.arm.name,
-        "digests": digests,
         "name": fits.recommended,
         "conservative": estimate.conservative,
         "structure": {
@@ -167,9 +164,8 @@ def write_stiffness(
         "notes": [*notes, *fits.notes],
         "about": model_folder.about_said(f"{fits.recommended}: {estimate.method}", data, doubts, [loads]),
     }
-    model_folder.write_parts(
-        StiffnessDocument, said, folder, **{name: getattr(spread, name) for name in ARRAYS}
-    )
+    arrays = {name: getattr(spread, name) for name in ARRAYS}
+    model_folder.write_parts(StiffnessDocument, cell.arm, said, folder, **arrays)
 
 
 def weights_known(arm: Arm) -> tuple[Weights, list[str]]:

@@ -1,12 +1,14 @@
 """Arguments that several commands take."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from testbench import files
 from testbench.arm.decimal import is_decimal
-from testbench.campaign.payload import read_mass
+from testbench.campaign.plan_input import read_mass
 from testbench.errors import BenchError
 
 
@@ -21,6 +23,22 @@ def mass(text: str) -> float:
 def mass_or_none(text: str) -> float:
     """The same; 0 where nothing hangs."""
     return 0.0 if is_decimal(text) and float(text) == 0 else mass(text)
+
+
+def plain(asked: object, *files_read: str, without: Sequence[str] = ()) -> dict[str, object]:
+    """Flags as plain data but for places of results; of files their names and digests.
+
+    Args:
+        asked: The flags, a dataclass.
+        files_read: Fields that are files, beside `mapping`.
+        without: Other fields that are left out.
+    """
+    left = {"out", "report", "force", *without}
+    flags = {name: value for name, value in vars(asked).items() if name not in left}
+    for name in (*files_read, "mapping"):
+        given = flags[name] if isinstance(flags[name], list) else [flags[name]]
+        flags[name] = {path.name: files.digest(path) for path in filter(None, given)} or None
+    return flags
 
 
 ArmName = Annotated[str, typer.Argument(help="Folder with rigid.xml and elastic.toml, or one of our arms.")]

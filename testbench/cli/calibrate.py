@@ -1,16 +1,15 @@
 """testbench calibrate ARM READINGS.csv ... --out MODEL: geometry, gears, elasticity by absolute readings."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.absolute import calibrated, read_all
 from testbench.campaign.campaign import build_cell
-from testbench.cli.arguments import ArmName, MapFile, SigmaUm
+from testbench.cli.arguments import ArmName, MapFile, SigmaUm, plain
 from testbench.commands.calibrate import COMMAND, PICTURE, report, seen, write
 from testbench.commands.calibrate_numbers import left_of
 from testbench.errors import word
@@ -18,7 +17,7 @@ from testbench.identify.absolute.fit import NAMES, ORDERS
 from testbench.identify.absolute.fit import Options as Tried
 from testbench.output.place import claim_folder
 from testbench.shell.options import Force, of_flag, takes
-from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements, print_table
+from testbench.views.terminal import looked_at, plain_console, print_words
 
 
 @dataclass(frozen=True)
@@ -61,24 +60,12 @@ def command(asked: Options) -> None:
             status.update("writing")
             left = left_of(found)
             said = report(found, left)
-            write(found, said, seen(cell, found, left), _plain(asked), asked.out)
-        out, steps = asked.out, said.tables["steps"]
-        print_answer(console, said)
-        if steps.rows:
-            print_table(console, steps)
-        print_statements(console, said)
+            write(found, said, seen(cell, found, left), plain(asked, "readings", without=("arm",)), asked.out)
+        out = asked.out
         lines = [
             *(f"- {note}" for note in found.notes),
             f"model      {out / 'model.json'}; judge it with: testbench score {word(out)} READINGS.csv",
             f"report     {out / 'report.md'}, {out / 'report.json'}, {out / PICTURE}",
             *looked_at(out),
         ]
-        console.print("\n".join(lines), soft_wrap=True)
-
-
-def _plain(asked: Options) -> dict[str, object]:
-    """What was asked for, but for the place of the results, and which files were read."""
-    flags = {k: v for k, v in asdict(asked).items() if k not in ("arm", "out", "force", "readings")}
-    readings = {path.name: files.digest(path) for path in asked.readings}
-    mapping = asked.mapping and {asked.mapping.name: files.digest(asked.mapping)}
-    return {**flags, "readings": readings, "mapping": mapping}
+        print_words(console, said, [said.tables["steps"]], lines)

@@ -14,7 +14,7 @@ from testbench.cli.arguments import ArmName
 from testbench.commands.check import COMMAND, confirm_lines, contents, report, write
 from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes
-from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements
+from testbench.views.terminal import looked_at, plain_console, print_words
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,6 @@ def command(asked: Options) -> None:
         console = plain_console()
         said, (first, *rest) = report(checked), contents(checked)
         console.print(first, soft_wrap=True)
-        print_answer(console, said)
-        print_statements(console, said)
         apart = max(1, ceil(1e9 * checked.apart))
         lines = [
             "",
@@ -50,8 +48,7 @@ def command(asked: Options) -> None:
             *rest,
             f"MuJoCo and Pinocchio place links, tool, load and markers alike, within {apart} nm",
         ]
-        console.print("\n".join(lines), soft_wrap=True)
         if asked.out is not None:
             write(checked, said, find_arm(asked.arm), asked.out)
-            lines = [f"picture    {asked.out / 'arm.png'}", *looked_at(asked.out)]
-            console.print("\n".join(lines), soft_wrap=True)
+            lines += [f"picture    {asked.out / 'arm.png'}", *looked_at(asked.out)]
+        print_words(console, said, lines=lines)

@@ -1,19 +1,17 @@
 """testbench compensate MODEL PROGRAM.csv --out CORRECTED.csv: joints that put the loaded tool right."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from testbench import files
 from testbench.campaign.campaign import build_cell
-from testbench.campaign.payload import payload_of
-from testbench.campaign.plan_input import joints_of, place
+from testbench.campaign.plan_input import joints_of, payload_of, place
 from testbench.campaign.program import NAMED, CorrectedProgram, correct_program, with_payload
 from testbench.campaign.stiffness_model import load_model
-from testbench.cli.arguments import Load, MapFile
+from testbench.cli.arguments import Load, MapFile, plain
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked
 from testbench.correct.step import Hold
@@ -23,7 +21,7 @@ from testbench.errors import InputError
 from testbench.output.place import Kind, claim_file, claim_folder
 from testbench.output.replace import inside
 from testbench.shell.options import Force, of_flag, takes
-from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements, print_table
+from testbench.views.terminal import looked_at, plain_console, print_words
 
 SIGNS = {"": 1.0, "-": -1.0}
 AXES = {f"{sign}{name}": s * np.eye(3)[k] for sign, s in SIGNS.items() for k, name in enumerate("xyz")}
@@ -40,7 +38,7 @@ class Options:
     format: Annotated[
         str | None, typer.Option(help="csv, krl, rapid or urscript, if the suffix does not say.")
     ] = None
-    report: Annotated[Path | None, typer.Option(help="Folder of the page; beside --out if not given.")] = None
+    report: Annotated[Path | None, typer.Option(help="Folder of the page; default: beside --out.")] = None
     arm: Annotated[str | None, typer.Option(help="The arm, to check that the model belongs to it.")] = None
     mapping: MapFile = None
     load: Load = None
@@ -88,19 +86,16 @@ def command(asked: Options) -> None:
         if found.unreached and not asked.keep_unreachable:
             raise _unreached(asked, found)
         said = report(found)
-        write(cell, found, said, _plain(asked), to)
+        write(cell, found, said, plain(asked, "program", without=("model",)), to)
         console = plain_console()
         for note in notes:
             console.print(note, soft_wrap=True)
-        print_answer(console, said)
-        print_table(console, said.tables["worst"])
-        print_statements(console, said)
         lines = [
             f"corrected  {program_to}",
             f"report     {', '.join(str(folder / name) for name in WRITTEN)}",
             *looked_at(folder),
         ]
-        console.print("\n".join(lines), soft_wrap=True)
+        print_words(console, said, [said.tables["worst"]], lines)
 
 
 def _places(asked: Options) -> Places:
@@ -132,11 +127,3 @@ def _unreached(asked: Options, found: CorrectedProgram) -> InputError:
     named = "; ".join(found.unreached[:NAMED])
     more = f"; and {len(found.unreached) - NAMED} more" if len(found.unreached) > NAMED else ""
     return InputError(asked.program, "", f"{named}{more}; --keep-unreachable leaves such points as they are")
-
-
-def _plain(asked: Options) -> dict[str, object]:
-    """What was asked for, but for the place of the results, and which files were read."""
-    left = ("out", "report", "force", "model", "program", "mapping")
-    flags = {key: value for key, value in asdict(asked).items() if key not in left}
-    mapping = asked.mapping and {asked.mapping.name: files.digest(asked.mapping)}
-    return {**flags, "program": {asked.program.name: files.digest(asked.program)}, "mapping": mapping}

@@ -9,13 +9,13 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import build_cell
-from testbench.campaign.runs import files_read, look_at, read, register
+from testbench.campaign.runs import Readings, files_read, look_at, read, register
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.commands.data import COMMAND, listed, report, understand, write
 from testbench.errors import BenchError
 from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes
-from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements
+from testbench.views.terminal import looked_at, plain_console, print_words
 
 group = typer.Typer(no_args_is_help=True)
 
@@ -44,27 +44,26 @@ def commands() -> None:
 def check(asked: Options) -> None:
     """Say which column is which quantity, what was assumed, and show the runs on the arm."""
     arm = find_arm(asked.arm)
+    given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target)
     with ExitStack() as held:
         if asked.out is not None:
-            inputs = [arm, *files_read(asked)]
+            inputs = [arm, *files_read(given)]
             claim = claim_folder(asked.out, COMMAND, own=frozenset(), inputs=inputs, force=asked.force)
             held.enter_context(claim)
         filed = build_cell(asked.arm)
-        export = read(filed, asked)
+        export = read(filed, given)
         found, console = understand(export), plain_console()
         columns = "\n".join(listed(found))
         try:
-            cell, registered = register(filed, export, asked)
+            cell, registered = register(filed, export, given)
         except BenchError:
             console.print(columns, soft_wrap=True)  # what was understood helps where no frame is found
             raise
-        doubts, scale = look_at(filed, export, registered, asked)
+        doubts, scale = look_at(filed, export, registered, given)
         found.update(dataset=asked.dataset.name, scale=scale, doubts=[own.sentence for own in doubts])
         said = report(found, registered)
-        print_answer(console, said)
-        print_statements(console, said)
-        console.print(columns, soft_wrap=True)
+        lines = [columns]
         if asked.out is not None:
             write(cell, registered, said, asked.out)
-            lines = [f"picture    {asked.out / 'data.png'}", *looked_at(asked.out)]
-            console.print("\n".join(lines), soft_wrap=True)
+            lines += [f"picture    {asked.out / 'data.png'}", *looked_at(asked.out)]
+        print_words(console, said, lines=lines)

@@ -114,26 +114,27 @@ def _arm_beside(document: Path) -> str | None:
 
 
 def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
-    at = f"{done.urdf}, replaced" if replaced and done.drawing_off is not None else done.urdf
+    draft, off = done.draft, done.draft.drawing_off
+    tip, at = draft.frames.names[-1], f"{done.urdf}, replaced" if replaced and off is not None else done.urdf
     (moved, moved_most), (rest, rest_most) = done.geometry_mm, done.rest_mm
     lines = [
-        f"{arm}: the identified geometry is in {at}, its tool is {done.tip!r}",
+        f"{arm}: the identified geometry is in {at}, its tool is {tip!r}",
         f"read back by Pinocchio in {done.poses} poses: within {max(done.position_um, 0.001):.3g} um and "
         f"{max(done.rotation_urad, 0.001):.3g} urad of the model",
         f"it moves the tool by {moved:.3f} mm RMS, {moved_most:.3f} mm at most, from the drawing",
         f"not in it, but in {done.beside}: compliances, errors of the joints, weights; own weight and "
         f"errors of the joints move the tool by {rest:.3f} mm RMS, {rest_most:.3f} mm at most",
     ]
-    if done.drawing_off is None:
+    if off is None:
         found = f"no file {done.urdf}: written from scratch"
         if replaced:
             found = f"{done.urdf} of an earlier export: replaced, from scratch as that was"
         lines.insert(0, f"{found}, with links, joints and masses, without shapes")
     else:
         lines.append(
-            f"its own drawing was that of {arm} to {1e6 * done.drawing_off:.3g} um and urad; {done.tip!r} "
-            f"stands {1e3 * done.tip_off:.4g} mm from the model's tool, and so it does still"
+            f"its own drawing was that of {arm} to {1e6 * off:.3g} um and urad; {tip!r} stands "
+            f"{1e3 * draft.aside:.4g} mm from the model's tool, and so it does still"
         )
-    if done.loose_meshes:
+    if draft.loose_meshes:
         lines.append("it names meshes by their place beside the robot's URDF: keep it in that folder")
     return lines

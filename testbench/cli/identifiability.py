@@ -11,7 +11,7 @@ from rich.markdown import Markdown
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.models import named_models, plain_name
-from testbench.campaign.runs import files_read, read, register
+from testbench.campaign.runs import Readings, files_read, read, register
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.commands.identifiability import report, write
 from testbench.identify.identifiability import describe
@@ -47,20 +47,23 @@ class Options:
 def command(asked: Options) -> None:
     """Say what is seen, what is not, and what would help."""
     png = asked.figure
+    given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target)
     with ExitStack() as held:
         if png is not None:
-            inputs = [find_arm(asked.arm), *files_read(asked)]
+            inputs = [find_arm(asked.arm), *files_read(given)]
             held.enter_context(claim_file(png, PNG, inputs=inputs, force=asked.force))
         cell = build_cell(asked.arm)
         with of_flag("--model"):
             [entry] = named_models(cell, [asked.model or plain_name(cell)])
-        export = read(cell, asked)
-        cell, found = register(cell, export, asked)
+        export = read(cell, given)
+        cell, found = register(cell, export, given)
         strength = Strength(asked.uncertainty_percent / 100)
         told = describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength)
         said = report(told, cell.arm.name)
         console = terminal.plain_console()
-        terminal.print_words(console, said, [said.tables["help"]], "" if asked.more else "with --more")
+        console.print(terminal.as_plain(said.title))
+        where = "" if asked.more else "with --more"
+        terminal.print_words(console, said, [said.tables["help"]], where=where)
         if asked.more:
             console.print(Markdown(said.block("more")))
         console.print("\n".join(f"- {note}" for note in (*export.notes, *found.notes)), soft_wrap=True)

@@ -2,22 +2,21 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.fits import fit
 from testbench.campaign.model_folder import DOCUMENT, FITS
 from testbench.campaign.model_selection import default_models, with_priors
 from testbench.campaign.models import Model, named_models
-from testbench.campaign.runs import files_read, read_runs
-from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
-from testbench.commands.identify import COMMAND, PICTURE, Source, printed, tell
+from testbench.campaign.runs import Readings, files_read, read_runs
+from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm, plain
+from testbench.commands.identify import COMMAND, PICTURE, printed, tell
 from testbench.errors import BenchError, word
 from testbench.identify import robust
 from testbench.identify.doubts import Doubt
@@ -53,7 +52,7 @@ class Options:
     uncertainty_percent: Annotated[
         float | None,
         typer.Option(
-            min=1e-4, max=1e8, help="Of the prior; learnt from the readings if not given, 30 with --robust."
+            min=1e-4, max=1e8, help="Of the prior; default: learnt from the readings, 30 with --robust."
         ),
     ] = None
     robust: Annotated[bool, typer.Option("--robust", help="Look for outliers and fit without them.")] = False
@@ -66,23 +65,24 @@ class Options:
 def command(asked: Options) -> None:
     """Fit, judge, say which model to take, and write it."""
     arm = find_arm(asked.arm)
-    inputs = [arm, *files_read(asked)]
+    given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target)
+    given = replace(given, check_pose=asked.check_pose, full_pose=asked.full_pose)
+    inputs = [arm, *files_read(given)]
     with claim_folder(asked.out, COMMAND, own=OLD, inputs=inputs, force=asked.force):
         cell = build_cell(asked.arm)
         if asked.uncertainty_percent is not None and not asked.prior:
             raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
         filed = cell
-        cell, runs = read_runs(filed, asked)
+        cell, runs = read_runs(filed, given)
         models = _models(cell, asked)
         found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
         if asked.strict:
             from testbench.campaign.arm_check import check  # here: it reads the arm once more
 
             check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
-        readings, out = {asked.dataset.name: files.digest(asked.dataset)}, asked.out
-        source = Source(filed, cell, readings, _plain(asked, readings), asked.intervals)
-        said, console = tell(source, found, out), terminal.plain_console()
-        terminal.print_words(console, said, [printed(said)])
+        flags, out = plain(asked, "dataset", without=("arm",)), asked.out
+        said, console = tell((filed, cell), found, flags, out), terminal.plain_console()
+        console.print(terminal.as_plain(said.title))
         lines = [
             f"model      {out / DOCUMENT}: {found.fits.recommended}; all others: {out / FITS}",
             f"report     {out / 'report.md'}, {out / 'report.json'}",
@@ -91,7 +91,7 @@ def command(asked: Options) -> None:
             f"next       testbench predict {word(out)} POSES.csv",
             f"           testbench compensate {word(out)} PROGRAM.csv --out CORRECTED.csv",
         ]
-        console.print("\n".join(lines), soft_wrap=True)
+        terminal.print_words(console, said, [printed(said)], lines)
 
 
 def check_strictly(said: Sequence[Doubt]) -> None:
@@ -99,13 +99,6 @@ def check_strictly(said: Sequence[Doubt]) -> None:
     if said:
         count = "1 doubt" if len(said) == 1 else f"{len(said)} doubts"
         raise BenchError(f"--strict: {count}: {'; '.join(doubt.sentence for doubt in said)}")
-
-
-def _plain(asked: Options, readings: dict[str, str]) -> dict[str, object]:
-    """What was asked for, but for the place of the results, and which files were read."""
-    flags = {key: value for key, value in asdict(asked).items() if key not in ("arm", "out", "force")}
-    mapping = asked.mapping and {asked.mapping.name: files.digest(asked.mapping)}
-    return {**flags, "dataset": readings, "mapping": mapping}
 
 
 def _models(cell: Cell, asked: Options) -> list[Model]:

@@ -8,9 +8,9 @@ import typer
 from testbench.campaign.campaign import build_cell
 from testbench.errors import BenchError, InputError, word
 from testbench.output.place import new_folder
-from testbench.plant.import_robot.folder import write_arm
 from testbench.plant.import_robot.read import read_chain
 from testbench.plant.import_robot.wishes import read_wishes
+from testbench.plant.import_robot.write import write_arm
 from testbench.views.terminal import plain_console
 
 

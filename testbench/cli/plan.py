@@ -9,9 +9,8 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.models import EVERY, plain_name, right_name
-from testbench.campaign.payload import overloaded, overpulled, payload_of
 from testbench.campaign.plan import plan_absolute, plan_for
-from testbench.campaign.plan_input import box, place, pull, read_tasks
+from testbench.campaign.plan_input import box, overloaded, overpulled, payload_of, place, pull, read_tasks
 from testbench.campaign.plan_settings import PlanSettings, structure
 from testbench.cli.arguments import ArmName, MapFile, Noise, mass
 from testbench.commands.plan import COMMAND, printed, report, write
@@ -22,6 +21,7 @@ from testbench.model.load import weight
 from testbench.output.place import claim_folder
 from testbench.plant import Payload
 from testbench.shell.options import Force, of_flag, takes
+from testbench.views.markdown import as_plain
 from testbench.views.terminal import looked_at, plain_console, print_words
 
 MORE = "under More in plan.md"
@@ -54,29 +54,27 @@ class Options:
         ),
     ] = None
     poses: Annotated[
-        int | None, typer.Option(help="How many to measure; 12 if not given, 50 with --absolute.")
+        int | None, typer.Option(help="How many to measure; default: 12, 50 with --absolute.")
     ] = None
     mapping: MapFile = None
     tracker: Annotated[str | None, typer.Option(help="Position of the tracker: x,y,z in m.")] = None
     acceptance_deg: Annotated[
         float | None,
-        typer.Option(min=0.1, max=90, help="Half angle of fixed targets; turned by hand if not given."),
+        typer.Option(min=0.1, max=90, help="Half angle of fixed targets; default: turned by hand."),
     ] = None
     box: Annotated[str | None, typer.Option(help="Where the tool may be: x0,y0,z0,x1,y1,z1 in m.")] = None
     criterion: Annotated[
-        str | None, typer.Option(help="test, D, A, E, G or I; test if not given, I with --absolute.")
+        str | None, typer.Option(help="test, D, A, E, G or I; default: test, I with --absolute.")
     ] = None
     model: Annotated[
         str | None, typer.Option(help="Model to be identified: all links and joints, MGCO68 with --no-prior.")
     ] = None
     sigma_um: Noise = 50.0
-    uncertainty_percent: Annotated[float | None, typer.Option(help="Of the CAD prior, 30 if not given.")] = (
-        None
-    )
+    uncertainty_percent: Annotated[float | None, typer.Option(help="Of the CAD prior; default: 30.")] = None
     no_prior: Annotated[bool, typer.Option("--no-prior", help="Plan for a fit without a prior.")] = False
     candidates: Annotated[
         int | None,
-        typer.Option(help="Feasible poses to choose from; 5000 if not given, 1000 with --absolute."),
+        typer.Option(help="Feasible poses to choose from; default: 5000, 1000 with --absolute."),
     ] = None
     sling_m: Annotated[float, typer.Option(min=0, max=100, help="From the load point to the weight.")] = 0.5
     floor_z: Annotated[
@@ -142,7 +140,7 @@ def command(asked: Options, absolute: Absolute) -> None:
             said, out = report(numbers(made), cell.arm), asked.out
             status.update("writing")
             write(made, said, folder, asked.task, out)
-        print_words(console, said, [printed(said)], MORE)
+        console.print(as_plain(said.title))
         tables = f", {out / 'tasks_expected.csv'}" if tasks else ""
         lines = [
             f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}",
@@ -150,7 +148,7 @@ def command(asked: Options, absolute: Absolute) -> None:
             f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
             *looked_at(out),
         ]
-        console.print("\n".join(lines), soft_wrap=True)
+        print_words(console, said, [printed(said)], lines, MORE)
 
 
 def _settings(cell: Cell, asked: Options, flags: Absolute) -> PlanSettings:

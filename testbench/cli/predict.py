@@ -1,24 +1,22 @@
 """testbench predict MODEL POSES.csv --out DIR: where loads bring the tool, how sure, how stiff it is."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from testbench import files
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.payload import overloaded, payload_of
-from testbench.campaign.plan_input import box
+from testbench.campaign.plan_input import box, overloaded, payload_of
 from testbench.campaign.program import FORCE, predicted, read_asked
 from testbench.campaign.stiffness_model import load_model
-from testbench.cli.arguments import Load, MapFile
+from testbench.cli.arguments import Load, MapFile, plain
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
 from testbench.correct.arm_model import ArmModel
 from testbench.model.poses import WorkArea
 from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes
-from testbench.views.terminal import looked_at, plain_console, print_answer, print_statements, print_table
+from testbench.views.terminal import looked_at, plain_console, print_words
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,9 @@ class Options:
     ] = False
     push: Annotated[
         float | None,
-        typer.Option("--push", min=0.001, max=1e6, help="Force of the map in N; the weight of the payload."),
+        typer.Option(
+            "--push", min=0.001, max=1e6, help="Force of the map in N; default: the weight of the payload."
+        ),
     ] = None
     box: Annotated[
         str | None, typer.Option(help="Corners of the map in m, x0,y0,z0,x1,y1,z1; else the workspace.")
@@ -59,10 +59,7 @@ def command(asked: Options) -> None:
             made = predicted(model, poses, _push(model, asked.push), area, linear=asked.linear)
             said, out = report(made), asked.out
             status.update("writing")
-            write(made, said, _plain(asked), out)
-        print_answer(console, said)
-        print_table(console, printed(said))
-        print_statements(console, said)
+            write(made, said, plain(asked, "poses") | {"model": asked.model.name}, out)
         heavy = overloaded(model.arm, poses.hung.tolist())
         lines = [
             *([f"- {heavy}"] if heavy else []),
@@ -70,7 +67,7 @@ def command(asked: Options) -> None:
             f"report     {out / 'report.md'}, {out / 'report.json'}, {out / PICTURE}",
             *looked_at(out),
         ]
-        console.print("\n".join(lines), soft_wrap=True)
+        print_words(console, said, [printed(said)], lines)
 
 
 def _push(model: ArmModel, asked: float | None) -> float:
@@ -78,11 +75,3 @@ def _push(model: ArmModel, asked: float | None) -> float:
     if asked is not None:
         return asked
     return FORCE if model.arm.payload is None else GRAVITY * model.arm.payload
-
-
-def _plain(asked: Options) -> dict[str, object]:
-    """What was asked for, but for the place of the results, and which files were read."""
-    flags = {k: v for k, v in asdict(asked).items() if k not in ("model", "out", "force", "poses")}
-    mapping = asked.mapping and {asked.mapping.name: files.digest(asked.mapping)}
-    poses = {asked.poses.name: files.digest(asked.poses)}
-    return {**flags, "model": asked.model.name, "poses": poses, "mapping": mapping}

@@ -22,14 +22,12 @@ class Options:
 
     folder: RunFolder
     out: Annotated[
-        Path | None, typer.Option(help="Picture to write, .png, .gif or .mp4; recording.png if not given.")
+        Path | None, typer.Option(help="Picture to write, .png, .gif or .mp4; default: recording.png.")
     ] = None
     gif: Annotated[bool, typer.Option("--gif", help="Moving along the timeline.")] = False
     tab: Annotated[str | None, typer.Option(help="Tab in front, such as Tables.")] = None
     timeline: Annotated[str | None, typer.Option(help="Active timeline, such as pose.")] = None
-    at: Annotated[int | None, typer.Option(min=0, help="Place on the timeline; the first if not given.")] = (
-        None
-    )
+    at: Annotated[int | None, typer.Option(min=0, help="Place on the timeline; default: the first.")] = None
     size: Annotated[
         str | None,
         typer.Option(help=f"WIDTHxHEIGHT of the viewer in pixels; {shot.STILL}, moving {shot.MOVING}."),

@@ -14,14 +14,19 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import Cell, LoadedPoses, Scenario, build_cell, hanging, measure, stream
 from testbench.campaign.candidates import Conditions, build_checks, find
-from testbench.campaign.payload import overloaded, overpulled, payload_of
-from testbench.campaign.plan_input import read_masses, read_payload, read_pulls
+from testbench.campaign.plan_input import (
+    overloaded,
+    overpulled,
+    payload_of,
+    read_masses,
+    read_payload,
+    read_pulls,
+)
 from testbench.campaign.tracker_runs import by_trackers, places
 from testbench.cli.arguments import ArmName, MapFile, Noise, mass
-from testbench.data.csvfile import write_csv
 from testbench.data.posefile import read_poses
 from testbench.data.series import Series
-from testbench.data.series_csv import write_series
+from testbench.data.write import write_csv, write_series
 from testbench.errors import Array, BenchError, InputError
 from testbench.output.place import Kind, claim_file
 from testbench.output.whole import whole_files

@@ -30,9 +30,9 @@ class Options:
     web: Annotated[
         bool, typer.Option("--web", help="Serve recording and page to a browser of this machine.")
     ] = False
-    port: Annotated[
-        int | None, typer.Option(min=1024, max=65535, help="Of --web; a free one if not given.")
-    ] = None
+    port: Annotated[int | None, typer.Option(min=1024, max=65535, help="Of --web; default: a free one.")] = (
+        None
+    )
 
 
 @takes(Options)

@@ -16,11 +16,11 @@ from testbench.identify.absolute.state import State, targets, tell
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
-from testbench.report.report import Report, lines, say
+from testbench.report.report import Report, bullets, lines, say
 from testbench.report.table import Row
 from testbench.views.colours import GCO, MEASURED, NOMINAL, Look
 from testbench.views.gains import gained
-from testbench.views.markdown import Markdown, ended
+from testbench.views.markdown import Markdown
 from testbench.views.scene import (
     Layer,
     Line,
@@ -198,16 +198,12 @@ def _body(f: Row) -> list[Markdown | str]:
     )
     blocks = say(f"Smallest eigenvalue of a block: {{least:.3g}} SI{signs}.", least=least) if program else ""
     heads = ("## What stays open", "## Scatter", "## How the readings were understood")
-    open_ = _listed(f.left_open) or Markdown("Nothing: every error that was kept is seen.")
-    notes = _listed(f.notes) or Markdown("As they were given.")
+    open_ = bullets(f.left_open) or Markdown("Nothing: every error that was kept is seen.")
+    notes = bullets(f.notes) or Markdown("As they were given.")
     return [
         *("values", lines([OF_VALUES, solved, blocks]), Markdown(heads[0]), open_, "spectrum"),
         *(Markdown(heads[1]), scatter, "outliers", Markdown(heads[2]), notes),
     ]
-
-
-def _listed(sentences: Sequence[str]) -> Markdown:
-    return Markdown("\n".join(say("- {text}", text=ended(text)) for text in sentences))
 
 
 def seen(cell: Cell, found: Calibrated, left: Left) -> Seen:

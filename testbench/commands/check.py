@@ -15,7 +15,7 @@ from testbench.plant.corners import RING
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
-from testbench.report.report import Report, say
+from testbench.report.report import Report, bullets, say
 from testbench.report.table import Row
 from testbench.views.colours import GREY, LOAD, NOMINAL
 from testbench.views.markdown import Markdown, ended
@@ -69,7 +69,12 @@ def report(checked: Checked) -> Report:
         claims=[say("**Doubt**: {text}", text=ended(text)) for text in f.doubts],
         numbers=f,
         tables=tables,
-        body=["confirm", "parts", Markdown("## What was understood"), _listed(f.contents)],
+        body=[
+            "confirm",
+            "parts",
+            Markdown("## What was understood"),
+            bullets(say("{text}", text=text.strip()) for text in f.contents),
+        ],
     )
 
 
@@ -78,10 +83,6 @@ def _worst(f: Row) -> Iterator[str]:
     where = ", joints at {joints}" if f.joints else ""
     yield say(f"Most at {{place_m:place}}: {{sag_mm.most:.3g}} mm{per}{where}.", f)
     yield say("{part} does {sag_share_percent:.0f} % of the sag.", f.softest)
-
-
-def _listed(texts: list[str]) -> Markdown:
-    return Markdown("\n".join(say("- {text}", text=text.strip()) for text in texts))
 
 
 def contents(checked: Checked) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 from testbench.errors import InputError
 from testbench.output.manifest import Finished
 from testbench.report.report import Report, number
-from testbench.report.table import Row
+from testbench.report.table import Row, finite
 from testbench.trials.spread import SAME, Number, Spread, ends, middle, spread, triple, wins
 from testbench.trials.store import WHOLE
 from testbench.views.schema import ALIKE, Column, Table
@@ -41,8 +41,8 @@ def differ(a: Number, b: Number, ours: BySeed = ALONE, theirs: BySeed = ALONE) -
     "spreads" whether these overlap; by "one" nothing, as a side has one number.
     """
     first, second = middle(a), middle(b)
-    difference = _finite(second - first)
-    ratios = [_finite(theirs[s] / x) if x > 0 else None for s, x in ours.items() if s in theirs]
+    difference = finite(second - first)
+    ratios = [finite(theirs[s] / x) if x > 0 else None for s, x in ours.items() if s in theirs]
     known = [ratio for ratio in ratios if ratio is not None and ratio > 0]
     if ours.keys() == theirs.keys() and len(ratios) >= FEWEST and len(known) == len(ratios):
         times = spread(known)
@@ -50,7 +50,7 @@ def differ(a: Number, b: Number, ours: BySeed = ALONE, theirs: BySeed = ALONE) -
         told = {"by": "pairs", "pairs": len(x), "smaller": wins(y, x), "larger": wins(x, y)}
         return Row(a=a, b=b, difference=difference, ratio=times, verdict=_paired(times), **told)
     by = "spreads" if isinstance(a, Spread) and isinstance(b, Spread) else "one"
-    ratio = _finite(second / first) if first > 0 else None
+    ratio = finite(second / first) if first > 0 else None
     return Row(a=a, b=b, difference=difference, ratio=ratio, verdict=_verdict(a, b), by=by)
 
 
@@ -93,10 +93,6 @@ def told(row: Row) -> str:
         return "within 2 %" if size(row.a, row.b) < ALIKE else "within the spread"
     words = ("smaller", "larger") if min(*triple(row.a), *triple(row.b)) >= 0 else ("lower", "higher")
     return words[row.verdict == "more"] + (", no spread" if row.by == "one" else "")
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def models_of(run: Finished) -> dict[str, Row]:
@@ -206,10 +202,19 @@ def tables_compared(a: Report, b: Report, models: Sequence[Row]) -> tuple[list[R
     return sorted(shown, key=_order)[:KEPT], counts
 
 
-def _order(own: Row) -> tuple[bool, bool, bool, float]:
-    """First what differs by more than its spread, then what has none, at last what the spread covers."""
+def _order(own: Row) -> tuple[bool, bool, bool, bool, float]:
+    """First what differs by more than its spread, then what has none, at last what the spread covers.
+
+    Angles come last of each: those of another plan are neither better nor worse.
+    """
     far = 0.0 if own.ratio is None else size(own.a, own.b)
-    return not apart(own), own.by == "one", middle(own.a) * middle(own.b) < 0, -far
+    return (
+        not apart(own),
+        own.quantity.endswith(", deg"),
+        own.by == "one",
+        middle(own.a) * middle(own.b) < 0,
+        -far,
+    )
 
 
 def _is_size(own: Row) -> bool:

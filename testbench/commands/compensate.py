@@ -17,14 +17,14 @@ from testbench.correct.sure import Stand, fitted_half_widths
 from testbench.data.dataset import Ids
 from testbench.data.motion.formats import CSV, WRITERS, write_moves
 from testbench.data.program import unread
-from testbench.data.program_corrected import write_program
+from testbench.data.write import write_program
 from testbench.errors import Array
 from testbench.output.whole import whole_file
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, lines, say
-from testbench.report.table import Row
+from testbench.report.table import Row, finite
 from testbench.trials.spread import ENOUGH
 from testbench.views.colours import GCO, LOAD, MEASURED, TASK, Look
 from testbench.views.markdown import Markdown, capital, ended
@@ -134,7 +134,7 @@ def _points(found: CorrectedProgram) -> list[Row]:
             line=int(program.line[k]),
             label=program.labels[k],
             before_mm=float(before[k]),
-            half_95_mm=float(half[k]) if np.isfinite(half[k]) else None,
+            half_95_mm=finite(half[k]),
             correction=(shown * (own.q[k] - own.start[k])).tolist(),
             turn_left_mrad=float(MRAD * np.linalg.norm(own.turned[k])),
             reason=own.refused[k],

@@ -10,8 +10,8 @@ from testbench.campaign.campaign import Cell
 from testbench.campaign.rows import MM, UM
 from testbench.data.columns import Column, Columns
 from testbench.data.dataset import Dataset, Ids
-from testbench.data.export import Export
 from testbench.data.names import What
+from testbench.data.read_pairs import Export
 from testbench.errors import Array
 from testbench.identify.registered import Registered
 from testbench.identify.weighed import marker_points

@@ -1,6 +1,5 @@
 """What `testbench identifiability` says and draws: what runs can tell of a model, before any fit."""
 
-import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO
@@ -13,7 +12,7 @@ from testbench.identify.identifiability_help import TASKS
 from testbench.identify.identifiability_unseen import Direction
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
-from testbench.report.table import Row
+from testbench.report.table import Row, finite
 from testbench.views.colours import GCO, GREY, Look
 from testbench.views.gains import gained
 from testbench.views.markdown import Markdown, listed
@@ -85,17 +84,13 @@ def _numbers(found: Identifiability, arm: str) -> Row:
         equations=found.equations,
         prior_decides=sum(block.prior_decides for block in blocks),
         blocks=blocks,
-        expected_error_mm=_mm(found.error),
-        expected_deflection_mm=_mm(found.deflection),
+        expected_error_mm=finite(MM * found.error),
+        expected_deflection_mm=finite(MM * found.deflection),
         help=[
-            Row(place=p.place, measure=p.words, rank=p.rank, expected_error_mm=_mm(p.error))
+            Row(place=p.place, measure=p.words, rank=p.rank, expected_error_mm=finite(MM * p.error))
             for p in found.proposals
         ],
     )
-
-
-def _mm(metres: float) -> float | None:
-    return MM * metres if math.isfinite(metres) else None
 
 
 def _answer(f: Row) -> Iterator[Markdown]:

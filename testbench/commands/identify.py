@@ -1,14 +1,14 @@
 """What `testbench identify` writes and says of fits: which model to take, how good, how sure."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 from testbench import files
-from testbench.campaign.baselines import JOINTS, is_least_squares
 from testbench.campaign.campaign import Cell
 from testbench.campaign.fits import Identified
 from testbench.campaign.model_folder import FITS
+from testbench.campaign.models import JOINTS, is_least_squares
 from testbench.campaign.stiffness_model import write_stiffness
 from testbench.commands.identify_drawn import seen
 from testbench.commands.identify_rows import COUNTS, left_by, numbers
@@ -35,36 +35,33 @@ READING = Markdown(
 )
 
 
-@dataclass(frozen=True)
-class Source:
-    """What was read, and what was asked for."""
-
-    filed: Cell  #: The arm as its folder has it.
-    cell: Cell  #: The same with the targets that were found.
-    data: Mapping[str, str]  #: SHA-256 of every file of readings, by its name.
-    flags: Mapping[str, object]  #: As plain data.
-    widths: bool  #: Whether intervals are wanted.
-
-
-def tell(source: Source, found: Identified, out: Path) -> Report:
+def tell(cells: tuple[Cell, Cell], found: Identified, flags: Mapping[str, object], out: Path) -> Report:
     """Write the model, all fits, report, pictures, recording, page and manifest.json; return what to say.
+
+    Args:
+        cells: The arm as its folder has it, and with the targets that were found.
+        found: Its fits.
+        flags: What was asked for, as plain data.
+        out: Folder of the results.
 
     Raises:
         InputError: When they cannot be written.
     """
-    left = left_by(source.cell, found)
-    f = numbers(source.filed, source.cell, found, left, widths=source.widths)
+    (filed, cell), data = cells, flags["dataset"]
+    assert isinstance(data, dict)
+    left = left_by(cell, found)
+    f = numbers(filed, cell, found, left, widths=bool(flags["intervals"]))
     said = report(f)
 
     def more(folder: Path) -> dict[str, object]:
         files.write_json(asdict(found.fits), folder / FITS)
-        write_stiffness(source.cell, found, found.runs, source.data, folder)
+        write_stiffness(cell, found, found.runs, data, folder)
         return {}
 
-    arm = [source.cell.arm.rigid.parent]
+    arm = [cell.arm.rigid.parent]
     title = f"{f.arm} under {_load(f.map)}" if f.map else ""
-    asked = Asked(COMMAND, f.arm, source.flags, arm, PICTURE, more=more, map=title)
-    leave(out, asked, said, seen(source.filed, found, f, left))
+    asked = Asked(COMMAND, f.arm, flags, arm, PICTURE, more=more, map=title)
+    leave(out, asked, said, seen(filed, found, f, left))
     return said
 
 

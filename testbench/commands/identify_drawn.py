@@ -1,6 +1,7 @@
 """What `testbench identify` draws: the arm in its runs and over the workspace, what models leave there."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,10 +27,12 @@ from testbench.views.scene import (
     arrow_scale,
     of_all,
     picked,
+    workspace,
 )
 
 MOVED, LEFT = 0.12, 0.2  #: Length of most arrows of deflections and of errors over the reach [1].
 LEFT_MM = "What is left in each run, at the target where it is worst (mm)"
+ASIDE = 0.012  #: Arrows of two models start so far apart over the reach, as one would hide the other [1].
 NOWHERE = "no bound"
 
 
@@ -71,9 +74,10 @@ def _runs(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array], some
     load = generalised_load(chain(cell.vjm, data.q[some]), data.wrench[some], data.point[some])
     theta: Array = (found.taken.C_theta @ load).T  # Eq. (6)
     rows = [f.residuals[k] for k in some]
+    aside = ASIDE * reach * np.eye(3)[0] * (np.arange(len(off)) - (len(off) - 1) / 2)[:, None]
     errors = [
-        Layer(f"error of {name}", _line(f, name, at).look.colour, "arrows", at, at - A * own)
-        for name, own in off.items()
+        Layer(f"error of {name}", _line(f, name, at).look.colour, "arrows", start, start - A * own)
+        for (name, own), start in zip(off.items(), at + aside[:, None, None], strict=True)
     ]
     poses = Poses(
         name="Runs, against their readings",
@@ -101,17 +105,10 @@ def _places(cell: Cell, errors: ErrorPlaces, taken: str) -> Poses:
     """The arm all over the workspace."""
     half, q = errors.errors(taken), np.array(errors.q)
     sizes = zip(errors.deflection_mm, half, errors.joints, strict=True)
-    return Poses(
-        name="Workspace, under the largest load",
-        names=[f"Place {k} of {len(q)}" for k in range(1, len(q) + 1)],
-        words=[
-            f"The tool moves {moved:.3f} mm, {_bound(mm)} (95 %). {joints}." for moved, mm, joints in sizes
-        ],
-        rigid=rigid_frames(cell.room, q),
-        bent=None,
-        layers=[Layer("tool", MEASURED, "dots", np.array(errors.position_m)[:, None])],
-        first=int(np.nan_to_num(half).argmax()),
-    )
+    words = [f"The tool moves {moved:.3f} mm, {_bound(mm)} (95 %). {joints}." for moved, mm, joints in sizes]
+    tool = Layer("tool", MEASURED, "dots", np.array(errors.position_m)[:, None])
+    first = int(np.nan_to_num(half).argmax())
+    return replace(workspace(cell, q, words, [tool], first), name="Workspace, under the largest load")
 
 
 def _bound(mm: float) -> str:

@@ -1,7 +1,7 @@
 """What `testbench plan` writes and says: the poses to measure, in their order, and what they promise."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +11,13 @@ from testbench.arm.folder import Arm
 from testbench.campaign.plan import Planned
 from testbench.campaign.plan_settings import pull_words
 from testbench.commands.plan_drawn import seen, write_poses, write_tasks
+from testbench.commands.plan_numbers import CURVE
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
-from testbench.report.report import Report, lines, say
+from testbench.report.report import Report, bullets, lines, say
 from testbench.report.table import Row
 from testbench.trials.spread import Spread
-from testbench.views.markdown import Markdown, as_markdown, ended, listed
+from testbench.views.markdown import Markdown, listed
 from testbench.views.schema import Column, Table
 
 COMMAND = "testbench plan"  #: As manifest.json names it.
@@ -25,7 +26,6 @@ MANY = 6  #: With more joints, or pulls, a terminal of 80 columns has no decimal
 WORST = 5  #: Tasks that are shown, those of the largest errors.
 HIDDEN = 0.5  #: Share of the expected error that no load reduces, above which that is said aloud.
 NOTHING = "Nothing: of every quantity the readings leave less than half of its prior variance."
-CURVE = "poses greedy_mm random_median_mm random_p10_mm random_p90_mm"
 
 
 def write(made: Planned, said: Report, arm: Path, task: Path | None, out: Path) -> None:
@@ -47,8 +47,8 @@ def write(made: Planned, said: Report, arm: Path, task: Path | None, out: Path) 
 def report(f: Row, arm: Arm) -> Report:
     """What there is to say of a plan of an arm, from its `numbers`."""
     absolute = f.absolute
-    middle = [Markdown("## What stays unknown"), _bullets(f.hidden or [NOTHING])] if absolute else ["tasks"]
-    rests = _bullets([*(_of_absolute(f) if absolute else _of_pairs(f)), *_of_both(f)])
+    middle = [Markdown("## What stays unknown"), bullets(f.hidden or [NOTHING])] if absolute else ["tasks"]
+    rests = bullets([*(_of_absolute(f) if absolute else _of_pairs(f)), *_of_both(f)])
     after = [Markdown("## What this rests on"), rests, Markdown("## Afterwards"), _afterwards(f)]
     return Report(
         scenario="plan",
@@ -247,11 +247,6 @@ def _about_poses(f: Row) -> Markdown:
         f"error there is that {what}. *Travel* is that of the joint that moves farthest. *Way*: clear where "
         "all joints can go straight without a weight, via where they cannot."
     )
-
-
-def _bullets(texts: Iterable[str]) -> Markdown:
-    own = [text if isinstance(text, Markdown) else as_markdown(ended(text)) for text in texts]
-    return Markdown("\n".join(f"- {text}" for text in own))
 
 
 def _of_pairs(f: Row) -> Iterator[Markdown]:

@@ -23,7 +23,19 @@ from testbench.report.report import Report
 from testbench.report.table import Row
 from testbench.views.colours import GREY, LOAD, MEASURED, NOMINAL, TASK, Look
 from testbench.views.colours import look as look_of
-from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Scene, Seen, evenly, of_all, picked
+from testbench.views.scene import (
+    Layer,
+    Line,
+    PlaceMap,
+    Poses,
+    RunChart,
+    Scene,
+    Seen,
+    evenly,
+    of_all,
+    picked,
+    workspace,
+)
 
 OURS, WORK = Look(NOMINAL, 0, prior=True), Look(TASK, 1, prior=True)
 ORDER, UNSCALED = "Plan, in the order of measuring", "Nothing is magnified; loads are arrows of one length."
@@ -70,9 +82,8 @@ class World:
 
     def all_over(self, q: Array, words: Sequence[str], first: int = 0) -> Poses:
         """The arm all over the workspace."""
-        named = {f"Place {k} of {len(q)}": own for k, own in enumerate(words, start=1)}
-        at = chain(self.cell.vjm, q).position[:, None]
-        return self.poses("Workspace", named, q, [Layer("tool", MEASURED, "dots", at)], first)
+        tool = Layer("tool", MEASURED, "dots", chain(self.cell.vjm, q).position[:, None])
+        return workspace(self.cell, q, words, [tool, *self._still()], first)
 
     def _still(self) -> list[Layer]:
         numbers = [str(k + 1) for k in range(len(self.plan))] if len(self.plan) <= NUMBERED else []

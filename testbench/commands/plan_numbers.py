@@ -1,7 +1,7 @@
 """The numbers of a plan: what it promises, its certificate, and the plans beside it."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -39,12 +39,13 @@ from testbench.identify.prior import cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.plant import has_surroundings
-from testbench.report.table import Row
+from testbench.report.table import Row, finite
 
 TARGET = 0.1  #: Error for which the fewest poses are told [mm].
 MORE, LITTLE = 4, 0.10  #: So many more poses that bring less than this share are not worth their time.
 CHANCE = 100  #: Random plans of absolute readings that a plan is compared with.
 COUNTS = (10, 20, 30, 50, 75, 100, 150, 200)  #: Numbers of poses for which their errors are told.
+CURVE = "poses greedy_mm random_median_mm random_p10_mm random_p90_mm"
 CALIBRATED = "calibrated"  #: Name of the arm after a calibration.
 POSITION = Meaning("expected error", "of the targets' positions after calibration", "RMS")
 
@@ -100,7 +101,7 @@ def _pairs(made: Planned) -> Row:
         random_plans=Row(
             plans=RANDOM,
             planned_mm=MM * promise(plan, rows).overall,
-            median_mm=_finite(MM * float(np.median(chance))),
+            median_mm=finite(MM * float(np.median(chance))),
             best_tenth_mm=_percentile(chance, 10),
         ),
         plan=_runs(made, plan),
@@ -108,12 +109,10 @@ def _pairs(made: Planned) -> Row:
         observability=observability(plan.examined.problem, plan.chosen),
         directions=_directions(plan, influence),
         curve=[
-            _count(
-                poses, _finite(MM * others.greedy[poses - 1]), *(_percentile(errors, p) for p in (50, 10, 90))
-            )
-            for poses, errors in others.random.items()
+            _count(poses, finite(MM * others.greedy[poses - 1]), [_percentile(own, p) for p in (50, 10, 90)])
+            for poses, own in others.random.items()
         ],
-        greedy_mm=[_finite(MM * error) for error in others.greedy],
+        greedy_mm=[finite(MM * error) for error in others.greedy],
         advice=_advice(MM * others.greedy),
         map=error_map(cell, plan, around),
         unshown=unshown(plan, hidden / (MM * made.forecast.overall)),
@@ -218,17 +217,9 @@ def _directions(plan: Plan, influence: PriorInfluence) -> Row:
     )
 
 
-def _count(
-    poses: int, best: float | None, middle: float | None, low: float | None, high: float | None
-) -> Row:
+def _count(poses: int, greedy: float | None, random: Sequence[float | None]) -> Row:
     """Errors of other plans of so many poses: of the greedy one, of random ones median and tenths [mm]."""
-    return Row(
-        poses=poses,
-        greedy_mm=best,
-        random_median_mm=middle,
-        random_p10_mm=low,
-        random_p90_mm=high,
-    )
+    return Row(zip(CURVE.split(), (poses, greedy, *random), strict=True))
 
 
 def _advice(greedy: Array) -> Row:
@@ -256,12 +247,7 @@ def _advice(greedy: Array) -> Row:
 
 def _percentile(errors: Array, percent: float) -> float | None:
     """A percentile of errors [m] of which some may be infinite, [mm]."""
-    return _finite(MM * float(np.percentile(errors, percent, method="lower")))
-
-
-def _finite(value: float) -> float | None:
-    """The number, None where it has no bound."""
-    return float(value) if math.isfinite(value) else None
+    return finite(MM * float(np.percentile(errors, percent, method="lower")))
 
 
 def _absolute(made: AbsolutePlanned) -> Row:
@@ -282,7 +268,7 @@ def _absolute(made: AbsolutePlanned) -> Row:
         random_plans=Row(plans=CHANCE, median_mm=middle, best_tenth_mm=low),
         plan=_measured(made, ("sag", absolute.sag(union, plan.q))),
         hidden=list(left_open(union, plan.q)),
-        curve=[_count(k, error(order[:k]), *_random(made, error, k, rng)) for k in counts],
+        curve=[_count(k, error(order[:k]), _random(made, error, k, rng)) for k in counts],
         map=error_places(at, {CALIBRATED: bounded_mm(made.forecast.error)}, means=POSITION),
     )
 

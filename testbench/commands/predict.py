@@ -13,15 +13,15 @@ from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at
 from testbench.correct.rest import rest
 from testbench.correct.stiffness import direction_words
-from testbench.data.cells import as_cell
 from testbench.data.dataset import Ids
+from testbench.data.lines import as_cell
 from testbench.errors import Array
 from testbench.output.whole import whole_file
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, say
-from testbench.report.table import Row
+from testbench.report.table import Row, finite
 from testbench.views.colours import GCO, MEASURED, NOMINAL, Look
 from testbench.views.markdown import Markdown, capital, ended
 from testbench.views.scene import (
@@ -35,6 +35,7 @@ from testbench.views.scene import (
     arrow_scale,
     of_all,
     picked,
+    workspace,
 )
 from testbench.views.schema import Table
 
@@ -184,11 +185,6 @@ def _pose(made: Predicted, k: int) -> Row:
     )
 
 
-def finite(value: float | None) -> float | None:
-    """A number, None for infinity and none."""
-    return float(value) if value is not None and np.isfinite(value) else None
-
-
 def _map(made: Predicted) -> Row:
     """The worst deflection under a force in any direction, over poses of the workspace, the softest first."""
     found = made.map
@@ -336,15 +332,10 @@ def _places(made: Predicted) -> Poses:
     way = (way * arrow_scale(way, GIVE * reach))[:, None]
     at = field.position[:, None]
     sizes = zip(MM * field.worst, MM * field.half.max(axis=1), field.direction, field.q, strict=True)
-    return Poses(
-        name="Workspace",
-        names=[f"Place {k} of {len(field.q)}" for k in range(1, len(field.q) + 1)],
-        words=[
-            f"{field.force:,.0f} N {direction_words(direction)} move the tool {size:.3f} mm, {_bound(half)}. "
-            f"{made.model.arm.words(q)}."
-            for size, half, direction, q in sizes
-        ],
-        rigid=rigid_frames(made.cell.room, field.q),
-        bent=None,
-        layers=[Layer("softest direction", GCO, "lines", at - way, at + way)],
-    )
+    words = [
+        f"{field.force:,.0f} N {direction_words(direction)} move the tool {size:.3f} mm, {_bound(half)}. "
+        f"{made.model.arm.words(q)}."
+        for size, half, direction, q in sizes
+    ]
+    way_of = Layer("softest direction", GCO, "lines", at - way, at + way)
+    return workspace(made.cell, field.q, words, [way_of])

@@ -1,16 +1,17 @@
-"""Which column of a file says what: found by our names and those of a map, each with one unit."""
+"""Which column of a file says what, each with one unit, and what it says in SI units."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.axis_rows import join_axes
-from testbench.data.combined import take_apart
+from testbench.data.dataset import Mask
 from testbench.data.mapping import Named, Names
 from testbench.data.names import DEFLECTION, ROTATIONS, SI, XYZ, Slot, What
-from testbench.data.table import Table
+from testbench.data.rearranged import join_axes, take_apart
+from testbench.data.table import Table, read_table
 from testbench.data.units import LARGEST, LEAST, Unit, split_unit
 from testbench.errors import Array, InputError
 
@@ -18,10 +19,17 @@ SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
 """Coordinates that only another unit explains, and that unit."""
 READ: tuple[What, ...] = ("reading", "covariance", "deviation", "turn_deviation", "spread", *ROTATIONS)
 """Quantities whose cells are blank, or hold a word, where a target was lost."""
-
-
 ACTS: tuple[What, ...] = ("force", "moment", "process")
 """Quantities that are 0 where nothing acts."""
+FARTHEST: dict[What, float] = {
+    "force": 1e6,
+    "moment": 1e6,
+    "process": 1e6,
+    "mass": 1e5,
+    "point": 10.0,
+    "set_point": 100.0,
+}
+"""Largest components [N, N m, N, kg, m, m]; beyond them a unit is a slip."""
 
 
 @dataclass(frozen=True)
@@ -61,42 +69,81 @@ class Columns:
         if column.unit is None:
             return column.sign * values
         unit, most = column.unit, LARGEST[column.unit.si] / column.unit.scale
-        beyond = np.flatnonzero((values > most) | (values < -most))  # NaN where a cell is blank
-        if len(beyond):
-            problem = f"expected numbers up to {most:g} {unit.name}, got {values[beyond[0]]:g}"
-            raise self.table.error(beyond[0], column.name, problem)
-        tiny = np.flatnonzero((np.abs(values) < LEAST) & (values != 0))
-        if len(tiny):
-            problem = f"expected 0 or numbers of at least {LEAST:g} {unit.name}, got {values[tiny[0]]:g}"
-            raise self.table.error(tiny[0], column.name, problem)
+        self.table.refuse(  # NaN where a cell is blank
+            (values > most) | (values < -most),
+            column.name,
+            lambda row: f"expected numbers up to {most:g} {unit.name}, got {values[row]:g}",
+        )
+        self.table.refuse(
+            (np.abs(values) < LEAST) & (values != 0),
+            column.name,
+            lambda row: f"expected 0 or numbers of at least {LEAST:g} {unit.name}, got {values[row]:g}",
+        )
         scale = column.sign * unit.scale
         return values if scale == 1 else scale * values
 
     def full(self, column: Column) -> Array:
         """The same where no cell may be blank; InputError at the first blank one."""
         values = self.values(column)
-        blank = np.flatnonzero(np.isnan(values))
-        if len(blank):
-            last = blank[0] == self.table.rows - 1
+        blank = np.isnan(values)
+        if blank.any():
+            last = int(blank.argmax()) == self.table.rows - 1
             what, key = (
                 ("a line behind the table", "footer = 1") if last else ("merged cells", "merged = true")
             )
             hint = f"for {what} say {key} in the map's [file]"
             if column.slot.what in ACTS:
                 hint = "say 0 where none acts"
-            raise self.table.error(blank[0], column.name, f"expected a finite number, got ''; {hint}")
+            self.table.refuse(blank, column.name, f"expected a finite number, got ''; {hint}")
         return values
+
+    def said(self, slot: Slot) -> "Column | float | None":
+        """What says a quantity: a column, the map's constant [SI units], or nothing."""
+        return self.found.get(slot) or self.constant(slot)
+
+    def every_row(self, own: "Column | float | None") -> Array:
+        """What it says in every row, (rows,), 0 where nothing does; InputError at the first blank cell."""
+        return self.full(own) if isinstance(own, Column) else np.full(self.table.rows, own or 0.0)
+
+    def whole(self, wanted: Mapping[str, Slot]) -> list[Column]:
+        """The columns of some quantities by their names in our files: all, or none where the file has none.
+
+        Raises:
+            InputError: Names those that are missing.
+        """
+        found = [self.found.get(slot) for slot in wanted.values()]
+        missing = [name for name, column in zip(wanted, found, strict=True) if column is None]
+        if 0 < len(missing) < len(found):
+            raise self.lack(missing)
+        return [column for column in found if column]
+
+    def together(self, found: Sequence[Column]) -> tuple[Array, Mask]:
+        """Columns side by side, (rows, k), and which rows have them, (rows,); a row has all or none."""
+        values = np.column_stack([self.values(column) for column in found])
+        blank = np.isnan(values)
+        part, names = blank & ~blank.all(axis=1, keepdims=True), [column.name for column in found]
+        self.table.refuse(part, names, "expected a finite number, got ''")
+        return values, ~blank[:, 0]
 
     def lack(self, missing: Sequence[str], hint: str = "") -> InputError:
         """The error about columns that are not there."""
         ignored = f", ignored columns {list(self.ignored)}" if self.ignored else ""
-        problem = f"missing columns {list(missing)}{ignored}{hint}"
-        return InputError(self.table.path, f"line {self.table.header}", problem)
+        return self.table.header_error(f"missing columns {list(missing)}{ignored}{hint}")
+
+    def map_error(self, place: str, problem: str) -> InputError:
+        """What is wrong with the map, or with a flag that stands for it."""
+        return InputError(self.names.path or self.table.path, place, problem)
 
     def constant(self, slot: Slot) -> float | None:
         """A quantity that the map states, in SI units; None where it does not."""
         stated = self.names.values.get(slot)
         return None if stated is None else stated[0] * stated[1].scale
+
+
+def read_columns(path: Path, names: Names, arm: Arm) -> Columns:
+    """The columns of a file; InputError as `read_table` and `find_columns` raise it."""
+    table = read_table(path, lambda name: names.find(name) is not None, names.layout)
+    return find_columns(table, names, arm)
 
 
 def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
@@ -110,8 +157,8 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     if not named:
         hint = "names that are not ours need a map, a file without a header too"
         wanted = ", ".join(joint.shown_column for joint in arm.joints)
-        problem = f"no column is known, expected {wanted}, got {', '.join(table.names[:3])} ...; {hint}"
-        raise InputError(table.path, f"line {table.header}", problem)
+        got = ", ".join(table.names[:3])
+        raise table.header_error(f"no column is known, expected {wanted}, got {got} ...; {hint}")
     _check_map(table, names, named)
     table, named = join_axes(table, named, names)
     named = _chosen(named)
@@ -123,8 +170,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
             slot = replace(slot, index=int(unit is not None and unit.si == "rad"))
         if slot in found:
             both = " and ".join(map(repr, (found[slot].name, table.names[k])))
-            problem = f"expected every column once, got {both} for the same quantity"
-            raise InputError(table.path, f"line {table.header}", problem)
+            raise table.header_error(f"expected every column once, got {both} for the same quantity")
         if slot in names.values:
             problem = f"expected no value in the map for {table.names[k]!r}, which the file has"
             raise InputError(names.path or table.path, "values", problem)
@@ -188,18 +234,57 @@ def _unit(table: Table, k: int, own: Named, arm: Arm) -> Unit | None:
     return said[0]
 
 
-def axes(columns: Columns, what: What) -> list[Column | None]:
-    """The columns of a vector, x, y, z: all, none, or one alone whose others are zero.
+def axes(columns: Columns, what: What) -> list[Column | float | None]:
+    """What says x, y, z of a vector: a column, the map's constant, or nothing for one alone, which is zero.
 
     Raises:
         InputError: When one is missing.
     """
-    found = [next((c for c in columns.every(what) if c.slot.index == k), None) for k in range(3)]
-    stated = [any(s.what == what and s.index == k for s in columns.names.values) for k in range(3)]
-    have = [f is not None or s for f, s in zip(found, stated, strict=True)]
-    if sum(have) == 2 or (what == "point" and 0 < sum(have) < 3):
-        raise columns.lack([f"{what}_{XYZ[k]}_{SI[what][0]}" for k in range(3) if not have[k]])
+    found = [columns.said(Slot(what, k)) for k in range(len(XYZ))]
+    missing = [f"{what}_{x}_{SI[what][0]}" for x, own in zip(XYZ, found, strict=True) if own is None]
+    if len(missing) == 1 or (what == "point" and len(missing) == 2):
+        raise columns.lack(missing)
     return found
+
+
+def vector(columns: Columns, what: What) -> Array | None:
+    """A vector of every row, (rows, 3), zero for whichever of x, y, z is missing; None without any.
+
+    Raises:
+        InputError: Where a part is blank or too large.
+    """
+    return components(columns, what, len(XYZ))
+
+
+def components(columns: Columns, what: What, count: int) -> Array | None:
+    """So many components of a quantity in SI units, zero for what neither file nor map says.
+
+    Args:
+        columns: The table.
+        what: The quantity.
+        count: How many it has, k.
+
+    Returns:
+        (rows, k); None where neither file nor map says any.
+
+    Raises:
+        InputError: At the first cell that is blank or too large.
+    """
+    found = [columns.said(Slot(what, k)) for k in range(count)]
+    if all(own is None for own in found):
+        return None
+    most, values = FARTHEST[what], np.column_stack([columns.every_row(own) for own in found])
+
+    def problem(row: int, k: int) -> str:
+        return f"expected {-most:g} to {most:g} {SI[what][0]}, got {values[row, k]:g}"
+
+    far = np.abs(values) > most
+    stated = [not isinstance(own, Column) for own in found]
+    if far.any() and stated[np.argwhere(far)[0, 1]]:
+        raise columns.map_error("values", problem(*np.argwhere(far)[0]))
+    names = [own.name if isinstance(own, Column) else "" for own in found]
+    columns.table.refuse(far, names, problem)
+    return values
 
 
 def joint_coordinates(columns: Columns, arm: Arm) -> Array:
@@ -208,19 +293,17 @@ def joint_coordinates(columns: Columns, arm: Arm) -> Array:
     Raises:
         InputError: Names line and column.
     """
-    q = np.empty((columns.table.rows, arm.n_joints))
-    found = [columns.get(Slot("joint", k)) for k in range(arm.n_joints)]
-    stated = [columns.constant(Slot("joint", k)) for k in range(arm.n_joints)]
-    units = {column.unit.si: column.unit.name for column in found if column and column.unit}
+    found = [columns.said(Slot("joint", k)) for k in range(arm.n_joints)]
+    units = {own.unit.si: own.unit.name for own in found if isinstance(own, Column) and own.unit}
     missing = [
         f"{joint.name}_{units.get(joint.unit, joint.unit)}"
-        for joint, column, value in zip(arm.joints, found, stated, strict=True)
-        if column is None and value is None
+        for joint, own in zip(arm.joints, found, strict=True)
+        if own is None
     ]
     if missing:
         raise columns.lack(missing, _numbered(columns.ignored, arm.n_joints))
-    for k, (column, value) in enumerate(zip(found, stated, strict=True)):
-        q[:, k] = columns.full(column) if column else value
+    none = np.empty((columns.table.rows, 0))  # an arm may have no joints
+    q = np.column_stack([none, *(columns.every_row(own) for own in found)])
     _check_limits(columns, arm, q)
     return q
 

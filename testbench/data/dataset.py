@@ -1,11 +1,16 @@
 """Measured runs as arrays: one load in one pose a run, every marker read before and after loading."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from testbench.errors import Array, BenchError, check_array
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 Mask = npt.NDArray[np.bool_]
 Ids = npt.NDArray[np.int_]
@@ -40,27 +45,22 @@ class Dataset:
     def __post_init__(self) -> None:
         """Refuse wrong shapes, identifiers, markers and sigmas, and what is not finite, by BenchError."""
         runs, m = len(self.run), len(self.markers)
-        for name in ("run", "pose", "station"):
-            ids = np.asarray(self.run if getattr(self, name) is None else getattr(self, name))
-            if ids.shape != (runs,) or not np.issubdtype(ids.dtype, np.integer):
-                raise BenchError(f"{name}: expected {runs} integers, got {ids.dtype} {ids.shape}")
-        if m == 0 or len(set(self.markers)) != m:
-            raise BenchError(f"markers: expected different names, got {self.markers}")
+        ids = {"run": self.run, "pose": self.pose, "station": self.station}
+        check_ids({name: own for name, own in ids.items() if own is not None}, runs)
+        check_markers(self.markers)
         check_array(self.q, (runs, None), "q [rad, m]")
         check_array(self.wrench, (runs, 6), "wrench [N, N m]")
         check_array(self.point, (runs, 3), "point [m]")
         check_array(self.before, (runs, m, 3), "before [m]")
         check_array(self.after, (runs, m, 3), "after [m]")
-        if not 0 < self.sigma < np.inf:
-            raise BenchError(f"sigma [m]: expected more than 0, got {self.sigma}")
+        check_sigma(self.sigma, "m")
         rotations = (self.rotation_before, self.rotation_after, self.sigma_rotation)
         if any(x is None for x in rotations) != all(x is None for x in rotations):
             raise BenchError("orientations: expected before, after and sigma together, or none")
         if self.sigma_rotation is not None:
             check_array(self.rotation_before, (runs, 3), "rotation_before [rad]")
             check_array(self.rotation_after, (runs, 3), "rotation_after [rad]")
-            if not 0 < self.sigma_rotation < np.inf:
-                raise BenchError(f"sigma [rad]: expected more than 0, got {self.sigma_rotation}")
+            check_sigma(self.sigma_rotation, "rad")
         if self.precision is not None:
             _check_precision(check_array(self.precision, (runs, m, 3, 3), "precision [1/m^2]"))
 
@@ -113,6 +113,26 @@ def turn(before: Array, after: Array) -> Array:
     return np.asarray((Rotation.from_rotvec(after) * Rotation.from_rotvec(before).inv()).as_rotvec())
 
 
+def check_ids(ids: Mapping[str, object], count: int) -> None:
+    """Refuse, by BenchError, identifiers that are not so many integers."""
+    for name, own in ids.items():
+        found = np.asarray(own)
+        if found.shape != (count,) or not np.issubdtype(found.dtype, np.integer):
+            raise BenchError(f"{name}: expected {count} integers, got {found.dtype} {found.shape}")
+
+
+def check_markers(markers: tuple[str, ...]) -> None:
+    """Refuse, by BenchError, none or equal ones."""
+    if not markers or len(set(markers)) != len(markers):
+        raise BenchError(f"markers: expected different names, got {markers}")
+
+
+def check_sigma(sigma: float, unit: str) -> None:
+    """Refuse, by BenchError, what is no standard deviation."""
+    if not 0 < sigma < np.inf:
+        raise BenchError(f"sigma [{unit}]: expected more than 0, got {sigma}")
+
+
 def _check_precision(precision: Array) -> None:
     """Refuse what is neither symmetric positive definite nor zero."""
     size = np.abs(precision).max(axis=(2, 3))
@@ -134,15 +154,23 @@ def select(data: Dataset, runs: Mask) -> Dataset:
     return in_order(data, np.flatnonzero(runs))
 
 
-def in_order(data: Dataset, runs: Ids) -> Dataset:
-    """Runs by their indices, in any order."""
-    arrays = ["run", "pose", "q", "wrench", "point", "before", "after"]
-    arrays += [
-        name
-        for name in ("rotation_before", "rotation_after", "precision", "station")
-        if getattr(data, name) is not None
-    ]
-    return replace(data, **{name: getattr(data, name)[runs] for name in arrays})
+Rows = TypeVar("Rows", bound="DataclassInstance")
+
+
+def arrays(data: "DataclassInstance") -> dict[str, npt.NDArray[np.generic]]:
+    """The fields of a dataset or a series that are arrays, a row a run or a reading."""
+    every = {field.name: getattr(data, field.name) for field in fields(data)}
+    return {name: own for name, own in every.items() if isinstance(own, np.ndarray)}
+
+
+def in_order(data: Rows, rows: Ids | Mask) -> Rows:
+    """Runs of a dataset, or rows of a series, by a mask or by their indices in any order."""
+    return with_arrays(data, {name: own[rows] for name, own in arrays(data).items()})
+
+
+def with_arrays(data: Rows, every: Mapping[str, npt.NDArray[np.generic]]) -> Rows:
+    """The same with other arrays."""
+    return replace(data, **every)
 
 
 def split(data: Dataset, poses: Ids) -> tuple[Dataset, Dataset]:

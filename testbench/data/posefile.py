@@ -59,13 +59,11 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
             continue
         joint = arm.joints[own.slot.index]
         here, other = q[:, own.slot.index], own.unit.scale * table.numbers(k, columns.mark)
-        apart = np.flatnonzero(~(joint.shown * np.abs(here - other) <= SAME))
-        if len(apart):  # whoever edits one of them must not be overheard
-            i, both = apart[0], f"{table.names[first[own.slot]]} and {table.names[k]}"
+        both = f"{table.names[first[own.slot]]} and {table.names[k]}"
+        for i in np.flatnonzero(~(joint.shown * np.abs(here - other) <= SAME))[:1]:
             got = f"{joint.shown * here[i]:.4f} and {joint.shown * other[i]:g} {joint.shown_unit}"
-            raise InputError(
-                path, f"line {table.lines[i]}, columns {both}", f"expected the same twice, got {got}"
-            )
+            place = f"line {table.lines[i]}, columns {both}"  # whoever edits one must not be overheard
+            raise InputError(path, place, f"expected the same twice, got {got}")
     return q
 
 

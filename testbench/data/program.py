@@ -1,5 +1,9 @@
-"""A robot's program as a table: where the tool goes, point by point, and what acts on it there."""
+"""A robot's program as a table: where the tool goes, point by point, and what acts on it there.
 
+A path that jumps is refused: between two such points the arm would go a way that nobody wrote down.
+"""
+
+import math
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from itertools import takewhile
@@ -8,14 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.columns import Column, Columns, find_columns, joint_coordinates
-from testbench.data.components import components, vector
+from testbench.data.columns import Column, Columns, components, joint_coordinates, read_columns, vector
 from testbench.data.dataset import Ids
-from testbench.data.jumps import refuse_joint_jumps, refuse_tool_jumps
 from testbench.data.mapping import read_map
 from testbench.data.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, program_names
-from testbench.data.series_rotation import read_rotations
-from testbench.data.table import Table, read_table
+from testbench.data.rotation import read_rotations
 from testbench.data.units import Unit, split_unit
 from testbench.errors import Array, InputError
 
@@ -28,6 +29,9 @@ LOADS: tuple[tuple[What, tuple[str, ...]], ...] = (
     ("mass", ("mass", "payload")),
 )
 """Of every kind of load the names."""
+FARTHEST_TURN = math.radians(45)
+"""Largest turn of a hinge, or of the tool, from one point to the next [rad]."""
+FARTHEST_STEP = 1.0  #: Largest way of a slide, or of the tool [m].
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +41,6 @@ class Program:
     With both, the poses are asked for and the joints say in which configuration.
     """
 
-    name: str  #: Of the file, without its ending.
-    path: Path  #: The file.
-    line: Ids  #: Line of every point in the file, (points,).
     labels: tuple[str, ...]  #: What the file calls every point; numbers from 1 where it does not.
     q: Array | None  #: Joints, (points, n) [rad, m]; None where poses of the tool alone are given.
     position: Array | None  #: Tool in the world, (points, 3) [m]; None where joints alone are given.
@@ -49,18 +50,34 @@ class Program:
     mass: Array  #: Hung mass, (points,) [kg].
     #: Where wrench and process force act, tool's frame, (points, 3) [m]; None where the file is silent.
     point: Array | None
-    other: tuple[str, ...]  #: Columns that are carried through, in the order of the file.
     arm: Arm = field(repr=False)  #: The arm that it is for.
-    table: Table = field(repr=False)  #: The file's cells.
-    #: The column of every joint, (n,); None where the file has none.
-    joints: tuple[Column | None, ...] = field(repr=False)
-    mark: str  #: The file's decimal mark.
+    columns: Columns = field(repr=False)  #: The file's cells.
     jumps: bool  #: Whether points may lie as far apart as they like.
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.columns.table.path
+
+    @property
+    def line(self) -> Ids:
+        """Line of every point in the file, (points,)."""
+        return self.columns.table.lines
 
     @property
     def points(self) -> int:
         """How many points there are."""
         return len(self.line)
+
+    @property
+    def joints(self) -> list[Column | None]:
+        """The column of every joint; None where the file has none."""
+        return [self.columns.get(Slot("joint", k)) for k in range(self.arm.n_joints)]
+
+    @property
+    def other(self) -> tuple[str, ...]:
+        """Columns that are carried through, in the order of the file."""
+        return self.columns.ignored
 
     @property
     def corrected(self) -> bool:
@@ -114,36 +131,28 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
     names = read_map(mapping, arm, program_names)
     if names.cells:
         raise InputError(names.path or path, "cells", "expected a quantity a column in a program")
-    table = read_table(path, lambda name: names.find(name) is not None, names.layout)
-    columns = find_columns(table, names, arm)
-    if not 1 <= table.rows <= MAX_POINTS:
-        raise table.error(
-            min(table.rows, MAX_POINTS), "", f"expected 1 to {MAX_POINTS} points, got {table.rows}"
-        )
+    columns = read_columns(path, names, arm)
+    table, rows = columns.table, columns.table.rows
+    if not 1 <= rows <= MAX_POINTS:
+        raise table.error(min(rows, MAX_POINTS), "", f"expected 1 to {MAX_POINTS} points, got {rows}")
     q, (position, rotation) = _joints(columns, arm), _poses(columns)
     if q is not None and not jumps:
         refuse_joint_jumps(path, arm, table.lines, q)
     if position is not None and rotation is not None and not jumps:
-        refuse_tool_jumps(path, table.lines, position, rotation)
-    force, moment = (_or_zero(vector(columns, what), table.rows) for what in ("force", "moment"))
-    mass, found = _mass(columns), [columns.get(Slot("process", k)) for k in range(len(ALONG))]
+        _refuse_tool_jumps(path, table.lines, position, rotation)
+    force, moment = (_or_zero(vector(columns, what), rows) for what in ("force", "moment"))
+    mass = _mass(columns)
     return Program(
-        name=path.stem,
-        path=path,
-        line=table.lines,
         labels=_labels(columns),
         q=q,
         position=position,
         rotation=rotation,
         wrench=np.hstack([force, moment]),
-        along=_or_zero(components(columns, "process", found), table.rows),
+        along=_or_zero(components(columns, "process", len(ALONG)), rows),
         mass=mass,
         point=vector(columns, "point"),
-        other=columns.ignored,
         arm=arm,
-        table=table,
-        joints=tuple(columns.get(Slot("joint", k)) for k in range(arm.n_joints)),
-        mark=columns.mark,
+        columns=columns,
         jumps=jumps,
     )
 
@@ -161,21 +170,18 @@ def _joints(columns: Columns, arm: Arm) -> Array | None:
 
 def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
     """Positions and orientations of the tool; None where the table has joints alone."""
-    found = [columns.get(Slot("set_point", k)) for k in range(3)]
-    missing = [f"{axis}_mm" for axis, column in zip(XYZ, found, strict=True) if column is None]
     rotation = read_rotations(columns)
-    if len(missing) == len(found) and rotation is None:
+    found = columns.whole(wanted := {f"{x}_mm": Slot("set_point", k) for k, x in enumerate(XYZ)})
+    if not found and rotation is None:
         return None, None
-    if missing:
-        raise columns.lack(missing)
+    if not found:
+        raise columns.lack(list(wanted))
     if rotation is None:
         quaternion = [f"quaternion_{part}" for part in "wxyz"]
         raise columns.lack(quaternion, "; or rotation_x_deg ... of a rotation vector, rotation_11 ...")
-    blank = np.flatnonzero(np.isnan(rotation[:, 0, 0]))
-    if len(blank):
-        name = columns.every(*ROTATIONS)[0].name
-        raise columns.table.error(blank[0], name, "expected an orientation at every point, got ''")
-    position = components(columns, "set_point", found)
+    name, blank = columns.every(*ROTATIONS)[0].name, np.isnan(rotation[:, 0, 0])
+    columns.table.refuse(blank, name, "expected an orientation at every point, got ''")
+    position = vector(columns, "set_point")
     assert position is not None
     return position, rotation
 
@@ -186,14 +192,12 @@ def _or_zero(values: Array | None, rows: int) -> Array:
 
 def _mass(columns: Columns) -> Array:
     """Hung mass of every point, (points,) [kg]."""
-    column = columns.get(Slot("mass"))
-    mass = components(columns, "mass", [column])
+    mass = components(columns, "mass", 1)
     if mass is None:
         return np.zeros(columns.table.rows)
-    low = np.flatnonzero(mass[:, 0] < 0)
-    if len(low):
-        problem = f"expected a mass of at least 0 kg, got {mass[low[0], 0]:g}"
-        raise columns.table.error(low[0], column.name if column else "", problem)
+    name = own.name if (own := columns.get(Slot("mass"))) else ""
+    problem = "expected a mass of at least 0 kg, got {:g}"
+    columns.table.refuse(mass[:, 0] < 0, name, lambda row: problem.format(mass[row, 0]))
     return mass[:, 0]
 
 
@@ -202,3 +206,45 @@ def _labels(columns: Columns) -> tuple[str, ...]:
     if column is None:
         return tuple(map(str, range(1, columns.table.rows + 1)))
     return tuple(columns.table.texts(column.index))
+
+
+def refuse_joint_jumps(path: Path, arm: Arm, line: Ids, q: Array) -> None:
+    """Refuse joints of which one goes too far from one point to the next.
+
+    Args:
+        path: The program's file.
+        arm: The arm.
+        line: Line of every point, (points,).
+        q: Joints, (points, n) [rad, m].
+
+    Raises:
+        InputError: Names the first two lines and the joint.
+    """
+    most = np.array([FARTHEST_STEP if joint.prismatic else FARTHEST_TURN for joint in arm.joints])
+    far = np.argwhere(np.abs(np.diff(q, axis=0)) > most * (1 + 1e-9))
+    if not len(far):
+        return
+    i, k = far[0]
+    joint = arm.joints[k]
+    here, there = (joint.shown * q[[i, i + 1], k]).tolist()
+    got = f"{joint.name} from {here:g} to {there:g} {joint.shown_unit}"
+    _refuse(path, line[i : i + 2], got, f"{joint.shown * most[k]:g} {joint.shown_unit}")
+
+
+def _refuse_tool_jumps(path: Path, line: Ids, position: Array, rotation: Array) -> None:
+    """InputError at the first two poses, (points, 3) [m] and (points, 3, 3), that lie too far apart."""
+    step = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    far = np.flatnonzero(step > FARTHEST_STEP)
+    if len(far):
+        _refuse(path, line[far[0] : far[0] + 2], f"the tool by {step[far[0]]:g} m", f"{FARTHEST_STEP:g} m")
+    cosine = (np.einsum("pxy,pxy->p", rotation[1:], rotation[:-1]) - 1) / 2
+    turn = np.arccos(np.clip(cosine, -1, 1))
+    far = np.flatnonzero(turn > FARTHEST_TURN * (1 + 1e-9))
+    if len(far):
+        got = f"the tool by {math.degrees(turn[far[0]]):g} deg"
+        _refuse(path, line[far[0] : far[0] + 2], got, f"{math.degrees(FARTHEST_TURN):g} deg")
+
+
+def _refuse(path: Path, lines: Ids, got: str, most: str) -> None:
+    problem = f"the path jumps, {got}: expected at most {most} from point to point; --jumps allows it"
+    raise InputError(path, f"lines {lines[0]} and {lines[1]}", problem)

@@ -1,10 +1,19 @@
 """Absolute readings as arrays: targets on the tool in a tracker's frame, one pose under one load a row."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.data.dataset import (
+    Dataset,
+    Ids,
+    Mask,
+    check_ids,
+    check_markers,
+    check_sigma,
+    in_order,
+    read_by,
+)
 from testbench.errors import Array, BenchError, check_array
 
 
@@ -42,19 +51,20 @@ class Series:
     def __post_init__(self) -> None:
         """Refuse wrong shapes and identifiers, and what is not finite, by BenchError."""
         rows, m = len(self.row), len(self.markers)
-        for name in ("row", "pose"):
-            ids = np.asarray(getattr(self, name))
-            if ids.shape != (rows,) or not np.issubdtype(ids.dtype, np.integer):
-                raise BenchError(f"{name}: expected {rows} integers, got {ids.dtype} {ids.shape}")
-        if m == 0 or len(set(self.markers)) != m:
-            raise BenchError(f"markers: expected different names, got {self.markers}")
+        check_ids({"row": self.row, "pose": self.pose}, rows)
+        check_markers(self.markers)
         q = check_array(self.q, (rows, None), "q [rad, m]")
         check_array(self.wrench, (rows, 6), "wrench [N, N m]")
         check_array(self.point, (rows, 3), "point [m]")
         check_array(self.position, (rows, m, 3), "position [m]")
-        if not 0 < self.sigma < np.inf:
-            raise BenchError(f"sigma [m]: expected more than 0, got {self.sigma}")
-        self._check_orientations()
+        check_sigma(self.sigma, "m")
+        if (self.rotation is None) != (self.sigma_rotation is None):
+            raise BenchError("orientations: expected rotation and sigma together, or none")
+        if self.rotation is not None and self.sigma_rotation is not None:
+            if self.rotation.shape != (rows, 3, 3):
+                raise BenchError(f"rotation: expected shape {(rows, 3, 3)}, got {self.rotation.shape}")
+            check_array(self.rotation[self.turned], (None, 3, 3), "rotation")
+            check_sigma(self.sigma_rotation, "rad")
         if self.precision is not None:
             check_array(self.precision, (rows, m, 3, 3), "precision [1/m^2]")
         if self.torque is not None:
@@ -62,17 +72,6 @@ class Series:
         for name in ("temperature", "time"):
             if getattr(self, name) is not None:
                 check_array(getattr(self, name), (rows,), name)
-
-    def _check_orientations(self) -> None:
-        """Orientations and their sigma are both there, or neither."""
-        if (self.rotation is None) != (self.sigma_rotation is None):
-            raise BenchError("orientations: expected rotation and sigma together, or none")
-        if self.rotation is not None:
-            if self.rotation.shape != (self.rows, 3, 3):
-                raise BenchError(f"rotation: expected shape {(self.rows, 3, 3)}, got {self.rotation.shape}")
-            check_array(self.rotation[self.turned], (None, 3, 3), "rotation")
-        if self.sigma_rotation is not None and not 0 < self.sigma_rotation < np.inf:
-            raise BenchError(f"sigma [rad]: expected more than 0, got {self.sigma_rotation}")
 
     @property
     def rows(self) -> int:
@@ -96,14 +95,7 @@ class Series:
 
 def select_rows(series: Series, rows: Mask | Ids) -> Series:
     """The rows of a mask, or of their places, (rows,)."""
-    every = ("row", "pose", "q", "wrench", "point", "position")
-    some = [
-        field.name
-        for field in fields(Series)
-        if field.name in ("precision", "rotation", "torque", "temperature", "time")
-        and getattr(series, field.name) is not None
-    ]
-    return replace(series, **{name: getattr(series, name)[rows] for name in (*every, *some)})
+    return in_order(series, rows)
 
 
 def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
@@ -111,39 +103,34 @@ def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
 
     Orientations are carried over where they were read.
     """
-    from scipy.spatial.transform import Rotation  # here: it takes long to import
+    stations = [1] if data.station is None else np.unique(data.station).tolist()
+    every = [(station, in_order(data, read_by(data, station))) for station in stations]
+    return tuple(_both(own, name, f"{name} {station}", target) for station, own in every)
 
-    found = []
-    stations = np.ones(data.runs, dtype=int) if data.station is None else data.station
-    for station in np.unique(stations):
-        own = np.flatnonzero(stations == station)
-        seen = data.seen[own]
-        precision = None
-        if data.precision is not None:  # of a deflection: twice the covariance of a reading
-            precision = np.concatenate([2 * data.precision[own]] * 2)
-        rotation = None
-        if data.rotation_before is not None and data.rotation_after is not None:
-            turns = np.concatenate([data.rotation_before[own], data.rotation_after[own]])
-            rotation = Rotation.from_rotvec(turns).as_matrix()
-        still = np.zeros((len(own), 6))
-        found.append(
-            Series(
-                name=name,
-                markers=data.markers,
-                frame=f"{name} {station}",
-                target=target,
-                row=np.concatenate([data.run[own]] * 2),
-                pose=np.concatenate([np.arange(len(own))] * 2),
-                q=np.concatenate([data.q[own]] * 2),
-                wrench=np.concatenate([still, data.wrench[own]]),
-                point=np.concatenate([data.point[own]] * 2),
-                position=np.concatenate(
-                    [data.before[own] * seen[..., None], data.after[own] * seen[..., None]]
-                ),
-                sigma=data.sigma,
-                precision=precision,
-                rotation=rotation,
-                sigma_rotation=data.sigma_rotation,
-            )
-        )
-    return tuple(found)
+
+def _both(data: Dataset, name: str, frame: str, target: str) -> Series:
+    """The unloaded readings of some runs, then the loaded ones."""
+    rotation, precision = None, data.precision
+    if precision is not None:  # of a deflection: twice the covariance of a reading
+        precision = np.concatenate([2 * precision] * 2)
+    if data.rotation_before is not None and data.rotation_after is not None:
+        from scipy.spatial.transform import Rotation  # here: it takes long to import
+
+        turns = np.concatenate([data.rotation_before, data.rotation_after])
+        rotation = Rotation.from_rotvec(turns).as_matrix()
+    return Series(
+        name=name,
+        markers=data.markers,
+        frame=frame,
+        target=target,
+        row=np.concatenate([data.run] * 2),
+        pose=np.concatenate([np.arange(data.runs)] * 2),
+        q=np.concatenate([data.q] * 2),
+        wrench=np.concatenate([np.zeros((data.runs, 6)), data.wrench]),
+        point=np.concatenate([data.point] * 2),
+        position=np.concatenate([own * data.seen[..., None] for own in (data.before, data.after)]),
+        sigma=data.sigma,
+        precision=precision,
+        rotation=rotation,
+        sigma_rotation=data.sigma_rotation,
+    )

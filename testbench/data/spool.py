@@ -5,18 +5,18 @@ import os
 import tempfile
 import weakref
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, in_order
+from testbench.data.dataset import Dataset, Ids, arrays, in_order, with_arrays
 from testbench.errors import Array, BenchError
 
 
 @dataclass(frozen=True)
 class _Block:
     first: int  #: Index of its first run.
-    arrays: dict[str, tuple[int, int]]  #: Where each begins and ends in the file.
+    places: dict[str, tuple[int, int]]  #: Where each of its arrays begins and ends in the file.
     bare: Dataset  #: The same without a run: names of markers, sigmas.
 
 
@@ -30,38 +30,34 @@ class Spool:
         self._blocks: list[_Block] = []
         self._runs = 0
 
-    def first(self, k: int) -> int:
-        """Index of the first run of a block."""
-        return self._blocks[k].first
-
     def __len__(self) -> int:
         """How many blocks there are."""
         return len(self._blocks)
 
     def add(self, data: Dataset) -> None:
         """A block more; BenchError where the disk is full."""
-        arrays: dict[str, tuple[int, int]] = {}
-        for name in _arrays(data):
+        places: dict[str, tuple[int, int]] = {}
+        for name, own in arrays(data).items():
             begin = self._file.tell()
             try:
-                np.save(self._file, getattr(data, name))
+                np.save(self._file, own)
             except OSError as err:
                 folder = tempfile.gettempdir()
                 raise BenchError(f"{folder}: no room for the runs: {err.strerror}") from err
-            arrays[name] = begin, self._file.tell()
+            places[name] = begin, self._file.tell()
         self._file.flush()
-        self._blocks.append(_Block(self._runs, arrays, in_order(data, np.array([], dtype=int))))
+        self._blocks.append(_Block(self._runs, places, in_order(data, np.array([], dtype=int))))
         self._runs += data.runs
 
-    def block(self, k: int) -> Dataset:
-        """A block as it was added, for any thread."""
-        own = self._blocks[k]
-        file = self._file.fileno()
+    def block(self, k: int) -> tuple[Ids, Dataset]:
+        """A block as it was added, for any thread: indices of its runs, and these."""
+        own, file = self._blocks[k], self._file.fileno()
         found = {
             name: np.load(io.BytesIO(os.pread(file, end - begin, begin)))
-            for name, (begin, end) in own.arrays.items()
+            for name, (begin, end) in own.places.items()
         }
-        return replace(own.bare, **found)
+        data = with_arrays(own.bare, found)
+        return np.arange(own.first, own.first + data.runs), data
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +81,8 @@ class Campaign:
 
     def block(self, k: int) -> tuple[Ids, Dataset]:
         """A block: indices of its runs, and these."""
-        first = self.spool.first(k)
-        data = self.spool.block(k)
-        return np.arange(first, first + data.runs), data if self.mend is None else self.mend(data)
+        every, data = self.spool.block(k)
+        return every, data if self.mend is None else self.mend(data)
 
     def pick(self, runs: Ids) -> Dataset:
         """Some of the runs by their indices, in rising order."""
@@ -96,7 +91,7 @@ class Campaign:
             every, data = self.block(k)
             own = np.isin(every, runs)
             if own.any():
-                found.append(in_order(data, np.flatnonzero(own)))
+                found.append(in_order(data, own))
         return together(found)
 
 
@@ -104,35 +99,9 @@ def together(parts: Sequence[Dataset]) -> Dataset:
     """Runs of several datasets of one campaign as one; a precision stands where one of them has it."""
     if any(p.precision is not None for p in parts):
         parts = [replace(p, precision=_precision(p)) for p in parts]
-    optional = {
-        name: np.concatenate([getattr(p, name) for p in parts])
-        for name in ("rotation_before", "rotation_after", "precision")
-        if getattr(parts[0], name) is not None
-    }
-    return replace(
-        parts[0],
-        run=np.concatenate([p.run for p in parts]),
-        pose=np.concatenate([p.pose for p in parts]),
-        q=np.concatenate([p.q for p in parts]),
-        wrench=np.concatenate([p.wrench for p in parts]),
-        point=np.concatenate([p.point for p in parts]),
-        before=np.concatenate([p.before for p in parts]),
-        after=np.concatenate([p.after for p in parts]),
-        station=_stations(parts),
-        rotation_before=optional.get("rotation_before"),
-        rotation_after=optional.get("rotation_after"),
-        precision=optional.get("precision"),
+    return with_arrays(
+        parts[0], {name: np.concatenate([getattr(p, name) for p in parts]) for name in arrays(parts[0])}
     )
-
-
-def _stations(parts: Sequence[Dataset]) -> Ids | None:
-    found = [p.station for p in parts if p.station is not None]
-    return np.concatenate(found) if found else None
-
-
-def _arrays(data: Dataset) -> list[str]:
-    """Names of the fields that are arrays."""
-    return [field.name for field in fields(data) if isinstance(getattr(data, field.name), np.ndarray)]
 
 
 def _precision(data: Dataset) -> Array:

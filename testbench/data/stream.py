@@ -14,13 +14,13 @@ import numpy as np
 
 from testbench.arm.decimal import is_integer
 from testbench.arm.folder import Arm
-from testbench.data.columns import find_columns
+from testbench.data.columns import Columns, find_columns
 from testbench.data.dataset import Dataset, Ids
-from testbench.data.export import Export, read_export, runs_of
 from testbench.data.header import cells_in
 from testbench.data.lines import MAX_BYTES, Line, letters
 from testbench.data.mapping import Names, read_map
 from testbench.data.names import Slot, What
+from testbench.data.read_pairs import Export, read_export, runs_of
 from testbench.data.spool import Campaign, Spool
 from testbench.data.table import Kinds, read_numbers, release, table_of
 from testbench.errors import Array, InputError, open_file
@@ -69,12 +69,14 @@ def read_campaign(
     except OSError:
         large = False
     if large:
-        names = read_map(mapping, arm)
         try:
-            return _streamed(path, _Reader(path, arm, names, sigma))
+            return _streamed(path, _Reader(path, arm, read_map(mapping, arm), sigma))
         except _Whole as err:
             if status.st_size > MAX_BYTES:
                 raise InputError(path, "", f"more than {MAX_BYTES} bytes: {FORM}") from err
+        except InputError:  # what is wrong in a block may be sound in the whole, as rows sorted by marker
+            if status.st_size > MAX_BYTES:
+                raise
     return Streamed(read_export(path, arm, mapping, sigma), None)
 
 
@@ -86,7 +88,7 @@ def _streamed(path: Path, reader: "_Reader") -> Streamed:
         data = _alike(path, first.data, export.data)
         run.append(data.run)
         pose.append(data.pose)
-        level.append(np.stack([np.linalg.norm(part, axis=1) for part in np.split(data.wrench, 2, 1)], 1))
+        level.append(np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2))
         spool.add(data)
     release()
     assert first is not None
@@ -131,13 +133,8 @@ class _Reader:
         """
         with open_file(self.path, MOST) as file:
             head = file.read(HEAD)
-            try:
-                letters(self.path, head, self.names.layout.encoding or "latin-1")
-                self._understand(head[: head.rfind(b"\n") + 1])
-            except InputError as err:
-                if self.path.stat().st_size <= MAX_BYTES:
-                    raise _Whole from err
-                raise
+            letters(self.path, head, self.names.layout.encoding or "latin-1")
+            self._understand(head[: head.rfind(b"\n") + 1])
             file.seek(len(self.above))
             content, number, more = b"", self.start, True
             while more:
@@ -172,6 +169,7 @@ class _Reader:
         self.ids = [c.index for c in ids if c]
         if not all(is_integer(text) for k in self.ids for text in columns.table.texts(k)):
             raise _Whole
+        self.markers = self._markers(columns)
         self.start = int(table.lines[0]) - 1
         settled: dict[str, object] = {"delimiter": table.delimiter, "decimal": columns.mark}
         if own.header == 1 and not own.names:
@@ -211,13 +209,11 @@ class _Reader:
             raise _Whole
         table = replace(self.columns.table, decimal=self.columns.mark)
         plain = block.replace(b"\r\n", b"\n") if b"\r" in block else block
-        if self.plain:
-            fast = read_numbers(table, plain, number, self.kinds)
-            if fast is not None:
-                try:
-                    return runs_of(replace(self.columns, table=fast), self.arm, self.sigma)
-                except InputError:  # said by the cells as they stand there
-                    pass
+        if self.plain and (fast := read_numbers(table, plain, number, self.kinds)) is not None:
+            try:
+                return runs_of(replace(self.columns, table=fast), self.arm, self.sigma)
+            except InputError:  # said by the cells as they stand there
+                pass
         padded = self.above + b"\n" * (number - self.start) + block
         try:
             text = letters(self.path, padded, self.encoding)
@@ -228,7 +224,18 @@ class _Reader:
         slow = find_columns(table_of(self.path, text, self._known, self.layout), self.names, self.arm)
         for k in self.ids:
             slow.table.integers(k)
-        return runs_of(slow, self.arm, self.sigma)
+        try:
+            return runs_of(slow, self.arm, self.sigma)
+        except InputError:
+            if self._markers(slow) - self.markers:  # sorted by marker
+                raise _Whole from None
+            raise
+
+    def _markers(self, columns: Columns) -> set[str]:
+        """The markers that have rows."""
+        column, known = columns.get(Slot("marker")), self.arm.markers
+        texts = [] if column is None else columns.table.texts(column.index)
+        return {self.names.word(text, known) for text in dict.fromkeys(texts)} - {""}
 
 
 def _broken(content: bytes) -> bool:

@@ -11,10 +11,9 @@ import pyarrow.compute as pc
 from pyarrow import csv
 
 from testbench.arm.decimal import NUMBER, is_integer
-from testbench.data.cells import from_cell
 from testbench.data.dataset import Ids, Mask
 from testbench.data.header import find_header, notes, rows_of
-from testbench.data.lines import read_letters, split_lines
+from testbench.data.lines import from_cell, read_letters, split_lines
 from testbench.data.mapping import Layout
 from testbench.data.units import Unit
 from testbench.errors import Array, InputError, shown
@@ -52,6 +51,23 @@ class Table:
         """What is wrong in a row, counted from 0, and in which column; "" for the whole row."""
         line = self.lines[row] if row < self.rows else 1 + max([self.header, *self.lines[-1:]])
         return InputError(self.path, f"line {line}" + (f", column {column}" if column else ""), problem)
+
+    def header_error(self, problem: str) -> InputError:
+        """What is wrong with the columns."""
+        return InputError(self.path, f"line {self.header}", problem)
+
+    def refuse(self, bad: Mask, columns: str | Sequence[str], problem: str | Callable[..., str]) -> None:
+        """InputError at the first place under a mask, if there is any.
+
+        Args:
+            bad: (rows,), or (rows, k).
+            columns: Name of the column, "" for the whole row; the names of k columns.
+            problem: What is wrong, or that of row and column, counted from 0.
+        """
+        if bad.any():
+            row, *k = np.argwhere(bad)[0].tolist()
+            name = columns if isinstance(columns, str) else columns[k[0]]
+            raise self.error(row, name, problem if isinstance(problem, str) else problem(row, *k))
 
     def texts(self, k: int) -> list[str]:
         """The cells of a column without blanks around them, nor what keeps spreadsheets from computing."""
@@ -130,10 +146,10 @@ class Table:
         if self.counts(k):
             return np.asarray(self.cells[k].to_numpy())
         texts = self.texts(k)
-        for row, text in enumerate(texts):
-            if not is_integer(text):
-                problem = f"expected an integer of 64 bits, got {text[:80]!r}"
-                raise self.error(row, self.names[k], problem)
+        bad = np.array([not is_integer(text) for text in texts], dtype=bool)
+        self.refuse(
+            bad, self.names[k], lambda row: f"expected an integer of 64 bits, got {texts[row][:80]!r}"
+        )
         return np.array([int(text) for text in texts], dtype=int)
 
     def mark(self, columns: Sequence[int]) -> str:
@@ -228,12 +244,7 @@ def release() -> None:
     pa.default_memory_pool().release_unused()
 
 
-def read_numbers(
-    table: Table,
-    content: bytes,
-    number: int,
-    kinds: Kinds,
-) -> Table | None:
+def read_numbers(table: Table, content: bytes, number: int, kinds: Kinds) -> Table | None:
     """More rows of a table, told apart by one byte, their columns read at once; no others are looked at.
 
     Args:
@@ -250,64 +261,69 @@ def read_numbers(
         return None
     if any(mark in content for mark in (b'"', b"#", b"//", b"\r", b"\0")):
         return None
-    names = [str(k) for k in range(len(table.names))]
-    types = dict.fromkeys((names[k] for k in kinds.words), pa.string())
-    types |= dict.fromkeys((names[k] for k in kinds.numbers), pa.float64())
-    types |= dict.fromkeys((names[k] for k in kinds.ids), pa.int64())
+    types = dict.fromkeys(kinds.words, pa.string()) | dict.fromkeys(kinds.numbers, pa.float64())
+    types |= dict.fromkeys(kinds.ids, pa.int64())
     try:
-        found = csv.read_csv(
-            pa.BufferReader(content),
-            csv.ReadOptions(use_threads=True, block_size=len(content) + 1, column_names=names),
+        found = _cells(
+            content,
+            len(table.names),
+            types,
             csv.ParseOptions(delimiter=table.delimiter, quote_char=False, ignore_empty_lines=False),
-            csv.ConvertOptions(
-                column_types=types,
-                include_columns=list(types),
-                null_values=[""],
-                decimal_point=table.decimal or ".",
-            ),
-        ).combine_chunks()
+            table.decimal or ".",
+        )
     except pa.ArrowInvalid:
         return None
     rows = content.count(b"\n") + (not content.endswith(b"\n"))
-    cells = [pa.nulls(rows)] * len(names)
-    for name in types:
-        [cells[int(name)]] = found[name].chunks
+    cells = [found.get(k, pa.nulls(rows)) for k in range(len(table.names))]
     sound = all(pc.all(pc.is_finite(cells[k])).as_py() is not False for k in kinds.numbers)
-    if found.num_rows != rows or not sound or any(cells[k].null_count for k in kinds.ids):
+    if any(len(own) != rows for own in cells) or not sound or any(cells[k].null_count for k in kinds.ids):
         return None
-    for k in kinds.words:
-        cells[k] = pc.utf8_trim_whitespace(cells[k])
     return replace(table, lines=number + 1 + np.arange(rows), cells=cells)
+
+
+def _cells(
+    content: bytes, count: int, types: Mapping[int, "pa.DataType"], form: "csv.ParseOptions", decimal: str
+) -> dict[int, "pa.Array"]:
+    """Some of so many columns by their number; texts without blanks around them."""
+    names = [str(k) for k in range(count)]
+    table = csv.read_csv(
+        pa.BufferReader(content),
+        csv.ReadOptions(
+            use_threads=form.invalid_row_handler is None, block_size=len(content) + 1, column_names=names
+        ),
+        form,
+        csv.ConvertOptions(
+            column_types={names[k]: own for k, own in types.items()},
+            include_columns=[names[k] for k in types],
+            null_values=[""],
+            decimal_point=decimal,
+        ),
+    ).combine_chunks()
+    found = {k: table[names[k]].combine_chunks() for k in types}
+    return {k: pc.utf8_trim_whitespace(x) if pa.types.is_string(x.type) else x for k, x in found.items()}
 
 
 def _parse(path: Path, rows: Sequence[str], lines: Ids, delimiter: str, count: int) -> list["pa.Array"]:
     """Cells without blanks around them, a column each."""
     if not rows:
         return [pa.array([], pa.string())] * count
-    content = "\n".join(rows).encode()
     bad: list[int] = []
 
     def refuse(row: "csv.InvalidRow") -> str:
         bad.append(row.number - 1)
         return "error"
 
-    names = [str(k) for k in range(count)]
+    form = csv.ParseOptions(
+        delimiter="\t" if delimiter.isspace() else delimiter,
+        ignore_empty_lines=False,
+        invalid_row_handler=refuse,
+    )
     try:
-        table = csv.read_csv(
-            pa.BufferReader(content),
-            csv.ReadOptions(use_threads=False, block_size=len(content) + 1, column_names=names),
-            csv.ParseOptions(
-                delimiter="\t" if delimiter.isspace() else delimiter,
-                ignore_empty_lines=False,
-                invalid_row_handler=refuse,
-            ),
-            csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
-        )
-        found = table.num_rows
+        found = _cells("\n".join(rows).encode(), count, dict.fromkeys(range(count), pa.string()), form, ".")
     except pa.ArrowInvalid:
-        found = -1
-    if found != len(rows):  # a quote within a cell may swallow the lines below
+        found = {}
+    if not found or len(found[0]) != len(rows):  # a quote within a cell may swallow the lines below
         quoted = (k for k, row in enumerate(rows) if '"' in row)
         place = f"line {lines[bad[0] if bad else next(quoted, 0)]}"
         raise InputError(path, place, f"not a table: expected {count} fields, quotes around whole cells")
-    return [pc.utf8_trim_whitespace(column.combine_chunks()) for column in table.columns]
+    return [found[k] for k in range(count)]

@@ -32,8 +32,7 @@ class Manifest(BaseModel):
     seeds: int = 0  #: How many; none where nothing is drawn.
     git: str = "unknown"
     models: dict[str, dict[str, str]] = {}  #: SHA-256 of every file of every arm's folder.
-    #: Its files, by their paths in it; None where it does not say: in older ones.
-    files: Annotated[frozenset[File], Field(max_length=FILES)] | None = None
+    files: Annotated[frozenset[File], Field(max_length=FILES)] = frozenset()  #: By their paths in it.
     sha256: dict[str, str] = {}  #: Of the files, as far as it says.
 
 
@@ -63,7 +62,7 @@ def is_run(folder: Path) -> bool:
     return bool(read_manifest(folder).command) or (folder / "trials.log").is_file()
 
 
-REPORT = "report.json"
+REPORTS = "report.json", "plan.json"  #: Numbers of a run, by the name that its command gives them.
 LONGEST = 20_000  #: Longest text that is read [characters].
 BEYOND = 2**63  #: Integers lie below.
 
@@ -74,13 +73,9 @@ class Finished:
 
     folder: Path  #: As it was named.
     manifest: Manifest
-    report: Mapping[str, JsonValue]  #: report.json.
-    digest: str  #: SHA-256 of the data in report.json.
-
-    @property
-    def file(self) -> Path:
-        """Where the report is."""
-        return self.folder / REPORT
+    file: Path  #: Where its numbers are: report.json, of a plan plan.json.
+    report: Mapping[str, JsonValue]  #: What is in it.
+    digest: str  #: SHA-256 of that.
 
     @property
     def several(self) -> bool:
@@ -94,7 +89,8 @@ def read_run(folder: Path) -> Finished:
     Raises:
         InputError: When manifest.json or report.json is missing or is none; names the file and the place.
     """
-    about, report = folder / NAME, folder / REPORT
+    about, files = folder / NAME, [folder / name for name in REPORTS]
+    report = next(filter(Path.is_file, files), files[0])
     data = read_plain(about)
     try:
         told = Manifest.model_validate_json(json.dumps(data))
@@ -104,7 +100,7 @@ def read_run(folder: Path) -> Finished:
     if not isinstance(plain, dict):
         raise InputError(report, "", f"expected a table of keys, got {type(plain).__name__}")
     text = json.dumps(plain, sort_keys=True)
-    return Finished(folder, told, plain, hashlib.sha256(text.encode()).hexdigest())
+    return Finished(folder, told, report, plain, hashlib.sha256(text.encode()).hexdigest())
 
 
 def told_as(file: Path, err: ValidationError) -> InputError:

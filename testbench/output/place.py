@@ -117,8 +117,6 @@ def check_writable(folder: Path, path: Path) -> None:
         pass
 
 
-SUFFIXES = frozenset((".json", ".md", ".csv", ".parquet", ".png", ".rrd", ".html"))
-"""Of files of runs whose manifest does not name them: older ones."""
 UNDER_WAY = frozenset(("trials.log", "prepared"))
 """What a study keeps in its folder beside the files of a finished run."""
 ELSEWHERE = "choose another folder, or write into this one by --force"
@@ -178,12 +176,10 @@ def _check_held(out: Path, command: str, own: frozenset[str]) -> None:
     found = read_manifest(out)
     if found.command not in (command, ""):
         raise InputError(out, "", f"holds a run of {found.command}, expected {command}; {ELSEWHERE}")
-    for path in _entries(out, own, found.files or frozenset()):
-        plain = path.is_file() and not path.is_symlink()
-        named = path.suffix in SUFFIXES if found.files is None and found.command else False
-        if plain and (named or path.relative_to(out).as_posix() in (found.files or ())):
-            continue
-        raise InputError(path, "", f"is not of {command}, and a run folder holds only runs; {ELSEWHERE}")
+    for path in _entries(out, own, found.files):
+        if not path.is_file() or path.is_symlink() or path.relative_to(out).as_posix() not in found.files:
+            problem = f"is not of {command}, and a run folder holds only runs; {ELSEWHERE}"
+            raise InputError(path, "", problem)
 
 
 def _entries(out: Path, own: frozenset[str], named: frozenset[str]) -> Iterator[Path]:

@@ -58,9 +58,8 @@ def _unlike(out: Path) -> Iterator[Path]:
     """Files that are to be moved, replaced or removed, and are not those that the manifests name."""
     old, new = read_manifest(out), read_manifest(out / READY)
     coming = [file.as_posix() for file in _files(out / READY) if file != Path(manifest.NAME)]
-    going = (old.files or frozenset()) - new.files if new.files is not None else ()
     both = [(out / READY, name, new) for name in coming]
-    both += [(out, name, old) for name in (*coming, *going) if os.path.lexists(out / name)]
+    both += [(out, name, old) for name in {*coming, *_going(out)} if os.path.lexists(out / name)]
     for folder, name, own in both:
         if not has_digest(folder / name, own.sha256.get(name)):
             yield folder / name
@@ -86,8 +85,7 @@ def _complete(out: Path) -> None:
     if not _is_folder(ready):
         return
     sync_names(out)
-    new = read_manifest(ready).files
-    for name in (read_manifest(out).files or frozenset()) - new if new is not None else ():
+    for name in _going(out):
         if inside((out / name).parent, out):  # as it was written; a name that leads elsewhere was not
             with contextlib.suppress(OSError):  # removed by hand, or the folder of another file
                 (out / name).unlink()
@@ -98,6 +96,12 @@ def _complete(out: Path) -> None:
         (ready / file).replace(out / file)
     sync_names(out)
     remove(ready)
+
+
+def _going(out: Path) -> frozenset[str]:
+    """Files of the earlier run that the new one has not; none once its manifest has its place."""
+    new = read_manifest(out / READY)
+    return read_manifest(out).files - new.files if new.command else frozenset()
 
 
 def inside(path: Path, folder: Path) -> bool:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from testbench.campaign.baselines import JOINTS
+from testbench.campaign.models import JOINTS
 from testbench.campaign.workspace_errors import ErrorPlaces, Places, error_places
 from testbench.identify import Constraint
 from testbench.report.columns import columns
@@ -115,3 +115,8 @@ def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:
     at = Places(**nested({name: cells[0] for name, cells in drawn.keep("places.").columns.items()}).places)
     mm = dict(zip(drawn["name"], drawn["place_mm"], strict=True))
     return error_places(at, mm, [name for name in dict.fromkeys(compared) if name in mm])
+
+
+def distinct(models: Sequence[Row]) -> list[Row]:
+    """The models without a completion that exists in no seed: that is least squares once more."""
+    return [m for m in models if m.constraint != "free" or m.conservative is not False]

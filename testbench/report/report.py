@@ -16,7 +16,7 @@ from testbench.report.table import Row, plain, rows
 from testbench.trials.spread import Spread, middle
 from testbench.views.colours import Look
 from testbench.views.gains import less, more, ratio
-from testbench.views.markdown import MOST, Markdown, as_markdown, counted, grid, listed, place
+from testbench.views.markdown import MOST, Markdown, as_markdown, counted, ended, grid, listed, place
 from testbench.views.schema import Column, Table, looks, show, show_truth, written_out
 
 FORMS = {
@@ -62,6 +62,12 @@ def say(sentence: str, numbers: Mapping[str, Any] = {}, /, **more: Any) -> Markd
 def lines(sentences: Iterable[str]) -> Markdown:
     """Sentences one after another on one line."""
     return Markdown(" ".join(filter(None, sentences)))
+
+
+def bullets(texts: Iterable[str]) -> Markdown:
+    """A list of sentences; what is no Markdown is a stranger's."""
+    own = [text if isinstance(text, Markdown) else say("{text}", text=ended(text)) for text in texts]
+    return Markdown("\n".join(f"- {text}" for text in own))
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from testbench.trials.rows import flatten
 from testbench.trials.spread import spread, twins_once
 from testbench.views.gains import Gain, gained
 
@@ -66,13 +65,6 @@ class Trials:
                 table = file.read(use_threads=False)
                 return cls.holding({name: _checked(name, table[name]) for name in names})
         return cls({name: partial(_read, path, name) for name in names})
-
-    @classmethod
-    def of(cls, trials: Sequence[tuple[int, Sequence[object]]]) -> "Trials":
-        """The same of rows that are in memory, by seed."""
-        rows = [{TRIAL: seed, **flatten(row)} for seed, own in trials for row in own]
-        table = pa.Table.from_pylist([{k: _listed(v) for k, v in row.items()} for row in rows])
-        return cls.holding({name: _cells(table[name].combine_chunks()) for name in table.column_names})
 
     def __len__(self) -> int:
         return len(self[next(iter(self.made))]) if self.made else 0
@@ -258,6 +250,11 @@ def rows(value: Any) -> Any:
     return [rows(own) for own in value] if isinstance(value, list | tuple) else value
 
 
+def finite(value: float | None) -> float | None:
+    """A number, None for infinity and none."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
 def plain(value: Any) -> Any:
     """Numbers, words and what holds them as JSON data: what is not finite is null."""
     if isinstance(value, Mapping):
@@ -273,10 +270,6 @@ def plain(value: Any) -> Any:
 
 def _named(name: str, names: Sequence[str]) -> bool:
     return any(name == own or (own.endswith(".") and name.startswith(own)) for own in names)
-
-
-def _listed(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
 
 
 def _picked(make: Callable[[], Cells], rows: Cells) -> Cells:

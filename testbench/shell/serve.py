@@ -77,13 +77,10 @@ class Handler(BaseHTTPRequestHandler):
         content = self._content()
         if content is not None:
             self._say(len(content))
-            self.wfile.write(content)
+            if self.command != "HEAD":
+                self.wfile.write(content)
 
-    def do_HEAD(self) -> None:
-        """Say what would be sent."""
-        content = self._content()
-        if content is not None:
-            self._say(len(content))
+    do_HEAD = do_GET
 
     def _content(self) -> bytes | None:
         """What was asked for; None where that was refused."""

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Cell, Setup, settle_both
-from testbench.campaign.campaign_row import Runs, dataset_of
+from testbench.campaign.evaluation import Runs, dataset_of
+from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import MM
-from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset, in_order, split
+from testbench.data.write import write_csv
 from testbench.errors import Array
 from testbench.plant.shapes import elastic_frames, origins, rigid_frames
 from testbench.report.table import Row, Trials
@@ -74,7 +74,7 @@ def amid_errors(
     Args:
         cell: The arm.
         q: Poses, (poses, n) [rad, m]; those of the largest errors of the last model and others evenly.
-        names: Of the poses.
+        names: Of the poses, a few letters each.
         errors: Of models, on the first of the arm's markers, base axes, (poses, 3) [m].
         looks: Of the models.
     """
@@ -82,7 +82,8 @@ def amid_errors(
     errors, names = {name: off[some, None] for name, off in errors.items()}, [names[k] for k in some]
     scale = arrow_scale(next(iter(errors.values())), LONGEST * cell.vjm.reach)
     rigid = rigid_frames(cell.room, q[some])
-    poses = Poses("Positions that were not fitted", names, [""] * len(some), rigid, bent=None)
+    title, called = "Positions that were not fitted", [f"Position {name}" for name in names]
+    poses = Poses(title, called, [""] * len(some), rigid, bent=None)
     drawn, lines = with_errors(poses, origins(cell.room, cell.arm.markers[:1], rigid), errors, looks, scale)
     note = of_all(len(some), len(q), "positions")
     chart = RunChart("Error at each position (mm)", 0, "position", names, lines, note=note)
@@ -127,7 +128,7 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> See
         for key in ("drawn.wrong_m", "drawn.residuals_m")
     )
     measured, over = runs_of(cell, setup, first)
-    order = np.argsort(over.run)[np.searchsorted(np.sort(over.run), f.map.run)]
+    order = np.array([over.run.tolist().index(run) for run in f.map.run])
     over, wrong = in_order(over, order), {name: own[order] for name, own in wrong.items()}
     places = [f"Place {k} of {over.runs}" for k in range(1, over.runs + 1)]
     kinds = ["fitted" if pose <= fitted else "check" for pose in measured.pose.tolist()]

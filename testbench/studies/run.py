@@ -86,6 +86,7 @@ def run(study: AnyStudy, common: Common, options: Any, console: Console) -> None
         files.write_manifest(
             folder, command=script, scenario=plain, seeds=seeds, models=digests(arms), seconds=seconds
         )
+    console.print(terminal.as_plain(report.title))
     terminal.print_words(console, report, [report.tables[name] for name in study.printed])
     terminal.print_places(console, out, figures=figures, data=study.data)
 

@@ -60,8 +60,8 @@ class Study(Generic[O, S, W]):
     #: words and tables.
     write: Callable[["Run[S]"], Seen | None] = lambda _: None
     extra: tuple[str, ...] = ()  #: Names of other figures that `write` makes.
-    #: Name of the data file: `write` makes it, or the first seed's rows hold its text, one of them, as
-    #: `data_file`: nothing is simulated again.
+    #: Name of the data file. `write` makes it, or a row of the first seed holds its text as `data_file`: then
+    #: nothing is simulated again for it.
     data: str = "dataset.csv"
     size: int = 1  #: Seeds of a chunk: 0.1 to 1 s of work.
     #: Adds to the settings what all trials share and what is too dear for each of them.

@@ -1,9 +1,10 @@
 """What figures share: one width, a title that answers, dots with their spread, lines, quiet axes."""
 
+import contextlib
 import math
 import textwrap
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Literal
@@ -18,10 +19,9 @@ from matplotlib.figure import Figure as Figure
 from matplotlib.figure import SubFigure
 from matplotlib.text import Text
 
-from testbench.campaign.baselines import JOINTS
-from testbench.trials.spread import Number, Spread, ends, middle, span
+from testbench.trials.spread import Spread, ends, middle, span
 from testbench.views.colours import GREY, SCALE, Look, hexadecimal
-from testbench.views.schema import Column, Table, best_of, looks
+from testbench.views.schema import Column, Table, looks
 
 SOFT = hexadecimal(GREY)
 SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colour in SCALE])
@@ -44,18 +44,27 @@ class Page(Figure):
 
     def draw(self, renderer: RendererBase) -> None:
         """Draw it, also such text as comes to be while it is drawn."""
-        for text in self.findobj(Text):
-            text.set_parse_math(False)
-        with rc_context({"text.parse_math": False}), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Glyph .* missing")  # of a script without a font here
+        with _as_it_is(self):
             super().draw(renderer)
+
+
+@contextlib.contextmanager
+def _as_it_is(figure: Figure) -> Iterator[None]:
+    """All text of a figure, letters of scripts without a font here among it."""
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+    with rc_context({"text.parse_math": False}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")
+        yield
 
 
 def save(figure: Figure, path: Path | IO[bytes]) -> None:
     """Write a figure as PNG, laid out and drawn once: `savefig` draws it twice."""
     canvas = FigureCanvasAgg(figure)
-    if (engine := figure.get_layout_engine()) is not None:
-        engine.execute(figure)
+    engine = figure.get_layout_engine()
+    if figure.axes and engine is not None:
+        with _as_it_is(figure):
+            engine.execute(figure)
         figure.set_layout_engine("none")
     canvas.print_png(path, pil_kwargs={"compress_level": LEVEL})  # type: ignore[no-untyped-call]
 
@@ -85,13 +94,7 @@ def _key(part: SubFigure, columns: int) -> None:
 
 
 def say(figure: Figure, answer: str, reading: str) -> None:
-    """Write what is seen above a figure, and below it what its marks and numbers are.
-
-    Args:
-        figure: Whole.
-        answer: A sentence with numbers and the statistic that they are.
-        reading: What dots, lines and colours mean.
-    """
+    """Write what is seen above a figure, and below it what its marks and numbers are."""
     lines = [textwrap.fill(text, TITLE) for text in answer.splitlines()]
     figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12, fontweight="bold")
     words = textwrap.fill(reading, CAPTION)
@@ -105,32 +108,11 @@ def of_seeds(seeds: int | Sequence[int]) -> str:
     return f"Dots: medians, lines: {span(len(seeds))} of {len(seeds)} seeds"
 
 
-def least(errors: Mapping[str, Number], beside: str) -> str:
-    """Which of several errs least, and by how much another one more, as the end of a sentence.
-
-    Args:
-        errors: By name [mm]; medians are compared.
-        beside: Name of the one to beat.
-    """
-    best, other = best_of(errors), middle(errors[beside])
-    called = "joint stiffness only" if beside == JOINTS else beside
-    verb = "errs" if len(best.names) == 1 else "err"
-    words = f"{best.words} {verb} least, {best.value:.3f} mm"
-    return words if beside in best.names else f"{words}, {called} {other:.3f} mm"
-
-
 LONG = 1000  #: Numbers beyond have no room side by side: of an axis to the right only powers of ten.
 
 
 def log_ticks(axes: Axes, side: Literal["x", "y"], low: float, high: float) -> None:
-    """A logarithmic axis with plain numbers: more of a decade where there are few.
-
-    Args:
-        axes: Of a figure.
-        side: Which axis.
-        low: Least value drawn, above 0.
-        high: Largest value drawn.
-    """
+    """A logarithmic axis with plain numbers: more of a decade where there are few."""
     decades = range(math.floor(math.log10(low)) - 1, math.ceil(math.log10(high)) + 1)
     steps = next(ticks for most, ticks in STEPS.items() if high < most * low)
     every = -(-len(decades) // DECADES)
@@ -193,14 +175,7 @@ def forest(
 
 
 def forest_pane(axes: Axes, table: Table, value: Column, *, named: bool = True) -> None:
-    """One dot a row from top to bottom in its look, its spread a line, the paper's number a grey diamond.
-
-    Args:
-        axes: Where to.
-        table: Its rows have looks; the one that it marks has a band.
-        value: What is drawn; it labels the axis.
-        named: Whether the rows are named beside their numbers; else the axes to the left do.
-    """
+    """One dot a row from top to bottom in its look, its spread a line, the paper's number a grey diamond."""
     name = table.columns[0]
     for y, row in enumerate(table.rows):
         number, look = value.value(row), table.looks[name.cell(row)]
@@ -221,14 +196,9 @@ def forest_pane(axes: Axes, table: Table, value: Column, *, named: bool = True) 
 def sweeps(
     panes: Mapping[str, Table], answer: str, reading: str, bands: Sequence[str] | None = None
 ) -> Figure:
-    """Lines over swept quantities on logarithmic ordinates, a pane a table; alike lines share one legend.
+    """Lines over swept quantities, a pane a table whose columns name the line, sweep and are drawn.
 
-    Args:
-        panes: By title; the columns of a table name the line, sweep and are drawn. Lines that are of models
-            have their colours, others those that the table gives.
-        answer: See `say`.
-        reading: The same.
-        bands: Names of the lines whose spread is drawn; None for all that have one.
+    Of `bands` the spread is drawn, of all if None; lines that are alike in all panes share one legend.
     """
     across = min(2, len(panes))
     down = -(-len(panes) // across)
@@ -280,13 +250,9 @@ def labelled(column: Column) -> str:
 
 
 def ranges(panes: Mapping[str, Table], answer: str, reading: str, mark: float | None = None) -> Figure:
-    """Medians and spreads of models by what names a row, a pane a table: nothing joins one row to the next.
+    """Medians and spreads without lines, a pane a table: its columns name row and model, and are drawn.
 
-    Args:
-        panes: By title; the columns of a table name the row and the model, and are drawn.
-        answer: See `say`.
-        reading: The same.
-        mark: A number with a dotted line; None for none.
+    A dotted line is at the number `mark`.
     """
     table, rows = next(iter(panes.values())), [row for own in panes.values() for row in own.rows]
     down, name, value = table.columns

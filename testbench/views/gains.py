@@ -75,12 +75,7 @@ def more(gain: Gain, each: str = "") -> str:
 
 
 def beside(gains: Mapping[str, Gain | None], unit: str = "mm") -> str:
-    """One model beside others, for the title of a figure; those that are not there are left out.
-
-    Args:
-        gains: Of one model beside others, by what these are called.
-        unit: Of the errors: mm or um.
-    """
+    """One model beside others, for the title of a figure; those that are not there are left out."""
     scale, form = UNITS[unit]
     known = {name: own for name, own in gains.items() if own is not None}
     ours = [f"{own.ours} {scale * middle(own.ours_mm):{form}} {unit}" for own in known.values()]

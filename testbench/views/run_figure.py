@@ -51,12 +51,7 @@ FOREST, ROW, ROWS = 0.9, 0.27, 15
 
 
 def overview(words: Told, seen: Seen) -> Figure:
-    """The first poses of the scene, the models of the first table that has some, and every chart.
-
-    Args:
-        words: Of the report; its answer is the title.
-        seen: What the page draws.
-    """
+    """The first poses of the scene, the models of the first table that has some, and every chart."""
     charts = [chart for chart in seen.runs if chart.labels]
     layers = [own for own in seen.scene.groups[0].layers if own.shown] if seen.scene else []
     key = KEY * -(-len(layers) // KEYS)
@@ -189,12 +184,7 @@ def _chart(axes: Axes, chart: RunChart) -> None:
 
 
 def error_map(found: PlaceMap, title: str) -> Figure:
-    """A column a map: the places from the side and from above, the worst of each named.
-
-    Args:
-        found: One line at least has a number.
-        title: Whose errors they are, and under which load.
-    """
+    """A column a map: the places from the side and from above, the worst of each named; one has a number."""
     there = np.isfinite(found.at).all(axis=1)
     at, lines = found.at[there], found.lines[:MAPS]
     values = {line.name: line.values[there] for line in lines}

@@ -10,7 +10,7 @@ import numpy as np
 from testbench.campaign.campaign import Cell
 from testbench.data.dataset import Ids
 from testbench.errors import Array
-from testbench.plant.shapes import Frames
+from testbench.plant.shapes import Frames, rigid_frames
 from testbench.views.colours import Colour, Look
 from testbench.views.schema import Table
 
@@ -47,6 +47,12 @@ class Poses:
     first: int = 0  #: Index of the pose that is shown first.
     #: What the eye sees from the broad side, (n, 3) [m]; all that is drawn if None.
     near: Array | None = None
+
+
+def workspace(cell: Cell, q: Array, words: Sequence[str], layers: Sequence[Layer], first: int = 0) -> Poses:
+    """The arm in poses all over the workspace, (n, joints) [rad, m], and what is said of each."""
+    names = [f"Place {k} of {len(q)}" for k in range(1, len(q) + 1)]
+    return Poses("Workspace", names, words, rigid_frames(cell.room, q), None, layers, first)
 
 
 @dataclass(frozen=True)
@@ -159,16 +165,19 @@ class Scale:
     ends: tuple[float, float]  #: Least and greatest error; what is less is drawn as the least [mm].
     logarithmic: bool
 
+    def _at(self, mm: Array) -> Array:
+        """Errors as they are spaced."""
+        return np.log10(mm) if self.logarithmic else mm
+
     def shares(self, mm: Array) -> Array:
-        """Places of errors [mm] on the scale, 0 to 1."""
-        if not self.logarithmic:
-            return shares(mm, self.ends)
-        low, high = np.log10(self.ends)
-        return shares(np.log10(np.maximum(mm, self.ends[0])), (low, high))
+        """Places of errors [mm] on the scale, 0 to 1; 0 where all are equal."""
+        low, high = self._at(np.array(self.ends))
+        at = self._at(np.maximum(mm, self.ends[0]))
+        return np.asarray((at - low) / (high - low if high > low else 1.0))
 
     def errors(self, share: Array) -> Array:
         """Errors [mm] at places on the scale, 0 to 1."""
-        low, high = np.log10(self.ends) if self.logarithmic else self.ends
+        low, high = self._at(np.array(self.ends))
         found = low + share * (high - low)
         return np.asarray(10**found if self.logarithmic else found)
 
@@ -189,14 +198,3 @@ def scale_of(*errors_mm: Array) -> Scale:
     low, high = float(every.min()), float(every.max())
     far = high > APART * min(float(np.median(mm)) for mm in errors_mm)
     return Scale((max(low, DEEP * high) if far else low, high), far)
-
-
-def shares(errors: Array, ends: tuple[float, float]) -> Array:
-    """Place of errors on the scale, 0 to 1; 0 where all are equal.
-
-    Args:
-        errors: Any shape [mm].
-        ends: Of the scale [mm].
-    """
-    low, high = ends
-    return np.asarray((errors - low) / (high - low) if high > low else np.zeros_like(errors))

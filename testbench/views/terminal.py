@@ -1,5 +1,6 @@
 """Tables and words for a terminal of 80 columns, by rich."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from rich.text import Text
 
 from testbench.errors import shown, word
 from testbench.trials.spread import Spread
-from testbench.views.markdown import Told, as_plain
+from testbench.views.markdown import Told
+from testbench.views.markdown import as_plain as as_plain
 from testbench.views.schema import Column, Table, brackets
 
 MORE = "under More in report.md"
@@ -87,20 +89,25 @@ def _end(column: Column, row: object, end: int | None = None) -> str:
     return column.text(value)
 
 
-def print_words(console: Console, words: Told, tables: list[Table], where: str = MORE) -> None:
-    """Title, the answer, tables, what else is to be said.
+def print_words(
+    console: Console, words: Told, tables: Sequence[Table] = (), lines: Sequence[str] = (), where: str = MORE
+) -> None:
+    """The answer, tables, what else is to be said, and lines below it.
 
     Args:
         console: A plain one.
         words: Of the report.
-        tables: In their order.
+        tables: In their order; those without rows are left out.
+        lines: Of any length.
         where: The statements that are not printed are.
     """
-    console.print(as_plain(words.block("title")))
     print_answer(console, words)
     for table in tables:
-        print_table(console, table)
+        if table.rows:
+            print_table(console, table)
     print_statements(console, words, where)
+    if lines:
+        console.print("\n".join(lines), soft_wrap=True)
 
 
 def print_answer(console: Console, words: Told) -> None:
@@ -127,14 +134,7 @@ def looked_at(out: Path) -> list[str]:
 
 
 def print_places(console: Console, out: Path, *, figures: list[str], data: str = "dataset.csv") -> None:
-    """Where the results are, and how to open them.
-
-    Args:
-        console: A plain one.
-        out: Folder of the results.
-        figures: Names of the figures.
-        data: Name of the data file.
-    """
+    """Where the results are, and how to open them."""
     lines = [
         f"numbers    {out / 'report.json'}, {out / 'report.md'}, {out / 'trials.parquet'}, {out / data}",
         f"figures    {', '.join(str(out / name) for name in figures)}",

@@ -8,11 +8,11 @@ from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, slidin
 
 from testbench.arm.folder import load_arm
 from testbench.campaign.campaign import build_cell
-from testbench.plant.import_robot.folder import write_arm
 from testbench.plant.import_robot.read import read_chain
 from testbench.plant.import_robot.surface import surfaces
 from testbench.plant.import_robot.weigh import DENSITY
 from testbench.plant.import_robot.wishes import Wishes
+from testbench.plant.import_robot.write import write_arm
 
 ARMS = {
     light_urdf: (pinocchio_urdf, "tool0", "a1 a2 a3 a4 a5 a6 a7"),

@@ -16,10 +16,10 @@ import pytest
 from markdown_it import MarkdownIt
 
 from testbench.campaign.campaign import build_cell
-from testbench.data.cells import as_cell, from_cell
-from testbench.data.csvfile import read_csv
+from testbench.data.lines import as_cell, from_cell
 from testbench.data.program import read_program
-from testbench.data.program_corrected import write_program
+from testbench.data.read_pairs import read_csv
+from testbench.data.write import write_program
 from testbench.errors import BenchError, InputError, shown, word
 from testbench.views.figure import page
 from testbench.views.markdown import as_markdown, as_plain, lines
@@ -148,7 +148,7 @@ def test_labels_of_a_program_come_back_from_the_corrected_one_as_no_formulas(lab
         assert not [cell for row in csv.reader(file) for cell in row if cell[:1] in ("=", "@")]
     again = read_program(lab / "new.csv", arm)
     assert again.labels == program.labels
-    assert again.table.texts(len(again.table.names) - 1) == ["=2"] * len(labels)
+    assert again.columns.table.texts(len(again.columns.table.names) - 1) == ["=2"] * len(labels)
 
 
 def test_a_figure_has_dollars_and_letters_without_a_font_as_text(tmp_path, pixels, recwarn):

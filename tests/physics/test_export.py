@@ -73,7 +73,7 @@ def test_constants_of_virtual_joints_are_poses_of_joints(slides, rng):
 def test_a_new_urdf_is_the_model_to_mujoco_too(ur10, rng, tmp_path):
     state, out = planted(ur10, rng, ends=True), tmp_path / "new.urdf"
     done = export(state, draft_new(state), out)
-    assert (done.poses, done.tip) == (1000, "tool")
+    assert (done.poses, done.draft.frames.names[-1]) == (1000, "tool")
     assert max(done.position_um, done.rotation_urad) < 1e-4
     assert 0.1 < done.geometry_mm[0] < 5
     keep = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'
@@ -129,7 +129,7 @@ def test_an_own_urdf_keeps_all_but_the_origins_of_its_chain(ur10, rng, tmp_path,
     text, root, tip = own_urdf(state.vjm, rng)
     (file := tmp_path / "own.urdf").write_text(text)
     done = export(state, draft_own(state, file), tmp_path / "out" / "new.urdf")
-    assert done.tip == "tool0"
+    assert done.draft.frames.names[-1] == "tool0"
     new = done.urdf.read_text()
     q = random_joints(state.vjm)[:50]
     expected = tool_poses(state.vjm, q, state.theta_0) @ tip

@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.campaign.baselines import is_least_squares
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.campaign.evaluation import identify, identify_each
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import DEFAULT, choose, default_models, recommend
-from testbench.campaign.models import Model, named_models
-from testbench.data.outliers import spoil
+from testbench.campaign.models import Model, is_least_squares, named_models
+from testbench.data.tracker import spoil
 from testbench.errors import BenchError
 from testbench.identify import Method, gco, least_squares, make_estimate, reduce, robust, with_prior
 from testbench.identify.evaluate import deflections, score

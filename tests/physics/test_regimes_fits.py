@@ -81,7 +81,7 @@ def test_gco_is_the_projection_of_least_squares_on_the_cone(request, make, measu
         [reduce(cell.vjm, structure, noisy(measure(cell, seed, poses), sigma)) for seed in SEEDS]
     )
     assert all(found.binds)
-    for ls, gco, taken in zip(found.ls, found.gco, found.taken, strict=True):
+    for ls, gco in zip(found.ls, found.gco, strict=True):
         A, y = rows_of(ls.regression)
         for other in (true, np.zeros_like(true), 2 * gco.pi, gco.pi + true):
             left, way = A @ gco.pi - y, A @ (other - gco.pi)
@@ -89,6 +89,7 @@ def test_gco_is_the_projection_of_least_squares_on_the_cone(request, make, measu
             assert left @ way >= -slack
         errors = [np.sum((A @ (own.pi - true)) ** 2) / 3 for own in (ls, gco)]
         slack = traces_price(gco, true) + 1e-9 * np.linalg.norm(y) ** 2
+        taken = fits.added(ls, gco)
         assert errors[0] - errors[1] >= taken * ls.regression.rank - slack
         assert taken > 0
 
@@ -115,7 +116,7 @@ def test_where_no_equal_fit_is_sought_there_is_none(kr500):
         clean = [hung(kr500, seed, count) for seed in SEEDS for count in poses]
         found = fits.without_prior([reduce(kr500.vjm, structure, noisy(own, 50e-6)) for own in clean])
         ls += found.ls
-        taken += found.taken
+        taken += map(fits.added, found.ls, found.gco)
     skipped = [own for own, share in zip(ls, taken, strict=True) if share > fits.TAKEN]
     assert 3 < len(skipped) < len(ls) - 3
     assert not any(completed(own.regression).conservative for own in skipped)

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.data.dataset import Dataset
-from testbench.data.outliers import spoil
+from testbench.data.tracker import spoil
 from testbench.errors import BenchError
 from testbench.identify import cone, gco, huber, least_squares, readings, reduce
 from testbench.identify.estimate import TOOL

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from testbench.campaign.campaign import build_cell
-from testbench.data.series_export import read_series
+from testbench.data.read_series import read_series
 from testbench.model.vjm import rotation, tool_pose
 
 DH = [(0.1273, 0, 90), (0, -0.612, 0), (0, -0.5723, 0), (0.163941, 0, 90), (0.1157, 0, -90), (0.0922, 0, 0)]

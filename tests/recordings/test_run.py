@@ -9,6 +9,7 @@ from made_up_run import REPORT, made_up_run
 from PIL import Image
 from read_back import chunks_of, columns, document, on, rerun, series, sound, views
 from rerun.chunk import RrdReader
+from scipy.spatial.transform import Rotation
 
 from testbench.views.colours import SCALE
 from testbench.views.recording.run import write_run
@@ -21,14 +22,21 @@ def seen(arm_6r):
     return made_up_run(arm_6r)
 
 
+def written(path, seen, **figures):
+    write_run(path, Header("made_up", "{}", 1), REPORT, seen, figures)
+    return path
+
+
 @pytest.fixture(scope="module")
-def file(seen, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("run")
-    Image.new("RGB", (40, 20)).save(folder / "chart.png")
-    write_run(
-        folder / "recording.rrd", Header("made_up", "{}", 1), REPORT, seen, {"Chart": folder / "chart.png"}
-    )
-    return folder / "recording.rrd"
+def chart(tmp_path_factory):
+    path = tmp_path_factory.mktemp("chart") / "chart.png"
+    Image.new("RGB", (40, 20)).save(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def file(seen, chart, tmp_path_factory):
+    return written(tmp_path_factory.mktemp("run") / "recording.rrd", seen, Chart=chart)
 
 
 @pytest.fixture(scope="module")
@@ -40,25 +48,15 @@ def chunks(file):
 ORDER = [3, 4, 0, 1, 2]
 
 
-def test_the_file_is_one_whole_recording_and_equal_runs_are_equal(file, seen, tmp_path):
-    assert "1 file verified without error" in rerun("verify", file)[1]
-    write_run(
-        tmp_path / "again.rrd",
-        Header("made_up", "{}", 1),
-        REPORT,
-        seen,
-        {"Chart": file.with_name("chart.png")},
-    )
-    assert rerun("compare", "--unordered", file, tmp_path / "again.rrd")[0] == 0
+def test_equal_runs_are_equal_recordings(file, seen, chart, tmp_path):
+    again = written(tmp_path / "again.rrd", seen, Chart=chart)
+    assert rerun("compare", "--unordered", file, again)[0] == 0
 
 
-def test_every_view_has_data_where_the_reader_lands(file, chunks):
-    names = [name for _, _, name in views(file)]
-    assert "Runs (m): Errors x 10." in names
-    assert {"Left (mm), by run", "Error (mm), by pose"} <= set(names)
-    for origin, kind, name in views(file):
-        under = [c for c in on(chunks, "worst_first") if f"{c.entity_path}/".startswith(f"/{origin}/")]
-        assert under, (origin, kind, name)
+def test_it_is_whole_and_every_view_has_data_where_the_reader_lands(file):
+    sound(file, "It is 3.000 mm off.")
+    names = {name for _, _, name in views(file)}
+    assert {"Runs (m): Errors x 10.", "Left (mm), by run", "Error (mm), by pose"} <= names
 
 
 def test_the_arm_and_its_ghost_stand_in_every_pose_worst_first(chunks, seen):
@@ -68,10 +66,12 @@ def test_the_arm_and_its_ghost_stand_in_every_pose_worst_first(chunks, seen):
             c.entity_path for c in chunks if c.entity_path.startswith(f"/world/{root}/") and not c.is_static
         ]
         data = columns(on(chunks, "worst_first"), sorted(set(moved))[-1])
-        rows = sorted(zip(data["worst_first"], data["Transform3D:translation"], strict=True))
-        found = np.array([at[0] for _, at in rows])
-        distance = np.abs(found[:, None] - frames.positions[ORDER]).max(axis=2).min(axis=1)
-        assert distance == pytest.approx(0, abs=1e-6)
+        keys = ("worst_first", "Transform3D:translation", "Transform3D:quaternion")
+        _, at, turn = zip(*sorted(zip(*map(data.get, keys), strict=True)), strict=True)
+        apart = np.abs(np.reshape(at, (-1, 1, 3)) - frames.positions[ORDER]).max(axis=(0, 2))
+        assert apart.min() < 1e-6
+        turned = Rotation.from_quat(np.reshape(turn, (-1, 4))).as_matrix()
+        assert turned == pytest.approx(frames.rotations[ORDER][:, apart.argmin()], abs=1e-6)
         assert [c.entity_path for c in chunks if c.entity_path.startswith("/world/arm_1/")]  # of the places
 
 
@@ -156,8 +156,7 @@ def test_lines_have_the_colour_of_their_model_and_a_cross_where_it_has_a_prior(c
 
 
 def test_a_map_without_an_arm_is_drawn_alone(seen, tmp_path):
-    write_run(tmp_path / "a.rrd", Header("made_up", "{}", 1), REPORT, Seen(map=seen.map), {})
-    chunks = sound(tmp_path / "a.rrd", "It is 3.000 mm off.")
+    chunks = sound(written(tmp_path / "a.rrd", Seen(map=seen.map)), "It is 3.000 mm off.")
     assert "- one: 5.000 mm, place 5, " in document(chunks, "/map_words")
 
 
@@ -171,7 +170,7 @@ def test_a_failure_half_way_leaves_the_earlier_file_whole(seen, tmp_path, monkey
 
     monkeypatch.setattr(rr.RecordingStream, "send_columns", fail)
     with pytest.raises(RuntimeError, match="half-way"):
-        write_run(path, Header("made_up", "{}", 1), REPORT, seen, {})
+        written(path, seen)
     assert path.read_bytes() == b"earlier"
     assert list(tmp_path.iterdir()) == [path]
     assert not rr.strict_mode()
@@ -179,15 +178,12 @@ def test_a_failure_half_way_leaves_the_earlier_file_whole(seen, tmp_path, monkey
 
 def test_runs_whose_views_differ_have_other_layouts(seen, tmp_path):
     """Or the viewer would show one by the layout of the other."""
-    found = []
+    found = set()
     for name in ("a", "b"):
-        scene = replace(seen.scene, title=f"Errors x {name}.")
-        write_run(
-            tmp_path / f"{name}.rrd", Header("made_up", "{}", 1), REPORT, replace(seen, scene=scene), {}
-        )
-        (entry,) = RrdReader(tmp_path / f"{name}.rrd").recordings()
-        found.append(entry.application_id)
-    assert found[0] != found[1]
+        own = replace(seen, scene=replace(seen.scene, title=f"Errors x {name}."))
+        (entry,) = RrdReader(written(tmp_path / f"{name}.rrd", own)).recordings()
+        found.add(entry.application_id)
+    assert len(found) == 2
 
 
 def test_seed_scenario_and_versions_are_properties(chunks):
@@ -197,10 +193,6 @@ def test_seed_scenario_and_versions_are_properties(chunks):
     assert {"testbench", "mujoco", "pin", "rerun-sdk", "numpy"} <= set(versions)
 
 
-def test_a_run_without_a_scene_has_its_figures_and_tables(tmp_path):
-    Image.new("RGB", (40, 20)).save(tmp_path / "chart.png")
-    write_run(
-        tmp_path / "a.rrd", Header("made_up", "{}", 1), REPORT, Seen(), {"Chart": tmp_path / "chart.png"}
-    )
-    kinds = {kind for _, kind, _ in views(tmp_path / "a.rrd")}
+def test_a_run_without_a_scene_has_its_figures_and_tables(chart, tmp_path):
+    kinds = {kind for _, kind, _ in views(written(tmp_path / "a.rrd", Seen(), Chart=chart))}
     assert kinds == {"2D", "TextDocument"}

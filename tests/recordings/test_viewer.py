@@ -46,18 +46,6 @@ def test_the_newest_recording_of_a_folder_is_taken_or_the_one_that_is_named(fold
     assert viewer.newest(folder / "old.rrd") == folder / "old.rrd"
 
 
-def test_a_folder_that_is_called_as_a_flag_is_none_to_the_viewer(folder, monkeypatch):
-    monkeypatch.chdir(folder)
-    (folder / "inner").rename(folder / "--save=x")
-    assert viewer.newest(viewer.Path("--save=x")) == folder / "--save=x" / "new.rrd"
-
-
-def test_a_file_that_is_no_recording_is_told_before_any_viewer_starts(folder):
-    (folder / "junk.rrd").write_bytes(b"junk")
-    with pytest.raises(BenchError, match=r"junk\.rrd: is no recording"):
-        viewer.newest(folder / "junk.rrd")
-
-
 @pytest.fixture
 def program(folder, monkeypatch):
     """Stands for the viewer: keeps its arguments, and ends with 3 if nothing is in the folder."""

@@ -2,13 +2,18 @@
 
 import io
 import json
+import tempfile
+from pathlib import Path
 
 import numpy as np
-from checks import check_spread, check_words, unit_in
+from checks import check_spread, check_words, curves, unit_in
+from made_up import of_one_trial
 from rich.console import Console
 
 from testbench.report.report import read
 from testbench.report.table import Trials
+from testbench.trials.parquet import write_trials
+from testbench.trials.rows import columns, tabled
 from testbench.trials.spread import ends, middle
 from testbench.views import terminal
 from testbench.views.page import page as html
@@ -17,8 +22,15 @@ WIDTH = 80  #: Of a terminal.
 
 
 def table_of(seeds, rows):
-    """Trials as a study's report gets them: `rows` makes those of a seed."""
-    return Trials.of([(seed, rows(seed)) for seed in seeds])
+    """Trials as a study's report gets them, from the file of its run: `rows` makes those of a seed."""
+    own = {seed: rows(seed) for seed in seeds}
+    kind = type(next(row for found in own.values() for row in found))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "trials.parquet"
+        write_trials(
+            path, {}, columns(kind), len(own), [(seed, tabled(found)) for seed, found in own.items()]
+        )
+        return Trials.read(path)
 
 
 def check(report, printed):
@@ -82,6 +94,46 @@ def check_duels(duels, trials, *by, of="name"):
         assert len(ours) == row.trials
         check_spread(row.ratio, ours / theirs)
         assert (row.won, row.tied) == (np.mean(ours < theirs), np.mean(ours == theirs))
+
+
+def fit_row(kind, rng, models, name, **own):
+    """A made-up row of a factorial campaign's model.
+
+    Args:
+        kind: Type of the row.
+        rng: Source of what is not given.
+        models: Structure, constraint and whether it has a prior, by name.
+        name: Of the model.
+        own: Fields that are given; factors that are not are None.
+    """
+    known = dict(zip(("structure", "constraint", "prior"), models[name], strict=True))
+    factors = dict.fromkeys(("part", "case", "instrument", "distance_m", "sigma_um", "data_file"))
+    return of_one_trial(kind, rng, **{**factors, "name": name, **known, **own})
+
+
+def check_ranges(axes, numbers, looks, unit=None):
+    """Medians, spreads and colours of a pane of `figure.ranges`, whose dots nothing joins.
+
+    Args:
+        axes: The pane.
+        numbers: What is drawn by model, from top to bottom.
+        looks: Of the models.
+        unit: Of its axis; None without.
+    """
+    assert unit is None or unit_in(axes.get_xlabel()) == unit
+    spreads = [line.get_data() for line in axes.get_lines() if line.get_label().startswith("_")]
+    colours = {line.get_label(): line.get_color() for line in axes.get_lines()}
+    points = curves(axes)
+    assert list(points) == list(numbers)
+    for name, (x, y) in points.items():
+        assert x.tolist() == [middle(number) for number in numbers[name]]
+        assert np.rint(y).tolist() == list(range(len(y)))
+        assert colours[name] == looks[name].hex
+        for number, place in zip(numbers[name], y, strict=True):
+            assert any(np.allclose(own, [ends(number), (place, place)]) for own in spreads)
+    assert all(line.get_linestyle() == "None" or len(line.get_xdata()) == 2 for line in axes.get_lines())
+    low, high = axes.get_ylim()
+    assert low > high  # the first on top
 
 
 def check_forest(axes, numbers, looks, unit="mm"):

@@ -8,9 +8,9 @@ from checks import at, tables_of
 from made_up import of_one_trial
 from reports import check, check_forest, table_of
 
-from testbench.campaign.baselines import EQUAL_FIT
 from testbench.campaign.campaign import Scenario, build_cell
-from testbench.campaign.campaign_row import CampaignRow, Measured
+from testbench.campaign.evaluation import CampaignRow, Measured
+from testbench.campaign.models import EQUAL_FIT
 from testbench.campaign.rows import ErrorRow
 from testbench.campaign.workspace_errors import Places
 from testbench.identify.evaluate import deflections

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checks import check_pivot, check_spread, check_table
+from checks import check_pivot, check_spread
 from made_up import of_one_trial
 from reports import check, check_cells, check_forest, table_of
 
@@ -81,13 +81,6 @@ def test_models_and_what_is_swept_are_those_of_their_trials(whole):
     for m in f["models"]:
         for key in ("rms", "p95", "max"):
             check_spread(m.workspace[f"{key}_mm"], fits.where(part="linear", name=m.name)[f"{key}_um"] / 1e3)
-    heads = {
-        "model": "name", "unknowns": "parameters", "seen": "rank", "conservative": "conservative",
-        "uncertainty of the prior, %": "uncertainty_percent", "RMS error, um": "rms_um",
-        "non-linear truth, um": "nonlinear.rms_um",
-    }  # fmt: skip
-    both = [m | {"nonlinear": own} for m, own in zip(f["models"], f["nonlinear"], strict=True)]
-    check_table(found.tables["models"], both, heads)
     check_pivot(found.tables["poses"], f["poses"], ("name", "poses", "rms_um"))
 
 
@@ -104,12 +97,6 @@ def test_shares_of_intervals_are_those_of_their_datasets(whole):
         assert row.width_um == pytest.approx(np.mean([own[:5] for own in own["intervals.width_um"]]))
         assert row.unbounded_percent == pytest.approx(100 / 6)
     assert (list(f["coverage"]), list(f["family_coverage"])) == (["a", "b", "c"], ["d", "e"])
-    heads = {
-        "interval": "interval", "datasets": "datasets", "covered, %": "covered_percent",
-        "standard error, %": "standard_error_percent", "mean width, um": "width_um",
-        "unbounded, %": "unbounded_percent",
-    }  # fmt: skip
-    check_table(found.tables["coverage"], [*every.values()], heads)
     a, b, _, learnt, believed = (row.covered_percent for row in every.values())
     said = found.claims[-1]
     assert f"in {min(a, b):.1f} to {max(a, b):.1f} % of the cases" in said
@@ -125,7 +112,10 @@ def test_the_answer_is_the_gain_of_the_best_whichever_it_is(winner):
     assert (f"Joint stiffness only {middle(joints):.0f} um" in found.answer) == (winner != "Joints")
     plain, size = (winner, 2) if KINDS[winner][2] in ("none", "least trace") else ("MLS56", 7)
     assert f"Without a prior {plain} errs least, {size} um." in found.claims[0]
-    assert f"Worst with non-linear truth: {winner} 3 um" in found.worst
+    rival = rival.replace("7 um", "10 um")
+    assert found.worst.startswith(f"With non-linear truth: {winner} 3 um{rival}.")
+    most = next(m.max_um for m in found.numbers["nonlinear"] if m.name == winner)
+    assert found.worst.endswith(f"{winner} errs {middle(most):.0f} um at its worst place.")
 
 
 def test_of_models_alike_that_by_gco_is_named():

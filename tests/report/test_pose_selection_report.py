@@ -8,12 +8,13 @@ from checks import at, bands, curves, key_of, looks_differ, unit_in
 from made_up import of_one_trial
 from reports import check, table_of
 
+from testbench.campaign.evaluation import CampaignRow, Measured
 from testbench.campaign.predicted_error import Expected
 from testbench.campaign.true_arms import CALLED
 from testbench.studies.pose_selection import settings as s
-from testbench.studies.pose_selection.report import LOOKS, figures, report
 from testbench.studies.pose_selection.settings import BARE, FITS, INCUMBENT, PLANNED, WHOLE
-from testbench.studies.pose_selection.trial import Model, Row, Where
+from testbench.studies.pose_selection.study import LOOKS, figures, report
+from testbench.studies.pose_selection.trial import Row
 from testbench.trials.spread import ends, middle, spread
 from testbench.views.gains import ratio
 from testbench.views.markdown import grid
@@ -24,14 +25,12 @@ SCOPE = s.Scope(poses=POSES, fewer=POSES, criteria=CRITERIA, candidates=30, task
 
 
 def plan(criterion="test", poses=12, fit=PLANNED, ground=s.HOME):
-    rng = np.random.default_rng([poses, *map(ord, criterion + fit.name + ground.name)])
-    own = {"criterion": criterion, "fit": fit.name, "ground": ground.name}
-    return of_one_trial(s.PlanRow, rng, poses=poses, load=(0,) * poses, q_rad=(), **own)
+    rng = np.random.default_rng([poses, *map(ord, criterion + fit + ground.name)])
+    own = {"criterion": criterion, "fit": fit, "ground": ground.name}
+    return of_one_trial(s.PlanRow, rng, poses=poses, q_rad=(), **own)
 
 
 HERE = s.Scene(
-    drawn=99,
-    rejected=tuple(range(11)),
     plans=(*(plan(name, n) for name in CRITERIA for n in POSES), *(plan(fit=fit) for fit in FITS[1:])),
 )
 AWAY = s.Scene(plans=tuple(plan(fit=fit, ground=s.AWAY) for fit in FITS))
@@ -44,12 +43,16 @@ def rows(seed, factors):
 
     def row(part, name, poses, fit, **more):
         tasks, workspace = factors.get((part, name), factors.get(name, (1, 1)))
-        return Row(part, name, poses, fit.name, *rng.uniform((20, 20), (40, 40)) * (tasks, workspace), **more)
+        return Row(part, name, poses, fit, *rng.uniform((20, 20), (40, 40)) * (tasks, workspace), **more)
 
     def featured(name):
-        where = Where(tuple(rng.uniform(1, 9, 4)), tuple(rng.uniform(1, 9, 5)))
-        model = of_one_trial(Model, rng, name=f"{name}, {PLANNED.name}", advice=(), parameters=68)
-        return {"model": model, "where": where if name == "test" else None}
+        own = {"name": f"{name}, {PLANNED}", "measured": of_one_trial(Measured, np.random.default_rng(1))}
+        own |= {"trace_bounds_rad_per_Nm": None, "advice": (), "parameters": 68}
+        model = of_one_trial(CampaignRow, rng, places=None, place_mm=None, drawn=None, **own)
+        if name != "test":
+            return {"model": model}
+        each = [tuple(rng.uniform(1, 9, n)) for n in (4, 5)]
+        return {"model": model, "each_task_mm": each[0], "each_place_mm": each[1]}
 
     for name, n, fit in [(name, n, fit) for fit in FITS for name in NAMES for n in POSES]:
         yield row("measured", name, n, fit, **featured(name) if (n, fit) == (12, PLANNED) else {})
@@ -86,16 +89,17 @@ def test_errors_and_forecasts_are_those_of_the_rows_that_are_meant(both):
     f = found.numbers
     check(found, ["criteria"])
     assert [model["parameters"] for model in f["models"]] == 4 * [68]
-    for fit, name, k in [(fit.name, name, k) for fit in FITS for name in NAMES for k in (0, 1)]:
-        level, n = f["errors"][fit][name][k], POSES[k]
+    levels = {(row.fit, row.plan, row.poses): row for row in f["errors"]}
+    assert levels.keys() == {(fit, name, n) for fit in FITS for name in NAMES for n in POSES}
+    for (fit, name, n), level in levels.items():
         tasks, area = (pick(trials, "measured", name, fit, n, f"{x}_mm") for x in ("tasks", "workspace"))
         assert (level.tasks_mm, level.workspace_mm) == (spread(tasks), spread(area))
-        own = None if name == "random" else HERE.plan(name, n, PLANNED.name)
+        own = None if name == "random" else HERE.plan(name, n, PLANNED)
         assert level.expected_tasks_mm == (own and own.expected_tasks_mm)
         assert level.efficiency_percent == (own and own.efficiency_percent)
     errors = [
-        np.median(trials.where(plan="test", fit=PLANNED.name, poses=12, part="measured")[key].tolist(), 0)
-        for key in ("where.tasks_mm", "where.workspace_mm")
+        np.median(trials.where(plan="test", fit=PLANNED, poses=12, part="measured")[key].tolist(), 0)
+        for key in ("each_task_mm", "each_place_mm")
     ]
     task, place = (own.max() for own in errors)
     assert f"Worst task {task:.3f} mm, worst place of the workspace {place:.3f} mm" in found.worst
@@ -103,22 +107,24 @@ def test_errors_and_forecasts_are_those_of_the_rows_that_are_meant(both):
 
 def test_plans_for_each_fit_are_judged_on_both_grounds_beside_random_poses_and_joints(both):
     found, trials = both
-    cases = []
     for row in found.numbers["grounds"]:
-        for where in ("tasks", "workspace"):
-            ours, chance, joints = (
-                pick(trials, "ground", plan, fit, key=f"{where}_mm", ground=row.ground)
-                for plan, fit in (("test", row.fit), ("random", row.fit), ("test", "Joints"))
-            )
-            assert (row[where].planned_mm, row[where].random_mm) == (spread(ours), spread(chance))
-            assert row[where].ratio == np.median(ours) / np.median(chance)
-            wins = sum(ours < chance), sum(ours < joints)
-            assert (row[where].wins, row[where].better_than_joints) == wins
-            cases.append(row[where].ratio)
+        key = {"at the tasks": "tasks_mm", "over the workspace": "workspace_mm"}[row.judged]
+        ours, chance, joints = (
+            pick(trials, "ground", plan, fit, key=key, ground=row.ground)
+            for plan, fit in (("test", row.fit), ("random", row.fit), ("test", "Joints"))
+        )
+        assert (row.planned_mm, row.random_mm) == (spread(ours), spread(chance))
+        assert row.over_random == np.median(ours) / np.median(chance)
+        assert (row.planned_better, row.better_than_joints) == (sum(ours < chance), sum(ours < joints))
+    cases = [row.over_random for row in found.numbers["grounds"]]
     losing = sum(ratio >= 1 for ratio in cases)
     assert (len(cases), 0 < losing < 24) == (24, True)
     assert f"Planning loses to random poses in {losing} of 24 cases" in "".join(found.claims)
-    assert f"Planning loses most with {found.numbers['worst'].case}: {max(cases):.2f} times" in found.worst
+    worst = found.numbers["worst"]
+    told = (
+        f"Planning loses most with {worst.fit} {worst.ground}, judged {worst.judged}: {max(cases):.2f} times"
+    )
+    assert told in found.worst
     ahead, _ = made({("ground", "test"): (0.1, 0.1)})
     assert "Planning gains least with" in ahead.worst
     assert "On both grounds every plan has a smaller median error" in "".join(ahead.claims)
@@ -126,7 +132,7 @@ def test_plans_for_each_fit_are_judged_on_both_grounds_beside_random_poses_and_j
 
 def test_promises_are_counted_case_by_case(both):
     found, trials = both
-    whole, kept = trials.where(part="promise", fit=WHOLE.name), found.numbers["kept"]
+    whole, kept = trials.where(part="promise", fit=WHOLE), found.numbers["kept"]
     labels = {
         "all": ["" for _ in whole["plan"]],
         "poses": [{"test": "planned"}.get(name, name) for name in whole["plan"]],
@@ -158,7 +164,7 @@ def test_the_best_criterion_is_marked_whichever_it_is(winner):
 def test_the_answer_holds_planned_and_random_poses_and_joints_alone(winner, word):
     found, trials = made({winner: (0.1, 0.1)})
     kinds = (("test", PLANNED), ("random", PLANNED), ("test", INCUMBENT))
-    planned, chance, joints = (pick(trials, "measured", name, fit.name) for name, fit in kinds)
+    planned, chance, joints = (pick(trials, "measured", name, fit) for name, fit in kinds)
     ours, theirs, alone = (mm(np.median(x)) for x in (planned, chance, joints))
     size = np.median(chance / planned)
     assert found.answer.startswith(f"12 planned poses leave {ours} at the tasks, random ones {theirs}: ")
@@ -189,7 +195,7 @@ def test_the_number_of_poses_is_the_least_that_is_enough_in_all_trials(both, pla
         meant, own = (trials["plan"] == name) & (trials["poses"] == n), trials["tasks_mm"]
         trials = trials.add(tasks_mm=np.where(meant, factor * own, own))
     found = report(ASKED, SEEDS, trials)
-    few, many = (np.median(pick(trials, "measured", "test", PLANNED.name, n)) for n in POSES)
+    few, many = (np.median(pick(trials, "measured", "test", PLANNED, n)) for n in POSES)
     assert found.claims[0].startswith(said)
     assert ("Beyond 8 poses 4 more take less than 10 %" in found.claims[0]) == (many > 0.9 * few)
     assert ("Every step tried still pays." in found.claims[0]) == (many <= 0.9 * few)
@@ -201,11 +207,12 @@ def test_the_figure_draws_the_reports_numbers_in_the_look_of_each_criterion(both
     looks_differ(key_of(drawn["pose_selection.png"]))
     for axes, fit, key in zip(drawn["pose_selection.png"].axes, fits, keys, strict=True):
         assert unit_in(axes.get_ylabel()) == "mm"
+        levels = {name: [r for r in f["errors"] if (r.fit, r.plan) == (fit, name)] for name in NAMES}
         for name, (x, y) in curves(axes).items():
-            own = f["errors"][fit.name][name]
+            own = levels[name]
             assert (x.tolist(), y.tolist()) == ([8, 12], [level[key].median for level in own])
         for name, shade in zip(("test", "random"), bands(axes), strict=True):
-            assert [row[1:] for row in shade] == [ends(level[key]) for level in f["errors"][fit.name][name]]
+            assert [row[1:] for row in shade] == [ends(level[key]) for level in levels[name]]
     quick, _ = made(scope=replace(SCOPE, poses=(12,), fewer=(12,)))
     for axes, key in zip(
         figures(quick)["pose_selection.png"].axes, ("tasks_mm", "workspace_mm"), strict=True

@@ -9,7 +9,10 @@ from made_up import of_one_trial
 from reports import check, check_forest, table_of
 
 from testbench.campaign.absolute import Score
+from testbench.campaign.campaign import build_cell
+from testbench.model.vjm import tool_pose
 from testbench.report.table import find
+from testbench.studies.calibration_scene import amid_errors
 from testbench.studies.real_ur10.study import LOOKS, PANES, figures, report
 from testbench.studies.real_ur10.trial import (
     ALL,
@@ -31,7 +34,6 @@ SEEDS, ORDERS, POSES = range(3, 6), 4, (50, 100)
 JUDGED = {"blocks": "AC", "blocks, realigned": "AC", "A to C": "C", "C to A": "A", "both": ""}
 SIZES = {GEOMETRY: 8.0, JOINTS: 6.0, WAVES: 2.0}
 """Mean error in blocks [mm]; from one series to the other joint errors are the worst."""
-CELLS = {"mean error": "mean", "RMS": "rms", "95 %": "p95", "largest": "max"}
 
 
 def rows(seed):
@@ -89,15 +91,11 @@ def test_the_table_of_errors_has_the_ladder_and_the_medians_of_all_draws(made):
         own = trials.where(split=DRAW, name=row.name, judged=row.judged, poses=row.poses)
         check_spread(row.error.mean_mm, own["error.mean_mm"])
         assert row.draws == 3
-    [(head, cells)] = tables_of(grid(found.tables["errors"]))
+    [(_, cells)] = tables_of(grid(found.tables["errors"]))
     for row, line in zip([*f["ladder"], *f["by_number"]], cells, strict=True):
-        shown = dict(zip(head, line, strict=True))
         known = [*map(as_markdown, (row.name, row.split, row.judged))]
-        assert [shown[title] for title in ("model", "split", "judged on")] == known
-        for title, key in CELLS.items():
-            assert shown[f"{title}, mm"] == show(row.error[f"{key}_mm"])
-    row, line = f["ladder"][0], dict(zip(head, cells[0], strict=True))
-    assert line["share inside 95 %"] == f"{row.error.coverage_95:.3f}"
+        sizes = [show(row.error[key]) for key in ("mean_mm", "rms_mm", "p95_mm", "max_mm", "coverage_95")]
+        assert (line[:3], line[-5:]) == (known, sizes)
 
 
 def test_the_figure_draws_the_ladder_in_the_colours_of_its_models(made):
@@ -106,3 +104,21 @@ def test_the_figure_draws_the_ladder_in_the_colours_of_its_models(made):
         means = [at(find(found.numbers["models"], name=name), key) for name in LADDER]
         check_forest(axes, means, [LOOKS[name] for name in LADDER])
     assert [LOOKS[name].colour for name in TWO] == [colours.JOINTS, colours.JOINTS_PRIOR]
+
+
+def test_arrows_lead_from_where_a_model_has_the_target_to_the_reading(rng):
+    cell, q = build_cell("ur10"), np.linspace(-1, 1, 30).reshape(5, 6)
+    errors = {name: rng.uniform(-1e-3, 1e-3, (5, 3)) for name in TWO}
+    seen = amid_errors(cell, q, [*"abcde"], errors, LOOKS)
+    [poses], [chart] = seen.scene.groups, seen.runs
+    scale = float(seen.scene.title.split()[-1].rstrip("."))
+    tool, rotation = tool_pose(cell.vjm, q)
+    for layer, line, (name, off) in zip(poses.layers, chart.lines, errors.items(), strict=True):
+        np.testing.assert_allclose(layer.at[:, 0], tool + rotation @ cell.vjm.markers[0], atol=1e-9)
+        np.testing.assert_allclose((layer.to - layer.at)[:, 0], scale * off)
+        np.testing.assert_allclose(line.values, 1e3 * np.linalg.norm(off, axis=1))
+        assert (layer.name, layer.colour) == (f"error of {name}", LOOKS[name].colour)
+        assert (line.name, line.look) == (name, LOOKS[name])
+    assert poses.first == np.linalg.norm(errors[WAVES], axis=1).argmax()
+    assert f"{JOINTS} {chart.lines[0].values[1]:.3f} mm" in poses.words[1]
+    assert (chart.title, [*chart.labels]) == ("Error at each position (mm)", [*"abcde"])

@@ -5,9 +5,9 @@ from itertools import product
 
 import numpy as np
 import pytest
-from checks import check_pivot, curves, ends_of, key_of, looks_differ
+from checks import check_pivot, key_of, looks_differ
 from made_up import of_one_trial
-from reports import check, check_cells, check_duels, table_of
+from reports import check, check_cells, check_duels, check_ranges, table_of
 
 from testbench.studies.regimes.study import FREE, KINDS, STUDY, figures, pays, report
 from testbench.studies.regimes.trial import (
@@ -27,6 +27,7 @@ from testbench.views.colours import look
 
 SEEDS = range(3, 6)
 SETTINGS = Settings(
+    3,
     ("tubes", "cast"),
     gravity=replace(GRAVITY, poses=(8, 12), sigmas=(15e-6, 50e-6)),
     full_pose=replace(FULL_POSE, poses=(2, 4), sigmas=(25e-6, 100e-6)),
@@ -157,19 +158,13 @@ def test_the_figure_draws_the_ratios_beside_one_by_the_error_to_expect(whole):
     drawn = figures(found)["regimes.png"]
     assert found.claims[2] in " ".join(drawn.get_suptitle().split())
     names = {"least squares": SQUARES, "same free directions": LENT, "joint stiffness only": JOINTS}
+    looks = dict(
+        zip(names, (look("MLS56", "none"), look("MLS56", "free"), look("Joints", "none")), strict=True)
+    )
     for axes, kind in zip(drawn.axes, KINDS, strict=True):
         rows = {(r.theirs, r.level): r.ratio for r in found.numbers["levels"] if r.part == kind}
-        spreads = [line.get_data() for line in axes.get_lines() if line.get_label().startswith("_")]
-        points = curves(axes)
-        assert list(points) == list(names)
-        for name, (x, y) in points.items():
-            own = [rows[names[name], level] for level in (*EXPECTED, FREE)]
-            assert x.tolist() == [ratio.median for ratio in own]
-            assert np.rint(y).tolist() == [0, 1, 2, 3]
-            for ratio, place in zip(own, y, strict=True):
-                assert any(np.allclose(s, [ends_of(ratio), (place, place)]) for s in spreads)
-        colours = {line.get_label(): line.get_color() for line in axes.get_lines()}
-        assert colours["joint stiffness only"] == look("Joints", "none").hex
+        levels = (*EXPECTED, FREE)
+        check_ranges(axes, {n: [rows[key, level] for level in levels] for n, key in names.items()}, looks)
         assert any(line.get_linestyle() == ":" and set(line.get_xdata()) == {1} for line in axes.get_lines())
     assert [t.get_text() for t in drawn.axes[0].get_yticklabels()] == [*EXPECTED, FREE]
     looks_differ(key_of(drawn))

@@ -5,8 +5,8 @@ import pytest
 from made_up import of_one_trial
 from reports import check, check_forest, table_of
 
-from testbench.campaign.baselines import EQUAL_FIT, JOINTS
-from testbench.campaign.campaign_row import Measured
+from testbench.campaign.evaluation import Measured
+from testbench.campaign.models import EQUAL_FIT, JOINTS
 from testbench.campaign.rows import ErrorRow
 from testbench.campaign.workspace_errors import Places
 from testbench.studies.six_dof_arm.study import figures, report

@@ -79,31 +79,22 @@ def test_a_merged_row_holds_quantiles_shares_and_what_is_the_same(trials):
         _ = found["two"].check.rms
 
 
-def test_what_was_written_is_read_as_what_was_made(tmp_path, trials):
+@pytest.mark.parametrize("many", [table.MANY, 0])
+def test_what_was_written_is_read_as_what_was_made(tmp_path, trials, monkeypatch, many):
+    """Held in memory, and of many rows column by column from the file."""
     flat = [(seed, tabled(rows(seed))) for seed in SEEDS]
     write_trials(tmp_path / "trials.parquet", {}, row_columns(ModelRow), len(SEEDS), flat)
-    found = Trials.read(tmp_path / "trials.parquet")
-    assert list(found.columns) == list(trials.columns)
-    assert plain(merged(found, "name", "kind")) == plain(merged(trials, "name", "kind"))
-
-
-def test_columns_that_stay_in_their_file_are_the_same(tmp_path, trials, monkeypatch):
-    flat = [(seed, tabled(rows(seed))) for seed in SEEDS]
-    write_trials(tmp_path / "trials.parquet", {}, row_columns(ModelRow), len(SEEDS), flat)
-    monkeypatch.setattr(table, "MANY", 0)
-    found = Trials.read(tmp_path / "trials.parquet")
-    assert "holds" in found
-    assert "hold" not in found
-    for own in (found, found.held()):
-        assert plain(merged(own, "name", "kind")) == plain(merged(trials, "name", "kind"))
-        one = own.where(name="one").add(twice=2 * own.where(name="one")["check.rms_mm"])
-        assert one["twice"].tolist() == (2 * trials.where(name="one")["check.rms_mm"]).tolist()
-        paired_errors = aligned(own, ("one", "two"), "check.rms_mm")
-        assert paired_errors == pytest.approx(aligned(trials, ("one", "two"), "check.rms_mm"))
-        both = matched(one, own.where(name="two"), "check.rms_mm", ("seed",))
-        assert both.tolist() == trials.where(name="two")["check.rms_mm"].tolist()
+    monkeypatch.setattr(table, "MANY", many)
+    own = Trials.read(tmp_path / "trials.parquet")
+    assert list(own.columns) == list(trials.columns)
+    assert ("holds" in own, "hold" in own) == (True, False)
+    assert plain(merged(own, "name", "kind")) == plain(merged(trials, "name", "kind"))
+    one = own.where(name="one").add(twice=2 * own.where(name="one")["check.rms_mm"]).held()
+    assert one["twice"].tolist() == (2 * trials.where(name="one")["check.rms_mm"]).tolist()
+    both = matched(one, own.where(name="two"), "check.rms_mm", ("seed",))
+    assert both.tolist() == trials.where(name="two")["check.rms_mm"].tolist()
     with pytest.raises(KeyError, match="alike in seed"):
-        matched(found, found.where(name="one", seed=7), "check.rms_mm", ("seed",))
+        matched(own, own.where(name="one", seed=7), "check.rms_mm", ("seed",))
 
 
 def test_a_pair_is_compared_trial_by_trial_whatever_the_order_of_the_rows(trials):

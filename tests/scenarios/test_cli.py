@@ -23,7 +23,7 @@ from testbench.campaign.campaign import Scenario, build_cell, simulate
 from testbench.campaign.plan_input import read_masses
 from testbench.cli.arguments import mass
 from testbench.cli.program import COMMANDS, program
-from testbench.data.csvfile import write_csv
+from testbench.data.write import write_csv
 from testbench.views.recording.run import write_run
 from testbench.views.recording.stream import Header
 from testbench.views.scene import Seen
@@ -305,7 +305,7 @@ def test_view_serves_recording_and_page_to_this_machine_until_ctrl_c(tmp_path):
     manifest = {
         "versions": {"testbench": "0"},
         "command": "x",
-        "files": ["report.html", "a.png", "dataset.csv", "../above.png", "..", "\0.png"],
+        "files": ["report.html", "a.png", "dataset.csv", "../above.png", ".."],
     }
     (tmp_path / "manifest.json").write_text(json.dumps(manifest))
     for name in ("report.html", "a.png", "stranger.png", "dataset.csv"):

@@ -13,7 +13,7 @@ from run_here import here
 
 from testbench.arm.folder import load_arm
 from testbench.cli.program import program
-from testbench.data.export import read_export
+from testbench.data.read_pairs import read_export
 
 ROOT = Path(__file__).resolve().parents[2]
 MAPS = ROOT / "docs" / "maps"

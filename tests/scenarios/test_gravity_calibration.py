@@ -18,7 +18,8 @@ from testbench.arm.folder import load_arm
 from testbench.campaign.campaign import Scenario, build_cell, simulate
 from testbench.campaign.true_arms import true_cell
 from testbench.cli.program import program
-from testbench.data.csvfile import read_csv, write_csv
+from testbench.data.read_pairs import read_csv
+from testbench.data.write import write_csv
 from testbench.model.vjm import tool_pose
 from testbench.studies.gravity_calibration.trial import WITH_PRIOR, Settings, calibrate, results
 

@@ -16,8 +16,8 @@ from testbench.campaign.models import MODELS
 from testbench.campaign.plan import straight_way
 from testbench.campaign.plan_input import read_tasks
 from testbench.cli.program import program
-from testbench.data.csvfile import read_csv
 from testbench.data.posefile import absolute_columns, plan_columns, read_poses
+from testbench.data.read_pairs import read_csv
 from testbench.data.station import Station
 from testbench.identify import least_squares
 from testbench.model.load import weight

@@ -42,9 +42,8 @@ def test_each_plan_is_best_at_what_it_was_made_for(report):
 
 
 def test_planned_poses_beat_random_ones_where_they_were_planned_for(report):
-    errors = report["errors"]["MGCO68 + prior"]
-    for k, _ in enumerate(errors["test"]):
-        assert errors["test"][k]["tasks_mm"] < errors["random"][k]["tasks_mm"]
+    errors = {row["plan"]: row["tasks_mm"] for row in report["errors"] if row["fit"] == "MGCO68 + prior"}
+    assert errors["test"] < errors["random"]
 
 
 def test_what_was_promised_is_tried_on_both_grounds_and_joints_alone_beside(report):
@@ -55,11 +54,6 @@ def test_what_was_promised_is_tried_on_both_grounds_and_joints_alone_beside(repo
     assert {own["promised"] for own in report["kept"]} > {truth, "poses: planned", "poses: random"}
     assert first["inside_95"] > 0.9
     assert 0.3 < first["over_promised"]["median"] < 1.5
-
-
-def test_candidates_are_accounted_for(report):
-    own = report["candidates"]
-    assert own["found"] + sum(own["rejected"].values()) == own["drawn"]
 
 
 def test_a_finished_run_is_resumed_without_planning_again(quick, tmp_path):

@@ -17,7 +17,7 @@ def errors(report, model, split):
 
 def mean(report, model, split):
     own = errors(report, model, split)
-    return sum(e["n"] * e["mean_mm"] for e in own) / sum(e["n"] for e in own)
+    return np.average([e["mean_mm"] for e in own], weights=[e["n"] for e in own])
 
 
 def test_a_run_leaves_its_files_and_says_what_its_numbers_say(quick, report, blank_panes):

@@ -5,7 +5,7 @@ import pytest
 from run_here import ROOT, app_of_study, check_files, check_refused, quick_study
 
 from testbench.arm.folder import load_arm
-from testbench.data.csvfile import read_csv
+from testbench.data.read_pairs import read_csv
 from testbench.studies.six_dof_arm.trial import Options, settings, trials
 
 APP = app_of_study("six_dof_arm")

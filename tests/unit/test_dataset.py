@@ -11,9 +11,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import Arm, load_arm
-from testbench.data.csvfile import columns, read_csv, write_csv
 from testbench.data.dataset import Dataset, select, split
 from testbench.data.lines import MAX_BYTES
+from testbench.data.read_pairs import read_csv
+from testbench.data.tracker import LaserTracker, precision
+from testbench.data.write import columns, write_csv
 from testbench.errors import BenchError, InputError
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -196,6 +198,53 @@ def test_numbers_may_be_quoted_and_surrounded_by_blanks(tmp_path: Path) -> None:
     check_same(read_csv(file, ARM), dataset())
     file.write_text(file.read_text().replace("11,7,P1", '"11","7","P1"'))
     check_same(read_csv(file, ARM), dataset())
+
+
+# Covariances and lost targets
+
+COVARIANCES = columns(JOINTS, rotation=False, covariance=True)[-6:]
+
+
+@pytest.fixture
+def precise(tmp_path: Path) -> tuple[Dataset, Path]:
+    """Runs read by a laser tracker, one target lost, and their file."""
+    data = dataset()
+    P = np.array(precision(LaserTracker((2.0, -4.0, 1.5)), data.before, data.after))
+    P[1, 2] = 0
+    data = replace(data, precision=P)
+    write_csv(data, JOINTS, tmp_path / "dataset.csv")
+    return data, tmp_path / "dataset.csv"
+
+
+def test_covariances_and_lost_targets_are_read_back(precise: tuple[Dataset, Path]) -> None:
+    data, file = precise
+    back = read_csv(file, ARM)
+    np.testing.assert_allclose(back.precision, data.precision, rtol=1e-9, atol=1e-3)
+    np.testing.assert_array_equal(back.seen, data.seen)
+    np.testing.assert_array_equal(back.after[data.seen], data.after[data.seen])
+    assert not back.deflection[1, 2].any()
+    lost = file.read_text().splitlines()[1 + 3 + 2]
+    assert lost.split(",")[-6:] == [""] * 6
+    assert lost.count(",,") >= 4
+
+
+@pytest.mark.parametrize(
+    ("line", "name", "value", "said"),
+    [
+        (2, COVARIANCES[0], "-1e-9", "line 2: expected a positive definite covariance"),
+        (2, COVARIANCES[0], "nan", f"line 2, column {COVARIANCES[0]}: expected a finite number"),
+        (2, COVARIANCES[5], "", f"line 2, column {COVARIANCES[5]}: expected a finite number"),
+        (2, "before_x_m", "", "line 2, column before_x_m: expected a finite number"),
+        (1, COVARIANCES[3], "some", f"line 1: missing columns ['{COVARIANCES[3]}'], ignored columns ['some"),
+    ],
+)
+def test_a_wrong_covariance_is_named(
+    precise: tuple[Dataset, Path], line: int, name: str, value: str, said: str
+) -> None:
+    rows = [row.split(",") for row in precise[1].read_text().splitlines()]
+    rows = with_cell(line, name, value)(rows)
+    precise[1].write_text("\n".join(map(",".join, rows)) + "\n")
+    assert said in refusal(precise[1])
 
 
 # Writing

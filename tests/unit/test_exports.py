@@ -10,8 +10,8 @@ from blockwise import check_equal, in_blocks, whole
 
 from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset, select
-from testbench.data.export import read_export
 from testbench.data.names import our_names, recognise
+from testbench.data.read_pairs import read_export
 from testbench.errors import InputError
 
 ROOT = Path(__file__).parents[2]

@@ -17,13 +17,12 @@ OURS, OTHER = "testbench identify", "testbench plan"
 PICTURE = b"\x89PNG\r\n\x1a\n"
 
 
-def write_run(out, *names, command=OURS, listed=True):
+def write_run(out, *names, command=OURS):
     with whole_folder(out) as folder:
         for name in names:
             (folder / name).write_text("new")
-        said = {"command": command, "versions": {"testbench": "0"}}
-        files = {"files": [*names, "manifest.json"]} if listed else {}
-        (folder / "manifest.json").write_text(json.dumps(said | files))
+        said = {"command": command, "versions": {"testbench": "0"}, "files": [*names, "manifest.json"]}
+        (folder / "manifest.json").write_text(json.dumps(said))
 
 
 def folder_refused(out, text, **kwargs):
@@ -75,13 +74,6 @@ def test_a_failure_leaves_no_folder_behind(tmp_path):
         with pytest.raises(ZeroDivisionError), make(tmp_path / "made" / "deep" / "place"):
             _ = 1 / 0
     assert not list(tmp_path.iterdir())
-
-
-def test_runs_of_earlier_versions_are_known_by_their_names(tmp_path):
-    write_run(tmp_path, "a.json", "b.png", listed=False)
-    check_folder(tmp_path, OURS, force=False)
-    (tmp_path / "notes.txt").touch()
-    folder_refused(tmp_path, "notes.txt")
 
 
 def test_a_file_is_replaced_by_one_of_its_kind_only(tmp_path):

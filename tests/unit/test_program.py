@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from testbench.correct.inverse import joints_along
 from testbench.correct.process import process_wrench
 from testbench.data.program import read_program, unread
-from testbench.data.program_corrected import write_program
+from testbench.data.write import write_program
 from testbench.errors import InputError
 from testbench.model.vjm import tool_pose
 from testbench.plant import collisions
@@ -44,7 +44,6 @@ def test_joints_loads_labels_and_other_columns_are_read(kr500, write):
     np.testing.assert_allclose(program.q, Q, rtol=0, atol=1e-15)
     assert program.position is None
     assert program.rotation is None
-    assert program.name == "program"
     assert program.labels == ("P0", "P1", "P2")
     assert program.line.tolist() == [2, 3, 4]
     assert program.other == ("speed", "comment")
@@ -187,9 +186,9 @@ def test_a_corrected_program_keeps_what_it_was_and_gives_its_joints_back(kr500, 
     write_program(out, program, q, {"left_mm": np.array([0.1, np.nan, 1 / 3]), "why": ["a", "", "b"]})
     back = read_program(out, kr500.arm)
     np.testing.assert_allclose(back.q, q, rtol=0, atol=1e-15)
-    assert back.table.names == (*program.table.names, "left_mm", "why")
-    assert back.table.texts(7) == ["a, b"] * 3
-    assert back.table.texts(8) == ["0.1", "", repr(1 / 3)]
+    assert back.columns.table.names == (*program.columns.table.names, "left_mm", "why")
+    assert back.columns.table.texts(7) == ["a, b"] * 3
+    assert back.columns.table.texts(8) == ["0.1", "", repr(1 / 3)]
     with pytest.raises(InputError, match="line 1: there is a column 'left_mm' already; was"):
         write_program(out, back, q, {"left_mm": np.zeros(3)})
     assert read_program(out, kr500.arm).labels == ("1", "2", "3")
@@ -208,8 +207,8 @@ def test_a_corrected_program_of_a_spreadsheet_is_read_by_it(kr500, tmp_path):
     back = read_program(out, kr500.arm)
     np.testing.assert_allclose(back.q, Q, rtol=0, atol=1e-15)
     assert (back.position == program.position).all()
-    assert back.table.units[:3] == program.table.units[:3]
-    assert back.table.names == (*program.table.names, *DEG.split(","))
+    assert back.columns.table.units[:3] == program.columns.table.units[:3]
+    assert back.columns.table.names == (*program.columns.table.names, *DEG.split(","))
 
 
 def test_ten_thousand_points_come_back_from_the_written_file(kr500, write, tmp_path):

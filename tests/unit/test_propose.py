@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import BenchError
+from testbench.plant.import_robot.beam import outer_diameter, triangles
 from testbench.plant.import_robot.chain import Chain, JointOf, Part, Shape, Site
 from testbench.plant.import_robot.classes import (
     PAYLOAD_OFF,
@@ -14,7 +15,6 @@ from testbench.plant.import_robot.classes import (
     estimated_payload,
     joint_compliance,
 )
-from testbench.plant.import_robot.outline import outer_diameter, triangles
 from testbench.plant.import_robot.propose import propose
 from testbench.plant.import_robot.wishes import Wishes, read_wishes
 

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset
+from testbench.data.read_series import SeriesExport, read_series
 from testbench.data.series import Series, series_of
-from testbench.data.series_csv import write_series
-from testbench.data.series_export import SeriesExport, read_series
+from testbench.data.write import write_series
 from testbench.errors import BenchError, InputError
 
 ROOT = Path(__file__).parents[2]

@@ -15,9 +15,9 @@ from testbench.campaign.fits import Runs, fit
 from testbench.campaign.models import named_models
 from testbench.campaign.runs import Many
 from testbench.data import stream
-from testbench.data.csvfile import write_csv
 from testbench.data.dataset import Dataset, select
 from testbench.data.spool import Campaign, Spool
+from testbench.data.write import write_csv
 from testbench.errors import InputError
 from testbench.identify.cells import reduce_cells
 from testbench.identify.crossval import FOLDS, divided, every_fold, load_parts, pose_parts
@@ -125,6 +125,21 @@ def test_a_wrong_cell_far_down_is_named_as_ever(tmp_path, lines, cell, other):
 def test_rows_of_a_run_that_stand_apart_are_read_as_a_whole(tmp_path, lines):
     (tmp_path / "apart.csv").write_text("\n".join([*lines[:2], *lines[3:], lines[2]]), encoding="utf-8")
     assert not read_both_ways(tmp_path / "apart.csv", ARM)[1]
+
+
+def test_rows_sorted_by_marker_are_read_as_a_whole_or_refused_by_what_is_the_matter(
+    tmp_path, lines, monkeypatch
+):
+    """No block has all markers of a run; above the largest size of a whole file that is said."""
+    file = tmp_path / "sorted.csv"
+    file.write_text("\n".join([lines[0], *sorted(lines[1:], key=lambda row: row.split(",")[2])]))
+    data, streamed = read_both_ways(file, ARM)
+    assert not streamed
+    assert (data.runs, data.markers) == (60, ("P1", "P2", "P3"))
+    monkeypatch.setattr(stream, "MAX_BYTES", 1000)
+    monkeypatch.setattr(stream, "HEAD", 3000)
+    with pytest.raises(InputError, match=r"more than 1000 bytes: .* the rows of a run together"):
+        in_blocks(file, ARM)
 
 
 def test_a_run_that_stands_there_twice_is_refused(tmp_path, lines):

@@ -6,7 +6,6 @@ paths such as "check.rms_mm" that the tests write down themselves: a column with
 
 import re
 from collections.abc import Mapping
-from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -24,7 +23,6 @@ BARE = ("%", "ppm", "10^-6 SI")
 """Units in a heading that no field's name has."""
 WORDS = {"percent": "%", "seconds": "s"}
 """Last words of a field's name that are units by another name; those that are no unit have none."""
-NUMBER = r"[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 
 
 def at(row, path):
@@ -63,37 +61,6 @@ def in_unit(title, path, value):
     return factor * value
 
 
-def shows(text, value):
-    """Whether a text is a report's value: numbers rounded to the digits shown, which must tell them from 0.
-
-    Args:
-        text: What people see.
-        value: Of the report.
-    """
-    if value is None:
-        return text == "-"
-    if isinstance(value, str):
-        return text == value
-    if isinstance(value, bool):
-        return text == ("yes" if value else "no")
-    if text.endswith(" %") and not isinstance(value, Spread):
-        return text == f"{100 * value:.0f} %"
-    numbers = [value.median, *ends_of(value)] if isinstance(value, Spread) else [value]
-    text = re.sub(r" x 10\^", "e", text)
-    form = "{} ({} to {})" if isinstance(value, Spread) else "{}"
-    shown = re.findall(NUMBER, text)
-    if len(shown) != len(numbers) or text != form.format(*shown):
-        return False
-    size = max(map(abs, numbers))
-    return all(_rounded(text, number, size) for text, number in zip(shown, numbers, strict=True))
-
-
-def _rounded(text, number, size):
-    """Whether a text is a number, rounded to its digits; a step of them is at most half of the size."""
-    step = 10.0 ** Decimal(text).as_tuple().exponent
-    return abs(float(text) - number) <= 0.5001 * step and (number == int(number) or step <= 0.5 * size)
-
-
 def tables_of(text):
     """Tables of a Markdown text: headings and rows of cells, without bold marks."""
     found = []
@@ -121,10 +88,9 @@ def check_table(table, rows, means):
         for (title, path), cell in zip(means.items(), line, strict=True):
             [column] = [c for c in table.columns if c.title == title]
             value = in_unit(title, path, at(row, path))
-            value = column.called.get(value, value) if isinstance(value, str) else value
             own = re.sub(r" \[.*\]$", "", cell)  # the paper's number
             alone = isinstance(value, Spread) and (column.exact or len(set(ends_of(value))) == 1)
-            assert shows(own, value.median if alone else value), (title, path, cell, value)
+            assert own == column.text(value.median if alone else value), (title, path, cell, value)
 
 
 def ends_of(value):
@@ -147,13 +113,13 @@ def check_pivot(table, rows, paths, unit="", called=({}, {})):
     cells = {(line[0], title): c for line in lines for title, c in zip(head[1:], line[1:], strict=True)}
     assert len(cells) == len(rows)
     behind = f" {unit}" if unit else ""
-    exact = table.columns[-1].exact
+    shown = table.columns[-1]
     for row in rows:
         value, name, level = at(row, cell), at(row, down), at(row, across)
         level = f"{level:g}" if isinstance(level, float) else str(level)
         name, level = (own.get(key, key) for own, key in zip(called, (str(name), level), strict=True))
-        value = value.median if exact and isinstance(value, Spread) else value
-        assert shows(cells[str(name), level + behind], value), (name, level, value)
+        value = value.median if shown.exact and isinstance(value, Spread) else value
+        assert cells[str(name), level + behind] == shown.text(value), (name, level, value)
 
 
 MOST_WORDS, MOST_SENTENCES, MOST_STATEMENTS = 25, 2, 5

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checks import check_markdown, word_faults
+from checks import word_faults
 
 from testbench.trials.spread import Spread
 from testbench.views.gains import beside, gained, less, more
@@ -113,10 +113,3 @@ def test_the_check_of_words_sees_every_fault(block, text, fault):
 
     assert faults(GOOD) == []
     assert any(fault in found for found in faults(GOOD | {block: text}))
-
-
-def test_the_blocks_of_a_page_are_found_by_their_places():
-    page = "# Study\n\nTitle.\n\n**A errs less.**\n\nWorst in pose 3.\n\n- One.\n- Two.\n\n| a |\n"
-    check_markdown(page)
-    with pytest.raises(AssertionError, match="nothing is said in worst"):
-        check_markdown(page.replace("Worst in pose 3.\n\n", ""))

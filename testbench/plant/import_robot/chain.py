@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array
 
@@ -99,3 +100,20 @@ class Chain:
     def mass(self) -> float:
         """Of the whole arm, the base with it [kg]."""
         return sum(part.mass for part in self.parts)
+
+
+def pose_of(rotation: Array, position: Array) -> Array:
+    """A pose, (4, 4), from its rotation, (3, 3), and its position, (3,)."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, position
+    return pose
+
+
+def moved(points: Array, pose: Array) -> Array:
+    """Points of a body, (n, 3) [m], in the frame that its pose is in."""
+    return np.asarray(points @ pose[:3, :3].T + pose[:3, 3])
+
+
+def turned(rpy: Array) -> Array:
+    """Rotation by roll, pitch, yaw [rad] about the fixed x, then y, then z, as URDF's rpy, (3, 3)."""
+    return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())

@@ -1,13 +1,14 @@
 """Bodies joined to parts: what is fixed goes with its carrier, what branches off stands at zero."""
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from testbench.errors import Array
-from testbench.plant.import_robot.chain import Part, Shape, Site, Solid
-from testbench.plant.import_robot.pose import moved, pose_of
+from testbench.plant.import_robot.chain import JointOf, Part, Shape, Site, Solid, moved, pose_of
+from testbench.plant.import_robot.solids import combined
 from testbench.plant.import_robot.tree import Body
 
 SPECK = 1e-6  #: Mass of a part of which the file says nothing [kg].
@@ -74,7 +75,7 @@ def part_of(
     pose = np.eye(4)
     if index:
         pose = placed[bodies[carrier].parent].pose @ bodies[carrier].pose
-    mass, com, inertia = _joined(own)
+    mass, com, inertia = combined([_weighed(body, pose) for body, pose in own])
     stated = sum(body.mass for body, _ in own if body.weighed)
     return Part(
         name=bodies[carrier].name,
@@ -93,18 +94,10 @@ def _as_rod(body: Body) -> Body:
     return replace(body, shapes=tuple(replace(s, collides=False, bears=False) for s in body.shapes))
 
 
-def _joined(own: list[tuple[Body, Array]]) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and inertia about it, of bodies together (parallel axes)."""
-    mass = sum(body.mass for body, _ in own)
-    if mass == 0:
-        return 0.0, np.zeros(3), np.zeros((3, 3))
-    centres = [(pose @ np.append(body.com, 1))[:3] for body, pose in own]
-    com = sum((body.mass * c for (body, _), c in zip(own, centres, strict=True)), np.zeros(3)) / mass
-    inertia = np.zeros((3, 3))
-    for (body, pose), centre in zip(own, centres, strict=True):
-        R, d = pose[:3, :3], centre - com
-        inertia += R @ body.inertia @ R.T + body.mass * (d @ d * np.eye(3) - np.outer(d, d))
-    return mass, com, inertia
+def _weighed(body: Body, pose: Array) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and inertia about it of a body in the frame of its part."""
+    R = pose[:3, :3]
+    return body.mass, moved(body.com, pose), R @ body.inertia @ R.T
 
 
 def _moved(shape: Shape, pose: Array) -> Shape:
@@ -118,3 +111,44 @@ def _site(site: Site, pose: Array) -> Site:
     """A site of a body in the frame of its part."""
     placed = pose @ pose_of(site.rotation, site.position)
     return Site(site.name, placed[:3, 3], placed[:3, :3])
+
+
+def what_became(
+    bodies: tuple[Body, ...],
+    placed: dict[int, Placed],
+    path: list[int],
+    parts: tuple[Part, ...],
+    rods: Collection[int],
+) -> list[str]:
+    """What was merged, frozen, left out or stood in for, a sentence each."""
+    notes = []
+    for index, part in enumerate(parts):
+        own = [bodies[k] for k in placed if placed[k].part == index and bodies[k].name != part.name]
+        if heavy := [body.name for body in own if body.mass > 0]:
+            notes.append(f"merged into {part.name}: {', '.join(heavy)}")
+    frozen = [
+        body.joint.name if body.joint else body.name
+        for k, body in enumerate(bodies)
+        if k in placed and k not in path and body.moves
+    ]
+    if frozen:
+        notes.append(f"off the arm, so held at zero: {', '.join(frozen)}")
+    if touching := [bodies[k].name for k in sorted(rods) if bodies[k].shapes]:
+        names = ", ".join(touching)
+        notes.append(f"held at zero they do not follow the arm, so their collisions do not count: {names}")
+    if outside := [body.name for k, body in enumerate(bodies) if k not in placed]:
+        notes.append(f"not of this arm, so left out: {', '.join(outside)}")
+    for part in parts:
+        if part.joint is not None and part.joint.limits_from == "none":
+            notes.append(f"no limits of {part.joint.name} in the file: {_limits(part.joint)} stands in")
+    if specks := [part.name for part in parts if part.mass == SPECK and part.inertia_from == "geometry"]:
+        notes.append(
+            f"no mass in the file, nor any to estimate: {SPECK * 1e6:g} mg stands in for {', '.join(specks)}"
+        )
+    return notes
+
+
+def _limits(joint: JointOf) -> str:
+    if joint.prismatic:
+        return f"{joint.lower:g} to {joint.upper:g} m"
+    return f"{math.degrees(joint.lower):.0f} to {math.degrees(joint.upper):.0f} deg"

@@ -1,11 +1,13 @@
-"""A stranger's mesh files: STL, OBJ, PLY and COLLADA as triangles with one colour, and written small."""
+"""A stranger's mesh files: STL, OBJ, PLY and COLLADA as triangles of one colour; made small, and written."""
 
 import io
 import logging
+import struct
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -179,3 +181,32 @@ def check_size(vertices: Array) -> None:
     size = float(np.ptp(vertices, axis=0).max())
     if not size <= LARGEST or not float(np.abs(vertices).max()) <= 2 * LARGEST:
         raise MeshError(f"{size:.3g} m large; is a scale of 0.001 missing?")
+
+
+if TYPE_CHECKING:  # they read meshes by libraries that take long to import
+    from testbench.plant.import_robot.meshes import Faces, Surface
+
+
+def decimated(vertices: Array, faces: "Faces", most: int) -> "Surface":
+    """A surface of at most about so many triangles: trimesh's own way of thinning is this package too."""
+    if len(faces) <= most:
+        return vertices, faces
+    import fast_simplification
+
+    thin, kept = fast_simplification.simplify(
+        np.ascontiguousarray(vertices, dtype=np.float32),
+        np.ascontiguousarray(faces, dtype=np.int32),
+        target_count=most,
+    )
+    return np.asarray(thin, dtype=float), np.asarray(kept, dtype=int)
+
+
+def stl_bytes(vertices: Array, faces: Faces) -> bytes:
+    """A surface as a binary STL file."""
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = normals / np.where(size > 0, size, 1)
+    rows = np.zeros(len(faces), dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("spare", "<u2")])
+    rows["n"], rows["v"] = normals, corners
+    return bytes(80) + struct.pack("<I", len(faces)) + rows.tobytes()

@@ -12,10 +12,9 @@ import numpy as np
 
 from testbench.errors import Array, InputError
 from testbench.plant.build import REFUSED
-from testbench.plant.import_robot.chain import JointOf, Shape, Site, Solid
+from testbench.plant.import_robot.chain import JointOf, Shape, Site, Solid, moved, pose_of
 from testbench.plant.import_robot.meshes import MAX_ALL_FACES
 from testbench.plant.import_robot.mjcf_text import Cleaned, clean_mjcf
-from testbench.plant.import_robot.pose import moved, pose_of
 from testbench.plant.import_robot.solids import outermost, solid_shape
 from testbench.plant.import_robot.tree import Body, Tree
 from testbench.plant.import_robot.urdf import SLIDE, UNLIMITED

@@ -11,14 +11,16 @@ from pathlib import Path
 
 from testbench.errors import InputError
 from testbench.plant.build import HULL_CORNERS
-from testbench.plant.import_robot.meshes import Meshes
-from testbench.plant.import_robot.mjcf_assets import read_assets
+from testbench.plant.import_robot.mesh_door import MeshError
+from testbench.plant.import_robot.meshes import Meshes, check_size, decimated, stl_bytes
+from testbench.plant.import_robot.solids import hull_of
 from testbench.plant.import_robot.source import (
     MAX_ELEMENTS,
-    beside,
     check_numbers,
     check_shapes,
+    inside,
     need,
+    read_numbers,
     read_xml,
     where,
 )
@@ -44,6 +46,7 @@ GONE = {
 }
 """Attributes that go."""
 MAX_FILES = 50  #: Included, each once.
+MOST_FACES = 200_000  #: Of a mesh; MuJoCo reads no more.
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +91,7 @@ def _include(file: Path, root: ET.Element) -> None:
     while pair := next(((p, c) for p in root.iter() for c in p if c.tag == "include"), None):
         parent, e = pair
         name = need(file, e, "file")
-        path = beside(file, name)
+        path = inside(file.parent, Path(name))
         if path is None:
             raise InputError(file, where(e), f"expected a file inside of {file.parent}, got {name!r}")
         if str(path) in seen or len(seen) > MAX_FILES:
@@ -142,3 +145,36 @@ def _simplify(root: ET.Element) -> None:
         if e.tag == "mesh":
             e.set("maxhullvert", str(HULL_CORNERS))
     ET.SubElement(root, "compiler", balanceinertia="true", fusestatic="false", discardvisual="false")
+
+
+def read_assets(file: Path, root: ET.Element, folder: Path, meshes: Meshes) -> dict[str, bytes]:
+    """The meshes read by us; a mesh that cannot be read goes, with the geoms that show it."""
+    assets: dict[str, bytes] = {}
+    gone: set[str] = set()
+    for asset in root.findall("asset"):
+        for e in [e for e in asset.findall("mesh") if "file" in e.attrib]:
+            name = e.get("file", "")
+            e.set("name", e.get("name") or Path(name).stem)
+            try:
+                assets[f"{len(assets)}.stl"] = _stl(file, e, folder / name, meshes)
+                e.set("file", f"{len(assets) - 1}.stl")
+            except MeshError as err:
+                meshes.failed[name] = str(err)
+                gone.add(e.get("name", ""))
+                asset.remove(e)
+    for parent in root.iter():
+        for geom in [g for g in parent.findall("geom") if g.get("mesh") in gone]:
+            parent.remove(geom)
+    return assets
+
+
+def _stl(file: Path, e: ET.Element, path: Path, meshes: Meshes) -> bytes:
+    """A mesh file as STL; MuJoCo is told where it is flat."""
+    found = inside(file.parent, path.absolute())
+    if found is None:
+        raise MeshError(f"lies outside of {file.parent}")
+    mesh = meshes.load(found)
+    check_size(mesh.vertices * read_numbers(file, e, "scale", "1 1 1", 3))
+    if hull_of(mesh.outer) is None:
+        e.set("inertia", "shell")
+    return stl_bytes(*decimated(mesh.vertices, mesh.faces, MOST_FACES))

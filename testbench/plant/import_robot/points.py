@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.errors import Array
-from testbench.plant.import_robot.beam import COINCIDE, Beam
+from testbench.plant.import_robot.beam import COINCIDE, Beam, triangles
 from testbench.plant.import_robot.chain import Chain
-from testbench.plant.import_robot.outline import triangles
 from testbench.plant.import_robot.wishes import Wishes
 
 AROUND = 0.1  #: Distance of the proposed markers from the tool over the reach [1].

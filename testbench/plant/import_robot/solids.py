@@ -1,12 +1,13 @@
 """Primitives as triangles, and what a closed surface weighs."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import ConvexHull, QhullError
 
 from testbench.errors import Array
-from testbench.plant.import_robot.chain import Shape, Solid
-from testbench.plant.import_robot.pose import moved
+from testbench.plant.import_robot.chain import Shape, Solid, moved
 
 AROUND = 16  #: Corners of a circle.
 SLACK = 5e-4  #: By which points may stand out of a hull over the extent of all of them [1].
@@ -92,21 +93,23 @@ def _outward(corners: Array, faces: npt.NDArray[np.int_]) -> npt.NDArray[np.int_
 
 
 def volume_integrals(vertices: Array, faces: npt.NDArray[np.int_]) -> tuple[float, Array, Array]:
-    """Volume, centroid and second moments of the inside of a closed surface.
+    """Volume [m^3] of a closed surface, centroid [m] and inertia about it for unit density [m^5]."""
+    from trimesh.triangles import mass_properties  # here: it takes long to import
 
-    Sums over tetrahedra from the origin; of one with corners 0, a, b, c the integral of x x^T is
-    det/120 (sum of corners' outer products + outer product of their sum).
-
-    Returns:
-        Volume [m^3], centroid, (3,) [m], and inertia about it for unit density, (3, 3) [m^5].
-    """
-    t = vertices[faces]
-    det = np.einsum("fx,fx->f", t[:, 0], np.cross(t[:, 1], t[:, 2]))
-    volume = float(det.sum() / 6)
-    if volume == 0:
+    if len(faces) == 0:
         return 0.0, vertices.mean(axis=0), np.zeros((3, 3))
-    total = t.sum(axis=1)
-    centroid = np.einsum("f,fx->x", det, total) / (24 * volume)
-    second = (np.einsum("f,fcx,fcy->xy", det, t, t) + np.einsum("f,fx,fy->xy", det, total, total)) / 120
-    second -= volume * np.outer(centroid, centroid)
-    return volume, centroid, np.trace(second) * np.eye(3) - second
+    found = mass_properties(vertices[faces], density=1.0, skip_inertia=False)
+    return float(found.volume), np.asarray(found.center_mass), np.asarray(found.inertia)
+
+
+def combined(parts: Sequence[tuple[float, Array, Array]]) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and inertia about it of bodies together, by parallel axes; zero without mass."""
+    mass = sum(own for own, _, _ in parts)
+    if mass == 0:
+        return 0.0, np.zeros(3), np.zeros((3, 3))
+    centre = sum((own * c for own, c, _ in parts), np.zeros(3)) / mass
+    inertia = np.zeros((3, 3))
+    for own, c, tensor in parts:
+        d = c - centre
+        inertia += tensor + own * (d @ d * np.eye(3) - np.outer(d, d))
+    return mass, centre, inertia

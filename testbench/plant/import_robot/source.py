@@ -10,7 +10,7 @@ import numpy as np
 from testbench.arm.decimal import WRITTEN, read_decimals
 from testbench.arm.document import parse_xml
 from testbench.errors import Array, InputError, read_text, word
-from testbench.plant.import_robot.pose import pose_of, turned
+from testbench.plant.import_robot.chain import pose_of, turned
 
 MAX_BYTES = 16_000_000
 MAX_ELEMENTS = 20_000
@@ -112,11 +112,11 @@ def read_origin(file: Path, e: ET.Element) -> Array:
     return pose_of(turned(rpy), read_numbers(file, origin, "xyz", "0 0 0", 3))
 
 
-def beside(file: Path, name: str) -> Path | None:
-    """A file in the folder of the MJCF, symbolic links followed; None where it lies elsewhere."""
-    folder = os.path.realpath(file.parent)
+def inside(folder: Path, file: Path) -> Path | None:
+    """A file of a folder, symbolic links followed; None where it lies elsewhere."""
+    home = os.path.realpath(folder)
     try:
-        real = Path(os.path.realpath(Path(folder) / name))
+        real = Path(os.path.realpath(Path(home) / file))
     except ValueError:  # a zero byte
         return None
-    return real if real.is_relative_to(folder) else None
+    return real if real.is_relative_to(home) else None

@@ -7,9 +7,8 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.plant.import_robot.chain import Part, Shape, Solid, seen
-from testbench.plant.import_robot.meshes import Faces, Surface, distinct, joined, with_area
+from testbench.plant.import_robot.meshes import Faces, Surface, decimated, distinct, joined, with_area
 from testbench.plant.import_robot.solids import VISIBLE, hull_of, outermost
-from testbench.plant.import_robot.thin import decimated
 
 DRAWN_FACES = 1500  #: Of the mesh that shows a part.
 HULL_FACES = 200  #: Of a hull.

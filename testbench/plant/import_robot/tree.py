@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from testbench.errors import Array
-from testbench.plant.import_robot.chain import JointOf, Shape, Site
-from testbench.plant.import_robot.pose import pose_of
+from testbench.plant.import_robot.chain import JointOf, Shape, Site, pose_of
 
 TIPS = (
     *("tool0", "tcp", "tool", "flange", "attachment_site", "attachment", "ee", "eef"),

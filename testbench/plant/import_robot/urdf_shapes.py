@@ -1,19 +1,23 @@
-"""What a link of a URDF draws and collides with."""
+"""What a link of a URDF draws and collides with, and where its meshes are."""
 
+import os
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
+from urllib.parse import unquote, urlparse
 
 import numpy as np
 
-from testbench.errors import Array, InputError
-from testbench.plant.import_robot.chain import Shape, Solid
+from testbench.arm.document import parse_xml
+from testbench.errors import Array, InputError, read_text
+from testbench.plant.import_robot.chain import Shape, Solid, moved
 from testbench.plant.import_robot.mesh_door import MeshError
 from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size
-from testbench.plant.import_robot.packages import find_mesh
-from testbench.plant.import_robot.pose import moved
 from testbench.plant.import_robot.solids import VISIBLE, solid_shape
-from testbench.plant.import_robot.source import need, read_number, read_numbers, read_origin, where
+from testbench.plant.import_robot.source import inside, need, read_number, read_numbers, read_origin, where
+
+MAX_BYTES = 1_000_000  #: Of a package.xml.
+UP = 8  #: Folders above the URDF in which a package is looked for.
 
 
 def link_shapes(file: Path, link: ET.Element, colours: dict[str, Array], meshes: Meshes) -> tuple[Shape, ...]:
@@ -92,3 +96,57 @@ def _mesh(file: Path, form: ET.Element, pose: Array, rgba: Array | None, meshes:
     faces = mesh.faces if np.prod(scale) > 0 else mesh.faces[:, ::-1]  # a mirrored surface turns inside out
     colour = next(c for c in (rgba, mesh.rgba, VISIBLE) if c is not None)
     return Shape(moved(vertices, pose), faces, colour, visual=True, collides=False, outer=outer)
+
+
+def find_mesh(urdf: Path, name: str) -> Path:
+    """The file of a mesh.
+
+    Args:
+        urdf: The URDF that names it.
+        name: As it stands there.
+
+    Raises:
+        MeshError: When there is none.
+    """
+    scheme, _, rest = name.strip().replace("\\", "/").partition("://")
+    folder = Path(os.path.realpath(urdf)).parent
+    if not rest:
+        return _inside(folder.parent, folder / scheme)
+    if scheme == "file":
+        return Path(unquote(urlparse(name.strip()).path))
+    if scheme not in ("package", "model"):
+        raise MeshError(f"{scheme}:// is not known; package:// and file:// are")
+    package, _, path = rest.partition("/")
+    roots = _packages(folder, package)
+    for root in roots:
+        if (root / path).exists():
+            return _inside(root, root / path)
+    if not roots:
+        raise MeshError(f"no package {package!r} beside the file or in {UP} folders above it")
+    raise MeshError(f"not in the package {roots[0]}")
+
+
+def _packages(folder: Path, name: str) -> list[Path]:
+    """Folders of a package: of that name, or with a package.xml that says so, from the URDF upwards."""
+    if not name or name in (".", ".."):
+        return []
+    found = []
+    for above in [folder, *folder.parents][:UP]:
+        found += [root for root in (above, above / name) if root.name == name and root.is_dir()]
+        if _package_name(above / "package.xml") == name:
+            found.append(above)
+    return found
+
+
+def _package_name(file: Path) -> str:
+    try:
+        return (parse_xml(file, read_text(file, MAX_BYTES)).findtext("name") or "").strip()
+    except InputError:  # there is none, or it is none
+        return ""
+
+
+def _inside(folder: Path, file: Path) -> Path:
+    found = inside(folder, file)
+    if found is None:
+        raise MeshError(f"lies outside of {folder}")
+    return found

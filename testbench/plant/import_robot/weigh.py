@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from testbench.errors import Array, InputError
 from testbench.plant.import_robot.chain import Shape
-from testbench.plant.import_robot.solids import hull_of, volume_integrals
+from testbench.plant.import_robot.solids import combined, hull_of, volume_integrals
 from testbench.plant.import_robot.tree import Body
 
 DENSITY = 1200.0
@@ -86,12 +84,4 @@ def _integrals(shapes: Sequence[Shape]) -> tuple[float, Array, Array]:
     """Volume, centroid and inertia of unit density of the hulls of what collides, else of what is drawn."""
     chosen = [s for s in shapes if s.collides] or list(shapes)
     found = [volume_integrals(*hull) for s in chosen if (hull := hull_of(s.cloud))]
-    volume = sum(v for v, _, _ in found)
-    if volume == 0:
-        return 0.0, np.zeros(3), np.zeros((3, 3))
-    centre = sum((v * c for v, c, _ in found), np.zeros(3)) / volume
-    inertia = np.zeros((3, 3))
-    for v, c, own in found:
-        d = c - centre
-        inertia += own + v * (d @ d * np.eye(3) - np.outer(d, d))
-    return volume, centre, inertia
+    return combined(found)

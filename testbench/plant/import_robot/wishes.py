@@ -9,7 +9,7 @@ import numpy as np
 from testbench.arm.decimal import read_decimals
 from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.errors import Array, BenchError, check_array
-from testbench.plant.import_robot.pose import pose_of, turned
+from testbench.plant.import_robot.chain import pose_of, turned
 
 LARGEST = 10.0  #: Farthest point from the tip that can be meant in metres [m].
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,62}")

@@ -1,25 +1,30 @@
-"""A chain as rigid.xml: MJCF of the strict dialect of an arm's folder, and the meshes that it shows."""
+"""The arm's folder of a stranger's robot: rigid.xml in the strict dialect, elastic.toml, and meshes."""
 
 import re
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.errors import Array
-from testbench.plant.import_robot.chain import Chain, JointOf, Part, Solid
-from testbench.plant.import_robot.meshes import Surface
-from testbench.plant.import_robot.pose import pose_of
-from testbench.plant.import_robot.propose import Proposal
-from testbench.plant.import_robot.surface import Surfaces
-from testbench.plant.import_robot.thin import stl_bytes
+from testbench.errors import Array, BenchError
+from testbench.plant.build import REFUSED, check_geoms
+from testbench.plant.feasible import collide
+from testbench.plant.import_robot.chain import Chain, JointOf, Part, Solid, pose_of
+from testbench.plant.import_robot.meshes import Surface, stl_bytes
+from testbench.plant.import_robot.propose import Proposal, propose
+from testbench.plant.import_robot.surface import Surfaces, surfaces
+from testbench.plant.import_robot.wishes import Wishes
 
 LEAST_INERTIA = 1e-9  #: Of a body about any axis [kg m^2].
 BALL = 0.008  #: Radius of a marker as drawn, over the arm's reach [1].
 MARKER, LOAD = "0.835 0.369 0 1", "0.1 0.1 0.1 1"
+POSES = 300
+MOST = 0.5  #: Share of random poses in which two parts of a sound arm touch at most [1].
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,3 +176,60 @@ def _tool(last: ET.Element, chain: Chain, proposal: Proposal) -> None:
         pose = pose_of(np.eye(3), position)
         looks = {"class": "visual", "type": "sphere", "size": radius, "rgba": rgba}
         ET.SubElement(_body(tool, name, pose), "geom", looks)
+
+
+def always_touching(chain: Chain, rigid: Rigid) -> tuple[tuple[str, str], ...]:
+    """Pairs of parts that touch in more than half of all poses.
+
+    Raises:
+        BenchError: When MuJoCo refuses the arm.
+    """
+    try:
+        model = mujoco.MjModel.from_xml_string(rigid.xml, rigid.meshes)
+    except REFUSED as err:
+        raise BenchError(f"{chain.name}: " + " ".join(f"MuJoCo refuses the arm: {err}".split())) from err
+    file = Path(chain.name)
+    check_geoms(file, model)
+    data, seen = mujoco.MjData(model), Counter[tuple[str, str]]()
+    joints = [part.joint for part in chain.parts if part.joint]
+    lower, upper = np.array([j.lower for j in joints]), np.array([j.upper for j in joints])
+    for q in np.random.default_rng(0).uniform(lower, upper, (POSES, len(joints))):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        collide(file, model, data)
+        pairs = model.geom_bodyid[data.contact.geom[data.contact.dist < 0]]
+        seen.update({(model.body(int(a)).name, model.body(int(b)).name) for a, b in np.sort(pairs, axis=1)})
+    return tuple(sorted(pair for pair, count in seen.items() if count > MOST * POSES))
+
+
+def write_arm(chain: Chain, wishes: Wishes, folder: Path) -> tuple[str, ...]:
+    """Write everything of an arm's folder.
+
+    Args:
+        chain: The robot, as its file has it.
+        wishes: What the engineer said of it.
+        folder: An empty one.
+
+    Returns:
+        What was understood and done, a sentence each; rigid.xml says it too.
+
+    Raises:
+        BenchError: When MuJoCo refuses the arm.
+        OSError: When the folder cannot be written.
+    """
+    proposal, looks = propose(chain, wishes), [surfaces(part) for part in chain.parts]
+    rigid = rigid_mjcf(chain, looks, proposal)
+    touching = always_touching(chain, rigid)
+    if touching:
+        pairs = ", ".join(f"{one} and {other}" for one, other in touching)
+        note = f"hulls that touch in most poses, so their collisions do not count: {pairs}"
+        chain = replace(chain, notes=(*chain.notes, note))
+        rigid = rigid_mjcf(chain, looks, proposal, touching)
+    (folder / "rigid.xml").write_text(rigid.xml, encoding="utf-8")
+    (folder / "elastic.toml").write_text(proposal.elastic, encoding="utf-8")
+    if rigid.meshes:
+        (folder / "meshes").mkdir()
+    for name, data in rigid.meshes.items():
+        (folder / "meshes" / name).write_bytes(data)
+    return chain.notes

@@ -244,7 +244,7 @@ def seen(run: Run[s.Settings]) -> Seen:
         name: np.reshape(own, (len(q), -1, 3))[:, 0] / UM
         for name, own in zip(rows["name"], rows["off_um"], strict=True)
     }
-    return amid_errors(cell, q, [f"Checking pose {k + 1}" for k in range(len(q))], off, LOOKS)
+    return amid_errors(cell, q, [str(k + 1) for k in range(len(q))], off, LOOKS)
 
 
 STUDY = Study(

@@ -16,8 +16,8 @@ from testbench.campaign.rows import MM, UM
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Mask
 from testbench.data.series import Series
-from testbench.data.series_csv import series_text
 from testbench.data.tracker import Tracker, read_positions
+from testbench.data.write import series_text
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.fit import Calibration, explain, gather
 from testbench.identify.absolute.fit import Options as Fit
@@ -62,7 +62,7 @@ MODELS: Mapping[str, Fit] = {
 """Models by name; geometry, frames and mounts are on in all."""
 BY_POSES = (GEOMETRY, INCUMBENT, WITH_GEARS, ALL_LS, ALL, CHOSEN)
 HIDING = (INCUMBENT, WITH_GEARS, WITH_LINKS, ALL, CHOSEN)
-CAMPAIGN = (INCUMBENT, ALL)
+COMPARED = (INCUMBENT, ALL)
 FINAL = (INCUMBENT, ALL, CHOSEN)
 DRAWN = (INCUMBENT, CHOSEN)
 
@@ -104,6 +104,15 @@ TRUE_ARMS: Mapping[str, tuple[str, AbsoluteCampaign]] = {
 ABSOLUTE, MIXED, PAIRS = "absolute alone", "mixed", "pairs alone"
 CAMPAIGNS: Mapping[str, tuple[float, float]] = {ABSOLUTE: (1.0, 0.0), MIXED: (0.75, 0.25), PAIRS: (0.5, 0.5)}
 """Poses of a campaign, and those that are measured loaded as well, over its readings."""
+BESIDE: Sequence[tuple[str, str, tuple[str, ...]]] = (
+    (NO_GEARS, ABSOLUTE, HIDING),
+    (JOINTS_ONLY, ABSOLUTE, HIDING),
+    (KINDER, ABSOLUTE, FINAL),
+    (NASTIER, ABSOLUTE, FINAL),
+    (REAL, MIXED, COMPARED),
+    (REAL, PAIRS, COMPARED),
+)
+"""What else is measured in a trial: a true arm, a campaign, and the models that explain it."""
 STIFF = 1e-3  #: Compliance of rigid links over what the folder says [1].
 KNOWN = 1e-4  #: Standard deviation below which geometry is known [m, rad].
 
@@ -207,13 +216,11 @@ def _campaigns(asked: Settings, seed: int) -> Iterator[Asked]:
     """All that is measured in a trial."""
     n = asked.featured
     for poses in asked.numbers_of(seed):
-        models = (*BY_POSES, WITH_LINKS) if poses == n else BY_POSES
-        yield Asked(REAL, ABSOLUTE, poses, models, shown=(seed, poses) == (asked.first, n))
-    for true in (NO_GEARS, JOINTS_ONLY, KINDER, NASTIER):
-        yield Asked(true, ABSOLUTE, n, FINAL if true in (KINDER, NASTIER) else HIDING)
-    for name in (MIXED, PAIRS):
-        poses, loaded = (round(share * n) for share in CAMPAIGNS[name])
-        yield Asked(REAL, name, poses, CAMPAIGN, loaded)
+        more = (WITH_LINKS,) if poses == n else ()
+        yield Asked(REAL, ABSOLUTE, poses, (*BY_POSES, *more), shown=(seed, poses) == (asked.first, n))
+    for true, campaign, models in BESIDE:
+        poses, loaded = (round(share * n) for share in CAMPAIGNS[campaign])
+        yield Asked(true, campaign, poses, models, loaded)
 
 
 def _rows(cell: Cell, asked: Asked, seed: int) -> Iterator[FitRow]:

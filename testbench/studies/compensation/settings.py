@@ -9,7 +9,7 @@ import typer
 from pydantic import Field
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
+from testbench.campaign.models import JOINTS
 from testbench.errors import BenchError
 from testbench.model.poses import WorkArea
 

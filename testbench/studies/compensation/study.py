@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import build_cell
+from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import MM, UM
 from testbench.campaign.true_arms import CALLED, FAMILY, TRUTH_WORDS, TRUTHS, member, true_cell
 from testbench.errors import Array
@@ -39,9 +39,9 @@ LOOKS = {
 }
 """How models are drawn."""
 DRAWN_AS = {
-    "not corrected": Look(MEASURED, 1, prior=True),
-    "corrected by joint stiffness only": LOOKS[JOINTS],
-    "corrected by the default model": LOOKS[DEFAULT],
+    "no correction": Look(MEASURED, 1, prior=True),
+    "joint stiffness only": LOOKS[JOINTS],
+    "the default": LOOKS[DEFAULT],
 }
 """How the tool is drawn, not corrected and corrected by each model; what wins is last."""
 LONGEST, PER_NEWTON = 0.3, 1e-4  #: Most errors as they are drawn [m]; length of the force's arrow [m/N].
@@ -244,7 +244,7 @@ def seen(run: Run[s.Settings]) -> Seen:
     )
     every = [np.reshape(rows.where(name=name)["off_mm"][0], (2, -1, 1, 3)) / MM for name in s.DRAWN]
     off = dict(zip(DRAWN_AS, (every[0][0], *(both[1] for both in every)), strict=True))
-    before = off["not corrected"]
+    before = off["no correction"]
     M = arrow_scale(before, LONGEST)
     where = np.concatenate([job.position for job in jobs()])[:, None]
     labels = [f"{job.name.capitalize()} {k + 1}" for job in jobs() for k in range(len(job.position))]

@@ -30,8 +30,8 @@ from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
 from testbench.correct.arm_model import About, ArmModel, bending, of_compliances, of_estimate
 from testbench.correct.compensated import Compensated, compensate
 from testbench.correct.newton import Aim
-from testbench.data.csvfile import csv_text
 from testbench.data.dataset import Dataset, Ids
+from testbench.data.write import csv_text
 from testbench.design.specification import Tasks
 from testbench.errors import Array, NoEquilibrium
 from testbench.identify.absolute.state import State

@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.model_selection import DEFAULT
+from testbench.campaign.models import JOINTS
 from testbench.campaign.true_arms import CALLED, FAMILY
 from testbench.identify import Constraint
 from testbench.report.campaigns import pairs
 from testbench.report.columns import columns
 from testbench.report.report import say
 from testbench.report.table import TRIAL, Row, Trials, matched, merged
-from testbench.trials.spread import SAME, Number, Spread, middle, wins
+from testbench.trials.spread import Number, Spread, middle, wins
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
 from testbench.views.schema import Table, best_of, pivot
@@ -25,7 +25,6 @@ JUDGED = ("name", "structure", "constraint", "prior", ERROR, "p95_um", "max_um",
 BY_CONE = (("MGCO56", "MLS56"), ("MGCO56 + prior", "MLS56 + prior"))
 DUELS = (*BY_CONE, ("MGCO56", JOINTS), ("MGCO56 + prior", JOINTS), (DEFAULT, JOINTS))
 """What the cone does without a prior and with it, then both and the default against the incumbent."""
-MARGIN = 0.05  #: Share by which an error must exceed the incumbent's for a model to lose.
 METHODS: Mapping[Constraint, str] = {
     "none": "least squares",
     "psd": "GCO",
@@ -184,24 +183,3 @@ def dataset(trials: Trials) -> Row | None:
     known = trials.keep("measured.")
     shown = np.isfinite(known["measured.runs"]).nonzero()[0][:1] if "measured.runs" in known else np.array([])
     return merged(known.pick(shown))[0].measured if len(shown) else None
-
-
-def over_incumbent(trials: Trials, incumbent: str, chosen: str, *by: str) -> Trials:
-    """Rows with their errors over those of others in the same case.
-
-    Args:
-        trials: A row a model and case.
-        incumbent: Name of the model to beat.
-        chosen: Name of what is chosen from the others, which the best of a case is not.
-        by: What tells a case from another, beside the trial.
-    """
-    keys = list(zip(*(trials[name].tolist() for name in (TRIAL, *by)), strict=True))
-    number = {key: k for k, key in enumerate(dict.fromkeys(keys))}
-    case, fixed = np.array([number[key] for key in keys]), trials["name"] != chosen
-    least = np.full(len(number), np.inf)
-    np.minimum.at(least, case[fixed], trials[ERROR][fixed])
-    over = trials[ERROR] / matched(trials, trials.where(name=incumbent), ERROR, (TRIAL, *by))
-    over_least = trials[ERROR] / least[case]
-    return trials.add(
-        over_joints=over, loses=over > 1 + MARGIN, over_least=over_least, best_in=over_least < 1 + SAME
-    )

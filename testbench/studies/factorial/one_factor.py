@@ -2,16 +2,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeVar
 
-from testbench.campaign.campaign import Cell
-from testbench.data.dataset import Dataset
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials
 from testbench.studies.factorial import compare
-from testbench.studies.factorial.trial import FitRow, writes
+from testbench.studies.factorial.trial import FitRow
 from testbench.studies.study import Study
 from testbench.trials.spread import middle, span
 from testbench.views.figure import Figure, sweeps
@@ -38,33 +35,25 @@ class OneFactor:
     ours: str  #: The model of the answer.
 
     def study(
-        self,
-        settings: Callable[[bool], S],
-        arms: Sequence[Path],
-        trials: Callable[[S, Sequence[int]], Sequence[Sequence[FitRow]]],
-        first: Callable[[S, int], tuple[Cell, Dataset]],
+        self, settings: Callable[[bool, int], S], trials: Callable[[S, Sequence[int]], list[list[FitRow]]]
     ) -> Study[NoFlags, S, FitRow]:
         """The whole study.
 
         Args:
-            settings: What is tried, by whether it has to be quick.
-            arms: Folders of the arms that it needs.
-            trials: Rows of some seeds, one sequence a seed; a function of a module.
-            first: The arm and the runs of a seed that dataset.csv holds.
+            settings: What is tried, by whether it has to be quick and the first seed; it names the `arm`.
+            trials: Rows of some seeds: see `each_seed`.
         """
         return Study(
             name=self.name,
             about=self.question,
             options=NoFlags,
-            settings=lambda _, quick, __: settings(quick),
+            settings=lambda _, quick, seeds: settings(quick, seeds[0]),
             seeds=(100, 4),
-            arms=lambda _: arms,
             row=FitRow,
             trials=trials,
             report=lambda _, seeds, rows: self.report(seeds, rows),
             printed=("errors",),
             figures=self.figures,
-            write=writes(first),
         )
 
     def report(self, seeds: range, trials: Trials) -> Report:

@@ -13,20 +13,18 @@ from typing import TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbench.campaign.baselines import equal_fit
 from testbench.campaign.campaign import Cell, Truth
 from testbench.campaign.evaluation import identify_each
 from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import Model, named_models
+from testbench.campaign.models import Model, equal_fit, named_models
 from testbench.campaign.perturbed_prior import with_wrong_prior, wrong_prior
-from testbench.campaign.rows import UM, DatasetRow
-from testbench.data.csvfile import write_csv
+from testbench.campaign.rows import UM, DatasetRow, dataset_row
 from testbench.data.dataset import Dataset
 from testbench.data.tracker import Tracker, read_orientations, read_positions
+from testbench.data.write import csv_text
 from testbench.errors import Array
 from testbench.identify import Constraint, Estimate
 from testbench.identify.evaluate import Score, all_deflections, score
-from testbench.studies.study import Run
 from testbench.trials.spread import Share
 
 S = TypeVar("S")
@@ -63,7 +61,8 @@ class FitRow:
     distance_m: float | None = None  #: Of the instrument; 0 of the one that reads alike wherever it stands.
     case: str | None = None  #: What disturbs the true arm.
     moved_um: float | None = None  #: How far that moves the deflections to be predicted, RMS.
-    measured: DatasetRow | None = None  #: The dataset, of one case of the trial alone.
+    measured: DatasetRow | None = None  #: The dataset that the study leaves, in one row of the first seed.
+    data_file: str | None = None  #: The same as dataset.csv has it.
 
 
 @dataclass(frozen=True)
@@ -73,6 +72,7 @@ class Case:
     runs: Dataset
     judge: Dataset
     factors: Mapping[str, object]  #: Fields of a row.
+    shown: Dataset | None = None  #: The dataset that the study leaves, in one case of the first seed.
 
 
 Fits = Mapping[str, Sequence[Estimate]]  #: By model, one a case.
@@ -116,9 +116,16 @@ def judged(
         moved = all_deflections(cell.vjm, [fits[name][k] for k, name in own], judge)
         predicted |= dict(zip(own, moved, strict=True))
     for k, case in enumerate(cases):
+        shown = {} if case.shown is None else _left(cell, case.shown)
         for name, estimates in fits.items():
             fields = _fields(name, estimates[k], score(predicted[k, name], case.judge.deflection))
-            yield kind(**{**fields, **case.factors, **more(name, k)})
+            yield kind(**{**fields, **case.factors, **more(name, k), **shown})
+            shown = {}
+
+
+def _left(cell: Cell, data: Dataset) -> dict[str, object]:
+    """The dataset that a study leaves, in a row."""
+    return {"measured": dataset_row(data), "data_file": csv_text(data, cell.arm)}
 
 
 def _fields(name: str, estimate: Estimate, error: Score) -> dict[str, object]:
@@ -169,17 +176,3 @@ def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
     ]
     sigma_rotation = ANGLE_PER_LENGTH * data.sigma
     return replace(data, rotation_before=turned[0], rotation_after=turned[1], sigma_rotation=sigma_rotation)
-
-
-def writes(first: Callable[[S, int], tuple[Cell, Dataset]]) -> Callable[[Run[S]], None]:
-    """What writes dataset.csv of the first seed.
-
-    Args:
-        first: The arm and the runs of a seed.
-    """
-
-    def write(run: Run[S]) -> None:
-        cell, runs = first(run.settings, run.seeds[0])
-        write_csv(runs, cell.arm, run.folder / "dataset.csv")
-
-    return write

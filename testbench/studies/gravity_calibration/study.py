@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS, distinct
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.campaign_flags import CampaignOptions
-from testbench.campaign.campaign_row import CampaignRow
+from testbench.campaign.evaluation import CampaignRow
 from testbench.campaign.model_selection import DEFAULT
+from testbench.campaign.models import JOINTS
 from testbench.campaign.true_arms import CALLED, FAMILY, member, true_cell
 from testbench.report import campaigns
-from testbench.report.campaigns import NOT_OF_A_MODEL, TRUE, best
+from testbench.report.campaigns import NOT_OF_A_MODEL, TRUE, best, distinct
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, find, merged

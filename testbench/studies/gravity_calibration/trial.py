@@ -5,13 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS, equal_fit
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at
 from testbench.campaign.campaign_flags import CampaignOptions
-from testbench.campaign.campaign_row import CampaignRow, campaign_rows
-from testbench.campaign.evaluation import Result, identify
+from testbench.campaign.evaluation import CampaignRow, Result, campaign_rows, identify
 from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import named_models
+from testbench.campaign.models import JOINTS, equal_fit, named_models
 from testbench.campaign.perturbed_prior import wrong_prior
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 

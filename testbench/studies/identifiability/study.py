@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS, distinct
+from testbench.campaign.models import JOINTS
 from testbench.campaign.perturbed_prior import SCALE, SHAPE
+from testbench.report.campaigns import distinct
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, find
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import RMS
-from testbench.studies.factorial.trial import writes
 from testbench.studies.identifiability import trial
 from testbench.studies.identifiability.coverage import CONFIDENCE
 from testbench.studies.identifiability.trial import Options, Settings, TrialRow
@@ -51,7 +51,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     linear, bent, scales, poses = (fits.where(part=p) for p in ("linear", "nonlinear", "scale", "poses"))
     models, nonlinear = (compare.contract(compare.cells(own, also=ALSO)) for own in (linear, bent))
     covered = [coverage(own) for (name,), own in trials.inside("intervals").groups("name") if name]
-    best = _best(models)
+    best, worst = _best(models), _best(nonlinear)[0]
     f = Row(
         compare.head(roots, fits),
         arm=asked.scenario.arm,
@@ -63,6 +63,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         scales=compare.cells(scales, "scale", also=ALSO),
         poses=compare.cells(_whole(poses, "poses"), "poses", also=ALSO),
         gains=compare.gains(linear, distinct(models), best[0]),
+        gains_nonlinear=compare.gains(bent, distinct(nonlinear), worst),
         coverage={row.interval: row for row in covered if row.kind not in ("learnt", "believed")},
         family_coverage={row.interval: row for row in covered if row.kind in ("learnt", "believed")},
         best=best,
@@ -90,7 +91,13 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             ends=span(f.trials),
         ),
         answer=lines(["Over the workspace:", *compare.beside_rivals(f.gains, "seed")]),
-        worst=_worst(f),
+        worst=lines(
+            [
+                "With non-linear truth:",
+                *compare.beside_rivals(f.gains_nonlinear),
+                say("{name} errs {max_um:~.0f} um at its worst place.", find(nonlinear, name=worst)),
+            ]
+        ),
         claims=list(_claims(f)),
         numbers=f,
         tables=_tables(f),
@@ -146,17 +153,6 @@ def _tables(f: Row) -> dict[str, Table]:
         "poses": replace(compare.errors(f.poses, "name", "poses", title), looks=looks),
         "coverage": Table(columns(COVERAGE), covered, "coverage of 95 % intervals of predicted deflections"),
     }
-
-
-def _worst(f: Row) -> Markdown:
-    """The best model with non-linear truth."""
-    own, joints = (find(f.nonlinear, name=name) for name in (f.best[0], JOINTS))
-    return say(
-        "Worst with non-linear truth: {name} {rms_um:~.0f} um, joint stiffness only {joints.rms_um:~.0f} um. "
-        "At the worst place of the workspace it errs {max_um:~.0f} um, in the median seed.",
-        own,
-        joints=joints,
-    )
 
 
 def _claims(f: Row) -> Iterator[Markdown]:
@@ -218,6 +214,5 @@ STUDY = Study(
     report=report,
     printed=("models",),
     figures=figures,
-    write=writes(trial.first_runs),
     size=2,
 )

@@ -22,14 +22,13 @@ from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation
 from testbench.plant import Plant, settle, weightless
 
-POSES, QUICK_POSES = 200, 30
-LOADS, QUICK_LOADS = 7, 4
+FULL, QUICK = (7, 200), (4, 30)  #: How many weights, and poses a seed.
 WORKSPACE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))  #: Where the tool has to be.
 AT_TOOL = np.zeros((1, 3))
 
 Truth = Literal["weightless", "own weight"]
-Method = Literal["linear", "secant", "integrated"]
-"""Eq. (6); Eq. (7) with K_w at theta = 0 for the whole load; Eq. (7) from no load to the whole."""
+Method = Literal["linear", "secant", "integrated", "joints"]
+"""Eq. (6); Eq. (7) with K_w at theta = 0 for the whole load, or from no load to the whole; joints alone."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +47,8 @@ class Settings:
 
     arm: str  #: Folder or name of the arm.
     max_load: float = 10_000.0  #: Heaviest hung weight [N]; the lightest is a tenth of it.
-    loads: int = LOADS  #: How many weights, evenly spread on a log scale.
-    poses: int = POSES  #: How many poses a seed.
+    loads: int = FULL[0]  #: How many weights, evenly spread on a log scale.
+    poses: int = FULL[1]  #: How many poses a seed.
 
     @property
     def weights(self) -> list[float]:
@@ -68,17 +67,11 @@ class PoseRow:
     method: Method  #: What predicts.
     deflection_m: tuple[float, ...]  #: True deflection of the tool, world, (3,).
     error_m: tuple[float, ...]  #: Predicted minus true, world, (3,).
-    joints_error_m: float  #: Distance that joints alone leave, fitted to these very deflections.
 
 
 def settings(options: Options, quick: bool, _: range) -> Settings:
     """What the flags ask for."""
-    return Settings(
-        arm=options.arm,
-        max_load=options.max_load_n,
-        loads=QUICK_LOADS if quick else LOADS,
-        poses=QUICK_POSES if quick else POSES,
-    )
+    return Settings(options.arm, options.max_load_n, *(QUICK if quick else FULL))
 
 
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[PoseRow]]:
@@ -97,24 +90,24 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> li
     wrench = np.zeros((len(q), 6))
     wrench[:, 2] = -load
     point = np.tile(cell.vjm.load, (len(q), 1))
-    true = {truth: deflect(plant, q, wrench, point) for truth, plant in plants.items()}
-    predicted = predict(cell, q, wrench, point)
-    joints = {truth: joints_alone(cell, q, wrench, point, moved) for truth, moved in true.items()}
-    return [
-        PoseRow(
-            pose=i + 1,
-            q_rad=tuple(angles.tolist()),
-            load_N=load,
-            truth=truth,
-            method=method,
-            deflection_m=tuple(moved[i].tolist()),
-            error_m=tuple((foretold[i] - moved[i]).tolist()),
-            joints_error_m=float(np.linalg.norm(joints[truth][i] - moved[i])),
-        )
-        for truth, moved in true.items()
-        for method, foretold in predicted.items()
-        for i, angles in enumerate(q)
-    ]
+    predicted, rows = predict(cell, q, wrench, point), []
+    for truth, plant in plants.items():
+        moved = deflect(plant, q, wrench, point)
+        every = predicted | {"joints": joints_alone(cell, q, wrench, point, moved)}
+        rows += [
+            PoseRow(
+                pose=i + 1,
+                q_rad=tuple(angles.tolist()),
+                load_N=load,
+                truth=truth,
+                method=method,
+                deflection_m=tuple(moved[i].tolist()),
+                error_m=tuple((foretold[i] - moved[i]).tolist()),
+            )
+            for method, foretold in every.items()
+            for i, angles in enumerate(q)
+        ]
+    return rows
 
 
 def deflect(plant: Plant, q: Array, wrench: Array, point: Array) -> Array:

@@ -6,15 +6,15 @@ from dataclasses import is_dataclass
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.model_selection import DEFAULT, FILLED
+from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import UM
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched, merged
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import DUELS, ERROR, RMS
-from testbench.studies.factorial.trial import FitRow, writes
+from testbench.studies.factorial.trial import FitRow
 from testbench.studies.model_error import trial
 from testbench.studies.model_error.trial import ALL, NONE, PLAIN_COMPENSATOR, STIFF, Options, Settings
 from testbench.studies.study import Study
@@ -55,7 +55,6 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         sigma_um=sigma_um,
         scale=asked.scale,
         workspace_poses=asked.workspace,
-        sizes=trial.sizes(asked.scale, asked.only),
         cells=cells,
         claim=[
             Row(row, true_within=float(row.true_within), read_within=float(row.read_within))
@@ -220,12 +219,10 @@ STUDY = Study(
     options=Options,
     settings=trial.settings,
     seeds=(100, 2),
-    arms=lambda asked: [find_arm(asked.arm)],
     row=FitRow,
     trials=trial.trials,
     report=report,
     printed=("noisy",),
     figures=figures,
-    write=writes(trial.first_runs),
     size=2,
 )

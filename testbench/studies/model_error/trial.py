@@ -7,17 +7,17 @@ trial disturbs a true arm of the family, the next one in turn; the model and the
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, simulate, stream
 from testbench.campaign.campaign_flags import TrueArmFlag
-from testbench.campaign.rows import UM, dataset_row
+from testbench.campaign.models import JOINTS
+from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
@@ -73,6 +73,7 @@ class Settings:
     """What is tried."""
 
     arm: str  #: Folder or name of the arm.
+    first: int  #: The first seed.
     scale: float = 1.0  #: Size of every disturbance over its typical one [1]; switches are on or off.
     sigma: float = 50e-6  #: Standard deviation of one reading along one axis [m].
     workspace: int = 100  #: Poses in which the models are judged.
@@ -80,12 +81,12 @@ class Settings:
     true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
 
 
-def settings(options: Options, quick: bool, _: range) -> Settings:
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for; raises BenchError for a disturbance that does not exist."""
     disturbances(options.scale, options.only or ())
     workspace = QUICK_WORKSPACE if quick else Settings.workspace
     only, sigma = tuple(options.only or ()), options.sigma_um / 1e6
-    return Settings(options.arm, options.scale, sigma, workspace, only, options.true_arm)
+    return Settings(options.arm, seeds[0], options.scale, sigma, workspace, only, options.true_arm)
 
 
 def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbances]:
@@ -106,14 +107,6 @@ def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbanc
     stiff = {} if only else {STIFF: Disturbances(compensator=STIFF_COMPENSATOR)}
     together = {field: size for value in values.values() for field, size in value.items()}
     return {NONE: Disturbances(), **alone, **stiff, ALL: Disturbances(**together)}
-
-
-def sizes(scale: float, only: Sequence[str] = ()) -> dict[str, Mapping[str, object]]:
-    """What every case switches on, as plain data."""
-    return {
-        name: {key: value for key, value in asdict(case).items() if value}
-        for name, case in disturbances(scale, only).items()
-    }
 
 
 @each_seed
@@ -141,8 +134,8 @@ def _cases(cell: Cell, asked: Settings, seed: int) -> Iterator[Case]:
         for noise in (0.0, asked.sigma):
             runs = reread(clean, noise, stream(seed, 1))
             factors: dict[str, object] = {"case": name, "sigma_um": UM * noise, "moved_um": moved}
-            factors["measured"] = dataset_row(runs) if name == ALL and noise > 0 else None
-            yield Case(runs, truth, {"true_arm": member(asked.true_arm, seed), **factors})
+            shown = runs if (name, noise, seed) == (ALL, asked.sigma, asked.first) else None
+            yield Case(runs, truth, {"true_arm": member(asked.true_arm, seed), **factors}, shown)
 
 
 def disturbed(cell: Cell, campaign: Campaign, own: Disturbances, seed: int) -> tuple[Dataset, Dataset]:
@@ -155,11 +148,3 @@ def disturbed(cell: Cell, campaign: Campaign, own: Disturbances, seed: int) -> t
         before, after = settle_pair(arm, runs.q, runs.wrench, runs.point)
         found.append(replace(runs, before=before.markers, after=after.markers))
     return found[0], found[1]
-
-
-def first_runs(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
-    """The arm, disturbed in every way, and its noisy runs of a seed."""
-    cell = true_cell(build_cell(find_arm(asked.arm)), member(asked.true_arm, seed), seed)
-    campaign = simulate(cell, Scenario(arm=cell.arm.name, noise=False, workspace_poses=1), seed)
-    clean, _ = disturbed(cell, campaign, disturbances(asked.scale, asked.only)[ALL], seed)
-    return cell, reread(clean, asked.sigma, stream(seed, 1))

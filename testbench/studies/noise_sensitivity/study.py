@@ -5,15 +5,16 @@ from collections.abc import Iterator
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS, distinct
 from testbench.campaign.model_selection import DEFAULT
+from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import UM
+from testbench.report.campaigns import distinct
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import DUELS, ERROR, RMS
-from testbench.studies.factorial.trial import FitRow, writes
+from testbench.studies.factorial.trial import FitRow
 from testbench.studies.noise_sensitivity import trial
 from testbench.studies.noise_sensitivity.trial import HEAVY, INSTRUMENT, NEAR, Options, Settings
 from testbench.studies.study import Study
@@ -195,5 +196,4 @@ STUDY = Study(
     report=report,
     printed=tuple(PARTS),
     figures=figures,
-    write=writes(trial.first_runs),
 )

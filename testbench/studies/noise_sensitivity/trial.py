@@ -15,18 +15,16 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.campaign.campaign_flags import TrueArmFlag
 from testbench.campaign.model_selection import DEFAULT
-from testbench.campaign.models import Model
+from testbench.campaign.models import JOINTS, Model
 from testbench.campaign.pose_campaign import FullPose
 from testbench.campaign.pose_campaign import simulate as simulate_full_pose
-from testbench.campaign.rows import UM, dataset_row
+from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
-from testbench.data.outliers import spoil
-from testbench.data.tracker import Drift, LaserTracker, drifted, precision, read_positions
+from testbench.data.tracker import Drift, LaserTracker, drifted, precision, read_positions, spoil
 from testbench.errors import BenchError
 from testbench.studies.factorial.trial import (
     Case,
@@ -128,22 +126,17 @@ def _campaigns(cell: Cell, seed: int) -> list[Campaign]:
     return [simulate_at(cell, scenario, seed, poses) for scenario in (linear, bent)]
 
 
-def first_runs(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
-    """The heavy arm and its noisy runs of a seed."""
-    cell = true_cell(build_cell(find_arm(HEAVY)), member(asked.true_arm, seed), seed)
-    return cell, reread(_campaigns(cell, seed)[1].identification, FLAT_SIGMA, stream(seed, 1))
-
-
 def _levels(asked: Settings, part: str, arm: str, campaign: Campaign) -> list[Case]:
     """Every level of noise."""
     clean, seed = campaign.identification, campaign.seed
-    factors: dict[str, object] = {"part": part, "truth": campaign.scenario.truth, "true_arm": arm}
-    if part == "gravity":
-        factors["measured"] = dataset_row(reread(clean, FLAT_SIGMA, stream(seed, 1)))
-    return [
+    factors = {"part": part, "truth": campaign.scenario.truth, "true_arm": arm}
+    cases = [
         Case(reread(clean, sigma, stream(seed, 1)), campaign.truth, {**factors, "sigma_um": UM * sigma})
         for sigma in asked.sigmas
     ]
+    if (part, seed) == ("gravity", asked.first):
+        cases[0] = replace(cases[0], shown=reread(clean, FLAT_SIGMA, stream(seed, 1)))
+    return cases
 
 
 def _instruments(

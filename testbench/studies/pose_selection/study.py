@@ -1,21 +1,335 @@
 """Which poses to measure, and what they pay: plans by every criterion against random poses, simulated."""
 
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
 from testbench.arm.catalogue import find_arm
-from testbench.studies.pose_selection import plans, report, settings, trial
-from testbench.studies.study import Study
+from testbench.arm.mjcf import GRAVITY
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.perturbed_prior import SCALE, SHAPE, UNCERTAINTY, wrong_prior
+from testbench.campaign.rows import MM
+from testbench.campaign.true_arms import CALLED, TRUTHS
+from testbench.commands.plan_drawn import ORDER, OURS, UNSCALED, World
+from testbench.design.rows import deflection_rows
+from testbench.design.specification import promise_of
+from testbench.model.vjm import chain
+from testbench.report import campaigns
+from testbench.report.columns import columns
+from testbench.report.report import Report, say
+from testbench.report.table import Row, Trials, merged, number
+from testbench.studies.pose_selection import settings as s
+from testbench.studies.pose_selection import trial
+from testbench.studies.pose_selection.plans import prepare
+from testbench.studies.pose_selection.settings import BARE, FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, Settings
+from testbench.studies.study import Run, Study
+from testbench.trials.spread import ends, middle, most_trials, wins
+from testbench.views.colours import GREY, SERIES, Look
+from testbench.views.figure import Figure, forest, of_seeds, sweeps
+from testbench.views.gains import Gain, gained, more
+from testbench.views.markdown import Markdown
+from testbench.views.scene import Line, PlaceMap, RunChart, Scene, Seen
+from testbench.views.schema import Table, best_of
+
+ENOUGH = 0.1  #: Error at the tasks that a campaign is to reach [mm].
+STEP, LITTLE = 4, 0.10  #: So many more poses that take less than this share off are not worth a hoist.
+CRITERIA = "plan efficiency_percent expected_tasks_mm tasks_mm workspace_mm"
+OF_CRITERIA = Markdown(
+    "RMS errors. *test* counts the error at the tasks, I that over the workspace, G the largest there; D the "
+    "volume of the confidence region, A the mean variance, E the worst seen direction."
+)
+KEPT = "promised count inside_90 below above inside_95 over_promised"
+GROUNDS = "ground fit judged planned_mm random_mm over_random planned_better better_than_joints seeds"
+KEPT_BY: Mapping[str, tuple[str, Mapping[str, str]]] = {
+    "poses": ("plan", {"test": "planned"}),
+    "tasks": ("ground", {}),
+    "truth": ("truth", CALLED),
+    "prior": ("prior", {}),
+}
+"""What promises are told by: column, and what its words are called."""
+PLACES = {"tasks_mm": "at the tasks", "workspace_mm": "over the workspace"}
+LOOKS = {
+    **{name: Look(SERIES[k], k, prior=False) for k, name in enumerate(("test", "I", "D", "A", "E", "G"))},
+    RANDOM: Look(GREY, 0, prior=True),
+}
+"""Colour and mark of every criterion, random poses dashed."""
+
+
+def report(asked: Settings, seeds: range, trials: Trials) -> Report:
+    """Who is best, how many poses to measure, where planning loses, whether promises hold."""
+    f = _numbers(asked, seeds, trials)
+    n, [marked, *alike] = asked.scope.featured, best_of({row.plan: row.tasks_mm for row in f.criteria}).names
+    return Report(
+        scenario=s.NAME,
+        question=say("Which {n} poses, to predict best where the robot works?", n=n),
+        title=say(
+            "{arm} under {payload_kg:g} kg, sigma {dataset.sigma_um:g} um, tracker at {at} m. Plans from "
+            "{study.candidates} feasible poses, judged in {study.tasks} tasks and {study.workspace} poses of "
+            "the workspace. Non-linear truth, {seeds}.",
+            f | {"study": Row(vars(f.study))},
+            at=", ".join(f"{metres:g}" for metres in f.tracker_m),
+            seeds=campaigns.seeds_told(f.seed),
+        ),
+        answer=say(
+            "{n} planned poses leave {a.ours_mm:~.3f} mm at the tasks, random ones {a.theirs_mm:~.3f} mm: "
+            "{a:less trial}. Joint stiffness only leaves {b.theirs_mm:~.3f} mm there from planned poses, "
+            "{b:more trial}.",
+            n=n,
+            a=f.gains.random,
+            b=f.gains.joints,
+        ),
+        worst=say(
+            "Worst task {task_mm:.3f} mm, worst place of the workspace {workspace_mm:.3f} mm: medians pose "
+            "by pose. Planning {how} with {fit} {ground}, judged {judged}: {over_random:.2f} times the "
+            "error of random poses.",
+            f.worst,
+            how="loses most" if f.worst.over_random >= 1 else "gains least",
+        ),
+        claims=list(_claims(f, len(seeds))),
+        numbers=f,
+        tables={
+            "criteria": Table(
+                columns(CRITERIA),
+                f.criteria,
+                f"{n} poses by criterion",
+                "" if alike else marked,
+                "tasks_mm",
+                looks=LOOKS,
+            ),
+            "grounds": Table(
+                columns(GROUNDS), f.grounds, "Where planning pays: two grounds, a plan for every fit"
+            ),
+            "kept": Table(
+                columns(KEPT),
+                [*f.kept, f.kept_joints],
+                "Promises on true arms of the family, with wrong priors",
+            ),
+        },
+        body=["criteria", OF_CRITERIA, "grounds", _of_grounds(), "kept", _of_kept(f)],
+    )
+
+
+def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
+    """Every number of report.json."""
+    scope, n = asked.scope, asked.scope.featured
+    measured, promises = trials.where(part="measured"), trials.where(part="promise")
+    featured = measured.where(poses=n)
+    models = [row.model for row in merged(featured.where(fit=PLANNED).keep("plan", "model."), "plan")]
+    first = featured.where(plan="test", fit=PLANNED)
+    errors = merged(measured.keep("fit", "plan", "poses", *PLACES), "fit", "plan", "poses")
+    for row in errors:
+        plan = None if row.plan == RANDOM else asked.scene.plan(row.plan, row.poses, PLANNED)
+        row |= {key: plan and getattr(plan, key) for key in ("efficiency_percent", "expected_tasks_mm")}
+    [each] = merged(first.keep("each_task_mm", "each_place_mm"))
+    grounds: list[Row] = list(_grounds(trials.where(part="ground")))
+    worst = max(grounds, key=lambda row: float(row.over_random))
+    task, place = (max(map(middle, mm)) for mm in each.values())
+    planned = [row for row in errors if row.fit == PLANNED]
+    [data] = merged(first.inside("model.measured"))
+    return Row(
+        seed=campaigns.seeds_of(seeds),
+        arm=find_arm(asked.arm).resolve().name,
+        payload_kg=scope.payload,
+        prior=Row(scale=SCALE, shape_percent=100 * SHAPE, believed_within_percent=100 * UNCERTAINTY),
+        tracker_m=scope.ground.station,
+        dataset=Row(data, runs=n, poses=n, points=int(data.points), tasks=scope.tasks),
+        models=[Row(model, parameters=int(model.parameters), paper=None) for model in models],
+        where=each,
+        plans=[plan for plan in asked.scene.plans if plan.fit == PLANNED],
+        errors=errors,
+        recommendation=_recommended(planned),
+        kept=list(_all_kept(promises.where(fit=WHOLE))),
+        kept_joints=_kept(INCUMBENT, promises.where(fit=INCUMBENT)),
+        grounds=grounds,
+        study=scope,
+        criteria=[row for row in planned if row.poses == n],
+        gains=Row(random=_gain(featured, RANDOM, PLANNED), joints=_gain(featured, "test", INCUMBENT)),
+        worst=Row(worst, task_mm=task, workspace_mm=place),
+    )
+
+
+def _recommended(levels: Sequence[Row]) -> Row:
+    """How many poses: the fewest that are enough in 95 % of all trials, and where more bring little."""
+    plans = {name: [row for row in levels if row.plan == name] for name in ("test", RANDOM)}
+    fewest = {
+        name: next((row.poses for row in own if ends(row.tasks_mm)[1] <= ENOUGH), None)
+        for name, own in plans.items()
+    }
+    little = (
+        row.poses
+        for row, following in pairwise(plans["test"])
+        if (middle(following.tasks_mm) / middle(row.tasks_mm)) ** (STEP / (following.poses - row.poses))
+        > 1 - LITTLE
+    )
+    return Row(within_mm=ENOUGH, fewest=Row(fewest), little_more_beyond=next(little, None), step=STEP)
+
+
+def _all_kept(promises: Trials) -> Iterator[Row]:
+    """All promises, then those of each plan, ground, truth and prior."""
+    yield _kept("all", promises)
+    for what, (column, called) in KEPT_BY.items():
+        groups = {called.get(name, name): own for (name,), own in promises.groups(column)}
+        for name in sorted(groups):
+            yield _kept(f"{what}: {name}", groups[name])
+
+
+def _kept(promised: str, own: Trials) -> Row:
+    """Shares of 90 % intervals that hold the error, of errors beside them, of 95 % intervals that hold."""
+    error = own["tasks_mm"]
+    below, above = (float(np.mean(x)) for x in (error < own["expected.p05"], error > own["expected.p95"]))
+    return Row(
+        promised=promised,
+        count=len(own),
+        inside_90=1 - below - above,
+        below=below,
+        above=above,
+        inside_95=float(np.mean(own["inside"])),
+        over_promised=number(error / own["expected.expected"]),
+    )
+
+
+def _grounds(rows: Trials) -> Iterator[Row]:
+    """Every fit with its own plan on both grounds, beside random poses and beside joints alone."""
+    for (ground,), here in rows.groups("ground"):
+        for fit in FITS:
+            ways = (("test", fit), (RANDOM, fit), ("test", INCUMBENT))
+            own = [here.where(plan=plan, fit=name) for plan, name in ways]
+            for key, where in PLACES.items():
+                plan, chance, joints = (way[key] for way in own)
+                yield Row(
+                    ground=ground,
+                    fit=fit,
+                    judged=where,
+                    planned_mm=number(plan),
+                    random_mm=number(chance),
+                    over_random=float(np.median(plan) / np.median(chance)),
+                    planned_better=wins(plan, chance),
+                    better_than_joints=wins(plan, joints),
+                    seeds=len(plan),
+                )
+
+
+def _gain(featured: Trials, plan: str, fit: str) -> Gain:
+    """The featured plan beside other poses or another fit, at the tasks."""
+    ours, theirs = (
+        featured.where(plan=name, fit=own)["tasks_mm"].tolist()
+        for name, own in (("test", PLANNED), (plan, fit))
+    )
+    return gained(f"test, {PLANNED}", f"{plan}, {fit}", ours, theirs)
+
+
+def _claims(f: Row, trials: int) -> Iterator[Markdown]:
+    """How many poses, where planning loses, whether promises hold."""
+    own = f.recommendation
+    few = "{fewest.test} planned poses keep" if own.fewest.test else "No number of planned poses tried keeps"
+    beyond = " Every step tried still pays." * (len(f.study.poses) > 1)
+    if own.little_more_beyond:
+        beyond = " Beyond {little_more_beyond} poses {step} more take less than 10 % off."
+    yield say(
+        f"{few} the tasks within {{within_mm:g}} mm in {{trials}}; random ones: {{random}}.{beyond}",
+        own,
+        trials=most_trials(trials),
+        random=own.fewest[RANDOM] or "more than tried",
+    )
+    lost = "On both grounds every plan has a smaller median error than random poses."
+    if loses := sum(row.over_random >= 1 for row in f.grounds):
+        lost = (
+            "Planning loses to random poses in {loses} of {cases} cases: the criterion counts the tasks only."
+        )
+    yield say(lost, loses=loses, cases=len(f.grounds))
+    yield say(
+        "Promises of `testbench plan`: the 90 % interval of the error holds in {inside_90:yes} of {count} "
+        "cases, the 95 % interval of a deflection in {inside_95:yes}.",
+        f.kept[0],
+    )
+
+
+def _of_grounds() -> Markdown:
+    return say(
+        "Plans by criterion test, made for the fit that identifies the runs; counts are of seeds, each with "
+        "another true arm: {arms}. At the side: another station, other candidates, other tasks.",
+        arms=", ".join(CALLED[arm] for arm in TRUTHS),
+    )
+
+
+def _of_kept(f: Row) -> Markdown:
+    return say(
+        "Arms within {believed_within_percent:g} % of the prior; all links and joints with a learnt prior, "
+        "in the last row joints by least squares. An interval of 90 % should hold in 87 to 95 %, one of 95 % "
+        "in 93 to 98 %: below, promises are too bold, above too timid.",
+        f.prior,
+    )
+
+
+def figures(found: Report) -> dict[str, Figure]:
+    """Errors by number of poses, with and without the prior; of one number by criterion."""
+    f = Row(found.numbers)
+    gain = f.gains.random
+    answer = (
+        f"{f.dataset.poses} planned poses leave {middle(gain.ours_mm):.3f} mm at the tasks, random ones "
+        f"{middle(gain.theirs_mm):.3f} mm, {more(gain)}"
+    )
+    reading = f"RMS errors, {f.arm}, {f.dataset.sigma_um:g} um of noise. {of_seeds(f.seed)}."
+    if len(f.study.poses) == 1:
+        note = f"{reading} {PLANNED}, plans by criterion; dotted line: random poses."
+        return {"pose_selection.png": forest(found.tables["criteria"], PLACES, answer, note, RANDOM)}
+    panes = {
+        f"{PLACES[key]}{words}": Table(
+            columns(f"plan poses {key}"),
+            [row for row in f.errors if row.fit == fit],
+            looks=LOOKS,
+        )
+        for fit, key, words in (
+            (PLANNED, "tasks_mm", ""),
+            (PLANNED, "workspace_mm", ""),
+            (BARE, "tasks_mm", ", identified without prior"),
+            (INCUMBENT, "tasks_mm", ", joint stiffness only by least squares"),
+        )
+    }
+    return {
+        "pose_selection.png": sweeps(panes, answer, reading.replace("lines:", "bands:"), ("test", RANDOM))
+    }
+
+
+def write(run: Run[Settings]) -> Seen:
+    """What is drawn: the featured plan, and where errors remain."""
+    asked, cell = run.settings, build_cell(find_arm(run.settings.arm))
+    n, scene = asked.scope.featured, asked.scene
+    q, places = trial.poses_of(asked, "test", n, asked.seed), np.array(scene.workspace)
+    spec = trial.specify(cell, asked, wrong_prior(cell, asked.seed))
+    ahead = deflection_rows(spec.experiment, q, spec.loads[0])
+    error = MM * promise_of(spec, q, np.zeros(n, dtype=int), ahead).error
+    left = np.array([middle(value) for value in run.report.numbers["where"].each_place_mm])
+    at = [chain(cell.vjm, np.array(own)).position for own in (q, scene.tasks, scene.candidates, places)]
+    world = World(cell, asked.scope.ground.station, *at[:3])
+    runs, rest = (
+        [f"Error {mm:.3f} mm. {cell.arm.words(own)}." for own, mm in zip(poses, errors, strict=True)]
+        for poses, errors in ((q, error), (places, left))
+    )
+    force = np.tile([0.0, 0.0, -GRAVITY * asked.scope.payload], (n, 1))
+    named = {f"Run {k}": words for k, words in enumerate(runs, start=1)}
+    plan = world.poses(ORDER, named, q, world.measured(q, force))
+    over = "Error of the predicted deflection, median over the trials (mm)"
+    ahead_mm = "Error to expect after identification, in each planned pose (mm)"
+    return Seen(
+        scene=Scene(cell, UNSCALED, [plan, world.all_over(places, rest, int(left.argmax()))]),
+        map=PlaceMap(over, 1, at[3], [Line(PLANNED, OURS, left)]),
+        runs=[RunChart(ahead_mm, 0, "run", [str(k) for k in range(1, n + 1)], [Line("plan", OURS, error)])],
+    )
+
 
 STUDY = Study(
-    name=settings.NAME,
+    name=s.NAME,
     about="Plan 4 to 40 poses by six criteria, measure them, identify, and judge where the robot works.",
-    options=settings.Options,
-    settings=settings.settings,
+    options=s.Options,
+    settings=s.settings,
     seeds=(100, 2),
-    arms=lambda asked: [find_arm(asked.arm)],
     row=trial.Row,
     trials=trial.trials,
-    report=report.report,
+    report=report,
     printed=("criteria",),
-    figures=report.figures,
-    write=report.write,
-    prepare=plans.prepare,
+    figures=figures,
+    write=write,
+    prepare=prepare,
 )

@@ -3,33 +3,37 @@
 Every trial has noise, a wrong prior and random poses of its own.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.campaign import Cell, build_cell, settle_both, stream
+from testbench.campaign.campaign import Campaign, Cell, Setup, build_cell, hanging, stream
+from testbench.campaign.campaign import measure as read
+from testbench.campaign.evaluation import CampaignRow, campaign_rows, identify_each, judge, of_model
+from testbench.campaign.model_selection import FILLED, with_priors
+from testbench.campaign.models import MODELS, Model
 from testbench.campaign.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
 from testbench.campaign.predicted_error import Expected, fitted, half_widths, joints_alone, overall
-from testbench.campaign.rows import MM, DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
+from testbench.campaign.rows import MM
 from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
-from testbench.data.dataset import Dataset, Ids
-from testbench.data.tracker import Tracker, read_positions
-from testbench.design.forecast import Forecast, widened
+from testbench.data.dataset import Dataset
+from testbench.data.write import csv_text
+from testbench.design.forecast import widened
 from testbench.design.rows import Experiment
-from testbench.design.specification import Specification, Tasks, loads_of
+from testbench.design.specification import Specification, Tasks
 from testbench.design.whole_arm import promise_on
 from testbench.errors import Array
 from testbench.identify import Estimate
-from testbench.identify.evaluate import Score, all_deflections, deflections, score
+from testbench.identify.evaluate import all_deflections
 from testbench.identify.metric import metric
-from testbench.identify.prior import Prior
-from testbench.model.load import Load, weight
+from testbench.identify.prior import Prior, Strength
+from testbench.model.load import weight
 from testbench.model.vjm import chain
 from testbench.studies.pose_selection import settings as s
-from testbench.studies.pose_selection.settings import PLANNED, RANDOM, Fit, PlanRow, Settings
+from testbench.studies.pose_selection.settings import FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, Settings
 
 NOISE, CHANCE = 100, 300  #: Streams of a seed for noise and for random poses, plus the number of poses.
 Part = Literal["measured", "ground", "promise"]
@@ -37,51 +41,22 @@ Part = Literal["measured", "ground", "promise"]
 
 
 @dataclass(frozen=True)
-class Chosen:
-    """Poses to measure, (poses, n) [rad], and which load hangs in each, (poses,)."""
-
-    q: Array
-    load: Ids
-
-
-@dataclass(frozen=True)
-class Model(FitRow):
-    """A fit of the featured number of poses, its runs and its errors; the tasks are its check set."""
-
-    data: DatasetRow
-    identification: ErrorRow
-    check: ErrorRow
-    workspace: ErrorRow
-
-
-@dataclass(frozen=True)
-class Where:
-    """RMS error over the markers in every task and in every pose of the workspace."""
-
-    tasks_mm: tuple[float, ...]
-    workspace_mm: tuple[float, ...]
-
-
-@dataclass(frozen=True)
 class Bench:
     """The true arm and where predictions are judged."""
 
     cell: Cell  #: The arm.
-    spec: Specification  #: The featured way to measure, with the planner's prior.
+    asked: Settings  #: On its ground.
     tasks: Dataset  #: Noise-free deflections in the tasks under its one weight.
     workspace: Dataset  #: The same over the workspace.
 
-    def score(self, estimate: Estimate, data: Dataset) -> Score:
-        """Errors of predicted deflections."""
-        return score(deflections(self.cell.vjm, estimate, data), data.deflection)
+    def off(self, estimates: Sequence[Estimate], data: Dataset) -> Array:
+        """Predicted minus true deflections, (estimates, poses, m, 3) [m]."""
+        return np.asarray(all_deflections(self.cell.vjm, estimates, data) - data.deflection)
 
-    def errors_mm(self, estimates: Sequence[Estimate]) -> list[tuple[float, float]]:
-        """RMS distances of predicted from true deflections, at the tasks and over the workspace [mm]."""
-        tasks, workspace = (
-            [MM * score(own, data.deflection).rms for own in all_deflections(self.cell.vjm, estimates, data)]
-            for data in (self.tasks, self.workspace)
-        )
-        return list(zip(tasks, workspace, strict=True))
+    def errors_mm(self, estimates: Sequence[Estimate]) -> Iterator[tuple[float, float]]:
+        """RMS errors at the tasks and over the workspace [mm]."""
+        every = (rms_mm(self.off(estimates, data), 1, 2).tolist() for data in (self.tasks, self.workspace))
+        return zip(*every, strict=True)
 
 
 @dataclass(frozen=True)
@@ -99,8 +74,10 @@ class Row:
     truth: str = ""  #: What a promise was tried on: one of truths.TRUTHS.
     prior: str = ""  #: One of wrong_prior.PRIORS.
     inside: float | None = None  #: Share of deflections along an axis inside the half widths of a promise.
-    model: Model | None = None  #: Of the featured number of poses.
-    where: Where | None = None  #: Errors of the featured plan for the tasks, pose by pose.
+    model: CampaignRow | None = None  #: Of the featured number of poses; the tasks are its check runs.
+    each_task_mm: tuple[float, ...] | None = None  #: Task by task, of the featured plan for the tasks.
+    each_place_mm: tuple[float, ...] | None = None  #: Pose by pose of the workspace; the same.
+    data_file: str | None = None  #: dataset.csv: what the first trial measured of that plan.
 
 
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[Row]]:
@@ -108,54 +85,69 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[Row]]:
     cell = build_cell(find_arm(asked.arm))
     bench, places = build_bench(cell, asked), (asked, s.elsewhere(asked))
     return [
-        of_plans(bench, asked, seed) + [row for there in places for row in of_ground(cell, there, seed)]
+        [*of_plans(bench, seed), *(row for there in places for row in of_ground(cell, there, seed))]
         for seed in seeds
     ]
 
 
-def first_runs(bench: Bench, asked: Settings, seed: int) -> Dataset:
-    """What a trial measures of the featured plan."""
-    n = asked.scope.featured
-    return measure(bench, bench.spec, poses_of(asked, "test", n, seed), stream(seed, NOISE + n))
+def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
+    """Models by name: of `FITS` with a prior the readings set its scale; `WHOLE` learns more of it."""
+    *plain, whole = (
+        replace(MODELS[name](cell), name=name) for name in (*s.PLAIN, WHOLE.removesuffix(FILLED))
+    )
+    found = [*with_priors(plain, prior, Strength(UNCERTAINTY)), *plain, *with_priors([whole], prior)]
+    return {model.name: model for model in found}
 
 
-def of_plans(bench: Bench, asked: Settings, seed: int) -> list[Row]:
+def of_plans(bench: Bench, seed: int) -> Iterator[Row]:
     """Every plan and random poses, identified in every way."""
-    prior, scope, rows = wrong_prior(bench.cell, seed), asked.scope, []
+    scope, models = bench.asked.scope, fits(bench.cell, wrong_prior(bench.cell, seed))
     levels = [(name, n) for name in (*scope.criteria, RANDOM) for n in scope.numbers(name)]
-    chosen = [poses_of(asked, name, n, seed) for name, n in levels]
-    read = [
-        measure(bench, bench.spec, own, stream(seed, NOISE + n))
-        for own, (_, n) in zip(chosen, levels, strict=True)
-    ]
-    for fit in s.FITS:
-        estimates = fit.each(bench.cell.vjm, prior, read)
-        found = zip(levels, read, estimates, bench.errors_mm(estimates), strict=True)
+    runs = [measure(bench, poses_of(bench.asked, name, n, seed), seed) for name, n in levels]
+    for fit in FITS:
+        estimates = identify_each(bench.cell, models[fit], runs)
+        found = zip(levels, runs, estimates, bench.errors_mm(estimates), strict=True)
         for (name, n), data, estimate, errors in found:
-            row = Row("measured", name, n, fit.name, *errors)
+            row = Row("measured", name, n, fit, *errors)
             if (n, fit) == (scope.featured, PLANNED):
-                model = model_row(bench, f"{name}, {fit.name}", estimate, data)
-                row = replace(row, model=model, where=pose_by_pose(bench, estimate))
-            rows.append(row)
-    return rows
+                row = featured(bench, row, models[fit], estimate, data)
+                if (name, seed) == ("test", bench.asked.seed):
+                    row = replace(row, data_file=csv_text(data, bench.cell.arm))
+            yield row
 
 
-def of_ground(cell: Cell, asked: Settings, seed: int) -> list[Row]:
+def featured(bench: Bench, row: Row, model: Model, estimate: Estimate, data: Dataset) -> Row:
+    """The row of the featured number of poses, with its model, and errors pose by pose."""
+    model = replace(model, name=f"{row.plan}, {row.fit}")
+    setup, tasks = setup_of(bench.asked), bench.tasks
+    campaign = Campaign(setup, bench.asked.seed, data, data, tasks, tasks, bench.workspace)
+    result = judge(bench.cell, campaign, model, estimate, estimate.solver_seconds)
+    [own] = campaign_rows(bench.cell, campaign, [result], "tubes", placed=False)
+    row = replace(row, model=own)
+    if row.plan != "test":
+        return row
+    return replace(
+        row,
+        each_task_mm=tuple(rms_mm(bench.off([estimate], tasks)[0], 1).tolist()),
+        each_place_mm=tuple((MM * result.places).tolist()),
+    )
+
+
+def of_ground(cell: Cell, asked: Settings, seed: int) -> Iterator[Row]:
     """Plans for the very fit against random poses, on one ground, the true arm one of the family."""
-    n, prior = asked.scope.featured, wrong_prior(cell, seed)
+    n, ground, models = asked.scope.featured, asked.scope.ground.name, fits(cell, wrong_prior(cell, seed))
     bench = build_bench(true_cell(cell, member(FAMILY, seed), seed), asked)
     drawn = poses_of(asked, RANDOM, n, seed)
-    chance = measure(bench, bench.spec, drawn, stream(seed, NOISE + n))
-    rows = of_promise(bench, asked, seed, (RANDOM, drawn, chance))
-    for fit in s.FITS:
-        chosen = planned(asked.scene.plan("test", n, fit.name))
-        runs = (measure(bench, bench.spec, chosen, stream(seed, NOISE + n)), chance)
+    chance = measure(bench, drawn, seed)
+    yield from of_promise(bench, seed, (RANDOM, drawn, chance))
+    for fit in FITS:
+        chosen = poses_of(asked, "test", n, seed, fit)
+        data = measure(bench, chosen, seed)
         if fit == PLANNED:
-            rows += of_promise(bench, asked, seed, ("test", chosen, runs[0]))
-        errors = bench.errors_mm([fit.each(bench.cell.vjm, prior, [data])[0] for data in runs])
-        for name, (tasks, workspace) in zip(("test", RANDOM), errors, strict=True):
-            rows.append(Row("ground", name, n, fit.name, tasks, workspace, asked.scope.ground.name))
-    return rows
+            yield from of_promise(bench, seed, ("test", chosen, data))
+        estimates = [of_model(bench.cell, models[fit], own) for own in (data, chance)]
+        for name, errors in zip(("test", RANDOM), bench.errors_mm(estimates), strict=True):
+            yield Row("ground", name, n, fit, *errors, ground)
 
 
 def prior_in_turn(seed: int) -> str:
@@ -163,115 +155,79 @@ def prior_in_turn(seed: int) -> str:
     return list(PRIORS)[(seed + seed // len(TRUTHS)) % len(PRIORS)]
 
 
-def of_promise(bench: Bench, asked: Settings, seed: int, measured: tuple[str, Chosen, Dataset]) -> list[Row]:
+def of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -> Iterator[Row]:
     """What was promised of all links and joints with a learnt prior, and of joints alone, and what came.
 
     `measured` are the name of a plan, its poses, and what was read there.
     """
-    (plan, chosen, data), name = measured, prior_in_turn(seed)
-    prior = prior_of(bench.cell, name, seed)
-    whole = specify(bench.cell, asked, prior, s.WHOLE)
-    rows = []
-    for fit, spec in ((s.WHOLE, whole), (s.INCUMBENT, joints_alone(whole, prior))):
-        after = fitted(spec, prior, chosen.q, chosen.load)
+    (plan, q, data), cell, asked, name = measured, bench.cell, bench.asked, prior_in_turn(seed)
+    prior, tasks = prior_of(cell, name, seed), bench.tasks
+    whole, models = specify(cell, asked, prior, WHOLE), fits(cell, prior)
+    for fit, spec in ((WHOLE, whole), (INCUMBENT, joints_alone(whole, prior))):
+        after = fitted(spec, prior, q, np.zeros(len(q), dtype=int))
         promise = promise_on(after, whole.tasks.q, whole.tasks.load)
-        error, inside = _against(bench, promise, fit.each(bench.cell.vjm, prior, [data])[0])
-        row = Row("promise", plan, len(chosen.q), fit.name, error, ground=asked.scope.ground.name)
-        expected, truth = overall(widened(promise)), member(FAMILY, seed)
-        rows.append(replace(row, expected=expected, truth=truth, prior=name, inside=inside))
-    return rows
+        [off] = bench.off([of_model(cell, models[fit], data)], tasks)
+        own = (off @ chain(cell.vjm, tasks.q).rotation).reshape(len(off), -1)  # along the tool's axes
+        yield Row(
+            "promise",
+            plan,
+            len(q),
+            fit,
+            tasks_mm=float(rms_mm(off, 0, 1)),
+            ground=asked.scope.ground.name,
+            expected=overall(widened(promise)),
+            truth=member(FAMILY, seed),
+            prior=name,
+            inside=float((np.abs(own) <= half_widths(promise)).mean()),
+        )
 
 
-def _against(bench: Bench, promise: Forecast, estimate: Estimate) -> tuple[float, float]:
-    """RMS error at the tasks [mm], and the share of deflections along an axis inside their half widths."""
-    vjm, tasks = bench.cell.vjm, bench.tasks
-    off = deflections(vjm, estimate, tasks) - tasks.deflection
-    own = (off @ chain(vjm, tasks.q).rotation).reshape(len(off), -1)  # along the tool's axes, as promised
-    rms = float(np.sqrt(np.square(off).sum(axis=2).mean()))
-    return MM * rms, float((np.abs(own) <= half_widths(promise)).mean())
+def rms_mm(off: Array, *over: int) -> Array:
+    """RMS over some axes of distances, of their vectors (..., 3) [m], in mm."""
+    return np.asarray(MM * np.sqrt(np.square(off).sum(axis=-1).mean(axis=over)))
 
 
 def build_bench(cell: Cell, asked: Settings) -> Bench:
     """The true arm and its deflections where predictions are judged."""
-    spec = specify(cell, asked, wrong_prior(cell, asked.seed))
-    places = [(q, spec.tasks.load) for q in (spec.tasks.q, spec.workspace)]
-    tasks, workspace = (_read(cell, spec, place, None) for place in places)
-    return Bench(cell, spec, tasks, workspace)
+    tasks, workspace = (_read(cell, asked, np.array(q)) for q in (asked.scene.tasks, asked.scene.workspace))
+    return Bench(cell, asked, tasks, workspace)
 
 
-def measure(bench: Bench, spec: Specification, chosen: Chosen, rng: np.random.Generator | None) -> Dataset:
-    """Runs of the true arm, every pose once; without a source of noise they have none."""
-    return _read(bench.cell, spec, (chosen.q, loads_of(spec, chosen.load)), rng)
+def measure(bench: Bench, q: Array, seed: int) -> Dataset:
+    """Noisy runs of the true arm, every pose (poses, n) [rad] once under the weight."""
+    return _read(bench.cell, bench.asked, q, stream(seed, NOISE + len(q)))
 
 
-def _read(
-    cell: Cell, spec: Specification, at: tuple[Array, Load], rng: np.random.Generator | None
-) -> Dataset:
-    """Markers in poses under loads."""
-    (q, load), ids = at, np.arange(len(at[0])) + 1
-    wrench, point = (np.array(np.broadcast_to(x, (len(q), x.shape[-1]))) for x in (load.wrench, load.point))
-    before, after = settle_both(cell.plant, "nonlinear", q, wrench, point)
-    tracker, source = Tracker(0.0 if rng is None else spec.experiment.sigma), rng or stream(0)
-    return Dataset(
-        markers=spec.experiment.vjm.arm.markers,
-        run=ids,
-        pose=ids,
-        q=q,
-        wrench=wrench,
-        point=point,
-        before=read_positions(tracker, before.markers, source),
-        after=read_positions(tracker, after.markers, source),
-        sigma=spec.experiment.sigma,
-    )
+def _read(cell: Cell, asked: Settings, q: Array, rng: np.random.Generator | None = None) -> Dataset:
+    loaded = hanging(cell, q, np.arange(len(q)) + 1, asked.scope.payload)
+    return read(cell, setup_of(asked), loaded, rng)
 
 
-def model_row(bench: Bench, name: str, estimate: Estimate, data: Dataset) -> Model:
-    """A fit, its runs and its errors; the tasks are its check set."""
-    return Model(
-        **vars(fit_row(name, estimate, estimate.solver_seconds, prior=True)),
-        data=dataset_row(data),
-        identification=error_row(bench.score(estimate, data)),
-        check=error_row(bench.score(estimate, bench.tasks)),
-        workspace=error_row(bench.score(estimate, bench.workspace)),
-    )
+def setup_of(asked: Settings) -> Setup:
+    """What is measured, as every campaign says it."""
+    return Setup(arm=asked.arm, truth="nonlinear", sigma=asked.scope.sigma)
 
 
-def pose_by_pose(bench: Bench, estimate: Estimate) -> Where:
-    """RMS distance over the markers of every task and every pose of the workspace [mm]."""
-    errors = [deflections(bench.cell.vjm, estimate, d) - d.deflection for d in (bench.tasks, bench.workspace)]
-    return Where(*(tuple((MM * np.sqrt(np.square(e).sum(axis=2).mean(axis=1))).tolist()) for e in errors))
-
-
-def specify(cell: Cell, asked: Settings, prior: Prior, fit: Fit = PLANNED) -> Specification:
+def specify(cell: Cell, asked: Settings, prior: Prior, fit: str = PLANNED) -> Specification:
     """The featured number of poses under one weight, with the arm's own markers, planned for a fit.
 
     Without a prior of its own a fit's unknowns are still in units of the planner's.
     """
-    scope, scene = asked.scope, asked.scene
-    load = weight(cell.vjm, scope.payload)
-    own = metric(prior, cell.vjm, fit.structure(cell.arm))
+    scope, scene, load = asked.scope, asked.scene, weight(cell.vjm, asked.scope.payload)
+    own = metric(prior, cell.vjm, fits(cell, prior)[fit].structure)
     return Specification(
         experiment=Experiment(cell.vjm, own, cell.vjm.markers, scope.sigma),
         loads=(load,),
         tasks=Tasks(np.array(scene.tasks), load),
         workspace=np.array(scene.workspace),
-        uncertainty=UNCERTAINTY if fit.prior else None,
+        uncertainty=UNCERTAINTY if fit.endswith(FILLED) else None,
         poses=scope.featured,
     )
 
 
-def poses_of(asked: Settings, name: str, poses: int, seed: int) -> Chosen:
-    """The poses of a plan, or random ones of a trial."""
-    if name == RANDOM:
-        return at_random(np.array(asked.scene.candidates), poses, stream(seed, CHANCE + poses))
-    return planned(asked.scene.plan(name, poses, PLANNED.name))
-
-
-def planned(row: PlanRow) -> Chosen:
-    """The poses of a plan."""
-    return Chosen(np.array(row.q_rad).reshape(row.poses, -1), np.array(row.load))
-
-
-def at_random(q: Array, poses: int, rng: np.random.Generator) -> Chosen:
-    """Feasible poses without a plan."""
-    return Chosen(q[rng.choice(len(q), poses, replace=False)], np.zeros(poses, dtype=int))
+def poses_of(asked: Settings, name: str, poses: int, seed: int, fit: str = PLANNED) -> Array:
+    """The poses of a plan, or random ones of a trial, (poses, n) [rad]."""
+    if name != RANDOM:
+        return np.reshape(asked.scene.plan(name, poses, fit).q_rad, (poses, -1))
+    q = np.array(asked.scene.candidates)
+    return np.asarray(q[stream(seed, CHANCE + poses).choice(len(q), poses, replace=False)])

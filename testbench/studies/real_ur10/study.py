@@ -242,7 +242,7 @@ def write(run: Run[trial.Settings]) -> Seen:
         The arm amid its errors, from where each model has the target to the reading.
     """
     cell, series = trial.read(run.settings.thin)
-    judged = [one for one, _ in trial.split(trial.BLOCKS, series)[1]]
+    judged = [one for name, one, _ in trial.split(trial.BLOCKS, series)[1] if name == trial.BLOCKS]
     rows = run.first.where(split=trial.BLOCKS, judged=("A", "C"))
     left = {
         name: np.concatenate([*map(np.array, rows.where(name=name)["left_um"])]).reshape(-1, 3)
@@ -257,7 +257,7 @@ def write(run: Run[trial.Settings]) -> Seen:
         numbers = np.hstack([q, *left.values()]).tolist()
         writer.writerows([*name, *own] for name, own in zip(named, numbers, strict=True))
     errors = {name: own / UM for name, own in left.items()}
-    return amid_errors(cell, q, [f"Series {name}, run {row}" for name, row in named], errors, LOOKS)
+    return amid_errors(cell, q, [f"{name} {row}" for name, row in named], errors, LOOKS)
 
 
 STUDY = Study(

@@ -20,6 +20,7 @@ from testbench.identify.absolute.fit import ORDERS, Calibration, Options, explai
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.vjm import Vjm
+from testbench.report.table import Row
 
 ARM = "ur10"
 FILES = {"A": "series_A_every_8th.csv", "C": "series_C.csv"}
@@ -83,8 +84,8 @@ def settings(_: Flags, quick: bool, seeds: range) -> Settings:
     return Settings(1, ORDERS, tuple(LADDER), seeds[0], {50: 20, 100: 20, 200: 6, 500: 3, 1000: 3})
 
 
-Judged = tuple[Series, int | None]
-"""Readings that judge a model, and how many rows tell its frame and target; None where training did."""
+Judged = tuple[str, Series, int | None]
+"""One of SPLITS, readings that judge it, how many rows tell their frame and target; None: training did."""
 
 
 def read(thin: int) -> tuple[Cell, tuple[Series, ...]]:
@@ -97,17 +98,17 @@ def read(thin: int) -> tuple[Cell, tuple[Series, ...]]:
 
 
 def split(name: str, series: Sequence[Series]) -> tuple[tuple[Series, ...], tuple[Judged, ...]]:
-    """Readings that train, and others that judge."""
+    """Readings that train, and others that judge; those of blocks judge twice."""
     a, c = series
     if name == TO_C:
-        return (a,), ((c, FRAME_POSES),)
+        return (a,), ((TO_C, c, FRAME_POSES),)
     if name == TO_A:
-        return (c,), ((a, FRAME_POSES),)
+        return (c,), ((TO_A, a, FRAME_POSES),)
     if name == BOTH:
         return (a, c), ()
     pairs = list(zip(series, blocks_of(series), strict=True))
     even, odd = (tuple(select_rows(one, own % 2 == k) for one, own in pairs) for k in (0, 1))
-    return even, tuple((one, FRAME_POSES if name == AGAIN else None) for one in odd)
+    return even, (*((BLOCKS, one, None) for one in odd), *((AGAIN, one, FRAME_POSES) for one in odd))
 
 
 @dataclass(frozen=True)
@@ -158,16 +159,14 @@ def _ladder(asked: Settings, vjm: Vjm, series: Sequence[Series]) -> Iterator[Fit
         (train, judged), tried = split(name, series), models_of(asked, name)
         options = Options() if CHOSEN in tried else Options(only=frozenset({SPRINGS, ERRORS, LINKS}))
         found = gather(vjm, train, cad_prior(vjm.arm), replace(options, orders=asked.orders))
+        poses = sum(one.rows for one in train)
         for model in tried:
             own = explain(found, LADDER[model])
-            about = replace(_about(own, model), split=name, poses=sum(one.rows for one in train))
             if not judged:
-                yield about
+                yield _row(own, Row(split=name, name=model, poses=poses))
             for one in judged:
-                yield _judged(own, about, one)
-            if name == BLOCKS and model in (GEOMETRY, *TWO):
-                for one in split(AGAIN, series)[1]:
-                    yield _judged(own, replace(about, split=AGAIN), one)
+                if one[0] != AGAIN or model in (GEOMETRY, *TWO):
+                    yield _row(own, Row(name=model, poses=poses), one)
 
 
 def _draws(asked: Settings, vjm: Vjm, series: Sequence[Series], seed: int) -> Iterator[FitRow]:
@@ -181,40 +180,32 @@ def _draws(asked: Settings, vjm: Vjm, series: Sequence[Series], seed: int) -> It
         found = gather(vjm, (select_rows(c, order[:poses]),), cad_prior(vjm.arm), tried)
         for model in TWO:
             own = explain(found, LADDER[model])
-            about = replace(_about(own, model), split=DRAW, poses=poses, waves=())
-            for one in ((rest, None), (few, FRAME_POSES)):
-                yield _judged(own, about, one)
+            for one, frame_poses in ((rest, None), (few, FRAME_POSES)):
+                yield _row(own, Row(name=model, poses=poses), (DRAW, one, frame_poses))
 
 
-def _about(found: Calibration, model: str) -> FitRow:
-    """What a model is, whatever judges it."""
+def _row(found: Calibration, about: Row, judged: Judged | None = None) -> FitRow:
+    """What a model is, beside readings that judge it, but those that told frame and target."""
     estimate, own, steps = found.estimate, found.own, found.chosen.steps
     K, n = 2 * len(found.state.errors.orders), found.state.vjm.arm.n_joints
-    certificate = None if estimate is None else estimate.certificate
+    certificate, left = None if estimate is None else estimate.certificate, np.zeros(0)
+    about |= Row(judged="", error=None)
+    if judged:
+        about["split"], series, frame_poses = judged
+        about |= Row(judged=series.name, error=score(found.state, belief_of(found), [series], frame_poses))
+        if about.split == BLOCKS and about.name in TWO:
+            left = np.round(UM * residuals(found.state, series)[0].T, 2)
+    waves = "harmonics" in found.chosen.kinds and about.split != DRAW
     return FitRow(
-        split="",
-        name=model,
-        judged="",
-        poses=0,
-        error=None,
-        left_um=(),
+        **about,
+        left_um=tuple(left.ravel().tolist()),
         method=None if estimate is None else estimate.method,
         parameters=int((own.columns >= own.unknowns.starts["geometry"]).sum()),
         conservative=estimate is None or bool(estimate.conservative),
         min_eigenvalue=0.0 if estimate is None else float(estimate.min_eigenvalue),
         duality_gap=None if certificate is None else float(certificate.duality_gap),
         joints=tuple(np.diag(found.state.C_theta)[-n:].tolist()),
-        waves=tuple(found.state.n[:, :K].ravel().tolist()) if "harmonics" in found.chosen.kinds else (),
+        waves=tuple(found.state.n[:, :K].ravel().tolist()) if waves else (),
         kept=tuple(step.name for step in steps if step.kept),
         declined=tuple(step.name for step in steps if not step.kept),
     )
-
-
-def _judged(found: Calibration, about: FitRow, judged: Judged) -> FitRow:
-    """A model beside readings that judge it, but those that told frame and target."""
-    series, frame_poses = judged
-    drawn, left = about.split == BLOCKS and about.name in TWO, np.zeros(0)
-    if drawn:
-        left = np.round(UM * residuals(found.state, series)[0].T, 2)
-    error = score(found.state, belief_of(found), [series], frame_poses)
-    return replace(about, judged=series.name, error=error, left_um=tuple(left.ravel().tolist()))

@@ -43,11 +43,6 @@ class Compared:
         """Whether the cone changes the fit: no model that fits as well as least squares is conservative."""
         return [not estimate.conservative for estimate in self.equal or self.ls]
 
-    @property
-    def taken(self) -> list[float]:
-        """Chi squared a seen direction that GCO leaves beyond least squares [1]."""
-        return [added(*own) for own in zip(self.ls, self.gco, strict=True)]
-
 
 def without_prior(regressions: Sequence[Regression]) -> Compared:
     """Least squares, GCO, and least squares with other free directions."""

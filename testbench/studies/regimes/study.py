@@ -12,12 +12,10 @@ from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials
 from testbench.studies.factorial import compare
-from testbench.studies.factorial.trial import writes
 from testbench.studies.regimes import trial
 from testbench.studies.regimes.trial import (
     EQUAL,
-    FEATURED_POSES,
-    FEATURED_SIGMA,
+    FEATURED,
     GCO,
     JOINTS,
     LENT,
@@ -63,7 +61,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     plain = trials.where(uncertainty=NONE)
     cells = compare.duels(plain, PAIRS, *CELL, within=("true_arm",))
     errors = compare.cells(plain, *CELL, also=("free",))
-    at = {"part": "gravity", "poses": FEATURED_POSES, "sigma_um": UM * FEATURED_SIGMA}
+    at = {"part": "gravity", "poses": FEATURED[0], "sigma_um": UM * FEATURED[1]}
     here = [row for row in errors if all(row[key] == value for key, value in at.items())]
     best = min((m for m in here if m.name == GCO), key=lambda m: middle(m.rms_um)).structure
     own = compare.by_case(plain.where(structure=best, **at), "true_arm")
@@ -211,5 +209,4 @@ STUDY = Study(
     report=report,
     printed=tuple(KINDS),
     figures=figures,
-    write=writes(trial.first_runs),
 )

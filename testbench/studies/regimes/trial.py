@@ -15,7 +15,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.campaign.pose_campaign import FullPose
 from testbench.campaign.pose_campaign import simulate as simulate_full_pose
-from testbench.campaign.rows import UM, dataset_row
+from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset, Mask, select
 from testbench.errors import Array, BenchError
@@ -52,7 +52,7 @@ AT_ONCE = 2  #: Kinds of true arm in one trial.
 FAMILY = ("tubes", "off_20", "off_40", "cast")
 GRAVITY = Grid("kr500_l480", (4, 8, 12, 20, 40), (5e-6, 15e-6, 50e-6, 150e-6, 500e-6))
 FULL_POSE = Grid("arm_6r", (2, 4, 8, 18), (25e-6, 100e-6, 400e-6))
-FEATURED_POSES, FEATURED_SIGMA = 8, 50e-6  #: Of section 6: the cell whose models the report lists.
+FEATURED = (8, 50e-6)  #: Poses and noise of section 6: the cell whose models the report lists.
 NONE = "none"
 PRIORS = {"30 %": Strength(0.3), "300 %": Strength(3.0)}
 """How firmly the CAD prior is believed, by name; it is right where the truth is tubes."""
@@ -75,6 +75,7 @@ class Options:
 class Settings:
     """What is tried."""
 
+    first: int  #: The first seed.
     truths: tuple[str, ...] = FAMILY
     judged: int = 200  #: Poses in which the models are judged.
     gravity: Grid = GRAVITY
@@ -101,7 +102,7 @@ class MethodRow(FitRow):
     free: int  #: Directions that the data do not see.
 
 
-def settings(options: Options, quick: bool, _: range) -> Settings:
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for.
 
     Raises:
@@ -111,7 +112,7 @@ def settings(options: Options, quick: bool, _: range) -> Settings:
     for name in truths:
         if name not in TRUTHS or truths.count(name) > 1:
             raise BenchError(f"--truth: expected different ones of {', '.join(TRUTHS)}, got {name!r}")
-    found = Settings(truths)
+    found = Settings(seeds[0], truths)
     if not quick:
         return found
     gravity = replace(found.gravity, poses=(4, 8, 20), sigmas=(50e-6, 150e-6))
@@ -122,10 +123,8 @@ def settings(options: Options, quick: bool, _: range) -> Settings:
 @each_seed
 def trials(asked: Settings, seed: int) -> Iterator[MethodRow]:
     """Rows of a seed, one a method, structure, truth, prior and cell of the grids."""
-    measured = dataset_row(first_runs(asked, seed)[1])
     for kind, grid in asked.grids.items():
-        for k, row in enumerate(_rows(build_cell(find_arm(grid.arm)), kind, asked, seed)):
-            yield row if k or kind != "gravity" else replace(row, measured=measured)
+        yield from _rows(build_cell(find_arm(grid.arm)), kind, asked, seed)
 
 
 @dataclass(frozen=True)
@@ -177,19 +176,13 @@ MEASURE: Mapping[Kind, Callable[[Cell, Grid, int, Sequence[str], int], list[Clea
 """Of an arm, its grid, the poses to judge by, names of truths and a seed: what is true, a truth each."""
 
 
-def first_runs(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
-    """The arm, and the runs of the featured cell of a trial's first true arm."""
-    cell, grid = build_cell(find_arm(asked.gravity.arm)), replace(asked.gravity, sigmas=(FEATURED_SIGMA,))
-    [clean] = _gravity(cell, grid, 1, asked.arms(seed)[:1], seed)
-    return cell, clean.read(replace(grid, poses=(FEATURED_POSES,)))[0]
-
-
 def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[MethodRow]:
     """Rows of one kind of reading."""
     grid, prior, truths = asked.grids[kind], cad_prior(cell.arm), asked.arms(seed)
     structures = [make(cell.arm) for make in STRUCTURES]
     for truth, clean in zip(truths, MEASURE[kind](cell, grid, asked.judged, truths, seed), strict=True):
         data = clean.read(grid)
+        left = FEATURED if (kind, truth, seed) == ("gravity", truths[0], asked.first) else None
         alone = [reduce(cell.vjm, joints_only(cell.arm), runs) for runs in data]
         joints = fit_each(alone, "none", [None] * len(data))
         for structure in structures:
@@ -200,8 +193,13 @@ def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[Method
             for name, compared in found.items():
                 same = {"part": kind, "true_arm": truth, "structure": structure.name, "uncertainty": name}
                 cases = [
-                    Case(runs, clean.judge, {**same, "poses": poses, "sigma_um": UM * sigma})
-                    for runs, (poses, sigma) in zip(data, grid.cells, strict=True)
+                    Case(
+                        runs,
+                        clean.judge,
+                        {**same, "poses": at[0], "sigma_um": UM * at[1]},
+                        runs if at == left else None,
+                    )
+                    for runs, at in zip(data, grid.cells, strict=True)
                 ]
                 yield from _compared(cell, cases, compared, joints, noise)
 

@@ -20,16 +20,18 @@ from testbench.campaign.campaign import measure as read
 from testbench.campaign.evaluation import of_model
 from testbench.campaign.models import Model
 from testbench.campaign.pose_campaign import FullPose, at_tool, random_wrenches
-from testbench.campaign.rows import UM, FitRow, fit_row
+from testbench.campaign.rows import UM, DatasetRow, FitRow, dataset_row, fit_row
 from testbench.data.dataset import Dataset
+from testbench.data.write import csv_text
 from testbench.errors import Array
 from testbench.identify import Estimate, gco, least_squares
 from testbench.identify.estimate import CONSERVATIVE_TOLERANCE
 from testbench.model.structure import Structure, free36
-from testbench.studies.estimators.factorised import LARGEST_ORDER, LocalSolves
+from testbench.studies.paper import EQ_22, EQ_23, every_order
 
 NAME = "single_link"
 LEAST_SQUARES, SYMMETRIC, GCO = "MLS36", "MLS21", "MGCO21"
+PRINTED = {LEAST_SQUARES: EQ_22, GCO: EQ_23}  #: What the paper prints, of one draw.
 STARTS = 8  #: Local solves of every order m: below 6 there are local minima that are not global.
 ORDERED, QUICK_ORDERED = 200, 3  #: Draws that are solved for every order m too.
 AT_OPTIMUM = 1e-6
@@ -63,29 +65,10 @@ class Settings:
 
     #: "axes" for one axis at a time, "random" for six random wrenches within force and moment.
     loads: Loads = "axes"
-    ordered_below: int = 0  #: Draws of smaller seeds are solved for every order m too.
+    first: int = 1000  #: The first draw: it keeps its readings.
+    ordered: int = 0  #: Draws, from the first, that are solved for every order m too.
     starts: int = STARTS  #: Local solves of every order.
     campaign: FullPose = SECTION_5_1  #: Loads, noise and number of check loads.
-
-
-@dataclass(frozen=True)
-class Entries:
-    """RMS errors over the nine entries of a block of C."""
-
-    translation_rms_um_per_N: float
-    coupling_translation_rms_um_per_Nm: float
-    coupling_rotation_rms_urad_per_N: float
-    rotation_rms_urad_per_Nm: float
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """RMS distances under the check loads, and as a share of the RMS deflection."""
-
-    position_rms_um: float
-    position_relative_percent: float
-    rotation_rms_urad: float
-    rotation_relative_percent: float
 
 
 @dataclass(frozen=True)
@@ -101,24 +84,33 @@ class Judged:
     matrix_eigenvalue_micro: float
     negative_eigenvalue: bool
     negative_eigenvalue_matrix: bool
-    entries: Entries
-    prediction: Prediction
+    #: RMS errors over the nine entries of a block of C, by what it turns into what.
+    force_position_rms_um_per_N: float
+    moment_position_rms_um_per_Nm: float
+    force_rotation_rms_urad_per_N: float
+    moment_rotation_rms_urad_per_Nm: float
+    #: RMS distances under the check loads, and as a share of the RMS deflection.
+    position_rms_um: float
+    position_relative_percent: float
+    rotation_rms_urad: float
+    rotation_relative_percent: float
 
 
 @dataclass(frozen=True)
 class LinkRow(FitRow, Judged):
     """What one method made of one draw."""
 
-    rank_of_C: int  #: Eigenvalues beyond rounding.
+    measured: DatasetRow  #: The readings.
     condition: float  #: Condition number of the loads, in units of force and moment [1].
-    C: tuple[float, ...]  #: Row by row, (36,) [m/N, rad/N, rad/(N m)].
-    eigenvalues: tuple[float, ...]  #: Of the symmetric part, ascending, (6,) [m/N, rad/(N m)].
-    m: int = (
-        0  #: Order of the vector space of Eq. (16) where a local solve searched it; 0 for a convex solve.
-    )
+    rank_of_C: int  #: Eigenvalues beyond rounding.
+    error: tuple[float, ...]  #: C minus the true one, row by row, (36,) [m/N, rad/N, rad/(N m)].
+    #: Order of the vector space of Eq. (16) where a local solve searched it; 0 for a convex solve.
+    m: int = 0
     f_m_over_optimum: float = 1.0  #: F_M, the best of some local solves, over the certified optimum.
     excess_percent: float = 0.0  #: The same above it, at least `LEAST`.
     reaches_optimum: bool = True  #: Whether the two are the same.
+    printed: Judged | None = None  #: The paper's matrix under the check loads, in the first draw.
+    data_file: str | None = None  #: dataset.csv, in the first draw.
 
 
 @dataclass(frozen=True)
@@ -131,7 +123,7 @@ class Draw:
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for."""
-    return Settings(loads=options.loads, ordered_below=seeds[0] + (QUICK_ORDERED if quick else ORDERED))
+    return Settings(options.loads, seeds[0], QUICK_ORDERED if quick else ORDERED)
 
 
 def models(cell: Cell) -> list[Model]:
@@ -180,13 +172,18 @@ def _trial(cell: Cell, asked: Settings, seed: int) -> Iterator[LinkRow]:
     for model in models(cell):
         start = time.perf_counter()
         estimate = of_model(cell, model, draw.identification)
-        yield _row(cell, asked, draw, fit_row(model.name, estimate, time.perf_counter() - start), estimate)
-    optimum = estimate.f_m  # of the last one, GCO
-    if seed < asked.ordered_below:
-        for m, estimate in of_every_order(cell, draw.identification, asked.starts, seed):
-            ratio = estimate.f_m / optimum
+        fit = fit_row(model.name, estimate, time.perf_counter() - start)
+        row = _row(cell, asked, draw, fit, estimate)
+        if seed == asked.first and model.name in PRINTED:
+            known = judge(cell, np.array(PRINTED[model.name]), draw.truth)
+            row = replace(row, printed=known, data_file=csv_text(draw.identification, ()))
+        yield row
+    if seed < asked.first + asked.ordered:
+        orders = every_order(cell, model.structure, draw.identification, asked.starts, seed)
+        for m, own in enumerate(orders, start=1):
+            ratio = own.f_m / estimate.f_m  # of the last one, GCO
             yield replace(
-                _row(cell, asked, draw, fit_row(GCO, estimate, 0.0), estimate),
+                _row(cell, asked, draw, fit_row(GCO, own, 0.0), own),
                 m=m,
                 f_m_over_optimum=ratio,
                 excess_percent=100 * max(LEAST, ratio - 1),
@@ -200,18 +197,11 @@ def _row(cell: Cell, asked: Settings, draw: Draw, fit: FitRow, estimate: Estimat
     return LinkRow(
         **vars(judge(cell, C, draw.truth)),
         **vars(fit) | {"advice": ()},  # it differs from draw to draw
-        rank_of_C=rank_beyond_noise(campaign, C),
+        measured=dataset_row(draw.identification),
         condition=float(np.linalg.cond(load)),
-        C=tuple(C.ravel().tolist()),
-        eigenvalues=tuple(eigenvalues(C)[1].tolist()),
+        rank_of_C=rank_beyond_noise(campaign, C),
+        error=tuple((C - cell.arm.C_theta).ravel().tolist()),
     )
-
-
-def of_every_order(cell: Cell, data: Dataset, starts: int, seed: int) -> Iterator[tuple[int, Estimate]]:
-    """The best of some local solves for m = 1 to 6."""
-    structure = models(cell)[-1].structure
-    for m in range(1, LARGEST_ORDER + 1):
-        yield m, LocalSolves(stream(seed, 10 + m), m, starts)(cell.vjm, structure, data)
 
 
 def judge(cell: Cell, C: Array, truth: Dataset) -> Judged:
@@ -225,27 +215,24 @@ def judge(cell: Cell, C: Array, truth: Dataset) -> Judged:
         matrix_eigenvalue_micro=UM * float(matrix[0]),
         negative_eigenvalue=bool(symmetric[0] < zero),
         negative_eigenvalue_matrix=bool(matrix[0] < zero),
-        entries=Entries(
-            translation_rms_um_per_N=UM * rms(error[:3, :3]),
-            coupling_translation_rms_um_per_Nm=UM * rms(error[:3, 3:]),
-            coupling_rotation_rms_urad_per_N=UM * rms(error[3:, :3]),
-            rotation_rms_urad_per_Nm=UM * rms(error[3:, 3:]),
-        ),
-        prediction=prediction_errors(C, truth),
+        force_position_rms_um_per_N=UM * rms(error[:3, :3]),
+        moment_position_rms_um_per_Nm=UM * rms(error[:3, 3:]),
+        force_rotation_rms_urad_per_N=UM * rms(error[3:, :3]),
+        moment_rotation_rms_urad_per_Nm=UM * rms(error[3:, 3:]),
+        **prediction_errors(C, truth),
     )
 
 
-def prediction_errors(C: Array, truth: Dataset) -> Prediction:
+def prediction_errors(C: Array, truth: Dataset) -> dict[str, float]:
     """Errors of the deflections that a compliance predicts under the loads of some noise-free readings."""
-    predicted = truth.wrench @ C.T
     position, rotation = truth.deflection[:, 0], truth.rotation
-    e_position, e_rotation = predicted[:, :3] - position, predicted[:, 3:] - rotation
-    return Prediction(
-        position_rms_um=UM * math.sqrt(3) * rms(e_position),
-        position_relative_percent=100 * rms(e_position) / rms(position),
-        rotation_rms_urad=UM * math.sqrt(3) * rms(e_rotation),
-        rotation_relative_percent=100 * rms(e_rotation) / rms(rotation),
-    )
+    off = truth.wrench @ C.T - np.hstack([position, rotation])
+    return {
+        "position_rms_um": UM * math.sqrt(3) * rms(off[:, :3]),
+        "position_relative_percent": 100 * rms(off[:, :3]) / rms(position),
+        "rotation_rms_urad": UM * math.sqrt(3) * rms(off[:, 3:]),
+        "rotation_relative_percent": 100 * rms(off[:, 3:]) / rms(rotation),
+    }
 
 
 def eigenvalues(C: Array) -> tuple[Array, Array]:

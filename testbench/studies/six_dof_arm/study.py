@@ -7,8 +7,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import EQUAL_FIT, JOINTS
 from testbench.campaign.campaign import build_cell
+from testbench.campaign.models import EQUAL_FIT, JOINTS
 from testbench.campaign.rows import MM, UM
 from testbench.report import campaigns
 from testbench.report.campaigns import NOT_OF_A_MODEL

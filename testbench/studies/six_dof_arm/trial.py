@@ -9,11 +9,9 @@ from typing import Annotated, Literal
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS, equal_fit
 from testbench.campaign.campaign import Campaign, Cell, Truth, build_cell
-from testbench.campaign.campaign_row import CampaignRow, campaign_rows
-from testbench.campaign.evaluation import identify, judge
-from testbench.campaign.models import Model, named_models
+from testbench.campaign.evaluation import CampaignRow, campaign_rows, identify, judge
+from testbench.campaign.models import JOINTS, Model, equal_fit, named_models
 from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.identify import gco
 from testbench.studies.paper import every_order

@@ -16,11 +16,10 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, build_cell, stream
-from testbench.campaign.campaign_row import CampaignRow, campaign_rows
-from testbench.campaign.evaluation import judge
+from testbench.campaign.evaluation import CampaignRow, campaign_rows, judge
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.pose_campaign import FullPose, simulate
-from testbench.data.csvfile import csv_text
+from testbench.data.write import csv_text
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce
 from testbench.studies.estimators.factorised import (

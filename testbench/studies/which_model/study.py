@@ -6,16 +6,15 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
+from testbench.campaign.models import JOINTS
 from testbench.campaign.perturbed_prior import PRIOR_WORDS, PRIORS, PRIORS_CALLED, RIGHT
 from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import CALLED, TRUTH_WORDS, TRUTHS
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
-from testbench.report.table import Cells, Row, Trials, find, merged, number
+from testbench.report.table import TRIAL, Cells, Row, Trials, find, matched, merged, number
 from testbench.studies.factorial import compare
-from testbench.studies.factorial.compare import MARGIN, RMS
-from testbench.studies.factorial.trial import writes
+from testbench.studies.factorial.compare import ERROR, RMS
 from testbench.studies.study import Study
 from testbench.studies.which_model import trial
 from testbench.studies.which_model.trial import CHOSEN, RUNS, Options, Settings
@@ -27,7 +26,8 @@ from testbench.views.schema import Table, pivot
 
 IN_ORDER = {"prior_error": PRIORS, "true_arm": TRUTHS}
 """Words that trials meet in other orders than a reader."""
-BESIDE = ("over_joints", "loses", "over_least", "best_in")
+BESIDE = ("over_joints", "loses")
+MARGIN = 0.05  #: Share by which an error must exceed that of joints alone for a method to lose.
 EVERY = "all"  #: All cases, in words.
 MOVES = 0.05  #: Share of the true deflection over the workspace from which a link is said to move it.
 SAID = ("doubted", "told", "unchecked", "otherwise", "either")  #: Columns of what is said of a prior.
@@ -45,32 +45,32 @@ HOW = Markdown(
 
 
 def report(asked: Settings, seeds: range, trials: Trials) -> Report:
-    """Medians and spreads over the family, by true arm, by prior and by both."""
+    """Medians and spreads over the family, by number of poses, and of the default by true arm and prior."""
     places = [[list(known).index(word) for word in trials[name]] for name, known in IN_ORDER.items()]
     ordered = trials.pick(np.lexsort(places))
-    every = compare.over_incumbent(ordered, JOINTS, CHOSEN, "true_arm", "poses")
-    default, counts = every.where(name=CHOSEN), sorted(every.values("poses"))
-    by_arm = compare.cells(every, "true_arm", "poses", also=BESIDE)
-    family = compare.cells(every, "poses", also=BESIDE)
+    every = _over_joints(ordered)
+    default, family = every.where(name=CHOSEN), compare.cells(every, "poses", also=BESIDE)
+    counts, cases = sorted(every.values("poses")), compare.by_case(every, "true_arm")
     f = Row(
-        seed=list(seeds) if len(seeds) > 1 else seeds[0],
+        compare.head(seeds, trials),
         arm=find_arm(asked.arm).resolve().name,
-        noise=True,
         truth="nonlinear",
         sigma_um=UM * asked.sigma,
-        trials=len(seeds),
         cases=len(default) // len(counts),
         poses=counts,
         workspace_poses=asked.workspace,
         runs_a_pose=RUNS,
         margin_percent=100 * MARGIN,
         stiffer=asked.stiffer,
-        gains={n: _gains(every.where(poses=n), family) for n in counts},
+        gains={
+            n: compare.gains(own, [m for m in family if m.poses == n], CHOSEN)
+            for (n,), own in cases.groups("poses")
+        },
         family=family,
-        by_truth=by_arm,
         cells=compare.cells(default, "true_arm", "prior_error", "poses", also=BESIDE),
-        worst=_worst(default),
+        worst=merged(default.pick(default["over_joints"].argsort()[-1:]))[0],
         promises=list(_promises(every)),
+        models=compare.contract([m for m in family if m.poses == counts[0]]),
     )
     question = "{arm}: which method should an engineer use by default with {which} poses?"
     return Report(
@@ -92,16 +92,11 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     )
 
 
-def _gains(own: Trials, family: Sequence[Row]) -> Row:
-    """The default beside least squares and joints alone, case by case, at one number of poses."""
-    cases = compare.by_case(own, "true_arm")
-    return compare.gains(cases, [m for m in family if m.poses == own["poses"][0]], CHOSEN)
-
-
-def _worst(default: Trials) -> Row:
-    """The default's case of largest error beside joints alone."""
-    [row] = merged(default.pick(np.array([default["over_joints"].argmax()])))
-    return row
+def _over_joints(trials: Trials) -> Trials:
+    """Rows with their errors over those of joints alone in the same case, and whether these lose."""
+    joints = matched(trials, trials.where(name=JOINTS), ERROR, (TRIAL, "true_arm", "poses"))
+    over = trials[ERROR] / joints
+    return trials.add(over_joints=over, loses=over > 1 + MARGIN)
 
 
 def _promises(every: Trials) -> Iterator[Row]:
@@ -267,11 +262,9 @@ STUDY = Study(
     options=Options,
     settings=trial.settings,
     seeds=(102, 6),
-    arms=lambda asked: [find_arm(asked.arm)],
     row=trial.MethodRow,
     trials=trial.trials,
     report=report,
     printed=("short",),
     figures=figures,
-    write=writes(trial.first_runs),
 )

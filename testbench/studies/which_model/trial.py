@@ -13,10 +13,9 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.baselines import JOINTS
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.campaign.model_selection import choose, with_priors
-from testbench.campaign.models import MODELS, Model
+from testbench.campaign.models import JOINTS, MODELS, Model
 from testbench.campaign.perturbed_prior import PRIORS, prior_of, wrong_link
 from testbench.campaign.rows import MM, UM
 from testbench.campaign.true_arms import TRUTHS, true_cell
@@ -57,6 +56,7 @@ class Settings:
     """What is tried."""
 
     arm: str  #: Folder or name of the arm.
+    first: int  #: The first seed.
     sigma: float = 50e-6  #: Standard deviation of one reading along one axis [m].
     workspace: int = 200  #: Poses in which the models are judged.
     stiffer: float = 1.0  #: How many times stiffer the true links are than the folder's.
@@ -92,10 +92,10 @@ class MethodRow(FitRow):
     doubted: Doubted | None = None  #: Of the default.
 
 
-def settings(options: Options, quick: bool, _: range) -> Settings:
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for."""
     workspace = QUICK_WORKSPACE if quick else Settings.workspace
-    return Settings(options.arm, workspace=workspace, stiffer=options.stiffer)
+    return Settings(options.arm, seeds[0], workspace=workspace, stiffer=options.stiffer)
 
 
 @each_seed
@@ -109,7 +109,12 @@ def trials(asked: Settings, seed: int) -> Iterator[MethodRow]:
         campaign = simulate_at(true, scenario(asked), seed, poses)
         factors = {"true_arm": truth, "prior_error": name, "sigma_um": UM * asked.sigma}
         cases = [
-            Case(runs, campaign.truth, {**factors, "poses": n})
+            Case(
+                runs,
+                campaign.truth,
+                {**factors, "poses": n},
+                runs if (truth, n, seed) == (SHOWN, POSES[-1], asked.first) else None,
+            )
             for runs, n in zip(read(campaign), POSES, strict=True)
         ]
         yield from _rows(true, [*plain, *with_priors(bare, prior)], cases, prior, seed)
@@ -145,13 +150,6 @@ def read(campaign: Campaign) -> list[Dataset]:
     """The runs in few and in many poses, with noise."""
     every = reread(campaign.identification, campaign.scenario.sigma, stream(campaign.seed, 1))
     return [select(every, every.pose <= poses) for poses in POSES]
-
-
-def first_runs(asked: Settings, seed: int) -> tuple[Cell, Dataset]:
-    """The arm and its runs of a seed, in many poses."""
-    cell, own = build_cell(find_arm(asked.arm)), scenario(asked)
-    campaign = simulate_at(true_cell(cell, SHOWN, seed), own, seed, draw_poses(cell, own, seed))
-    return cell, read(campaign)[-1]
 
 
 def _rows(

@@ -174,6 +174,7 @@ function drawColumn(table, k, width) {
   const [line, top, right] = [lines.some((own) => own.length > 1) ? 30 : 21, 6, 74];
   const height = top + line * rows.length + 22;
   const every = rows.flatMap((row) => ["v", "low", "high"].map((key) => row.cells[k][key]).filter((x) => x !== undefined));
+  if (table.head[k].ratio) every.push(1);
   const x = scale(every, left, width - right);
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": table.head[k].title });
   let free = -Infinity; // where the next number has room
@@ -184,6 +185,7 @@ function drawColumn(table, k, width) {
     free = x.place(tick) + half + 4;
     svg.append(make("text", { class: "soft", x: x.place(tick), y: height - 6, "text-anchor": "middle" }, plain(tick)));
   }
+  if (table.head[k].ratio) svg.append(make("line", { x1: x.place(1), x2: x.place(1), y1: top, y2: height - 20, stroke: SOFT, "stroke-dasharray": "2 3" }));
   rows.forEach((row, i) => {
     const [cell, y, look] = [row.cells[k], top + line * (i + 0.5), table.looks[names[i]] || PLAIN];
     const weight = row.marked ? "700" : "400";

@@ -18,7 +18,7 @@ from markupsafe import Markup
 
 from testbench import files
 from testbench.errors import Array
-from testbench.plant.import_robot.thin import decimated
+from testbench.plant.import_robot.meshes import decimated
 from testbench.plant.shapes import Frames, Shape, quaternions, visual_shapes
 from testbench.trials.spread import Spread
 from testbench.views.colours import SCALE, Look, hexadecimal
@@ -42,7 +42,10 @@ def markdown(text: str) -> Markup:
 def grid(table: Table) -> Json:
     """A table as rows of cells, each with its text and the numbers behind it."""
     drawn = [_drawn(column, table) for column in table.columns]
-    head = [{"title": column.title, "drawn": own} for column, own in zip(table.columns, drawn, strict=True)]
+    head = [
+        {"title": column.title, "drawn": own, "ratio": column.key == "ratio"}
+        for column, own in zip(table.columns, drawn, strict=True)
+    ]
     rows = [
         {
             "marked": table.bold == table.columns[0].cell(row),
@@ -142,14 +145,7 @@ Faces = npt.NDArray[np.int_]
 
 
 def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
-    """report.html of a run, from its words, what is drawn, and the pictures that lie in its folder.
-
-    Args:
-        folder: Of the run; all its other files are there but the manifest.
-        scenario: What was run, such as "Gravity calibration".
-        words: Of its report.
-        seen: What is drawn.
-    """
+    """report.html of a run, from its words, what is drawn, and the pictures that lie in its folder."""
     pictures = [{"name": png.name, "data": embedded(png)} for png in sorted(folder.glob("*.png"))]
     text = fill(
         scenario=scenario,

@@ -56,8 +56,7 @@ class _Group:
     poses: Poses
     name: str  #: Of its entities.
     arm: str  #: Root of its arm's bodies; groups of the same poses share one.
-    charts: Sequence[RunChart]
-    mapped: Sequence[RunChart]  #: Its map as a chart, where it has no other one.
+    charts: Sequence[RunChart]  #: Its map as one, where it has no other.
 
     @property
     def rank(self) -> Ids:
@@ -82,15 +81,7 @@ class _Group:
 
 
 def write_run(path: Path, header: Header, words: Told, seen: Seen, figures: Mapping[str, Path]) -> None:
-    """Write a run for the Rerun viewer; an existing file is replaced only by a whole one.
-
-    Args:
-        path: The .rrd file.
-        header: What identifies it.
-        words: Of the report.
-        seen: What the page draws.
-        figures: PNGs by title, a tab each.
-    """
+    """Write a run for the Rerun viewer; an existing file is replaced only by a whole one."""
     if seen.map and not any(np.isfinite(line.values).any() for line in seen.map.lines):
         seen = replace(seen, map=None)  # nowhere is there a bound
     groups = _groups(seen)
@@ -144,8 +135,8 @@ def _groups(seen: Seen) -> list[_Group]:
         same = [j for j, other in enumerate(every) if other.rigid is poses.rigid]
         charts = [chart for chart in seen.runs if chart.group in same and len(chart.labels) > 1]
         mapped = seen.map if seen.map and seen.map.group == k and not charts else None
-        own = [RunChart(mapped.title, k, "pose", poses.names, mapped.lines)] if mapped else []
-        found.append(_Group(poses, snake(poses.name), arm, charts, own))
+        charts += [RunChart(mapped.title, k, "pose", poses.names, mapped.lines)] if mapped else []
+        found.append(_Group(poses, snake(poses.name), arm, charts))
     return found
 
 
@@ -175,7 +166,7 @@ def _write_scene(pen: Pen, cell: Cell, groups: Sequence[_Group]) -> None:
         rows.texts(f"here/{own.name}", texts)
         for layer in own.poses.layers:
             write_layer(rows, f"world/{own.name}/{snake(layer.name)}", layer, own.size)
-        for chart in (*own.charts, *own.mapped):
+        for chart in own.charts:
             for line in chart.lines:
                 _write_line(rows, own.path(chart, line.name), line)
 
@@ -209,7 +200,7 @@ def _tab(scene: Scene, own: _Group, *, first: bool) -> rrb.Container:
             axis_x=_beyond(len(own.poses.names)),
             plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
         )
-        for chart in (*own.charts, *own.mapped)
+        for chart in own.charts
     ]
     bodies = [f"+ $origin/{own.arm}/**", f"+ $origin/{own.arm}_deflected/**"]
     world = rrb.Spatial3DView(

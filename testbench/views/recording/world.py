@@ -198,11 +198,7 @@ def sizes(share: Array) -> Array:
 def write_map(pen: Pen, found: PlaceMap, names: Sequence[str], size: float) -> None:
     """A map a line, rings where there is no number; in words what colours are, and where each is largest.
 
-    Args:
-        pen: What stands still is drawn with it.
-        found: Errors by place.
-        names: Of the places.
-        size: Of what is in view [m].
+    What is in view has this size [m].
     """
     scale, there, said = _scale(found), np.isfinite(found.at).all(axis=1), []
     for line in found.lines[:MOST]:
@@ -236,14 +232,7 @@ def _scale(found: PlaceMap) -> Scale:
 
 
 def map_tab(found: PlaceMap, arm: str, body: Array, size: float) -> rrb.Container:
-    """The maps side by side with an arm, and words.
-
-    Args:
-        found: Errors by place.
-        arm: Root of the arm's entities in the world, empty for none.
-        body: Points of the arm, (n, 3) [m].
-        size: Of what is in view [m].
-    """
+    """The maps side by side with an arm, its points (n, 3) [m], and words; all in view has this size [m]."""
     at = found.at[np.isfinite(found.at).all(axis=1)]
     points = np.vstack([at, body])
     eye = orbit(*frame(points, np.full(len(points), 0.1 * size), at[0, :2], aspect=1.1))

@@ -19,17 +19,9 @@ def read_torques(columns: Columns, arm: Arm) -> Array | None:
     Raises:
         InputError: When a joint has none.
     """
-    if not columns.every("torque"):
-        return None
-    found = [columns.get(Slot("torque", k)) for k in range(arm.n_joints)]
-    missing = [
-        f"torque_{joint.name}_{'N' if joint.prismatic else 'Nm'}"
-        for joint, column in zip(arm.joints, found, strict=True)
-        if column is None
-    ]
-    if missing:
-        raise columns.lack(missing)
-    return np.column_stack([columns.full(column) for column in found if column is not None])
+    names = (f"torque_{joint.name}_{'N' if joint.prismatic else 'Nm'}" for joint in arm.joints)
+    found = columns.whole({name: Slot("torque", k) for k, name in enumerate(names)})
+    return np.column_stack([columns.full(column) for column in found]) if found else None
 
 
 def read_temperature(columns: Columns) -> tuple[Array | None, list[str]]:

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.conditions import SAME_POSE, Conditions, number_rows
 from testbench.data.dataset import Ids
-from testbench.data.sightings import Sightings
+from testbench.data.rows import SAME_POSE, Conditions, Readings, first_rows, number_rows, repeats
 from testbench.data.table import Table
-from testbench.errors import Array, InputError
+from testbench.errors import Array
 
 HELD = 2e-4
 """Difference of joint coordinates between the readings of a run that is let pass, and said [rad, m]."""
@@ -27,74 +26,68 @@ class Paired:
     notes: tuple[str, ...]  #: What was assumed.
 
 
-def pair(table: Table, conditions: Conditions, seen: Sightings) -> Paired:
+def pair(table: Table, conditions: Conditions, read: Readings) -> Paired:
     """The runs of a table.
 
     Raises:
         InputError: Names the line and what was expected.
     """
-    if seen.paired:
-        return _in_one_row(table, conditions, seen)
-    return _state_by_state(table, conditions, seen)
+    marker = np.zeros(table.rows, dtype=int)
+    if read.long:
+        marker[read.row] = read.marker
+    if read.paired:
+        return _in_one_row(table, conditions, read, marker)
+    return _state_by_state(table, conditions, read, marker)
 
 
-def _in_one_row(table: Table, conditions: Conditions, seen: Sightings) -> Paired:
+def _in_one_row(table: Table, conditions: Conditions, read: Readings, marker: Ids) -> Paired:
     """Both states stand in a row: of all targets, or of one."""
-    marker = seen.marker[: table.rows] if seen.long else np.zeros(table.rows, dtype=int)
     if conditions.run is not None:
         of_row = number_rows(conditions.run[:, None])
+    elif read.long:
+        of_row = _repeated(table, number_rows(_load_key(conditions)), marker)
     else:
-        of_row = (
-            _repeated(table, number_rows(_key(conditions)), marker) if seen.long else np.arange(table.rows)
-        )
-    first = _first(of_row)
+        of_row = np.arange(table.rows)
+    first = first_rows(of_row)
     run = np.arange(len(first)) + 1 if conditions.run is None else conditions.run[first]
-    again = np.flatnonzero(repeats(np.column_stack([of_row, marker])))
-    if len(again):
-        raise table.error(again[0], "", f"run {run[of_row[again[0]]]} stands in the file twice")
-    short = np.flatnonzero(np.bincount(of_row) < len(seen.markers)) if seen.long else None
-    if short is not None and len(short):
-        each = f"expected one line for each of {', '.join(seen.markers)}; those of a lost target are blank"
-        raise table.error(first[short[0]], "", f"run {run[short[0]]}: {each}")
-    before, after = (_placed(seen, of_row, len(first), after=state) for state in (False, True))
+    again = repeats(np.column_stack([of_row, marker])) > 0
+    table.refuse(again, "", lambda row: f"run {run[of_row[row]]} stands in the file twice")
+    if read.long:
+        short = np.bincount(of_row) < len(read.markers)
+        each = f"expected one line for each of {', '.join(read.markers)}; those of a lost target are blank"
+        for k in np.flatnonzero(short)[:1]:
+            raise table.error(first[k], "", f"run {run[k]}: {each}")
+    before, after = (_placed(read, of_row, len(first), after=state) for state in (False, True))
     notes = () if conditions.run is not None else (f"runs are numbered in their order: {len(first)} of them",)
     return Paired(first, run, first[of_row], before, after, notes)
 
 
-def _state_by_state(table: Table, conditions: Conditions, seen: Sightings) -> Paired:
+def _state_by_state(table: Table, conditions: Conditions, read: Readings, marker: Ids) -> Paired:
     """A row is of one state; an unloaded reading serves its own run, or all loads of its pose."""
-    rows, marker, loaded = (
-        np.arange(table.rows),
-        np.zeros(table.rows, dtype=int),
-        np.zeros(table.rows, dtype=bool),
-    )
-    loaded[seen.row] = seen.after
-    if seen.long:
-        marker[seen.row] = seen.marker
-    idle = [conditions.pose, conditions.station, conditions.run]
-    idle_key = np.column_stack([ids for ids in idle if ids is not None])
-    load_key = (
-        _key(conditions) if conditions.run is None else np.column_stack([_key(conditions), conditions.run])
-    )
+    rows, loaded, run = np.arange(table.rows), np.zeros(table.rows, dtype=bool), conditions.run
+    loaded[read.row] = read.after
     if loaded.all() or not loaded.any():
         have = "loaded" if loaded.any() else "unloaded"
         raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}")
-    counted = conditions.run is None
-    idle_code, idle_row = _grouped(table, rows[~loaded], idle_key, marker, counted=counted)
-    code, row = _grouped(table, rows[loaded], load_key, marker, counted=counted)
+    ids = [own for own in (conditions.pose, conditions.station, run) if own is not None]
+    of_load = [_load_key(conditions), *([] if run is None else [run])]
+    keys = np.column_stack(ids), np.column_stack(of_load)
+    (idle_code, idle_row), (code, row) = (
+        _grouped(table, rows[own], key, marker, counted=run is None)
+        for own, key in zip((~loaded, loaded), keys, strict=True)
+    )
     unloaded = _belongs(table, conditions, idle_row, row)
     held = _check_held(table, conditions.q, row, idle_row[unloaded])
     leader, of_row = rows.copy(), np.full(table.rows, -1)
     leader[~loaded], leader[loaded] = idle_row[idle_code], row[code]
     of_row[~loaded], of_row[loaded] = idle_code, code
-    before = _placed(seen, of_row, len(idle_row), after=False)[unloaded]
-    run, notes = conditions.run, list[str]()
+    before = _placed(read, of_row, len(idle_row), after=False)[unloaded]
+    notes = list[str]()
     if run is None or len(np.unique(run[row])) < len(row):
         notes = [f"runs, one a load, are numbered in their order: {len(row)} of them"]
-    run = np.arange(len(row)) + 1 if notes or run is None else run[row]
-    notes += held
-    notes += _notes(table, idle_row, unloaded)
-    return Paired(row, run, leader, before, _placed(seen, of_row, len(row), after=True), tuple(notes))
+    number = np.arange(len(row)) + 1 if notes or run is None else run[row]
+    notes += [*held, *_notes(table, idle_row, unloaded)]
+    return Paired(row, number, leader, before, _placed(read, of_row, len(row), after=True), tuple(notes))
 
 
 def _grouped(table: Table, own: Ids, key: Array | Ids, marker: Ids, *, counted: bool) -> tuple[Ids, Ids]:
@@ -110,11 +103,9 @@ def _grouped(table: Table, own: Ids, key: Array | Ids, marker: Ids, *, counted: 
     code = number_rows(key[own])
     if counted:
         code = _repeated(table, code, marker[own])
-    again = own[np.flatnonzero(repeats(np.column_stack([code, marker[own]])))]
-    if len(again):
-        problem = "this marker was read before in the same run, pose, state and load"
-        raise table.error(again[0], "", problem)
-    return code, own[_first(code)]
+    for k in np.flatnonzero(repeats(np.column_stack([code, marker[own]])))[:1]:
+        raise table.error(own[k], "", "this marker was read before in the same run, pose, state and load")
+    return code, own[first_rows(code)]
 
 
 def _notes(table: Table, idle: Ids, unloaded: Ids) -> list[str]:
@@ -128,26 +119,11 @@ def _notes(table: Table, idle: Ids, unloaded: Ids) -> list[str]:
     return notes
 
 
-def _key(conditions: Conditions) -> Array:
+def _load_key(conditions: Conditions) -> Array:
     """Pose, set-up and load of every row, (rows, columns)."""
     pose = number_rows(conditions.pose[:, None])
     station = conditions.station if conditions.station is not None else np.zeros(len(pose), dtype=int)
     return np.column_stack([pose, number_rows(station[:, None]), conditions.wrench, conditions.point])
-
-
-def _first(code: Ids) -> Ids:
-    """The first row of every group, (groups,), of groups numbered as they first appear."""
-    return np.unique(code, return_index=True)[1]
-
-
-def repeats(values: Array | Ids) -> Ids:
-    """How many equal rows stand before each row, (rows,)."""
-    code = number_rows(values)
-    order = np.argsort(code, kind="stable")
-    size = np.bincount(code)
-    found = np.empty(len(code), dtype=int)
-    found[order] = np.arange(len(code)) - np.repeat(np.cumsum(size) - size, size)
-    return found
 
 
 def _repeated(table: Table, code: Ids, marker: Ids) -> Ids:
@@ -159,15 +135,15 @@ def _repeated(table: Table, code: Ids, marker: Ids) -> Ids:
     np.add.at(count, (code, marker), 1)
     if (count != count.max(axis=1, keepdims=True)).any():
         problem = "missing columns ['run']: a pose and load comes again, not for all markers alike"
-        raise InputError(table.path, f"line {table.header}", problem)
+        raise table.header_error(problem)
     return number_rows(np.column_stack([code, again]))
 
 
-def _placed(seen: Sightings, of_row: Ids, groups: int, *, after: bool) -> Array:
+def _placed(read: Readings, of_row: Ids, groups: int, *, after: bool) -> Array:
     """Readings of one state by group and marker, (groups, m, 3) [m]; NaN where there are none."""
-    found = np.full((groups, len(seen.markers), 3), np.nan)
-    own = seen.after == after
-    found[of_row[seen.row[own]], seen.marker[own]] = seen.position[own]
+    found = np.full((groups, len(read.markers), 3), np.nan)
+    own = read.after == after
+    found[of_row[read.row[own]], read.marker[own]] = read.position[own]
     return found
 
 
@@ -180,9 +156,9 @@ def _belongs(table: Table, conditions: Conditions, idle: Ids, rows: Ids) -> Ids:
         idle: First rows of the unloaded readings, in the order of the file.
         rows: First rows of the loaded ones.
     """
-    station = conditions.pose * 0 if conditions.station is None else conditions.station
-    run = conditions.pose * 0 if conditions.run is None else conditions.run
-    keys = list(zip(conditions.pose.tolist(), station.tolist(), run.tolist(), strict=True))
+    none = np.zeros(table.rows, dtype=int)
+    ids = (conditions.pose, conditions.station, conditions.run)
+    keys = list(zip(*((none if own is None else own).tolist() for own in ids), strict=True))
     homes: dict[tuple[int, ...], list[int]] = {}
     for k, row in enumerate(idle.tolist()):
         for key in (keys[row], keys[row][:2]):
@@ -201,14 +177,13 @@ def _belongs(table: Table, conditions: Conditions, idle: Ids, rows: Ids) -> Ids:
 def _check_held(table: Table, q: Array, row: Ids, idle: Ids) -> list[str]:
     """What is to be said of joints that moved between unloaded and loaded readings; they may by HELD."""
     moved = np.abs(q[row] - q[idle]).max(axis=1)
-    bad = np.flatnonzero(moved > HELD)
-    if len(bad):
-        k = bad[0]
-        line, by = table.lines[idle[k]], f"{moved[k]:.2g}"
-        problem = f"expected the joints of the unloaded reading in line {line}, one differs by {by} rad or m"
-        raise table.error(row[k], "", problem)
+    for k in np.flatnonzero(moved > HELD)[:1]:
+        raise table.error(row[k], "", not_held("unloaded", int(table.lines[idle[k]]), moved[k]))
     most = float(moved.max())
-    words = (
-        f"joints differ by up to {most:.2g} rad or m between unloaded and loaded: deflections hold that too"
-    )
-    return [words] if most > SAME_POSE else []
+    words = f"joints differ by up to {most:.2g} rad or m between unloaded and loaded"
+    return [f"{words}: deflections hold that too"] if most > SAME_POSE else []
+
+
+def not_held(which: str, line: int, by: float) -> str:
+    """What is wrong with joints of a reading that another one in this line should have."""
+    return f"expected the joints of the {which} reading in line {line}, one differs by {by:.2g} rad or m"

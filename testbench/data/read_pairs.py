@@ -1,0 +1,152 @@
+"""Measured runs read from a text file as it comes from an instrument, a spreadsheet or a robot."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.data.columns import Columns, read_columns
+from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.data.mapping import Frame, read_map
+from testbench.data.names import ENTRIES, WHEN, XYZ, Slot
+from testbench.data.pair import HELD, Paired, pair
+from testbench.data.rows import Conditions, Readings, markers_only, read_conditions, read_readings
+from testbench.data.scatter import read_covariances, read_sigma
+from testbench.errors import Array
+
+
+@dataclass(frozen=True)
+class Export:
+    """A file that was read, and how it was understood."""
+
+    data: Dataset  #: The runs.
+    frame: Frame | None  #: What the readings are in, by the map; None where it does not say.
+    columns: Columns  #: Which column says what.
+    notes: tuple[str, ...]  #: What was assumed, left out or numbered; none for a file that says it all.
+
+
+def read_csv(path: str | Path, arm: Arm) -> Dataset:
+    """Read and check a dataset of an arm.
+
+    Args:
+        path: The file: `testbench.data.write.columns` documents ours, docs/formats.md every other form.
+        arm: The arm that was measured.
+
+    Returns:
+        Readings before and after loading, with poses and loads.
+
+    Raises:
+        InputError: Names the line and what was expected.
+    """
+    return read_export(Path(path), arm).data
+
+
+def read_export(path: Path, arm: Arm, mapping: Path | None = None, sigma: float | None = None) -> Export:
+    """Read and check the runs of an arm.
+
+    Args:
+        path: The file; docs/formats.md has an example of every form.
+        arm: The arm that was measured.
+        mapping: A map of its names, TOML; None where it uses ours.
+        sigma: Standard deviation of a reading along an axis [m], where neither file nor map has one.
+
+    Raises:
+        InputError: Names line and column, or key of the map, and what was expected.
+    """
+    return runs_of(read_columns(path, read_map(mapping, arm), arm), arm, sigma)
+
+
+def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
+    """The same of columns that were found."""
+    columns, dropped = markers_only(columns)
+    conditions = read_conditions(columns, arm)
+    read = read_readings(columns, arm, conditions.loaded)
+    runs = pair(columns.table, conditions, read)
+    _check_once(columns, conditions, runs, read)
+    lost = np.asarray((np.isnan(runs.before) | np.isnan(runs.after)).any(axis=-1))
+    own_sigma, notes = _one_sigma(columns, 0, sigma)
+    before, after, turn_sigma = _rotations(columns, runs.row)
+    precision = _precision(columns, read, runs, lost)
+    if precision is None and lost.any():
+        precision = np.where(lost[..., None, None], 0.0, np.eye(3) / (2 * own_sigma**2))
+    data = Dataset(
+        markers=read.markers,
+        run=runs.run,
+        pose=conditions.pose[runs.row],
+        q=conditions.q[runs.row],
+        wrench=conditions.wrench[runs.row],
+        point=conditions.point[runs.row],
+        before=np.where(lost[..., None], 0.0, runs.before),
+        after=np.where(lost[..., None], 0.0, runs.after),
+        sigma=own_sigma,
+        rotation_before=before,
+        rotation_after=after,
+        sigma_rotation=turn_sigma,
+        precision=precision,
+        station=None if conditions.station is None else conditions.station[runs.row],
+    )
+    return Export(data, columns.names.frame, columns, (*conditions.notes, *runs.notes, *notes, *dropped))
+
+
+def _check_once(columns: Columns, conditions: Conditions, runs: Paired, read: Readings) -> None:
+    """What holds for a run is the same in all of its rows."""
+    every, lead = {"pose": conditions.pose[:, None], "joint": conditions.q}, runs.leader
+    if read.paired:
+        every |= {"force": conditions.wrench[:, :3], "moment": conditions.wrench[:, 3:]}
+        every |= {"mass": conditions.wrench[:, 2:3], "point": conditions.point}
+        if conditions.station is not None:
+            every["station"] = conditions.station[:, None]
+    turned = [(column, columns.full(column)) for column in columns.every("rotation") if column.slot.when]
+    for column, own in [(c, every[c.slot.what][:, c.slot.index]) for c in columns.every(*every)] + turned:
+        differs = np.abs(own - own[lead]) > (0.0 if read.paired else HELD)
+        columns.table.refuse(differs, column.name, "expected the same value in every row of the run")
+
+
+def _one_sigma(columns: Columns, index: int, flag: float | None) -> tuple[float, list[str]]:
+    """Standard deviation of a reading of positions (0) [m] or orientations (1) [rad]: one for the file."""
+    column = columns.get(Slot("sigma", index))
+    if column is not None:
+        values = columns.full(column)
+        columns.table.refuse(values != values[0], column.name, "expected one value in the whole file")
+    values, notes = read_sigma(columns, index, flag)
+    return float(values[0]), notes
+
+
+def _rotations(columns: Columns, row: Ids) -> tuple[Array, Array, float] | tuple[None, None, None]:
+    """Orientations of every run, unloaded and loaded, (runs, 3) [rad], and their sigma; None if not read."""
+    wanted = {
+        f"rotation_{when}_{x}_rad": Slot("rotation", k, when=when) for when in WHEN for k, x in enumerate(XYZ)
+    }
+    found = columns.whole(wanted)
+    if not found:
+        if Slot("sigma", 1) in columns.found:
+            raise columns.lack(list(wanted))
+        return None, None, None
+    if columns.said(Slot("sigma", 1)) is None:
+        raise columns.lack(["sigma_rad"])
+    values = np.column_stack([columns.full(column)[row] for column in found])
+    return values[:, :3], values[:, 3:], _one_sigma(columns, 1, None)[0]
+
+
+def _precision(columns: Columns, read: Readings, runs: Paired, lost: Mask) -> Array | None:
+    """Inverse covariances, (runs, m, 3, 3) [1/m^2], zero where the target was lost; None without columns."""
+    table, C = columns.table, read_covariances(columns, "deflection_cov", "covariance")
+    if C is None:
+        return None
+    if not (read.long and read.paired):
+        raise table.header_error("covariances: expected a line for every marker of a run, with both readings")
+    of_row, marker = np.searchsorted(runs.row, runs.leader), read.marker[: table.rows]
+    gone = lost[of_row, marker]
+    blank = np.isnan(C) & ~gone[:, None, None]
+    for k, (a, b) in enumerate(ENTRIES.values()):
+        name = columns.found[Slot("covariance", k)].name
+        table.refuse(blank[:, a, b], name, "expected a finite number, got ''")
+    C[gone] = np.eye(3)
+    problem = "expected a positive definite covariance, got {} m^2"
+    table.refuse(~(np.linalg.eigvalsh(C)[:, 0] > 0), "", lambda row: problem.format(C[row].tolist()))
+    P = np.asarray(np.linalg.inv(C))
+    P[gone] = 0
+    placed = np.zeros((*lost.shape, 3, 3))
+    placed[of_row, marker] = (P + P.swapaxes(1, 2)) / 2
+    return placed

@@ -1,0 +1,260 @@
+"""Absolute readings read from a text file as it comes from a tracker, a spreadsheet or a robot.
+
+Those of several targets at one time are one row of a series.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.data.beside import read_temperature, read_time, read_torques
+from testbench.data.columns import Columns, read_columns
+from testbench.data.dataset import Ids
+from testbench.data.mapping import read_map
+from testbench.data.names import ROTATIONS, WHEN, Slot, What, series_names
+from testbench.data.pair import HELD, not_held
+from testbench.data.read_pairs import runs_of
+from testbench.data.rotation import read_rotations
+from testbench.data.rows import (
+    Conditions,
+    Readings,
+    first_rows,
+    markers_only,
+    number_rows,
+    read_conditions,
+    read_readings,
+    repeats,
+)
+from testbench.data.scatter import Scatter, read_scatter
+from testbench.data.series import Series, select_rows, series_of
+from testbench.errors import Array
+
+ALONE = "target"  #: Name of a file's only target where the arm has several.
+APART = 0.02  #: Readings of one target in one pose that are farther apart are of two targets [m].
+TURNED_APART = 1e-6  #: Difference of two orientations up to which they are one [1].
+TOLD = 5  #: Most lines that a note lists.
+NAMES: tuple[What, ...] = ("series", "station", "series_frame", "series_target")
+"""Columns that part a file into series, or name what these share."""
+
+
+@dataclass(frozen=True)
+class SeriesExport:
+    """A file of absolute readings that was read, and how it was understood."""
+
+    series: tuple[Series, ...]  #: One for every set-up that the file names.
+    columns: Columns  #: Which column says what.
+    notes: tuple[str, ...]  #: What was assumed, left out or numbered.
+
+
+def read_series(
+    path: str | Path,
+    arm: Arm,
+    mapping: str | Path | None = None,
+    sigma: float | None = None,
+    sigma_rotation: float | None = None,
+) -> SeriesExport:
+    """Read and check absolute readings of an arm; both readings of a deflection are one each.
+
+    Args:
+        path: The file; docs/formats.md says what it may hold.
+        arm: The arm that was measured.
+        mapping: A map of its names, TOML; None where it uses ours.
+        sigma: Standard deviation of a position along an axis [m], where neither file nor map has one.
+        sigma_rotation: The same of an orientation about an axis [rad].
+
+    Returns:
+        A series for every set-up that the file names, and what was understood.
+
+    Raises:
+        InputError: Names line and column, or key of the map, and what was expected.
+    """
+    names = read_map(None if mapping is None else Path(mapping), arm, series_names)
+    arm = replace(arm, markers=names.markers)
+    columns = read_columns(Path(path), names, arm)
+    if any(c.slot.when for c in columns.every("reading")):
+        return _pairs(columns, arm, sigma)
+    columns, notes = markers_only(columns)
+    conditions = read_conditions(columns, arm, needs_load=_says_loaded(columns))
+    alone = len(arm.markers) > 1 and columns.get(Slot("marker")) is None
+    alone = alone and not any(c.slot.marker for c in columns.every("reading"))
+    if alone:
+        arm = replace(arm, markers=(ALONE,))
+        notes.append(f"no column says a marker: all readings are of one, called {ALONE!r}")
+    read = read_readings(columns, arm, conditions.loaded)
+    if alone:
+        _check_alone(columns, conditions, read)
+    scatter = read_scatter(columns, sigma, sigma_rotation)
+    whole, first, more = _assembled(columns, arm, conditions, read, scatter)
+    notes += [*conditions.notes, *scatter.notes, *more]
+    if names.frame == "base":
+        notes.append("the map says base: its pose is found all the same")
+    return SeriesExport(_parted(columns, whole, first, scatter), columns, tuple(notes))
+
+
+def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
+    """Both readings of a run stand in a row."""
+    export = runs_of(columns, arm, sigma)
+    said, stem = columns.names.series, columns.table.path.stem
+    series = series_of(export.data, stem, said.target or stem)
+    if said.frame:
+        series = tuple(replace(s, frame=s.frame.replace(s.name, said.frame, 1)) for s in series)
+    return SeriesExport(series, columns, (*export.notes, "a run is two readings, unloaded and loaded"))
+
+
+def _says_loaded(columns: Columns) -> bool:
+    """Whether a row says that it is loaded."""
+    state = columns.get(Slot("state"))
+    words = set() if state is None else set(columns.table.texts(state.index))
+    return any(columns.names.word(word, WHEN) == "after" for word in words)
+
+
+def _check_alone(columns: Columns, conditions: Conditions, read: Readings) -> None:
+    """Refuse several places in one pose under one load: they are of several targets."""
+    key = np.column_stack([conditions.q, conditions.wrench])
+    same = (key[1:] == key[:-1]).all(axis=1)
+    apart = np.linalg.norm(np.diff(read.position, axis=0), axis=1) > APART
+    problem = f"expected a column 'marker': the row above is of the same pose, {APART} m away or more"
+    columns.table.refuse(np.append(False, same & apart), "", problem)
+
+
+def _assembled(
+    columns: Columns, arm: Arm, conditions: Conditions, read: Readings, scatter: Scatter
+) -> tuple[Series, Ids, list[str]]:
+    """All rows of a file as one series without a name, each with a covariance.
+
+    Returns:
+        The series, the first row of the table of each of its rows, and what was left out.
+
+    Raises:
+        InputError: Names line and column.
+    """
+    table, m = columns.table, len(read.markers)
+    code = _grouped(columns, conditions, read) if read.long and m > 1 else np.arange(table.rows)
+    first = first_rows(code)
+    position = np.full((len(first), m, 3), np.nan)
+    position[code[read.row], read.marker] = read.position
+    lost = np.isnan(position).any(axis=2)
+    P = np.zeros((len(first), m, 3, 3))
+    P[code[read.row], read.marker] = _precision(scatter)[read.row]
+    P[lost] = 0
+    temperature, warm = read_temperature(columns)
+    time, timed = read_time(columns)
+    torque, rotation = read_torques(columns, arm), read_rotations(columns)
+    whole = Series(
+        name="",
+        markers=read.markers,
+        frame="",
+        target="",
+        row=table.lines[first] if conditions.run is None else conditions.run[first],
+        pose=conditions.pose[first],
+        q=conditions.q[first],
+        wrench=conditions.wrench[first],
+        point=conditions.point[first],
+        position=np.where(lost[..., None], 0.0, position),
+        sigma=float(np.median(scatter.sigma)),
+        precision=P,
+        rotation=None if rotation is None else _one_each(columns, rotation, code, first),
+        sigma_rotation=None if rotation is None else float(np.median(scatter.sigma_rotation)),
+        torque=None if torque is None else torque[first],
+        temperature=None if temperature is None else temperature[first],
+        time=None if time is None else time[first],
+    )
+    there = whole.seen.any(axis=1) | whole.turned
+    if not there.any():
+        raise table.error(0, "", "expected at least one reading, all are blank")
+    return select_rows(whole, there), first[there], [*warm, *timed, *_left_out(table.lines[first[~there]])]
+
+
+def _left_out(lines: Ids) -> list[str]:
+    places = ", ".join(map(str, lines[:TOLD].tolist())) + (", ..." if len(lines) > TOLD else "")
+    return [f"{len(lines)} rows without a reading are left out, of line {places}"] * bool(len(lines))
+
+
+def _grouped(columns: Columns, conditions: Conditions, read: Readings) -> Ids:
+    """Rows of one pose and load as one reading, each target once, (rows,): numbers as they first appear."""
+    table = columns.table
+    marker = np.empty(table.rows, dtype=int)
+    marker[read.row] = read.marker
+    parts: list[Array | Ids] = [conditions.wrench, conditions.point, conditions.pose[:, None]]
+    parts += [ids[:, None] for ids in (conditions.run, conditions.station) if ids is not None]
+    for slot in (Slot("series"), Slot("series_frame"), Slot("series_target"), Slot("state")):
+        column = columns.get(slot)
+        if column is not None:
+            parts.append(np.unique(table.texts(column.index), return_inverse=True)[1].reshape(-1, 1))
+    code = number_rows(np.column_stack([number_rows(part)[:, None] for part in parts]))
+    code = number_rows(np.column_stack([code, repeats(np.column_stack([code, marker]))]))
+    leader = first_rows(code)[code]
+    moved = np.abs(conditions.q - conditions.q[leader]).max(axis=1)
+    table.refuse(
+        moved > HELD, "", lambda row: not_held("same", int(table.lines[leader[row]]), float(moved[row]))
+    )
+    return code
+
+
+def _precision(scatter: Scatter) -> Array:
+    """Inverse covariance of the positions in every row of the table, (rows, 3, 3) [1/m^2]."""
+    if scatter.covariance is None:
+        return np.asarray(np.eye(3) / scatter.sigma[:, None, None] ** 2)
+    P = np.linalg.inv(scatter.covariance)
+    return np.asarray((P + P.swapaxes(1, 2)) / 2)
+
+
+def _one_each(columns: Columns, rotation: Array, code: Ids, first: Ids) -> Array:
+    """The orientation of every reading, (readings, 3, 3), which all its rows say; NaN where none does."""
+    there = np.asarray(np.isfinite(rotation).all(axis=(1, 2)))
+    leader = np.full(len(first), -1)
+    rows = np.flatnonzero(there)[::-1]
+    leader[code[rows]] = rows  # the first one is written last
+    found = np.where((leader >= 0)[:, None, None], rotation[leader], np.nan)
+    differs = np.abs(rotation - found[code]).max(axis=(1, 2)) > TURNED_APART  # NaN differs from nothing
+    name = columns.every(*ROTATIONS)[0].name
+    columns.table.refuse(differs, name, "expected the orientation of the other rows of the reading")
+    return found
+
+
+def _parted(columns: Columns, whole: Series, first: Ids, scatter: Scatter) -> tuple[Series, ...]:
+    """The rows of a file by what its columns of set-ups say, (parts,).
+
+    Args:
+        columns: Which column says what.
+        whole: All rows.
+        first: Row of the table of each.
+        scatter: Of every row of the table.
+    """
+    said, stem = columns.names.series, columns.table.path.stem
+    texts = [_texts(columns, what, first) for what in NAMES]
+    keys = list(zip(*texts, strict=True))
+    found = []
+    for key in dict.fromkeys(keys):
+        rows = np.array([k == key for k in keys])
+        part = select_rows(whole, rows)
+        own, turn = scatter.sigma[first[rows]], scatter.sigma_rotation[first[rows]]
+        even = scatter.covariance is None and (own == own[0]).all() and part.seen.all()
+        series, station, frame, target = key
+        place, turned = " ".join(filter(None, (series, station))), bool(part.turned.any())
+        found.append(
+            replace(
+                part,
+                name=f"{stem} {place}".strip(),
+                frame=frame or f"{said.frame or stem} {place}".strip(),
+                target=target or said.target or stem,
+                sigma=float(np.median(own)),
+                rotation=part.rotation if turned else None,
+                sigma_rotation=float(np.median(turn)) if turned else None,
+                precision=None if even else part.precision,
+            )
+        )
+    return tuple(found)
+
+
+def _texts(columns: Columns, what: What, first: Ids) -> list[str]:
+    """What a column says in some rows; nothing where there is no such column."""
+    column = columns.get(Slot(what))
+    if column is None:
+        return [""] * len(first)
+    texts = columns.table.texts(column.index)
+    blank = np.array([not text for text in texts], dtype=bool)
+    columns.table.refuse(blank, column.name, "expected a name, got ''")
+    return [texts[row] for row in first]

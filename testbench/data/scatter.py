@@ -1,0 +1,133 @@
+"""How far readings scatter: one number for a file, one a row, or a covariance of each."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.data.columns import Columns
+from testbench.data.names import ENTRIES, ROTATIONS, XYZ, Slot, What
+from testbench.errors import Array
+
+SIGMA = (
+    50e-6,
+    2e-4,
+)  #: Standard deviations of positions and of orientations where the file is silent [m, rad].
+SIGMA_RANGE = (1e-9, 1e-2)
+"""Standard deviations that an instrument can have [m, rad]: beyond them a unit is wrong."""
+MOST = 1.0  #: Largest standard deviation of a row [m, rad]: beyond it nothing was measured.
+LEAST = (1e-6, 1e-7)
+"""Least standard deviations of a row that are believed [m, rad]: no target stands stiller."""
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Of every row of a table."""
+
+    sigma: Array  #: Standard deviation of a position along an axis, (rows,) [m].
+    sigma_rotation: Array  #: Of an orientation about an axis, (rows,) [rad].
+    covariance: Array | None  #: Of a position, (rows, 3, 3) [m^2]; None where sigma says it all.
+    notes: tuple[str, ...]  #: What was assumed.
+
+
+def read_scatter(columns: Columns, sigma: float | None, sigma_rotation: float | None) -> Scatter:
+    """How far positions and orientations scatter, by the file, the map or a flag [m, rad].
+
+    Raises:
+        InputError: At a number that no instrument has, and where two places say the same.
+    """
+    deviations, notes = _deviations(columns, "deviation", LEAST[0])
+    turned, more = _deviations(columns, "turn_deviation", LEAST[1])
+    own, said = read_sigma(columns, 0, sigma, deviations)
+    own_turn, said_turn = read_sigma(columns, 1, sigma_rotation, turned)
+    covariance = read_covariances(columns, "position_cov", "spread")
+    if covariance is None and deviations is not None:
+        filled = np.where(np.isnan(deviations), own[:, None], deviations)
+        covariance = filled[:, :, None] ** 2 * np.eye(3)
+    elif covariance is not None:
+        _check_positive(columns, covariance)
+        covariance = np.where(np.isnan(covariance), own[:, None, None] ** 2 * np.eye(3), covariance)
+    return Scatter(own, own_turn, covariance, (*notes, *more, *said, *said_turn))
+
+
+def read_sigma(
+    columns: Columns, index: int, flag: float | None, deviations: Array | None = None
+) -> tuple[Array, list[str]]:
+    """Standard deviation of positions (0) or orientations (1) of every row, (rows,) [m, rad].
+
+    Args:
+        columns: The table.
+        index: Of what.
+        flag: What the command says.
+        deviations: By axis, (rows, 3) [m, rad], as the file has them.
+
+    Returns:
+        It, and what was assumed.
+
+    Raises:
+        InputError: At a number that no instrument has, and where two places say the same.
+    """
+    slot, name, table = Slot("sigma", index), ("sigma_m", "sigma_rad")[index], columns.table
+    column, stated, (low, high) = columns.get(slot), columns.constant(slot), SIGMA_RANGE
+    if flag is not None and stated is not None:
+        raise columns.map_error(f"values.{name}", "expected it once, got a flag too")
+    if column is not None:
+        values = columns.full(column)
+        bad = ~((values >= low) & (values <= high))
+        table.refuse(bad, column.name, lambda row: f"expected {low:g} to {high:g}, got {values[row]:g}")
+        if flag is not None:
+            raise table.error(0, column.name, "expected sigma once, got a flag too")
+        return values, []
+    if deviations is not None and np.isfinite(deviations).any():
+        return np.full(table.rows, np.nanmedian(deviations)), []
+    value = stated if flag is None else flag
+    if value is not None and not low <= value <= high:
+        raise columns.map_error(name, f"expected {low:g} to {high:g}, got {value:g}")
+    words = f"orientations: sigma {1e3 * SIGMA[1]:g} mrad" if index else f"sigma {1e6 * SIGMA[0]:g} um"
+    asked = value is None and (not index or bool(columns.every(*ROTATIONS)))
+    notes = [f"no column says how far readings scatter: {words} is assumed"] * asked
+    return np.full(table.rows, SIGMA[index] if value is None else value), notes
+
+
+def _deviations(columns: Columns, what: What, least: float) -> tuple[Array | None, list[str]]:
+    """Standard deviations by axis, (rows, 3) [m, rad], NaN where blank; None without such columns."""
+    name, unit = ("sigma", "m") if what == "deviation" else ("sigma_rotation", "rad")
+    found = columns.whole({f"{name}_{x}_{unit}": Slot(what, k) for k, x in enumerate(XYZ)})
+    if not found:
+        return None, []
+    values = np.column_stack([columns.values(column) for column in found])
+    columns.table.refuse(
+        (values < 0) | (values > MOST),
+        [column.name for column in found],
+        lambda row, k: f"expected 0 to {MOST:g} {unit}, got {values[row, k]:g} {unit}",
+    )
+    middle = float(np.nanmedian(values)) if np.isfinite(values).any() else least
+    if middle > SIGMA_RANGE[1]:
+        problem = f"expected at most {SIGMA_RANGE[1]:g} {unit}, got {middle:g} in most rows; another unit?"
+        raise columns.table.error(0, found[0].name, problem)
+    low = int((values < least).sum())
+    words = f"{low} standard deviations below {1e6 * least:g} u{unit} are taken as that"
+    return np.fmax(values, least) if low else values, [words] * bool(low)
+
+
+def read_covariances(columns: Columns, name: str, what: What) -> Array | None:
+    """Covariances of every row, (rows, 3, 3) [m^2], NaN where blank; None without such columns.
+
+    Raises:
+        InputError: Where one of the columns NAME_xx_m2, NAME_xy_m2 ... is missing.
+    """
+    found = columns.whole({f"{name}_{entry}_m2": Slot(what, k) for k, entry in enumerate(ENTRIES)})
+    if not found:
+        return None
+    C = np.empty((columns.table.rows, 3, 3))
+    for column, (a, b) in zip(found, ENTRIES.values(), strict=True):
+        C[:, a, b] = C[:, b, a] = columns.values(column)
+    return C
+
+
+def _check_positive(columns: Columns, C: Array) -> None:
+    """Refuse what is no covariance, nor blank."""
+    whole = np.asarray(~np.isnan(C).any(axis=(1, 2)))
+    sound = np.asarray(~(np.abs(C) > MOST**2).any(axis=(1, 2)) | ~whole)
+    sound[whole & sound] = np.linalg.eigvalsh(C[whole & sound])[:, 0] >= SIGMA_RANGE[0] ** 2
+    problem = "expected a positive definite covariance below 1 m^2, got {} m^2"
+    columns.table.refuse(~sound, "", lambda row: problem.format(C[row].tolist()))

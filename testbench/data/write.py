@@ -1,0 +1,328 @@
+"""Runs, absolute readings and corrected programs as CSV, the unit in the column's name.
+
+A row is one marker of one run, one target of one reading, one point. Numbers are written in full, so that
+reading gives them back bit by bit.
+"""
+
+import csv
+import io
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.data.lines import as_cell
+from testbench.data.names import ENTRIES, XYZ
+from testbench.data.program import Program
+from testbench.data.read_series import ALONE
+from testbench.data.rows import load_point, same_poses
+from testbench.data.scatter import LEAST
+from testbench.data.series import Series
+from testbench.errors import Array, BenchError, InputError, check_array
+from testbench.output.whole import write_whole
+
+Table = dict[str, list[str]]
+"""The cells of every column."""
+Shown = Callable[[float], str]
+"""How a number is written."""
+FORCE, MOMENT, POINT, PLACE, ROTATION, DEVIATION = (
+    [pattern.format(x) for x in XYZ]
+    for pattern in (
+        "force_{}_N",
+        "moment_{}_Nm",
+        "point_{}_m",
+        "position_{}_m",
+        "rotation_{}_rad",
+        "sigma_{}_m",
+    )
+)
+READINGS = [f"{when}_{x}_m" for when in ("before", "after") for x in XYZ]
+TURNED = [f"rotation_{when}_{x}_rad" for when in ("before", "after") for x in XYZ]
+SIGMA = ("sigma_m", "sigma_rad")
+COVARIANCES = [f"deflection_cov_{name}_m2" for name in ENTRIES]
+COVARIANCE = [f"position_cov_{name}_m2" for name in ENTRIES]
+DIGITS = 4  #: Digits of standard deviations and covariances in a shortened file.
+
+
+def columns(arm: Arm | tuple[str, ...], *, rotation: bool, covariance: bool = False) -> list[str]:
+    """The header of the CSV file of runs, in order.
+
+    run, pose: integers. marker: its name in the arm. JOINT_rad: joint angle, JOINT_m of a slide. force_*_N,
+    moment_*_Nm: load, world axes. point_*_m: where it acts, tool's frame. before_*_m, after_*_m: readings,
+    world axes. sigma_m: standard deviation of one reading along one axis, the same in all rows.
+
+    With `rotation` orientations are read: rotation_before_*_rad, rotation_after_*_rad (rotation vectors,
+    world axes, the same for every marker of a run) and sigma_rad. With `covariance` every reading has one of
+    its own: deflection_cov_*_m2, of both readings together, world axes; a lost target leaves them and its
+    readings empty. The set-up of the tracker stands in station, an integer, where there are several; readings
+    are then in its frame.
+    """
+    names = ["run", "pose", "marker", *_joints(arm), *FORCE, *MOMENT, *POINT, *READINGS, SIGMA[0]]
+    return names + [*TURNED, SIGMA[1]] * rotation + COVARIANCES * covariance
+
+
+def _joints(arm: Arm | tuple[str, ...]) -> list[str]:
+    return [j.column for j in arm.joints] if isinstance(arm, Arm) else [f"{name}_rad" for name in arm]
+
+
+def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> None:
+    """Write the dataset; an existing file is replaced only by a whole one.
+
+    Args:
+        data: The runs.
+        arm: The arm that was measured, or the names of its hinges: they head the columns.
+        path: The file.
+
+    Raises:
+        BenchError: When the names are not as many as the joint angles.
+        InputError: When the file cannot be written.
+    """
+    write_whole(csv_text(data, arm), Path(path))
+
+
+def csv_text(data: Dataset, arm: Arm | tuple[str, ...]) -> str:
+    """The same as text."""
+    joints, m, lost = _joints(arm), len(data.markers), ~data.seen.reshape(-1, 1)
+    if len(joints) != data.q.shape[1]:
+        raise BenchError(f"joints: expected {data.q.shape[1]} names, got {joints}")
+    readings = np.hstack([data.before.reshape(-1, 3), data.after.reshape(-1, 3)])
+    own = {"run": _ids(data.run, m), "pose": _ids(data.pose, m)}
+    own |= {"marker": list(map(as_cell, data.markers)) * data.runs} | _conditions(joints, data, repr)
+    own |= _cells(READINGS, np.where(lost, np.nan, readings))
+    own[SIGMA[0]] = [repr(float(data.sigma))] * data.points
+    if data.rotation_before is not None and data.rotation_after is not None and data.sigma_rotation:
+        turns = np.hstack([data.rotation_before, data.rotation_after])
+        own |= _cells(TURNED, np.repeat(turns, m, axis=0))
+        own[SIGMA[1]] = [repr(float(data.sigma_rotation))] * data.points
+    if data.precision is not None:
+        own |= _cells(COVARIANCES, np.where(lost, np.nan, _entries(data.covariance.reshape(-1, 3, 3))))
+    if data.station is not None:
+        own["station"] = _ids(data.station, m)
+    return _text(own, zip(*own.values(), strict=True))
+
+
+def write_series(
+    path: str | Path, arm: Arm, series: Series | Sequence[Series], decimals: int | None = None
+) -> None:
+    """Write one or several series; an existing file is replaced only by a whole one.
+
+    Columns whose value the reader would take by itself are left out: no load, the arm's load point, one
+    marker, names that are the file's.
+
+    Args:
+        path: The file.
+        arm: The arm that was measured.
+        series: What is written, alike in targets and in what was read.
+        decimals: Of positions [m], joints and angles [rad], loads and torques; None for numbers in full,
+            which are read back bit by bit but for orientations (1e-15).
+
+    Raises:
+        BenchError: When series differ in their columns, or a target is not the arm's.
+        InputError: When the file cannot be written.
+    """
+    every = [series] if isinstance(series, Series) else series
+    write_whole(series_text(arm, every, Path(path).stem, decimals), Path(path))
+
+
+def series_text(arm: Arm, series: Sequence[Series], stem: str, decimals: int | None = None) -> str:
+    """The same as text, for a file of that name without its ending."""
+    for s in series:
+        if s.q.shape[1] != arm.n_joints:
+            raise BenchError(f"joints: expected {arm.n_joints} of {arm.name}, got {s.q.shape[1]}")
+        if s.markers != series[0].markers:
+            raise BenchError(f"markers: expected {series[0].markers} in all of a file, got {s.markers}")
+    silent, scatter = _silent(arm, series, stem), _scatter_columns(series)
+    turned = next((s.sigma_rotation for s in series if s.sigma_rotation), None)
+    if turned:
+        series = [s if s.rotation is not None else _unturned(s, turned) for s in series]
+    tables = [_table(arm, s, stem, decimals) | _scatter(s, scatter, decimals) for s in series]
+    if any(list(table) != list(tables[0]) for table in tables):
+        raise BenchError("series: expected torques, temperature and time in all of a file or in none")
+    header = [name for name in tables[0] if name not in silent]
+    return _text(header, (row for own in tables for row in zip(*(own[k] for k in header), strict=True)))
+
+
+def write_program(
+    path: str | Path, program: Program, q: Array, more: Mapping[str, Array | Sequence[str]] | None = None
+) -> None:
+    """Write a program with other joints; an existing file is replaced only by a whole one.
+
+    Columns, their order and units are those of the file that was read. Joints that it lacks follow, in deg
+    and mm, then what the caller adds. Numbers are written in full.
+
+    Args:
+        path: The file.
+        program: As it was read.
+        q: The joints instead, (points, n) [rad, m].
+        more: Further columns by their names, numbers or words, (points,) each; NaN is a blank cell.
+
+    Raises:
+        BenchError: When joints or columns are not one a point.
+        InputError: When the program has a column of that name, or the file cannot be written.
+    """
+    write_whole(program_text(program, q, more), Path(path))
+
+
+def program_text(program: Program, q: Array, more: Mapping[str, Array | Sequence[str]] | None = None) -> str:
+    """The same as text."""
+    table, mark, arm = program.columns.table, program.columns.mark, program.arm
+    q, more = check_array(q, (program.points, arm.n_joints), "q [rad, m]"), more or {}
+    names = list(table.names)
+    cells = [list(map(as_cell, table.texts(k))) for k in range(len(names))]
+    units = [unit.name if unit else "" for unit in table.units]
+    for joint, column, own in zip(arm.joints, program.joints, q.T, strict=True):
+        if column is None:
+            names.append(joint.shown_column)
+            cells.append(_numbers(joint.shown * own, mark=mark))
+        else:
+            scale = column.unit.scale if column.unit else 1.0
+            cells[column.index] = _numbers(own / (column.sign * scale), mark=mark)
+    for name, values in more.items():
+        if name in names:
+            problem = f"there is a column {name!r} already; was the program corrected before?"
+            raise InputError(program.path, f"line {table.header}", problem)
+        if len(values) != program.points:
+            raise BenchError(f"{name}: expected {program.points} cells, got {len(values)}")
+        names.append(name)
+        words = not isinstance(values, np.ndarray)
+        cells.append(list(map(as_cell, values)) if words else _numbers(np.asarray(values), mark=mark))
+    rows = zip(*cells, strict=True)
+    below = [units + [""] * (len(names) - len(units))] * any(units)
+    return _text(names, [*below, *rows], ";" if mark == "," else ",")
+
+
+def _text(header: Iterable[str], rows: Iterable[Iterable[str]], delimiter: str = ",") -> str:
+    """A table as CSV."""
+    text = io.StringIO()
+    writer = csv.writer(text, delimiter=delimiter, lineterminator="\n")
+    writer.writerow(map(as_cell, header))
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _cells(names: Sequence[str], values: Array, shown: Shown = repr) -> Table:
+    """Columns of an array, (rows, k), as text; NaN is blank."""
+    return {name: _numbers(own, shown) for name, own in zip(names, values.T, strict=True)}
+
+
+def _numbers(values: Array, shown: Shown = repr, mark: str = ".") -> list[str]:
+    """Numbers with a decimal mark; NaN is blank."""
+    texts = ["" if x != x else shown(x) for x in values.tolist()]
+    return texts if mark == "." else [text.replace(".", mark) for text in texts]
+
+
+def _rounded(decimals: int | None) -> Shown:
+    """In full, or to so many decimals."""
+    return repr if decimals is None else lambda x: repr(round(x, decimals) + 0.0)
+
+
+def _ids(values: Ids, count: int) -> list[str]:
+    return list(map(str, np.repeat(values, count)))
+
+
+def _conditions(joints: Sequence[str], data: Dataset | Series, shown: Shown) -> Table:
+    """Joints and load of every run or reading, once a marker."""
+    names = [*joints, *FORCE, *MOMENT, *POINT]
+    values = np.hstack([data.q, data.wrench, data.point])
+    return _cells(names, np.repeat(values, len(data.markers), axis=0), shown)
+
+
+def _entries(C: Array) -> Array:
+    """The entries of covariances, (rows, 3, 3), that files hold, (rows, 6)."""
+    return np.column_stack([C[:, a, b] for a, b in ENTRIES.values()])
+
+
+def _silent(arm: Arm, series: Sequence[Series], stem: str) -> set[str]:
+    """Columns that say what the reader takes by itself."""
+    at, first = load_point(arm), series[0]
+    known = arm.markers if len(arm.markers) == 1 else (ALONE,)
+    places = [_place(s, stem) for s in series]
+    frames = [f"{stem} {place}".strip() for place in places]
+    alone = len(series) == 1
+    groups = {
+        ("pose",): alone and bool((first.pose == same_poses(first.q)).all()),
+        ("series",): not any(places),
+        ("series_frame",): [s.frame for s in series] == frames,
+        ("series_target",): all(s.target == stem for s in series),
+        ("marker",): first.markers == known and len(known) == 1,
+        tuple(FORCE): not any(s.wrench[:, :3].any() for s in series),
+        tuple(MOMENT): not any(s.wrench[:, 3:].any() for s in series),
+        tuple(POINT): all((s.point == at).all() for s in series),
+    }
+    if set(first.markers) - set(arm.markers) and not groups["marker",]:
+        raise BenchError(f"markers: expected some of {arm.name}'s {arm.markers}, got {first.markers}")
+    return {name for names, silent in groups.items() if silent for name in names}
+
+
+def _place(s: Series, stem: str) -> str:
+    """What its name says beside that of the file."""
+    return "" if s.name == stem else s.name.removeprefix(f"{stem} ")
+
+
+def _unturned(s: Series, sigma: float) -> Series:
+    """A series without orientations among others that have them: all were lost."""
+    return replace(s, rotation=np.full((s.rows, 3, 3), np.nan), sigma_rotation=sigma)
+
+
+def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
+    """All columns of a series but how far it scatters, (rows * m) cells each."""
+    m, count, shown = len(s.markers), s.rows * len(s.markers), _rounded(decimals)
+    own = {"run": _ids(s.row, m), "pose": _ids(s.pose, m)}
+    texts = {"series": _place(s, stem) or s.name, "series_frame": s.frame, "series_target": s.target}
+    own |= {name: [as_cell(text)] * count for name, text in texts.items()}
+    own |= {"marker": list(map(as_cell, s.markers)) * s.rows}
+    own |= _conditions([j.column for j in arm.joints], s, shown)
+    torques = [f"torque_{j.name}_{'N' if j.prismatic else 'Nm'}" for j in arm.joints]
+    vectors, warm = None if s.rotation is None else _vectors(s), _rounded(decimals and 2)
+    beside = [(torques, s.torque, shown), (["time_s"], s.time, shown), (ROTATION, vectors, shown)]
+    for names, values, how in [*beside, (["temperature"], s.temperature, warm)]:
+        if values is not None:
+            own |= _cells(names, np.repeat(values.reshape(s.rows, -1), m, axis=0), how)
+    lost = ~s.seen.reshape(-1, 1)
+    return own | _cells(PLACE, np.where(lost, np.nan, s.position.reshape(-1, 3)), shown)
+
+
+def _vectors(s: Series) -> Array:
+    """Orientations as rotation vectors, (rows, 3) [rad]; NaN where lost."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
+
+    found = np.full((s.rows, 3), np.nan)
+    if s.rotation is not None and s.turned.any():
+        found[s.turned] = Rotation.from_matrix(s.rotation[s.turned]).as_rotvec()
+    return found
+
+
+def _covariances(s: Series) -> tuple[Array, Mask]:
+    """Covariance of every position, (rows * m, 3, 3) [m^2], NaN where lost, and which are there."""
+    seen = s.seen.reshape(-1)
+    C = np.full((len(seen), 3, 3), np.nan)
+    C[seen] = (
+        s.sigma**2 * np.eye(3) if s.precision is None else np.linalg.inv(s.precision.reshape(-1, 3, 3)[seen])
+    )
+    return C, seen
+
+
+def _scatter_columns(series: Sequence[Series]) -> list[str]:
+    """Standard deviations by axis, or covariances; none where sigma says it all."""
+    C = np.concatenate([own[seen] / s.sigma**2 for s in series for own, seen in [_covariances(s)]])
+    if np.allclose(C, np.eye(3), rtol=0, atol=1e-12):
+        return []
+    least = min((LEAST[0] / s.sigma) ** 2 for s in series)
+    diagonal = (C * np.eye(3) == C).all() and (np.diagonal(C, axis1=1, axis2=2) >= least).all()
+    return DEVIATION if diagonal else COVARIANCE
+
+
+def _scatter(s: Series, columns: list[str], decimals: int | None) -> Table:
+    """How far it scatters: one number for all, and one for every reading where columns say so."""
+    shown: Shown = repr if decimals is None else lambda x: f"{x:.{DIGITS}g}"
+    C, _ = _covariances(s)
+    sigmas = zip(SIGMA, (s.sigma, s.sigma_rotation), strict=True)
+    own = {name: [shown(float(x))] * len(C) for name, x in sigmas if x is not None}
+    if not columns:
+        return own
+    diagonal = columns == DEVIATION
+    values = np.sqrt(np.diagonal(C, axis1=1, axis2=2)) if diagonal else _entries(C)
+    return own | _cells(columns, values, shown)
