@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from checks import at, bands, curves, key_of, looks_differ, unit_in
+from checks import bands, curves, key_of, looks_differ, unit_in
 from made_up import of_one_trial
-from reports import check, table_of
+from reports import check, check_forest, table_of
 
 from testbench.campaign.evaluation import CampaignRow, Measured
 from testbench.campaign.predicted_error import Expected
@@ -155,12 +155,7 @@ def test_promises_are_counted_case_by_case(both):
     assert f"holds in {kept[0].inside_90:.0%} of 12 cases".replace("%", " %") in found.claims[2]
 
 
-@pytest.mark.parametrize("winner", CRITERIA)
-def test_the_best_criterion_is_marked_whichever_it_is(winner):
-    assert f"**{winner}**" in grid(made({winner: (0.1, 1)})[0].tables["criteria"])
-
-
-@pytest.mark.parametrize(("winner", "word"), [("test", "smaller"), ("random", "larger")])
+@pytest.mark.parametrize(("winner", "word"), [("test", "smaller"), ("random", "larger"), ("I", "")])
 def test_the_answer_holds_planned_and_random_poses_and_joints_alone(winner, word):
     found, trials = made({winner: (0.1, 0.1)})
     kinds = (("test", PLANNED), ("random", PLANNED), ("test", INCUMBENT))
@@ -168,7 +163,9 @@ def test_the_answer_holds_planned_and_random_poses_and_joints_alone(winner, word
     ours, theirs, alone = (mm(np.median(x)) for x in (planned, chance, joints))
     size = np.median(chance / planned)
     assert found.answer.startswith(f"12 planned poses leave {ours} at the tasks, random ones {theirs}: ")
-    assert f"{ratio(size if word == 'smaller' else 1 / size)} times {word} (" in found.answer
+    if word:
+        assert f"{ratio(size if word == 'smaller' else 1 / size)} times {word} (" in found.answer
+    assert f"**{winner}**" in grid(found.tables["criteria"])
     assert f"Joint stiffness only leaves {alone} there from planned poses, " in found.answer
 
 
@@ -214,12 +211,6 @@ def test_the_figure_draws_the_reports_numbers_in_the_look_of_each_criterion(both
         for name, shade in zip(("test", "random"), bands(axes), strict=True):
             assert [row[1:] for row in shade] == [ends(level[key]) for level in levels[name]]
     quick, _ = made(scope=replace(SCOPE, poses=(12,), fewer=(12,)))
-    for axes, key in zip(
-        figures(quick)["pose_selection.png"].axes, ("tasks_mm", "workspace_mm"), strict=True
-    ):
-        assert unit_in(axes.get_xlabel()) == "mm"
-        for y, row in enumerate(quick.numbers["criteria"]):
-            bar, dot = (x for x in axes.get_lines() if set(np.ravel(x.get_ydata())) == {y})
-            assert tuple(bar.get_xdata()) == ends(at(row, key))
-            shown = np.ravel(dot.get_xdata())[0], dot.get_color()
-            assert shown == (middle(at(row, key)), LOOKS[row.plan].hex)
+    rows = quick.numbers["criteria"]
+    for axes, key in zip(figures(quick)["pose_selection.png"].axes, keys[:2], strict=True):
+        check_forest(axes, [row[key] for row in rows], [LOOKS[row.plan] for row in rows])

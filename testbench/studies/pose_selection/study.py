@@ -8,12 +8,9 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import build_cell
-from testbench.campaign.perturbed_prior import SCALE, SHAPE, UNCERTAINTY, wrong_prior
-from testbench.campaign.rows import MM
+from testbench.campaign.perturbed_prior import SCALE, SHAPE, UNCERTAINTY
 from testbench.campaign.true_arms import CALLED, TRUTHS
 from testbench.commands.plan_drawn import ORDER, OURS, UNSCALED, World
-from testbench.design.rows import deflection_rows
-from testbench.design.specification import promise_of
 from testbench.model.vjm import chain
 from testbench.report import campaigns
 from testbench.report.columns import columns
@@ -27,9 +24,9 @@ from testbench.studies.study import Run, Study
 from testbench.trials.spread import ends, middle, most_trials, wins
 from testbench.views.colours import GREY, SERIES, Look
 from testbench.views.figure import Figure, forest, of_seeds, sweeps
-from testbench.views.gains import Gain, gained, more
+from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
-from testbench.views.scene import Line, PlaceMap, RunChart, Scene, Seen
+from testbench.views.scene import Line, PlaceMap, Scene, Seen
 from testbench.views.schema import Table, best_of
 
 ENOUGH = 0.1  #: Error at the tasks that a campaign is to reach [mm].
@@ -117,6 +114,9 @@ def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
     featured = measured.where(poses=n)
     models = [row.model for row in merged(featured.where(fit=PLANNED).keep("plan", "model."), "plan")]
     first = featured.where(plan="test", fit=PLANNED)
+    names = [f"{plan}, {fit}" for plan, fit in zip(featured["plan"], featured["fit"], strict=True)]
+    ours, chance, joints = (f"test, {PLANNED}", f"{RANDOM}, {PLANNED}", f"test, {INCUMBENT}")
+    gains = {"random": (ours, chance), "joints": (ours, joints)}
     errors = merged(measured.keep("fit", "plan", "poses", *PLACES), "fit", "plan", "poses")
     for row in errors:
         plan = None if row.plan == RANDOM else asked.scene.plan(row.plan, row.poses, PLANNED)
@@ -144,7 +144,7 @@ def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
         grounds=grounds,
         study=scope,
         criteria=[row for row in planned if row.poses == n],
-        gains=Row(random=_gain(featured, RANDOM, PLANNED), joints=_gain(featured, "test", INCUMBENT)),
+        gains=campaigns.pairs(featured.add(name=names), gains, "tasks_mm"),
         worst=Row(worst, task_mm=task, workspace_mm=place),
     )
 
@@ -210,15 +210,6 @@ def _grounds(rows: Trials) -> Iterator[Row]:
                 )
 
 
-def _gain(featured: Trials, plan: str, fit: str) -> Gain:
-    """The featured plan beside other poses or another fit, at the tasks."""
-    ours, theirs = (
-        featured.where(plan=name, fit=own)["tasks_mm"].tolist()
-        for name, own in (("test", PLANNED), (plan, fit))
-    )
-    return gained(f"test, {PLANNED}", f"{plan}, {fit}", ours, theirs)
-
-
 def _claims(f: Row, trials: int) -> Iterator[Markdown]:
     """How many poses, where planning loses, whether promises hold."""
     own = f.recommendation
@@ -265,11 +256,8 @@ def _of_kept(f: Row) -> Markdown:
 def figures(found: Report) -> dict[str, Figure]:
     """Errors by number of poses, with and without the prior; of one number by criterion."""
     f = Row(found.numbers)
-    gain = f.gains.random
-    answer = (
-        f"{f.dataset.poses} planned poses leave {middle(gain.ours_mm):.3f} mm at the tasks, random ones "
-        f"{middle(gain.theirs_mm):.3f} mm, {more(gain)}"
-    )
+    gains = {"random poses": f.gains.random, "joint stiffness only": f.gains.joints}
+    answer = f"{f.dataset.poses} poses, error at the tasks: {beside(gains)}"
     reading = f"RMS errors, {f.arm}, {f.dataset.sigma_um:g} um of noise. {of_seeds(f.seed)}."
     if len(f.study.poses) == 1:
         note = f"{reading} {PLANNED}, plans by criterion; dotted line: random poses."
@@ -297,25 +285,17 @@ def write(run: Run[Settings]) -> Seen:
     asked, cell = run.settings, build_cell(find_arm(run.settings.arm))
     n, scene = asked.scope.featured, asked.scene
     q, places = trial.poses_of(asked, "test", n, asked.seed), np.array(scene.workspace)
-    spec = trial.specify(cell, asked, wrong_prior(cell, asked.seed))
-    ahead = deflection_rows(spec.experiment, q, spec.loads[0])
-    error = MM * promise_of(spec, q, np.zeros(n, dtype=int), ahead).error
     left = np.array([middle(value) for value in run.report.numbers["where"].each_place_mm])
     at = [chain(cell.vjm, np.array(own)).position for own in (q, scene.tasks, scene.candidates, places)]
     world = World(cell, asked.scope.ground.station, *at[:3])
-    runs, rest = (
-        [f"Error {mm:.3f} mm. {cell.arm.words(own)}." for own, mm in zip(poses, errors, strict=True)]
-        for poses, errors in ((q, error), (places, left))
-    )
     force = np.tile([0.0, 0.0, -GRAVITY * asked.scope.payload], (n, 1))
-    named = {f"Run {k}": words for k, words in enumerate(runs, start=1)}
+    named = {f"Run {k}": f"{cell.arm.words(own)}." for k, own in enumerate(q, start=1)}
+    rest = [f"Error {mm:.3f} mm. {cell.arm.words(own)}." for own, mm in zip(places, left, strict=True)]
     plan = world.poses(ORDER, named, q, world.measured(q, force))
     over = "Error of the predicted deflection, median over the trials (mm)"
-    ahead_mm = "Error to expect after identification, in each planned pose (mm)"
     return Seen(
         scene=Scene(cell, UNSCALED, [plan, world.all_over(places, rest, int(left.argmax()))]),
         map=PlaceMap(over, 1, at[3], [Line(PLANNED, OURS, left)]),
-        runs=[RunChart(ahead_mm, 0, "run", [str(k) for k in range(1, n + 1)], [Line("plan", OURS, error)])],
     )
 
 

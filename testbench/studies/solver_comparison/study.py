@@ -20,16 +20,11 @@ from testbench.views.gains import ratio
 from testbench.views.markdown import Markdown, counted
 from testbench.views.schema import Table
 
-SHADES = {
-    "a": SERIES[3],
-    "a'": SERIES[2],
-    "b": SERIES[1],
-    "b'": SERIES[5],
-    "c": SERIES[4],
-    "d": GCO,
-    "e": SERIES[6],
+SHADES = {"a": SERIES[3], "a'": SERIES[2], "b": SERIES[1], "b'": SERIES[5], "c": SERIES[4], "d": GCO}
+LOOKS = {
+    key: Look(colour, place, prior=True)
+    for place, (key, colour) in enumerate((SHADES | {"e": SERIES[6]}).items())
 }
-LOOKS = {key: Look(colour, place, prior=True) for place, (key, colour) in enumerate(SHADES.items())}
 """One colour and one mark a solver: the conic program green, the others not; all minimise the same F_M."""
 NEVER_ABOVE = 1e-9  #: Relative difference of F_M that rounding leaves.
 FAST = "f_m relative_excess relative_excess_bound solve_seconds seconds_to_1_percent ratio_to_conic"
