@@ -8,12 +8,13 @@ import typer
 
 from testbench import files
 from testbench.arm.decimal import is_decimal
-from testbench.campaign.plan_input import read_mass
 from testbench.errors import BenchError
 
 
 def mass(text: str) -> float:
     """A hung mass, or its weight [kg]; BadParameter for anything else."""
+    from testbench.campaign.plan_input import read_mass  # here: few commands read a plan's files
+
     try:
         return read_mass(text)
     except BenchError as err:

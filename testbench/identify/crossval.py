@@ -1,8 +1,7 @@
 """Cross-validation over poses and load levels: which model to use.
 
 Runs of one pose share its geometry, so that a pose is held out whole: what counts is the error at poses that
-were never fitted. So it is with the runs of one load, where the data have several. How firmly to believe a
-prior can be chosen so too (`choose_strength`); where nothing else is said it is learnt (`hierarchy`).
+were never fitted. So it is with the runs of one load, where the data have several.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,23 +11,17 @@ import numpy as np
 
 from testbench.data.dataset import Dataset, Ids, Mask, select
 from testbench.errors import Array, BenchError
-from testbench.identify.metric import Belief, Case, Metric
 from testbench.identify.parts import Parts, reduce_parts
-from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression, f_m
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-UNCERTAINTIES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.0)
-"""Relative uncertainties of a prior that cross-validation tries [1]."""
 FOLDS = 8
 CLEARLY = 2.0  #: Standard errors by which a model must be better to replace another.
 LEVEL_DIGITS = 1  #: Decimals of a force [N] or moment [N m] within which two loads are of one level.
 
 Fits = Callable[[Sequence[Regression]], Array]
 """Parameters of many datasets of one structure, (datasets, n)."""
-Regularised = Callable[[Sequence[Case]], Array]
-"""The same with priors."""
 
 
 @dataclass(frozen=True)
@@ -137,14 +130,6 @@ def held_out_errors(folds: Sequence[Fold | Divided], fits: Fits) -> Array:
     """F_M on the poses held out, fitted to the others, (folds,) [1]."""
     found = fits([fold.fitted for fold in folds])
     return np.array([f_m(fold.held_out, pi) for fold, pi in zip(folds, found, strict=True)])
-
-
-def choose_strength(folds: Sequence[Fold], metric: Metric, fits: Regularised) -> Strength:
-    """The uncertainty of a prior that predicts poses held out best, its scale left to the data."""
-    tried = [Strength(u) for u in UNCERTAINTIES]
-    found = fits([Case(fold.fitted, Belief(metric, strength)) for strength in tried for fold in folds])
-    errors = [f_m(fold.held_out, pi) for fold, pi in zip(list(folds) * len(tried), found, strict=True)]
-    return tried[int(np.argmin(np.reshape(errors, (len(tried), len(folds))).mean(axis=1)))]
 
 
 @dataclass(frozen=True)

@@ -137,13 +137,6 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
     return Metric(prior.name, structure, L, expected, sizes)
 
 
-def check_metric(metric: Metric, structure: Structure) -> None:
-    """Refuse by BenchError the metric of another structure."""
-    own = metric.structure
-    if not (np.array_equal(own.a, structure.a) and np.array_equal(own.b, structure.b)):
-        raise BenchError(f"metric: expected one of {structure.name}, got one of {own.name}")
-
-
 def whitened(regression: Regression, metric: Metric) -> tuple[Array, Array]:
     """Rows A, (terms n, n) [1], and y in the metric: |A x - y|^2 is chi squared but for the rest."""
     rows = [math.sqrt(term.equations / 3) * np.c_[term.R @ metric.L, term.z] for term in regression.terms]

@@ -81,7 +81,6 @@ EVERY = (
     Column("also_conservative", "conservative solution of MLS56's fit", form="d"),
     Column("excess_percent", "F_M above the optimum", "%", ".2f"),
     Column("reaches_optimum", "reaches the optimum", form="yes"),
-    Column("rms_to_eq_23_over_sigma", "RMS distance to Eq. (23)", "sigma/load", ".2f"),
     # One compliance of section 5.1 beside the true one, and beside the printed one
     *(
         Column(key, heading, unit, form, paper=key, short=short)

@@ -130,11 +130,9 @@ class Trials:
 
 
 def numbered(columns: Sequence[Sequence[Cells]], sizes: Sequence[int]) -> list[Cells]:
-    """Numbers of rows of several tables that are the same where all these columns are, as they first appear.
+    """Numbers of rows of several tables, of these sizes, that are the same where all columns are.
 
-    Args:
-        columns: Of each quantity the column of every table.
-        sizes: Rows of every table.
+    They rise as rows first appear. Of each quantity there is the column of every table.
     """
     codes = np.zeros(sum(sizes), dtype=np.int64)
     for own in columns:
@@ -186,15 +184,7 @@ def _middle(cells: Cells) -> Any:
 
 
 def paired(trials: Trials, ours: str, theirs: str, value: str, scale: float = 1.0) -> Gain | None:
-    """Two models in the same trials by one error [mm once it is scaled]; None where one is not there.
-
-    Args:
-        trials: A row a model and trial.
-        ours: Name of one model.
-        theirs: Name of the other.
-        value: Column of the error.
-        scale: Its unit over mm [1].
-    """
+    """Two models in the same trials by one error [mm once it is scaled]; None where one is not there."""
     both = aligned(trials, (ours, theirs), value)
     if ours == theirs or not len(both):
         return None

@@ -34,12 +34,6 @@ def choose_backend(asked: Common) -> Backend:
 def show_progress(counts: Iterator[int], total: int, words: str, console: Console) -> None:
     """Run a study with a bar that shows how many trials are done and the time left.
 
-    Args:
-        counts: From `run_study`.
-        total: Trials of the study.
-        words: What a trial is, such as "seeds".
-        console: Where to.
-
     Raises:
         Interrupted: After Ctrl-C; says what is stored.
     """

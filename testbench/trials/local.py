@@ -97,11 +97,7 @@ def _take(link: Connection) -> Chunk | None:
 
 @contextmanager
 def started(environment: Mapping[str, str]) -> Iterator[Connection]:
-    """A process in the block: takes work, then seeds, each answered as by `answer`; it ends with this one.
-
-    Args:
-        environment: More of its environment.
-    """
+    """A process in the block: takes work, then seeds, each answered as by `answer`; it ends with this one."""
     ours, theirs = socketpair()
     path = [path or str(Path.cwd()) for path in sys.path]
     command = [sys.executable, *ALONE, START.format(path=path)]

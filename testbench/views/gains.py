@@ -41,14 +41,7 @@ class Gain:
 
 
 def gained(ours: str, theirs: str, ours_mm: Sequence[float], theirs_mm: Sequence[float]) -> Gain:
-    """Two models in the same trials, at least one.
-
-    Args:
-        ours: Name of one.
-        theirs: Name of the other.
-        ours_mm: Its errors [mm].
-        theirs_mm: The other's in the same trials [mm].
-    """
+    """Two models in the same trials, at least one."""
     times = [b / a for a, b in zip(ours_mm, theirs_mm, strict=True)]
     ours_, theirs_, ratio = (
         own[0] if all(x == own[0] for x in own) else spread(own) for own in (ours_mm, theirs_mm, times)

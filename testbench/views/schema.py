@@ -151,12 +151,7 @@ def looks(rows: Sequence[object], name: Column) -> dict[str, Look]:
 
 
 def show(value: object, form: str = ".3f") -> str:
-    """A value for people: a number, its median with the ends of its spread, a word, a share of trials.
-
-    Args:
-        value: Number, Spread, truth value, word or None.
-        form: Format of a number; "yes" for a truth value or a share.
-    """
+    """A value for people: a number, its median with the ends of its spread, a word, a share of trials."""
     if value is None:
         return "-"
     if isinstance(value, str):

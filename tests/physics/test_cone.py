@@ -30,6 +30,8 @@ def test_svec_keeps_lengths_and_smat_takes_it_back(rng, n):
     np.testing.assert_allclose(np.linalg.norm(x, axis=1), np.linalg.norm(X, axis=(1, 2)), rtol=1e-14)
     np.testing.assert_allclose(cone.smat(x), X, rtol=1e-15)
     assert cone.order(x.shape[1]) == n
+    A = rng.standard_normal((n, n))
+    np.testing.assert_allclose(x @ cone.congruence(A).T, cone.svec(A @ X @ A.T), rtol=1e-12, atol=1e-12)
 
 
 def test_the_nearest_psd_matrices_are_those_without_negative_eigenvalues(rng):

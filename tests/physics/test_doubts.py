@@ -15,10 +15,13 @@ from testbench.campaign.campaign import Scenario, simulate, stream
 from testbench.data.dataset import Dataset, select
 from testbench.identify.doubts import HandedIn, doubts
 from testbench.identify.doubts.find import AT_A_TIME
+from testbench.identify.doubts.loads import allowed, learnt
+from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.identify.readings import MOST_READINGS
 from testbench.identify.registered import Registered, registered
 from testbench.model.loaded import displacement
+from testbench.model.structure import all153
 from testbench.model.vjm import chain, generalised_load, tool_pose
 
 SEEDS = {"levels": 10, "pressed": 11, "tracker": 17}
@@ -53,6 +56,28 @@ def test_a_planted_mistake_is_named_first(sets, name):
     [first, *_] = named(mistake.plant(sets[kind], stream(1, 40)))
     assert first.name in mistake.names.split()
     assert len(first.sentence) < 300
+
+
+def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets):
+    """Shapes and couplings have a width of their own: Bayes' formulas in the readings, dense."""
+    own = sets["levels"]
+    vjm, structure = own.cell.vjm, all153(own.cell.arm)
+    fitted = learnt(vjm, metric(cad_prior(own.cell.arm), vjm, structure), own.data)
+    h, prior = fitted.h, fitted.metric
+    assert np.ptp(h[-3:-1]) > 0.2  # or nothing would tell shapes from couplings
+    blocks = np.repeat(np.arange(len(prior.sizes)), [n * (n + 1) // 2 for n in prior.sizes])
+    size = np.exp(h[blocks])
+    D = size**2 * np.where(prior.couplings, np.exp(2 * h[-2]), np.exp(2 * h[-3]))
+    G = fitted.read.A.reshape(-1, structure.n) @ prior.L
+    S = G @ (D[:, None] * G.T) + np.exp(2 * h[-1]) * np.eye(len(G))
+    apart = fitted.read.y.ravel() - G @ (size * prior.expected)
+    mean = prior.L @ (size * prior.expected + D * (G.T @ np.linalg.solve(S, apart)))
+    unit = np.sqrt(((prior.L * size) ** 2) @ np.ones(structure.n))
+    np.testing.assert_allclose(fitted.pi / unit, mean / unit, rtol=0, atol=1e-6)
+    joints = allowed(vjm, own.data, structure.matrix(fitted.pi))
+    known = np.eye(len(G)) / fitted.misfit**2 - fitted.shared @ fitted.shared.T
+    np.testing.assert_allclose(known @ (S + joints @ joints.T), np.eye(len(G)), rtol=0, atol=1e-5)
+    np.testing.assert_allclose(fitted.surprise, known @ apart, rtol=0, atol=1e-6 * np.abs(apart).max())
 
 
 def test_a_reading_that_outweighs_all_others_is_named(sets):

@@ -11,6 +11,7 @@ from loads import random_q
 
 from testbench.errors import BenchError, NoEquilibrium
 from testbench.model import loaded
+from testbench.model.load import Load, on_joints, resultant
 from testbench.model.loaded import (
     displacement,
     geometric_stiffness,
@@ -40,6 +41,17 @@ HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0, "slides": 3_000.0}
 @pytest.fixture(params=["kr500", "arm_6r", "slides"])
 def cell(request):
     return request.getfixturevalue(request.param)
+
+
+def test_the_resultant_of_loads_moves_joints_as_the_loads_do(cell, rng):
+    """One load a pose and one for all, at points that turn with the tool, the moment about its origin."""
+    where = chain(cell.vjm, random_q(cell, rng, 4))
+    each = Load(rng.normal(size=(4, 6)), rng.normal(size=(4, 3)))
+    all_ = Load(rng.normal(size=6), rng.normal(size=3))
+    total = resultant(where.rotation, [each, all_])
+    at_origin = generalised_load(where, total, np.zeros((4, 3)))
+    expected = on_joints(where, [each, all_.over(4)])
+    np.testing.assert_allclose(at_origin, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
 def bent(cell, rng, runs):

@@ -10,9 +10,7 @@ from testbench.data.dataset import select
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.crossval import (
-    UNCERTAINTIES,
     Candidate,
-    choose_strength,
     every_fold,
     fold_loads,
     fold_poses,
@@ -26,7 +24,13 @@ from testbench.identify.regression import f_m
 from testbench.identify.regularised import answer, gco_with, least_squares_with
 from testbench.model.structure import Structure, all153, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
-from testbench.studies.estimators.stein import SLACK, gco_least_trace, gco_stein
+from testbench.studies.estimators.stein import (
+    SLACK,
+    UNCERTAINTIES,
+    choose_strength,
+    gco_least_trace,
+    gco_stein,
+)
 
 
 def campaign(cell, seed, **changes):

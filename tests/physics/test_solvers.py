@@ -1,22 +1,25 @@
 """Our solvers against Clarabel as the referee, without a prior and with, and answers that are not proven."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from agreement import APART, OFF, ROUNDING, WORSE, compared, compared_with_prior, least_squares_off
 from programs import NASTY, random_regression, with_random_prior
 
-from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.campaign import Scenario, build_cell, simulate
 from testbench.errors import BenchError
-from testbench.identify import cone, interior, projected, reduce
+from testbench.identify import cone, conic, interior, projected, reduce
 from testbench.identify.conic import answers, by_clarabel, optima, optimum, scale_program
+from testbench.identify.interior import least_norms
 from testbench.identify.metric import Belief, Case, metric, rescaled
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import f_m, regression_of
 from testbench.identify.regularised import answer, fit_each, gco_with
 from testbench.model.structure import all153, mgco47, mgco68, template56
 
+MODELS = Path(__file__).parents[2] / "models"
 STRENGTHS = (1e-6, 0.01, 0.3, 2.0, 30.0, 1e3)
 STRUCTURES = (mgco47, template56, mgco68, all153)
 
@@ -35,6 +38,10 @@ def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
             assert found.over <= WORSE
             assert not found.own or found.gap <= enough
         assert least_squares_off(case) <= OFF
+
+
+def test_of_plain_datasets_none_needs_the_referee(rng):
+    assert all(compared(random_regression("kind", rng)).own for _ in range(12))
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
@@ -84,12 +91,55 @@ def test_gco_is_in_the_units_of_the_data(kr500, campaigns):
         assert (np.abs(scaled - right) <= 1e-4 * np.outer(size, size) + 1e-9 * size.max() ** 2).all()
 
 
+@pytest.fixture(scope="module")
+def without_noise():
+    """Programs of noise-free readings, in which steps near no residual at all are wild."""
+    cell, taken = build_cell(MODELS / "ur10"), []
+    for seed in (1004, 1028, 1049):
+        scenario = Scenario(arm="ur10", workspace_poses=1, truth="linear", noise=False)
+        regression = reduce(cell.vjm, all153(cell.arm), simulate(cell, scenario, seed).identification)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(conic, "least_norms", lambda *args: taken.append(args[0]) or least_norms(*args))
+            answers([regression], [scale_program(regression)])
+    return taken
+
+
+@pytest.mark.parametrize("bold", [interior.BOLD, interior.CAUTIOUS])
+def test_no_wild_step_is_kept(without_noise, bold):
+    for programs in without_noise:
+        norms, _ = programs.at(interior.interior(programs, bold))
+        assert norms.sum() < 1e-5
+
+
+def test_what_a_first_try_does_not_prove_a_second_does(without_noise):
+    """The trace term alone costs 3e-8 to 1e-7."""
+    assert max(float(least_norms(programs, 0.0)[1][0]) for programs in without_noise) < 1.5e-7
+
+
+@pytest.mark.parametrize(("off", "status"), [(1e-9, "solved"), (1e-7, "worse")])
+def test_what_is_not_near_enough_is_not_called_solved(kr500, campaigns, off, status, monkeypatch):
+    regression = reduce(kr500.vjm, mgco68(kr500.arm), campaigns[0].identification)
+    [own] = answers([regression], [scale_program(regression)])
+    far = replace(own, pi=(1 + off) * own.pi, failure="worse")
+    monkeypatch.setattr(conic, "answers", lambda *args: [far])
+    assert optimum(regression).status == status
+
+
+def without_a_cone(programs, bold):
+    [term] = programs.terms
+    return np.linalg.lstsq(term.R[0], term.z[0], rcond=1e-9)[0][None]
+
+
+def not_projected(path, start, cost, groups):
+    return start.u, np.zeros_like(start.u)
+
+
 WRONG = {
     "too small": (lambda x: 0.99 * x),
     "too large": (lambda x: 1.01 * x),
     "nothing": (lambda x: 0.0 * x),
     "not a number": (lambda x: np.nan * x),
-    "outside the cone": (lambda x: x - np.abs(x).max()),
+    "outside the cone": None,
 }
 
 
@@ -104,8 +154,12 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
     case = Case(regression, Belief(own, Strength(3.0)))
     right, loose = optimum(regression), gco_with(regression, own, case.belief.strength)
     norms, squares = interior.interior, projected.follow
-    monkeypatch.setattr(interior, "interior", lambda *args: wrong(norms(*args)))
-    monkeypatch.setattr(projected, "follow", lambda *args: (wrong(squares(*args)[0]), squares(*args)[1]))
+    if wrong is None:
+        monkeypatch.setattr(interior, "interior", without_a_cone)
+        monkeypatch.setattr(projected, "follow", not_projected)
+    else:
+        monkeypatch.setattr(interior, "interior", lambda *args: wrong(norms(*args)))
+        monkeypatch.setattr(projected, "follow", lambda *args: (wrong(squares(*args)[0]), squares(*args)[1]))
     [found] = answers([regression], [program])
     assert found.dual is not None
     assert found.pi == pytest.approx(by_clarabel(regression, program).pi)

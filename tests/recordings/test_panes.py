@@ -29,10 +29,6 @@ def written(path, *timelines):
     return path
 
 
-def test_a_sound_recording_is_without_fault(tmp_path, blank_panes):
-    assert blank_panes(written(tmp_path / "sound.rrd", "run", "load")) == []
-
-
 def test_what_stays_blank_until_the_timeline_is_changed_is_seen(tmp_path, blank_panes, monkeypatch):
     monkeypatch.setattr("panes.PATIENCE", 1.0)
     found = "\n".join(blank_panes(written(tmp_path / "blank.rrd", "load")))

@@ -9,12 +9,12 @@ from reports import check, check_cells, check_forest, table_of
 from testbench.campaign.campaign import Scenario
 from testbench.studies.identifiability.coverage import Covered
 from testbench.studies.identifiability.study import STUDY, figures, report
-from testbench.studies.identifiability.trial import MethodRow, Settings, TrialRow, Tried
+from testbench.studies.identifiability.trial import MethodRow, Settings, TrialRow
 from testbench.trials.spread import middle
 from testbench.views.colours import look
 
 SEEDS = range(4, 7)
-ASKED = Settings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=5), Tried(), 4, 3, 3, 3, 3)
+ASKED = Settings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=5), 4, 3, 3, 3, 3)
 KINDS = {
     "Joints": ("Joints", "none", "none"),
     "MLS56": ("MLS56", "none", "none"),

@@ -21,7 +21,7 @@ from testbench.model.load import on_joints
 from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import read_weights
 from testbench.plant import TYPICAL, disturb
-from testbench.studies.compensation import jobs, plans, settings, trial
+from testbench.studies.compensation import plans, settings, trial
 from testbench.studies.compensation.settings import ADVISED, BOTH, DEFAULT, IDEAL, PERFECT, REAL
 
 APP = app_of_study("compensation")
@@ -42,8 +42,8 @@ LESS = {
     "settings.QUICK_CANDIDATES": 14,
     "plans.make_plan": first_poses,
     "trial.choose": undisputed,
-    "jobs.HOLES": (3, 2),
-    "jobs.STEPS": 16,
+    "plans.HOLES": (3, 2),
+    "plans.STEPS": 16,
 }
 
 
@@ -73,7 +73,7 @@ def asked(cell):
     """The program, and poses that need no search."""
     q = np.array(plans.START) + 0.3 * stream(6).uniform(-1, 1, (12, 6))
     plan = settings.PlanRow(BOTH, 12, tuple(q.ravel().tolist()), tuple(range(2)) * 6)
-    program = [tuple(own) for job in jobs.jobs() for own in plans.program(cell, job)]
+    program = [tuple(own) for job in plans.jobs() for own in plans.program(cell, job)]
     scene = settings.Scene(candidates=tuple(map(tuple, q)), program=tuple(program), plans=(plan,))
     return settings.Settings("kr500_l480", 4, (12,), 12, scene)
 
@@ -113,18 +113,18 @@ def test_a_hung_weight_never_loads_joint_1_and_the_pull_does(cell):
 
 
 def test_forces_resist_the_feed_and_the_spindle_and_keep_their_size(cell, asked):
-    work, drilled = trial.tasks_of(asked, 4), len(jobs.jobs()[0].position)
-    for job, part in zip(jobs.jobs(), (slice(drilled), slice(drilled, None)), strict=True):
+    work, drilled = trial.tasks_of(asked, 4), len(plans.jobs()[0].position)
+    for job, part in zip(plans.jobs(), (slice(drilled), slice(drilled, None)), strict=True):
         force = work.load.wrench[part, :3]
         size = np.linalg.norm(force, axis=1)
         assert size == pytest.approx(size[0], rel=5e-3)  # a chord is not quite at right angles to the spindle
         assert 1e3 < size[0] < 3e3
         assert ((force * job.axis).sum(axis=1) < -0.1 * size).all()
         feed = tangents(job.position, np.ones(len(force), dtype=bool))
-        if job.name == jobs.MILLING:
+        if job.name == plans.MILLING:
             assert ((force * feed).sum(axis=1) < -0.1 * size).all()
         position, rotation = tool_pose(cell.vjm, work.q[part])
-        assert np.allclose(position + rotation @ jobs.TIP, job.position, atol=1e-8)
+        assert np.allclose(position + rotation @ plans.TIP, job.position, atol=1e-8)
         assert np.allclose(rotation[:, :, 0], job.axis, atol=1e-8)
 
 

@@ -17,8 +17,7 @@ from testbench.report.report import Report, say
 from testbench.report.table import Row, Trials, find, paired
 from testbench.studies.calibration_scene import with_errors
 from testbench.studies.compensation import settings as s
-from testbench.studies.compensation.jobs import FORCE, jobs
-from testbench.studies.compensation.plans import prepare
+from testbench.studies.compensation.plans import FORCE, jobs, prepare
 from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, NOWHERE, REAL, Way
 from testbench.studies.compensation.trial import JobsRow, tasks_of, trials
 from testbench.studies.study import Run, Study

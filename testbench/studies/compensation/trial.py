@@ -41,8 +41,7 @@ from testbench.model.structure import all153
 from testbench.model.weights import read_weights
 from testbench.plant import TYPICAL, DisturbedPlant, Equilibrium, disturb, part_of, settle_pair
 from testbench.studies.compensation import settings as s
-from testbench.studies.compensation.jobs import TIP, drawn, jobs, tasks
-from testbench.studies.compensation.plans import loads
+from testbench.studies.compensation.plans import TIP, drawn, jobs, loads, tasks
 from testbench.studies.compensation.settings import Settings, Way
 
 AIM = Aim(point=TIP)  #: The whole pose of the tool is put right.

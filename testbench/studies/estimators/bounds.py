@@ -22,7 +22,7 @@ from scipy.special import gammaincinv
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify import cone
 from testbench.identify.intervals import check_confidence
-from testbench.identify.metric import Metric, check_metric, whitened
+from testbench.identify.metric import Metric, whitened
 from testbench.identify.regression import RANK_TOLERANCE, Regression
 
 TOLERANCE = 1e-8  #: Feasibility and gap asked of the solver, of functionals of length one in the metric.
@@ -75,7 +75,9 @@ def fit_set(regression: Regression, metric: Metric, confidence: float, *, ceilin
             another structure.
     """
     check_confidence(confidence)
-    check_metric(metric, regression.structure)
+    own, asked = metric.structure, regression.structure
+    if not (np.array_equal(own.a, asked.a) and np.array_equal(own.b, asked.b)):
+        raise BenchError(f"metric: expected one of {asked.name}, got one of {own.name}")
     if not 0 < ceiling < math.inf:
         raise BenchError(f"ceiling: expected a finite number above 0, got {ceiling}")
     A, y = whitened(regression, metric)

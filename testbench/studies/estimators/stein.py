@@ -8,7 +8,7 @@ an exact line search minimises chi^2 / 2 + D / u^2, of several datasets at once.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,17 +16,23 @@ import numpy as np
 from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.conic import EXACT, f_m_norms, optimum
+from testbench.identify.crossval import Fold
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.metric import Belief, Case, Metric, whitened
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Ids, Regression, f_m
 from testbench.identify.regularised import answer, words
 
+UNCERTAINTIES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.0)
+"""Relative uncertainties of a prior that cross-validation tries [1]."""
 SLACK = 1e-2  #: Share by which F_M may exceed its optimum while the trace is made least.
 DECREMENT = 1e-6  #: Newton decrement at which the step, still taken, is the last: what is left is its square.
 MAX_STEPS = 60
 LONGEST = 4.0  #: Of a step, in Newton's own.
 HALVINGS = 30  #: Of the interval in which a line search looks for its step.
+
+Regularised = Callable[[Sequence[Case]], Array]
+"""Parameters of many datasets with priors, (datasets, n)."""
 
 
 def gco_stein(regression: Regression, metric: Metric, strength: Strength) -> Estimate:
@@ -158,3 +164,11 @@ def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
         ),
     )
     return replace(estimate, status=solution.status, solver_seconds=solution.seconds)
+
+
+def choose_strength(folds: Sequence[Fold], metric: Metric, fits: Regularised) -> Strength:
+    """The uncertainty of a prior that predicts poses held out best, its scale left to the data."""
+    tried = [Strength(u) for u in UNCERTAINTIES]
+    found = fits([Case(fold.fitted, Belief(metric, strength)) for strength in tried for fold in folds])
+    errors = [f_m(fold.held_out, pi) for fold, pi in zip(list(folds) * len(tried), found, strict=True)]
+    return tried[int(np.argmin(np.reshape(errors, (len(tried), len(folds))).mean(axis=1)))]

@@ -27,12 +27,12 @@ from testbench.campaign.models import JOINTS, Model, named_models
 from testbench.campaign.perturbed_prior import SCALE, wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
-from testbench.identify.crossval import choose_strength, every_fold
+from testbench.identify.crossval import every_fold
 from testbench.identify.metric import metric, rescaled
 from testbench.identify.prior import Prior
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
-from testbench.studies.estimators.stein import gco_least_trace, gco_stein, stein_parameters
+from testbench.studies.estimators.stein import choose_strength, gco_least_trace, gco_stein, stein_parameters
 from testbench.studies.factorial.trial import Case, FitRow, each_seed, fitted, judged, plain_models
 from testbench.studies.identifiability import coverage
 from testbench.studies.identifiability.coverage import Covered
@@ -64,18 +64,6 @@ class FilledModel(Model):
 
 
 @dataclass(frozen=True)
-class Tried:
-    """What is varied."""
-
-    structures: tuple[str, ...] = ("MGCO56", "MGCO68", "ALL153")  #: With a prior.
-    scales: tuple[float, ...] = (0.2, 0.5, 1.0, 2.0, 5.0)  #: Factors by which the prior is wrong.
-    poses: tuple[int, ...] = (5, 8, 12, 20, 40)  #: Numbers of identification poses.
-
-
-QUICK = Tried(structures=("MGCO56", "MGCO68"), scales=(0.5, 2.0), poses=(8, 20))
-
-
-@dataclass(frozen=True)
 class Options:
     """Flags of the study."""
 
@@ -91,12 +79,14 @@ class Settings:
 
     arm: str  #: Folder or name of the arm.
     scenario: Scenario  #: The campaign; its truth and number of poses are varied.
-    tried: Tried  #: What is varied in a campaign.
     first: int  #: The first seed.
     campaigns: int  #: Trials with a campaign.
     bootstraps: int  #: Those with bootstrap intervals.
     bounds: int  #: Those with set-based bounds.
     family: int  #: Those with an arm of the family.
+    structures: tuple[str, ...] = ("MGCO56", "MGCO68", "ALL153")  #: With a prior.
+    scales: tuple[float, ...] = (0.2, 0.5, 1.0, 2.0, 5.0)  #: Factors by which the prior is wrong.
+    poses: tuple[int, ...] = (5, 8, 12, 20, 40)  #: Numbers of identification poses.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,16 +111,16 @@ class TrialRow:
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for."""
-    return Settings(
+    found = Settings(
         arm=options.arm,
         scenario=of_arm(load_arm(options.arm), Scenario(arm=find_arm(options.arm).resolve().name)),
-        tried=QUICK if quick else Tried(),
         first=seeds[0],
         campaigns=min(options.campaigns, len(seeds), 2 if quick else len(seeds)),
         bootstraps=100,
         bounds=2 if quick else 100,
         family=2 if quick else 200,
     )
+    return replace(found, structures=VARIED, scales=(0.5, 2.0), poses=(8, 20)) if quick else found
 
 
 @each_seed
@@ -159,16 +149,16 @@ def _intervals(cell: Cell, heavy: Sequence[coverage.Case], asked: Settings, k: i
 def _fits(cell: Cell, asked: Settings, seed: int) -> Iterator[MethodRow]:
     """All fits of one campaign."""
     straight, bent = _campaigns(cell, asked.scenario, seed)
-    linear, tried = asked.scenario.model_copy(update={"truth": "linear"}), asked.tried
+    linear = asked.scenario.model_copy(update={"truth": "linear"})
     plain = [FilledModel(**vars(model)) for model in plain_models(cell, PLAIN)]
-    every = [*plain, *_filled(cell, seed, tried.structures, FILLERS)]
+    every = [*plain, *_filled(cell, seed, asked.structures, FILLERS)]
     seen = replace(_case(bent, "nonlinear"), shown=bent.measured if seed == asked.first else None)
     yield from _judged(cell, every, [_case(straight, "linear"), seen])
-    for scale in tried.scales:
+    for scale in asked.scales:
         _, *own = _filled(cell, seed, VARIED, (LS, GCO), scale)
         yield from _judged(cell, own, [_case(straight, "scale", scale=scale)])
     cases = []
-    for count in tried.poses:
+    for count in asked.poses:
         runs = round(count * asked.scenario.identification_runs / asked.scenario.identification_poses)
         more = linear.model_copy(update={"identification_poses": count, "identification_runs": runs})
         cases.append(_case(simulate(cell, more, seed), "poses", poses=count))

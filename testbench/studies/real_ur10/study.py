@@ -6,14 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import Joint
 from testbench.campaign.rows import MM, UM
 from testbench.data.series import Series
+from testbench.errors import Array
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, find, merged
 from testbench.studies.calibration_scene import amid_errors
 from testbench.studies.real_ur10 import trial
-from testbench.studies.real_ur10.joints import TRAINED, joint_rows
 from testbench.studies.study import Run, Study
 from testbench.trials.spread import middle
 from testbench.views import colours
@@ -25,6 +26,14 @@ from testbench.views.scene import Seen
 from testbench.views.schema import Table
 
 LASTS = 0.7  #: Correlation above which a joint's error counts as the same: half of what either says.
+STRANGE = 2.0
+"""Distance of an angle from those that trained, beyond which order 60 has turned by a third [deg]."""
+ANGLES = np.arange(-180.0, 180.0, 1.0)  #: Where the error of a joint is compared [deg].
+FIRST = 3
+"""Lowest order that counts: an axis that is not where it is drawn looks like orders 1 and 2."""
+FEW = 15  #: Angles that both series visited, below which their errors are not compared.
+TRAINED = {trial.TO_C: "A", trial.TO_A: "C", trial.BOTH: "both"}
+"""What trains on a split."""
 MEANS = {
     trial.BLOCKS: "blocks_mm",
     trial.TO_C: "a_to_c_mm",
@@ -90,7 +99,7 @@ def report(asked: trial.Settings, seeds: range, trials: Trials) -> Report:
             Row(merged(own)[0], draws=len(own))
             for _, own in errors.where(split=trial.DRAW).groups("judged", "name", "poses")
         ],
-        joints=joint_rows(cell.arm.joints, series, ladder),
+        joints=_joints(cell.arm.joints, series, ladder),
         compliances=[
             Row(trained=by, name=name, urad_per_Nm=[UM * c for c in own["joints"][0]])
             for name in trial.TWO
@@ -153,6 +162,50 @@ def _model(name: str, own: Trials, judged: Sequence[Row]) -> Row:
         n = sum(one.n for one in errors)
         found[place] = sum(one.n * one.mean_mm for one in errors) / n if errors else None
     return found
+
+
+def _joints(joints: Sequence[Joint], series: Sequence[Series], ladder: Trials) -> list[Row]:
+    """A row a joint: its angles, and its error by A, by C and by both."""
+    waves = {}
+    for name, by in TRAINED.items():
+        own = ladder.where(split=name, name=trial.WAVES)["waves"][0]
+        waves[by] = UM * np.array(own).reshape(len(joints), 2, -1)  # sines, cosines
+    a, c = (np.degrees(one.q) for one in series)
+    return [
+        _joint(joint.name, a[:, j], c[:, j], {by: own[j] for by, own in waves.items()})
+        for j, joint in enumerate(joints)
+    ]
+
+
+def _joint(name: str, a: Array, c: Array, waves: dict[str, Array]) -> Row:
+    at_a, at_c = (_far(ANGLES, q) <= STRANGE for q in (a, c))
+    common, seen = at_a & at_c, {"A": at_a, "C": at_c, "both": at_a | at_c}
+    curves = {by: _curve(own) for by, own in waves.items()}
+    alike = np.corrcoef(curves["A"][common], curves["C"][common])[0, 1] if common.sum() > FEW else None
+    return Row(
+        joint=name,
+        strange_to_A_percent=float(100 * (_far(c, a) > STRANGE).mean()),
+        strange_to_C_percent=float(100 * (_far(a, c) > STRANGE).mean()),
+        common_deg=float(common.mean() * 360),
+        correlation=None if alike is None else float(alike),
+        **{f"rms_{by}_urad": float(np.sqrt((own[seen[by]] ** 2).mean())) for by, own in curves.items()},
+    )
+
+
+def _curve(waves: Array) -> Array:
+    """The error over `ANGLES` by sines and cosines, (2, orders), those below FIRST left out [urad]."""
+    angle = np.radians(np.outer(ANGLES, np.arange(1, waves.shape[1] + 1)))[:, FIRST - 1 :]
+    sines, cosines = waves[:, FIRST - 1 :]
+    return np.asarray(np.sin(angle) @ sines + np.cos(angle) @ cosines)
+
+
+def _far(angles: Array, known: Array) -> Array:
+    """Distance of some angles from the nearest of others, modulo a turn [deg]."""
+    ring = np.sort(known % 360)
+    ring = np.r_[ring[-1] - 360, ring, ring[0] + 360]
+    at = angles % 360
+    place = np.clip(np.searchsorted(ring, at), 1, len(ring) - 1)
+    return np.asarray(np.minimum(at - ring[place - 1], ring[place] - at))
 
 
 def _gain(own: Models, ours: str, theirs: str) -> Gain:

@@ -45,9 +45,6 @@ def opened(file: Path, size: str) -> Iterator[ViewerClient]:
 def windowless(size: str) -> Iterator[ViewerClient]:
     """A viewer that shows nothing yet, ended with the block.
 
-    Args:
-        size: Of the pictures, WIDTHxHEIGHT [pixel].
-
     Raises:
         BenchError: When there is no driver, or the viewer fails.
     """

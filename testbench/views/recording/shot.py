@@ -68,11 +68,6 @@ def shot(folder: Path, png: Path, sight: Sight) -> Path:
 def film(folder: Path, path: Path, sight: Sight) -> Path:
     """Render it along a timeline as a GIF, or as an MP4 if the path says so, from one point of view.
 
-    Args:
-        folder: Of a run, or a recording.
-        path: The GIF or MP4.
-        sight: What it shows, at all places.
-
     Returns:
         The recording.
 
@@ -107,11 +102,6 @@ def _frames(client: ViewerClient, sight: Sight) -> Iterator[bytes]:
 
 def write_film(path: Path, suffix: str, pictures: Sequence[bytes]) -> None:
     """Write pictures as a film that rests at both ends.
-
-    Args:
-        path: The file to write, whatever its name.
-        suffix: .gif or .mp4.
-        pictures: PNGs of one size.
 
     Raises:
         BenchError: When a GIF does not get small, or there is no ffmpeg.

@@ -104,12 +104,7 @@ def free_port() -> int:
 
 @contextmanager
 def started(flags: Sequence[str], settings: Mapping[str, str]) -> Iterator[subprocess.Popen[bytes]]:
-    """The viewer inside of the block, without traces and without sending usage data.
-
-    Args:
-        flags: Of the program.
-        settings: More of its environment.
-    """
+    """The viewer inside of the block, without traces and without sending usage data."""
     with temporary_folder() as home:
         kept = ("HOME", "XDG_RUNTIME_DIR", "XDG_DATA_HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME", "TMPDIR")
         quiet = {"CI": "1", "NO_COLOR": "1"}  # CI: the viewer sends no usage data
@@ -161,12 +156,7 @@ def web_viewer() -> dict[str, bytes]:
 
 
 def opener(recording: str, viewer: str) -> bytes:
-    """A page that opens a recording in the web viewer, which asks for whole addresses.
-
-    Args:
-        recording: Path of the recording beside this page.
-        viewer: Path of the viewer's page beside it.
-    """
+    """A page that opens a recording in the web viewer, which asks for whole addresses."""
     whole = f"new URL({json.dumps(recording)}, location.href).href"
     to = f"{json.dumps(viewer)} + '?url=' + encodeURIComponent({whole})"
     head = '<!doctype html><meta charset="utf-8"><title>Recording</title>'
