@@ -16,7 +16,7 @@ from testbench.design.forecast import BROAD, Forecast
 from testbench.design.planning import Plan
 from testbench.design.rows import deflection_rows
 from testbench.design.specification import Specification, loads_of
-from testbench.design.whole_arm import Fitted, fit_of, promise_on
+from testbench.design.whole_arm import Fitted, error_on, fit_of
 from testbench.errors import Array
 from testbench.identify.intervals import CONFIDENCE
 from testbench.identify.metric import metric
@@ -93,7 +93,7 @@ def error_map(cell: Cell, plan: Plan, own: Forecast) -> ErrorPlaces:
             continue
         [model] = named_models(cell, [other])
         fit = fitted(least_squares(spec, prior, model.structure), prior, plan.q, plan.load)
-        found[other] = bounded_mm(promise_on(fit, q, load).error)
+        found[other] = bounded_mm(error_on(fit, q, load))
     found[name] = bounded_mm(own.error)
     moved = rms(deflection_rows(spec.experiment, q, load) @ spec.experiment.metric.expected)
     at = places_at(cell.arm, q, tool_pose(cell.vjm, q)[0], moved)

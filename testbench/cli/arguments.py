@@ -1,14 +1,20 @@
 """Arguments that several commands take."""
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from testbench import files
 from testbench.arm.decimal import is_decimal
 from testbench.errors import BenchError
+from testbench.output.place import claim_folder
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 
 def mass(text: str) -> float:
@@ -42,6 +48,26 @@ def plain(asked: object, *files_read: str, without: Sequence[str] = ()) -> dict[
     return flags
 
 
+def absolute_alone(flags: "DataclassInstance") -> None:
+    """Refuse flags of absolute readings that are not the defaults where `absolute` is not asked for.
+
+    Raises:
+        BenchError: Names the first one.
+    """
+    for own in fields(flags):
+        if not getattr(flags, "absolute", True) and getattr(flags, own.name) != own.default:
+            raise BenchError(f"--{own.name.replace('_', '-')}: expected --absolute with it")
+
+
+@contextlib.contextmanager
+def claimed(out: Path | None, command: str, inputs: Sequence[Path], *, force: bool) -> Iterator[None]:
+    """The folder of a command that may be asked for none; see `claim_folder`."""
+    with contextlib.ExitStack() as held:
+        if out is not None:
+            held.enter_context(claim_folder(out, command, own=frozenset(), inputs=inputs, force=force))
+        yield
+
+
 ArmName = Annotated[str, typer.Argument(help="Folder with rigid.xml and elastic.toml, or one of our arms.")]
 Dataset = Annotated[Path, typer.Argument(help="Measured runs, CSV or any other text table.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]
@@ -70,5 +96,10 @@ Load = Annotated[
         help="Load assumed where the file gives none, such as 240 or 530lb; 0 for no load. Default: the "
         "arm's stated payload.",
     ),
+]
+ArmCheck = Annotated[str | None, typer.Option(help="The arm, to check that the model belongs to it.")]
+ShownFolder = Annotated[Path | None, typer.Option(help="Folder for picture, recording and page.")]
+Orientations = Annotated[
+    bool, typer.Option("--orientations", help="Read one target, and how it is turned, to as many urad.")
 ]
 Noise = Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis.")]

@@ -1,18 +1,12 @@
 """testbench check ARM: what is in an arm's folder, what to confirm, what may be wrong with it."""
 
-from contextlib import ExitStack
 from dataclasses import dataclass
 from math import ceil
-from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.arm_check import check
-from testbench.cli.arguments import ArmName
+from testbench.cli.arguments import ArmName, ShownFolder, claimed
 from testbench.commands.check import COMMAND, confirm_lines, contents, report, write
-from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import looked_at, plain_console, print_words
 
@@ -22,18 +16,14 @@ class Options:
     """Flags of the command."""
 
     arm: ArmName
-    out: Annotated[Path | None, typer.Option(help="Folder for picture, recording and page.")] = None
+    out: ShownFolder = None
     force: Force = False
 
 
 @takes(Options)
 def command(asked: Options) -> None:
     """Read an arm with MuJoCo and Pinocchio, compare, say what to confirm."""
-    with ExitStack() as held:
-        if asked.out is not None:
-            inputs = [find_arm(asked.arm)]
-            claim = claim_folder(asked.out, COMMAND, own=frozenset(), inputs=inputs, force=asked.force)
-            held.enter_context(claim)
+    with claimed(asked.out, COMMAND, [find_arm(asked.arm)], force=asked.force):
         checked = check(asked.arm)
         console = plain_console()
         said, (first, *rest) = report(checked), contents(checked)

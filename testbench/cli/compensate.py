@@ -11,7 +11,7 @@ from testbench.campaign.campaign import build_cell
 from testbench.campaign.plan_input import joints_of, payload_of, place
 from testbench.campaign.program import NAMED, CorrectedProgram, correct_program, with_payload
 from testbench.campaign.stiffness_model import load_model
-from testbench.cli.arguments import Load, MapFile, plain
+from testbench.cli.arguments import ArmCheck, Load, MapFile, plain
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked
 from testbench.correct.step import Hold
@@ -39,7 +39,7 @@ class Options:
         str | None, typer.Option(help="csv, krl, rapid or urscript, if the suffix does not say.")
     ] = None
     report: Annotated[Path | None, typer.Option(help="Folder of the page; default: beside --out.")] = None
-    arm: Annotated[str | None, typer.Option(help="The arm, to check that the model belongs to it.")] = None
+    arm: ArmCheck = None
     mapping: MapFile = None
     load: Load = None
     asked: Annotated[

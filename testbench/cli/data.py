@@ -1,19 +1,24 @@
 """testbench data check ARM FILE: what is in a file of measured runs, and how it was understood."""
 
-from contextlib import ExitStack
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.runs import Readings, files_read, look_at, read, register
-from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
+from testbench.cli.arguments import (
+    ArmName,
+    Dataset,
+    FrameName,
+    MapFile,
+    NewTarget,
+    ShownFolder,
+    SigmaUm,
+    claimed,
+)
 from testbench.commands.data import COMMAND, listed, report, understand, write
 from testbench.errors import BenchError
-from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import looked_at, plain_console, print_words
 
@@ -30,7 +35,7 @@ class Options:
     sigma_um: SigmaUm = None
     frame: FrameName = "auto"
     new_target: NewTarget = None
-    out: Annotated[Path | None, typer.Option(help="Folder for picture, recording and page.")] = None
+    out: ShownFolder = None
     force: Force = False
 
 
@@ -45,11 +50,7 @@ def check(asked: Options) -> None:
     """Say which column is which quantity, what was assumed, and show the runs on the arm."""
     arm = find_arm(asked.arm)
     given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target)
-    with ExitStack() as held:
-        if asked.out is not None:
-            inputs = [arm, *files_read(given)]
-            claim = claim_folder(asked.out, COMMAND, own=frozenset(), inputs=inputs, force=asked.force)
-            held.enter_context(claim)
+    with claimed(asked.out, COMMAND, [arm, *files_read(given)], force=asked.force):
         filed = build_cell(asked.arm)
         export = read(filed, given)
         found, console = understand(export), plain_console()

@@ -1,6 +1,6 @@
 """testbench plan ARM --task TASKS --load KG, or --absolute: the poses to measure, and what they promise."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +12,7 @@ from testbench.campaign.models import EVERY, plain_name, right_name
 from testbench.campaign.plan import plan_absolute, plan_for
 from testbench.campaign.plan_input import box, overloaded, overpulled, payload_of, place, pull, read_tasks
 from testbench.campaign.plan_settings import PlanSettings, structure
-from testbench.cli.arguments import ArmName, MapFile, Noise, mass
+from testbench.cli.arguments import ArmName, MapFile, Noise, Orientations, absolute_alone, mass
 from testbench.commands.plan import COMMAND, printed, report, write
 from testbench.commands.plan_numbers import numbers
 from testbench.design.planning import check_criterion
@@ -96,9 +96,7 @@ class Absolute:
             help="For absolute readings: frame, targets, geometry, joint errors and compliances unknown.",
         ),
     ] = False
-    orientations: Annotated[
-        bool, typer.Option("--orientations", help="Read one target, and how it is turned, to as many urad.")
-    ] = False
+    orientations: Orientations = False
     geometry_mm: Annotated[
         float, typer.Option(help="Expected error of geometry along an axis, and in mrad, with --absolute.")
     ] = 1.0
@@ -111,9 +109,7 @@ class Absolute:
 
     def __post_init__(self) -> None:
         """Refuse the others without the first, by BenchError."""
-        for own in fields(self):
-            if not self.absolute and getattr(self, own.name) != own.default:
-                raise BenchError(f"--{own.name.replace('_', '-')}: expected --absolute with it")
+        absolute_alone(self)
 
 
 @takes(Options, Absolute)

@@ -10,7 +10,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.plan_input import box, overloaded, payload_of
 from testbench.campaign.program import FORCE, predicted, read_asked
 from testbench.campaign.stiffness_model import load_model
-from testbench.cli.arguments import Load, MapFile, plain
+from testbench.cli.arguments import ArmCheck, Load, MapFile, plain
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
 from testbench.correct.arm_model import ArmModel
 from testbench.model.poses import WorkArea
@@ -26,7 +26,7 @@ class Options:
     model: Annotated[Path, typer.Argument(help="Folder of an identified or calibrated arm.")]
     poses: Annotated[Path, typer.Argument(help="Poses and their loads: a program, tasks or a plan.")]
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/predict")
-    arm: Annotated[str | None, typer.Option(help="The arm, to check that the model belongs to it.")] = None
+    arm: ArmCheck = None
     mapping: MapFile = None
     load: Load = None
     linear: Annotated[

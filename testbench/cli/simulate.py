@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -23,7 +23,7 @@ from testbench.campaign.plan_input import (
     read_pulls,
 )
 from testbench.campaign.tracker_runs import by_trackers, places
-from testbench.cli.arguments import ArmName, MapFile, Noise, mass
+from testbench.cli.arguments import ArmName, MapFile, Noise, Orientations, absolute_alone, mass
 from testbench.data.posefile import read_poses
 from testbench.data.series import Series
 from testbench.data.write import write_csv, write_series
@@ -99,9 +99,7 @@ class Absolute:
             help="Set-ups, each with a frame, poses and a mount some 2 mm off; OUT_1.csv and so on.",
         ),
     ] = 1
-    orientations: Annotated[
-        bool, typer.Option("--orientations", help="Read one target, and how it is turned, to as many urad.")
-    ] = False
+    orientations: Orientations = False
     gear_urad: Annotated[
         float,
         typer.Option(min=0, max=10_000, help="Periodic errors of every joint, a coefficient up to order 30."),
@@ -109,10 +107,7 @@ class Absolute:
 
     def __post_init__(self) -> None:
         """Refuse the others without the first, by BenchError."""
-        for own in fields(self):
-            if not self.absolute and getattr(self, own.name) != own.default:
-                flag = own.name.replace("_", "-")
-                raise BenchError(f"--{flag}: expected --absolute with it")
+        absolute_alone(self)
 
 
 @takes(Options, Absolute)

@@ -33,7 +33,7 @@ from testbench.design.observability import observability
 from testbench.design.planning import Plan, promise
 from testbench.design.rows import Ids, deflection_rows, information
 from testbench.design.specification import loads_of, task_rows
-from testbench.design.whole_arm import promise_on
+from testbench.design.whole_arm import error_on, promise_on
 from testbench.errors import Array
 from testbench.identify.prior import cad_prior
 from testbench.model.structure import all153
@@ -95,7 +95,7 @@ def _pairs(made: Planned) -> Row:
         prior=None if spec.uncertainty is None else own.prior,
         within_percent=100 * within(spec),
         half_width_95_mm=MM * float(np.median(half_widths(made.forecast))),
-        joints_alone_mm=MM * promise_on(alone, spec.tasks.q, spec.tasks.load).overall,
+        joints_alone_mm=MM * float(np.sqrt(np.square(error_on(alone, spec.tasks.q, spec.tasks.load)).mean())),
         workspace_error_mm=overall(around) if math.isfinite(around.overall) else None,
         error_if_prior_twice_as_uncertain_mm=_doubted(made, plan),
         random_plans=Row(

@@ -22,19 +22,20 @@ TOO_STEEP = "target too high or low for the tracker"
 FACES_AWAY = "target faces away from the tracker"
 
 
+NEAREST, FARTHEST_SEEN = 1.0, 20.0  #: Distances between which a target is seen [m].
+LOWEST, HIGHEST = math.radians(-50), math.radians(75)
+"""Elevations above the horizon of the station between which it is [rad].
+
+These are narrower than what common trackers are sold with: near the ends of its range an instrument is at its
+worst, and a stand is never quite upright.
+"""
+
+
 @dataclass(frozen=True)
 class Station:
-    """A laser tracker standing upright, and its range.
-
-    The defaults are assumptions, narrower than what common trackers are sold with: near the ends of its
-    range an instrument is at its worst, and a stand is never quite upright.
-    """
+    """A laser tracker standing upright."""
 
     position: tuple[float, float, float]  #: Where the beam leaves, in the world, (3,) [m].
-    nearest: float = 1.0  #: Least distance of a target [m].
-    farthest: float = 20.0  #: Largest distance of a target [m].
-    lowest: float = math.radians(-50)  #: Least elevation of a target above the horizon of the station [rad].
-    highest: float = math.radians(75)  #: Largest elevation [rad].
     #: Half angle of the cone in which a fixed target returns the beam [rad]; such a target faces along the z
     #: axis of its marker's body in rigid.xml. None for targets that are turned to the tracker by hand, as
     #: spherically mounted reflectors in magnetic nests are: any incidence is fine.
@@ -42,11 +43,12 @@ class Station:
 
     def __post_init__(self) -> None:
         check_position(self.position)
-        right = math.pi / 2
-        _check_range("distance [m]", self.nearest, self.farthest, 0.0, FARTHEST)
-        _check_range("elevation [rad]", self.lowest, self.highest, -right, right)
-        if self.acceptance is not None:
-            _check_range("acceptance [rad]", 0.0, self.acceptance, 0.0, right)
+        most = math.pi / 2
+        if self.acceptance is not None and not 0 < self.acceptance <= most:  # false for NaN
+            raise BenchError(
+                f"acceptance [rad] of a station's targets: expected 0 <= least < largest <= {most:.4g}, "
+                f"got 0.0 to {self.acceptance}"
+            )
 
 
 def check_position(position: object) -> Array:
@@ -57,14 +59,6 @@ def check_position(position: object) -> Array:
             f"position of the station [m]: expected coordinates up to {FARTHEST:g}, got {where.tolist()}"
         )
     return where
-
-
-def _check_range(what: str, low: float, high: float, least: float, most: float) -> None:
-    if not least <= low < high <= most:  # false for NaN
-        raise BenchError(
-            f"{what} of a station's targets: expected {least:.4g} <= least < largest <= {most:.4g}, "
-            f"got {low} to {high}"
-        )
 
 
 def out_of_view(station: Station, targets: Array, facing: Array | None = None) -> dict[str, Mask]:
@@ -81,9 +75,9 @@ def out_of_view(station: Station, targets: Array, facing: Array | None = None) -
     distance = np.linalg.norm(beam, axis=2)
     elevation = np.arctan2(beam[:, :, 2], np.hypot(beam[:, :, 0], beam[:, :, 1]))
     refused = {
-        TOO_NEAR: distance < station.nearest,
-        TOO_FAR: distance > station.farthest,
-        TOO_STEEP: (elevation < station.lowest) | (elevation > station.highest),
+        TOO_NEAR: distance < NEAREST,
+        TOO_FAR: distance > FARTHEST_SEEN,
+        TOO_STEEP: (elevation < LOWEST) | (elevation > HIGHEST),
     }
     if station.acceptance is not None:
         away = -np.einsum("pmx,pmx->pm", _check_facing(facing, targets.shape), beam)

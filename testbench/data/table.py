@@ -298,9 +298,9 @@ def _cells(
             null_values=[""],
             decimal_point=decimal,
         ),
-    ).combine_chunks()
-    found = {k: table[names[k]].combine_chunks() for k in types}
-    return {k: pc.utf8_trim_whitespace(x) if pa.types.is_string(x.type) else x for k, x in found.items()}
+    )
+    found = ((k, table[names[k]].combine_chunks()) for k in types)  # one at a time: they are large
+    return {k: pc.utf8_trim_whitespace(x) if pa.types.is_string(x.type) else x for k, x in found}
 
 
 def _parse(path: Path, rows: Sequence[str], lines: Ids, delimiter: str, count: int) -> list["pa.Array"]:

@@ -59,17 +59,11 @@ class Tracker:
         return self.sigma * rng.standard_normal(positions.shape)
 
 
-@dataclass(frozen=True)
-class Accuracy:
-    """How an error grows with distance: a + b d."""
+RADIAL, TRANSVERSE = (10e-6, 0.3e-6), (15e-6, 6e-6)
+"""Maximum permissible errors a + b d at a distance d, a [m] and b [m/m], along the beam and across it.
 
-    base: float  #: a [m].
-    slope: float  #: b [m/m].
-
-
-RADIAL, TRANSVERSE = Accuracy(10e-6, 0.3e-6), Accuracy(15e-6, 6e-6)
-"""Maximum permissible errors along the beam and across it: 10 um + 0.3 um/m and 15 um + 6 um/m [published by
-makers of laser trackers; taken from the project's list of numbers, no data sheet was at hand]."""
+Published by makers of laser trackers; taken from the project's list of numbers, no data sheet was at hand.
+"""
 SHARE: dict[Quality, float] = {"typical": 0.5, "mpe": 1.0}
 """Standard deviation over the maximum permissible error: typical results are half of it."""
 
@@ -81,19 +75,10 @@ class LaserTracker:
     station: tuple[float, float, float]  #: Where the beam leaves, world, (3,) [m].
     #: Whether the standard deviation is half of the maximum permissible error or all of it.
     quality: Quality = "typical"
-    radial: Accuracy = RADIAL  #: Maximum permissible error along the beam.
-    transverse: Accuracy = TRANSVERSE  #: The same across it, in each of the two directions.
     repeats: int = 1  #: Readings that are averaged into one.
 
     def __post_init__(self) -> None:
-        """Refuse by BenchError an error or a station that cannot be, and an average of no readings."""
-        for name in ("radial", "transverse"):
-            own = getattr(self, name)
-            if not (0 < own.base <= LONGEST and 0 <= own.slope <= LONGEST):
-                raise BenchError(
-                    f"tracker, {name}: expected a base above 0 m and a slope of at least 0, both up to "
-                    f"{LONGEST:g}, got {own.base} and {own.slope}"
-                )
+        """Refuse by BenchError a quality or a station that cannot be, and an average of no readings."""
         if self.quality not in SHARE:
             raise BenchError(f"tracker: expected quality {' or '.join(SHARE)}, got {self.quality!r}")
         if self.repeats < 1:
@@ -120,9 +105,7 @@ class LaserTracker:
         beam = positions - np.array(self.station)
         distance = np.linalg.norm(beam, axis=-1, keepdims=True)
         share = SHARE[self.quality] / math.sqrt(self.repeats)
-        radial, transverse = (
-            share * (own.base + own.slope * distance) for own in (self.radial, self.transverse)
-        )
+        radial, transverse = (share * (base + slope * distance) for base, slope in (RADIAL, TRANSVERSE))
         return beam / distance, radial, transverse
 
 

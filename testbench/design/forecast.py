@@ -85,10 +85,16 @@ def forecast_of(bias: Array, spread: Array) -> Forecast:
     square = np.stack([np.square(b[:, None] + S @ draws).sum(axis=0) for b, S in each])  # (poses, draws)
     square /= targets
     variance = np.square(bias) + np.square(spread).sum(axis=2)
-    mean = variance.sum(axis=1) / targets
+    mean = mean_square_of(bias, spread)
     low, high = np.sqrt(np.percentile(square, [5, 95], axis=1, method="lower"))
     over = np.percentile(square.mean(axis=0), [5, 95], method="lower")
     return Forecast(np.sqrt(mean), low, high, np.sqrt(variance), *map(math.sqrt, (mean.mean(), *over)))
+
+
+def mean_square_of(bias: Array, spread: Array) -> Array:
+    """Mean square distance of a target in every pose, of the same, (poses,) [m^2]."""
+    variance = np.square(bias) + np.square(spread).sum(axis=2)
+    return np.asarray(variance.sum(axis=1) / (bias.shape[1] / 3))
 
 
 @lru_cache(maxsize=4)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.design.forecast import Forecast, forecast_of
+from testbench.design.forecast import Forecast, forecast_of, mean_square_of
 from testbench.design.rows import SCALE_UNCERTAINTY, Experiment, Ids, deflection_rows, reading_rows
 from testbench.design.specification import Specification, loads_of, measured_rows
 from testbench.errors import Array
@@ -48,10 +48,20 @@ def fit_of(whole: Experiment, uncertainty: float, spec: Specification, q: Array,
 
 def promise_on(fit: Fitted, q: Array, load: Load) -> Forecast:
     """Errors to expect of the fit's predictions in poses, (poses, n) [rad, m], under a load."""
+    return forecast_of(*_error(fit, q, load))
+
+
+def error_on(fit: Fitted, q: Array, load: Load) -> Array:
+    """The same without intervals, which take most of the time, (poses,) [m]."""
+    return np.sqrt(mean_square_of(*_error(fit, q, load)))
+
+
+def _error(fit: Fitted, q: Array, load: Load) -> tuple[Array, Array]:
+    """Bias and spread of the predictions, see `forecast_of`."""
     T, own = (deflection_rows(experiment, q, load) for experiment in (fit.whole, fit.model))
     D = T - own @ fit.gain
     bias = D @ fit.whole.metric.expected - own @ fit.k
-    return forecast_of(bias, np.concatenate([fit.uncertainty * D, own @ fit.scatter], axis=2))
+    return bias, np.concatenate([fit.uncertainty * D, own @ fit.scatter], axis=2)
 
 
 def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:

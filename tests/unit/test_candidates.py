@@ -22,6 +22,7 @@ from testbench.campaign.candidates import (
     find,
     why_not,
 )
+from testbench.data import station
 from testbench.data.station import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station
 from testbench.errors import Array, BenchError, PoseError
 from testbench.model.poses import WorkArea
@@ -113,23 +114,26 @@ def test_with_nothing_asked_limits_and_collisions_decide(kr500: Cell) -> None:
 
 
 @pytest.mark.parametrize(
-    ("conditions", "reason"),
+    ("conditions", "limits", "reason"),
     [
-        (Conditions(area=NOWHERE), OFF_AREA),
-        (Conditions(station=Station((0.5, 0.0, 6.0), farthest=2.0)), TOO_FAR),
-        (Conditions(station=Station(HERE, nearest=15.0)), TOO_NEAR),
-        (Conditions(station=Station((0.0, 0.0, 15.0))), TOO_STEEP),
-        (Conditions(station=Station(HERE, acceptance=0.01)), FACES_AWAY),
-        (Conditions(payload=Payload(460.3, sling=5.0)), TOUCHING["payload"]),
+        (Conditions(area=NOWHERE), {}, OFF_AREA),
+        (Conditions(station=Station((0.5, 0.0, 6.0))), {"FARTHEST_SEEN": 2.0}, TOO_FAR),
+        (Conditions(station=Station(HERE)), {"NEAREST": 15.0}, TOO_NEAR),
+        (Conditions(station=Station((0.0, 0.0, 15.0))), {}, TOO_STEEP),
+        (Conditions(station=Station(HERE, acceptance=0.01)), {}, FACES_AWAY),
+        (Conditions(payload=Payload(460.3, sling=5.0)), {}, TOUCHING["payload"]),
         (
-            Conditions(station=Station((0.29, -0.05, 0.85), nearest=0.01, lowest=-1.5, highest=1.5)),
+            Conditions(station=Station((0.29, -0.05, 0.85))),
+            {"NEAREST": 0.01, "LOWEST": -1.5, "HIGHEST": 1.5},
             TOUCHING["tracker"],
         ),
     ],
 )
 def test_an_empty_set_names_the_constraint_that_emptied_it(
-    kr500: Cell, conditions: Conditions, reason: str
+    kr500: Cell, conditions: Conditions, limits: dict, reason: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    for name, value in limits.items():
+        monkeypatch.setattr(station, name, value)
     with pytest.raises(PoseError, match="found 0 of 5 poses in 2048 draws") as err:
         find(build_checks(kr500, conditions), 5, np.random.default_rng(6), patience=2000)
     message = str(err.value)

@@ -93,13 +93,22 @@ def _outward(corners: Array, faces: npt.NDArray[np.int_]) -> npt.NDArray[np.int_
 
 
 def volume_integrals(vertices: Array, faces: npt.NDArray[np.int_]) -> tuple[float, Array, Array]:
-    """Volume [m^3] of a closed surface, centroid [m] and inertia about it for unit density [m^5]."""
-    from trimesh.triangles import mass_properties  # here: it takes long to import
+    """Volume [m^3] of a closed surface, centroid [m] and inertia about it for unit density [m^5].
 
-    if len(faces) == 0:
+    Sums over tetrahedra from the origin; of one with corners 0, a, b, c the integral of x x^T is
+    det/120 (sum of corners' outer products + outer product of their sum). To import trimesh, which has the
+    same, takes a quarter of the time of `testbench check`.
+    """
+    t = vertices[faces]
+    det = np.einsum("fx,fx->f", t[:, 0], np.cross(t[:, 1], t[:, 2]))
+    volume = float(det.sum() / 6)
+    if volume == 0:
         return 0.0, vertices.mean(axis=0), np.zeros((3, 3))
-    found = mass_properties(vertices[faces], density=1.0, skip_inertia=False)
-    return float(found.volume), np.asarray(found.center_mass), np.asarray(found.inertia)
+    total = t.sum(axis=1)
+    centroid = np.einsum("f,fx->x", det, total) / (24 * volume)
+    second = (np.einsum("f,fcx,fcy->xy", det, t, t) + np.einsum("f,fx,fy->xy", det, total, total)) / 120
+    second -= volume * np.outer(centroid, centroid)
+    return volume, centroid, np.trace(second) * np.eye(3) - second
 
 
 def combined(parts: Sequence[tuple[float, Array, Array]]) -> tuple[float, Array, Array]:
