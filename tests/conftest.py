@@ -95,6 +95,12 @@ def single_link() -> Cell:
     return build_cell(MODELS / "single_link")
 
 
+@pytest.fixture(params=["kr500", "arm_6r", "slides"])
+def cell(request: pytest.FixtureRequest) -> Cell:
+    """The heavy arm, the illustrative one, one with slides."""
+    return request.getfixturevalue(request.param)
+
+
 @pytest.fixture(scope="session")
 def slides(tmp_path_factory: pytest.TempPathFactory) -> Cell:
     """An arm of two slides and three hinges, every body turned at random, on a turned mount."""

@@ -1,8 +1,13 @@
-"""Random poses of an arm, and the payload that hangs from it in them."""
+"""Random poses of an arm, the payload that hangs from it in them, and pulls along all axes."""
 
 import numpy as np
 
+from testbench.data.dataset import Dataset
+from testbench.model.structure import all153
+from testbench.model.vjm import chain, observation, rotation_observation
+
 GRAVITY = 9.81
+SIGMA, SIGMA_ROTATION = 25e-6, 250e-6  #: Of a reading along an axis [m, rad].
 
 
 def random_q(cell, rng, runs):
@@ -14,3 +19,27 @@ def hung(cell, runs, mass=460.3):
     wrench = np.zeros((runs, 6))
     wrench[:, 2] = -GRAVITY * mass
     return wrench, np.tile(cell.plant.load, (runs, 1))
+
+
+def axis_loads(cell, rng, *, noise=1.0, poses=18):
+    """Section 5.2: six axis loads a pose, full pose read; linear truth by the model itself."""
+    q = np.repeat(rng.uniform(*cell.arm.limits, (poses, cell.arm.n_joints)), 6, axis=0)
+    runs, targets, s = len(q), cell.vjm.markers, all153(cell.arm)
+    wrench, point, C = np.tile(1000 * np.eye(6), (poses, 1)), np.zeros((runs, 3)), s.entries(cell.arm.C_theta)
+    args = (chain(cell.vjm, q), s, wrench, point)
+    before, after = noise * SIGMA * rng.standard_normal((2, runs, len(targets), 3))
+    turned, again = noise * SIGMA_ROTATION * rng.standard_normal((2, runs, 3))
+    return Dataset(
+        markers=cell.arm.markers,
+        run=np.arange(runs) + 1,
+        pose=np.repeat(np.arange(poses), 6),
+        q=q,
+        wrench=wrench,
+        point=point,
+        before=before,
+        after=observation(*args, targets) @ C + after,
+        sigma=SIGMA,
+        rotation_before=turned,
+        rotation_after=(rotation_observation(*args) @ C)[:, 0] + again,
+        sigma_rotation=SIGMA_ROTATION,
+    )

@@ -132,7 +132,7 @@ class Columns:
 
     def map_error(self, place: str, problem: str) -> InputError:
         """What is wrong with the map, or with a flag that stands for it."""
-        return InputError(self.names.path or self.table.path, place, problem)
+        return self.names.error(self.table.path, place, problem)
 
     def constant(self, slot: Slot) -> float | None:
         """A quantity that the map states, in SI units; None where it does not."""
@@ -173,7 +173,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
             raise table.header_error(f"expected every column once, got {both} for the same quantity")
         if slot in names.values:
             problem = f"expected no value in the map for {table.names[k]!r}, which the file has"
-            raise InputError(names.path or table.path, "values", problem)
+            raise names.error(table.path, "values", problem)
         found[slot] = Column(k, table.names[k], slot, unit, own.sign)
     ignored = tuple(
         name for k, name in enumerate(table.names) if k not in named and name and name not in names.cells
@@ -194,7 +194,7 @@ def _check_map(table: Table, names: Names, named: dict[int, Named]) -> None:
     for own in names.theirs.values():
         if own.mapped not in used and not own.optional:
             problem = f"no such column in {table.path.name}; columns are {', '.join(map(repr, table.names))}"
-            raise InputError(names.path or table.path, f"columns.{own.mapped}", problem)
+            raise names.error(table.path, f"columns.{own.mapped}", problem)
 
 
 def _chosen(named: dict[int, Named]) -> dict[int, Named]:

@@ -118,6 +118,10 @@ class Names:
         parts = split_unit(header)
         return any(squeeze(text) in self.theirs for text in [header, *([parts[0]] if parts else [])])
 
+    def error(self, file: Path, place: str, problem: str) -> InputError:
+        """What is wrong with the map; where there is none, with how the file is read."""
+        return InputError(self.path or file, place, problem)
+
     def word(self, text: str, known: Collection[str]) -> str:
         """Our word for what a cell says, of those that are known; empty for any other."""
         ours = text if text in known else self.words.get(squeeze(text), "")
@@ -144,7 +148,7 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
     return Names(
         path=path,
         ours=ours,
-        theirs=_columns(where, found, ours, arm),
+        theirs=_columns(where, found, ours, placeholders(arm, words)),
         words=_cell_words(words, arm),
         ignored=frozenset(map(squeeze, ignored)),
         values=_values(where, found, ours),
@@ -193,12 +197,12 @@ def _cell_words(words: Mapping[str, tuple[str, ...]], arm: Arm) -> dict[str, str
     return {squeeze(word): key for key, says in own.items() for word in (*says, *words.get(key, ()))}
 
 
-def _columns(path: Path, found: _Map, ours: Mapping[str, Slot], arm: Arm) -> dict[str, Named]:
-    words, _, _ = _words(path, found, arm)
+def _columns(
+    path: Path, found: _Map, ours: Mapping[str, Slot], choices: Mapping[str, list[tuple[str, Words]]]
+) -> dict[str, Named]:
     if lost := [key for key in found.scale if key not in {**found.columns, **found.optional}]:
         keys = ", ".join({**found.columns, **found.optional}) or "none"
         raise InputError(path, f"scale.{lost[0]}", f"expected a key of columns or optional, which are {keys}")
-    choices = placeholders(arm, words)
     named: dict[str, Named] = {}
     alone: set[Slot] = set()
     both = [(key, names, "columns") for key, names in found.columns.items()]

@@ -130,7 +130,7 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
     """
     names = read_map(mapping, arm, program_names)
     if names.cells:
-        raise InputError(names.path or path, "cells", "expected a quantity a column in a program")
+        raise names.error(path, "cells", "expected a quantity a column in a program")
     columns = read_columns(path, names, arm)
     table, rows = columns.table, columns.table.rows
     if not 1 <= rows <= MAX_POINTS:

@@ -10,7 +10,6 @@ from testbench.data.dataset import Ids
 from testbench.data.mapping import Named, Names
 from testbench.data.names import WHOLE, XYZ, recognise, squeeze
 from testbench.data.table import Table
-from testbench.errors import InputError
 
 MOST_STARS = 2  #: Wildcards in a pattern: more take long to match.
 
@@ -28,7 +27,7 @@ def take_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
         place, wholes = f"cells.{header}", []
         if header not in table.names:
             have = ", ".join(map(repr, table.names))
-            raise InputError(names.path or table.path, place, f"no such column; columns are {have}")
+            raise names.error(table.path, place, f"no such column; columns are {have}")
         for pattern in patterns:
             parts = re.findall(r"\{(\w+)\}", pattern)
             known = all(recognise(part, names.ours) for part in parts)
@@ -37,7 +36,7 @@ def take_apart(table: Table, names: Names) -> tuple[Table, list[str]]:
                     "expected quantities such as {run}, {pose}, {marker}, each once, * for anything else, "
                     f"got {pattern!r}"
                 )
-                raise InputError(names.path or table.path, place, problem)
+                raise names.error(table.path, place, problem)
             wholes.append(_expression(pattern))
         parts = list(dict.fromkeys(part for whole in wholes for part in whole.groupindex))
         table = table.with_parts(table.names.index(header), parts, wholes, " or ".join(map(repr, patterns)))
@@ -80,7 +79,7 @@ def join_axes(table: Table, named: dict[int, Named], names: Names) -> tuple[Tabl
         for k in whole:
             if named[k].mapped:
                 problem = f"expected an axis in the name {named[k].mapped!r}, or a column of axes, 'axis'"
-                raise InputError(names.path or table.path, f"columns.{named[k].mapped}", problem)
+                raise names.error(table.path, f"columns.{named[k].mapped}", problem)
         return table, {k: own for k, own in named.items() if k not in (axis, *whole)}
     other = [squeeze(text) in names.ignored for text in table.texts(axis)]
     table = table.take(~np.array(other, dtype=bool))

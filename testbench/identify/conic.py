@@ -149,12 +149,10 @@ def _better(regression: Regression, program: Program, own: Answer) -> Answer:
     is nearer changes with the last digits of the readings, the better of both hardly.
     """
     referee = by_clarabel(regression, program)
-    ways = (own, replace(own, dual=referee.dual), referee)
-
-    def left(way: Answer) -> float:
-        return bound(regression, way.pi, way.dual or gradient_dual(regression, way.pi)).duality_gap
-
-    return replace(min(ways, key=left), failure=referee.failure)
+    ways = [(own.pi, gradient_dual(regression, own.pi))]
+    ways += [(answer.pi, referee.dual) for answer in (own, referee) if referee.dual]
+    pi, dual = min(ways, key=lambda way: bound(regression, *way).duality_gap)
+    return Answer(pi, own.seconds + referee.seconds, referee.failure, dual)
 
 
 def _dense(some: Sequence[tuple[Regression, Program]]) -> list[Answer]:

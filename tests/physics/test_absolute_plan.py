@@ -1,12 +1,11 @@
 """Plans of absolute readings: what a pose tells, what stays hidden and is named, planned against random."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from testbench.campaign.campaign import build_cell, stream
+from testbench.campaign.campaign import stream
 from testbench.campaign.candidates import Conditions, build_checks, find
 from testbench.campaign.plan import around, left_open, union_of
 from testbench.campaign.plan_settings import PlanSettings
@@ -20,24 +19,18 @@ from testbench.identify.absolute.seen import Hidden, hidden
 from testbench.identify.absolute.seen_words import sentences
 from testbench.identify.absolute.state import targets, tell
 
-KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
 POSES = 12
 ASKED = PlanSettings(absolute=True, criterion="I", model="Joints", poses=POSES, orders=1, loads_kg=(300.0,))
 
 
 @pytest.fixture(scope="module")
-def cell():
-    return build_cell(KR500)
+def union(kr500):
+    return union_of(kr500, ASKED)
 
 
 @pytest.fixture(scope="module")
-def union(cell):
-    return union_of(cell, ASKED)
-
-
-@pytest.fixture(scope="module")
-def poses(cell):
-    return find(build_checks(cell, Conditions()), 120, stream(11)).q
+def poses(kr500):
+    return find(build_checks(kr500, Conditions()), 120, stream(11)).q
 
 
 def selected(union, q, wanted):
@@ -85,11 +78,11 @@ def test_the_promise_is_the_error_that_bayes_leaves(union, poses):
     assert np.einsum("ik,ij,jk->k", off, W, off).mean() == pytest.approx(said, rel=0.05)  # 400 draws
 
 
-def test_planned_poses_beat_random_ones_on_every_seed(cell, union):
+def test_planned_poses_beat_random_ones_on_every_seed(kr500, union):
     ratios = []
     for seed in range(20):
-        q = find(build_checks(cell, ASKED.conditions), 40, stream(seed)).q
-        wanted = absolute.position_rows(union, around(cell, replace(ASKED, seed=seed))[:20])
+        q = find(build_checks(kr500, ASKED.conditions), 40, stream(seed)).q
+        wanted = absolute.position_rows(union, around(kr500, replace(ASKED, seed=seed))[:20])
         criterion, problem, plan = selected(union, q, wanted)
         rng = stream(seed, 1)
         random = [rng.choice(40, POSES, replace=False) for _ in range(10)]

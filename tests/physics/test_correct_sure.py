@@ -26,6 +26,7 @@ TIP = np.array([0.2, 0.0, 0.1])
 AIM = Aim(point=tuple(TIP))
 POINTS, DRAWS = 8, 120
 ELASTIC = 54  #: First column of the compliances.
+SCALE = np.array([9e3, 8e3, 3e3, 5e2, 4e2, 2e2])  #: Of the torque of every joint [N m].
 FORCE = Load(np.array([900.0, 1500, -700, 0, 0, 0]), TIP)
 
 
@@ -50,7 +51,7 @@ def known(kr500):
 def absolute(known):
     """The same that knows geometry and joint errors too, by a tenth of a millimetre and a milliradian."""
     errors = JointErrors(orders=(1,), play=True, stiffening=True)
-    state = replace(known.state, errors=errors, n=np.full((6, 4), 1e-4), torque_scale=np.full(6, 3000.0))
+    state = replace(known.state, errors=errors, n=np.full((6, 4), 1e-4), torque_scale=SCALE)
     model = replace(known, state=state, absolute=True)
     rigid = 30 + 24
     sizes = np.concatenate([np.tile([1e-4] * 3 + [1e-4] * 3, 5), np.full(24, 5e-5)])
@@ -103,7 +104,9 @@ def test_intervals_hold_what_the_doubts_of_a_model_do(request, kind, meant):
     assert 0.90 < share < 0.99
 
 
-@pytest.mark.parametrize("column", [3, 12, 29, 30, 37, 40, 41, 45, 53, 54, 60, 130, 204, 206])
+@pytest.mark.parametrize(
+    "column", [3, 12, 29, 30, 32, 33, *range(36, 54, 4), *range(37, 54, 4), 54, 60, 130, 204, 206]
+)
 def test_rows_are_how_positions_move_with_what_is_unsure(absolute, column):
     """Of geometry, joint errors and compliances: differences of the bent arm's tip, but for second order."""
     q = np.array([[0.3, -1.2, 1.6, 0.3, -0.5, 0.1]])

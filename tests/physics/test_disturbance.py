@@ -432,15 +432,6 @@ def test_the_same_seed_gives_the_same_arm_and_a_switch_leaves_the_other_numbers_
     np.testing.assert_array_equal(disturbed(kr500, fewer).centre, disturbed(kr500, TYPICAL).centre)
 
 
-def test_a_pose_settles_alike_alone_and_among_others(kr500, rng):
-    q = random_q(kr500, rng, 4)
-    wrench, point = hung(kr500, 4)
-    true = disturbed(kr500, TYPICAL)
-    together = settle_pair(true, q, wrench, point)[1]
-    alone = settle_pair(true, q[2:3], wrench[2:3], point[2:3])[1]
-    np.testing.assert_array_equal(alone.theta[0], together.theta[2])
-
-
 def test_disturbances_live_in_a_scenario_as_data():
     class Scenario(BaseModel):
         model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)

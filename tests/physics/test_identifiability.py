@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from loads import axis_loads
 
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.commands.identifiability import report as said
-from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify.fold import reduce
 from testbench.identify.identifiability import describe
@@ -31,23 +31,7 @@ def gravity(kr500):
 @pytest.fixture(scope="module")
 def full_pose(arm_6r):
     """Random poses, six axis loads each, full pose read: section 5.2."""
-    rng = np.random.default_rng(52)
-    runs = 108
-    blank = np.zeros((runs, 3))
-    return Dataset(
-        markers=("probe",),
-        run=np.arange(runs),
-        pose=np.repeat(np.arange(18), 6),
-        q=np.repeat(rng.uniform(*arm_6r.arm.limits, (18, 6)), 6, axis=0),
-        wrench=np.tile(1000 * np.eye(6), (18, 1)),
-        point=blank,
-        before=blank[:, None],
-        after=blank[:, None],
-        sigma=25e-6,
-        rotation_before=blank,
-        rotation_after=blank,
-        sigma_rotation=250e-6,
-    )
+    return axis_loads(arm_6r, np.random.default_rng(52))
 
 
 def report_of(cell, structure, data, strength=STRENGTH):
@@ -218,25 +202,10 @@ def test_any_structure_has_a_report_even_one_of_lone_entries(kr500, gravity):
     assert report.rank == reduce(kr500.vjm, reduced, gravity).rank
 
 
-def test_data_that_see_all_say_so(single_link):
+def test_data_that_see_all_say_so(single_link, rng):
     """The single link of section 5.1: no joint, six loads, full pose."""
-    blank = np.zeros((6, 3))
-    data = Dataset(
-        markers=single_link.arm.markers,
-        run=np.arange(6),
-        pose=np.zeros(6, dtype=int),
-        q=np.zeros((6, 0)),
-        wrench=10 * np.eye(6),
-        point=blank,
-        before=np.zeros((6, len(single_link.arm.markers), 3)),
-        after=np.zeros((6, len(single_link.arm.markers), 3)),
-        sigma=25e-6,
-        rotation_before=blank,
-        rotation_after=blank,
-        sigma_rotation=250e-6,
-    )
     s = Structure.of(single_link.arm, links=[single_link.arm.links[0].name])
-    report = report_of(single_link, s, data)
+    report = report_of(single_link, s, axis_loads(single_link, rng, poses=1))
     assert report.rank == 21
     assert said(report).claims[0].endswith("see 21 directions of them: all.")
 

@@ -1,7 +1,6 @@
 """Plans of the KR 500: what their rows say against the library, feasibility, certificate, kept promises."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +8,7 @@ from scipy.stats import wishart
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign import predicted_error
-from testbench.campaign.campaign import Scenario, build_cell, hanging, measure, stream
+from testbench.campaign.campaign import Scenario, hanging, measure, stream
 from testbench.data.dataset import Dataset
 from testbench.design.criteria import Determinant, Linear, criterion_e
 from testbench.design.exchange import exchange
@@ -29,30 +28,24 @@ from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.plant import collisions
 
-KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
 
 
-@pytest.fixture(scope="module")
-def cell():
-    return build_cell(KR500)
-
-
-def clear(cell, q):
-    return np.array([pair is None for pair in collisions(cell.room, q)], dtype=bool)
+def clear(kr500, q):
+    return np.array([pair is None for pair in collisions(kr500.room, q)], dtype=bool)
 
 
 @pytest.fixture(scope="module")
-def poses(cell):
-    return random_poses(cell.vjm, AREA, 260, lambda q: clear(cell, q), stream(3))
+def poses(kr500):
+    return random_poses(kr500.vjm, AREA, 260, lambda q: clear(kr500, q), stream(3))
 
 
 @pytest.fixture(scope="module")
-def spec(cell, poses):
-    own = metric(cad_prior(cell.arm), cell.vjm, mgco68(cell.arm))
-    load = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), cell.vjm.load)
+def spec(kr500, poses):
+    own = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
+    load = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), kr500.vjm.load)
     return Specification(
-        experiment=Experiment(cell.vjm, own, cell.vjm.markers, 50e-6),
+        experiment=Experiment(kr500.vjm, own, kr500.vjm.markers, 50e-6),
         loads=(load,),
         tasks=Tasks(poses[200:210], load),
         workspace=poses[210:],
@@ -62,31 +55,31 @@ def spec(cell, poses):
 
 
 @pytest.fixture(scope="module")
-def plan(cell, spec, poses):
-    return make_plan(spec, "test", poses[:200], Reach(lambda q: clear(cell, q)), stream(1))
+def plan(kr500, spec, poses):
+    return make_plan(spec, "test", poses[:200], Reach(lambda q: clear(kr500, q)), stream(1))
 
 
-def blank(cell, q, load):
+def blank(kr500, q, load):
     """A dataset of runs not read yet."""
     runs, ids = len(q), np.arange(len(q))
     zero = np.zeros((runs, 3, 3))
     wrench, point = np.tile(load.wrench, (runs, 1)), np.tile(load.point, (runs, 1))
-    return Dataset(cell.arm.markers, ids, ids, q, wrench, point, zero, zero, 50e-6)
+    return Dataset(kr500.arm.markers, ids, ids, q, wrench, point, zero, zero, 50e-6)
 
 
-def test_information_is_that_of_the_reduced_regression(cell, spec, poses):
+def test_information_is_that_of_the_reduced_regression(kr500, spec, poses):
     q, load = poses[:7], spec.loads[0]
     rows = reading_rows(spec.experiment, q, load).reshape(-1, 68)
-    A, _ = whitened(reduce(cell.vjm, mgco68(cell.arm), blank(cell, q, load)), spec.experiment.metric)
+    A, _ = whitened(reduce(kr500.vjm, mgco68(kr500.arm), blank(kr500, q, load)), spec.experiment.metric)
     np.testing.assert_allclose(rows.T @ rows, A.T @ A, atol=1e-9 * np.abs(A.T @ A).max())
 
 
-def test_deflections_in_tool_axes_are_as_long_as_those_of_the_observation_matrix(cell, spec, poses):
+def test_deflections_in_tool_axes_are_as_long_as_those_of_the_observation_matrix(kr500, spec, poses):
     q, load = poses[:5], spec.loads[0]
     x = spec.experiment.metric.expected
     ours = (deflection_rows(spec.experiment, q, load) @ x).reshape(5, 3, 3)
     args = np.tile(load.wrench, (5, 1)), np.tile(load.point, (5, 1))
-    A = observation(chain(cell.vjm, q), mgco68(cell.arm), *args, cell.vjm.markers)
+    A = observation(chain(kr500.vjm, q), mgco68(kr500.arm), *args, kr500.vjm.markers)
     theirs = A @ (spec.experiment.metric.L @ x)
     np.testing.assert_allclose(np.linalg.norm(ours, axis=2), np.linalg.norm(theirs, axis=2), rtol=1e-9)
 
@@ -112,10 +105,10 @@ def test_prediction_variance_in_seen_coordinates_is_that_of_all_unknowns(spec, p
     np.testing.assert_allclose(ours, by_hand, rtol=1e-6)
 
 
-def test_plan_is_feasible_certified_and_better_than_chance(cell, spec, plan, poses):
+def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, poses):
     assert plan.q.shape == (9, 6)
-    assert clear(cell, plan.q).all()
-    lower, upper = cell.arm.limits
+    assert clear(kr500, plan.q).all()
+    lower, upper = kr500.arm.limits
     assert ((plan.q >= lower) & (plan.q <= upper)).all()
     assert 0.7 < plan.efficiency <= 1
     np.testing.assert_array_equal(plan.examined.q[plan.chosen], plan.q)
@@ -136,16 +129,16 @@ def test_no_plan_of_examined_poses_beats_the_bound(plan):
 
 
 @pytest.mark.parametrize("name", ["D", "test"])
-def test_twelve_poses_are_certified_to_nine_tenths(cell, spec, poses, name):
+def test_twelve_poses_are_certified_to_nine_tenths(kr500, spec, poses, name):
     twelve = replace(spec, poses=12)
-    found = make_plan(twelve, name, poses[:200], Reach(lambda q: clear(cell, q)), stream(1))
+    found = make_plan(twelve, name, poses[:200], Reach(lambda q: clear(kr500, q)), stream(1))
     assert found.efficiency >= 0.9
 
 
-def test_without_prior_nothing_but_the_readings_counts(cell, spec, poses):
+def test_without_prior_nothing_but_the_readings_counts(kr500, spec, poses):
     """MGCO56 shows its weakest direction 2e-11 times as well as its strongest: no ridge may fill it."""
-    own = metric(cad_prior(cell.arm), cell.vjm, template56(cell.arm))
-    experiment = Experiment(cell.vjm, own, cell.vjm.markers, 50e-6)
+    own = metric(cad_prior(kr500.arm), kr500.vjm, template56(kr500.arm))
+    experiment = Experiment(kr500.vjm, own, kr500.vjm.markers, 50e-6)
     problem = build_problem(experiment, reading_rows(experiment, poses, spec.loads[0]), None)
     assert problem.r == 27
     chosen = np.arange(12)
@@ -161,22 +154,22 @@ def test_promise_of_the_plan_is_that_of_its_poses(spec, plan):
 
 
 @pytest.mark.parametrize("name", CRITERIA)
-def test_every_criterion_makes_a_plan_with_a_certificate(cell, spec, poses, name):
+def test_every_criterion_makes_a_plan_with_a_certificate(kr500, spec, poses, name):
     few = replace(spec, poses=4)
-    found = make_plan(few, name, poses[:60], Reach(lambda q: clear(cell, q)), stream(1))
+    found = make_plan(few, name, poses[:60], Reach(lambda q: clear(kr500, q)), stream(1))
     assert found.criterion.name == name
     assert 0 < found.efficiency <= 1
 
 
-def test_equal_seeds_make_equal_plans(cell, spec, poses, plan):
-    again = make_plan(spec, "test", poses[:200], Reach(lambda q: clear(cell, q)), stream(1))
+def test_equal_seeds_make_equal_plans(kr500, spec, poses, plan):
+    again = make_plan(spec, "test", poses[:200], Reach(lambda q: clear(kr500, q)), stream(1))
     np.testing.assert_array_equal(again.q, plan.q)
 
 
-def test_two_loads_are_chosen_pose_by_pose_and_hung_one_after_the_other(cell, spec, poses):
+def test_two_loads_are_chosen_pose_by_pose_and_hung_one_after_the_other(kr500, spec, poses):
     side = Load(np.array([0, 4500.0, 0, 0, 0, 0]), spec.loads[0].point)  # loads joint 1, as no weight does
     both = replace(spec, loads=(spec.loads[0], side))
-    found = make_plan(both, "D", poses[:80], Reach(lambda q: clear(cell, q)), stream(1))
+    found = make_plan(both, "D", poses[:80], Reach(lambda q: clear(kr500, q)), stream(1))
     assert set(found.load) == {0, 1}
     assert (np.diff(found.load) >= 0).all()
 
@@ -187,9 +180,9 @@ def test_without_prior_too_few_poses_are_refused_with_what_is_lost(spec, poses):
         candidate_set(bare, poses)
 
 
-def test_unknown_criterion_is_refused_by_name(cell, spec, poses):
+def test_unknown_criterion_is_refused_by_name(kr500, spec, poses):
     with pytest.raises(BenchError, match="no criterion 'X'; criteria are D, A, E, G, I, test"):
-        make_plan(spec, "X", poses, Reach(lambda q: clear(cell, q)), stream(1))
+        make_plan(spec, "X", poses, Reach(lambda q: clear(kr500, q)), stream(1))
 
 
 def test_order_avoids_a_way_that_collides():
@@ -254,26 +247,26 @@ def test_promises_are_kept_where_the_model_is_linear(spec, poses):
     assert np.sqrt(np.mean(square)) == pytest.approx(promised, rel=0.1)
 
 
-def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified(cell, spec, poses):
+def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified(kr500, spec, poses):
     """Arms of 153 compliances, MuJoCo's first-order deflections: least squares, and MGCO68 with its prior."""
-    prior = cad_prior(cell.arm)
-    whole, joints = (metric(prior, cell.vjm, s(cell.arm)) for s in (all153, joints_only))
+    prior = cad_prior(kr500.arm)
+    whole, joints = (metric(prior, kr500.vjm, s(kr500.arm)) for s in (all153, joints_only))
     alone = replace(spec, experiment=replace(spec.experiment, metric=joints), uncertainty=None)
     q, load = poses[:9], np.zeros(9, dtype=int)
-    links = template56(cell.arm, name="MLS56")
+    links = template56(kr500.arm, name="MLS56")
     fits = {
-        "joints": (alone, joints_only(cell.arm), least_squares),
+        "joints": (alone, joints_only(kr500.arm), least_squares),
         "links": (predicted_error.least_squares(spec, prior, links), links, least_squares),
-        "planned": (spec, mgco68(cell.arm), with_prior(least_squares, prior, Strength(0.3))),
+        "planned": (spec, mgco68(kr500.arm), with_prior(least_squares, prior, Strength(0.3))),
     }
-    setup, rng = Scenario(arm=cell.arm.name, truth="linear"), stream(8)
+    setup, rng = Scenario(arm=kr500.arm.name, truth="linear"), stream(8)
     squares = {name: [] for name in fits}
     for _ in range(200):
-        own = replace(cell, truth=with_compliance(cell.plant, draw(whole, 0.3, rng)))
+        own = replace(kr500, truth=with_compliance(kr500.plant, draw(whole, 0.3, rng)))
         runs = measure(own, setup, hanging(own, q, np.arange(9) + 1, 460.3), rng)
         true = measure(own, setup, hanging(own, spec.tasks.q, np.arange(10) + 1, 460.3))
         for name, (_, structure, method) in fits.items():
-            off = deflections(cell.vjm, method(cell.vjm, structure, runs), true) - true.deflection
+            off = deflections(kr500.vjm, method(kr500.vjm, structure, runs), true) - true.deflection
             squares[name].append(np.square(off).sum(axis=2).mean())
     for name, (model, *_) in fits.items():
         fit = fit_of(replace(spec.experiment, metric=whole), 0.3, model, q, load)

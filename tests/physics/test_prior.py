@@ -113,16 +113,6 @@ def test_gco_with_a_prior_meets_the_optimality_conditions_of_the_cone(kr500, str
         assert binds  # else the cone was never asked for anything
 
 
-def test_gco_with_a_prior_is_least_squares_where_that_is_conservative(kr500):
-    structure = template56(kr500.arm)
-    for seed in range(1, 4):
-        regression = reduce(kr500.vjm, structure, campaign(kr500, seed).identification)
-        own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, structure), regression)
-        ls, ours = (fit(regression, own, Strength(0.1)) for fit in (least_squares_with, gco_with))
-        assert ls.conservative
-        np.testing.assert_allclose(ours.pi, ls.pi, rtol=0, atol=1e-5 * np.abs(ls.pi).max())
-
-
 def test_log_det_prior_is_gaussian_near_its_expectation_and_never_singular(kr500):
     run = campaign(kr500, 3)
     structure = template56(kr500.arm)

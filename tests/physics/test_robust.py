@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from loads import axis_loads
 from scipy.optimize import minimize
 
 from testbench.campaign.campaign import Scenario, simulate
-from testbench.data.dataset import Dataset
 from testbench.data.tracker import spoil
 from testbench.errors import BenchError
 from testbench.identify import cone, gco, huber, least_squares, reduce, weighed
@@ -20,7 +20,6 @@ from testbench.identify.regression import f_m, non_redundant
 from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.identify.weighed import one_by_one
 from testbench.model.structure import all153, mgco68, template56
-from testbench.model.vjm import chain, observation, rotation_observation
 
 STRENGTH = Strength(0.3)
 
@@ -65,34 +64,6 @@ def planted(data, mask):
 
 def found(fit):
     return {(reading.run, reading.marker) for reading in fit.rejected}
-
-
-def orientation_data(cell, rng):
-    """20 poses, 6 loads each; a probe read to 25 um and the tool's orientation to 250 urad, linear truth."""
-    sigma, sigma_rotation = 25e-6, 250e-6
-    q = np.repeat(rng.uniform(*cell.arm.limits, (20, 6)), 6, axis=0)
-    runs = len(q)
-    wrench, point = np.tile(1000 * np.eye(6), (20, 1)), np.zeros((runs, 3))
-    s = all153(cell.arm)
-    args = (chain(cell.vjm, q), s, wrench, point)
-    C = s.entries(cell.arm.C_theta)
-    moved = observation(*args, cell.vjm.markers) @ C
-    turned = (rotation_observation(*args) @ C)[:, 0]
-    m = len(cell.vjm.markers)
-    return Dataset(
-        markers=cell.arm.markers,
-        run=np.arange(runs) + 1,
-        pose=np.repeat(np.arange(20), 6),
-        q=q,
-        wrench=wrench,
-        point=point,
-        before=sigma * rng.standard_normal((runs, m, 3)),
-        after=moved + sigma * rng.standard_normal((runs, m, 3)),
-        sigma=sigma,
-        rotation_before=sigma_rotation * rng.standard_normal((runs, 3)),
-        rotation_after=turned + sigma_rotation * rng.standard_normal((runs, 3)),
-        sigma_rotation=sigma_rotation,
-    )
 
 
 def test_huber_of_least_squares_reaches_the_optimum_of_a_quasi_newton_method(kr500):
@@ -241,7 +212,7 @@ def test_too_many_rejections_are_no_outliers_and_too_few_left_is_an_error(kr500)
 
 
 def test_a_wild_orientation_is_rejected_as_such(arm_6r, rng):
-    data = orientation_data(arm_6r, rng)
+    data = axis_loads(arm_6r, rng, poses=20)
     off = np.zeros_like(data.rotation_after)
     off[[10, 50]] = [5e-3, 0, 0]  # 14 standard deviations
     spoiled = replace(data, rotation_after=data.rotation_after + off)
@@ -256,7 +227,7 @@ def test_a_wild_orientation_is_rejected_as_such(arm_6r, rng):
 
 
 def test_an_orientation_sensor_that_is_all_wild_leaves_the_positions(arm_6r, rng):
-    data = orientation_data(arm_6r, rng)
+    data = axis_loads(arm_6r, rng, poses=20)
     upside = replace(data, rotation_after=data.rotation_after + rng.uniform(0.5, 1, (data.runs, 3)))
     units = metric(cad_prior(arm_6r.arm), arm_6r.vjm, template56(arm_6r.arm))
     fit = robustly(arm_6r, template56(arm_6r.arm), upside, "none", units)

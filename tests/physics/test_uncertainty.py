@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from reports import table_of
 
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.campaign.pose_campaign import FullPose
@@ -21,7 +22,6 @@ from testbench.identify.prior import Strength, aggregate, cad_prior
 from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
-from testbench.report.table import Trials
 from testbench.studies.estimators.bootstrap import bootstrap, resampler
 from testbench.studies.identifiability.coverage import Case, bounded, draw_conservative, fitted, posterior
 from testbench.studies.identifiability.study import coverage
@@ -177,7 +177,7 @@ def test_bootstrap_is_near_linearised_where_the_cone_does_not_bind(arm_6r, full_
 def shares(datasets):
     """How often intervals hold the truth, by name."""
     rows = [row for dataset in datasets for row in dataset]
-    return {name: coverage(own) for (name,), own in Trials.of([(0, rows)]).groups("name")}
+    return {name: coverage(own) for (name,), own in table_of([0], lambda _: rows).groups("name")}
 
 
 def test_intervals_cover_as_often_as_they_say(full_pose):
@@ -206,7 +206,7 @@ def test_posterior_intervals_cover_truths_drawn_from_the_prior(kr500, gravity, s
 def test_bounds_cover_all_deflections_at_once(full_pose):
     case, _ = full_pose
     few = replace(case, functionals=case.functionals[:3])
-    row = coverage(Trials.of([(0, [bounded(few, k) for k in range(20)])]))
+    row = coverage(table_of([0], lambda _: [bounded(few, k) for k in range(20)]))
     assert row.all_covered >= 0.8  # at least 0.95 in truth: 20 draws have fewer with 0.03 %
     assert row.unbounded_percent == 0
 

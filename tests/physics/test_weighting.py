@@ -1,12 +1,11 @@
 """Readings with a covariance each: weighted fits against brute force, lost targets, a tracker's gain."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from testbench.campaign.campaign import Scenario, build_cell, simulate, stream
+from testbench.campaign.campaign import Scenario, simulate, stream
 from testbench.data.dataset import select
 from testbench.data.tracker import LaserTracker, precision, read_positions
 from testbench.errors import BenchError
@@ -18,17 +17,10 @@ from testbench.identify.weighed import one_by_one
 from testbench.model.structure import mgco68, template56
 from testbench.model.vjm import chain, observation
 
-KR500 = Path(__file__).resolve().parents[2] / "models" / "kr500_l480"
-
 
 @pytest.fixture(scope="module")
-def cell():
-    return build_cell(KR500)
-
-
-@pytest.fixture(scope="module")
-def data(cell):
-    return simulate(cell, Scenario(arm="kr500_l480", truth="linear"), 1).identification
+def data(kr500):
+    return simulate(kr500, Scenario(arm="kr500_l480", truth="linear"), 1).identification
 
 
 def random_precision(data, seed=0):
@@ -36,9 +28,9 @@ def random_precision(data, seed=0):
     return 1e8 * (A @ A.swapaxes(2, 3) + 0.1 * np.eye(3))
 
 
-def brute_force(cell, structure, data):
+def brute_force(kr500, structure, data):
     """Rows and readings of Eq. 14 with the full weight matrix, nothing folded."""
-    A = observation(chain(cell.vjm, data.q), structure, data.wrench, data.point, cell.vjm.markers)
+    A = observation(chain(kr500.vjm, data.q), structure, data.wrench, data.point, kr500.vjm.markers)
     P = data.precision
     normal = np.einsum("rmin,rmij,rmjk->nk", A, P, A)
     right = np.einsum("rmin,rmij,rmj->n", A, P, data.deflection)
@@ -52,13 +44,13 @@ def normal_of(regression):
 
 
 @pytest.mark.parametrize("lost", [False, True])
-def test_reduced_rows_are_those_of_the_full_weight_matrix(cell, data, lost):
+def test_reduced_rows_are_those_of_the_full_weight_matrix(kr500, data, lost):
     P = random_precision(data)
     if lost:
         P[2, 1] = P[5] = 0
-    data, structure = replace(data, precision=P), mgco68(cell.arm)
-    regression = reduce(cell.vjm, structure, data)
-    normal, right, rest = brute_force(cell, structure, data)
+    data, structure = replace(data, precision=P), mgco68(kr500.arm)
+    regression = reduce(kr500.vjm, structure, data)
+    normal, right, rest = brute_force(kr500, structure, data)
     ours = normal_of(regression)
     np.testing.assert_allclose(ours[0], normal, atol=1e-10 * np.abs(normal).max())
     np.testing.assert_allclose(ours[1], right, atol=1e-10 * np.abs(right).max())
@@ -67,30 +59,30 @@ def test_reduced_rows_are_those_of_the_full_weight_matrix(cell, data, lost):
     assert term.equations / 3 * (term.z @ term.z + term.rest) == pytest.approx(rest)
 
 
-def test_equal_covariances_are_the_flat_fit(cell, data):
+def test_equal_covariances_are_the_flat_fit(kr500, data):
     P = np.broadcast_to(np.eye(3) / (2 * data.sigma**2), (data.runs, 3, 3, 3))
-    flat, full = (reduce(cell.vjm, mgco68(cell.arm), d) for d in (data, replace(data, precision=P)))
+    flat, full = (reduce(kr500.vjm, mgco68(kr500.arm), d) for d in (data, replace(data, precision=P)))
     np.testing.assert_allclose(solve(full), solve(flat), rtol=1e-6, atol=1e-12)
     assert full.f_m_floor == flat.f_m_floor
 
 
-def test_a_lost_target_counts_as_never_read(cell, data):
+def test_a_lost_target_counts_as_never_read(kr500, data):
     P = np.array(np.broadcast_to(np.eye(3) / (2 * data.sigma**2), (data.runs, 3, 3, 3)))
     P[4:] = 0
-    lost = reduce(cell.vjm, template56(cell.arm), replace(data, precision=P))
-    never = reduce(cell.vjm, template56(cell.arm), select(data, np.arange(data.runs) < 4))
+    lost = reduce(kr500.vjm, template56(kr500.arm), replace(data, precision=P))
+    never = reduce(kr500.vjm, template56(kr500.arm), select(data, np.arange(data.runs) < 4))
     ours, theirs = normal_of(lost)[0], normal_of(never)[0]
     np.testing.assert_allclose(ours, theirs, atol=1e-10 * np.abs(theirs).max())
     assert lost.equations == never.equations == 36
 
 
-def test_robust_fit_weighs_readings_alike(cell, data):
+def test_robust_fit_weighs_readings_alike(kr500, data):
     P = random_precision(data)
     P[3, 0] = 0
-    data, structure = replace(data, precision=P), mgco68(cell.arm)
-    readings = one_by_one(cell.vjm, structure, data)
+    data, structure = replace(data, precision=P), mgco68(kr500.arm)
+    readings = one_by_one(kr500.vjm, structure, data)
     assert len(readings.y) == 3 * data.runs - 1
-    normal, _, rest = brute_force(cell, structure, data)
+    normal, _, rest = brute_force(kr500, structure, data)
     A = readings.A.reshape(-1, structure.n)
     np.testing.assert_allclose(A.T @ A, normal, atol=1e-10 * np.abs(normal).max())
     assert (readings.y**2).sum() == pytest.approx(rest)
@@ -111,16 +103,16 @@ def test_a_precision_that_is_none_is_refused(data, wrong):
         replace(data, precision=P)
 
 
-def test_weights_of_the_laser_tracker_beat_flat_ones(cell, data):
+def test_weights_of_the_laser_tracker_beat_flat_ones(kr500, data):
     """Gauss and Markov: of all linear unbiased fits, that with the true covariance has the least error.
 
     Six metres of air: across the beam a reading is five times worse than along it.
     """
     S = LaserTracker((2.2, -5.5, 1.6)).covariance(data.before)  # of a reading; of a deflection twice that
-    structure = template56(cell.arm)
-    A = observation(chain(cell.vjm, data.q), structure, data.wrench, data.point, cell.vjm.markers)
+    structure = template56(kr500.arm)
+    A = observation(chain(kr500.vjm, data.q), structure, data.wrench, data.point, kr500.vjm.markers)
     flat, weighted = (
-        normal_of(reduce(cell.vjm, structure, d))[0]
+        normal_of(reduce(kr500.vjm, structure, d))[0]
         for d in (replace(data, sigma=1.0), replace(data, precision=np.linalg.inv(2 * S)))
     )
     U, s, _ = np.linalg.svd(flat)
@@ -137,10 +129,10 @@ def test_weights_of_the_laser_tracker_beat_flat_ones(cell, data):
 
 
 @pytest.mark.parametrize("prior", [False, True])
-def test_the_last_digit_of_a_marker_moves_no_prediction(cell, prior):
+def test_the_last_digit_of_a_marker_moves_no_prediction(kr500, prior):
     """As another processor would give it; of a tracker whose noise turns with the beam."""
-    campaign = simulate(cell, Scenario(arm="kr500_l480", truth="linear", noise=False), 1)
-    wrong = distorted(cad_prior(cell.arm), scale=2, shape=0.3, rng=stream(1, 5))
+    campaign = simulate(kr500, Scenario(arm="kr500_l480", truth="linear", noise=False), 1)
+    wrong = distorted(cad_prior(kr500.arm), scale=2, shape=0.3, rng=stream(1, 5))
     method = with_prior(gco, wrong, Strength(0.3)) if prior else least_squares
     tracker, rng = LaserTracker((2.2, -5.5, 1.6)), np.random.default_rng(1)
     predicted = []
@@ -150,8 +142,8 @@ def test_the_last_digit_of_a_marker_moves_no_prediction(cell, prior):
         noise = stream(2, 1)
         before, after = (read_positions(tracker, p, noise) for p in true)
         data = replace(clean, before=before, after=after, precision=precision(tracker, before, after))
-        estimate = method(cell.vjm, template56(cell.arm), data)
-        predicted.append(deflections(cell.vjm, estimate, campaign.truth))
+        estimate = method(kr500.vjm, template56(kr500.arm), data)
+        predicted.append(deflections(kr500.vjm, estimate, campaign.truth))
     assert (predicted[0] != predicted[1]).any()
     # of 10 mm: the conic solver stops at 1e-8 of the cost, least squares at rounding
     np.testing.assert_allclose(predicted[1], predicted[0], rtol=0, atol=1e-9 if prior else 1e-12)

@@ -13,11 +13,6 @@ from testbench.model.weights import own_weight, read_weights, weight_columns
 AGREE = 1e-12  # of the largest load; both sides are sums of a few products
 
 
-@pytest.fixture(params=["kr500", "arm_6r", "slides"])
-def cell(request):
-    return request.getfixturevalue(request.param)
-
-
 def of_mujoco(model, q, joints, theta=None, bent=()):
     """Generalised force of gravity, (runs, nv); some joints bent by theta, (runs, n)."""
     data, found = mujoco.MjData(model), []

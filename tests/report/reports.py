@@ -10,6 +10,8 @@ from checks import check_spread, check_words, curves, unit_in
 from made_up import of_one_trial
 from rich.console import Console
 
+from testbench.campaign.evaluation import Measured
+from testbench.campaign.workspace_errors import Places
 from testbench.report.report import read
 from testbench.report.table import Trials
 from testbench.trials.parquet import write_trials
@@ -31,6 +33,18 @@ def table_of(seeds, rows):
             path, {}, columns(kind), len(own), [(seed, tabled(found)) for seed, found in own.items()]
         )
         return Trials.read(path)
+
+
+AT = Places((1, 2), (0.1, 0.2), ("[1] deg", "[2] deg"), (1.2, 0.5), (-0.35, 0.0), (2.0, 1.0), (4.0, 5.0))
+"""Two poses of a workspace."""
+
+
+def campaign_row(kind, rng, name, **own):
+    """A made-up row of a model in a campaign, the same in all trials; nothing is drawn unless it is given."""
+    fixed = dict.fromkeys(("places", "place_mm", "drawn", "trace_bounds_rad_per_Nm"))
+    fixed |= {"name": name, "structure": name, "constraint": "psd", "prior": False, "advice": ()}
+    fixed |= {"measured": of_one_trial(Measured, np.random.default_rng(1))}
+    return of_one_trial(kind, rng, **fixed | own)
 
 
 def check(report, printed):

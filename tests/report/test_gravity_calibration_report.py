@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from checks import at, tables_of
 from made_up import of_one_trial
-from reports import check, check_forest, table_of
+from reports import AT, campaign_row, check, check_forest, table_of
 
 from testbench.campaign.campaign import Scenario, build_cell
-from testbench.campaign.evaluation import CampaignRow, Measured
+from testbench.campaign.evaluation import CampaignRow
 from testbench.campaign.models import EQUAL_FIT
 from testbench.campaign.rows import ErrorRow
-from testbench.campaign.workspace_errors import Places
 from testbench.identify.evaluate import deflections
 from testbench.studies.calibration_scene import calibration_scene, runs_of
 from testbench.studies.gravity_calibration.study import figures, report
@@ -32,7 +31,6 @@ MODELS = {
     "MGCO56 + prior": (((1.0, 1.0), (1.0, 1.0), (1.0, 1.0)), "psd", True, 56),
     "ALL153 + prior": (((1.5, 1.0), (1.5, 2.0), (2.0, 2.0)), "psd", True, 153),
 }
-AT = Places((1, 2), (0.1, 0.2), ("[1] deg", "[2] deg"), (1.2, 0.5), (-0.35, 0.0), (2.0, 1.0), (4.0, 5.0))
 
 
 def row(name, k, changes):
@@ -45,17 +43,14 @@ def row(name, k, changes):
     }
     own = error | {
         "conservative": constraint == "psd" or name == "Joints",
-        "measured": of_one_trial(Measured, np.random.default_rng(1)),
         "places": AT if k == 0 else None,
         "place_mm": (0.7 * area, 1.2 * area) if k == 0 else None,
-        "drawn": None,
         "structure": name.split(" ")[0].split(",")[0],
         "status": "stalled" if (k, name) == (0, "MGCO56") else "solved",
         "held_by_trace_weight": name == "MGCO56",
-        "advice": (),
     }
-    own |= {"name": name, "constraint": constraint, "prior": prior, "parameters": unknowns}
-    return of_one_trial(CampaignRow, rng, true_arm=ARMS[k], **own | changes.get(name, {}))
+    own |= {"constraint": constraint, "prior": prior, "parameters": unknowns, "true_arm": ARMS[k]}
+    return campaign_row(CampaignRow, rng, name, **own | changes.get(name, {}))
 
 
 def made(count=3, **changes):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from checks import bands, curves, key_of, looks_differ, unit_in
 from made_up import of_one_trial
-from reports import check, check_forest, table_of
+from reports import campaign_row, check, check_forest, table_of
 
-from testbench.campaign.evaluation import CampaignRow, Measured
+from testbench.campaign.evaluation import CampaignRow
 from testbench.campaign.predicted_error import Expected
 from testbench.campaign.true_arms import CALLED
 from testbench.studies.pose_selection import settings as s
@@ -46,9 +46,7 @@ def rows(seed, factors):
         return Row(part, name, poses, fit, *rng.uniform((20, 20), (40, 40)) * (tasks, workspace), **more)
 
     def featured(name):
-        own = {"name": f"{name}, {PLANNED}", "measured": of_one_trial(Measured, np.random.default_rng(1))}
-        own |= {"trace_bounds_rad_per_Nm": None, "advice": (), "parameters": 68}
-        model = of_one_trial(CampaignRow, rng, places=None, place_mm=None, drawn=None, **own)
+        model = campaign_row(CampaignRow, rng, f"{name}, {PLANNED}", parameters=68)
         if name != "test":
             return {"model": model}
         each = [tuple(rng.uniform(1, 9, n)) for n in (4, 5)]

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 from made_up import of_one_trial
-from reports import check, check_forest, table_of
+from reports import AT, campaign_row, check, check_forest, table_of
 
-from testbench.campaign.evaluation import Measured
 from testbench.campaign.models import EQUAL_FIT, JOINTS
 from testbench.campaign.rows import ErrorRow
-from testbench.campaign.workspace_errors import Places
 from testbench.studies.six_dof_arm.study import figures, report
 from testbench.studies.six_dof_arm.trial import Options, SixDofRow, settings
 from testbench.trials.spread import middle
@@ -25,20 +23,17 @@ MODELS = {
     JOINTS: ("none", 20.0, 21.0),
     EQUAL_FIT: ("free", 1.0, 1.0),
 }
-AT = Places((1, 2), (0.1, 0.2), ("[1] deg", "[2] deg"), (1.2, 0.5), (-0.35, 0.0), (2.0, 1.0), (4.0, 5.0))
 
 
 def fit(name, truth, seed, mm, **own):
     """One fit; every error is 0.9 to 1.1 times what is asked for, the same factor for all of a seed."""
     rng, constraint, mm = np.random.default_rng([seed, len(name)]), MODELS[name][0], mm * (0.89 + 0.01 * seed)
-    found = {"name": name, "structure": name, "constraint": constraint, "prior": False, "advice": (), "m": 0}
-    found |= {"conservative": constraint != "none", "parameters": 56, "rank": 32, "f_m": 2.0}
-    found |= dict.fromkeys(("places", "place_mm", "drawn"))
-    found["measured"] = of_one_trial(Measured, np.random.default_rng(1))
+    found = {"conservative": constraint != "none", "parameters": 56, "rank": 32, "f_m": 2.0, "m": 0}
+    found |= {"constraint": constraint, "truth": truth}
     found |= {
         key: of_one_trial(ErrorRow, rng, p95_mm=k * mm) for key, k in (("check_true", 1), ("check", 0.04))
     }
-    return of_one_trial(SixDofRow, rng, truth=truth, **(found | own))
+    return campaign_row(SixDofRow, rng, name, **found | own)
 
 
 def rows(seed, changes):

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from checks import check_spread, tables_of
-from made_up import of_one_trial
-from reports import check, check_forest, table_of
+from reports import campaign_row, check, check_forest, table_of
 
 from testbench.studies.solver_comparison.study import LOOKS, figures, report
 from testbench.studies.solver_comparison.trial import Options, SolverRow, settings
@@ -22,14 +21,10 @@ def made(**f_m):
     """Three seeds; F_M of a solver is 6 if not given, and (a) comes within 1 % in two of them."""
 
     def rows(seed):
-        rng, own = (
-            np.random.default_rng(seed),
-            {"name": "MGCO69", "advice": (), "drawn": None, "parameters": 69},
-        )
-        own |= {"trace_bounds_rad_per_Nm": None, "places": None, "place_mm": None, "local_solves": 4}
+        rng = np.random.default_rng(seed)
         for key in KEYS:
-            own |= {"key": key, "f_m": f_m.get(key, 6.0), "f_m_excess_bound": 0.5}
-            row = of_one_trial(SolverRow, rng, **own)
+            own = {"key": key, "f_m": f_m.get(key, 6.0), "f_m_excess_bound": 0.5, "local_solves": 4}
+            row = campaign_row(SolverRow, rng, "MGCO69", parameters=69, **own)
             missed = {"seconds_to_1_percent": None, "ratio_to_conic": None} if (key, seed) == ("a", 4) else {}
             yield replace(row, **missed)
 

@@ -72,14 +72,13 @@ def calibration(out, seeds, scale=1.0, sigma=50e-6):
     """
     sizes = {n: mm * (scale[n] if isinstance(scale, dict) else scale) for n, mm in SIZES.items()}
     wide = {seed: np.exp(np.random.default_rng(seed).normal()) for seed in seeds}
-    trials = [(s, [row(n, float(mm * wide[s]), s) for n, mm in sizes.items()]) for s in seeds]
-    models = merged(Trials.of(trials).drop("seed"), "name")
+    flat = [(s, tabled([row(n, float(mm * wide[s]), s) for n, mm in sizes.items()])) for s in seeds]
+    out.mkdir()
+    write_trials(out / "trials.parquet", {}, columns(ModelRow), len(seeds), flat)
+    models = merged(Trials.read(out / "trials.parquet").drop("seed"), "name")
     table = Table(quantities("name workspace.rms_mm identification.rms_mm"), models)
     numbers = {"models": models, "recommended": "ALL153 + prior"}
-    out.mkdir()
     files.write_json(replace(REPORT, numbers=numbers, tables={"models": table}).json(), out / "report.json")
-    flat = [(seed, tabled(rows)) for seed, rows in trials]
-    write_trials(out / "trials.parquet", {}, columns(ModelRow), len(seeds), flat)
     scenario = {"sigma": sigma, "station": {"lower": [1.5, -0.9, 1.1]}}
     plain = {"true_arm": "family" if len(seeds) > 20 else "cast", "first": seeds[0], "scenario": scenario}
     arms, script = digests([find_arm("kr500_l480")]), "scenarios/gravity_calibration.py"

@@ -2,13 +2,12 @@
 
 import csv
 import json
-import re
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
-from page_checks import check_page, said
+from page_checks import check_page, drawn_in, said, times_of
 from read_back import columns, document, on, series, sound
 from reports import check
 from run_here import here
@@ -126,10 +125,6 @@ def test_the_true_arm_executes_the_corrected_file_within_a_micrometre(kr500, cor
     before = np.linalg.norm(tip_of(settle(kr500.plant, q, wrench, at)) - wanted, axis=1)
     assert before.min() > 2e-4
     assert left.max() < 1e-6
-
-
-def test_no_pane_of_the_recording_is_blank_on_any_timeline(corrected, blank_panes):
-    assert blank_panes(corrected[0] / "right_report" / "recording.rrd") == []
 
 
 def test_columns_of_the_program_stand_as_they_were(corrected):
@@ -273,8 +268,9 @@ def test_a_file_that_is_no_corrected_program_is_not_replaced(folder, corrected, 
     assert not (tmp_path / "in").exists()
 
 
-def test_the_page_opens_at_the_point_farthest_off(corrected, open_page):
+def test_the_page_opens_at_the_point_farthest_off_and_no_pane_is_blank(corrected, open_page, blank_panes):
     folder = corrected[0] / "right_report"
+    assert blank_panes(folder / "recording.rrd") == []
     report = json.loads((folder / "report.json").read_text())
     told = [f"{report['before_mm'][key]:.3f}" for key in ("median", "max")]
     words = said(check_page(open_page, folder / "report.html", told))
@@ -288,11 +284,8 @@ def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected)
     with (out / "right.csv").open() as file:
         rows = list(csv.DictReader(file))
     off = np.array([[float(row[f"before_{x}_mm"]) for x in "xyz"] for row in rows]) / 1e3
-    text = (out / "right_report" / "report.html").read_text()
-    drawn = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text)[1])[
-        "scene"
-    ]
-    times = float(re.search(r"x (\S+)\.$", drawn["title"])[1])
+    drawn = drawn_in(out / "right_report" / "report.html")["scene"]
+    [times] = times_of(drawn["title"])
     layers = {layer["name"]: layer for layer in drawn["groups"][0]["layers"]}
     asked, programmed = (path(layers[name]) for name in ("path asked", "as programmed"))
     np.testing.assert_allclose((programmed - asked) / times, off, atol=2e-4 / times + 1e-7)
@@ -305,11 +298,8 @@ def test_page_and_recording_draw_where_the_corrected_tool_may_be(bounded):
         half = (
             np.array([[float(row[f"half_95_{x}_mm"]) for x in "xyz"] for row in csv.DictReader(file)]) / 1e3
         )
-    text = (out / "right_report" / "report.html").read_text()
-    page = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text)[1])[
-        "scene"
-    ]
-    times = float(re.search(r"x (\S+)\.$", page["title"])[1])
+    page = drawn_in(out / "right_report" / "report.html")["scene"]
+    [times] = times_of(page["title"])
     [layer] = [own for own in page["groups"][0]["layers"] if own["name"].startswith("where it may be")]
     at, to = (np.array(layer[key][0]).reshape(-1, 3, 3) / 1e4 for key in ("at", "to"))
     wanted = 2 * half[:, :, None] * np.eye(3)

@@ -1,7 +1,11 @@
 """The study of identifiability as a stranger runs it: its files, its contract, its claims."""
 
+import numpy as np
 import pytest
 from run_here import ROOT, app_of_study, check_files, check_refused, quick_study
+
+from testbench.arm.folder import load_arm
+from testbench.data.read_pairs import read_csv
 
 APP = app_of_study("identifiability")
 SEEDS = 3
@@ -11,6 +15,13 @@ quick, report, rows = quick_study(APP, "--seed", 2, "--seeds", SEEDS, "--campaig
 
 def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick):
     check_files(quick, "identifiability.png")
+
+
+def test_the_dataset_is_that_of_the_first_seed_and_the_report_counts_it(quick, report):
+    data = read_csv(quick[0] / "dataset.csv", load_arm("kr500_l480"))
+    counted = report["dataset"]
+    assert (data.runs, data.points, round(1e6 * data.sigma)) == (counted["runs"], counted["points"], 50)
+    assert counted["deflection_max_mm"] == pytest.approx(1e3 * np.linalg.norm(data.deflection, axis=-1).max())
 
 
 def test_every_row_is_stored_and_the_report_counts_them(rows, report):

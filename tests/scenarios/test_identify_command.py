@@ -64,19 +64,20 @@ def test_the_folder_is_whole_and_the_places_are_said(made):
         assert str(out / name) in said
 
 
-def test_no_pane_of_the_recording_is_blank_on_any_timeline(made, blank_panes):
-    assert blank_panes(made[0] / "recording.rrd") == []
-
-
 def moved_by(fit, data):
     """Deflections by the compliances of models.json, not by the command's own arrays, (runs, m, 3) [m]."""
     cell = tb.build_cell("kr500_l480")
+    at = chain(cell.vjm, data.q)
+    return displacement(at, secant(at, compliance(fit), data.wrench, data.point), cell.vjm.markers)
+
+
+def compliance(fit):
+    """C_theta of a model in models.json."""
     C = np.zeros((48, 48))
     for k, block in enumerate(fit["links"].values()):
         C[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = block
     C[range(42, 48), range(42, 48)] = [x or 0.0 for x in fit["joints"].values()]
-    at = chain(cell.vjm, data.q)
-    return displacement(at, secant(at, C, data.wrench, data.point), cell.vjm.markers)
+    return C
 
 
 def test_residuals_are_readings_less_the_deflections_of_the_models(made, report, data):
@@ -122,12 +123,9 @@ def test_other_models_stand_beside_the_one_to_take_with_how_far_apart_they_are(m
     at = chain(cell.vjm, np.array(errors["q"]))
     tool = {}
     for fit in json.loads((made[0] / "models.json").read_text())["models"]:
-        C = np.zeros((48, 48))
-        for j, block in enumerate(fit["links"].values()):
-            C[6 * j : 6 * j + 6, 6 * j : 6 * j + 6] = block
-        C[range(42, 48), range(42, 48)] = [x or 0.0 for x in fit["joints"].values()]
         wrench, point = (np.tile(one[k], (200, 1)) for one in (data.wrench, data.point))
-        tool[fit["name"]] = displacement(at, secant(at, C, wrench, point), np.zeros((1, 3)))[:, 0]
+        bent = secant(at, compliance(fit), wrench, point)
+        tool[fit["name"]] = displacement(at, bent, np.zeros((1, 3)))[:, 0]
     for name in others:
         apart = 1e3 * np.linalg.norm(tool[name] - tool[taken], axis=1)
         np.testing.assert_allclose(report["map"]["apart_mm"][name], apart, rtol=0.1, atol=0.02)
@@ -142,10 +140,9 @@ def test_every_map_of_half_widths_says_what_they_do_not_count(made, report):
     chunks = chunks_of(made[0] / "recording.rrd")
     assert said in document(chunks, "/map_words")
     assert said in document(chunks, "/tables")
-    page = (made[0] / "report.html").read_text()
-    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page)[1])
-    assert data["map"]["title"].endswith(said)
-    assert page.count(said) >= 2  # beside the map, and above the table of intervals
+    page = made[0] / "report.html"
+    assert drawn_in(page)["map"]["title"].endswith(said)
+    assert page.read_text().count(said) >= 2  # beside the map, and above the table of intervals
 
 
 def test_the_recording_has_what_is_left_in_each_run_worst_first_and_the_map(made, report):
@@ -175,7 +172,10 @@ def test_an_arm_whose_masses_only_mujoco_knows_has_a_model_without_own_weight(tm
     assert any(doubt.startswith("Own weight is left out: ") for doubt in model.about.doubts)
 
 
-def test_the_page_shows_the_models_the_runs_and_the_arm_in_the_worst_of_them(made, report, open_page):
+def test_the_page_shows_the_models_the_runs_and_the_arm_in_the_worst_of_them(
+    made, report, open_page, blank_panes
+):
+    assert blank_panes(made[0] / "recording.rrd") == []
     told = [f"{model['check']['rms_mm']:.3f}" for model in report["models"]]
     told += [f"{row['taken_mm']:.3f}" for row in report["residuals"]]
     shown = check_page(open_page, made[0] / "report.html", told)

@@ -96,10 +96,6 @@ def test_every_pose_and_point_is_what_the_library_says_and_holds_the_truth(kr500
     assert (off <= wanted.half[:, 1:]).mean() > 0.8
 
 
-def test_no_pane_of_the_recording_is_blank_on_any_timeline(made, blank_panes):
-    assert blank_panes(made[0] / "recording.rrd") == []
-
-
 def test_the_answer_comes_first_and_what_is_extrapolated_or_hardly_seen_is_said(made):
     out, said = made
     report = json.loads((out / "report.json").read_text())
@@ -262,7 +258,8 @@ def test_a_folder_that_is_no_model_and_a_pose_out_of_limits_are_refused(kr500, m
     assert not (tmp_path / "out").exists()
 
 
-def test_the_page_shows_every_pose_and_the_softest_place(made, open_page):
+def test_the_page_shows_every_pose_and_the_softest_place_and_no_pane_is_blank(made, open_page, blank_panes):
+    assert blank_panes(made[0] / "recording.rrd") == []
     report = json.loads((made[0] / "report.json").read_text())
     told = [f"{row['deflection_mm']:.3f}" for row in report["worst"]]
     shown = check_page(open_page, made[0] / "report.html", told)

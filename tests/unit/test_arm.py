@@ -152,26 +152,15 @@ def test_a_rounded_symmetric_compliance_is_made_symmetric(tmp_path: Path) -> Non
 # The folder
 
 
-def test_missing_folder_is_named(tmp_path: Path) -> None:
-    assert "expected a folder with rigid.xml and elastic.toml" in refusal(tmp_path / "no_such_arm")
-
-
-def test_file_in_place_of_a_folder_is_named(tmp_path: Path) -> None:
-    assert "expected a folder" in refusal(copy_arm(tmp_path) / "rigid.xml")
-
-
-@pytest.mark.parametrize("name", ["nul\0byte"])
-def test_folder_names_that_no_disk_has_are_refused(name: str, tmp_path: Path) -> None:
-    assert "expected a folder" in refusal(tmp_path / name)
-
-
-@pytest.mark.parametrize("name", ["elastic.toml"])
-def test_missing_file_is_named(tmp_path: Path, name: str) -> None:
+def test_what_is_no_folder_of_an_arm_is_named(tmp_path: Path) -> None:
     folder = copy_arm(tmp_path)
-    (folder / name).unlink()
-    message = refusal(folder)
-    assert name in message
-    assert "No such file" in message
+    for path in (tmp_path / "no_such_arm", tmp_path / "nul\0byte"):
+        assert "expected a folder with rigid.xml and elastic.toml" in refusal(path)
+    assert "expected a folder" in refusal(folder / "rigid.xml")
+    (folder / "rigid.xml").write_bytes(b"")
+    assert "rigid.xml" in refusal(folder)
+    (folder / "elastic.toml").unlink()
+    assert re.search(r"elastic\.toml.*No such file", refusal(folder))
 
 
 @pytest.mark.parametrize("name", ["rigid.xml", "elastic.toml"])
@@ -195,13 +184,6 @@ def test_bytes_that_are_not_utf8_are_located(tmp_path: Path, name: str) -> None:
     assert "byte 28: expected UTF-8" in message
 
 
-@pytest.mark.parametrize("name", ["rigid.xml"])
-def test_empty_file_is_refused(tmp_path: Path, name: str) -> None:
-    folder = copy_arm(tmp_path)
-    (folder / name).write_bytes(b"")
-    assert name in refusal(folder)
-
-
 # elastic.toml as a document
 
 
@@ -209,40 +191,6 @@ def test_malformed_toml_is_located_by_line_and_column(tmp_path: Path) -> None:
     message = toml_refusal(tmp_path, r"format = 1", "format = = 1")
     assert "elastic.toml: not TOML" in message
     assert re.search(r"line \d+, column \d+", message)
-
-
-def test_too_large_toml_is_not_read(tmp_path: Path) -> None:
-    assert "expected at most 100000 bytes" in toml_refusal(tmp_path, r"\A", "#" * 100_000 + "\n")
-
-
-@pytest.mark.parametrize("opening", ["x = " + "[" * 40_000, "x = " + "{a=" * 20_000])
-def test_huge_nesting_is_no_recursion_error(tmp_path: Path, opening: str) -> None:
-    assert "elastic.toml: not TOML" in toml_refusal(tmp_path, r"\A", opening + "\n")
-
-
-def test_deep_but_closed_nesting_is_an_unknown_key(tmp_path: Path) -> None:
-    assert "elastic.toml: line 1, column 1, x: " in toml_refusal(
-        tmp_path, r"\A", f"x = {'[' * 200}{']' * 200}\n"
-    )
-
-
-def test_dotted_key_without_end_is_refused_before_it_costs_time(tmp_path: Path) -> None:
-    message = toml_refusal(tmp_path, r"\A", "x" + ".x" * 40_000 + " = 1\n")
-    assert "line 1: expected at most 200 dots" in message
-
-
-def test_integers_of_thousands_of_digits_are_refused(tmp_path: Path) -> None:
-    assert "not TOML" in toml_refusal(tmp_path / "a", LENGTH, "9" * 5000)
-    assert "length.value: " in toml_refusal(tmp_path / "b", LENGTH, "0x" + "f" * 9000)
-    assert "valid number" in toml_refusal(tmp_path / "c", LENGTH, "9" * 400)
-
-
-def test_key_with_a_line_break_stays_one_line(tmp_path: Path) -> None:
-    assert "a b: Extra" in toml_refusal(tmp_path, r"\A", '"a\\nb" = 1\n')
-
-
-def test_name_with_a_line_break_is_refused(tmp_path: Path) -> None:
-    assert "tool: " in toml_refusal(tmp_path, r'tool = "tool"', 'tool = "to\\nol"')
 
 
 def test_garbage_is_not_repeated_to_its_owner(tmp_path: Path) -> None:
@@ -253,6 +201,16 @@ def test_garbage_is_not_repeated_to_its_owner(tmp_path: Path) -> None:
 # elastic.toml: keys and values
 
 WRONG_TOML = {
+    "too large a file": (r"\A", "#" * 100_000 + "\n", ["expected at most 100000 bytes"]),
+    "lists without end": (r"\A", f"x = {'[' * 40_000}\n", ["elastic.toml: not TOML"]),
+    "tables without end": (r"\A", f"x = {'{a=' * 20_000}\n", ["elastic.toml: not TOML"]),
+    "deep lists": (r"\A", f"x = {'[' * 200}{']' * 200}\n", ["elastic.toml: line 1, column 1, x: "]),
+    "a dotted key without end": (r"\A", f"x{'.x' * 40_000} = 1\n", ["line 1: expected at most 200 dots"]),
+    "5000 digits": (LENGTH, "9" * 5000, ["not TOML"]),
+    "9000 digits": (LENGTH, "0x" + "f" * 9000, ["length.value: "]),
+    "400 digits": (LENGTH, "9" * 400, ["valid number"]),
+    "a key of two lines": (r"\A", '"a\\nb" = 1\n', ["a b: Extra"]),
+    "a name of two lines": (r'tool = "tool"', 'tool = "to\\nol"', ["tool: "]),
     "an unknown key at the top": (r"\A", "colour = 1\n", ["colour: Extra inputs are not permitted"]),
     "a missing title": (r"title = .*", "", ["title: Field required"]),
     "another format": (r"format = 1", "format = 2", ["format: Input should be 1, got 2"]),
@@ -324,41 +282,6 @@ def test_asymmetric_compliance_names_the_link_and_both_entries(tmp_path: Path) -
     message = refusal(matrix_arm(tmp_path, C))
     assert "link.0.compliance (link_0): compliance: expected a symmetric matrix" in message
     assert "0.0002 at row 2, column 6 against 0.000398 at row 6, column 2" in message
-
-
-def test_indefinite_compliance_names_the_link_and_the_eigenvalue(tmp_path: Path) -> None:
-    C = eq_21()
-    C[1, 5] = C[5, 1] = 1e-3  # c26^2 > c22 c66
-    message = refusal(matrix_arm(tmp_path, C))
-    assert "link.0.compliance (link_0): compliance: expected a positive definite matrix" in message
-    assert "smallest eigenvalue -1" in message
-
-
-def test_singular_compliance_is_refused_for_it_has_no_stiffness(tmp_path: Path) -> None:
-    C = eq_21()
-    C[1, 5] = C[5, 1] = np.sqrt(C[1, 1] * C[5, 5])
-    assert "expected a positive definite matrix" in refusal(matrix_arm(tmp_path, C))
-
-
-@pytest.mark.parametrize("c33", [0.0, 1e4])
-def test_impossible_diagonal_entry_names_its_row(tmp_path: Path, c33: float) -> None:
-    C = eq_21()
-    C[2, 2] = c33
-    message = refusal(matrix_arm(tmp_path, C))
-    assert "link.0.compliance (link_0): compliance: expected 1e-18 to 1000 on the diagonal" in message
-    assert f"got {c33:g} in row 3" in message
-
-
-def test_entries_that_overflow_are_refused_not_accepted_as_nan(tmp_path: Path) -> None:
-    C = eq_21()
-    C[0, 1] = C[1, 0] = 1e305
-    assert "compliance: expected entries up to 1000, got 1e+305" in refusal(matrix_arm(tmp_path, C))
-
-
-@pytest.mark.parametrize("shape", [(6, 5), (0, 0)])
-def test_compliance_of_another_shape_is_refused(tmp_path: Path, shape: tuple[int, int]) -> None:
-    message = refusal(matrix_arm(tmp_path, np.ones(shape)))
-    assert "link.0.compliance (link_0): compliance: expected shape (6, 6)" in message
 
 
 def test_ragged_compliance_is_refused(tmp_path: Path) -> None:

@@ -286,19 +286,11 @@ def test_header_needs_a_name_for_every_joint(tmp_path: Path) -> None:
 # The file as such
 
 
-def test_missing_file_is_named(tmp_path: Path) -> None:
+def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
+    no_file = "expected a file, got a folder or a device"
     assert "cannot be read: No such file or directory" in refusal(tmp_path / "dataset.csv")
-
-
-def test_folder_in_place_of_the_file_is_refused(tmp_path: Path) -> None:
-    assert "expected a file, got a folder or a device" in refusal(tmp_path)
-
-
-def test_endless_device_is_refused() -> None:
-    assert "expected a file, got a folder or a device" in refusal(Path("/dev/zero"))
-
-
-def test_file_name_that_no_disk_has_is_refused(tmp_path: Path) -> None:
+    assert no_file in refusal(tmp_path)
+    assert no_file in refusal(Path("/dev/zero"))
     assert "cannot be read: " in refusal(tmp_path / ("x" * 300))
 
 
@@ -331,67 +323,77 @@ def test_file_that_is_no_dataset_is_refused(tmp_path: Path, content: bytes, expe
     assert expected in refusal(file)
 
 
-def test_header_alone_is_refused(tmp_path: Path) -> None:
-    assert "line 2: expected at least one row" in refusal(edited(tmp_path, lambda rows: rows[:1]))
+# The header, then the rows, then runs and markers
+
+SAME = "expected the same value in every row of the run"
+EACH = "expected one line for each of P1, P2, P3; those of a lost target are blank"
+LIMITS = "line 5, column joint_2_rad: expected -2.2689 to 0.3491 rad, got"
+SIGMAS, FINITE = ("sigma_m", "sigma_rad"), "expected a finite number, got"
+NUMBERS, TEXTS = ("nan", "1e999", "", "1,5", "1_0"), ("", "1.0", "1_0", "9223372036854775808")
+PLAIN: list[tuple[Callable[[Rows], Rows], str]] = [
+    (lambda rows: rows[:1], "line 2: expected at least one row"),
+    (without_column("force_z_N"), "line 1: missing columns ['force_z_N']\n"),
+    (
+        with_cell(1, "force_z_N", "force_z_kg"),
+        "line 1: missing columns ['force_z_N'], ignored columns ['force_z_kg']\n",
+    ),
+    (
+        lambda rows: [[*row, row[3]] for row in rows],
+        "line 1: expected every column once, got 'joint_1_rad' and 'joint_1_rad' for the same",
+    ),
+    (with_cell(1, "joint_2_rad", "A2_rad"), "missing columns ['joint_2_rad'], ignored columns ['A2_rad']"),
+    (lambda rows: [*rows[:5], ["1"], *rows[5:]], "line 6: expected 25 fields, got 1\n"),
+    (lambda rows: [*rows[:5], ["1"] * 40, *rows[5:]], "line 6: expected 25 fields, got 40\n"),
+    *((with_cell(5, "after_y_m", x), f"line 5, column after_y_m: {FINITE} {x!r}") for x in NUMBERS),
+    *(
+        (with_cell(5, column, x), f"line 5, column {column}: expected an integer of 64 bits, got {x!r}")
+        for column in ("run", "pose")
+        for x in TEXTS
+    ),
+    (in_run(1, "joint_2_rad", "-90.0"), f"{LIMITS} -90; are these degrees?"),
+    (in_run(1, "joint_2_rad", "0.5"), f"{LIMITS} 0.5\n"),
+    *(
+        (with_cell(7, column, "0.125"), f"line 7, column {column}: {SAME}")  # third row of the second run
+        for column in ("joint_3_rad", "force_z_N", "moment_x_Nm", "point_y_m")
+    ),
+    (
+        with_cell(5, "marker", "P4"),
+        "line 5, column marker: no marker 'P4' in kr500_l480; markers are P1, P2, P3",
+    ),
+    (lambda rows: rows[:5] + rows[6:], f"line 5: run 12: {EACH}"),  # P2 of the second run
+    (lambda rows: rows[:-1], f"line 11: run 14: {EACH}"),
+    (with_cell(6, "marker", "P1"), "line 6: run 12 stands in the file twice"),
+    (with_cell(6, "run", "99"), f"line 5: run 12: {EACH}"),
+    (with_cell(6, "pose", "99"), f"line 6, column pose: {SAME}"),
+    (lambda rows: rows + rows[4:7], "line 14: run 12 stands in the file twice"),
+]
+TURNED = [
+    *(
+        (without_column(column), f"missing columns ['{column}']")
+        for column in ("sigma_rad", "rotation_before_x_rad", "rotation_after_z_rad")
+    ),
+    (
+        with_cell(3, "rotation_after_y_rad", "0.5"),
+        "line 3, column rotation_after_y_rad: expected the same value",
+    ),
+    *((in_run(2, s, "1e-3"), f"line 8, column {s}: expected one value in the whole file") for s in SIGMAS),
+    *((everywhere(s, "0.0"), f"line 2, column {s}: expected 1e-09 to 0.01, got 0") for s in SIGMAS),
+    *((everywhere(s, "-3e-05"), f"line 2, column {s}: expected 1e-09 to 0.01, got -3e-05") for s in SIGMAS),
+]
+CASES = [(False, *case) for case in PLAIN] + [(True, *case) for case in TURNED]
 
 
-# The header
+@pytest.mark.parametrize(("rotation", "edit", "said"), CASES, ids=[said for *_, said in CASES])
+def test_what_is_wrong_is_named_by_line_and_column(
+    tmp_path: Path, rotation: bool, edit: Callable[[Rows], Rows], said: str
+) -> None:
+    """A line break stands for the end of what is said."""
+    assert said in f"{refusal(edited(tmp_path, edit, rotation=rotation))}\n"
 
 
-def test_missing_column_is_named(tmp_path: Path) -> None:
-    message = refusal(edited(tmp_path, without_column("force_z_N")))
-    assert message.endswith("line 1: missing columns ['force_z_N']")
-
-
-def test_column_in_another_unit_is_converted_and_one_of_another_quantity_is_refused(tmp_path: Path) -> None:
+def test_column_in_another_unit_is_converted(tmp_path: Path) -> None:
     file = edited(tmp_path, with_cell(1, "force_z_N", "force_z_kN"))
     np.testing.assert_allclose(read_csv(file, ARM).wrench[:, 2], 1e3 * dataset().wrench[:, 2], rtol=1e-15)
-    message = refusal(edited(tmp_path, with_cell(1, "force_z_N", "force_z_kg")))
-    assert message.endswith("line 1: missing columns ['force_z_N'], ignored columns ['force_z_kg']")
-
-
-def test_duplicated_column_is_named(tmp_path: Path) -> None:
-    message = refusal(edited(tmp_path, lambda rows: [[*row, row[3]] for row in rows]))
-    assert "line 1: expected every column once, got 'joint_1_rad' and 'joint_1_rad' for the same" in message
-
-
-def test_joint_of_another_arm_is_an_unknown_column(tmp_path: Path) -> None:
-    message = refusal(edited(tmp_path, with_cell(1, "joint_2_rad", "A2_rad")))
-    assert "missing columns ['joint_2_rad'], ignored columns ['A2_rad']" in message
-
-
-@pytest.mark.parametrize("column", ["sigma_rad", "rotation_before_x_rad", "rotation_after_z_rad"])
-def test_missing_column_of_the_orientations_is_named(tmp_path: Path, column: str) -> None:
-    message = refusal(edited(tmp_path, without_column(column), rotation=True))
-    assert f"missing columns ['{column}']" in message
-
-
-# The rows
-
-
-@pytest.mark.parametrize("fields", [["1"], ["1"] * 40])
-def test_wrong_number_of_fields_names_the_line(tmp_path: Path, fields: list[str]) -> None:
-    message = refusal(edited(tmp_path, lambda rows: [*rows[:5], fields, *rows[5:]]))
-    assert f"line 6: expected 25 fields, got {len(fields)}" in message
-
-
-@pytest.mark.parametrize("value", ["nan", "1e999"])
-def test_number_that_is_not_finite_names_line_and_column(tmp_path: Path, value: str) -> None:
-    message = refusal(edited(tmp_path, with_cell(5, "after_y_m", value)))
-    assert f"line 5, column after_y_m: expected a finite number, got {value!r}" in message
-
-
-@pytest.mark.parametrize("value", ["", "1,5", "1_0"])
-def test_text_for_a_number_names_line_and_column(tmp_path: Path, value: str) -> None:
-    message = refusal(edited(tmp_path, with_cell(5, "after_y_m", value)))
-    assert f"line 5, column after_y_m: expected a finite number, got {value!r}" in message
-
-
-@pytest.mark.parametrize("column", ["run", "pose"])
-@pytest.mark.parametrize("value", ["", "1.0", "1_0", "9223372036854775808"])
-def test_identifier_that_is_no_integer_of_64_bits_is_refused(tmp_path: Path, column: str, value: str) -> None:
-    message = refusal(edited(tmp_path, with_cell(5, column, value)))
-    assert f"line 5, column {column}: expected an integer of 64 bits, got {value[:80]!r}" in message
 
 
 def test_extreme_identifiers_are_read(tmp_path: Path) -> None:
@@ -399,13 +401,6 @@ def test_extreme_identifiers_are_read(tmp_path: Path) -> None:
     data = replace(dataset(), run=np.array([limits.min, -1, 0, limits.max]))
     write_csv(data, JOINTS, tmp_path / "dataset.csv")
     check_same(read_csv(tmp_path / "dataset.csv", ARM), data)
-
-
-def test_degrees_where_radians_belong_are_suspected(tmp_path: Path) -> None:
-    message = refusal(edited(tmp_path, in_run(1, "joint_2_rad", "-90.0")))
-    assert (
-        "line 5, column joint_2_rad: expected -2.2689 to 0.3491 rad, got -90; are these degrees?" in message
-    )
 
 
 def test_a_joint_of_the_other_sign_is_told_as_such(tmp_path: Path) -> None:
@@ -424,71 +419,9 @@ def test_a_joint_of_the_other_sign_is_told_as_such(tmp_path: Path) -> None:
         assert ("reads it so as '-joint_2_rad'" in str(caught.value)) == said
 
 
-def test_angle_just_outside_its_limits_is_not_taken_for_degrees(tmp_path: Path) -> None:
-    message = refusal(edited(tmp_path, in_run(1, "joint_2_rad", "0.5")))
-    assert message.endswith("line 5, column joint_2_rad: expected -2.2689 to 0.3491 rad, got 0.5")
-
-
-@pytest.mark.parametrize("column", ["joint_3_rad", "force_z_N", "moment_x_Nm", "point_y_m"])
-def test_value_that_differs_between_rows_of_a_run_is_located(tmp_path: Path, column: str) -> None:
-    message = refusal(edited(tmp_path, with_cell(7, column, "0.125")))  # third row of the second run
-    assert f"line 7, column {column}: expected the same value in every row of the run" in message
-
-
-def test_orientation_that_differs_between_rows_of_a_run_is_located(tmp_path: Path) -> None:
-    edit = with_cell(3, "rotation_after_y_rad", "0.5")
-    message = refusal(edited(tmp_path, edit, rotation=True))
-    assert "line 3, column rotation_after_y_rad: expected the same value" in message
-
-
-@pytest.mark.parametrize("column", ["sigma_m", "sigma_rad"])
-def test_sigma_must_be_one_positive_number(tmp_path: Path, column: str) -> None:
-    message = refusal(edited(tmp_path, in_run(2, column, "1e-3"), rotation=True))
-    assert f"line 8, column {column}: expected one value in the whole file" in message
-    for value in ("0.0", "-3e-05"):
-        message = refusal(edited(tmp_path, everywhere(column, value), rotation=True))
-        assert f"line 2, column {column}: expected 1e-09 to 0.01, got {float(value):g}" in message
-
-
-# Runs and markers
-
-
-def test_unknown_marker_lists_the_arms_markers(tmp_path: Path) -> None:
-    message = refusal(edited(tmp_path, with_cell(5, "marker", "P4")))
-    assert "line 5, column marker: no marker 'P4' in kr500_l480; markers are P1, P2, P3" in message
-
-
-EACH = "expected one line for each of P1, P2, P3; those of a lost target are blank"
-
-
-def test_missing_marker_in_a_run_names_the_run(tmp_path: Path) -> None:
-    message = refusal(edited(tmp_path, lambda rows: rows[:5] + rows[6:]))  # P2 of the second run
-    assert f"line 5: run 12: {EACH}" in message
-
-
-def test_missing_marker_in_the_last_run_names_the_run(tmp_path: Path) -> None:
-    assert f"line 11: run 14: {EACH}" in refusal(edited(tmp_path, lambda rows: rows[:-1]))
-
-
-def test_marker_twice_in_a_run_names_the_run(tmp_path: Path) -> None:
-    message = refusal(edited(tmp_path, with_cell(6, "marker", "P1")))
-    assert "line 6: run 12 stands in the file twice" in message
-
-
 def test_rows_may_stand_in_any_order(tmp_path: Path) -> None:
     file = edited(tmp_path, lambda rows: [*rows[:4], rows[5], rows[4], *rows[6:]])
     check_same(read_csv(file, ARM), dataset())
-
-
-def test_rows_of_one_run_share_run_and_pose(tmp_path: Path) -> None:
-    assert f"line 5: run 12: {EACH}" in refusal(edited(tmp_path, with_cell(6, "run", "99")))
-    message = refusal(edited(tmp_path, with_cell(6, "pose", "99")))
-    assert "line 6, column pose: expected the same value in every row of the run" in message
-
-
-def test_run_listed_twice_is_named(tmp_path: Path) -> None:
-    message = refusal(edited(tmp_path, lambda rows: rows + rows[4:7]))
-    assert "line 14: run 12 stands in the file twice" in message
 
 
 # The dataset in memory

@@ -1,6 +1,7 @@
 """A stranger's MJCF passes the allow-list or is refused in one line, whatever it holds."""
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -36,32 +37,31 @@ def test_own_models_pass_the_allow_list(name: str) -> None:
     assert read_mjcf(MODELS / name / "rigid.xml").tag == "mujoco"
 
 
-@pytest.mark.parametrize("text", ["", "<mujoco></worldbody>"])
-def test_malformed_xml_is_located(tmp_path: Path, text: str) -> None:
-    message = refusal(write(tmp_path, text))
-    assert "not well-formed XML" in message
-    assert "line 1" in message
-
-
-def test_wrong_root_is_named(tmp_path: Path) -> None:
-    assert "expected <mujoco> at the top, got <robot>" in refusal(write(tmp_path, "<robot/>"))
-
-
 BOMB = '<!DOCTYPE m [<!ENTITY a "b"><!ENTITY c "&a;&a;">]><mujoco model="&c;"/>'
+UTF_16 = ('<?xml version="1.0" encoding="utf-16"?>' + BOMB).encode("utf-16")
+LATIN = '<?xml version="1.0" encoding="latin-1"?><!-- Stahlträger --><mujoco/>'.encode("latin-1")
+TEXTS: dict[str, tuple[str | bytes, str]] = {
+    "nothing": ("", "not well-formed XML: .*line 1"),
+    "an end without a beginning": ("<mujoco></worldbody>", "not well-formed XML: .*line 1"),
+    "another root": ("<robot/>", "expected <mujoco> at the top, got <robot>"),
+    "entities": (BOMB, "document types and entities are not allowed"),
+    "entities that hide in another encoding": (UTF_16, "expected UTF-8"),
+    "bytes of a declared encoding": (LATIN, "expected UTF-8"),
+    "a namespace of two lines": ('<mujoco><n:body xmlns:n="a&#10;b"/></mujoco>', "<{a b}body>: not allowed"),
+    **{
+        f"{n} nested bodies": (
+            f"<mujoco>{'<body>' * n}{'</body>' * n}</mujoco>",
+            "at most 64 nested elements",
+        )
+        for n in (70, 200_000)
+    },
+    "4 MB": (f"<mujoco><!--{'x' * 4_000_000}--></mujoco>", "expected at most 4000000 bytes, got 4000"),
+}
 
 
-def test_document_type_and_entities_are_refused(tmp_path: Path) -> None:
-    assert "document types and entities are not allowed" in refusal(write(tmp_path, BOMB))
-
-
-def test_entities_do_not_hide_in_another_encoding(tmp_path: Path) -> None:
-    text = '<?xml version="1.0" encoding="utf-16"?>' + BOMB
-    assert "expected UTF-8" in refusal(write(tmp_path, text.encode("utf-16")))
-
-
-def test_declared_encoding_does_not_excuse_bytes_that_are_not_utf8(tmp_path: Path) -> None:
-    text = '<?xml version="1.0" encoding="latin-1"?><!-- Stahlträger --><mujoco/>'
-    assert "expected UTF-8" in refusal(write(tmp_path, text.encode("latin-1")))
+@pytest.mark.parametrize(("text", "said"), TEXTS.values(), ids=TEXTS)
+def test_a_text_that_is_no_arm_is_refused(tmp_path: Path, text: str | bytes, said: str) -> None:
+    assert re.search(said, refusal(write(tmp_path, text)))
 
 
 @pytest.mark.parametrize("tag", ["include", "replicate", "plugin"])
@@ -71,22 +71,6 @@ def test_declared_encoding_does_not_excuse_bytes_that_are_not_utf8(tmp_path: Pat
 def test_elements_that_an_arm_may_not_hold_are_named(tmp_path: Path, tag: str, place: str) -> None:
     message = refusal(write(tmp_path, place.format(f'<{tag} file="/etc/passwd" count="1000000000"/>')))
     assert f"<{tag}>: not allowed in an arm; allowed are ['asset', 'body'" in message
-
-
-def test_namespace_with_a_line_break_stays_one_line(tmp_path: Path) -> None:
-    text = '<mujoco><n:body xmlns:n="a&#10;b"/></mujoco>'
-    assert "<{a b}body>: not allowed" in refusal(write(tmp_path, text))
-
-
-@pytest.mark.parametrize("depth", [70, 200_000])
-def test_too_deep_nesting_is_refused(tmp_path: Path, depth: int) -> None:
-    text = f"<mujoco>{'<body>' * depth}{'</body>' * depth}</mujoco>"
-    assert "expected at most 64 nested elements" in refusal(write(tmp_path, text))
-
-
-def test_too_large_file_is_not_parsed(tmp_path: Path) -> None:
-    text = f"<mujoco><!--{'x' * 4_000_000}--></mujoco>"
-    assert "expected at most 4000000 bytes, got 4000" in refusal(write(tmp_path, text))
 
 
 def test_missing_file_and_folder_are_refused(tmp_path: Path) -> None:

@@ -184,6 +184,11 @@ def test_coupling_stronger_than_its_diagonal_is_indefinite(sign: int) -> None:
     ("value", "expected"),
     [
         (np.eye(5), r"link: expected shape \(6, 6\), got \(5, 5\)"),
+        (np.ones((0, 0)), r"link: expected shape \(6, 6\)"),
+        (np.diag([1, 1, 0, 1, 1, 1.0]), "link: expected 1e-18 to 1000 on the diagonal, got 0 in row 3"),
+        (np.diag([1, 1, 1e4, 1, 1, 1]), "link: expected 1e-18 to 1000 on the diagonal, got 10000 in row 3"),
+        (np.eye(6) + 1e305 * np.eye(6)[::-1], r"link: expected entries up to 1000, got 1e\+305"),
+        (np.eye(6) + np.eye(6)[[1, 0, 2, 3, 4, 5]], "link: expected a positive definite matrix"),  # singular
         ([[1.0], [1.0, 2.0]], "link: expected numbers, got list"),
         (np.diag([1, 1, 1, 1, 1, np.nan]), "link: expected finite numbers"),
         (np.diag([1, 1, -1, 1, 1, 1]), r"link: expected 1e-18 to 1000 on the diagonal, got -1 in row 3"),

@@ -41,19 +41,17 @@ class Options:
     ] = 10_000.0
 
 
-@dataclass(frozen=True)
-class Settings:
+@dataclass(frozen=True, kw_only=True)
+class Settings(Options):
     """What is tried."""
 
-    arm: str  #: Folder or name of the arm.
-    max_load: float = 10_000.0  #: Heaviest hung weight [N]; the lightest is a tenth of it.
     loads: int = FULL[0]  #: How many weights, evenly spread on a log scale.
     poses: int = FULL[1]  #: How many poses a seed.
 
     @property
     def weights(self) -> list[float]:
         """The hung weights, ascending, (loads,) [N]."""
-        return [float(w) for w in np.geomspace(self.max_load / 10, self.max_load, self.loads)]
+        return [float(w) for w in np.geomspace(self.max_load_n / 10, self.max_load_n, self.loads)]
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,8 @@ class PoseRow:
 
 def settings(options: Options, quick: bool, _: range) -> Settings:
     """What the flags ask for."""
-    return Settings(options.arm, options.max_load_n, *(QUICK if quick else FULL))
+    loads, poses = QUICK if quick else FULL
+    return Settings(**vars(options), loads=loads, poses=poses)
 
 
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[PoseRow]]:

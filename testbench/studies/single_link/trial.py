@@ -59,12 +59,10 @@ class Options:
     loads: Annotated[Loads, typer.Option(help="One axis at a time, or six random wrenches.")] = "axes"
 
 
-@dataclass(frozen=True)
-class Settings:
+@dataclass(frozen=True, kw_only=True)
+class Settings(Options):
     """What is tried."""
 
-    #: "axes" for one axis at a time, "random" for six random wrenches within force and moment.
-    loads: Loads = "axes"
     first: int = 1000  #: The first draw: it keeps its readings.
     ordered: int = 0  #: Draws, from the first, that are solved for every order m too.
     starts: int = STARTS  #: Local solves of every order.
@@ -123,7 +121,7 @@ class Draw:
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for."""
-    return Settings(options.loads, seeds[0], QUICK_ORDERED if quick else ORDERED)
+    return Settings(options.loads, first=seeds[0], ordered=QUICK_ORDERED if quick else ORDERED)
 
 
 def models(cell: Cell) -> list[Model]:

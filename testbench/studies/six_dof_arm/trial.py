@@ -39,17 +39,14 @@ class Options:
     ] = 10.0
 
 
-@dataclass(frozen=True)
-class Settings:
+@dataclass(frozen=True, kw_only=True)
+class Settings(Options):
     """What is tried."""
 
-    arm: str  #: Folder or name of the arm.
-    per: Literal["deflection", "reading"]  #: What the paper's noise is taken to be that of.
     scenario: FullPose  #: What is measured; its truth is replaced by each in turn.
     first: int  #: The first seed.
     ordered: int  #: Seeds, from the first, in which the order m is studied too.
     starts: int  #: Local solves of every order m: below 6 there are local minima that are not global.
-    magnification: float  #: Of the drawn deflections [1].
 
 
 @dataclass(frozen=True)
@@ -72,13 +69,11 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
         most=41e-3,
     )
     return Settings(
-        arm=options.arm,
-        per=options.per,
+        **vars(options),
         scenario=scenario,
         first=seeds[0],
         ordered=min(len(seeds), QUICK_ORDER_SEEDS if quick else ORDER_SEEDS),
         starts=QUICK_ORDER_STARTS if quick else ORDER_STARTS,
-        magnification=options.magnification,
     )
 
 
