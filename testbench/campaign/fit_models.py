@@ -13,11 +13,10 @@ from testbench.campaign.runs import Many, Runs
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method
-from testbench.identify.cells import reduce_cells
-from testbench.identify.crossval import FOLDS, divided, load_parts, pose_parts
-from testbench.identify.evaluate import Score, deflections, score
-from testbench.identify.judged import judge
-from testbench.identify.readings import MOST_READINGS
+from testbench.identify.crossval import folds, parts_of
+from testbench.identify.evaluate import Score, deflections, judge, score
+from testbench.identify.fold import reduce_parts
+from testbench.identify.weighed import MOST_READINGS
 
 Clock = Callable[[], float]  #: Wall time [s].
 
@@ -55,14 +54,11 @@ def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> Score:
 
 def _fit_many(cell: Cell, models: Sequence[Model], runs: Runs, many: Many, clock: Clock) -> Found:
     methods = {model.name: _plain(model, many) for model in models}
-    pose, cells = many.every.pose, np.full(many.every.runs, -1)
-    parts = load_parts(many.every.level[many.used])
-    if many.poses > 1:
-        parts = FOLDS * pose_parts(pose[many.used]) + parts
-    cells[many.used] = parts
+    part = np.full(many.every.runs, -1)
+    part[many.used] = parts_of(many.every.pose[many.used], many.every.level[many.used])
     structures = list({m.structure.name: m.structure for m in models}.values())
-    reduced = {own.structure.name: own for own in reduce_cells(cell.vjm, structures, many.every, cells)}
-    there, estimates, seconds = np.unique(parts), [], []
+    reduced = {own.structure.name: own for own in reduce_parts(cell.vjm, structures, many.every, part)}
+    there, estimates, seconds = np.unique(part[many.used]), [], []
     for model in models:
         start = clock()
         together = reduced[model.structure.name].together(there.tolist())
@@ -70,7 +66,7 @@ def _fit_many(cell: Cell, models: Sequence[Model], runs: Runs, many: Many, clock
         seconds.append(clock() - start)
 
     def held_out_errors(model: Model) -> Array:
-        return errors_of(cell, methods[model.name], divided(reduced[model.structure.name], there))
+        return errors_of(cell, methods[model.name], folds(reduced[model.structure.name], there))
 
     taken = recommended(cell, models, many.poses, held_out_errors)
     best = next(k for k, m in enumerate(models) if m.name == taken.name)

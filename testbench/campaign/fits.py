@@ -21,8 +21,9 @@ from testbench.identify.contradiction import Unchecked, unchecked
 from testbench.identify.contradiction import doubts as contradictions
 from testbench.identify.doubts import Doubt
 from testbench.identify.estimate import Rejected
+from testbench.identify.fold import BLOCK_RUNS
 from testbench.identify.metric import metric
-from testbench.identify.regression import BLOCK_RUNS, ROUNDING
+from testbench.identify.regression import ROUNDING
 from testbench.model.vjm import chain, generalised_load
 
 UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"

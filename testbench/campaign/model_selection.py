@@ -16,15 +16,15 @@ from testbench.arm.folder import Arm
 from testbench.campaign.campaign import Cell
 from testbench.campaign.evaluation import of_model
 from testbench.campaign.models import EVERY, JOINTS, MODELS, Model, named_models, own_name, right_name
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, select
 from testbench.errors import Array
 from testbench.identify import Estimate, Method, with_prior
 from testbench.identify.average import words
 from testbench.identify.crossval import (
     Candidate,
-    Divided,
     Duel,
     Fold,
+    divided,
     every_fold,
     held_out_errors,
     unless_beaten,
@@ -142,11 +142,12 @@ def _errors(cell: Cell, model: Model, data: Dataset) -> Array:
     folds, method = every_fold(cell.vjm, model.structure, data), model.estimator
     if isinstance(method, Method):
         return errors_of(cell, method, folds)
-    each = [of_model(cell, model, fold.runs).pi for fold in folds]
+    data, part = divided(data)
+    each = [of_model(cell, model, select(data, np.isin(part, fold.kept))).pi for fold in folds]
     return np.array([f_m(fold.held_out, pi) for fold, pi in zip(folds, each, strict=True)])
 
 
-def errors_of(cell: Cell, method: Method, folds: Sequence[Fold | Divided]) -> Array:
+def errors_of(cell: Cell, method: Method, folds: Sequence[Fold]) -> Array:
     """F_M of a method on what is held out, (folds,) [1]."""
 
     def fits(regressions: Sequence[Regression]) -> Array:

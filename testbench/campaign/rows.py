@@ -68,7 +68,7 @@ class FitRow:
     advice: tuple[str, ...]  #: What the estimate says of itself.
 
 
-def fit_row(name: str, estimate: Estimate, seconds: float, *, prior: bool = False) -> FitRow:
+def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool = False) -> FitRow:
     """What a method found."""
     certificate = estimate.certificate
     return FitRow(

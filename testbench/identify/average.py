@@ -13,12 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.errors import Array, BenchError
+from testbench.errors import BenchError
 from testbench.identify.estimate import Average, Constraint, Estimate, make_estimate
 from testbench.identify.hierarchy import ALONE, evidence, log_evidence_alone
 from testbench.identify.metric import Belief, Metric
 from testbench.identify.prior import Strength
-from testbench.identify.regression import Regression, Term, regression_of
+from testbench.identify.regression import Regression, regression_of, term_of, triangle
 from testbench.identify.regularised import fit_each, fit_reduced
 from testbench.model.structure import Ids
 
@@ -91,14 +91,9 @@ def words(average: Average) -> str:
 
 def _of_joints(regression: Regression, joints: Ids) -> Regression:
     """The dataset with rigid links."""
-
-    def term(whole: Term) -> Term:
-        n = len(joints)
-        T: Array = np.asarray(np.linalg.qr(np.c_[whole.R[:, joints], whole.z], mode="r"))
-        return Term(T[:n, :n], T[:n, n], whole.rest + float(T[n:, n] @ T[n:, n]), whole.equations)
-
     structure = regression.structure.keep(joints, "Joints")
-    return regression_of(structure, tuple(term(whole) for whole in regression.terms))
+    parts = ((triangle(np.c_[own.R[:, joints], own.z]), own) for own in regression.terms)
+    return regression_of(structure, tuple(term_of(T, own.rest, own.equations) for T, own in parts))
 
 
 def _metric_of_joints(metric: Metric, own: Regression, joints: Ids) -> Metric:

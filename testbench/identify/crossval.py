@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, Mask, select
+from testbench.data.dataset import Dataset, Ids, select
 from testbench.errors import Array, BenchError
-from testbench.identify.parts import Parts, reduce_parts
+from testbench.identify.fold import Parts, reduce_parts
 from testbench.identify.regression import Regression, f_m
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -26,25 +26,11 @@ Fits = Callable[[Sequence[Regression]], Array]
 
 @dataclass(frozen=True)
 class Fold:
-    """The runs outside and inside the poses that are held out."""
+    """What is fitted, and what is held out."""
 
-    data: Dataset  #: All runs.
-    kept: Mask  #: Those of the other poses, (runs,).
+    kept: Ids  #: Parts that are fitted.
     fitted: Regression  #: These, reduced.
-    held_out: Regression  #: Those of the poses held out, reduced.
-
-    @property
-    def runs(self) -> Dataset:
-        """The runs of the other poses."""
-        return select(self.data, self.kept)
-
-
-@dataclass(frozen=True)
-class Divided:
-    """What is fitted, and what is held out, reduced."""
-
-    fitted: Regression
-    held_out: Regression
+    held_out: Regression  #: The others, reduced.
 
 
 @dataclass(frozen=True)
@@ -65,68 +51,49 @@ class Candidate:
         return float(self.errors.std(ddof=1) / np.sqrt(len(self.errors)))
 
 
-def fold_poses(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
-    """Deal the poses, two at least (BenchError), out in turn to at most `FOLDS` folds, each reduced."""
-    return _folds(vjm, structure, data, pose_parts(data.pose))
+def divided(data: Dataset) -> tuple[Dataset, Ids]:
+    """The runs with a reading, and the part of each."""
+    read = np.asarray(data.seen.any(axis=1))
+    data = data if read.all() else select(data, read)
+    return data, parts_of(data.pose, np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2))
 
 
-def pose_parts(pose: Ids) -> Ids:
-    """Fold of every run by its pose, (runs,); BenchError for a single pose."""
-    poses, place = np.unique(pose, return_inverse=True)
-    if len(poses) < 2:
-        raise BenchError("cross-validation: expected at least 2 poses, got 1")
-    return np.asarray(place % FOLDS)
+def parts_of(pose: Ids, level: Array) -> Ids:
+    """Part of every run, (runs,): fold of its pose times `FOLDS` plus fold of its load.
 
-
-def load_parts(level: Array) -> Ids:
-    """Fold of every run by its load, (runs,), of lengths of force and moment, (runs, 2) [N, N m].
-
-    Levels are dealt out in turn where there are more than `FOLDS`; all are in one fold where there is one.
+    Args:
+        pose: Of every run; they are dealt out in turn.
+        level: Lengths of its force and moment, (runs, 2) [N, N m]; loads are of one level whose lengths are
+            alike. Levels are dealt out in turn where there are more than `FOLDS`.
     """
     force, moment = (np.unique(part, return_inverse=True)[1] for part in level.round(LEVEL_DIGITS).T)
-    return np.asarray(np.unique(force * len(level) + moment, return_inverse=True)[1] % FOLDS)
-
-
-def fold_loads(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
-    """At most `FOLDS` folds over the load levels, each held out whole; none where the data have only one.
-
-    Loads whose force and moment have the same length are one level.
-    """
-    size = np.stack([np.linalg.norm(part, axis=1) for part in np.split(data.wrench, 2, axis=1)], axis=1)
-    level = load_parts(size)
-    return _folds(vjm, structure, data, level) if level.any() else []
+    load = np.unique(force * len(level) + moment, return_inverse=True)[1]
+    return np.asarray(np.unique(pose, return_inverse=True)[1] % FOLDS * FOLDS + load % FOLDS)
 
 
 def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
-    """Folds over poses (two at least, or BenchError) and over load levels, of the runs with a reading."""
-    read = np.asarray(data.seen.any(axis=1))
-    data = data if read.all() else select(data, read)
-    return fold_poses(vjm, structure, data) + fold_loads(vjm, structure, data)
+    """The folds of `folds` of the runs with a reading."""
+    data, part = divided(data)
+    [parts] = reduce_parts(vjm, [structure], data, part)
+    return folds(parts, np.unique(part))
 
 
-def _folds(vjm: Vjm, structure: Structure, data: Dataset, part: Ids) -> list[Fold]:
-    """Each part, (runs,), held out in turn."""
-    parts, every = reduce_parts(vjm, structure, data, part), range(part.max() + 1)
-    others = [[i for i in every if i != k] for k in every]
-    return [Fold(data, part != k, parts.together(others[k]), parts.together([k])) for k in every]
-
-
-def divided(parts: Parts, cells: Ids) -> list[Divided]:
-    """The folds of `every_fold` of parts that are cells, numbered pose fold times `FOLDS` plus load fold.
+def folds(parts: Parts, some: Ids) -> list[Fold]:
+    """Poses held out, two at least (BenchError), then load levels where there are several.
 
     Args:
-        parts: One a cell.
-        cells: Those with runs.
+        parts: Runs reduced by `parts_of`.
+        some: The parts that have runs.
     """
-    folds = []
-    for part in (cells // FOLDS, cells % FOLDS):
-        every = np.unique(part)
-        if len(every) > 1:
-            folds += [(cells[part != k].tolist(), cells[part == k].tolist()) for k in every]
-    return [Divided(parts.together(kept), parts.together(held)) for kept, held in folds]
+    pose, load = some // FOLDS, some % FOLDS
+    if len(np.unique(pose)) < 2:
+        raise BenchError("cross-validation: expected at least 2 poses, got 1")
+    held = [own == k for own in (pose, load) for k in np.unique(own)]
+    pairs = [(some[~own], some[own]) for own in held if not own.all()]
+    return [Fold(kept, parts.together(kept.tolist()), parts.together(out.tolist())) for kept, out in pairs]
 
 
-def held_out_errors(folds: Sequence[Fold | Divided], fits: Fits) -> Array:
+def held_out_errors(folds: Sequence[Fold], fits: Fits) -> Array:
     """F_M on the poses held out, fitted to the others, (folds,) [1]."""
     found = fits([fold.fitted for fold in folds])
     return np.array([f_m(fold.held_out, pi) for fold, pi in zip(folds, found, strict=True)])

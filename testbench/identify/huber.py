@@ -29,9 +29,16 @@ from testbench.identify import cone
 from testbench.identify.estimate import TOOL, Constraint, Estimate, Rejected
 from testbench.identify.metric import Belief, metric, precision_root
 from testbench.identify.prior import Strength, cad_prior
-from testbench.identify.readings import Readings, accepted, weigh
-from testbench.identify.regression import RANK_TOLERANCE, ROUNDING, Regression
+from testbench.identify.regression import (
+    RANK_TOLERANCE,
+    ROUNDING,
+    Regression,
+    regression_of,
+    term_of,
+    triangle,
+)
 from testbench.identify.regularised import fit_reduced
+from testbench.identify.weighed import Readings, one_by_one
 from testbench.model.vjm import Vjm
 
 DELTA = 1.628
@@ -69,12 +76,12 @@ def without_outliers(
     Raises:
         BenchError: When the dataset is too large, or too few readings are left.
     """
-    readings = weigh(vjm, regression.structure, data)
+    readings = one_by_one(vjm, regression.structure, data)
     found = search(vjm, readings, regression, constraint, belief)
     keep = found.length <= REJECT
     _check_left(keep, regression.rank)
     if not keep.all():
-        regression = accepted(regression, readings, keep)
+        regression = _accepted(regression, readings, keep)
     plain = fit_reduced(regression, constraint, belief)
     return replace(
         plain,
@@ -152,6 +159,18 @@ def _check_left(keep: Mask, rank: int) -> None:
             f"{len(keep) - left} of {len(keep)} readings rejected, beyond {REJECT} standard deviations; "
             f"{3 * left} equations left for {rank} directions: {NO_OUTLIERS}"
         )
+
+
+def _accepted(regression: Regression, readings: Readings, keep: Mask) -> Regression:
+    """The regression of these readings alone; a term that lost all of its own is left out."""
+    terms = []
+    for kind in (readings.marker >= 0, readings.marker < 0):
+        some = keep & kind
+        if some.any():
+            rows = np.concatenate([readings.A[some], readings.y[some, :, None]], axis=2)
+            T = triangle(rows.reshape(-1, rows.shape[2])) / np.sqrt(some.sum())
+            terms.append(term_of(T, 0.0, 3 * int(some.sum())))
+    return regression_of(regression.structure, tuple(terms))
 
 
 def _rejected(data: Dataset, readings: Readings, keep: Mask, pi: Array) -> tuple[Rejected, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
+from testbench.identify.fold import reduce
 from testbench.identify.identifiability_help import (
     Proposal,
     expected_error,
@@ -32,7 +33,7 @@ from testbench.identify.identifiability_unseen import (
 )
 from testbench.identify.metric import Metric, metric, precision_root, whitened
 from testbench.identify.prior import Prior, Strength, aggregate
-from testbench.identify.regression import Regression, check_symmetric, generic_rows, reduce
+from testbench.identify.regression import Regression, check_symmetric, generic_rows
 from testbench.identify.weighed import marker_motion, marker_points
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm

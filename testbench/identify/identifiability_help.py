@@ -9,8 +9,9 @@ from scipy.linalg import solve_triangular
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
+from testbench.identify.fold import reduce
 from testbench.identify.metric import Metric, whitened
-from testbench.identify.regression import Regression, rank, reduce
+from testbench.identify.regression import Regression, rank
 from testbench.identify.weighed import marker_points
 from testbench.model.vjm import Vjm, chain, observation
 

@@ -11,11 +11,12 @@ from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify.average import averaged
 from testbench.identify.estimate import Constraint, Estimate, Estimator
+from testbench.identify.fold import reduce
 from testbench.identify.hierarchy import learn
 from testbench.identify.huber import without_outliers
 from testbench.identify.metric import Belief, metric, rescaled
 from testbench.identify.prior import Prior, Strength
-from testbench.identify.regression import Regression, reduce
+from testbench.identify.regression import Regression
 from testbench.identify.regularised import fit_each
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm

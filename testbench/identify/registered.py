@@ -15,9 +15,9 @@ import numpy as np
 
 from testbench.data.dataset import Dataset, Mask, read_by
 from testbench.errors import Array, BenchError, InputError
+from testbench.identify.fold import BLOCK_RUNS
 from testbench.identify.in_base import in_base, with_targets
 from testbench.identify.registration import Frame, Registration, register, spread, station_names
-from testbench.identify.regression import BLOCK_RUNS
 from testbench.model.vjm import Vjm, chain, skew
 from testbench.model.weights import own_weight, read_weights
 

@@ -1,4 +1,4 @@
-"""A dataset boiled down: weighted rows of Eq. (13), reduced by QR in blocks.
+"""A dataset boiled down: the triangular factors of its weighted rows, Eq. (13).
 
 Least squares and GCO see a dataset only through F_M, and F_M only through the triangular factor of the
 stacked weighted rows: n + 1 numbers squared, however many runs there were.
@@ -11,18 +11,14 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import qr
-from scipy.linalg.lapack import dgeqp3, dtpqrt
+from scipy.linalg.lapack import dgeqp3
 
-from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
-from testbench.identify.weighed import check_runs, equations_of, weigh
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm, chain, observation, parameter_rows, rotation_observation
+from testbench.model.vjm import Vjm, chain, observation, rotation_observation
 
 Ids = npt.NDArray[np.int_]
 
-BLOCK_RUNS = 384  #: Runs reduced at a time: long enough for LAPACK, short enough for the cache.
-PANEL = 8  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
 ROUNDING = 1e-12
 """A column below this share of the largest is the rounding of a zero: lever arms that cancel."""
 RANK_TOLERANCE = 1e-9
@@ -69,15 +65,17 @@ class Regression:
         return len(self.terms) * math.sqrt(3 * dof)
 
 
-def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
-    """Boil a dataset down to the triangular factors of its weighted rows; memory does not grow with the runs.
+def term_of(T: Array, rest: float, equations: int) -> Term:
+    """A term of the triangular factor of rows [A | y] over sqrt(N), (n + 1, n + 1), and what is beside it."""
+    return Term(R=T[:-1, :-1], z=T[:-1, -1], rest=float(T[-1, -1] ** 2) + rest, equations=equations)
 
-    Raises:
-        BenchError: When the dataset is empty or names a marker that the arm lacks.
-    """
-    check_runs(vjm, data)
-    kinds = (False,) if data.rotation_before is None else (False, True)
-    return regression_of(structure, tuple(_reduce_rows(vjm, structure, data, rotation=k) for k in kinds))
+
+def triangle(rows: Array) -> Array:
+    """Triangular factor of rows of n numbers, (n, n)."""
+    R = np.linalg.qr(rows, mode="r")
+    T = np.zeros((rows.shape[1],) * 2)
+    T[: len(R)] = R
+    return T
 
 
 def regression_of(structure: Structure, terms: tuple[Term, ...]) -> Regression:
@@ -94,29 +92,6 @@ def check_symmetric(structure: Structure) -> None:
     """Refuse by BenchError a structure that no Gramian has: one that leaves the symmetry open."""
     if not structure.symmetric:
         raise BenchError(f"GCO: expected a symmetric structure, {structure.name} leaves the symmetry open")
-
-
-def _reduce_rows(vjm: Vjm, structure: Structure, data: Dataset, *, rotation: bool) -> Term:
-    """Fold block after block of runs into the triangular factor of [A | y]."""
-    n, equations = structure.n, int(equations_of(data, rotation=rotation).sum())
-    T, rest = np.zeros((n + 1, n + 1), order="F"), 0.0
-    for first in range(0, data.runs, BLOCK_RUNS):
-        block = slice(first, first + BLOCK_RUNS)
-        read = weigh(vjm, data, block, equations, rotation=rotation)
-        rest += float((read.unmade**2).sum())
-        rows = on_a_cache_line((n + 1, read.u.shape[1]))
-        for A, z in zip(parameter_rows(structure, read.J, read.u), read.z, strict=True):
-            rows[:n], rows[n] = A, z
-            T = dtpqrt(0, min(PANEL, n + 1), T, rows.T, overwrite_a=True, overwrite_b=True)[0]
-    return Term(R=T[:n, :n], z=T[:n, n], rest=float(T[n, n] ** 2) + rest, equations=equations)
-
-
-def on_a_cache_line(shape: tuple[int, int]) -> Array:
-    """An array not filled yet that starts on a cache line of 64 bytes: LAPACK is a fifth faster there."""
-    size = math.prod(shape)
-    memory = np.empty(size + 7)
-    first = -memory.ctypes.data % 64 // 8
-    return memory[first : first + size].reshape(shape)
 
 
 def rank(A: Array) -> int:

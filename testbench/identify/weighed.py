@@ -1,35 +1,42 @@
-"""Readings as rows of Eq. (13), weighted: what a run says of the unknowns, before it is boiled down."""
+"""Readings as rows of Eq. (13), weighted: of whole runs, to be boiled down, or one by one, to be left out."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, turn
+from testbench.data.dataset import Dataset, Ids, Mask, turn
 from testbench.errors import Array, BenchError
-from testbench.model.vjm import Vjm, chain, generalised_load, skew, twist_rows
+from testbench.model.structure import Structure
+from testbench.model.vjm import (
+    Vjm,
+    chain,
+    generalised_load,
+    observation,
+    rotation_observation,
+    skew,
+    twist_rows,
+)
 
 LARGEST = 1e9
 """Largest reading, load or coordinate that can be meant [m, N, N m]; squares of more may overflow."""
+MOST_READINGS = 5000
+"""Most readings that fit into one program: about ten seconds and some hundred megabytes for 153 unknowns."""
 
 
 @dataclass(frozen=True)
 class Weighed:
-    """Readings of some runs over sqrt(2) sigma sqrt(N), at most six a run."""
+    """Readings of some runs in standard deviations sqrt(2) sigma, at most six a run."""
 
     J: Array  #: Readings per unit of each virtual joint, (k, n_theta, runs).
     u: Array  #: Load of each virtual joint, (n_theta, runs) [N, N m].
     z: Array  #: Readings, (k, runs).
-    unmade: Array  #: What of them no rigid tool can make, (3 m, runs).
+    rest: Array  #: Squared length of what of them no rigid tool can make, (runs,).
+    equations: Ids  #: Scalar equations behind them, (runs,).
 
 
-def equations_of(data: Dataset, *, rotation: bool) -> Ids:
-    """Scalar equations of every run, (runs,)."""
-    return np.full(data.runs, 3) if rotation else 3 * data.seen.sum(axis=1)
-
-
-def weigh(vjm: Vjm, data: Dataset, runs: slice, equations: int, *, rotation: bool) -> Weighed:
-    """The readings of some runs, positions or rotations, out of so many equations.
+def weigh(vjm: Vjm, data: Dataset, runs: Ids, *, rotation: bool) -> Weighed:
+    """The readings of some runs, positions or rotations.
 
     In the tool's axes the readings of a run are a constant matrix times the twist of the tool. Its QR leaves
     at most six equations a run, however many markers there are; what no rigid tool can do goes to the rest.
@@ -45,17 +52,19 @@ def weigh(vjm: Vjm, data: Dataset, runs: slice, equations: int, *, rotation: boo
         motion, sigma = marker_motion(marker_points(vjm, data.markers)), data.sigma
         y = data.after[runs] - data.before[runs]
     assert sigma is not None
-    if data.precision is None or rotation:
-        weight = 1 / (math.sqrt(2) * sigma * math.sqrt(equations / 3))
+    own = None if data.precision is None or rotation else data.precision[runs]
+    if own is None:
+        weight = 1 / (math.sqrt(2) * sigma)
         Q, G = np.linalg.qr(motion)
         J = (weight * G @ twist.reshape(6, -1)).reshape(-1, *twist.shape[1:])
         read = weight * (y @ where.rotation).reshape(len(y), -1).T
         z = Q.T @ read
-        unmade = read - Q @ z
+        unmade, equations = read - Q @ z, np.full(len(y), 3 * y.shape[1])
     else:
-        own, z, unmade = _weighted(data.precision[runs] / (equations / 3), where.rotation, motion, y)
-        J = np.einsum("rkx,xtr->ktr", own, twist, optimize=True)
-    return Weighed(J, u, z, unmade)
+        G, z, unmade = _weighted(own, where.rotation, motion, y)
+        J = np.einsum("rkx,xtr->ktr", G, twist, optimize=True)
+        equations = 3 * own.any(axis=(2, 3)).sum(axis=1)
+    return Weighed(J, u, z, (unmade**2).sum(axis=0), equations)
 
 
 def _weighted(precision: Array, rotation: Array, motion: Array, y: Array) -> tuple[Array, Array, Array]:
@@ -103,3 +112,71 @@ def marker_points(vjm: Vjm, names: tuple[str, ...]) -> Array:
         if name not in have:
             raise BenchError(f"no marker {name!r} in {vjm.arm.name}; markers are {', '.join(have)}")
     return vjm.markers[[have.index(name) for name in names]]
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Rows of Eq. (13), reading by reading, in standard deviations."""
+
+    A: Array  #: Observation matrices, (readings, 3, n).
+    y: Array  #: Measured, (readings, 3) [1].
+    unit: Array  #: Standard deviation of each, sqrt(2) sigma where all axes are alike, (readings,) [m, rad].
+    run: Ids  #: Index of its run in the dataset, (readings,).
+    marker: Ids  #: Index of its marker, -1 for the orientation, (readings,).
+
+
+def one_by_one(vjm: Vjm, structure: Structure, data: Dataset) -> Readings:
+    """A dataset of at most MOST_READINGS (BenchError) reading by reading; `reduce` has checked it."""
+    points = marker_points(vjm, data.markers)
+    args = (chain(vjm, data.q), structure, data.wrench, data.point)
+    turned = data.sigma_rotation is not None
+    each = len(points) + turned
+    if data.runs * each > MOST_READINGS:
+        raise BenchError(f"robust fit: expected at most {MOST_READINGS} readings, got {data.runs * each}")
+    root = _roots(data)
+    A = root @ observation(*args, points)
+    unit, marker = np.linalg.det(root) ** (-1 / 3), np.arange(each)
+    if data.sigma_rotation is not None:
+        turn = math.sqrt(2) * data.sigma_rotation
+        A = np.concatenate([A, rotation_observation(*args) / turn], axis=1)
+        unit, marker[-1] = np.c_[unit, np.full(data.runs, turn)], -1
+    used = _used(data)
+    return Readings(
+        A=A.reshape(-1, 3, structure.n)[used],
+        y=white(data, data.deflection, data.rotation if turned else None),
+        unit=unit.ravel()[used],
+        run=np.repeat(np.arange(data.runs), each)[used],
+        marker=np.tile(marker, data.runs)[used],
+    )
+
+
+def white(data: Dataset, moved: Array, turned: Array | None = None) -> Array:
+    """Moves of the markers and turns of the tool as readings of a dataset, in standard deviations.
+
+    Args:
+        data: Says what was read, and how well.
+        moved: (runs, m, 3) [m].
+        turned: (runs, 3) [rad]; of no effect where positions alone are read.
+
+    Returns:
+        One row a reading, (readings, 3), in the order of `one_by_one`.
+    """
+    y = (_roots(data) @ moved[..., None])[..., 0]
+    if data.sigma_rotation is not None and turned is not None:
+        y = np.concatenate([y, turned[:, None] / (math.sqrt(2) * data.sigma_rotation)], axis=1)
+    return np.asarray(y.reshape(-1, 3)[_used(data)])
+
+
+def _used(data: Dataset) -> Mask:
+    """Which readings there are, (runs * readings a run,)."""
+    whole = np.ones((data.runs, int(data.sigma_rotation is not None)), dtype=bool)
+    return np.concatenate([data.seen, whole], axis=1).ravel()
+
+
+def _roots(data: Dataset) -> Array:
+    """Roots of the inverse covariance of every deflection, (runs, m, 3, 3) [1/m]; one where it was lost."""
+    if data.precision is None:
+        one = np.eye(3) / (math.sqrt(2) * data.sigma)
+        return np.broadcast_to(one, (data.runs, len(data.markers), 3, 3))
+    safe = np.where(data.seen[..., None, None], data.precision, np.eye(3))
+    return np.asarray(np.linalg.cholesky(safe).swapaxes(2, 3))

@@ -24,7 +24,8 @@ from testbench.identify.certify import (
 )
 from testbench.identify.conic import f_m_norms, optimum, psd_blocks, scale_program
 from testbench.identify.estimate import Dual
-from testbench.identify.regression import Term, f_m, reduce, regression_of
+from testbench.identify.fold import reduce
+from testbench.identify.regression import Term, f_m, regression_of
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
 

@@ -18,8 +18,8 @@ from testbench.identify.doubts.find import AT_A_TIME
 from testbench.identify.doubts.loads import allowed, learnt
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
-from testbench.identify.readings import MOST_READINGS
 from testbench.identify.registered import Registered, registered
+from testbench.identify.weighed import MOST_READINGS
 from testbench.model.loaded import displacement
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, generalised_load, tool_pose

@@ -10,11 +10,12 @@ from loads import axis_loads
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.commands.identifiability import report as said
 from testbench.errors import BenchError
+from testbench.identify.fold import reduce
 from testbench.identify.identifiability import describe
 from testbench.identify.identifiability_help import REPEAT, imagined, more_poses, tasks
 from testbench.identify.metric import metric, whitened
 from testbench.identify.prior import Prior, Strength, cad_prior
-from testbench.identify.regression import generic_rows, non_redundant, rank, reduce
+from testbench.identify.regression import generic_rows, non_redundant, rank
 from testbench.model.structure import Structure, all153, free36, mgco47, mgco68, mgco69, mgco147, template56
 
 STRENGTH = Strength(0.3)

@@ -11,9 +11,8 @@ from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.crossval import (
     Candidate,
+    divided,
     every_fold,
-    fold_loads,
-    fold_poses,
     held_out_errors,
     unless_beaten,
 )
@@ -190,14 +189,16 @@ def with_orientations(data, rng):
 @pytest.mark.parametrize("read", [lambda data, _: data, with_covariances, with_orientations])
 def test_folds_are_whole_poses_reduced_by_themselves_and_cover_all_runs(kr500, rng, read):
     data = read(campaign(kr500, 1).identification, rng)
-    data = select(data, data.seen.any(axis=1))
     structure = template56(kr500.arm)
-    folds = fold_poses(kr500.vjm, structure, data)
-    assert (sum(~fold.kept for fold in folds) == 1).all()
-    for fold in folds:
-        assert not set(data.pose[fold.kept]) & set(data.pose[~fold.kept])
+    folds = every_fold(kr500.vjm, structure, data)
+    data, part = divided(data)
+    assert data.seen.any(axis=1).all()
+    masks = [np.isin(part, fold.kept) for fold in folds]
+    assert (sum(~kept for kept in masks) == 1).all()
+    for fold, kept in zip(folds, masks, strict=True):
+        assert not set(data.pose[kept]) & set(data.pose[~kept])
         for pi in (np.zeros(structure.n), structure.entries(kr500.arm.C_theta)):
-            for found, runs in ((fold.fitted, fold.kept), (fold.held_out, ~fold.kept)):
+            for found, runs in ((fold.fitted, kept), (fold.held_out, ~kept)):
                 alone = reduce(kr500.vjm, structure, select(data, runs))
                 assert f_m(found, pi) == pytest.approx(f_m(alone, pi), rel=1e-9)
                 assert (found.equations, found.rank) == (alone.equations, alone.rank)
@@ -206,19 +207,18 @@ def test_folds_are_whole_poses_reduced_by_themselves_and_cover_all_runs(kr500, r
 def test_load_levels_are_held_out_whole_where_there_are_several(kr500):
     light, heavy = (campaign(kr500, 1, payload=mass).identification for mass in (200.0, 460.3))
     structure = template56(kr500.arm)
-    assert fold_loads(kr500.vjm, structure, heavy) == []
+    assert len(every_fold(kr500.vjm, structure, heavy)) == 8
     names = ("run", "pose", "q", "wrench", "point", "before", "after")
     both = replace(heavy, **{k: np.concatenate([getattr(light, k), getattr(heavy, k)]) for k in names})
-    folds = fold_loads(kr500.vjm, structure, both)
-    assert [fold.held_out.equations for fold in folds] == [9 * light.runs, 9 * heavy.runs]
-    assert len(every_fold(kr500.vjm, structure, both)) == 8 + 2
+    folds = every_fold(kr500.vjm, structure, both)
+    assert [fold.held_out.equations for fold in folds[8:]] == [9 * light.runs, 9 * heavy.runs]
 
 
 def test_cross_validation_takes_the_strength_that_predicts_best(kr500):
     data = campaign(kr500, 1).identification
     structure = template56(kr500.arm)
     own = metric(cad_prior(kr500.arm), kr500.vjm, structure)
-    folds = fold_poses(kr500.vjm, structure, data)
+    folds = every_fold(kr500.vjm, structure, data)
     errors = {}
     for u in UNCERTAINTIES:
         fits = [least_squares_with(fold.fitted, own, Strength(u)).pi for fold in folds]
@@ -270,4 +270,4 @@ def test_structures_with_holes_and_too_few_poses_are_refused(kr500):
         metric(cad_prior(kr500.arm), kr500.vjm, holes)
     data = campaign(kr500, 1, identification_poses=1, identification_runs=2).identification
     with pytest.raises(BenchError, match="expected at least 2 poses, got 1"):
-        fold_poses(kr500.vjm, template56(kr500.arm), data)
+        every_fold(kr500.vjm, template56(kr500.arm), data)

@@ -10,15 +10,15 @@ from scipy.optimize import minimize
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.data.tracker import spoil
 from testbench.errors import BenchError
-from testbench.identify import cone, gco, huber, least_squares, readings, reduce
+from testbench.identify import cone, gco, huber, least_squares, reduce, weighed
 from testbench.identify.estimate import TOOL
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.huber import DELTA, REJECT, without_outliers
 from testbench.identify.metric import Belief, metric, precision_root
 from testbench.identify.prior import Strength, cad_prior, distorted
-from testbench.identify.readings import weigh
 from testbench.identify.regression import f_m, non_redundant
 from testbench.identify.regularised import gco_with, least_squares_with
+from testbench.identify.weighed import one_by_one
 from testbench.model.structure import all153, mgco68, template56
 
 STRENGTH = Strength(0.3)
@@ -45,7 +45,7 @@ def program(cell, structure, seed):
     """Readings of a spoiled campaign in the metric of a rough prior, and the prior's rows."""
     data, _ = spoil(campaign(cell, seed).identification, 0.05, 1e-3, np.random.default_rng(seed))
     units = rough(cell, structure, seed)
-    readings = weigh(cell.vjm, structure, data)
+    readings = one_by_one(cell.vjm, structure, data)
     return readings.A @ units.L, readings.y, *precision_root(units, STRENGTH), units
 
 
@@ -255,7 +255,7 @@ def test_a_search_that_did_not_converge_is_never_called_solved(kr500, monkeypatc
 
 def test_bad_input_is_refused(kr500, monkeypatch):
     data, s = campaign(kr500, 1).identification, template56(kr500.arm)
-    monkeypatch.setattr(readings, "MOST_READINGS", 44)
+    monkeypatch.setattr(weighed, "MOST_READINGS", 44)
     with pytest.raises(BenchError, match="expected at most 44 readings, got 45"):
         robustly(kr500, s, data, "none")
     with pytest.raises(BenchError, match="share: expected 0 to 1"):

@@ -13,7 +13,7 @@ from testbench.identify import gco, least_squares, reduce, with_prior
 from testbench.identify.evaluate import deflections
 from testbench.identify.least_squares import solve
 from testbench.identify.prior import Strength, cad_prior, distorted
-from testbench.identify.readings import weigh
+from testbench.identify.weighed import one_by_one
 from testbench.model.structure import mgco68, template56
 from testbench.model.vjm import chain, observation
 
@@ -80,7 +80,7 @@ def test_robust_fit_weighs_readings_alike(kr500, data):
     P = random_precision(data)
     P[3, 0] = 0
     data, structure = replace(data, precision=P), mgco68(kr500.arm)
-    readings = weigh(kr500.vjm, structure, data)
+    readings = one_by_one(kr500.vjm, structure, data)
     assert len(readings.y) == 3 * data.runs - 1
     normal, _, rest = brute_force(kr500, structure, data)
     A = readings.A.reshape(-1, structure.n)

@@ -2,7 +2,7 @@
 
 import re
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from random import Random
 
@@ -14,7 +14,9 @@ from hypothesis.extra.numpy import arrays
 
 from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset
+from testbench.data.read_pairs import read_csv
 from testbench.data.units import LEAST
+from testbench.data.write import write_csv
 from testbench.errors import InputError
 
 ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")
@@ -194,3 +196,9 @@ def test_no_mutation_of_a_file_crashes_the_reader(data: Dataset, own: Dialect, c
     assert back.runs == len(set(back.run.tolist())) >= 1
     assert set(back.markers) <= set(ARM.markers)
     assert ((back.q >= LOWER - 1e-6) & (back.q <= UPPER + 1e-6)).all()
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "again.csv"
+        write_csv(back, ARM, file)  # what was read can be written and read again
+        again = read_csv(file, ARM)
+    for field in fields(Dataset):
+        np.testing.assert_array_equal(getattr(again, field.name), getattr(back, field.name))

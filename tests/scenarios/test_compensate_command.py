@@ -26,8 +26,8 @@ from testbench.commands.compensate import report
 from testbench.correct.newton import Aim
 from testbench.data.program import read_program
 from testbench.identify.estimate import make_estimate
+from testbench.identify.fold import reduce
 from testbench.identify.prior import Strength, cad_prior
-from testbench.identify.regression import reduce
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose
 from testbench.plant import settle

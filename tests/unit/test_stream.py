@@ -19,9 +19,9 @@ from testbench.data.dataset import Dataset, select
 from testbench.data.spool import Campaign, Spool
 from testbench.data.write import write_csv
 from testbench.errors import InputError
-from testbench.identify.cells import reduce_cells
-from testbench.identify.crossval import FOLDS, divided, every_fold, load_parts, pose_parts
-from testbench.identify.regression import f_m, reduce
+from testbench.identify.crossval import divided, every_fold, folds
+from testbench.identify.fold import reduce, reduce_parts
+from testbench.identify.regression import f_m
 from testbench.model.vjm import chain, observation, tool_points
 
 ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")
@@ -175,24 +175,23 @@ def test_memory_does_not_grow_with_the_runs(tmp_path):
 
 
 @pytest.mark.parametrize("lost", [False, True])
-def test_cells_hold_what_reduce_and_its_folds_do(lost):
+def test_blocks_in_threads_hold_what_reduce_and_its_folds_do(lost):
     data, vjm = runs(90, lost=lost), CELL.vjm
-    data = select(data, data.seen.any(axis=1))
+    data, part = divided(data)
     models = named_models(CELL, ["MLS56", "MGCO68", "ALL153"])
-    many = campaign(data)
-    cell = FOLDS * pose_parts(data.pose) + load_parts(many.level)
-    reduced = reduce_cells(vjm, [m.structure for m in models], many, cell)
+    reduced = reduce_parts(vjm, [m.structure for m in models], campaign(data), part)
     for model, parts in zip(models, reduced, strict=True):
         expected = reduce(vjm, model.structure, data)
-        [own], [term] = parts.together(np.unique(cell).tolist()).terms, expected.terms
+        [own], [term] = parts.together(np.unique(part).tolist()).terms, expected.terms
         size = np.abs(term.R.T @ term.R).max()
         np.testing.assert_allclose(own.R.T @ own.R, term.R.T @ term.R, rtol=0, atol=1e-10 * size)
         assert own.equations == term.equations
         lengths = [t.z @ t.z + t.rest for t in (own, term)]
         assert lengths[0] == pytest.approx(lengths[1], rel=1e-9)
         pi = model.structure.entries(ARM.C_theta)
-        folds = divided(parts, np.unique(cell))
-        for fold, other in zip(folds, every_fold(vjm, model.structure, data), strict=True):
+        for fold, other in zip(
+            folds(parts, np.unique(part)), every_fold(vjm, model.structure, data), strict=True
+        ):
             for kind in ("fitted", "held_out"):
                 one, two = (f_m(getattr(x, kind), pi) for x in (fold, other))
                 assert one == pytest.approx(two, rel=1e-9)
@@ -223,7 +222,7 @@ def test_of_more_runs_than_are_looked_at_the_worst_are(monkeypatch):
     data = runs(80)
     data.after[37, 1] += 0.01
     monkeypatch.setattr("testbench.data.stream.SHOWN", 10)
-    monkeypatch.setattr("testbench.identify.judged.FAR", 3)
+    monkeypatch.setattr("testbench.identify.evaluate.FAR", 3)
     many = Runs("runs.csv", data, data, None, many=Many(campaign(data), np.ones(80, dtype=bool)))
     found = fit(CELL, named_models(CELL, ["Joints"]), many, lambda: 0.0).runs
     assert 10 <= found.every.runs <= 13

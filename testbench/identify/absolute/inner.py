@@ -16,7 +16,7 @@ from testbench.identify.absolute.state import Frame, Mount, State
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.metric import Belief, Metric, precision_root, rescaled
 from testbench.identify.prior import Strength
-from testbench.identify.regression import Regression, Term, regression_of
+from testbench.identify.regression import Regression, regression_of, term_of
 from testbench.identify.regularised import fit_reduced
 
 OPEN = 1e-10  #: Share of a column that no other has, below which it is not seen at all.
@@ -89,9 +89,8 @@ def _factor(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:
 
 def _compliances(elastic: Metric, T: Array, inner: Inner, equations: int) -> tuple[Estimate, Belief]:
     """Least squares or GCO with a prior, of what the readings leave when all else is eliminated."""
-    n, share = elastic.structure.n, np.sqrt(equations / 3)
-    R, z, rest = T[:n, :n] / share, T[:n, n] / share, float((T[n:, n] ** 2).sum()) / share**2
-    regression = regression_of(elastic.structure, (Term(R, z, rest, equations),))
+    share = np.sqrt(equations / 3)
+    regression = regression_of(elastic.structure, (term_of(T / share, 0.0, equations),))
     belief = Belief(elastic, inner.strength) if inner.strength else _believed(regression, elastic)
     return fit_reduced(regression, inner.constraint, belief), belief
 

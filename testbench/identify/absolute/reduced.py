@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg.lapack import dtpqrt
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array
@@ -17,9 +16,9 @@ from testbench.identify.absolute.noise import POSITIONS, Noise, combine, kinds_o
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.fold import Folded
 from testbench.model.structure import Ids
 
-PANEL = 16  #: Columns that LAPACK eliminates at a time.
 BATCH = 3_000_000  #: Numbers of the equations that are in memory at a time.
 
 
@@ -74,31 +73,27 @@ class Point:
 
 
 def reduce(at: Point, series: Sequence[Series], weighting: Sequence[Weighting]) -> Reduced:
-    """Fold all rows into triangular factors, and of every series and block into sums of squares."""
-    kinds = kinds_of(series)
-    n, parts = at.unknowns.size, []
-    factors = {kind: np.zeros((n + 1, n + 1), order="F") for kind in kinds}
+    """Fold all rows into triangular factors, those of every series and block by themselves first."""
+    kinds, parts, whole = kinds_of(series), [], Folded(at.unknowns.size + 1)
     for place, (one, own) in enumerate(zip(series, weighting, strict=True)):
         for block in np.unique(own.block):
-            gram, counts = _sums(at, one, own, np.flatnonzero(own.block == block), factors)
-            parts.append(Part(place, gram, counts))
-    return Reduced(kinds, tuple(parts), factors)
+            part = _folded(at, one, own, np.flatnonzero(own.block == block))
+            factors = [part.factor(kind, [0]) for kind in kinds]
+            counts = np.array([part.sums[kind, 0][0] for kind in kinds])
+            parts.append(Part(place, np.array([T.T @ T for T in factors]), counts))
+            whole.join(part)
+    return Reduced(kinds, tuple(parts), {kind: whole.factor(kind, [0]) for kind in kinds})
 
 
-def _sums(
-    at: Point, series: Series, own: Weighting, rows: Ids, factors: dict[int, Array]
-) -> tuple[Array, Array]:
-    """Sums of squares and numbers of the equations of some rows, which are folded into factors as well."""
-    n, kinds = at.unknowns.size, list(factors)
-    gram, counts = np.zeros((len(kinds), n + 1, n + 1)), np.zeros(len(kinds))
+def _folded(at: Point, series: Series, own: Weighting, rows: Ids) -> Folded:
+    """The equations of some rows."""
+    found = Folded(at.unknowns.size + 1)
     targets = len(series.markers) + (series.rotation is not None)
-    for some in batches(series.pose[rows], max(16, BATCH // (3 * targets * n))):
+    for some in batches(series.pose[rows], max(16, BATCH // (3 * targets * at.unknowns.size))):
         for kind, lines in equations(at, select_rows(series, rows[some]), own.pull[:, rows[some]]):
-            place, panel = kinds.index(kind), min(PANEL, n + 1)
-            gram[place] += lines @ lines.T
-            counts[place] += lines.shape[1]
-            factors[kind] = dtpqrt(0, panel, factors[kind], lines.T, overwrite_a=True, overwrite_b=True)[0]
-    return gram, counts
+            found.sums[kind, 0] += lines.shape[1], 0
+            found.add(kind, 0, lines)
+    return found
 
 
 def total(parts: Sequence[Part]) -> Array:

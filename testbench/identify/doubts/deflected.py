@@ -12,8 +12,8 @@ from testbench.errors import BenchError
 from testbench.identify.doubts.doubt import Doubt, three
 from testbench.identify.doubts.loads import Fitted, learnt
 from testbench.identify.doubts.suspects import Suspect, levels, suspects
+from testbench.identify.fold import reduce
 from testbench.identify.metric import Metric
-from testbench.identify.regression import reduce
 from testbench.model.vjm import Vjm, tool_pose
 
 LEAST, ONE_OF_MANY = 7.0, 12.0

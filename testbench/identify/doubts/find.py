@@ -17,9 +17,8 @@ from testbench.identify.doubts.plain import moved_against, plain
 from testbench.identify.in_base import with_markers
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
-from testbench.identify.readings import MOST_READINGS
 from testbench.identify.registered import Registered
-from testbench.identify.weighed import check_runs, marker_points
+from testbench.identify.weighed import MOST_READINGS, check_runs, marker_points
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm
 

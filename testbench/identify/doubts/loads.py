@@ -13,11 +13,10 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
+from testbench.identify.fold import reduce
 from testbench.identify.hierarchy import evidence, greatest, loss
 from testbench.identify.metric import Metric
-from testbench.identify.readings import Readings, weigh, white
-from testbench.identify.regression import reduce
-from testbench.identify.weighed import marker_points
+from testbench.identify.weighed import Readings, marker_points, one_by_one, white
 from testbench.model.vjm import Vjm, chain, generalised_load, translation_rows
 
 Change = Callable[[Dataset, Array], Dataset]
@@ -57,7 +56,7 @@ def learnt(vjm: Vjm, metric: Metric, data: Dataset) -> Fitted:
     structure = metric.structure
     seen = evidence(reduce(vjm, structure, data), metric)
     h = greatest(seen, seen.start)
-    read = weigh(vjm, structure, data)
+    read = one_by_one(vjm, structure, data)
     G = read.A.reshape(-1, structure.n) @ seen.metric.L
     s, kappa = np.exp(h[: seen.blocks])[seen.block], np.exp(h[-1])
     width = s * np.exp(np.where(seen.metric.couplings, h[-2], h[-3]))
@@ -96,7 +95,7 @@ def allowed(vjm: Vjm, data: Dataset, C: Array) -> Array:
 
 def rows(fitted: Fitted, data: Dataset) -> Array:
     """Readings minus predictions of a changed dataset, (k,)."""
-    read = weigh(fitted.vjm, fitted.metric.structure, data)
+    read = one_by_one(fitted.vjm, fitted.metric.structure, data)
     return np.asarray((read.y - read.A @ fitted.pi).ravel())
 
 

@@ -19,7 +19,8 @@ from testbench.errors import Array, BenchError
 from testbench.identify.certify import certify
 from testbench.identify.conic import Program, scale_program
 from testbench.identify.estimate import Estimate, make_estimate
-from testbench.identify.regression import Regression, Term, check_symmetric, reduce
+from testbench.identify.fold import reduce
+from testbench.identify.regression import Regression, Term, check_symmetric
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 

@@ -18,7 +18,8 @@ from testbench.errors import BenchError
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import scale_program, trace_cost
 from testbench.identify.estimate import Estimate, Estimator, make_estimate
-from testbench.identify.regression import Regression, check_symmetric, reduce
+from testbench.identify.fold import reduce
+from testbench.identify.regression import Regression, check_symmetric
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 

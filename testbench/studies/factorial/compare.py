@@ -20,7 +20,12 @@ from testbench.views.schema import Table, best_of, pivot
 
 ERROR = "rms_um"  #: What models are judged by.
 RMS = replace(columns(ERROR)[0], form=".0f")
-JUDGED = ("name", "structure", "constraint", "prior", ERROR, "p95_um", "max_um", "conservative", "solved")
+FIT = ("parameters", "rank", "min_eigenvalue", "f_m", "f_m_floor", "duality_gap", "solve_seconds")
+JUDGED = (
+    *("name", "structure", "constraint", "prior", ERROR, "p95_um", "max_um", "conservative", "solved"),
+    *FIT,
+    "identification.",
+)
 """Columns of a row whatever the factors are."""
 BY_CONE = (("MGCO56", "MLS56"), ("MGCO56 + prior", "MLS56 + prior"))
 DUELS = (*BY_CONE, ("MGCO56", JOINTS), ("MGCO56 + prior", JOINTS), (DEFAULT, JOINTS))

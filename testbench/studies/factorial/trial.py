@@ -8,6 +8,7 @@ their random numbers, so that differences between cases and models are theirs al
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
+from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
@@ -18,11 +19,10 @@ from testbench.campaign.evaluation import identify_each
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import Model, equal_fit, named_models
 from testbench.campaign.perturbed_prior import with_wrong_prior, wrong_prior
-from testbench.campaign.rows import UM, DatasetRow, dataset_row
+from testbench.campaign.rows import UM, DatasetRow, ErrorRow, dataset_row, error_row, fit_row
 from testbench.data.dataset import Dataset
 from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.data.write import csv_text
-from testbench.errors import Array
 from testbench.identify import Constraint, Estimate
 from testbench.identify.evaluate import Score, all_deflections, score
 from testbench.trials.spread import Share
@@ -50,6 +50,14 @@ class FitRow:
     max_um: float
     conservative: Share
     solved: Share  #: Whether the method found what it looks for.
+    parameters: int  #: Unknowns.
+    rank: int  #: Directions of them that the data see.
+    min_eigenvalue: float  #: Smallest eigenvalue of a block [m/N, rad/(N m)].
+    f_m: float  #: Cost of Eq. (19).
+    f_m_floor: float  #: What noise alone leaves of it.
+    duality_gap: float | None  #: How well the program is solved; None where none is.
+    solve_seconds: float | None  #: Wall time of a fit, of all cases at once; None where it was not taken.
+    identification: ErrorRow  #: At the poses that were fitted, against their readings.
     true_arm: str  #: One of TRUTHS.
     part: str | None = None  #: Of a study whose parts have cases of different kinds.
     truth: Truth | None = None
@@ -75,13 +83,23 @@ class Case:
     shown: Dataset | None = None  #: The dataset that the study leaves, in one case of the first seed.
 
 
-Fits = Mapping[str, Sequence[Estimate]]  #: By model, one a case.
+class Fits(dict[str, Sequence[Estimate]]):
+    """Estimates by model, one a case."""
+
+    def __init__(self, found: Mapping[str, Sequence[Estimate]], seconds: Mapping[str, float] | None = None):
+        super().__init__(found)
+        self.seconds = seconds or {}  #: Wall time of a fit, by model.
 
 
 def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Fits:
     """Every model identified from the runs of every case."""
     runs = [case.runs for case in cases]
-    return {model.name: identify_each(cell, model, runs) for model in models}
+    found, seconds = {}, {}
+    for model in models:
+        start = perf_counter()
+        found[model.name] = identify_each(cell, model, runs)
+        seconds[model.name] = (perf_counter() - start) / len(runs)
+    return Fits(found, seconds)
 
 
 def each_seed(trial: Callable[[S, int], Iterable[R]]) -> Callable[[S, Sequence[int]], list[list[R]]]:
@@ -110,17 +128,26 @@ def judged(
         kind: Type of the rows.
         more: Other fields of a row, by the model's name and the case's place.
     """
-    predicted: dict[tuple[int, str], Array] = {}
-    for judge in {id(case.judge): case.judge for case in cases}.values():  # where the arm is, once each
-        own = [(k, name) for k, case in enumerate(cases) if case.judge is judge for name in fits]
-        moved = all_deflections(cell.vjm, [fits[name][k] for k, name in own], judge)
-        predicted |= dict(zip(own, moved, strict=True))
+    far = _scores(cell, [case.judge for case in cases], fits)
+    near = _scores(cell, [case.runs for case in cases], fits)
     for k, case in enumerate(cases):
         shown = {} if case.shown is None else _left(cell, case.shown)
         for name, estimates in fits.items():
-            fields = _fields(name, estimates[k], score(predicted[k, name], case.judge.deflection))
-            yield kind(**{**fields, **case.factors, **more(name, k), **shown})
+            fields = _fields(name, estimates[k], far[k, name], fits.seconds.get(name))
+            identification = error_row(near[k, name])
+            own = {**fields, "identification": identification, **case.factors, **more(name, k), **shown}
+            yield kind(**own)
             shown = {}
+
+
+def _scores(cell: Cell, data: Sequence[Dataset], fits: Fits) -> dict[tuple[int, str], Score]:
+    """Errors of every fit by the dataset of its case: where the arm is in one, is worked out once."""
+    found: dict[tuple[int, str], Score] = {}
+    for one in {id(own): own for own in data}.values():
+        keys = [(k, name) for k, own in enumerate(data) if own is one for name in fits]
+        moved = all_deflections(cell.vjm, [fits[name][k] for k, name in keys], one)
+        found |= {key: score(own, one.deflection) for key, own in zip(keys, moved, strict=True)}
+    return found
 
 
 def _left(cell: Cell, data: Dataset) -> dict[str, object]:
@@ -128,17 +155,19 @@ def _left(cell: Cell, data: Dataset) -> dict[str, object]:
     return {"measured": dataset_row(data), "data_file": csv_text(data, cell.arm)}
 
 
-def _fields(name: str, estimate: Estimate, error: Score) -> dict[str, object]:
+OF_FIT = (
+    "name structure constraint prior conservative parameters rank min_eigenvalue f_m f_m_floor duality_gap "
+    "solve_seconds"
+).split()
+
+
+def _fields(name: str, estimate: Estimate, error: Score, seconds: float | None) -> dict[str, object]:
     """Fields of a row that all studies have."""
-    return {
-        "name": name,
-        "structure": estimate.structure.name,
-        "constraint": estimate.constraint,
-        "prior": estimate.belief is not None,
+    own = fit_row(name, estimate, seconds, prior=estimate.belief is not None)
+    return {key: getattr(own, key) for key in OF_FIT} | {
         "rms_um": UM * error.rms,
         "p95_um": UM * error.p95,
         "max_um": UM * error.max,
-        "conservative": estimate.conservative,
         "solved": estimate.status == "solved",
     }
 

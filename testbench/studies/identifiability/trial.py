@@ -94,8 +94,6 @@ class MethodRow(FitRow):
     """One method in one case."""
 
     filling: Filling
-    parameters: int
-    rank: int
     scale: float | None = None  #: How many times too soft the prior is, where that is varied.
     uncertainty_percent: Number = None  #: Of the prior, as the readings or cross-validation chose it.
 
@@ -185,8 +183,6 @@ def _judged(cell: Cell, models: Sequence[FilledModel], cases: Sequence[Case]) ->
         belief = estimate.belief
         return {
             "filling": filling[name],
-            "parameters": estimate.structure.n,
-            "rank": estimate.regression.rank,
             "uncertainty_percent": 100 * belief.strength.uncertainty if belief else None,
         }
 

@@ -26,7 +26,7 @@ from testbench.identify.regression import RANK_TOLERANCE, Regression
 from testbench.identify.regularised import fit_each
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
-from testbench.studies.factorial.trial import Case, FitRow, each_seed, judged, reread
+from testbench.studies.factorial.trial import Case, FitRow, Fits, each_seed, judged, reread
 from testbench.studies.regimes.fits import Compared, with_prior, without_prior
 
 Kind = Literal["gravity", "full_pose"]
@@ -208,7 +208,7 @@ def _compared(
     cell: Cell, cases: Sequence[Case], own: Compared, joints: Sequence[Estimate], noise: Array
 ) -> Iterator[MethodRow]:
     """Rows of one structure with one prior; noise is what it is expected to leave least squares [um]."""
-    fits = {GCO: own.gco, SQUARES: own.ls, JOINTS: joints}
+    fits = Fits({GCO: own.gco, SQUARES: own.ls, JOINTS: joints})
     fits |= {EQUAL: own.equal, LENT: own.lent} if own.equal and own.lent else {}
     moved, binds = all_deflections(cell.vjm, own.gco, cases[0].judge), own.binds
     share = noise / (UM * np.sqrt(np.square(moved).sum(axis=3).mean(axis=(1, 2))))

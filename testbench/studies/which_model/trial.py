@@ -28,7 +28,16 @@ from testbench.identify.hierarchy import KIND
 from testbench.identify.intervals import CONFIDENCE
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
-from testbench.studies.factorial.trial import Case, FitRow, each_seed, fitted, judged, plain_models, reread
+from testbench.studies.factorial.trial import (
+    Case,
+    FitRow,
+    Fits,
+    each_seed,
+    fitted,
+    judged,
+    plain_models,
+    reread,
+)
 
 POSES = (8, 12, 20)  #: From how many is identified; the last one is how many there are.
 CHECK_POSES = 3
@@ -157,7 +166,8 @@ def _rows(
 ) -> Iterator[MethodRow]:
     """What is chosen by default and every method, from few and from many poses, in one truth."""
     chosen = [choose(cell, case.runs, prior) for case in cases]
-    fits = {CHOSEN: [own.estimate for own in chosen], **fitted(cell, models, cases)}
+    found = fitted(cell, models, cases)
+    fits = Fits({CHOSEN: [own.estimate for own in chosen], **found}, found.seconds)
     truth, far = cases[0].judge, PRIORS[str(cases[0].factors["prior_error"])].far
     link = wrong_link(cell, seed) if far == "link" else None
     share = None if link is None else _share(cell, link, truth, chosen[0].estimate)
