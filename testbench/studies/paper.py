@@ -16,8 +16,8 @@ MOST = 0.95  #: Share of the seeds in which two errors must be nearly the same.
 RULE = (
     "A number is confirmed where the paper's lies inside our 5 to 95 % over the seeds, of fewer than 20 "
     "their range; one in ten lies outside even where nothing differs. That one error is smaller than another "
-    "is confirmed, or contradicted, by a sign test on the same data at 5 %, without ties. That two are nearly "
-    "the same must hold in 95 % of the seeds, any other statement in all of them."
+    "is confirmed, or contradicted, by a sign test on the same data at 5 %, without ties. That two are "
+    "nearly the same must hold in 95 % of the seeds, any other statement in all of them."
 )
 """How every verdict is made."""
 
