@@ -37,9 +37,8 @@ class Folded:
     def __init__(self, columns: int) -> None:
         """No rows of so many columns."""
         self.columns = columns
-        self.factors: dict[
-            tuple[int, int], Array
-        ] = {}  #: (columns, columns), or all rows where they are fewer.
+        #: (columns, columns) each, or all rows where they are fewer.
+        self.factors: dict[tuple[int, int], Array] = {}
         #: Of each the scalar equations, and the squared norm of what no unknown can make.
         self.sums: defaultdict[tuple[int, int], Array] = defaultdict(lambda: np.zeros(2))
 
