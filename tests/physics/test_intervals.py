@@ -89,19 +89,22 @@ def test_identify_knows_how_far_fresh_readings_lead_it_astray(arm_6r, rng):
     ],
 )
 def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr500, make, strength, rng):
-    """Where the prior leaves the scale to the data it is that of the folder."""
+    """Of a deflection, of any unknowns, of couplings, of the common scale, which may be left to the data."""
     s, asked = make(kr500.arm), Scenario(arm="kr500_l480", truth="linear", workspace_poses=DRAWS // 3)
     campaign, own = simulate(kr500, asked, 1), metric(cad_prior(kr500.arm), kr500.vjm, s)
     again = resampler(reduce(kr500.vjm, s, campaign.identification))
     coupling = strength.uncertainty if strength.coupling is None else strength.coupling
     size = np.where(own.couplings, coupling, strength.uncertainty)
     scale = strength.scale_uncertainty if np.isfinite(strength.scale_uncertainty) else 0.0
-    z = []
+    back, z = np.linalg.inv(own.L), []
     for row in rows_of(kr500, s, campaign.truth):
         x = own.expected * (1 + scale * rng.standard_normal()) + size * rng.standard_normal(s.n)
         found = fit_reduced(again(own.L @ x, rng), "none", Belief(own, strength))
-        z.append(row @ (found.pi - own.L @ x) / linearise(found).deviations(row[None])[0])
-    check_ranks(z)
+        any_, some = rng.standard_normal((2, s.n)) * [np.ones(s.n), own.couplings]
+        a = np.vstack([row, any_ @ back, some @ back, own.expected @ back])
+        z.append(a @ (found.pi - own.L @ x) / linearise(found).deviations(a))
+    for found in np.transpose(z)[: 4 if scale else 3]:
+        check_ranks(found)
 
 
 def test_calibrate_is_as_sure_of_geometry_and_joints_as_its_errors_are_large(arms):
