@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, Frame, simulate_series
+from testbench.campaign.absolute_truth import AbsoluteCampaign, Frame, simulate_series
 from testbench.errors import BenchError
 from testbench.model.vjm import chain
-from testbench.plant import Disturbances, GeometryErrors, settle, settle_disturbed
+from testbench.plant import Disturbances, GeometryErrors, settle_disturbed
 
 STILL = GeometryErrors(position=0.0, angle=0.0)
 EXACT = AbsoluteCampaign(
@@ -61,21 +61,6 @@ def test_true_geometry_without_weight_is_the_chain_at_theta_0(name, request):
         np.testing.assert_allclose(series.position, position, rtol=0, atol=1e-12)  # rounding of 10 m
         np.testing.assert_allclose(series.rotation, rotation, rtol=0, atol=1e-12)
     assert np.abs(truth.theta_0).max() > 5e-3
-
-
-def test_gears_command_the_arm_to_other_angles(kr500):
-    series, truth = simulate_series(kr500, EXACT.model_copy(update={"disturbances": REAL_ARM}), 3)
-    for k, own in enumerate(series):
-        gears, q = truth.gears, own.q
-        order = np.arange(1, len(gears.sine) + 1)[:, None]
-        moved = q + truth.arm.offset
-        for j in range(q.shape[1]):
-            moved[:, j] += gears.sine[:, j] @ np.sin(order * q[:, j])
-            moved[:, j] += gears.cosine[:, j] @ np.cos(order * q[:, j])
-        assert 1e-4 < rms(moved - q) < 1e-3
-        rest = settle(truth.arm.plant, moved)
-        where = replace(chain(kr500.vjm, q), position=rest.tool, rotation=rest.rotation)
-        np.testing.assert_allclose(own.position, seen(truth, k, where)[0], rtol=0, atol=1e-12)
 
 
 def test_readings_come_from_the_seed_and_a_switch_leaves_all_else(kr500):

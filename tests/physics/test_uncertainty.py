@@ -23,7 +23,7 @@ from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.studies.estimators.bootstrap import bootstrap, resampler
-from testbench.studies.identifiability.coverage import Case, bounded, draw_conservative, fitted, posterior
+from testbench.studies.identifiability.coverage import Case, bounded, draw_conservative
 from testbench.studies.identifiability.study import coverage
 
 
@@ -52,29 +52,6 @@ def elsewhere(cell, structure, campaign):
 def rows_of(cell, structure, where, targets):
     args = (chain(cell.vjm, where.q), structure, where.wrench, where.point)
     return observation(*args, targets).reshape(-1, structure.n)
-
-
-def test_covariance_is_the_spread_of_least_squares_over_fresh_readings(arm_6r, full_pose):
-    """Tracker readings simulated anew, not the reduced rows: weights, reduction and covariance at once."""
-    case, _ = full_pose
-    scenario = FullPose(arm="arm_6r", poses=6, check_runs=1)
-    s = template56(arm_6r.arm)
-    base = simulate_full_pose(arm_6r, scenario, 1).identification
-    exact = simulate_full_pose(arm_6r, scenario.model_copy(update={"noise": False}), 1).identification
-    sd = linearise(least_squares(arm_6r.vjm, s, base)).deviations(case.functionals)
-    rng, found = np.random.default_rng(5), []
-    for _ in range(100):
-        noisy = replace(
-            exact,
-            before=exact.before + scenario.sigma * rng.standard_normal(exact.before.shape),
-            after=exact.after + scenario.sigma * rng.standard_normal(exact.after.shape),
-            rotation_before=scenario.sigma_rotation * rng.standard_normal(exact.rotation.shape),
-            rotation_after=exact.rotation
-            + scenario.sigma_rotation * rng.standard_normal(exact.rotation.shape),
-        )
-        found.append(case.functionals @ least_squares(arm_6r.vjm, s, noisy).pi)
-    # a standard deviation of 100 draws has a standard error of 7.1 %; 4 of them for 12 deflections
-    np.testing.assert_allclose(np.std(found, axis=0, ddof=1), sd, rtol=0.29)
 
 
 def test_resampled_rows_have_the_chi_squared_and_spread_of_the_readings(full_pose):
@@ -172,35 +149,6 @@ def test_bootstrap_is_near_linearised_where_the_cone_does_not_bind(arm_6r, full_
         # order statistics of 199 and of 39 draws: 7 and 17 % of the width; 4 standard errors
         np.testing.assert_allclose(boot.upper - boot.lower, linear.upper - linear.lower, rtol=rtol)
         np.testing.assert_array_equal(boot.centre, linear.centre)
-
-
-def shares(datasets):
-    """How often intervals hold the truth, by name."""
-    rows = [row for dataset in datasets for row in dataset]
-    return {name: coverage(own) for (name,), own in table_of([0], lambda _: rows).groups("name")}
-
-
-def test_intervals_cover_as_often_as_they_say(full_pose):
-    """Few draws here; the study of 1000 datasets holds 93 to 97 %."""
-    case, _ = full_pose
-    found = shares(fitted(case, k, bootstrapped=k < 2) for k in range(40))
-    for name in ("arm_6r, least squares, linearised", "arm_6r, GCO, linearised"):
-        row = found[name]
-        assert row.covered_percent == pytest.approx(95, abs=4 * row.standard_error_percent)
-        assert row.datasets == 40
-        assert row.intervals == 40 * len(case.functionals)
-    assert found["arm_6r, GCO, bootstrap"].datasets == 2
-    assert found["arm_6r, GCO, bootstrap"].covered_percent > 60
-
-
-@pytest.mark.parametrize("strength", [Strength(0.1), Strength(0.3, 0.2)])
-def test_posterior_intervals_cover_truths_drawn_from_the_prior(kr500, gravity, strength):
-    s = mgco68(kr500.arm)
-    m = metric(cad_prior(kr500.arm), kr500.vjm, s)
-    rows = elsewhere(kr500, s, gravity)
-    case = Case("kr500", reduce(kr500.vjm, s, gravity.identification), m, np.zeros(s.n), rows)
-    for row in shares(posterior(case, k, strength) for k in range(60)).values():
-        assert row.covered_percent == pytest.approx(95, abs=4 * row.standard_error_percent)
 
 
 def test_bounds_cover_all_deflections_at_once(full_pose):

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from loads import random_q
+from loads import hung, random_q
 
 from testbench.errors import BenchError
 from testbench.identify.regression import non_redundant, rank
@@ -26,12 +26,6 @@ def cartesian_compliance(J, C_theta):
 
 def random_load(rng, runs):
     return 1000 * rng.standard_normal((runs, 6)), 0.3 * rng.standard_normal((runs, 3))
-
-
-def hung(cell, runs):
-    wrench = np.zeros((runs, 6))
-    wrench[:, 2] = -4515.543
-    return wrench, np.tile(cell.vjm.load, (runs, 1))
 
 
 @pytest.fixture(params=["kr500", "arm_6r"])

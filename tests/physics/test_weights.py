@@ -41,13 +41,6 @@ def test_own_weight_is_mujocos_on_every_virtual_joint(cell, size, rng):
     np.testing.assert_allclose(load.T, expected[:, cell.plant.theta], rtol=0, atol=AGREE * scale)
 
 
-def test_own_weight_of_the_joints_is_their_static_torque(cell, rng):
-    q = rng.uniform(*cell.arm.limits, (20, cell.arm.n_joints))
-    torques = of_mujoco(cell.room.model, q, cell.room.joints)[:, cell.room.joints]
-    load = own_weight(chain(cell.vjm, q), read_weights(cell.arm))[-cell.arm.n_joints :]
-    np.testing.assert_allclose(load.T, torques, rtol=0, atol=AGREE * np.abs(torques).max())
-
-
 def test_columns_times_masses_and_first_moments_are_the_load(cell, rng):
     q = rng.uniform(*cell.arm.limits, (20, cell.arm.n_joints))
     where = chain(cell.vjm, q, 0.1 * rng.uniform(-1, 1, (20, cell.arm.n_theta)))

@@ -28,73 +28,22 @@ TOML = {name: (MODELS / name / "elastic.toml").read_bytes() for name in ("arm_6r
 XML = {name: (MODELS / name / "rigid.xml").read_bytes() for name in ("arm_6r", "single_link")}
 
 NUMBERS = [
-    *(
-        b"nan",
-        b"-inf",
-        b"inf",
-        b"1e999",
-        b"1e-320",
-        b"1e200",
-        b"-1",
-        b"0",
-        b"-0.0",
-        b"1",
-        b"1_0",
-        b"1e",
-        b".",
-    ),
-    *(
-        b"9" * 400,
-        b"9" * 5000,
-        b"0x" + b"f" * 9000,
-        b"0b1",
-        b"1979-05-27",
-        b"12:00:00",
-        b"true",
-        b"1 2 3",
-        b"",
-    ),
+    *b"nan -inf inf 1e999 1e-320 1e200 -1 0 -0.0 1 1_0 1e . 0b1 1979-05-27 12:00:00 true".split(),
+    *(b"9" * 400, b"9" * 5000, b"0x" + b"f" * 9000, b"1 2 3", b""),
 ]
 MARKS = [
-    *(b"\0", b"\xff", b"\xc3", b"\n", b"\r", b"\t", b" ", b"\\", b"\\u0000", b"&#10;", b"&#0;", b"&a;", b"&"),
-    *("\ufeff".encode(), "é".encode(), "\u2028".encode(), b"'", b'"', b'"""', b"'''", b"#", b"=", b".", b","),
-    *(
-        b"[",
-        b"]",
-        b"[[",
-        b"]]",
-        b"{",
-        b"}",
-        b"{}",
-        b"[]",
-        b"[" * 3000,
-        b"{a=" * 3000,
-        b"a." * 3000,
-        b"x" * 5000,
-    ),
-    *(b"<", b">", b"/>", b"</body>", b"<!--", b"-->", b"<![CDATA[", b"]]>", b"<?x?>", b"<!DOCTYPE m>"),
-    *(b"<include file='/etc/passwd'/>", b"<replicate count='999'/>", b"<body/>", b"<body name='link_1'/>"),
-    *(
-        b"<joint/>",
-        b"<default><joint/></default>",
-        b"<compiler angle='degree'/>",
-        b"<compiler meshdir='..'/>",
-    ),
-    *(b"<mesh file='../x.stl'/>", b"<mesh file='" + b"x" * 5000 + b"'/>", b"<body>" * 100, b"xmlns='a'"),
-    *(
-        b"link_1",
-        b"joint_1",
-        b"tool",
-        b"probe",
-        b"name",
-        b"tube",
-        b"compliance",
-        b"m",
-        b"/",
-        b"../..",
-        b"link",
-    ),
+    *(b"\0", b"\xff", b"\xc3", b"\n", b"\r", b"\t", b" ", "\ufeff".encode(), "é".encode(), "\u2028".encode()),
+    *rb"""\ \u0000 &#10; &#0; &a; & ' " ''' # = . , [ ] [[ ]] { } {} [] < > /> </body> <!-- -->""".split(),
+    *(b'"""', b"<![CDATA[", b"]]>", b"<?x?>", b"[" * 3000, b"{a=" * 3000, b"a." * 3000, b"x" * 5000),
+    *(b"<!DOCTYPE m>", b"<include file='/etc/passwd'/>", b"<replicate count='999'/>", b"<body/>"),
+    *(b"<body name='link_1'/>", b"<joint/>", b"<default><joint/></default>", b"<body>" * 100, b"xmlns='a'"),
+    *(b"<compiler angle='degree'/>", b"<compiler meshdir='..'/>", b"<mesh file='../x.stl'/>"),
+    *(b"<mesh file='" + b"x" * 5000 + b"'/>", b"link_1", b"joint_1", b"tool", b"probe", b"name", b"tube"),
+    *(b"compliance", b"m", b"/", b"../..", b"link"),
 ]
+
+
+PATTERNS = [rb"[-+.\d][-+.\de]*", rb"\w+", rb'"[^"\n]*"', rb"<[^>]*>", rb"[^\n]*\n", rb"[\s\S]"]
 
 
 @st.composite
@@ -103,11 +52,7 @@ def mutated(draw: st.DrawFn, files: dict[str, bytes]) -> tuple[str, bytes]:
     name = draw(st.sampled_from(sorted(files)))
     content = files[name]
     for _ in range(draw(st.integers(1, 3))):
-        pattern = draw(
-            st.sampled_from(
-                [rb"[-+.\d][-+.\de]*", rb"\w+", rb'"[^"\n]*"', rb"<[^>]*>", rb"[^\n]*\n", rb"[\s\S]"]
-            )
-        )
+        pattern = draw(st.sampled_from(PATTERNS))
         spans = [m.span() for m in re.finditer(pattern, content)]
         if not spans:
             continue
@@ -224,19 +169,7 @@ def test_no_bytes_crash_the_reader_of_rigid_xml(folder: Path, content: bytes) ->
     check_loading(folder, "single_link", "rigid.xml", content)
 
 
-TAGS = [
-    "body",
-    "joint",
-    "inertial",
-    "geom",
-    "compiler",
-    "option",
-    "default",
-    "mesh",
-    "asset",
-    "include",
-    "plugin",
-]
+TAGS = "body joint inertial geom compiler option default mesh asset include plugin".split()
 KEYS = ["name", "pos", "mass", "range", "axis", "file", "meshdir", "angle", "gravity", "class", "type"]
 TEXT = st.one_of(
     st.sampled_from(["nan", "1 2 3", "1e999", "../x", "/etc", "-1", "degree", "a", "0 0 -9.81", "1_0", "\n"]),

@@ -109,7 +109,7 @@ def test_statements_follow_the_numbers(found):
     assert verdicts(found) == [True, True, False, True, True, False]
 
     def better(name, seed):
-        return {POSITION: 10.0} if name == "MLS21" and seed <= 2 else {}
+        return {POSITION: 10.0} if name == "MLS21" and seed <= 6 else {}  # 14 of 20: p = 0.12
 
     assert verdicts(made(changes=better))[3:5] == [True, False]
     loose = made(SEEDS[:2], changes=lambda name, seed: {"conservative": name == "MLS36"})

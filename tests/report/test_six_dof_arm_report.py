@@ -68,7 +68,7 @@ def test_models_are_compared_seed_by_seed_by_their_true_errors(found):
     )
     assert bent == pytest.approx({"least_squares": 4 / 2.05, "joints": 21 / 2.05})
     counts = {k: v for k, v in f["paired"].items() if isinstance(v, int)}
-    assert counts == dict.fromkeys(counts, 20)
+    assert counts == {k: 0 if k.endswith("_not") else 20 for k in counts}
     assert middle(f["models"][4].nonlinear.times_less) == pytest.approx(4 / 2.05)
     assert f["dataset"].noise_p95_mm == pytest.approx(0.06989, abs=1e-5)  # 2.7955 times 25 um
     assert {m.name: m.paper for m in f["models"]}["MGCO69"] == {"check_p95_mm": 0.084}
@@ -92,15 +92,15 @@ def verdicts(report):
 
 
 @pytest.mark.parametrize(
-    ("claim", "name", "mm"),
+    ("claim", "name", "mm", "most"),
     [
-        ("MGCO56 is the best model", "MLS32", 1.0),
-        ("MGCO56 and MLS32 are nearly the same", "MLS32", 2.2),
-        ("MLS56 does worse than MLS32", "MLS56", 2.0),
+        ("MGCO56 is the best model", "MLS32", 1.0, 5),  # 15 of 20: p = 0.041; 14: p = 0.12
+        ("MGCO56 and MLS32 are nearly the same", "MLS32", 2.2, 1),
+        ("MLS56 does worse than MLS32", "MLS56", 2.0, 5),
     ],
 )
-def test_a_comparison_is_confirmed_from_19_of_20_seeds_on(claim, name, mm):
-    for failing, holds in ((1, True), (2, False)):
+def test_a_comparison_is_confirmed_up_to_so_many_seeds_against_it(claim, name, mm, most):
+    for failing, holds in ((most, True), (most + 1, False)):
         own = made(changes=lambda n, seed, k=failing: {"mm": mm} if n == name and seed <= k else {})
         assert verdicts(own)[claim] is holds
         assert f" in {20 - failing} of 20 seeds" in {c.claim: c.why for c in own.numbers["claims"]}[claim]

@@ -112,6 +112,7 @@ def _found(asked: Settings, trials: Trials) -> Row:
             other: {key: wins(*aligned(plain, (GCO, other), key).T) for key in (POSITION, ROTATION)}
             for other in OTHERS
         },
+        lost={other: wins(*aligned(plain, (other, GCO), POSITION).T) for other in OTHERS},
         worst=_worst_entry(found),
         order_draws=len(searched.values("seed")),
         order=[_merged(own) for _, own in searched.groups("m")],
@@ -231,8 +232,8 @@ def _judged(f: Row) -> Iterator[Row]:
             claim, m.conservative == share, f"conservative in {show_truth(m.conservative)} of the draws"
         )
     for other, words in OTHERS.items():
-        held, test = f.paired[other][POSITION], "its position error is the smaller one"
-        yield paper.comparison(f"GCO predicts better than {words}", test, held, f.draws)
+        won, test = f.paired[other][POSITION], "its position error is the smaller one"
+        yield paper.comparison(f"GCO predicts better than {words}", test, won, f.lost[other], f.draws)
     low, high = f.order_range
     failing = [f"m = {row.m}" for row in f.order if row.m >= low and row.m not in _sure(f)]
     yield paper.judged(

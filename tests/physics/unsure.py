@@ -1,0 +1,67 @@
+"""An arm that is known but for so much, from an identification or a calibration, and draws of it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.correct.arm_model import About, bending, of_compliances
+from testbench.correct.newton import Aim
+from testbench.identify.intervals import Linearised
+from testbench.model.joint_errors import JointErrors
+from testbench.model.load import Load
+from testbench.model.structure import all153
+from testbench.model.weights import read_weights
+
+TIP = np.array([0.2, 0.0, 0.1])
+AIM = Aim(point=tuple(TIP))
+FORCE = Load(np.array([900.0, 1500, -700, 0, 0, 0]), TIP)
+Q = np.array([0.3, -1.2, 1.6, 0.3, -0.5, 0.1])
+RIGID = 30 + 24  #: Numbers of geometry and joint errors, before the compliances.
+SCALE = np.array([9e3, 8e3, 3e3, 5e2, 4e2, 2e2])  #: Of the torque of every joint [N m].
+
+
+def spread(pi, root, unseen=None):
+    unseen = np.zeros((0, len(pi))) if unseen is None else unseen
+    return Linearised(pi, root, unseen, np.ones(len(pi)), np.inf, 0.0, on_boundary=False)
+
+
+def unsure(cell):
+    """Compliances that are unsure by a tenth, no two of one link alike."""
+    structure = all153(cell.arm)
+    state = bending(cell.vjm, cell.arm.C_theta, read_weights(cell.arm))
+    pi = structure.entries(state.C_theta)
+    d = np.sqrt(np.diag(state.C_theta))
+    root = np.diag(0.1 * d[structure.a] * d[structure.b])
+    root[1:, :-1] += 0.5 * np.diag(np.diag(root)[1:])
+    return of_compliances(state, structure, spread(pi, root), About("made up"))
+
+
+def unsure_everywhere(cell):
+    """The same that knows geometry and joint errors too, by a tenth of a millimetre and a milliradian."""
+    known, errors = unsure(cell), JointErrors(orders=(1,), play=True, stiffening=True)
+    state = replace(known.state, errors=errors, n=np.full((6, 4), 1e-4), torque_scale=SCALE)
+    model = replace(known, state=state, absolute=True)
+    sizes = np.concatenate([np.tile([1e-4] * 6, 5), np.full(24, 5e-5)])
+    root = np.zeros((RIGID + 153, RIGID + 153))
+    root[:RIGID, :RIGID] = np.diag(sizes)
+    root[1:RIGID, : RIGID - 1] += 0.5 * np.diag(sizes[1:])
+    root[RIGID:, RIGID:] = known.spread.root
+    columns = np.arange(RIGID + 153)
+    return replace(model, columns=columns, spread=spread(model.unknowns.current(state)[columns], root))
+
+
+def drawn_state(model, rng):
+    """The arm that a model may be, as its doubts have it."""
+    x = model.unknowns.current(model.state)
+    x[model.columns] += rng.standard_normal(len(model.spread.root)) @ model.spread.root
+    return state_of(model, x)
+
+
+def state_of(model, x):
+    """The arm with these values of all unknowns."""
+    unknowns = model.unknowns
+    theta = model.state.theta_0.copy()
+    theta[unknowns.inner] = x[unknowns.columns("geometry")]
+    n = x[unknowns.columns("errors")].reshape(model.state.n.shape)
+    C = model.structure.matrix(x[unknowns.columns("elastic")])
+    return replace(model.state, theta_0=theta, C_theta=C, n=n)
