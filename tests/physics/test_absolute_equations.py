@@ -1,16 +1,18 @@
 """The equations of a calibration, one by one, against what they stand for: covariances, sums, torques."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.linalg import helmert
 
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
-from testbench.identify.absolute.evidence import choice, learn, usual
+from testbench.data.series import select_rows
+from testbench.identify.absolute.evidence import Learnt, choice, learn, usual
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import Inner, eliminate
-from testbench.identify.absolute.intervals import deviations_root
+from testbench.identify.absolute.intervals import deviations_root, placed
 from testbench.identify.absolute.noise import Noise, plan_of, roots
 from testbench.identify.absolute.reduced import Point, Weighting, reduce
 from testbench.identify.absolute.scatter import single
@@ -46,15 +48,40 @@ def reduced(kr500, series):
     return reduce(Point(unknowns, state, Noise(S, S)), series, weighting), unknowns
 
 
-@pytest.mark.parametrize("crossed", [False, True])
-def test_what_a_model_leaves_open_is_common_to_the_readings_of_a_pose(series, crossed):
+def test_blocks_and_series_add_up_to_all_equations(kr500, series, reduced):
+    """A part of few rows keeps them as they are, one of many its triangle; poses are never parted."""
+    whole, unknowns = reduced
+    one, state = series[0], aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), series)
+    every = np.ones((len(one.markers) + 1, one.rows))
+    first = np.unique(one.pose, return_inverse=True)[1] < 3
+    block = np.where(first, 0, 1 + one.pose % 2)
+    rows = [np.flatnonzero(block == k) for k in range(3)]
+    halves = [np.concatenate(rows[:2]), rows[2]]  # as two series of the same frame and mount
+    point, cut = Point(unknowns, state, Noise(S, S)), [select_rows(one, own) for own in halves]
+    weights = [Weighting(every[:, own], block[own]) for own in halves]
+    parts = reduce(point, cut, weights)
+    assert [part.series for part in parts.parts] == [0, 0, 1]
+    size = np.sqrt(np.maximum(np.diag(whole.gram.sum(axis=0)), 1e-300))
+
+    def check_same(found, expected):
+        scale = size * size[:, None]
+        np.testing.assert_allclose(found / scale, expected / scale, rtol=0, atol=1e-9)
+
+    check_same(parts.gram, whole.gram)
+    check_same(np.array([T.T @ T for T in parts.factors.values()]), whole.gram)
+    np.testing.assert_array_equal(parts.counts, whole.counts)
+    for part, own in zip(parts.parts, rows, strict=True):
+        alone = reduce(point, [select_rows(one, own)], [Weighting(every[:, own], np.zeros(len(own), int))])
+        check_same(part.gram, alone.gram)
+        np.testing.assert_array_equal(part.counts, alone.counts)
+
+
+def test_what_a_model_leaves_open_is_common_to_the_readings_of_a_pose(series):
     """k readings have covariance sigma^2 + s^2 1 1^T: whitened means and differences have that of one."""
     one, plan = series[0], plan_of(series[0])
     [group] = plan.groups
     k, m = group.shape[1], len(one.markers)
     assert k == 3
-    if crossed:
-        one = replace(one, precision=np.broadcast_to(np.eye(3) / SIGMA**2, (*one.position.shape, 3)))
     W, _ = roots(replace(one, sigma=SIGMA, sigma_rotation=TURN), Noise(S, 2 * S), plan, np.eye(3))
     H = helmert(k, full=True)
     for target, own, opened in ((0, SIGMA, S), (m, TURN, 2 * S)):
@@ -126,10 +153,37 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
     np.testing.assert_allclose(where.position, tool_pose(vjm, q + turned)[0], rtol=0, atol=1e-6)
 
 
-def test_a_posterior_is_what_the_readings_tell_and_the_prior_which_ties_geometry_to_nothing(kr500, series):
-    """So is the covariance of which intervals are made, in the units of the arm."""
+def rigid(rng, equations=40, free=3, held=5):
+    """A linear problem of one kind: A, y, deviations."""
+    A, y = rng.normal(size=(equations, free + held)), rng.normal(size=equations)
+    return A, y, np.r_[np.full(free, np.inf), rng.uniform(0.1, 2, held)]
+
+
+def test_what_unknowns_spend_is_the_trace_of_the_hat_matrix(rng):
+    """Free ones a whole equation each, held ones what the readings tell of them."""
+    A, y, deviation = rigid(rng)
+    count = A.shape[1]
+    own = SimpleNamespace(
+        rigid=count, columns=np.arange(count), elastic=None, unknowns=SimpleNamespace(size=count)
+    )
+    R = np.linalg.qr(np.column_stack([A, y]), mode="r")
+    reduced = SimpleNamespace(factors={0: R}, counts=np.array([len(A)]))
+    factor = 1.7
+    found = eliminate(own, reduced, Learnt(deviation, np.array([factor])), Inner())
+    P = A.T @ A / factor**2 + np.diag(deviation**-2.0)
+    assert found.spent == pytest.approx(np.trace(A @ np.linalg.solve(P, A.T)) / factor**2)
+    np.testing.assert_allclose(found.x, np.linalg.solve(P, A.T @ y / factor**2))
+
+
+@pytest.fixture(scope="module")
+def calibrated(kr500, series):
     options = Options(orders=2, only=frozenset({"joint springs", "links"}), strength=Strength(3.0))
-    found = calibrate(kr500.vjm, [series[0]], cad_prior(kr500.arm), options)
+    return calibrate(kr500.vjm, [series[0]], cad_prior(kr500.arm), options)
+
+
+def test_a_posterior_is_what_the_readings_tell_and_the_prior_which_ties_geometry_to_nothing(calibrated):
+    """So is the covariance of which intervals are made, in the units of the arm."""
+    found = calibrated
     assert np.abs(found.chosen.learnt.factor - 1).max() > 0.02  # or nothing would tell it from its square
     own, root = found.own, deviations_root(found)
     information = found.information[np.ix_(own.columns, own.columns)]
@@ -139,3 +193,18 @@ def test_a_posterior_is_what_the_readings_tell_and_the_prior_which_ties_geometry
     expected = np.diag((deviation * size[:r]) ** -2.0)
     np.testing.assert_allclose(prior[:r, :r], expected, rtol=0, atol=1e-6)
     np.testing.assert_allclose(prior[:r, r:], 0, atol=1e-6)
+
+
+def test_a_frame_goes_with_the_arm_as_the_precision_of_a_calibration_couples_them(calibrated):
+    """Given the arm its covariance is P_ff^-1, and it moves by P_ff^-1 P_fa with what the arm is off."""
+    f, root = calibrated.own.unknowns.starts["geometry"], calibrated.root
+    P = root.T @ root
+    found = placed(calibrated, calibrated.series[0])
+    size = np.sqrt(np.diag(P)[:f])
+    dense = np.linalg.inv(P[:f, :f] / size / size[:, None]) / size / size[:, None]
+    scale = np.sqrt(np.diag(dense))
+    np.testing.assert_allclose(
+        found.covariance / scale / scale[:, None], dense / scale / scale[:, None], atol=1e-6
+    )
+    taken = dense @ P[:f, f:]
+    np.testing.assert_allclose(found.taken, taken, rtol=1e-4, atol=1e-6 * np.abs(taken).max())

@@ -12,7 +12,7 @@ from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.contradiction import Unchecked, doubts, unchecked
 from testbench.identify.doubts.loads import learnt
-from testbench.identify.hierarchy import WIDEST, evidence, greatest, learn, loss
+from testbench.identify.hierarchy import WIDEST, _scales, evidence, greatest, learn, loss
 from testbench.identify.intervals import CURVED, HEAVY, curvature, intervals, linearise, quantile
 from testbench.identify.metric import Belief, metric, precision_root, whitened
 from testbench.identify.prior import Prior, Strength, cad_prior
@@ -237,3 +237,14 @@ def test_intervals_widen_by_what_a_linear_model_leaves_out_which_grows_with_the_
     half = linearise(estimate).half_widths(rows.reshape(-1, 56)).reshape(whole.shape)
     left_out = curvature(kr500.vjm, estimate.C_theta, data)
     np.testing.assert_allclose(found.upper - found.centre, np.hypot(half, CURVED * left_out), rtol=1e-9)
+
+
+def test_scales_are_ratios_to_their_kind_as_sure_as_the_difference_of_their_logarithms(kr500, campaign, rng):
+    own = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
+    seen = evidence(reduce(kr500.vjm, own.structure, campaign.identification), own)
+    h, A = rng.normal(size=len(seen.start)), rng.normal(size=(len(seen.start) - 1,) * 2)
+    C, K = A @ A.T, seen.blocks
+    of = [(k, K + kind) for k, kind in enumerate(seen.kind)] + [(K + 1, K)]  # last the joints over the links
+    for scale, (i, j) in zip(_scales(seen, h, C), of, strict=True):
+        assert scale.factor == pytest.approx(np.exp(h[i]) / np.exp(h[j]))
+        assert scale.deviation == pytest.approx(np.sqrt(C[i, i] + C[j, j] - 2 * C[i, j]))

@@ -43,18 +43,14 @@ def proposal(report, start):
 
 
 @pytest.mark.parametrize(
-    ("structure", "many"), [(mgco147, 89), (all153, 89), (mgco69, 49), (mgco68, 49), (mgco47, 36)]
+    ("structure", "many"),
+    [(mgco147, [89]), (all153, [89]), (mgco69, [49]), (mgco68, [49]), (mgco47, [36]), (template56, [27, 28])],
 )
 def test_ranks_under_gravity_are_those_of_the_paper(kr500, gravity, structure, many):
     report = report_of(kr500, structure(kr500.arm), gravity)
-    assert report.rank_of_loads == many
+    assert report.rank_of_loads in many
     assert report.rank == reduce(kr500.vjm, report.structure, gravity).rank
     assert report.rank <= report.equations == 48
-
-
-def test_template_under_gravity_sees_27_or_28_of_56(kr500, gravity):
-    report = report_of(kr500, template56(kr500.arm), gravity)
-    assert report.rank_of_loads in (27, 28)
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,14 @@ Truths are drawn, then their readings; where a truth lies in the law that is sta
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from loads import axis_loads
+from scipy.linalg import block_diag
 from scipy.stats import kstest, norm
+from scipy.stats import t as student
 from unsure import AIM, FORCE, TIP, Q, drawn_state, unsure, unsure_everywhere
 
 from testbench.campaign.absolute_model import belief_of
@@ -23,10 +26,11 @@ from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.intervals import Z, deviations_root, intervals, own_values
 from testbench.identify.absolute.posterior import place
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.intervals import linearise
+from testbench.identify.intervals import Linearised, linearise
 from testbench.identify.metric import Belief, metric
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regularised import fit_reduced
+from testbench.identify.weighed import marker_points
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.plant import GearErrors
@@ -89,19 +93,22 @@ def test_identify_knows_how_far_fresh_readings_lead_it_astray(arm_6r, rng):
     ],
 )
 def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr500, make, strength, rng):
-    """Where the prior leaves the scale to the data it is that of the folder."""
+    """Of a deflection, of any unknowns, of couplings, of the common scale, which may be left to the data."""
     s, asked = make(kr500.arm), Scenario(arm="kr500_l480", truth="linear", workspace_poses=DRAWS // 3)
     campaign, own = simulate(kr500, asked, 1), metric(cad_prior(kr500.arm), kr500.vjm, s)
     again = resampler(reduce(kr500.vjm, s, campaign.identification))
     coupling = strength.uncertainty if strength.coupling is None else strength.coupling
     size = np.where(own.couplings, coupling, strength.uncertainty)
     scale = strength.scale_uncertainty if np.isfinite(strength.scale_uncertainty) else 0.0
-    z = []
+    back, z = np.linalg.inv(own.L), []
     for row in rows_of(kr500, s, campaign.truth):
         x = own.expected * (1 + scale * rng.standard_normal()) + size * rng.standard_normal(s.n)
         found = fit_reduced(again(own.L @ x, rng), "none", Belief(own, strength))
-        z.append(row @ (found.pi - own.L @ x) / linearise(found).deviations(row[None])[0])
-    check_ranks(z)
+        any_, some = rng.standard_normal((2, s.n)) * [np.ones(s.n), own.couplings]
+        a = np.vstack([row, any_ @ back, some @ back, own.expected @ back])
+        z.append(a @ (found.pi - own.L @ x) / linearise(found).deviations(a))
+    for found in np.transpose(z)[: 4 if scale else 3]:
+        check_ranks(found)
 
 
 def test_calibrate_is_as_sure_of_geometry_and_joints_as_its_errors_are_large(arms):
@@ -209,3 +216,47 @@ def test_readings_of_one_pose_under_two_loads_scatter_as_those_alone_do(kr500):
     assert np.mean(own.pulls[0] < 1) < 0.03
     kept = [step.after for step in own.chosen.steps if step.kept][-1]
     assert sigma < kept < 1.5 * sigma
+
+
+def test_compliances_of_a_coupled_prior_vary_as_their_metric_says(rng):
+    """x = M z with M of the rigid unknowns and of the metric: covariance M (root^T root)^-1 M^T."""
+    root, L = (
+        np.triu(rng.normal(size=(7, 7))) + 3 * np.eye(7),
+        np.tril(rng.normal(size=(4, 4))) + 2 * np.eye(4),
+    )
+    own = SimpleNamespace(rigid=3, columns=np.arange(7), elastic=SimpleNamespace(L=L))
+    W = deviations_root(SimpleNamespace(own=own, root=root))
+    M = block_diag(np.eye(3), L)
+    np.testing.assert_allclose(W @ W.T, M @ np.linalg.inv(root.T @ root) @ M.T, rtol=1e-9)
+
+
+def test_a_prior_that_is_hardly_believed_takes_no_bound_from_what_readings_show(kr500, rng):
+    """Directions that neither tells have none; deflections of the runs that were read have one."""
+    campaign = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=2), 5)
+    data = replace(campaign.identification, sigma=1e-8)
+    own = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
+    regression = reduce(kr500.vjm, own.structure, data)
+    found = linearise(fit_reduced(regression, "none", Belief(own, Strength(1e6))))
+    where, points = chain(kr500.vjm, data.q), marker_points(kr500.vjm, data.markers)
+    rows = observation(where, own.structure, data.wrench, data.point, points).reshape(-1, own.structure.n)
+    assert len(found.unseen) > 0
+    assert np.isfinite(found.deviations(rows)).all()
+    assert np.isinf(found.deviations(rng.normal(size=(5, own.structure.n)) / found.scale)).all()
+
+
+def test_an_interval_is_as_wide_as_noise_by_the_normal_and_the_prior_by_students_distribution(rng):
+    """In quadrature: neither hides the other, and each alone is its own quantile."""
+    noise, prior = rng.normal(size=(2, 4, 6))
+    own = Linearised(
+        np.zeros(6),
+        np.vstack([noise, prior]),
+        np.zeros((0, 6)),
+        np.ones(6),
+        3.0,
+        0.0,
+        on_boundary=False,
+        heavy=4,
+    )
+    a = rng.normal(size=(5, 6))
+    widths = [f.ppf(0.95) * np.linalg.norm(a @ x.T, axis=1) for f, x in ((norm, noise), (student(3), prior))]
+    np.testing.assert_allclose(own.half_widths(a, 0.9), np.hypot(*widths))

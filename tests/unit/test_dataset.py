@@ -157,12 +157,6 @@ def test_header_is_the_documented_one_and_a_row_is_a_marker_of_a_run(tmp_path: P
     assert [line.split(",")[:3] for line in lines[1:4]] == [["11", "7", f"P{k}"] for k in (1, 2, 3)]
 
 
-@pytest.mark.parametrize("rotation", [False, True])
-def test_permuted_columns_are_accepted(tmp_path: Path, rotation: bool) -> None:
-    file = edited(tmp_path, lambda rows: [row[::-1] for row in rows], rotation=rotation)
-    check_same(read_csv(file, ARM), dataset(rotation=rotation))
-
-
 @pytest.mark.parametrize("markers", [["P1", "P2"], ["P3"], ["P3", "P1"]])
 def test_subset_of_the_markers_in_every_run_is_accepted(tmp_path: Path, markers: list[str]) -> None:
     def edit(rows: Rows) -> Rows:
@@ -499,16 +493,6 @@ def test_split_goes_by_pose_and_never_by_point() -> None:
     assert inside.run.tolist() == [11, 12]
     assert outside.run.tolist() == [13, 14]
     assert inside.before.shape[1] == outside.before.shape[1] == 3
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_a_pose_is_never_on_both_sides_and_no_run_is_lost(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    data = dataset(poses=tuple(rng.integers(0, 8, 40).tolist()))
-    poses = np.unique(data.pose)
-    inside, outside = split(data, rng.choice(poses, size=3, replace=False))
-    assert not set(inside.pose.tolist()) & set(outside.pose.tolist())
-    assert sorted([*inside.run.tolist(), *outside.run.tolist()]) == sorted(data.run.tolist())
 
 
 def test_split_by_a_missing_pose_lists_the_poses() -> None:

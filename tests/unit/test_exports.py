@@ -342,6 +342,53 @@ def test_an_export_is_read_with_a_map_of_at_most_ten_lines(tmp_path, name):
     assert "no column says how far readings scatter: sigma 50 um is assumed" in found.notes
 
 
+def parts_of_cells(head, *rows):
+    """A cell says what the state is and what hangs."""
+    said = [re.sub(r",([0-9.]+),p", r",loaded \1 kg,p", row) for row in rows]
+    said = [row.replace("loaded 0.0000000 kg", "nominal/unloaded") for row in said]
+    return [head.replace("Mass [KG]", "state"), *said]
+
+
+def without_header(gap):
+    return lambda _, __, *rows: [row.replace(",", gap) for row in rows]
+
+
+def words_for_loads(*lines):
+    return [line.replace(";150,0000000;", ";light;").replace(";460,3000000;", ";full;") for line in lines]
+
+
+NAMED = NAMES_OF_POINTS.replace("file = { footer = 1 }", "") + "[file]\nfooter = 1\nnames = {}\n".format(
+    ["Name", "X [m]", "Y [m]", "Z [m]", "J1", "J2", "J3", "J4", "J5", "J6"]
+)
+SAME = {
+    "names in a comment": ("plain", lambda head, *rows: [f"# {head}", head, *rows], ""),
+    "a comment as header": ("plain", lambda head, *rows: [f"# {head}", *rows], ""),
+    "comments between": ("plain", lambda head, *rows: [head, "# one", *rows, "// the end"], ""),
+    "words for loads": (
+        "merged",
+        words_for_loads,
+        f'words = {{ "150" = "light", "460.3" = "full" }}{MERGED}',
+    ),
+    **{
+        f"no header, {gap!r}": ("names_of_points", without_header(gap), NAMED)
+        for gap in (",", ", ", "\t", " ")
+    },
+    "parts of a cell": ("plain", parts_of_cells, 'cells.state = ["*/{when}", "{when} {mass_kg} kg"]'),
+    "whole names": (
+        "plain",
+        lambda *lines: lines,
+        'columns = { "{axis}" = "{axis}_mm", "joint_{n}" = "joint_{n}_deg" }',
+    ),
+}
+"""Other ways to write an export: which one, its lines otherwise, the map."""
+
+
+@pytest.mark.parametrize("way", SAME)
+def test_an_export_may_be_written_otherwise(tmp_path, way):
+    name, change, text = SAME[way]
+    check_alike(read(tmp_path, name, change(*EXPORTS[name][0]().decode().splitlines()), text).data)
+
+
 def test_a_lost_target_needs_no_covariances(tmp_path):
     """Blank cells in a row, or no row in one of the states."""
     text = plain().decode().splitlines()
@@ -354,12 +401,6 @@ def test_a_lost_target_needs_no_covariances(tmp_path):
     np.testing.assert_array_equal(found.seen, expected)
     np.testing.assert_allclose(found.precision[0, 0], np.eye(3) / (2 * (50e-6) ** 2))
     check_alike(replace(select(found, expected.all(axis=1)), precision=None), select(DATA, DATA.pose > 1))
-
-
-def test_a_comment_may_list_the_names_or_be_the_header(tmp_path):
-    head, *rows = plain().decode().splitlines()
-    for lines in ([f"# {head}", head, *rows], [f"# {head}", *rows], [head, "# one", *rows, "// the end"]):
-        check_alike(read(tmp_path, "plain", lines).data)
 
 
 @pytest.mark.parametrize(
@@ -382,13 +423,6 @@ def test_a_line_for_joints_numbered_from_0_is_offered_and_read(tmp_path):
     with pytest.raises(InputError, match=re.escape(f"map: {said}")):
         read(tmp_path, "spreadsheet", text, others)
     check_alike(read(tmp_path, "spreadsheet", text, f"{others}{said}\n").data)
-
-
-def test_words_stand_for_loads(tmp_path):
-    text = merged().decode().replace(";150,0000000;", ";light;").replace(";460,3000000;", ";full;")
-    check_alike(
-        read(tmp_path, "merged", text, f'words = {{ "150" = "light", "460.3" = "full" }}{MERGED}').data
-    )
 
 
 @pytest.mark.parametrize(
@@ -415,44 +449,12 @@ def test_a_header_that_stands_again_with_its_units_is_left_out(tmp_path):
     assert "2 lines of comments or the header again left out" in found.columns.table.notes
 
 
-def test_a_map_names_the_columns_of_a_file_without_a_header(tmp_path):
-    text = names_of_points().decode().splitlines()
-    names = 'names = ["Name", "X [m]", "Y [m]", "Z [m]", "J1", "J2", "J3", "J4", "J5", "J6"]'
-    for gap in (",", ", ", "\t", " "):
-        content = "\n".join(line.replace(",", gap) for line in text[2:])
-        check_alike(
-            read(
-                tmp_path,
-                "names_of_points",
-                content,
-                f"{NAMES_OF_POINTS}[file]\nfooter = 1\n{names}".replace("file = { footer = 1 }", ""),
-            ).data
-        )
-
-
-def test_parts_of_a_cell_count_more_than_the_name_of_its_column(tmp_path):
-    lines = plain().decode().replace("Mass [KG]", "state").splitlines()
-    rows = [
-        re.sub(r",([0-9.]+),p", r",loaded \1 kg,p", line).replace("loaded 0.0000000 kg", "nominal/unloaded")
-        for line in lines
-    ]
-    check_alike(read(tmp_path, "plain", rows, 'cells.state = ["*/{when}", "{when} {mass_kg} kg"]').data)
-
-
 def test_a_footer_is_suspected_in_the_last_line(tmp_path):
     lines = [*plain().decode().splitlines(), "36 points"]
     for count, hint in ((0, "for a line behind the table say footer = 1"), (1, "expected 11 fields, got 1$")):
         content = "\n".join([*lines, *lines[1 : 1 + count]]).encode()
         with pytest.raises(InputError, match=hint):
             read(tmp_path, "plain", content)
-
-
-def test_the_unit_of_a_name_that_a_map_gives_whole_is_known(tmp_path):
-    check_alike(
-        read(
-            tmp_path, "plain", plain(), 'columns = { "{axis}" = "{axis}_mm", "joint_{n}" = "joint_{n}_deg" }'
-        ).data
-    )
 
 
 def test_names_may_hold_blanks_where_two_stand_between_cells(tmp_path):
