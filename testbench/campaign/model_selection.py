@@ -7,7 +7,7 @@ do not see add no noise. Beside it stand joints alone without a prior, as a guar
 wrong in ways which nobody thought of: where they predict poses held out clearly better, they are taken.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,21 +16,22 @@ from testbench.arm.folder import Arm
 from testbench.campaign.campaign import Cell
 from testbench.campaign.evaluation import of_model
 from testbench.campaign.models import EVERY, JOINTS, MODELS, Model, named_models, own_name, right_name
-from testbench.data.dataset import Dataset, select
+from testbench.data.dataset import Dataset, Ids, select
 from testbench.errors import Array
 from testbench.identify import Estimate, Method, with_prior
 from testbench.identify.average import words
 from testbench.identify.crossval import (
     Candidate,
     Duel,
-    Fold,
     divided,
-    every_fold,
+    folds,
     held_out_errors,
     unless_beaten,
 )
+from testbench.identify.fold import Blocks, Parts, reduce_parts
 from testbench.identify.prior import Prior, Strength
-from testbench.identify.regression import Regression, f_m
+from testbench.identify.regression import Regression
+from testbench.model.vjm import Vjm
 
 FILLED = " + prior"
 DEFAULT = f"ALL153{FILLED}"  #: Of an arm of six joints; of any arm `default_name`.
@@ -107,7 +108,19 @@ def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendat
     The default can be beaten by joints alone only; what else was fitted stands beside it to compare. Outliers
     stay in, as every model has to face the same readings.
     """
-    return recommended(cell, models, len(np.unique(data.pose)), lambda m: _errors(cell, m, data))
+    part = divided(data)
+    reduced = by_structure(cell.vjm, models, data, part)
+
+    def errors(model: Model) -> Array:
+        return errors_of(cell, model, reduced[model.structure.name], (data, part))
+
+    return recommended(cell, models, len(np.unique(data.pose)), errors)
+
+
+def by_structure(vjm: Vjm, models: Sequence[Model], runs: Dataset | Blocks, part: Ids) -> Mapping[str, Parts]:
+    """Runs in parts, as `reduce_parts`, by the name of every model's structure."""
+    structures = {m.structure.name: m.structure for m in models}
+    return dict(zip(structures, reduce_parts(vjm, list(structures.values()), runs, part), strict=True))
 
 
 def recommended(
@@ -137,20 +150,22 @@ def _why(duel: Duel, first: str, default: str) -> str:
     )
 
 
-def _errors(cell: Cell, model: Model, data: Dataset) -> Array:
-    """F_M on what is held out, (folds,); an estimator of one's own sees the other runs as they are."""
-    folds, method = every_fold(cell.vjm, model.structure, data), model.estimator
-    if isinstance(method, Method):
-        return errors_of(cell, method, folds)
-    data, part = divided(data)
-    each = [of_model(cell, model, select(data, np.isin(part, fold.kept))).pi for fold in folds]
-    return np.array([f_m(fold.held_out, pi) for fold, pi in zip(folds, each, strict=True)])
+def errors_of(cell: Cell, model: Model, parts: Parts, runs: tuple[Dataset, Ids]) -> Array:
+    """F_M on what is held out, (folds,) [1]; an estimator of one's own sees the other runs as they are.
 
-
-def errors_of(cell: Cell, method: Method, folds: Sequence[Fold]) -> Array:
-    """F_M of a method on what is held out, (folds,) [1]."""
+    Args:
+        cell: The cell.
+        model: What is fitted.
+        parts: Its structure on all runs.
+        runs: These, and the part of each.
+    """
+    held, method = folds(parts), model.estimator
 
     def fits(regressions: Sequence[Regression]) -> Array:
-        return np.array([e.pi for e in method.of(cell.vjm, regressions, widths=False)])
+        if isinstance(method, Method):
+            return np.array([e.pi for e in method.of(cell.vjm, regressions, widths=False)])
+        data, part = runs
+        kept = [select(data, np.isin(part, fold.kept)) for fold in held]
+        return np.array([of_model(cell, model, some).pi for some in kept])
 
-    return held_out_errors(folds, fits)
+    return held_out_errors(held, fits)

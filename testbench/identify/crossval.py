@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, select
+from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.errors import Array, BenchError
 from testbench.identify.fold import Parts, reduce_parts
 from testbench.identify.regression import Regression, f_m
@@ -51,46 +51,44 @@ class Candidate:
         return float(self.errors.std(ddof=1) / np.sqrt(len(self.errors)))
 
 
-def divided(data: Dataset) -> tuple[Dataset, Ids]:
-    """The runs with a reading, and the part of each."""
-    read = np.asarray(data.seen.any(axis=1))
-    data = data if read.all() else select(data, read)
-    return data, parts_of(data.pose, np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2))
+def divided(data: Dataset) -> Ids:
+    """Part of every run, (runs,), -1 of those without a reading."""
+    level = np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2)
+    return parts_of(data.pose, level, np.asarray(data.seen.any(axis=1)))
 
 
-def parts_of(pose: Ids, level: Array) -> Ids:
-    """Part of every run, (runs,): fold of its pose times `FOLDS` plus fold of its load.
+def parts_of(pose: Ids, level: Array, used: Mask) -> Ids:
+    """Part of every run, (runs,): fold of its pose times `FOLDS` plus fold of its load; -1 where not used.
 
     Args:
         pose: Of every run; they are dealt out in turn.
         level: Lengths of its force and moment, (runs, 2) [N, N m]; loads are of one level whose lengths are
             alike. Levels are dealt out in turn where there are more than `FOLDS`.
+        used: Runs to reduce, (runs,).
     """
-    force, moment = (np.unique(part, return_inverse=True)[1] for part in level.round(LEVEL_DIGITS).T)
-    load = np.unique(force * len(level) + moment, return_inverse=True)[1]
-    return np.asarray(np.unique(pose, return_inverse=True)[1] % FOLDS * FOLDS + load % FOLDS)
+    force, moment = (np.unique(own, return_inverse=True)[1] for own in level[used].round(LEVEL_DIGITS).T)
+    load = np.unique(force * len(level) + moment, return_inverse=True)[1] % FOLDS
+    part = np.full(len(pose), -1)
+    part[used] = np.unique(pose[used], return_inverse=True)[1] % FOLDS * FOLDS + load
+    return part
 
 
 def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
     """The folds of `folds` of the runs with a reading."""
-    data, part = divided(data)
+    part = divided(data)
     [parts] = reduce_parts(vjm, [structure], data, part)
-    return folds(parts, np.unique(part))
+    return folds(parts)
 
 
-def folds(parts: Parts, some: Ids) -> list[Fold]:
-    """Poses held out, two at least (BenchError), then load levels where there are several.
-
-    Args:
-        parts: Runs reduced by `parts_of`.
-        some: The parts that have runs.
-    """
+def folds(parts: Parts) -> list[Fold]:
+    """Poses held out, two at least (BenchError), then load levels where there are several; of `parts_of`."""
+    some = parts.every
     pose, load = some // FOLDS, some % FOLDS
     if len(np.unique(pose)) < 2:
         raise BenchError("cross-validation: expected at least 2 poses, got 1")
     held = [own == k for own in (pose, load) for k in np.unique(own)]
     pairs = [(some[~own], some[own]) for own in held if not own.all()]
-    return [Fold(kept, parts.together(kept.tolist()), parts.together(out.tolist())) for kept, out in pairs]
+    return [Fold(kept, parts.together(kept), parts.together(out)) for kept, out in pairs]
 
 
 def held_out_errors(folds: Sequence[Fold], fits: Fits) -> Array:

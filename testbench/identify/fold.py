@@ -37,9 +37,8 @@ class Folded:
     def __init__(self, columns: int) -> None:
         """No rows of so many columns."""
         self.columns = columns
-        self.factors: dict[
-            tuple[int, int], Array
-        ] = {}  #: (columns, columns), or all rows where they are fewer.
+        #: (columns, columns) each, or all rows where they are fewer.
+        self.factors: dict[tuple[int, int], Array] = {}
         #: Of each the scalar equations, and the squared norm of what no unknown can make.
         self.sums: defaultdict[tuple[int, int], Array] = defaultdict(lambda: np.zeros(2))
 
@@ -99,9 +98,14 @@ class Parts:
     folded: Folded  #: Of these or more, readings last, in standard deviations sqrt(2) sigma.
     columns: Ids | slice  #: Those of the unknowns and of the readings.
 
-    def together(self, some: Sequence[int]) -> Regression:
-        """The regression of these parts, one at least: rows over sqrt(N), as in F_M, Eq. (19)."""
-        terms = []
+    @property
+    def every(self) -> Ids:
+        """The parts that there are."""
+        return np.unique([part for _, part in self.folded.factors])
+
+    def together(self, parts: Ids | None = None) -> Regression:
+        """The regression of some parts, one at least, or all: rows over sqrt(N), as in F_M, Eq. (19)."""
+        terms, some = [], (self.every if parts is None else parts).tolist()
         for kind in sorted({kind for kind, _ in self.folded.factors}):
             equations, rest = np.sum([self.folded.sums[kind, k] for k in some], axis=0)
             T = self.folded.factor(kind, some, self.columns) / math.sqrt(equations / 3)
@@ -133,7 +137,7 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
         BenchError: When the dataset is empty or names a marker that the arm lacks.
     """
     [parts] = reduce_parts(vjm, [structure], data, np.broadcast_to(0, data.runs))
-    return parts.together([0])
+    return parts.together()
 
 
 def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Blocks, part: Ids) -> list[Parts]:
@@ -142,8 +146,9 @@ def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Bloc
     Args:
         vjm: The model.
         structures: The unknowns of every model.
-        runs: The runs, each with a reading where its part is one.
-        part: Part of every run, counted from 0; -1 for those that are left out, (runs,).
+        runs: The runs.
+        part: Part of every run, counted from 0; -1 for those that are left out, as those without a
+            reading, (runs,).
 
     Raises:
         BenchError: When there is no run, a number is too large, or a marker is none of the arm's.
@@ -155,7 +160,7 @@ def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Bloc
     def of(some: Iterable[tuple[Ids | slice, Dataset]]) -> list[Folded]:
         found = [Folded(s.n + 1) for s in own]
         for at, data in some:
-            if not data.runs or part[at].max() >= 0:
+            if isinstance(runs, Dataset) or part[at].max() >= 0:
                 check_runs(vjm, data)
                 _add(vjm, list(zip(own, found, strict=True)), data, part[at])
         return found
@@ -211,6 +216,7 @@ def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
         return slice(None)
     place = {pair: k for k, pair in enumerate(zip(widest.a.tolist(), widest.b.tolist(), strict=True))}
     pairs = list(zip(structure.a.tolist(), structure.b.tolist(), strict=True))
-    if not place.keys() >= set(pairs) or structure.symmetric != widest.symmetric:
+    alike = (structure.symmetric, structure.n_theta) == (widest.symmetric, widest.n_theta)
+    if not alike or not place.keys() >= set(pairs):
         return None
     return np.array([*(place[pair] for pair in pairs), widest.n])

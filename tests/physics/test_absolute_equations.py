@@ -8,6 +8,7 @@ import pytest
 from scipy.linalg import helmert
 
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.data.series import select_rows
 from testbench.identify.absolute.evidence import Learnt, choice, learn, usual
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import Inner, eliminate
@@ -45,6 +46,34 @@ def reduced(kr500, series):
     one = series[0]
     weighting = [Weighting(np.ones((len(one.markers) + 1, one.rows)), np.zeros(one.rows, dtype=int))]
     return reduce(Point(unknowns, state, Noise(S, S)), series, weighting), unknowns
+
+
+def test_blocks_and_series_add_up_to_all_equations(kr500, series, reduced):
+    """A part of few rows keeps them as they are, one of many its triangle; poses are never parted."""
+    whole, unknowns = reduced
+    one, state = series[0], aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), series)
+    every = np.ones((len(one.markers) + 1, one.rows))
+    first = np.unique(one.pose, return_inverse=True)[1] < 3
+    block = np.where(first, 0, 1 + one.pose % 2)
+    rows = [np.flatnonzero(block == k) for k in range(3)]
+    halves = [np.concatenate(rows[:2]), rows[2]]  # as two series of the same frame and mount
+    point, cut = Point(unknowns, state, Noise(S, S)), [select_rows(one, own) for own in halves]
+    weights = [Weighting(every[:, own], block[own]) for own in halves]
+    parts = reduce(point, cut, weights)
+    assert [part.series for part in parts.parts] == [0, 0, 1]
+    size = np.sqrt(np.maximum(np.diag(whole.gram.sum(axis=0)), 1e-300))
+
+    def check_same(found, expected):
+        scale = size * size[:, None]
+        np.testing.assert_allclose(found / scale, expected / scale, rtol=0, atol=1e-9)
+
+    check_same(parts.gram, whole.gram)
+    check_same(np.array([T.T @ T for T in parts.factors.values()]), whole.gram)
+    np.testing.assert_array_equal(parts.counts, whole.counts)
+    for part, own in zip(parts.parts, rows, strict=True):
+        alone = reduce(point, [select_rows(one, own)], [Weighting(every[:, own], np.zeros(len(own), int))])
+        check_same(part.gram, alone.gram)
+        np.testing.assert_array_equal(part.counts, alone.counts)
 
 
 def test_what_a_model_leaves_open_is_common_to_the_readings_of_a_pose(series):

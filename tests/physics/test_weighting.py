@@ -11,6 +11,7 @@ from testbench.data.tracker import LaserTracker, precision, read_positions
 from testbench.errors import BenchError
 from testbench.identify import gco, least_squares, reduce, with_prior
 from testbench.identify.evaluate import deflections
+from testbench.identify.huber import _accepted
 from testbench.identify.least_squares import solve
 from testbench.identify.prior import Strength, cad_prior, distorted
 from testbench.identify.weighed import one_by_one
@@ -147,3 +148,21 @@ def test_the_last_digit_of_a_marker_moves_no_prediction(kr500, prior):
     assert (predicted[0] != predicted[1]).any()
     # of 10 mm: the conic solver stops at 1e-8 of the cost, least squares at rounding
     np.testing.assert_allclose(predicted[1], predicted[0], rtol=0, atol=1e-9 if prior else 1e-12)
+
+
+def test_readings_one_by_one_make_the_terms_that_runs_do_and_each_counts_its_own(kr500, data, rng):
+    """Some positions are left out, no orientation: each term is divided by its own equations."""
+    before, after = 1e-3 * rng.normal(size=(2, data.runs, 3))
+    data = replace(data, rotation_before=before, rotation_after=after, sigma_rotation=1e-4)
+    structure = mgco68(kr500.arm)
+    readings = one_by_one(kr500.vjm, structure, data)
+    keep = (readings.marker != 1) | (readings.run > 3)
+    P = np.tile(np.eye(3) / (2 * data.sigma**2), (data.runs, 3, 1, 1))
+    P[:4, 1] = 0
+    expected = reduce(kr500.vjm, structure, replace(data, precision=P))
+    found = _accepted(expected, readings, keep)
+    for own, other in zip(found.terms, expected.terms, strict=True):
+        assert own.equations == other.equations
+        for pi in (np.zeros(structure.n), structure.entries(kr500.arm.C_theta)):
+            left = [np.sum((t.R @ pi - t.z) ** 2) + t.rest for t in (own, other)]
+            assert left[0] == pytest.approx(left[1], rel=1e-9)

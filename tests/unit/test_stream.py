@@ -169,21 +169,19 @@ def test_memory_does_not_grow_with_the_runs(tmp_path):
 @pytest.mark.parametrize("lost", [False, True])
 def test_blocks_in_threads_hold_what_reduce_and_its_folds_do(lost):
     data, vjm = runs(90, lost=lost), CELL.vjm
-    data, part = divided(data)
+    part = divided(data)
     models = named_models(CELL, ["MLS56", "MGCO68", "ALL153"])
     reduced = reduce_parts(vjm, [m.structure for m in models], campaign(data), part)
     for model, parts in zip(models, reduced, strict=True):
         expected = reduce(vjm, model.structure, data)
-        [own], [term] = parts.together(np.unique(part).tolist()).terms, expected.terms
+        [own], [term] = parts.together().terms, expected.terms
         size = np.abs(term.R.T @ term.R).max()
         np.testing.assert_allclose(own.R.T @ own.R, term.R.T @ term.R, rtol=0, atol=1e-10 * size)
         assert own.equations == term.equations
         lengths = [t.z @ t.z + t.rest for t in (own, term)]
         assert lengths[0] == pytest.approx(lengths[1], rel=1e-9)
         pi = model.structure.entries(ARM.C_theta)
-        for fold, other in zip(
-            folds(parts, np.unique(part)), every_fold(vjm, model.structure, data), strict=True
-        ):
+        for fold, other in zip(folds(parts), every_fold(vjm, model.structure, data), strict=True):
             for kind in ("fitted", "held_out"):
                 one, two = (f_m(getattr(x, kind), pi) for x in (fold, other))
                 assert one == pytest.approx(two, rel=1e-9)

@@ -1,0 +1,58 @@
+"""One fold of rows: parts add up, few rows or many, however they came and whichever columns are asked for."""
+
+import numpy as np
+import pytest
+
+from testbench.identify.fold import Folded
+
+COLUMNS = 12
+SOME = np.array([1, 4, 5, 7, 11])  #: Five columns, as many as a part has rows.
+SIZES = {0: [5], 1: [3, 4], 2: [40, 2], 3: [7, 30], 4: [1]}
+"""Rows of every part as they come: fewer than columns, more, few then many."""
+
+
+@pytest.fixture
+def rows(rng):
+    return {k: [rng.normal(size=(size, COLUMNS)) for size in sizes] for k, sizes in SIZES.items()}
+
+
+def folded(rows, parts):
+    found = Folded(COLUMNS)
+    for k in parts:
+        for one in rows[k]:
+            found.add(0, k, one.T.copy())
+            found.sums[0, k] += len(one), 0.5
+    return found
+
+
+@pytest.mark.parametrize("columns", [slice(None), SOME])
+@pytest.mark.parametrize("parts", [[0], [2], [0, 4], [0, 1, 4], [1, 2, 4], [2, 3], [0, 1, 2, 3, 4]])
+def test_a_factor_of_parts_is_that_of_all_their_rows(rows, parts, columns):
+    every = np.vstack([one for k in parts for one in rows[k]])[:, columns]
+    found = folded(rows, SIZES)
+    for _ in range(2):  # asking takes nothing away
+        T = found.factor(0, parts, columns)
+        assert T.shape == (every.shape[1],) * 2
+        np.testing.assert_array_equal(T, np.triu(T))
+        np.testing.assert_allclose(T.T @ T, every.T @ every, rtol=0, atol=1e-12 * len(every))
+
+
+@pytest.mark.parametrize("split", [([0, 1, 2], [0, 3, 2]), ([4], [2, 4]), ([2], [4, 2]), ([1], [1])])
+def test_shares_join_to_the_rows_of_both(rows, split):
+    one, two = (folded(rows, own) for own in split)
+    one.join(two)
+    for k in {*split[0], *split[1]}:
+        times = split[0].count(k) + split[1].count(k)
+        A, T = np.vstack(rows[k]), one.factor(0, [k])
+        np.testing.assert_allclose(T.T @ T, times * A.T @ A, rtol=0, atol=1e-11)
+        np.testing.assert_array_equal(one.sums[0, k], [times * len(A), times * 0.5 * len(rows[k])])
+    A = np.vstack(rows[split[1][0]])
+    T = two.factor(0, [split[1][0]])  # the other share stays as it was
+    np.testing.assert_allclose(T.T @ T, A.T @ A, rtol=0, atol=1e-12 * len(A))
+
+
+def test_a_kind_or_part_without_rows_is_zero(rows):
+    found = folded(rows, [0])
+    assert not found.factor(0, [3]).any()
+    assert not found.factor(1, [0]).any()
+    assert found.factor(1, [0], SOME).shape == (5, 5)
