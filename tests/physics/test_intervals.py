@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from loads import axis_loads
+from loads import axis_loads, rows_of
 from scipy.linalg import block_diag
 from scipy.stats import kstest, norm
 from scipy.stats import t as student
@@ -66,11 +66,6 @@ def check_ranks(z):
     rank = norm.cdf(z)
     for own in (rank, np.abs(2 * rank - 1)):
         assert kstest(own, "uniform").pvalue > LEVEL
-
-
-def rows_of(cell, structure, where):
-    args = chain(cell.vjm, where.q), structure, where.wrench, where.point
-    return observation(*args, cell.vjm.markers[:1]).reshape(-1, structure.n)
 
 
 def test_identify_knows_how_far_fresh_readings_lead_it_astray(arm_6r, rng):
