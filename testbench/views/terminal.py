@@ -39,15 +39,18 @@ def _lines(text: str) -> str:
     return "\n".join(map(shown, text.split("\n")))
 
 
-def grid(table: Table) -> RichTable:
+def grid(table: Table, *, broken: bool = True) -> RichTable:
     """A table without its title: medians; percentiles of several trials or their range, the paper's numbers.
 
-    Of a quantity over two factors only the medians: report.md and the page have its spread.
+    Of a quantity over two factors only the medians: report.md and the page have its spread. Words of
+    headings are broken, where they may be, or whole.
     """
     found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)
     for k, column in enumerate(table.columns):
         head = column.short or column.title.replace(", ", "\n").replace(" ", "\n")
-        found.add_column(head, justify="right" if k else "left", no_wrap=True)
+        found.add_column(
+            head if broken else head.replace("-\n", ""), justify="right" if k else "left", no_wrap=True
+        )
     for row in table.rows:
         first, *others = (_end(column, row) for column in table.columns)
         marked = table.bold == first
@@ -66,7 +69,10 @@ def print_table(console: Console, table: Table) -> None:
     """A table below its title, which may be wider."""
     if table.title:
         console.print(table.title, style="italic")
-    console.print(grid(table))
+    whole = grid(table, broken=False)
+    free = console.options.update(width=10 * console.width)  # else the measure is the console's width at most
+    fits = console.measure(whole, options=free).maximum <= console.width
+    console.print(whole if fits else grid(table))
 
 
 def _spreads(value: object) -> bool:

@@ -1,7 +1,11 @@
 """What commands print: users' names as they are."""
 
+import io
 import re
 from pathlib import Path
+
+import pytest
+from rich.console import Console
 
 import testbench
 from testbench.report.table import Row
@@ -77,3 +81,13 @@ def test_all_of_the_package_prints_by_it():
     package = Path(testbench.__file__).parent
     makers = [p for p in package.rglob("*.py") if re.search(r"\b\w*Console\(", p.read_text(encoding="utf-8"))]
     assert makers == [package / "views/terminal.py"]
+
+
+@pytest.mark.parametrize(("width", "words"), [(60, "conservative"), (40, "conser-")])
+def test_words_of_headings_are_broken_only_where_a_table_is_too_wide(width, words):
+    broken = [Column(f"c{k}", "conservative", short="conser-\nvative") for k in range(4)]
+    console = Console(width=width, file=io.StringIO())
+    print_table(console, Table(tuple(broken), [Row({f"c{k}": "yes" for k in range(4)})]))
+    shown = console.file.getvalue()
+    assert shown.split()[0] == words
+    assert "…" not in shown

@@ -32,7 +32,7 @@ PANES = {
     "check.rms_mm": "check poses, against readings",
 }
 """Columns that are drawn, where it matters first."""
-SHORT = f"name parameters rank conservative identification.rms_mm check.rms_mm {TRUE} times_less"
+SHORT = f"name parameters rank conservative check.rms_mm {TRUE}"
 MODELS = (
     "name parameters rank conservative status f_m f_m_floor identification.rms_mm check.rms_mm "
     f"check_true.rms_mm check.max_mm check.max_relative_percent {TRUE} times_less"

@@ -31,7 +31,7 @@ ERROR = "check_true.p95_mm"  #: What models are judged by.
 BENT = f"nonlinear.{ERROR}"
 SAME = 1.02  #: An order m serves as well as 6 where F_M and the check error exceed those of m = 6 by less.
 EQUAL = 1e-7  #: Share of F_M by which GCO may exceed least squares and still fit as well.
-SHORT = f"name conservative check.p95_mm {ERROR} {BENT} times_less"
+SHORT = f"name conservative check.p95_mm {ERROR} {BENT}"
 TABLE_II = (
     f"name parameters rank conservative f_m f_m_floor check.p95_mm {ERROR} {BENT} "
     "check.max_relative_percent check_true.max_relative_percent times_less"
