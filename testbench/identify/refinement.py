@@ -15,7 +15,7 @@ import numpy as np
 from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array
 from testbench.identify.frames import Found, Unloaded, points
-from testbench.identify.robust import FRAMES
+from testbench.identify.robust_loss import FRAMES
 
 ROUGH = 0.02
 """Standard deviation of a nominal target position along each axis [m]."""

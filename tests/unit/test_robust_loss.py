@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from testbench.identify.robust import FRAMES, READINGS
+from testbench.identify.robust_loss import FRAMES, READINGS
 
 LOSSES = pytest.mark.parametrize("loss", [FRAMES, READINGS])
 

@@ -10,7 +10,7 @@ from testbench.errors import Array
 from testbench.identify.absolute.noise import KINDS, Noise, lengths, multiplicity, plan_of, roots
 from testbench.identify.absolute.rows import left_over
 from testbench.identify.absolute.state import State, in_batches, tell
-from testbench.identify.robust import READINGS
+from testbench.identify.robust_loss import READINGS
 
 
 def residuals(state: State, series: Series) -> Array:

@@ -25,7 +25,7 @@ from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.metric import Metric
-from testbench.identify.robust import READINGS
+from testbench.identify.robust_loss import READINGS
 from testbench.model.joint_errors import JointErrors
 from testbench.model.structure import Ids
 
