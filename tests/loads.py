@@ -21,6 +21,13 @@ def hung(cell, runs, mass=460.3):
     return wrench, np.tile(cell.plant.load, (runs, 1))
 
 
+def rows_of(cell, structure, where, targets=None):
+    """Deflections of targets, or of the first marker, as functionals of parameters, (3 runs m, n)."""
+    args = chain(cell.vjm, where.q), structure, where.wrench, where.point
+    targets = cell.vjm.markers[:1] if targets is None else targets
+    return observation(*args, targets).reshape(-1, structure.n)
+
+
 def axis_loads(cell, rng, *, noise=1.0, poses=18):
     """Section 5.2: six axis loads a pose, full pose read; linear truth by the model itself."""
     q = np.repeat(rng.uniform(*cell.arm.limits, (poses, cell.arm.n_joints)), 6, axis=0)

@@ -15,13 +15,10 @@ import numpy as np
 from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array
 from testbench.identify.frames import Found, Unloaded, points
+from testbench.identify.robust_loss import FRAMES
 
 ROUGH = 0.02
 """Standard deviation of a nominal target position along each axis [m]."""
-BEND = 3.0
-"""Length of a residual, in standard deviations, beyond which a reading pulls no harder: 3 % of sound ones."""
-MEAN_SQUARE = 2.936
-"""Mean of min(|z|, BEND)^2 of normal 3-vectors z."""
 ASSUMED = 1e-3  #: Noise by geometric errors where the readings cannot tell [m].
 SPARE = 6  #: Fewer equations beyond the unknowns tell nothing of the noise.
 STEP = 1e-9  #: A Gauss-Newton step below this is the last [m, rad].
@@ -33,7 +30,6 @@ Before, residuals are those of the start: they would let nominal targets and wil
 """
 FAR = 10.0
 """Length of a residual over the median, or over ASSUMED if that is more, beyond which it is dropped."""
-FINEST = 2.0**-40  #: Error of the noise, over ten times the largest residual.
 SAME = 1e-6  #: Relative change of the noise that ends the search.
 SINGULAR = 1e-11  #: Least eigenvalue of the scaled information; below it a direction is not seen at all.
 
@@ -61,9 +57,8 @@ def refine(seen: Unloaded, found: Found, nominal: Array, free: Mask) -> Solved:
         e, J = _linearised(seen, found)
         root = V.swapaxes(1, 2) / np.sqrt(values + noise**2)[..., None]
         u, B = (root @ e[..., None])[..., 0], root @ J
-        pull = np.minimum(1, BEND / np.maximum(np.linalg.norm(u, axis=1), BEND))
-        pull = pull if kept is None else pull * kept
-        information, pulled = _summed(at, len(column), pull, u, B)
+        counts = FRAMES.pull(np.linalg.norm(u, axis=1)) * (True if kept is None else kept)
+        information, pulled = _summed(at, len(column), counts, u, B)
         information, pulled = information[np.ix_(column, column)], pulled[column]
         held, off = _nominal(nominal - found.targets, 6 * free.sum())
         P = _inverse(information + np.diag(held), 6 * free.sum())
@@ -75,12 +70,13 @@ def refine(seen: Unloaded, found: Found, nominal: Array, free: Mask) -> Solved:
             kept = _plausible(e)
         if kept is not None:
             spare = 3 * kept.sum() - float(np.sum(P * information))
-            noise = _noise(np.einsum("nxk,nx->nk", V, e)[kept], values[kept], spare)
+            along = np.einsum("nxk,nx->nk", V, e)[kept]
+            noise = FRAMES.spread(along, values[kept], spare / along.size) if spare >= SPARE else ASSUMED
             if np.abs(step).max() < STEP and abs(noise - before) <= SAME * noise:
                 status = "solved"
                 break
     assert P is not None
-    return Solved(found, P, np.linalg.norm(e, axis=1), noise, int((pull < 1).sum()), status)
+    return Solved(found, P, np.linalg.norm(e, axis=1), noise, int((counts < 1).sum()), status)
 
 
 def _plausible(residual: Array) -> Mask:
@@ -92,10 +88,10 @@ def _plausible(residual: Array) -> Mask:
 def _nominal(off: Array, frames: int) -> tuple[Array, Array]:
     """Weights of the nominal targets and their distances, of all unknowns: none of frames and new targets.
 
-    Beyond BEND ROUGH a nominal position pulls no harder either: it is wrong, not rough.
+    Beyond the bend a nominal position pulls no harder either: it is wrong, not rough.
     """
     length = np.linalg.norm(off, axis=1, keepdims=True) / ROUGH
-    weight = np.where(np.isfinite(off), np.minimum(1, BEND / np.maximum(length, BEND)), 0) / ROUGH**2
+    weight = np.where(np.isfinite(off), FRAMES.pull(length), 0) / ROUGH**2
     none = np.zeros(frames)
     return np.concatenate([none, weight.ravel()]), np.concatenate([none, np.nan_to_num(off).ravel()])
 
@@ -157,25 +153,3 @@ def _inverse(information: Array, frames: int) -> Array | None:
     own = covariance[frames:, frames:].reshape(m, 3, m, 3)
     own[np.arange(m), :, np.arange(m)] += np.linalg.inv(D)
     return np.asarray(covariance / np.outer(size, size))
-
-
-def _noise(residual: Array, values: Array, spare: float) -> float:
-    """Noise s by Huber's proposal 2 [m]: the mean of min(|u|, BEND)^2, u weighted, is what noise gives.
-
-    Of residuals and variances along the readings' principal axes, (n, 3), and the equations to spare.
-    """
-    if spare < SPARE:
-        return ASSUMED
-
-    from scipy.optimize import brentq  # here: it takes long to import, and few runs need it
-
-    squares = np.square(residual)
-
-    def excess(s: float) -> float:
-        length = (squares / (values + s**2)).sum(axis=1)
-        return float(np.minimum(length, BEND**2).mean() - MEAN_SQUARE * spare / residual.size)
-
-    high = 10 * float(np.sqrt(squares.max()))
-    if excess(0.0) <= 0:
-        return 0.0
-    return high if excess(high) > 0 else float(brentq(excess, 0.0, high, xtol=FINEST * high))

@@ -74,7 +74,7 @@ class Registration:
     rms: float  #: RMS distance of readings from where arm, frames and targets have them [m].
     typical: float  #: Median of these distances [m].
     noise: float  #: s: standard deviation along an axis beyond the tracker's [m].
-    wild: int  #: Readings that pull less or not at all, as they are more than BEND standard deviations off.
+    wild: int  #: Readings that pull less or not at all, as they are more than a bend off.
 
     @property
     def target_deviations(self) -> Array:

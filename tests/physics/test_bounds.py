@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from loads import rows_of
 
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.errors import BenchError
@@ -11,7 +12,6 @@ from testbench.identify import reduce
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior, aggregate, cad_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
-from testbench.model.vjm import chain, observation
 from testbench.studies.estimators.bootstrap import resampler
 from testbench.studies.estimators.bounds import bounds, fit_set
 
@@ -23,12 +23,6 @@ def campaign(kr500):
 
 def prepare(cell, structure, data):
     return reduce(cell.vjm, structure, data), metric(cad_prior(cell.arm), cell.vjm, structure)
-
-
-def elsewhere(cell, structure, where, markers=1):
-    points = cell.vjm.markers[:markers]
-    rows = observation(chain(cell.vjm, where.q), structure, where.wrench, where.point, points)
-    return rows.reshape(-1, structure.n)
 
 
 def truth_of(cell, structure):
@@ -43,7 +37,7 @@ def distance(models, x):
 def test_bounds_hold_the_truth_and_are_proven_by_their_dual(kr500, campaign, structure):
     s = structure(kr500.arm)
     models = fit_set(*prepare(kr500, s, campaign.identification), 0.95)
-    rows = elsewhere(kr500, s, campaign.truth)
+    rows = rows_of(kr500, s, campaign.truth)
     found = bounds(models, rows)
     assert {name for pair in found.status for name in pair} == {"solved"}
     y = rows @ truth_of(kr500, s)
@@ -63,7 +57,7 @@ def test_no_feasible_model_found_by_sampling_lies_outside(kr500, campaign):
     """Models of the set by another way: segments between its members and from them into random directions."""
     s = template56(kr500.arm)
     models = fit_set(*prepare(kr500, s, campaign.identification), 0.95)
-    rows = elsewhere(kr500, s, campaign.truth)
+    rows = rows_of(kr500, s, campaign.truth)
     found, rng = bounds(models, rows), np.random.default_rng(3)
     inside = np.linalg.solve(models.metric.L, found.models.reshape(-1, s.n).T).T
     x = inside.mean(axis=0)
@@ -88,7 +82,7 @@ def test_bounds_of_a_small_set_are_those_of_its_ellipse(kr500, campaign):
     """Two joints far inside the cone: the support function of an ellipse, in closed form."""
     s = Structure.of(kr500.arm, joints=["joint_2", "joint_3"])
     models = fit_set(*prepare(kr500, s, campaign.identification), 0.9, ceiling=1000.0)
-    rows = elsewhere(kr500, s, campaign.truth)
+    rows = rows_of(kr500, s, campaign.truth)
     found = bounds(models, rows)
     a = rows @ models.metric.L
     x = np.linalg.solve(models.rows, models.centre)
@@ -102,7 +96,7 @@ def test_bounds_shrink_with_more_data_and_with_less_confidence(kr500, campaign):
     s = template56(kr500.arm)
     data = campaign.identification
     regression, m = prepare(kr500, s, data)
-    rows = elsewhere(kr500, s, campaign.truth)
+    rows = rows_of(kr500, s, campaign.truth)
     scenario = Scenario(
         arm="kr500_l480", truth="linear", workspace_poses=4, identification_runs=160, check_runs=60
     )
@@ -140,7 +134,7 @@ def test_data_that_no_conservative_model_fits_leave_an_empty_set(kr500, campaign
     lifted = replace(data, after=2 * data.before - data.after)  # deflections against the load
     models = fit_set(*prepare(kr500, s, lifted), 0.95)
     assert models.empty
-    found = bounds(models, elsewhere(kr500, s, campaign.truth)[:2])
+    found = bounds(models, rows_of(kr500, s, campaign.truth)[:2])
     assert found.status == (("empty", "empty"),) * 2
     assert np.isnan([found.lower, found.upper]).all()
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from loads import axis_loads
+from loads import axis_loads, rows_of
 from scipy.linalg import block_diag
 from scipy.stats import kstest, norm
 from scipy.stats import t as student
@@ -68,11 +68,6 @@ def check_ranks(z):
         assert kstest(own, "uniform").pvalue > LEVEL
 
 
-def rows_of(cell, structure, where):
-    args = chain(cell.vjm, where.q), structure, where.wrench, where.point
-    return observation(*args, cell.vjm.markers[:1]).reshape(-1, structure.n)
-
-
 def test_identify_knows_how_far_fresh_readings_lead_it_astray(arm_6r, rng):
     """Least squares of section 5.2: poses, readings and what is asked for are drawn anew."""
     s, z = template56(arm_6r.arm), []
@@ -112,18 +107,22 @@ def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr
 
 
 def test_calibrate_is_as_sure_of_geometry_and_joints_as_its_errors_are_large(arms):
-    """All numbers that an arm has, 78, made independent by their joint covariance."""
-    z = []
+    """All 78 numbers of an arm, in independent directions; then those that the readings tell most of."""
+    z, told = [], []
     for _, _, truth, own in arms:
         unknowns, columns = own.own.unknowns, own.own.columns
         true, found = unknowns.current(true_state(own.state, truth)), own_values(own)
         rigid = np.r_[unknowns.columns("geometry"), unknowns.columns("errors")]
         some = np.isin(columns, rigid) & (true[columns] != 0)
-        W, off = deviations_root(own)[some], (true - found)[columns[some]]
-        size = np.linalg.norm(W, axis=1)
-        z.extend(np.linalg.solve(np.linalg.cholesky(W @ W.T / np.outer(size, size)), off / size))
+        prior = own.chosen.learnt.deviation[columns[some]]
+        W, off = deviations_root(own)[some] / prior[:, None], (true - found)[columns[some]] / prior
+        left, V = np.linalg.eigh(W @ W.T)
+        z.extend(V.T @ off / np.sqrt(left))
+        told.extend(left < 0.5)
     assert len(z) == 78 * len(arms)
     check_ranks(z)
+    assert 200 < np.sum(told) < len(z)
+    check_ranks(np.array(z)[told])
 
 
 def test_intervals_of_joint_compliances_hold_the_truth(arms):

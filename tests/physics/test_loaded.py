@@ -25,6 +25,10 @@ from testbench.model.vjm import (
     generalised_load,
 )
 from testbench.plant import build_plant, settle, weightless
+from testbench.plant.equilibrium import linear_statics
+from testbench.plant.newton import Poses
+from testbench.plant.newton import tangent as plant_tangent
+from testbench.plant.state import open_row
 
 SEEDS = [1, 2, 3]
 HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0, "slides": 3_000.0}
@@ -154,6 +158,23 @@ def tangent(cell, q, theta, wrench, point):
     where = chain(cell.vjm, q, theta)
     K_w = geometric_stiffness(where, wrench, point)
     return loaded_compliance(load_jacobian(where, point), cell.arm.C_theta, K_w)
+
+
+def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
+    """I - C_theta K_w of Eq. (7), by which the plant takes its steps and finds that an arm buckles."""
+    plant, q = weightless(cell.plant), random_q(cell, rng, 3)
+    most = HEAVIEST[cell.arm.name.removesuffix("_l480")]
+    wrench, point = random_wrench(rng, 3, most / 10, most / 10)  # of a force alone it would be symmetric
+    theta, row = settle(plant, q, wrench, point).theta, open_row(plant)
+    K_w = geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
+    qpos = np.zeros((3, plant.model.nv))
+    qpos[:, plant.joints], qpos[:, plant.theta] = q, theta
+    for i in range(3):
+        poses = Poses(plant, slice(1), qpos[i, None], wrench[i, None], point[i, None])
+        found = plant_tangent(linear_statics(poses, row), row, qpos[i], 0)[np.ix_(plant.theta, plant.theta)]
+        expected = cell.arm.C_theta @ K_w[i]
+        size = np.abs(expected).max()  # 1e-9 of the springs' tangent, of which the load's is 1 %
+        np.testing.assert_allclose(np.eye(len(found)) - found, expected, rtol=0, atol=1e-7 * size)
 
 
 def test_loaded_compliance_predicts_increments_of_the_plants_equilibrium(kr500, rng):

@@ -228,7 +228,7 @@ def test_an_estimator_of_ones_own_sees_the_kinematics_and_no_compliance(kr500, c
     seen = []
 
     def mine(vjm, structure, data):
-        seen.append(vjm)
+        seen.append((vjm, data.runs))
         return rigid(vjm, structure, data)
 
     own = Model("mine", template56(kr500.arm), mine)
@@ -236,8 +236,9 @@ def test_an_estimator_of_ones_own_sees_the_kinematics_and_no_compliance(kr500, c
     identify_each(kr500, own, [campaign.identification])
     recommend(kr500, [*named_models(kr500, ["MGCO47"]), own], campaign.identification)
     assert len(seen) == 10
-    q = campaign.truth.q
-    for vjm in seen:
+    q, runs = campaign.truth.q, campaign.identification.runs
+    assert sum(own for _, own in seen[2:]) == 7 * runs  # all but one of eight folds, each in turn
+    for vjm, _ in seen:
         assert np.isnan(np.diag(vjm.arm.C_theta)).all()
         np.testing.assert_array_equal(tool_pose(vjm, q)[0], tool_pose(kr500.vjm, q)[0])
 

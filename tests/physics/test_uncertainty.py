@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from loads import rows_of
 from reports import table_of
 
 from testbench.campaign.campaign import Scenario, simulate
@@ -21,7 +22,6 @@ from testbench.identify.metric import metric
 from testbench.identify.prior import Strength, aggregate, cad_prior
 from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import Structure, all153, mgco68, template56
-from testbench.model.vjm import chain, observation
 from testbench.studies.estimators.bootstrap import bootstrap, resampler
 from testbench.studies.identifiability.coverage import Case, bounded, draw_conservative
 from testbench.studies.identifiability.study import coverage
@@ -42,16 +42,6 @@ def full_pose(arm_6r):
 @pytest.fixture(scope="module")
 def gravity(kr500):
     return simulate(kr500, Scenario(arm="kr500_l480", truth="linear", workspace_poses=4), 1)
-
-
-def elsewhere(cell, structure, campaign):
-    where = campaign.truth
-    return rows_of(cell, structure, where, cell.vjm.markers[:1])
-
-
-def rows_of(cell, structure, where, targets):
-    args = (chain(cell.vjm, where.q), structure, where.wrench, where.point)
-    return observation(*args, targets).reshape(-1, structure.n)
 
 
 def test_resampled_rows_have_the_chi_squared_and_spread_of_the_readings(full_pose):
@@ -79,13 +69,13 @@ def test_what_gravity_does_not_load_is_infinitely_uncertain(kr500, gravity):
     estimate = least_squares(kr500.vjm, s, gravity.identification)
     linear = linearise(estimate)
     assert np.isinf(linear.deviations(np.eye(s.n))[s.labels.index("joint_1") - s.n_theta])
-    assert np.isinf(linear.deviations(elsewhere(kr500, s, gravity))).mean() > 0.5
+    assert np.isinf(linear.deviations(rows_of(kr500, s, gravity.truth))).mean() > 0.5
     data = gravity.identification
     seen = rows_of(kr500, s, data, kr500.vjm.markers)
     sd = linear.deviations(seen)
     # the measured deflections themselves: never worse than one reading, better for what they share
     assert (sd < 1.001 * np.sqrt(2) * data.sigma).all()
-    two = np.vstack([elsewhere(kr500, s, gravity)[:1], seen[:1]])
+    two = np.vstack([rows_of(kr500, s, gravity.truth)[:1], seen[:1]])
     found = bootstrap(estimate, two, 0.5, draws=3, rng=np.random.default_rng(0))
     np.testing.assert_array_equal(np.isinf(found.upper), [True, False])
 
@@ -102,7 +92,7 @@ def test_no_data_means_no_knowledge(kr500, gravity):
 def test_a_prior_makes_everything_finite_and_more_data_only_helps(kr500, gravity):
     s = mgco68(kr500.arm)
     m, strength = metric(cad_prior(kr500.arm), kr500.vjm, s), Strength(0.3)
-    rows = elsewhere(kr500, s, gravity)
+    rows = rows_of(kr500, s, gravity.truth)
     widths = []
     for data in (gravity.identification, gravity.measured):  # 8 poses, and 11
         estimate = gco_with(reduce(kr500.vjm, s, data), m, strength)
@@ -123,7 +113,7 @@ def test_posterior_covariance_is_bayes_rule(kr500, gravity):
     A = np.sqrt(term.equations / 3) * term.R @ m.L
     e = m.expected
     precision = A.T @ A + np.linalg.inv(0.3**2 * np.eye(s.n) + 0.5**2 * np.outer(e, e))
-    rows = elsewhere(kr500, s, gravity)
+    rows = rows_of(kr500, s, gravity.truth)
     a = rows @ m.L
     expected = np.sqrt(np.einsum("kn,nk->k", a, np.linalg.solve(precision, a.T)))
     np.testing.assert_allclose(linearise(estimate).deviations(rows), expected, rtol=1e-6)

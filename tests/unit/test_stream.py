@@ -77,28 +77,20 @@ WRITTEN = {
     "remarks": _remarks,
     "runs_of_blanks": lambda text: text.replace(",", "  ").encode(),
 }
+AT_ONCE = {"plain", "windows", "decimal_comma", "tabs_and_no_end", "title"}
 
 
 @pytest.mark.parametrize("name", WRITTEN)
 def test_blocks_are_read_as_the_whole_file_is(tmp_path, name):
-    """Runs of blanks have no blank cells."""
+    """Runs of blanks have no blank cells; of numbers alone only the head is looked at line by line."""
     write_csv(runs(24, lost=name != "runs_of_blanks"), ARM, tmp_path / "runs.csv")
     file = tmp_path / "other.csv"
     file.write_bytes(WRITTEN[name]((tmp_path / "runs.csv").read_text(encoding="utf-8")))
     _, streamed = read_both_ways(file, ARM)
     assert streamed
-    assert len(in_blocks(file, ARM).every) > 10
-
-
-@pytest.mark.parametrize("name", ["plain", "windows", "decimal_comma", "tabs_and_no_end", "title"])
-def test_rows_of_numbers_are_read_at_once(tmp_path, name):
-    """Only what the columns are understood by is looked at line by line."""
-    write_csv(runs(24, lost=True), ARM, tmp_path / "runs.csv")
-    file = tmp_path / "other.csv"
-    file.write_bytes(WRITTEN[name]((tmp_path / "runs.csv").read_text(encoding="utf-8")))
     with patch.object(stream, "table_of", wraps=stream.table_of) as asked:
         assert len(in_blocks(file, ARM).every) > 10
-    assert asked.call_count == 1
+    assert asked.call_count == 1 or name not in AT_ONCE
 
 
 @pytest.fixture

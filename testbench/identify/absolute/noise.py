@@ -15,13 +15,9 @@ from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.model.structure import Ids
 
-MEAN_SQUARE = 2.986  #: Mean of min(|z|, BEND)^2 of normal 3-vectors z.
-BISECTIONS = 60
 KINDS = ("position", "orientation", "position within a pose", "orientation within a pose")
 """Kinds of equations, each with a scatter of its own."""
 POSITIONS = (0, 2)  #: Those that are positions.
-BEND = 3.5
-"""Length of a reading's residual, in standard deviations, beyond which it pulls less: 0.7 % of sound ones."""
 
 
 @dataclass(frozen=True)
@@ -115,33 +111,3 @@ def roots(series: Series, noise: Noise, plan: Plan, rotation: Array) -> tuple[Ar
 def lengths(white: Array) -> Array:
     """Lengths of whitened readings, (s, 3, runs) -> (s, runs) [1]."""
     return np.asarray(np.linalg.norm(white, axis=1))
-
-
-def pull(length: Array) -> Array:
-    """By how much a reading pulls less than a sound one, by the length of its whitened residual [1]."""
-    return np.minimum(1.0, BEND / np.maximum(length, BEND))
-
-
-def spread(length: Array, variance: Array, share: float) -> float:
-    """S such that residuals have the length that their variances promise, 0 where they are shorter.
-
-    Args:
-        length: Of the residuals of three numbers each, (n,) [m, rad].
-        variance: Of the readings themselves along an axis, (n,) [m^2, rad^2].
-        share: Equations less unknowns over equations [1].
-
-    Returns:
-        Standard deviation along an axis beside that of the readings [m, rad].
-    """
-    low, high = 0.0, float(length.max(initial=0.0)) ** 2
-
-    def excess(s2: float) -> float:
-        d = length / np.sqrt(variance + s2)
-        return float(np.mean(np.minimum(d, BEND) ** 2)) - MEAN_SQUARE * share
-
-    if len(length) == 0 or excess(0.0) <= 0:
-        return 0.0
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
-    return float(np.sqrt(high))

@@ -7,19 +7,10 @@ import numpy as np
 
 from testbench.data.series import Series
 from testbench.errors import Array
-from testbench.identify.absolute.noise import (
-    BEND,
-    KINDS,
-    Noise,
-    lengths,
-    multiplicity,
-    plan_of,
-    pull,
-    roots,
-    spread,
-)
+from testbench.identify.absolute.noise import KINDS, Noise, lengths, multiplicity, plan_of, roots
 from testbench.identify.absolute.rows import left_over
 from testbench.identify.absolute.state import State, in_batches, tell
+from testbench.identify.robust_loss import READINGS
 
 
 def residuals(state: State, series: Series) -> Array:
@@ -34,7 +25,7 @@ def pulls_of(state: State, series: Series, noise: Noise) -> Array:
     """How much every reading counts, by its own residual, (s, rows)."""
     alone = replace(series, pose=np.arange(series.rows))
     W, _ = roots(alone, noise, plan_of(alone), state.frame(series).rotation)
-    return pull(lengths(np.einsum("srxy,syr->sxr", W, residuals(state, series))))
+    return READINGS.pull(lengths(np.einsum("srxy,syr->sxr", W, residuals(state, series))))
 
 
 def scatter(state: State, series: Sequence[Series], share: float) -> Noise:
@@ -61,7 +52,7 @@ def scatter(state: State, series: Sequence[Series], share: float) -> Noise:
     found = []
     for kind in (position, rotation):
         length, own = (np.concatenate([part[k] for part in kind]) if kind else np.zeros(0) for k in (0, 1))
-        found.append(spread(length, own, share))
+        found.append(READINGS.spread(length[:, None], own[:, None], share))
     return Noise(found[0], found[1], np.ones(len(KINDS)))
 
 
@@ -123,9 +114,9 @@ class Outliers:
     def words(self) -> str:
         """A sentence."""
         worst = f"the worst is row {self.row} of {self.series}, by {1e3 * self.distance:.3g} mm"
+        far = f"{READINGS.bend / WILD:g} standard deviations"
         return (
-            f"{self.count} of {self.of} positions are more than {BEND / WILD:g} standard deviations off and "
-            f"count less than half; {worst}"
+            f"{self.count} of {self.of} positions are more than {far} off and count less than half; {worst}"
         )
 
 

@@ -20,11 +20,12 @@ from testbench.data.series import Series, select_rows
 from testbench.errors import Array
 from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, prior, usual
-from testbench.identify.absolute.noise import Noise, lengths, plan_of, pull, roots
+from testbench.identify.absolute.noise import Noise, lengths, plan_of, roots
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.metric import Metric
+from testbench.identify.robust_loss import READINGS
 from testbench.model.joint_errors import JointErrors
 from testbench.model.structure import Ids
 
@@ -107,7 +108,7 @@ def _equations(at: Linear, series: Series) -> tuple[Array, Array]:
     own, rows = at.own, rows_of(at.own.unknowns, at.state, series)
     alone = replace(series, pose=np.arange(series.rows))
     W, _ = roots(alone, at.noise, plan_of(alone), at.state.frame(series).rotation)
-    W = W * pull(lengths(np.einsum("srxy,syr->sxr", W, rows.left)))[..., None, None]
+    W = W * READINGS.pull(lengths(np.einsum("srxy,syr->sxr", W, rows.left)))[..., None, None]
     names = own.unknowns.columns
     mount = rows.A[:, :, names(f"mount {series.target}")]
     A = np.concatenate([rows.A[:, :, own.columns], rows.left[:, :, None]], axis=2)

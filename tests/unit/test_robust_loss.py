@@ -1,0 +1,44 @@
+"""The robust loss: what a reading pulls, and the scatter beside sound and wild ones."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from testbench.identify.robust_loss import FRAMES, READINGS
+
+LOSSES = pytest.mark.parametrize("loss", [FRAMES, READINGS])
+
+
+@LOSSES
+def test_a_reading_pulls_in_full_up_to_the_bend_and_no_harder_beyond(loss):
+    length = loss.bend * np.array([0.0, 0.5, 1.0, 2.0, 1e6])
+    np.testing.assert_allclose(loss.pull(length) * length, loss.bend * np.array([0, 0.5, 1, 1, 1]))
+
+
+@LOSSES
+def test_the_mean_square_is_that_of_normal_readings(loss):
+    b = loss.bend**2
+    assert loss.mean_square == pytest.approx(3 * chi2.cdf(b, 5) + b * chi2.sf(b, 3), abs=1e-3)
+
+
+@LOSSES
+def test_a_scatter_beside_the_readings_is_found_though_some_are_wild(loss, rng):
+    """Axes of one reading may differ."""
+    variance = np.square([1e-5, 1e-4, 3e-4]) * rng.uniform(0.5, 2, (20_000, 1))
+    sound = rng.standard_normal(variance.shape) * np.sqrt(variance + 2e-4**2)
+    assert loss.spread(sound, variance, 1.0) == pytest.approx(2e-4, rel=0.02)
+    wild = sound.copy()
+    wild[:200] += 1.0
+    assert loss.spread(wild, variance, 1.0) == pytest.approx(2e-4, rel=0.06)
+    assert loss.spread(0.5 * rng.standard_normal(variance.shape) * np.sqrt(variance), variance, 1.0) == 0
+    assert loss.spread(np.zeros((0, 3)), np.zeros((0, 3)), 1.0) == 0
+
+
+@LOSSES
+def test_fewer_spare_equations_mean_more_scatter(loss, rng):
+    residual = rng.standard_normal((5000, 3))
+    none = np.full_like(residual, 1e-12)
+    whole, half = (loss.spread(residual, none, share) for share in (1.0, 0.5))
+    assert whole == pytest.approx(1.0, rel=0.02)
+    length = np.minimum((residual**2).sum(axis=1) / half**2, loss.bend**2)
+    assert length.mean() == pytest.approx(loss.mean_square / 2)
