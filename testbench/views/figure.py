@@ -249,14 +249,20 @@ def labelled(column: Column) -> str:
     return f"{column.heading} [{column.unit}]" if column.unit else column.heading
 
 
-def ranges(panes: Mapping[str, Table], answer: str, reading: str, mark: float | None = None) -> Figure:
+def ranges(
+    panes: Mapping[str, Table],
+    answer: str,
+    reading: str,
+    mark: float | None = None,
+    places: Sequence[str] = (),
+) -> Figure:
     """Medians and spreads without lines, a pane a table: its columns name row and model, and are drawn.
 
-    A dotted line is at the number `mark`.
+    A dotted line is at the number `mark`. Rows have their order from the panes, if not from `places`.
     """
     table, rows = next(iter(panes.values())), [row for own in panes.values() for row in own.rows]
     down, name, value = table.columns
-    places, known = list(dict.fromkeys(down.cell(row) for row in rows)), table.looks or looks(rows, name)
+    places, known = places or list(dict.fromkeys(map(down.cell, rows))), table.looks or looks(rows, name)
     figure = page(2.4 + 0.6 * len(places))
     part = _body(figure)
     sides = part.subplots(1, len(panes), sharey=True, squeeze=False)[0]

@@ -168,3 +168,9 @@ def test_the_figure_draws_the_ratios_beside_one_by_the_error_to_expect(whole):
         assert any(line.get_linestyle() == ":" and set(line.get_xdata()) == {1} for line in axes.get_lines())
     assert [t.get_text() for t in drawn.axes[0].get_yticklabels()] == [*EXPECTED, FREE]
     looks_differ(key_of(drawn))
+    least = [
+        r for r in found.numbers["levels"] if (r.part, r.level) != (next(iter(KINDS)), list(EXPECTED)[1])
+    ]
+    short = replace(found, numbers=found.numbers | {"levels": least})
+    labels = figures(short)["regimes.png"].axes[0].get_yticklabels()
+    assert [t.get_text() for t in labels] == [*EXPECTED, FREE]  # one that the first pane lacks has its place

@@ -194,7 +194,8 @@ def figures(found: Report) -> dict[str, Figure]:
         f"deflection: medians of fits with {span(f.trials)}, {f.trials} trials. Left of the dotted line "
         "GCO is better. Same free directions: what the cone does by itself."
     )
-    return {"regimes.png": ranges(panes, _gained(f), reading, mark=1.0)}
+    places = list(dict.fromkeys(row.level for row in f.levels))  # not every pane has all of them
+    return {"regimes.png": ranges(panes, _gained(f), reading, 1.0, places)}
 
 
 STUDY = Study(
