@@ -24,9 +24,8 @@ from testbench.errors import Array
 from testbench.identify import gco, with_prior
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.frames import kabsch
-from testbench.identify.in_base import in_base
 from testbench.identify.prior import Strength, cad_prior, distorted
-from testbench.identify.registered import registered
+from testbench.identify.registered import in_base, registered
 from testbench.identify.registration import Frame, register
 from testbench.model.structure import mgco68
 from testbench.model.vjm import Vjm, tool_pose

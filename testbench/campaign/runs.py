@@ -22,10 +22,9 @@ from testbench.data.spool import Campaign
 from testbench.data.stream import read_campaign, some
 from testbench.errors import BenchError, InputError, read_text
 from testbench.identify.doubts import Doubt, HandedIn, doubts, open_places, scale
-from testbench.identify.in_base import in_base
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
-from testbench.identify.registered import Choice, Registered, registered
+from testbench.identify.registered import Choice, Registered, in_base, registered
 from testbench.identify.registration import Frame, spread
 from testbench.model.structure import all153
 

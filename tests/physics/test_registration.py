@@ -15,10 +15,9 @@ from testbench.identify import gco
 from testbench.identify.evaluate import deflections
 from testbench.identify.frames import MOST
 from testbench.identify.frames import unloaded as run_means
-from testbench.identify.in_base import in_base
 from testbench.identify.method import with_prior
 from testbench.identify.prior import Strength, cad_prior
-from testbench.identify.registered import LOOSE, registered
+from testbench.identify.registered import LOOSE, in_base, registered
 from testbench.identify.registration import Frame, register
 from testbench.model.structure import mgco68
 from testbench.model.vjm import tool_pose

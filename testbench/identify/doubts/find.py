@@ -14,10 +14,9 @@ from testbench.identify.doubts.mistakes import exchanges
 from testbench.identify.doubts.moved import moved as moved_between
 from testbench.identify.doubts.placed import frame_doubt, placed, targets_doubt
 from testbench.identify.doubts.plain import moved_against, plain
-from testbench.identify.in_base import with_markers
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
-from testbench.identify.registered import Registered
+from testbench.identify.registered import Registered, with_markers
 from testbench.identify.weighed import MOST_READINGS, check_runs, marker_points
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm
