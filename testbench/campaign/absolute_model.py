@@ -12,10 +12,11 @@ from testbench.errors import Array, check_array
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.noise import KINDS, Noise
 from testbench.identify.absolute.posterior import deviations_root, model_of
-from testbench.identify.absolute.state import Frame, Mount, State
+from testbench.identify.absolute.state import Mount, State
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.posterior import Posterior
+from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
 from testbench.model.kinematics import build_vjm
 from testbench.model.load import Load, resultant

@@ -12,16 +12,16 @@ from scipy.linalg import block_diag, solve_triangular
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.align import LEAST
+from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.inner import moved_frame, moved_mount
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import pulls_of, residuals
-from testbench.identify.absolute.shared import aligned
 from testbench.identify.absolute.state import BATCH, State
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.posterior import Posterior
+from testbench.identify.registration import POSES
 from testbench.model.structure import Ids, joints_only
 
 if TYPE_CHECKING:
@@ -74,9 +74,9 @@ def model_of(calibration: "Calibration") -> ArmModel:
 def evenly(series: Series, poses: int) -> Ids:
     """Places of evenly spaced rows, of those that were read."""
     seen = np.flatnonzero(series.seen.any(axis=1))
-    if len(seen) < poses or poses < LEAST:
+    if len(seen) < poses or poses < POSES:
         raise BenchError(
-            f"{series.name}: expected at least {max(LEAST, poses)} rows for its frame and target, got "
+            f"{series.name}: expected at least {max(POSES, poses)} rows for its frame and target, got "
             f"{min(len(seen), poses)}"
         )
     return np.asarray(seen[np.unique(np.linspace(0, len(seen) - 1, poses).round().astype(int))])
