@@ -11,11 +11,10 @@ from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import build_cell
 from testbench.data.series import select_rows
 from testbench.errors import BenchError
-from testbench.identify.absolute.align import align
+from testbench.identify.absolute.align import align, aligned, alike
 from testbench.identify.absolute.choose import blocks_of
 from testbench.identify.absolute.fit import Options, calibrate, explain, gather
 from testbench.identify.absolute.scatter import outliers, residuals
-from testbench.identify.absolute.shared import aligned, alike
 from testbench.identify.absolute.state import nominal
 from testbench.identify.absolute.steps import best, lacking
 from testbench.identify.metric import metric

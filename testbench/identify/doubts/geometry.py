@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from testbench.data.dataset import Ids
 from testbench.errors import Array
-from testbench.identify.frames import kabsch
+from testbench.identify.closed_form import kabsch
 from testbench.model.vjm import Vjm, body_poses, rotation
 
 

@@ -16,11 +16,12 @@ from testbench.data.series import Series, select_rows, series_of
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.changes import TURN, poses_so_far
 from testbench.identify.absolute.fit import first_fit
-from testbench.identify.absolute.state import Frame, Mount, State, nominal, torque_scale
+from testbench.identify.absolute.state import Mount, State, nominal, torque_scale
 from testbench.identify.absolute.steps import Linear, Step, best, lacking, moves
 from testbench.identify.doubts.doubt import Doubt
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
+from testbench.identify.registration import Frame
 from testbench.identify.weighed import marker_points
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm

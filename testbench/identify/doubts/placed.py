@@ -26,7 +26,7 @@ def sentence(seen: Seen, mistake: Mistake, own: Fit, before: tuple[Fit, str]) ->
 def frame_doubt(found: Registered) -> list[Doubt]:
     """Readings that turned out to be in another frame than the base's, too near it to be a tracker's."""
     assert found.registration is not None
-    near = [f for f in found.registration.frames if np.linalg.norm(f.translation) < NEAR]
+    near = [f for f in found.registration.frames.values() if np.linalg.norm(f.translation) < NEAR]
     if not near:
         return []
     moved = _moved(near[0].rotation_vector, near[0].translation)

@@ -9,7 +9,7 @@ import numpy as np
 from testbench.data.dataset import Dataset, Mask, read_by
 from testbench.errors import Array
 from testbench.identify.doubts.loads import Change, Fitted, Size, of_columns, sized
-from testbench.identify.registration import station_names
+from testbench.identify.registered import station, unloaded
 
 FORCE, POINT, SHIFT, FACTOR = 0.1, 0.1, 1e-3, 0.3
 """Sizes that are expected of a constant force over the largest, of a load point's error [m], of a tracker's
@@ -38,7 +38,7 @@ def suspects(fitted: Fitted) -> Iterator[Suspect]:
         push = _force(FORCE * force)
         yield Suspect("force_offset", "", sized(fitted, push, 3), FORCE * force, push)
     yield Suspect("load_point", "", sized(fitted, _point, 3), POINT, _point)
-    for name in station_names(data):
+    for name in (station(one.frame) for one in unloaded(data)):
         where = "" if data.station is None else f"station {name}"
         move = _station(data, name)
         yield Suspect("tracker_moved", where, sized(fitted, move, 6), SHIFT, move)
