@@ -6,7 +6,7 @@ import tempfile
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TypeVar, overload
 
 import numpy as np
 
@@ -49,8 +49,14 @@ class Spool(Sequence[Held]):
         self._blocks.append((in_order(block, np.array([], dtype=int)), places))
         self._first.append(self._first[-1] + len(block.q))
 
-    def __getitem__(self, k: Any) -> Any:
-        """A block as it was added, by its number."""
+    @overload
+    def __getitem__(self, k: int) -> Held: ...
+    @overload
+    def __getitem__(self, k: slice) -> list[Held]: ...
+    def __getitem__(self, k: int | slice) -> Held | list[Held]:
+        """A block as it was added, by its number; or several."""
+        if isinstance(k, slice):
+            return [self[one] for one in range(*k.indices(len(self)))]
         (bare, places), file = self._blocks[k], self._file.fileno()
         found = {
             name: np.load(io.BytesIO(os.pread(file, end - begin, begin)))
