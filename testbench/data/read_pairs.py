@@ -10,6 +10,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.columns import Columns, read_columns
 from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import Frame, read_map
 from testbench.data.names import ENTRIES, WHEN, XYZ, Slot
 from testbench.data.pair import HELD, Paired, pair
@@ -17,7 +18,7 @@ from testbench.data.rows import Conditions, Readings, markers_only, read_conditi
 from testbench.data.scatter import read_covariances, read_sigma
 from testbench.data.spool import Campaign, Spool, some, together
 from testbench.data.stream import Source, Whole, alike, in_blocks
-from testbench.errors import Array
+from testbench.errors import Array, open_file
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,8 @@ def read_export(path: Path, arm: Arm, mapping: Path | None = None, sigma: float 
     Raises:
         InputError: Names line and column, or key of the map, and what was expected.
     """
-    found = read_campaign(path, arm, mapping, sigma)
+    with open_file(path, MAX_BYTES):  # all of it is held
+        found = read_campaign(path, arm, mapping, sigma)
     if found.every is None:
         return found.export
     return replace(found.export, data=together(found.every.spool))

@@ -13,6 +13,7 @@ from testbench.arm.folder import Arm
 from testbench.data.beside import read_temperature, read_time, read_torques
 from testbench.data.columns import Columns, read_columns
 from testbench.data.dataset import Ids
+from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import read_map
 from testbench.data.names import ROTATIONS, WHEN, Slot, What, series_names
 from testbench.data.pair import HELD, not_held
@@ -34,7 +35,7 @@ from testbench.data.scatter import Scatter, read_scatter
 from testbench.data.series import Series, select_rows, series_of
 from testbench.data.spool import Spool, together
 from testbench.data.stream import Source, Whole, alike, in_blocks
-from testbench.errors import Array
+from testbench.errors import Array, open_file
 
 ALONE = "target"  #: Name of a file's only target where the arm has several.
 APART = 0.02  #: Readings of one target in one pose that are farther apart are of two targets [m].
@@ -76,7 +77,8 @@ def read_series(
     Raises:
         InputError: Names line and column, or key of the map, and what was expected.
     """
-    found = read_batches(path, arm, mapping, sigma, sigma_rotation)
+    with open_file(Path(path), MAX_BYTES):  # all of it is held
+        found = read_batches(path, arm, mapping, sigma, sigma_rotation)
     if not isinstance(found.series, Spool):
         return found
     names = dict.fromkeys(batch.name for batch in found.series)
