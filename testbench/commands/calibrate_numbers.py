@@ -10,6 +10,8 @@ from testbench.arm.folder import Joint
 from testbench.campaign.absolute import Calibrated
 from testbench.campaign.named_parameters import Part, intervals
 from testbench.campaign.rows import MM, UM
+from testbench.campaign.unobservable import LOOSE as LOOSE_FRAME
+from testbench.campaign.unobservable import unobservable
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.align import aligned
@@ -19,8 +21,6 @@ from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.absolute.pull import pull_of
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.seen import hidden
-from testbench.identify.absolute.seen_words import sentences
 from testbench.identify.absolute.state import nominal
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.model.joint_errors import JointErrors
@@ -34,7 +34,6 @@ SPOILED = 0.5  #: A reading that counts less than this is listed as an outlier [
 WORST = 10  #: Outliers that are listed, the farthest.
 MOST, LEAST, EACH = 24, 4, 8
 """Ranges of a joint at most and at least, and the poses that each should have on average."""
-LOOSE_FRAME = 0.01  #: Standard deviation of frames and mounts beforehand [m, rad].
 ORDERS = 4  #: Periodic errors that are spoken of: higher ones look like nothing else.
 Left = tuple[list[Array], list[Array]]
 """Reading minus arm as drawn, and minus calibrated arm: of every series (rows, m, 3) [m], base axes."""
@@ -253,7 +252,7 @@ def _left_open(found: Calibration) -> tuple[str, ...]:
         prior[-len(L) :, -len(L) :] = L @ L.T
     state = replace(found.state, errors=few.errors, n=np.zeros((len(found.state.n), few.errors.size)))
     information = found.information[np.ix_(columns, columns)]
-    return sentences(hidden(few, information, prior, pull_of(few, state, found.series)))
+    return unobservable(few, information, prior, pull_of(few, state, found.series))
 
 
 def _slow(own: Choice) -> tuple[Unknowns, Ids]:

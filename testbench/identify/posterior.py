@@ -11,7 +11,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, in_order
+from testbench.data.dataset import Dataset, Ids, in_order
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Average, Estimate
@@ -25,6 +25,8 @@ UNSEEN = 1e-8
 """Share of a functional outside the seen directions from which it is unseen: rounding is 1e-11."""
 BINDS = 0.1  #: Distance from the optimum without a cone that counts as moved by it [standard deviations].
 CONFIDENCE = 0.95
+RIDGE, TINY = 1e-12, 1e-100
+"""Share of a covariance that is added to it, and how much of what is known: that has none."""
 TOGETHER = 600  #: Deflections whose intervals are found together: enough for numpy, few for memory.
 CURVED = 2.0
 """How often what a linear model leaves out counts: once where it predicts, once for what it put into the
@@ -73,6 +75,12 @@ class Posterior:
     def normal(cls, x: Array, root: Array) -> "Posterior":
         """Of unknowns that all have a bound: centre (n,), covariance root^T root of (r, n)."""
         return cls(x, root, np.zeros((0, len(x))), np.ones(len(x)))
+
+    @classmethod
+    def of_rows(cls, M: Array, L: Array, x: Array) -> "Posterior":
+        """Of unknowns x = L z, (n,), by all that is known of z, rows (e, n) of unit deviation."""
+        back, unseen = _inverse(M)
+        return cls(x, back @ L.T, unseen @ L.T, np.linalg.norm(L, axis=1))
 
     def deviations(self, functionals: Array) -> Array:
         """Standard deviations of functionals, rows of (k, n), infinite where they are not seen, (k,).
@@ -169,24 +177,34 @@ def linearise(estimate: Estimate) -> Posterior:
     if belief is not None:
         B, c = precision_root(belief.metric, belief.strength)
         rows, residuals = [*rows, B], [*residuals, B @ x - c]
-    _, s, Vt = np.linalg.svd(np.linalg.qr(np.vstack(rows), mode="r"))
-    r = int((s > RANK_TOLERANCE * s[0]).sum()) if s[0] > 0 else 0
-    back = Vt[:r] / s[:r, None]
+    back, unseen = _inverse(np.vstack(rows))
     pull = _pull(estimate, [back @ (B.T @ e) for B, e in zip(rows, residuals, strict=True)], residuals)
-    root, learnt = back @ L.T, belief is not None and belief.moves is not None
-    heavy = 0
-    if belief is not None and belief.moves is not None:
-        root, heavy = _split(rows, back, belief, L)
-    return Posterior(
+    found = Posterior(
         x=estimate.pi,
-        root=root,
-        unseen=Vt[r:] @ L.T,
+        root=back @ L.T,
+        unseen=unseen @ L.T,
         scale=np.linalg.norm(L, axis=1),
-        tail=HEAVY if learnt else math.inf,
         pull=pull,
         on_boundary=estimate.conservative and pull > BINDS,
-        heavy=heavy,
     )
+    if belief is None or belief.moves is None:
+        return found
+    root, heavy = _split(rows, back, belief, L)
+    return replace(found, root=root, heavy=heavy, tail=HEAVY)
+
+
+def _inverse(M: Array) -> tuple[Array, Array]:
+    """Root of (M^T M)^+, (r, n), and the directions that rows M do not see, (n - r, n)."""
+    _, s, Vt = np.linalg.svd(np.linalg.qr(M, mode="r"))
+    r = int((s > RANK_TOLERANCE * s[0]).sum()) if s[0] > 0 else 0
+    return Vt[:r] / s[:r, None], Vt[r:]
+
+
+def conditional(K: Array, own: Ids, known: Ids) -> Array:
+    """Covariance of some of what has the covariance K, were others known exactly, (own, own)."""
+    C, X = K[np.ix_(known, known)], K[np.ix_(own, known)]
+    ridge = (RIDGE * np.trace(C) / len(C) + TINY) * np.eye(len(C))
+    return np.asarray(K[np.ix_(own, own)] - X @ np.linalg.solve(C + ridge, X.T))
 
 
 def _averaged(estimate: Estimate, average: Average) -> Posterior:
