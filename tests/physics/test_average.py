@@ -15,8 +15,8 @@ from testbench.identify import gco, intervals, reduce, with_prior
 from testbench.identify.average import NEGLIGIBLE, ODDS, averaged
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.hierarchy import ALONE, MISFIT, evidence, learn, log_evidence_alone
-from testbench.identify.intervals import linearise
 from testbench.identify.metric import metric, whitened
+from testbench.identify.posterior import linearise
 from testbench.identify.prior import cad_prior
 from testbench.identify.regularised import fit_reduced
 from testbench.model.structure import all153, joints_only, mgco68

@@ -13,8 +13,8 @@ from testbench.identify import gco, reduce, with_prior
 from testbench.identify.contradiction import Unchecked, doubts, unchecked
 from testbench.identify.doubts.loads import learnt
 from testbench.identify.hierarchy import WIDEST, _scales, evidence, greatest, learn, loss
-from testbench.identify.intervals import CURVED, HEAVY, curvature, intervals, linearise, quantile
 from testbench.identify.metric import Belief, metric, precision_root, whitened
+from testbench.identify.posterior import CURVED, HEAVY, curvature, intervals, linearise, quantile
 from testbench.identify.prior import Prior, Strength, cad_prior
 from testbench.identify.regularised import fit_reduced
 from testbench.model.loaded import displacement, loaded_deflection, loaded_equilibrium, secant
