@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "testbench"
 FLOORS = (
-    {"errors", "stops", "child"},
+    {"display", "errors", "stops", "child"},
     {"files", "output", "arm"},
     {"data", "model", "trials"},
     {"plant", "identify"},
