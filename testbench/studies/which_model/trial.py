@@ -25,8 +25,8 @@ from testbench.identify import Estimate, intervals, least_squares
 from testbench.identify.contradiction import contradicted, unchecked
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.hierarchy import KIND
-from testbench.identify.intervals import CONFIDENCE
 from testbench.identify.metric import metric
+from testbench.identify.posterior import CONFIDENCE
 from testbench.identify.prior import Prior
 from testbench.studies.factorial.trial import (
     Case,
