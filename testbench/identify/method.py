@@ -123,8 +123,10 @@ def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = N
         The method with the prior; call it as any other.
 
     Raises:
-        BenchError: When the estimator is your own.
+        BenchError: When the estimator is your own, or the prior is none.
     """
+    if not isinstance(prior, Prior):
+        raise BenchError(f"prior: expected one, such as cad_prior(arm), got {type(prior).__name__}")
     return replace(_method(estimator, "prior"), prior=prior, strength=strength)
 
 
