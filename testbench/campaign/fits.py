@@ -14,7 +14,7 @@ from testbench.campaign.models import Model
 from testbench.campaign.rows import MM, ErrorRow, FitRow, error_row, fit_row
 from testbench.campaign.runs import Runs
 from testbench.data.dataset import Dataset, in_order
-from testbench.data.stream import SHOWN, some
+from testbench.data.spool import SHOWN, some
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.contradiction import Unchecked, unchecked

@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 
 from testbench.errors import Array
-from testbench.identify.hierarchy import KIND, SCATTER, Evidence, evidence, greatest, loss, scatter
+from testbench.identify.evidence import greatest, posterior
+from testbench.identify.hierarchy import KIND, SCATTER, Evidence, evidence, student_density
 from testbench.identify.metric import Belief, Metric, Scale
 from testbench.identify.regression import Regression
 
@@ -58,7 +59,7 @@ def unchecked(regression: Regression, metric: Metric) -> Unchecked:
         best, the evidence falls by less than `OPEN`.
     """
     seen = evidence(regression, metric)
-    best = greatest(seen, seen.start)
+    best = greatest(seen.problem, seen.start)
     whole = [k for k, size in enumerate(metric.sizes) if size == 6 or metric.joints[k]]
     stiffer, softer = (
         tuple(metric.names[k] for k in whole if _loss_at(seen, best, k, sign * TENFOLD) < OPEN)
@@ -71,6 +72,6 @@ def _loss_at(seen: Evidence, best: Array, k: int, size: float) -> float:
     """By how much the evidence falls with the logarithm of block k's scale this far from its kind's."""
     start, kind = best.copy(), seen.blocks + seen.kind[k]
     start[k] = best[kind] + size
-    h = greatest(seen, start, held=k)
-    own, before = (scatter((x[k] - x[kind]) / SCATTER) for x in (h, best))
-    return loss(seen, h)[0] - loss(seen, best)[0] - own + before
+    h = greatest(seen.problem, start, held=k)
+    own, before = (float(student_density((x[k] - x[kind]) / SCATTER)[0]) for x in (h, best))
+    return posterior(seen.problem, h).loss - posterior(seen.problem, best).loss - own + before

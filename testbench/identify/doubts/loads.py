@@ -13,8 +13,9 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
+from testbench.identify.evidence import greatest, posterior
 from testbench.identify.fold import reduce
-from testbench.identify.hierarchy import evidence, greatest, loss
+from testbench.identify.hierarchy import evidence
 from testbench.identify.metric import Metric
 from testbench.identify.weighed import Readings, marker_points, one_by_one, white
 from testbench.model.vjm import Vjm, chain, generalised_load, translation_rows
@@ -55,7 +56,7 @@ def learnt(vjm: Vjm, metric: Metric, data: Dataset) -> Fitted:
     """Learn the prior from a dataset; its readings against it."""
     structure = metric.structure
     seen = evidence(reduce(vjm, structure, data), metric)
-    h = greatest(seen, seen.start)
+    h = greatest(seen.problem, seen.start)
     read = one_by_one(vjm, structure, data)
     G = read.A.reshape(-1, structure.n) @ seen.metric.L
     s, kappa = np.exp(h[: seen.blocks])[seen.block], np.exp(h[-1])
@@ -70,7 +71,7 @@ def learnt(vjm: Vjm, metric: Metric, data: Dataset) -> Fitted:
     U, size, _ = np.linalg.svd(half, full_matrices=False)
     shared = U * (size / np.hypot(size, kappa) / kappa)
     surprise = residual / kappa**2 - shared @ (shared.T @ residual)
-    return Fitted(vjm, seen.metric, data, read, loss(seen, h)[0], pi, shared, surprise, h)
+    return Fitted(vjm, seen.metric, data, read, posterior(seen.problem, h).loss, pi, shared, surprise, h)
 
 
 def allowed(vjm: Vjm, data: Dataset, C: Array) -> Array:
