@@ -126,7 +126,7 @@ def _numbers(found: CorrectedProgram) -> Row:
 
 def _points(found: CorrectedProgram) -> list[Row]:
     """A row a point: `half_95_mm` along its worst axis, None if nothing bounds it; corrections in deg, mm."""
-    own, program = found.found, found.program
+    own, program, reasons = found.found, found.program, found.reasons
     shown = np.array([joint.shown for joint in found.model.arm.joints])
     before, half = MM * np.linalg.norm(own.before, axis=1), MM * own.half.max(axis=1)
     return [
@@ -137,7 +137,7 @@ def _points(found: CorrectedProgram) -> list[Row]:
             half_95_mm=finite(half[k]),
             correction=(shown * (own.q[k] - own.start[k])).tolist(),
             turn_left_mrad=float(MRAD * np.linalg.norm(own.turned[k])),
-            reason=own.refused[k],
+            reason=reasons[k],
         )
         for k in range(program.points)
     ]
