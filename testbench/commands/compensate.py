@@ -15,7 +15,7 @@ from testbench.correct.open import most_open
 from testbench.correct.rest import rest
 from testbench.correct.sure import Stand, fitted_half_widths
 from testbench.data.dataset import Ids
-from testbench.data.motion.formats import CSV, WRITERS, write_moves
+from testbench.data.motion import CSV, WRITERS, write_moves
 from testbench.data.program import unread
 from testbench.data.write import write_program
 from testbench.errors import Array
