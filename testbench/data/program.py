@@ -15,7 +15,7 @@ from testbench.arm.folder import Arm
 from testbench.data.columns import Column, Columns, components, joint_coordinates, read_columns, vector
 from testbench.data.dataset import Ids
 from testbench.data.mapping import read_map
-from testbench.data.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, program_names
+from testbench.data.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, columns_of, program_names
 from testbench.data.rotation import read_rotations
 from testbench.data.units import Unit, split_unit
 from testbench.errors import Array, InputError
@@ -171,14 +171,15 @@ def _joints(columns: Columns, arm: Arm) -> Array | None:
 def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
     """Positions and orientations of the tool; None where the table has joints alone."""
     rotation = read_rotations(columns)
-    found = columns.whole(wanted := {f"{x}_mm": Slot("set_point", k) for k, x in enumerate(XYZ)})
+    found = columns.whole(wanted := columns_of("set_point"))
     if not found and rotation is None:
         return None, None
     if not found:
         raise columns.lack(list(wanted))
     if rotation is None:
-        quaternion = [f"quaternion_{part}" for part in "wxyz"]
-        raise columns.lack(quaternion, "; or rotation_x_deg ... of a rotation vector, rotation_11 ...")
+        raise columns.lack(
+            list(columns_of("quaternion")), "; or rotation_x_deg ... of a rotation vector, rotation_11 ..."
+        )
     name, blank = columns.every(*ROTATIONS)[0].name, np.isnan(rotation[:, 0, 0])
     columns.table.refuse(blank, name, "expected an orientation at every point, got ''")
     position = vector(columns, "set_point")

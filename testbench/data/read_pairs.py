@@ -12,7 +12,7 @@ from testbench.data.columns import Columns, read_columns
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import Frame, read_map
-from testbench.data.names import ENTRIES, WHEN, XYZ, Slot
+from testbench.data.names import ENTRIES, Slot, columns_of
 from testbench.data.pair import HELD, Paired, pair
 from testbench.data.rows import Conditions, Readings, markers_only, read_conditions, read_readings
 from testbench.data.scatter import read_covariances, read_sigma
@@ -35,7 +35,7 @@ def read_csv(path: str | Path, arm: Arm) -> Dataset:
     """Read and check a dataset of an arm.
 
     Args:
-        path: The file: `testbench.data.write.columns` documents ours, docs/formats.md every other form.
+        path: The file: `testbench.data.write.write_csv` documents ours, docs/formats.md every other form.
         arm: The arm that was measured.
 
     Returns:
@@ -167,9 +167,7 @@ def _one_sigma(columns: Columns, index: int, flag: float | None) -> tuple[float,
 
 def _rotations(columns: Columns, row: Ids) -> tuple[Array, Array, float] | tuple[None, None, None]:
     """Orientations of every run, unloaded and loaded, (runs, 3) [rad], and their sigma; None if not read."""
-    wanted = {
-        f"rotation_{when}_{x}_rad": Slot("rotation", k, when=when) for when in WHEN for k, x in enumerate(XYZ)
-    }
+    wanted = columns_of("rotation", "before") | columns_of("rotation", "after")
     found = columns.whole(wanted)
     if not found:
         if Slot("sigma", 1) in columns.found:
@@ -183,7 +181,7 @@ def _rotations(columns: Columns, row: Ids) -> tuple[Array, Array, float] | tuple
 
 def _precision(columns: Columns, read: Readings, runs: Paired, lost: Mask) -> Array | None:
     """Inverse covariances, (runs, m, 3, 3) [1/m^2], zero where the target was lost; None without columns."""
-    table, C = columns.table, read_covariances(columns, "deflection_cov", "covariance")
+    table, C = columns.table, read_covariances(columns, "covariance")
     if C is None:
         return None
     if not (read.long and read.paired):
