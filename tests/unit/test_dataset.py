@@ -11,10 +11,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import Arm, load_arm
+from testbench.campaign.tracker import LaserTracker, precision
 from testbench.data.dataset import Dataset, select, split
 from testbench.data.lines import MAX_BYTES
 from testbench.data.read_pairs import read_csv
-from testbench.data.tracker import LaserTracker, precision
 from testbench.data.write import write_csv
 from testbench.errors import BenchError, InputError
 
