@@ -17,7 +17,8 @@ from testbench.campaign.plan import straight_way
 from testbench.campaign.plan_input import read_tasks
 from testbench.campaign.station import Station
 from testbench.cli.program import program
-from testbench.data.posefile import absolute_columns, plan_columns, read_poses
+from testbench.commands.plan_drawn import absolute_columns, plan_columns
+from testbench.data.program import read_poses
 from testbench.data.read_pairs import read_csv
 from testbench.identify import least_squares
 from testbench.model.load import weight
