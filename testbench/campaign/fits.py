@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import gammainc
 
 from testbench.campaign.campaign import Cell
+from testbench.campaign.doubt import Doubt
 from testbench.campaign.evaluation import EstimatorFailed
 from testbench.campaign.fit_models import Clock, Found, fit_all
 from testbench.campaign.model_selection import default_name, why
@@ -19,7 +20,6 @@ from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.contradiction import Unchecked, unchecked
 from testbench.identify.contradiction import doubts as contradictions
-from testbench.identify.doubts import Doubt
 from testbench.identify.estimate import Rejected
 from testbench.identify.fold import BLOCK_RUNS
 from testbench.identify.metric import metric

@@ -9,13 +9,13 @@ import pytest
 from mistakes import MISTAKES, named
 from scipy.spatial.transform import Rotation
 from sound_sets import sound
+from testbench.identify.doubts import HandedIn, doubts
+from testbench.identify.doubts.find import AT_A_TIME
+from testbench.identify.doubts.loads import allowed, learnt
 
 from testbench.campaign import pose_campaign
 from testbench.campaign.campaign import Scenario, simulate, stream
 from testbench.data.dataset import Dataset, select
-from testbench.identify.doubts import HandedIn, doubts
-from testbench.identify.doubts.find import AT_A_TIME
-from testbench.identify.doubts.loads import allowed, learnt
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.identify.registered import Registered, registered

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from testbench.identify.absolute.steps import best, lacking
 
 from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import build_cell
@@ -17,7 +18,6 @@ from testbench.identify.absolute.fit import Options, calibrate, explain, gather
 from testbench.identify.absolute.scatter import outliers, residuals
 from testbench.identify.absolute.shared import aligned, alike
 from testbench.identify.absolute.state import nominal
-from testbench.identify.absolute.steps import best, lacking
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.model.structure import all153

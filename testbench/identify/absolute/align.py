@@ -13,8 +13,8 @@ from testbench.arm.folder import Joint
 from testbench.data.dataset import Dataset
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.faults import explained, renamed
 from testbench.identify.absolute.state import Frame, Mount, State, in_batches, tell
+from testbench.identify.diagnosis.notation import explained, renamed
 from testbench.identify.frames import Found, points, starts, unloaded
 from testbench.identify.registration import register
 from testbench.model.vjm import Vjm, tool_pose
