@@ -11,14 +11,14 @@ from testbench.campaign import doubt
 from testbench.data.read_series import read_series
 from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError, InputError
-from testbench.identify.absolute.align import LEAST
+from testbench.identify.absolute.align import far_off
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
 from testbench.identify.absolute.posterior import Belief, evenly, inside, known, place, predict
 from testbench.identify.absolute.scatter import outliers
-from testbench.identify.absolute.shared import far_off
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.torques import fit_weights
 from testbench.identify.prior import cad_prior
+from testbench.identify.registration import POSES
 from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
 
@@ -111,7 +111,7 @@ def score(state: State, belief: Belief, series: Sequence[Series], frame_poses: i
                 )
             placed = known(state, belief, one)
         else:
-            some = frame_poses or min(FRAME_POSES, max(LEAST, one.rows // 2))
+            some = frame_poses or min(FRAME_POSES, max(POSES, one.rows // 2))
             placed = place(state, belief, one, evenly(one, some))
         rest = select_rows(one, np.setdiff1d(np.arange(one.rows), placed.rows))
         if not rest.rows:

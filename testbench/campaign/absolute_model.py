@@ -15,10 +15,11 @@ from testbench.identify.absolute.evidence import Choice
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.noise import KINDS, Noise
 from testbench.identify.absolute.posterior import Belief
-from testbench.identify.absolute.state import Frame, Mount, State
+from testbench.identify.absolute.state import Mount, State
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
+from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
 from testbench.model.kinematics import build_vjm
 from testbench.model.load import Load, resultant

@@ -206,8 +206,8 @@ def _scale(found: Finding, _: Arm) -> str:
     if found.where:
         largest, median = MM * found.size["largest"], MM * found.size["median"]
         return (
-            f"as a whole the deflections are {factor:.3g} times what the arm's folder predicts; the largest is "
-            f"{largest:.3g} mm, {found.where[0]} in run {found.where[1]}, the median {median:.3g} mm: "
+            f"as a whole the deflections are {factor:.3g} times what the arm's folder predicts; the largest "
+            f"is {largest:.3g} mm, {found.where[0]} in run {found.where[1]}, the median {median:.3g} mm: "
             "is that reading wrong, or are loaded readings of other runs?"
         )
     hint = "forces in another unit, a lighter load, or a folder too soft?"
@@ -225,8 +225,8 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
     "targets": _targets,
     "mirrored": lambda *_: "lie in a left-handed frame: the sign of an axis?",
     "link": lambda f, _: (
-        f"fit if the end of {f.where[1]} is ({_three(f.size['step'], MM, 0)}) mm farther, in its axes: is this "
-        "the arm?"
+        f"fit if the end of {f.where[1]} is ({_three(f.size['step'], MM, 0)}) mm farther, in its axes: is "
+        "this the arm?"
     ),
     "joint_zero": _joint_zero,
     "joint_sign": lambda f, _: f"fit if {f.where[1]} has the other sign",
@@ -238,8 +238,8 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
     ),
     "order": lambda f, _: f"are those of the pose {'before' if f.size['size'] > 0 else 'after'}",
     "kinematics": lambda f, _: (
-        f"the {f.where[0]} lie {length(f.size['now'])} (median) from the arm's kinematics, and no single mistake "
-        "explains it: is this the arm?"
+        f"the {f.where[0]} lie {length(f.size['now'])} (median) from the arm's kinematics, and no single "
+        "mistake explains it: is this the arm?"
     ),
     "pose": _pose,
     "reading": _reading,

@@ -31,10 +31,11 @@ from testbench.errors import Array, BenchError, check_array
 from testbench.identify.absolute.pull import pull_of
 from testbench.identify.absolute.seen import LOOSE, hidden
 from testbench.identify.absolute.seen_words import sentences
-from testbench.identify.absolute.state import Frame, Mount, nominal
+from testbench.identify.absolute.state import Mount, nominal
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
+from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
 from testbench.model.load import Load, weight
 from testbench.model.vjm import Vjm

@@ -18,7 +18,7 @@ from testbench.campaign.models import Model, named_models
 from testbench.campaign.runs import Readings, files_read, read_runs
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm, plain
 from testbench.commands.identify import COMMAND, PICTURE, printed, tell
-from testbench.errors import BenchError, word
+from testbench.errors import BenchError
 from testbench.identify import robust
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.place import claim_folder
@@ -88,8 +88,6 @@ def command(asked: Options) -> None:
             f"report     {out / 'report.md'}, {out / 'report.json'}",
             f"figures    {', '.join(str(out / name) for name in (PICTURE, MAP) if (out / name).exists())}",
             *terminal.looked_at(out),
-            f"next       testbench predict {word(out)} POSES.csv",
-            f"           testbench compensate {word(out)} PROGRAM.csv --out CORRECTED.csv",
         ]
         terminal.print_words(console, said, [printed(said)], lines)
 

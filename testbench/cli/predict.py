@@ -65,7 +65,7 @@ def command(asked: Options) -> None:
             *([f"- {heavy}"] if heavy else []),
             f"poses      {out / TABLE}",
             f"report     {out / 'report.md'}, {out / 'report.json'}, {out / PICTURE}",
-            *looked_at(out),
+            *looked_at(out, model=asked.model),
         ]
         print_words(console, said, [printed(said)], lines)
 

@@ -10,7 +10,7 @@ import typer
 from testbench.campaign.absolute import read_all, score
 from testbench.campaign.absolute_model import read_model
 from testbench.cli.arguments import MapFile, SigmaUm
-from testbench.identify.absolute.align import LEAST
+from testbench.identify.registration import POSES
 from testbench.shell.options import takes
 from testbench.views.terminal import plain_console
 
@@ -26,7 +26,7 @@ class Options:
     frame_poses: Annotated[
         int | None,
         typer.Option(
-            min=LEAST, help="Evenly spaced rows that register frame and target of a new series; not scored."
+            min=POSES, help="Evenly spaced rows that register frame and target of a new series; not scored."
         ),
     ] = None
     json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON, nothing else.")] = False

@@ -11,6 +11,7 @@ from testbench.campaign.absolute import Calibrated
 from testbench.campaign.rows import MM, UM
 from testbench.data.series import Series
 from testbench.errors import Array
+from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.choose import Step
 from testbench.identify.absolute.evidence import LOOSE, Choice
 from testbench.identify.absolute.fit import Calibration
@@ -19,7 +20,6 @@ from testbench.identify.absolute.pull import pull_of
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.seen import hidden
 from testbench.identify.absolute.seen_words import sentences
-from testbench.identify.absolute.shared import aligned
 from testbench.identify.absolute.state import nominal
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.model.joint_errors import JointErrors

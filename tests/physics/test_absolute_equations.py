@@ -9,6 +9,7 @@ from scipy.linalg import helmert
 
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.data.series import select_rows
+from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.evidence import Learnt, choice, learn, usual
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import Inner, eliminate
@@ -16,7 +17,6 @@ from testbench.identify.absolute.intervals import deviations_root, placed
 from testbench.identify.absolute.noise import Noise, plan_of, roots
 from testbench.identify.absolute.reduced import Point, Weighting, reduce
 from testbench.identify.absolute.scatter import single
-from testbench.identify.absolute.shared import aligned
 from testbench.identify.absolute.state import nominal, tell
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.metric import metric

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from testbench.identify.doubts.loads import learnt
 
 from testbench.campaign import pose_campaign
 from testbench.campaign.campaign import Scenario, simulate
@@ -12,6 +11,7 @@ from testbench.campaign.perturbed_prior import prior_of
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.contradiction import Unchecked, doubts, unchecked
+from testbench.identify.diagnosis.loads import learnt
 from testbench.identify.hierarchy import WIDEST, _scales, evidence, greatest, learn, loss
 from testbench.identify.intervals import CURVED, HEAVY, curvature, intervals, linearise, quantile
 from testbench.identify.metric import Belief, metric, precision_root, whitened

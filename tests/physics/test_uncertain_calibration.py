@@ -16,8 +16,9 @@ from testbench.identify.absolute.posterior import Belief, place, predict
 from testbench.identify.absolute.reduced import Point, equations
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import scatter
-from testbench.identify.absolute.state import Frame, Mount, nominal, targets, tell
+from testbench.identify.absolute.state import Mount, nominal, targets, tell
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
 from testbench.model.structure import all153, joints_only
 from testbench.model.weights import read_weights

@@ -23,10 +23,10 @@ from testbench.campaign.absolute_model import read_model
 from testbench.campaign.model_folder import sealed
 from testbench.cli.program import program
 from testbench.errors import InputError
+from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.posterior import Placed, predict, without
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.shared import aligned
 from testbench.identify.absolute.state import nominal
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.prior import cad_prior

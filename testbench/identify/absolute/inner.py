@@ -12,10 +12,11 @@ from testbench.errors import Array, BenchError
 from testbench.identify import hierarchy
 from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt
 from testbench.identify.absolute.reduced import Reduced
-from testbench.identify.absolute.state import Frame, Mount, State
+from testbench.identify.absolute.state import Mount, State
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.metric import Belief, Metric, precision_root, rescaled
 from testbench.identify.prior import Strength
+from testbench.identify.registration import Frame
 from testbench.identify.regression import Regression, regression_of, term_of
 from testbench.identify.regularised import fit_reduced
 

@@ -11,15 +11,15 @@ from scipy.linalg import solve_triangular
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.align import LEAST
+from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.evidence import Choice
 from testbench.identify.absolute.inner import moved_frame, moved_mount
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import pulls_of, residuals
-from testbench.identify.absolute.shared import aligned
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.registration import POSES
 from testbench.model.structure import Ids
 
 STEP, MOST_STEPS = 1e-9, 20  #: A step of a frame below this is the last [m, rad].
@@ -62,9 +62,9 @@ class Predicted:
 def evenly(series: Series, poses: int) -> Ids:
     """Places of evenly spaced rows, of those that were read."""
     seen = np.flatnonzero(series.seen.any(axis=1))
-    if len(seen) < poses or poses < LEAST:
+    if len(seen) < poses or poses < POSES:
         raise BenchError(
-            f"{series.name}: expected at least {max(LEAST, poses)} rows for its frame and target, got "
+            f"{series.name}: expected at least {max(POSES, poses)} rows for its frame and target, got "
             f"{min(len(seen), poses)}"
         )
     return np.asarray(seen[np.unique(np.linspace(0, len(seen) - 1, poses).round().astype(int))])

@@ -1,8 +1,8 @@
 """Whether the tracker, or the targets on the tool, moved between two readings of deflection pairs.
 
-Pairs do not show it unless it falls between the two of a run. What shows it is the step that `calibrate` looks
-for: from one reading on all lie elsewhere than the arm says, by a move that no error of geometry, spring or
-slow joint error explains.
+Pairs do not show it unless it falls between the two of a run. What shows it is the step that `calibrate`
+looks for: from one reading on all lie elsewhere than the arm says, by a move that no error of geometry,
+spring or slow joint error explains.
 """
 
 from collections.abc import Iterator
@@ -14,12 +14,13 @@ from testbench.data.dataset import Dataset, Ids, in_order
 from testbench.data.series import Series, select_rows, series_of
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.fit import first_fit
-from testbench.identify.absolute.state import Frame, Mount, State, nominal, torque_scale
+from testbench.identify.absolute.state import Mount, State, nominal, torque_scale
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.moves import FEWEST, doubted, places
 from testbench.identify.diagnosis.steps import lacking
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
+from testbench.identify.registration import Frame
 from testbench.identify.weighed import marker_points
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm

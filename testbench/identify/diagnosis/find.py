@@ -11,7 +11,7 @@ from testbench.errors import Array
 from testbench.identify.diagnosis.between import moved
 from testbench.identify.diagnosis.deflected import SINGLE, deflected, single
 from testbench.identify.diagnosis.finding import Finding
-from testbench.identify.diagnosis.place import Fit, Free, Seen, fit, rotation_vector
+from testbench.identify.diagnosis.place import Fit, Free, Seen, fit
 from testbench.identify.diagnosis.sanity import moved_against, sanity_checks
 from testbench.identify.diagnosis.undone import apart, placed
 from testbench.identify.metric import metric
@@ -125,9 +125,9 @@ def open_places(vjm: Vjm, data: Dataset) -> Finding | None:
 def _near(found: Registered) -> Iterator[Finding]:
     """Readings that turned out to be in another frame than the base's, too near it to be a tracker's."""
     assert found.registration is not None
-    for one in found.registration.frames:
+    for one in found.registration.frames.values():
         if np.linalg.norm(one.translation) < NEAR:
-            yield Finding("frame", (), {"turn": rotation_vector(one.rotation), "shift": one.translation})
+            yield Finding("frame", (), {"turn": one.rotation_vector, "shift": one.translation})
             return
 
 

@@ -1,7 +1,7 @@
 """Which single mistake in the loads, or between the two readings, would make the deflections fit the prior.
 
-The model is linear with a prior that learns from the readings (`hierarchy`): y ~ N(A s e, S). A mistake b adds
-Z b to what is expected, Z by differences of the residual under changed data where it changes all runs.
+The model is linear with a prior that learns from the readings (`hierarchy`): y ~ N(A s e, S). A mistake b
+adds Z b to what is expected, Z by differences of the residual under changed data where it changes all runs.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,7 +16,7 @@ from testbench.identify.diagnosis.finding import Tested, test
 from testbench.identify.fold import reduce
 from testbench.identify.hierarchy import evidence, greatest, loss
 from testbench.identify.metric import Metric
-from testbench.identify.registration import station_names
+from testbench.identify.registered import station, unloaded
 from testbench.identify.weighed import Readings, marker_points, one_by_one, white
 from testbench.model.vjm import Vjm, chain, generalised_load, tool_pose, translation_rows
 
@@ -147,7 +147,7 @@ def _of_all(data: Dataset) -> Iterator[tuple[str, tuple[str, ...], int, float, C
         size = FORCE * force
         yield "force_offset", (), 3, size, lambda d, b: pushed(d, d.wrench + np.pad(size * b, (0, 3)))
     yield "load_point", (), 3, POINT, lambda d, b: replace(d, point=d.point + POINT * b)
-    for name in station_names(data):
+    for name in (station(one.frame) for one in unloaded(data)):
         own = read_by(data, name)[:, None, None]
 
         def still(d: Dataset, b: Array, own: Mask = own) -> Dataset:

@@ -12,8 +12,8 @@ import numpy as np
 from testbench.data.dataset import Ids
 from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError
+from testbench.identify.absolute.align import read_only
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.shared import read_only
 from testbench.identify.absolute.state import State
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.steps import Linear, Step, best, lacking, likeliest, moves

@@ -11,8 +11,8 @@ import numpy as np
 
 from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array
-from testbench.identify.absolute.state import Frame
-from testbench.identify.frames import kabsch
+from testbench.identify.closed_form import kabsch
+from testbench.identify.registration import Frame
 from testbench.model.vjm import Chain, Vjm, chain, rotation, translation_rows
 
 STILL = Frame(np.eye(3), np.zeros(3))
@@ -146,10 +146,3 @@ def turned_by(vector: Array) -> Array:
     """Rotation matrix of a rotation vector, (3,) [rad] (Rodrigues)."""
     angle = float(np.linalg.norm(vector))
     return np.eye(3) if angle < 1e-15 else rotation(vector / angle, angle)
-
-
-def rotation_vector(R: Array) -> Array:
-    """Rotation vectors of rotations, (..., 3) [rad]."""
-    from scipy.spatial.transform import Rotation  # here: it takes long to import
-
-    return np.asarray(Rotation.from_matrix(R).as_rotvec())

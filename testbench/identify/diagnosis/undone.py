@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from testbench.errors import Array
-from testbench.identify.absolute.state import Frame
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.place import (
     PENALTY,
@@ -19,8 +18,8 @@ from testbench.identify.diagnosis.place import (
     fit,
     losses,
     places,
-    rotation_vector,
 )
+from testbench.identify.registration import Frame
 from testbench.model.vjm import chain
 
 UNITS = (1e-3, 1e-2, 0.1, 0.0254, 1 / 25.4, 10.0, 25.4, 1e3)
@@ -169,7 +168,7 @@ def _typical(seen: Seen, own: Fit) -> float:
 def _size(own: Hypothesis, found: Fit) -> dict[str, Any]:
     """How large a mistake is, SI, by name."""
     if own.kind == "frame":
-        return {"turn": rotation_vector(found.frame.rotation), "shift": found.frame.translation}
+        return {"turn": found.frame.rotation_vector, "shift": found.frame.translation}
     if own.kind == "targets":
         return {"off": float(np.linalg.norm(found.markers - own.seen.markers, axis=1).max())}
     if own.kind == "link":
