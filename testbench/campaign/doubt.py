@@ -1,7 +1,7 @@
 """Doubts in sentences: what `identify.diagnosis` found, by how much, what to check."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,8 +39,8 @@ class Doubt:
 def said(found: Finding, arm: Arm) -> Doubt:
     """What was found about readings of an arm, in a sentence."""
     words = WORDS[found.kind](found, arm)
-    if "was" in found.size:
-        ends = length(found.size["was"]), length(found.size["now"])
+    if "was" in found.beside:
+        ends = length(found.beside["was"]), length(found.beside["now"])
         words = f"the {found.where[0]} {words} (they lie {ends[0]} from the arm's kinematics, median; so "
         words += f"{ends[1]})"
     return Doubt(found.kind, words, found.nats)
@@ -55,12 +55,8 @@ def _three(vector: Array, factor: float, digits: int) -> str:
     return ", ".join(f"{round(factor * float(x), digits) + 0.0:.{digits}f}" for x in vector[:3])
 
 
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:5]) + (" ..." if len(names) > 5 else "")
-
-
 def _frame(found: Finding, _: Arm) -> str:
-    turn, at = found.size["turn"], _three(found.size["shift"], MM, 0)
+    turn, at = found.size[:3], _three(found.size[3:], MM, 0)
     angle = float(np.linalg.norm(turn))
     words = f"are in a frame turned by {np.rad2deg(angle):.3g} deg about "
     words += f"({_three(turn / max(angle, 1e-12), 1, 2)}) and moved by ({at}) mm against the arm's base"
@@ -72,7 +68,7 @@ def _frame(found: Finding, _: Arm) -> str:
 
 def _targets(found: Finding, _: Arm) -> str:
     what, name = found.where
-    off = f"{MM * found.size['off']:.0f} mm from where the arm's folder has it on the tool"
+    off = f"{MM * np.linalg.norm(found.size):.0f} mm from where the arm's folder has it on the tool"
     return f"{name} is {off}" if what == "targets" else f"have {name} {off}"
 
 
@@ -91,7 +87,7 @@ def _angle(arm: Arm, name: str, size: float) -> str:
 def _joint_zero(found: Finding, arm: Arm) -> str:
     name = found.where[-1]
     ends = {arm.joints[-1].name: ", or the tool is", arm.joints[0].name: ", or the frame is turned about it"}
-    return f"fit if the zero of {name} is off by {_angle(arm, name, found.size['size'])}{ends.get(name, '')}"
+    return f"fit if the zero of {name} is off by {_angle(arm, name, found.size[0])}{ends.get(name, '')}"
 
 
 def _joint_order(found: Finding, _: Arm) -> str:
@@ -101,21 +97,19 @@ def _joint_order(found: Finding, _: Arm) -> str:
 
 
 def _pose(found: Finding, arm: Arm) -> str:
-    run, *names = found.where
-    why = found.size["why"]
-    if why is None:
-        words = "is its pose right?"
-    elif why.kind == "markers":
-        words = f"they fit if {', '.join(names)} have each other's names"
-    else:
-        words = f"they fit if {names[0]} stood {_angle(arm, names[0], why.size['size'])} farther"
-    return f"run {run}: its unloaded readings lie {length(found.size['off'])} off: {words}"
+    run, *why = found.where
+    words = "is its pose right?"
+    if why and why[0] == "markers":
+        words = f"they fit if {', '.join(why[1:])} have each other's names"
+    elif why:
+        words = f"they fit if {why[1]} stood {_angle(arm, why[1], found.size[0])} farther"
+    return f"run {run}: its unloaded readings lie {length(found.beside['off'])} off: {words}"
 
 
 def _reading(found: Finding, _: Arm) -> str:
     run, target = found.where
-    if "off" in found.size:
-        return f"run {run}: {target} was read {length(found.size['off'])} off, the others were not"
+    if "off" in found.beside:
+        return f"run {run}: {target} was read {length(found.beside['off'])} off, the others were not"
     off = f"{_distance(found):.2g} mm from where the others say"
     return f"run {run}: {target} is {off}: touched, or read wrongly?"
 
@@ -128,44 +122,43 @@ def _run(found: Finding, _: Arm) -> str:
 
 def _distance(found: Finding) -> float:
     """Root mean square distance of all targets [mm]."""
-    b = found.size["b"]
-    return MM * float(np.linalg.norm(b)) / math.sqrt(len(b) / 3)
+    return MM * float(np.linalg.norm(found.size)) / math.sqrt(len(found.size) / 3)
 
 
 def _equal(found: Finding, _: Arm) -> str:
-    where = f"run {_listed(found.where)}" if found.where else "{count} of {of} readings".format(**found.size)
+    where = f"run {', '.join(found.where[:5])}{' ...' * (len(found.where) > 5)}"
+    if not found.where:
+        where = "{count} of {of} readings".format(**found.beside)
     return f"after equals before in {where}: was one of them copied?"
 
 
 def _sign(found: Finding, _: Arm) -> str:
-    upwards = found.size["upwards"]
+    upwards = found.beside["upwards"]
     hint = "the force points up: its sign?" if upwards else "before and after exchanged, or the force's sign?"
-    runs = "{count} of {of}".format(**found.size)
+    runs = "{count} of {of}".format(**found.beside)
     return f"in {runs} runs the targets move against the force: {hint}"
 
 
 def _load_point(found: Finding, _: Arm) -> str:
-    if "reach" in found.size:
+    if "reach" in found.beside:
         words = "the load acts {away:.3g} m from the tool, the arm reaches {reach:.3g} m: millimetres?"
-        return words.format(**found.size)
-    return f"the load acts ({_three(found.size['b'], MM, 0)}) mm from the stated point, in the tool's axes"
+        return words.format(**found.beside)
+    return f"the load acts ({_three(found.size, MM, 0)}) mm from the stated point, in the tool's axes"
 
 
 def _moved(found: Finding, _: Arm) -> str:
     """A tracker that moved between the readings of every run, or what moved between two rows."""
-    if "b" in found.size:
-        b = found.size["b"]
+    if not found.beside:
+        b = found.size
         station = f" of station {found.where[0]}" if found.where else ""
         which = f"the loaded readings{station}" if station else "all loaded readings"
         turn = f"({_three(b[3:], MM, 2)}) mrad"
         return f"{which} are moved by ({_three(b, MM, 2)}) mm and turned by {turn}: did the tracker move?"
-    size, what = found.size, found.kind.removesuffix("_moved")
-    both = (
-        f"the {what} or the {'target' if what == 'tracker' else 'tracker'}"
-        if size["alike"]
-        else f"the {what}"
-    )
-    turn = f" and turned by {MM * size['turn']:.2g} mrad" if size["turn"] > TURN else ""
+    size, what = found.beside, found.kind.removesuffix("_moved")
+    other = {"target": "tracker", "tracker": "target"}[what]
+    both = f"the {what} or the {other}" if size["alike"] else f"the {what}"
+    angle = float(np.linalg.norm(found.size[3:]))
+    turn = f" and turned by {MM * angle:.2g} mrad" if angle > TURN else ""
     words = f"{both} moved by {MM * size['shift']:.2g} mm{turn} between"
     if not size["pairs"]:
         new = "mounts" if what == "target" else "frames"
@@ -182,12 +175,12 @@ def _moved(found: Finding, _: Arm) -> str:
 
 
 def _level(found: Finding, _: Arm) -> str:
-    factor = 1 + found.size["b"][0]
+    factor = 1 + found.size[0]
     return f"the load of {found.where[0]} acts as {factor:.2f} times that, beside the others: its mass?"
 
 
 def _run_load(found: Finding, _: Arm) -> str:
-    b = found.size["b"][0]
+    b = found.size[0]
     hint = "its mass" if b > -1 else "before and after exchanged"
     return f"run {found.where[0]}: its load acts as {1 + b:.2f} times what is stated: {hint}?"
 
@@ -200,11 +193,11 @@ def _force_axes(found: Finding, _: Arm) -> str:
     return f"the readings fit if the forces' axes x, y, z are {', '.join(order)}{minus}"
 
 
-def _scale(found: Finding, _: Arm) -> str:
+def _scale(found: Finding, arm: Arm) -> str:
     """A factor between prior and readings; deflections that are no arm's, where a wild one is named."""
-    factor = found.size["factor"]
+    factor = found.beside["factor"]
     if found.where:
-        largest, median = MM * found.size["largest"], MM * found.size["median"]
+        largest, median = MM * found.beside["largest"], MM * found.beside["median"]
         return (
             f"as a whole the deflections are {factor:.3g} times what the arm's folder predicts; the largest "
             f"is {largest:.3g} mm, {found.where[0]} in run {found.where[1]}, the median {median:.3g} mm: "
@@ -215,9 +208,9 @@ def _scale(found: Finding, _: Arm) -> str:
         hint = "forces in kg instead of N (9.81 times), in kN, a heavier load, or a folder too stiff?"
     times = f"{factor:,.0f}" if factor > 100 else f"{factor:.3g}"
     words = f"the readings are {times} times what the arm's folder predicts under loads up to "
-    payload = found.size["payload"]
+    payload = arm.payload
     stated = "" if payload is None else f" (payload {payload:.4g} kg)"
-    return f"{words}{found.size['force']:,.5g} N{stated}: {hint}"
+    return f"{words}{found.beside['force']:,.5g} N{stated}: {hint}"
 
 
 WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
@@ -225,20 +218,20 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
     "targets": _targets,
     "mirrored": lambda *_: "lie in a left-handed frame: the sign of an axis?",
     "link": lambda f, _: (
-        f"fit if the end of {f.where[1]} is ({_three(f.size['step'], MM, 0)}) mm farther, in its axes: is "
+        f"fit if the end of {f.where[1]} is ({_three(f.size, MM, 0)}) mm farther, in its axes: is "
         "this the arm?"
     ),
     "joint_zero": _joint_zero,
     "joint_sign": lambda f, _: f"fit if {f.where[1]} has the other sign",
     "joint_order": _joint_order,
     "markers": _markers,
-    "unit": lambda f, _: f"are {UNITS[f.size['size']]}",
+    "unit": lambda f, _: f"are {UNITS[f.size[0]]}",
     "angle_unit": lambda f, _: (
-        f"fit if joint angles are {'radians, not degrees' if f.size['size'] > 1 else 'degrees, not radians'}"
+        f"fit if joint angles are {'radians, not degrees' if f.size[0] > 1 else 'degrees, not radians'}"
     ),
-    "order": lambda f, _: f"are those of the pose {'before' if f.size['size'] > 0 else 'after'}",
+    "order": lambda f, _: f"are those of the pose {'before' if f.size[0] > 0 else 'after'}",
     "kinematics": lambda f, _: (
-        f"the {f.where[0]} lie {length(f.size['now'])} (median) from the arm's kinematics, and no single "
+        f"the {f.where[0]} lie {length(f.beside['now'])} (median) from the arm's kinematics, and no single "
         "mistake explains it: is this the arm?"
     ),
     "pose": _pose,
@@ -251,7 +244,7 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
     "load_point": _load_point,
     "sign": _sign,
     "force_offset": lambda f, _: (
-        f"a constant force of ({_three(f.size['b'], 1, 0)}) N is missing in every load: the sensor's zero?"
+        f"a constant force of ({_three(f.size, 1, 0)}) N is missing in every load: the sensor's zero?"
     ),
     "tracker_moved": _moved,
     "target_moved": _moved,
@@ -264,8 +257,8 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
     ),
     "scale": _scale,
     "noise": lambda f, _: (
-        f"the readings scatter {f.size['factor']:.2g} times more than their noise, "
-        f"{1e6 * f.size['sigma']:.3g} um: is it more, or does the arm do what springs do not?"
+        f"the readings scatter {f.beside['factor']:.2g} times more than their noise, "
+        f"{1e6 * f.beside['sigma']:.3g} um: is it more, or does the arm do what springs do not?"
     ),
     "unshared": lambda f, _: f"{f.where[0]}: shared that {f.where[1]}, is taken to have its own",
     "not_parted": lambda f, _: f"{f.where[0]}: not parted",

@@ -56,7 +56,7 @@ def deflected(vjm: Vjm, metric: Metric, data: Dataset) -> list[Finding]:
     found += _scale(vjm, data, factor)
     typical = float(np.median(np.linalg.norm(data.deflection, axis=2)[data.seen]))
     if not found and own.misfit > NOISE and own.misfit * data.sigma > SHARE_OF_MOVE * typical:
-        found.append(Finding("noise", (), {"factor": own.misfit, "sigma": data.sigma}))
+        found.append(Finding("noise", beside={"factor": own.misfit, "sigma": data.sigma}))
     return found
 
 
@@ -77,7 +77,7 @@ def _best(own: Learnt, only: tuple[str, ...] = ()) -> list[tuple[Hypothesis, Fin
         if found and (found[0][0].kind not in SINGLE or h.kind not in SINGLE or h.where[0] in runs):
             continue
         runs.update(h.where[:1])
-        found.append((h, Finding(h.kind, h.where, {"b": h.size}, float(h.tested.nats))))
+        found.append((h, Finding(h.kind, h.where, h.size, nats=float(h.tested.nats))))
     return found
 
 
@@ -113,7 +113,7 @@ def _other(loss: float | None, vjm: Vjm, metric: Metric, data: Dataset) -> list[
         except BenchError:  # moves against the force
             continue
         nats = None if loss is None else loss - own.loss
-        tried.append((own.loss, own.misfit, Finding(kind, where, {}, nats)))
+        tried.append((own.loss, own.misfit, Finding(kind, where, nats=nats)))
     if not tried:
         return []
     least, misfit, found = min(tried, key=lambda x: x[0])
@@ -126,7 +126,7 @@ def _wild(factor: float, data: Dataset) -> Finding:
     size = np.where(data.seen, np.linalg.norm(data.deflection, axis=-1), 0)
     (i, k), median = np.unravel_index(np.argmax(size), size.shape), float(np.median(size[data.seen]))
     where = (data.markers[k], str(data.run[i]))
-    return Finding("scale", where, {"factor": factor, "largest": float(size[i, k]), "median": median})
+    return Finding("scale", where, beside={"factor": factor, "largest": float(size[i, k]), "median": median})
 
 
 def _scale(vjm: Vjm, data: Dataset, factor: float) -> list[Finding]:
@@ -137,4 +137,4 @@ def _scale(vjm: Vjm, data: Dataset, factor: float) -> list[Finding]:
     light = payload is not None and LIGHT * payload < force < LIGHT * payload * GRAVITY
     if size <= math.log(SCALES) and not (light and factor > HALF):
         return []
-    return [Finding("scale", (), {"factor": factor, "force": force, "payload": payload}, size**2 / 2)]
+    return [Finding("scale", beside={"factor": factor, "force": force}, nats=size**2 / 2)]

@@ -127,7 +127,7 @@ def _near(found: Registered) -> Iterator[Finding]:
     assert found.registration is not None
     for one in found.registration.frames.values():
         if np.linalg.norm(one.translation) < NEAR:
-            yield Finding("frame", (), {"turn": one.rotation_vector, "shift": one.translation})
+            yield Finding("frame", (), np.concatenate([one.rotation_vector, one.translation]))
             return
 
 
@@ -144,7 +144,7 @@ def _far_targets(found: Registered) -> Iterator[Finding]:
         yield Finding("markers", ("targets", *(own.markers[k] for k in far)))
         return
     worst = int(far[np.argmax(off[far])])
-    yield Finding("targets", ("targets", own.markers[worst]), {"off": float(off[worst])})
+    yield Finding("targets", ("targets", own.markers[worst]), own.targets[worst] - own.nominal[worst])
 
 
 def _of_one_station(data: Dataset) -> Dataset:

@@ -9,7 +9,6 @@ fitted again, and its nats are the loss that this saves.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,8 @@ class Finding:
 
     kind: str  #: A word for programs, such as "frame".
     where: tuple[str, ...] = ()  #: Names of what it is in: joints, links, targets, runs, series.
-    size: Mapping[str, Any] = field(default_factory=dict)  #: How large it is, by name, SI.
+    size: Array = field(default_factory=lambda: np.zeros(0))  #: How large it is, (k,), SI.
+    beside: Mapping[str, float] = field(default_factory=dict)  #: Other numbers of it, by name, SI.
     #: By how many nats the readings are likelier with the mistake than without; None for what is plain.
     nats: float | None = None
 

@@ -55,10 +55,9 @@ def doubted(at: Linear, series: Sequence[Series]) -> list[Finding]:
 
 
 def _finding(at: Linear, series: Series, step: Step, *, pairs: bool = False) -> Finding:
-    """A step as a doubt: how far the targets moved [m], how far they turned [rad], between which rows."""
-    size = {
+    """A step as a doubt: its move and turn, how far the targets moved [m], between which rows."""
+    beside = {
         "shift": moves(at, series, step),
-        "turn": float(np.linalg.norm(step.b[3:])),
         "alike": step.alike,
         "place": step.place,
         "before": int(series.row[step.place - 1]),
@@ -66,7 +65,7 @@ def _finding(at: Linear, series: Series, step: Step, *, pairs: bool = False) -> 
         "pairs": pairs,
         "across": bool(series.pose[step.place - 1] == series.pose[step.place]),
     }
-    return Finding(f"{step.what}_moved", (series.name, series.frame), size, step.gain / 2)
+    return Finding(f"{step.what}_moved", (series.name, series.frame), step.b, beside, step.gain / 2)
 
 
 def _clear(state: State, series: Series, noise: Noise, elastic: Metric) -> Finding | None:
@@ -188,7 +187,7 @@ def _named(series: Series, step: Finding, name: str) -> Series:
 
 def _halves(series: Series, step: Finding) -> tuple[Series, Series]:
     """A series before and behind a step."""
-    one, words = in_time(series), f" from row {step.size['after']}"
-    behind = np.arange(series.rows) >= step.size["place"]
+    one, words = in_time(series), f" from row {step.beside['after']}"
+    behind = np.arange(series.rows) >= step.beside["place"]
     second = _named(select_rows(one, behind), step, _shared(series, step) + words)
     return select_rows(one, ~behind), replace(second, name=series.name + words)

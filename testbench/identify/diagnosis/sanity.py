@@ -19,7 +19,7 @@ def sanity_checks(data: Dataset, reach: float) -> Iterator[Finding]:
     if still.any():
         runs = () if still.sum() > STILL * loaded.sum() else data.run[still.any(axis=1)].tolist()
         size = {"count": int(still.sum()), "of": int(loaded.sum())}
-        yield Finding("equal", tuple(str(run) for run in runs), size)
+        yield Finding("equal", tuple(str(run) for run in runs), beside=size)
     read = np.where(data.seen[..., None], data.after, np.nan).reshape(data.runs, -1)
     _, first, own = np.unique(read, axis=0, return_index=True, return_inverse=True)
     again = np.flatnonzero((data.q != data.q[first[own]]).any(axis=1) & data.seen.any(axis=1))
@@ -28,7 +28,7 @@ def sanity_checks(data: Dataset, reach: float) -> Iterator[Finding]:
         yield Finding("repeated", tuple(str(run) for run in pair))
     away = float(np.linalg.norm(data.point, axis=1).max())
     if away > FAR * reach:
-        yield Finding("load_point", (), {"away": away, "reach": reach})
+        yield Finding("load_point", beside={"away": away, "reach": reach})
 
 
 def moved_against(data: Dataset) -> Iterator[Finding]:
@@ -39,4 +39,4 @@ def moved_against(data: Dataset) -> Iterator[Finding]:
     if against and against >= AGAINST * pushed:
         along = np.abs(force[:, :2]).max() < np.abs(force[:, 2]).max() / 10
         upwards = bool((force[:, 2] > 0).mean() > 1 / 2 and along)
-        yield Finding("sign", (), {"count": against, "of": pushed, "upwards": upwards})
+        yield Finding("sign", beside={"count": against, "of": pushed, "upwards": upwards})

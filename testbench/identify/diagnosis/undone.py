@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from testbench.errors import Array
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.place import (
     PENALTY,
+    STILL,
     Fit,
     Free,
     Seen,
@@ -137,7 +137,7 @@ def placed(seen: Seen, free: Free, what: str = "unloaded readings") -> Placed:
     """
     start = fit(seen, free)
     typical = _typical(seen, start)
-    unfit = Finding("kinematics", (what,), {"now": typical}) if typical > LOST * seen.scale else None
+    unfit = Finding("kinematics", (what,), beside={"now": typical}) if typical > LOST * seen.scale else None
     needed = max(LEAST, BETTER * seen.there.sum())
     if start.loss <= needed:  # no mistake saves more than the loss
         return Placed(unfit, start)
@@ -154,44 +154,42 @@ def placed(seen: Seen, free: Free, what: str = "unloaded readings") -> Placed:
     gain, best, found = max(good, key=lambda x: (x[1].kind not in LOOSE, x[0]))
     if _typical(best.seen, found) > LOST * seen.scale:
         return Placed(unfit, start)
-    size = {"was": typical, "now": _typical(best.seen, found), **_size(best, found)}
+    beside = {"was": typical, "now": _typical(best.seen, found)}
     where = best.where
     if best.kind == "targets":
         where = (seen.names[int(np.argmax(np.linalg.norm(found.markers - seen.markers, axis=1)))],)
-    return Placed(Finding(best.kind, (what, *where), size, gain), found)
+    return Placed(Finding(best.kind, (what, *where), _size(best, found), beside, gain), found)
 
 
 def _typical(seen: Seen, own: Fit) -> float:
     return float(np.median(away(seen, own)))
 
 
-def _size(own: Hypothesis, found: Fit) -> dict[str, Any]:
-    """How large a mistake is, SI, by name."""
+def _size(own: Hypothesis, found: Fit) -> Array:
+    """How large a mistake is, SI: turn and shift of a frame, way of a target or link, else one number."""
     if own.kind == "frame":
-        return {"turn": found.frame.rotation_vector, "shift": found.frame.translation}
+        return np.concatenate([found.frame.rotation_vector, found.frame.translation])
     if own.kind == "targets":
-        return {"off": float(np.linalg.norm(found.markers - own.seen.markers, axis=1).max())}
+        off = found.markers - own.seen.markers
+        return np.asarray(off[np.argmax(np.linalg.norm(off, axis=1))])
     if own.kind == "link":
         k = own.free.theta[0] // 6
         frame = np.reshape(own.seen.vjm.arm.links[k].frame, (3, 3))
-        return {"step": frame @ found.theta[list(own.free.theta)]}
-    return {"size": own.size + float(found.theta.sum())}
+        return np.asarray(frame @ found.theta[list(own.free.theta)])
+    return np.array([own.size + found.theta.sum()])
 
 
 def _large(own: Hypothesis, found: Fit) -> bool:
     """Whether a mistake is larger than those of sound arms."""
     size = _size(own, found)
     if own.kind == "frame":
-        return bool(np.linalg.norm(size["turn"]) > TURN or np.linalg.norm(size["shift"]) > SHIFT)
-    if own.kind == "targets":
-        return bool(size["off"] > TARGET)
-    if own.kind == "link":
-        return bool(np.linalg.norm(size["step"]) > SHIFT)
+        return bool(np.linalg.norm(size[:3]) > TURN or np.linalg.norm(size[3:]) > SHIFT)
+    least = {"targets": TARGET, "link": SHIFT}.get(own.kind, 0.0)
     if own.kind == "joint_zero":
         joints = own.seen.vjm.arm.joints
-        k = next(k for k, joint in enumerate(joints) if joint.name == own.where[0])
-        return bool(abs(size["size"]) > (LAST if k == len(joints) - 1 else 1) * ZERO[joints[k].prismatic])
-    return True
+        k = [joint.name for joint in joints].index(own.where[0])
+        least = (LAST if k == len(joints) - 1 else 1.0) * ZERO[joints[k].prismatic]
+    return not least or bool(np.linalg.norm(size) > least)
 
 
 APART = 8.0  #: Distance of a reading over a sound one from which it is wrong by itself.
@@ -203,26 +201,26 @@ def apart(seen: Seen, own: Fit) -> Iterator[tuple[int, Finding]]:
     for row in np.flatnonzero((off > APART * seen.scale).any(axis=1)).tolist():
         run, typical = str(seen.runs[row]), float(np.median(off[row][seen.there[row]]))
         if typical > APART / 2 * seen.scale:
-            why = _why(seen, own, row)
-            found = Finding("pose", (run, *(why.where if why else ())), {"off": typical, "why": why})
+            where, size = _why(seen, own, row)
+            found = Finding("pose", (run, *where), np.array([size]), {"off": typical})
         else:
             k = int(np.argmax(off[row]))
-            found = Finding("reading", (run, seen.names[k]), {"off": float(off[row, k])})
+            found = Finding("reading", (run, seen.names[k]), beside={"off": float(off[row, k])})
         yield int(seen.poses[row]), found
 
 
-def _why(seen: Seen, own: Fit, row: int) -> Finding | None:
-    """Targets of a pose that may have each other's names, or a joint angle that may be wrong."""
+def _why(seen: Seen, own: Fit, row: int) -> tuple[tuple[str, ...], float]:
+    """Targets of a pose that may have each other's names, or a joint that may stand farther, and how far."""
     read = (seen.read[[row]] - own.frame.translation) @ own.frame.rotation
     one = replace(seen, q=seen.q[[row]], markers=own.markers, read=read, there=seen.there[[row]])
     tried = [
         (found.loss, hypothesis, found)
-        for hypothesis in hypotheses(one, Free(), Frame(np.eye(3), np.zeros(3)))
+        for hypothesis in hypotheses(one, Free(), STILL)
         if hypothesis.kind == "markers" or (hypothesis.kind == "joint_zero" and hypothesis.free.theta)
         for found in (fit(hypothesis.seen, hypothesis.free),)
     ]
     fits = [x for x in tried if _typical(x[1].seen, x[2]) < APART * seen.scale]
     if not fits:
-        return None
+        return (), 0.0
     _, best, found = min(fits, key=lambda x: (x[1].kind != "markers", x[0]))
-    return Finding(best.kind, best.where, _size(best, found))
+    return (best.kind, *best.where), float(found.theta.sum())
