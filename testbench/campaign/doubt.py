@@ -9,10 +9,12 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.errors import Array
 from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.hierarchy import KIND
+from testbench.identify.metric import Scale
 
 LONG = 1.0  #: Length from which metres are said instead of millimetres [m].
 TURN = 1e-4  #: Turns below are not worth a word [rad].
-KG, MM = 9.81, 1e3
+MM = 1e3
 UNITS = {
     1e-3: "1000 times too large: millimetres read as metres?",
     1e-2: "100 times too large: centimetres read as metres?",
@@ -44,6 +46,15 @@ def said(found: Finding, arm: Arm) -> Doubt:
         words = f"the {found.where[0]} {words} (they lie {ends[0]} from the arm's kinematics, median; so "
         words += f"{ends[1]})"
     return Doubt(found.kind, words, found.nats)
+
+
+def of_scale(scale: Scale) -> Doubt:
+    """A scale of a learnt prior that the readings contradict."""
+    low, high = (scale.factor * math.exp(sign * 2 * scale.deviation) for sign in (-1, 1))
+    beside = "the links" if scale.name == KIND else "the others of its kind"
+    factor = f"{scale.factor:.2g} times ({low:.2g} to {high:.2g})"
+    words = f"the readings want {factor} the prior's compliance, beside {beside}: check the folder"
+    return Doubt("prior", f"{scale.name}: {words}")
 
 
 def length(metres: float) -> str:

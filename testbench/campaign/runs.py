@@ -19,9 +19,8 @@ from testbench.campaign.plan_input import overloaded
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.rows import MM, UM
 from testbench.data.dataset import Dataset, Ids, Mask, select, split
-from testbench.data.read_pairs import Export, read_export
-from testbench.data.spool import Campaign
-from testbench.data.stream import read_campaign, some
+from testbench.data.read_pairs import Export, read_campaign, read_export
+from testbench.data.spool import Campaign, some
 from testbench.errors import BenchError, InputError, read_text
 from testbench.identify.diagnosis.deflected import scale
 from testbench.identify.diagnosis.find import HandedIn, doubts, open_places

@@ -12,7 +12,7 @@ from testbench.campaign.program import FORCE, predicted, read_asked
 from testbench.campaign.stiffness_model import load_model
 from testbench.cli.arguments import ArmCheck, Load, MapFile, plain
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
-from testbench.correct.arm_model import ArmModel
+from testbench.identify.arm_model import ArmModel
 from testbench.model.poses import WorkArea
 from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes

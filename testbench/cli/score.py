@@ -35,10 +35,10 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Compare positions with those of a calibrated arm; of a new series fit frame and target only."""
-    state, belief = read_model(asked.model)
+    model = read_model(asked.model)
     sigma = None if asked.sigma_um is None else 1e-6 * asked.sigma_um
-    series, notes = read_all([asked.readings], state.vjm.arm, asked.mapping, sigma)
-    found = score(state, belief, series, asked.frame_poses)
+    series, notes = read_all([asked.readings], model.arm, asked.mapping, sigma)
+    found = score(model, series, asked.frame_poses)
     if asked.json:
         typer.echo(json.dumps(asdict(found)))
         return

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.correct.arm_model import ArmModel
 from testbench.errors import Array
+from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load, resultant
 from testbench.model.vjm import tool_pose
 

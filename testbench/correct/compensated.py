@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.correct.arm_model import ArmModel
 from testbench.correct.newton import FIELDS, Aim, Asked, Corrected, Mask, Points, Target, solve
 from testbench.correct.rest import rest
 from testbench.correct.sure import Stand, half_widths
 from testbench.correct.target import asked
 from testbench.errors import Array, BenchError, check_array
+from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load
 from testbench.plant import Room, collisions
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.correct.arm_model import ArmModel
 from testbench.correct.sure import Stand, rows_between
 from testbench.errors import Array
+from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load
 from testbench.model.structure import Ids
 
@@ -39,7 +39,7 @@ def most_open(model: ArmModel, q: Array, loads: Sequence[Load], point: Array, ab
     end = Stand(q[some], [load.over(len(q)).of(some) for load in loads], heavy=absolute)
     rows = rows_between(model, end, None if absolute else Stand(q[some]), point[None])
     rows = rows.reshape(-1, rows.shape[-1])
-    unseen = np.isinf(model.spread.deviations(rows))
+    unseen = np.isinf(model.posterior.deviations(rows))
     shares = _unbound(model, rows[unseen]) if unseen.any() else _taken_away(model, rows)
     (best, share), (_, second) = sorted(((k, s) for k, s in shares.items()), key=lambda one: -one[1])[:2]
     if share < MOST or share < LEAD * second:
@@ -49,7 +49,7 @@ def most_open(model: ArmModel, q: Array, loads: Sequence[Load], point: Array, ab
 
 def _taken_away(model: ArmModel, rows: Array) -> dict[str, float]:
     """Share of the variance of functionals, rows (k, c), that is gone where a part is known."""
-    root = model.spread.root
+    root = model.posterior.root
     w = root @ rows.T
     whole = float((w**2).sum()) or 1.0
     shares = {}
@@ -66,7 +66,7 @@ def _unbound(model: ArmModel, rows: Array) -> dict[str, float]:
     for name, columns in _parts(model):
         rest = rows.copy()
         rest[:, columns] = 0
-        shares[name] = float(np.isfinite(model.spread.deviations(rest)).mean())
+        shares[name] = float(np.isfinite(model.posterior.deviations(rest)).mean())
     return shares
 
 

@@ -6,12 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.correct.arm_model import ArmModel
 from testbench.correct.rest import TOGETHER, Rest, rest
 from testbench.correct.sure import Stand, curvature, half_widths
 from testbench.correct.turn import turn_between, turned
 from testbench.errors import Array, check_array
-from testbench.identify.intervals import CONFIDENCE, CURVED
+from testbench.identify.arm_model import ArmModel
+from testbench.identify.posterior import CONFIDENCE, CURVED
 from testbench.model.load import Load, on_joints
 from testbench.model.loaded import displacement
 from testbench.model.vjm import chain

@@ -6,10 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.correct.arm_model import ArmModel
 from testbench.correct.rest import TOGETHER, rest
 from testbench.correct.sure import Stand, half_widths
 from testbench.errors import Array
+from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load
 from testbench.model.loaded import geometric_stiffness, loaded_compliance
 from testbench.model.vjm import chain

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.correct.arm_model import ArmModel
 from testbench.correct.rest import TOGETHER, loads_at, rest
 from testbench.errors import Array, BenchError
-from testbench.identify.intervals import CONFIDENCE, check_confidence, quantile
+from testbench.identify.arm_model import ArmModel
+from testbench.identify.posterior import CONFIDENCE, check_confidence, quantile
 from testbench.model.joint_errors import basis
 from testbench.model.load import Load, on_joints
 from testbench.model.loaded import displacement
@@ -64,7 +64,9 @@ def half_widths(
         some = slice(first, first + TOGETHER)
         before = None if start is None else start.of(some)
         rows = rows_between(model, end.of(some), before, points)
-        half = model.spread.half_widths(rows.reshape(-1, rows.shape[-1]), confidence).reshape(rows.shape[:3])
+        half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1]), confidence).reshape(
+            rows.shape[:3]
+        )
         if not model.absolute:
             half = np.hypot(half, curvature(model, end.of(some), points))
         elif start is None:
@@ -96,7 +98,7 @@ def fitted_half_widths(model: ArmModel, end: Stand, point: Array, confidence: fl
     F = np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2).reshape(-1, 6)
     A = rows.reshape(len(F), -1)
     A = A - F @ np.linalg.lstsq(F, A)[0]
-    half = model.spread.half_widths(A, confidence).reshape(x.shape)
+    half = model.posterior.half_widths(A, confidence).reshape(x.shape)
     return np.asarray(np.hypot(half, quantile(math.inf, (1 + confidence) / 2) * model.scatter))
 
 

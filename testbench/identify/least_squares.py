@@ -10,7 +10,7 @@ from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.conic import EXACT, clip, psd_entries, sensitivity_units
 from testbench.identify.estimate import Estimate, make_estimate
-from testbench.identify.identifiability_unseen import null_space
+from testbench.identify.observability import null_space
 from testbench.identify.regression import RANK_TOLERANCE, Regression, check_symmetric, f_m
 from testbench.model.structure import Structure
 

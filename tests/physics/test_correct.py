@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import testbench as tb
-from testbench.correct.arm_model import About, bending, of_compliances, of_estimate
 from testbench.correct.compensated import compensate
 from testbench.correct.newton import Aim, Target, correct
 from testbench.correct.rest import rest
@@ -14,7 +13,8 @@ from testbench.correct.step import SMALL
 from testbench.correct.sure import Stand, half_widths
 from testbench.correct.target import asked
 from testbench.errors import BenchError, NoEquilibrium
-from testbench.identify.intervals import Linearised
+from testbench.identify.arm_model import About, bending, of_compliances, of_estimate
+from testbench.identify.posterior import Posterior
 from testbench.model.load import Load
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
@@ -171,9 +171,7 @@ def known(kr500, state):
     """The arm, known without a doubt."""
     structure = all153(kr500.arm)
     pi = structure.entries(state.C_theta)
-    sure = Linearised(
-        pi, np.zeros((1, len(pi))), np.zeros((0, len(pi))), np.ones(len(pi)), np.inf, 0.0, on_boundary=False
-    )
+    sure = Posterior.normal(pi, np.zeros((1, len(pi))))
     return of_compliances(state, structure, sure, About("known"))
 
 

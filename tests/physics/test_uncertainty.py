@@ -1,4 +1,4 @@
-"""Linearised and bootstrap uncertainty: against Monte Carlo, and infinite where the data see nothing."""
+"""Posterior and bootstrap uncertainty: against Monte Carlo, and infinite where the data see nothing."""
 
 import tracemalloc
 from dataclasses import replace
@@ -16,9 +16,9 @@ from testbench.data.dataset import in_order
 from testbench.errors import BenchError
 from testbench.identify import gco, intervals, least_squares, reduce, with_prior
 from testbench.identify.evaluate import deflections
-from testbench.identify.intervals import CURVED, curvature, linearise
 from testbench.identify.least_squares import minimum_norm, solve
 from testbench.identify.metric import metric
+from testbench.identify.posterior import CURVED, curvature, linearise
 from testbench.identify.prior import Strength, aggregate, cad_prior
 from testbench.identify.regularised import gco_with, least_squares_with
 from testbench.model.structure import Structure, all153, mgco68, template56

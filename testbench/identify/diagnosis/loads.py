@@ -13,8 +13,9 @@ import numpy as np
 from testbench.data.dataset import Dataset, Mask, read_by
 from testbench.errors import Array
 from testbench.identify.diagnosis.finding import Tested, test
+from testbench.identify.evidence import greatest, posterior
 from testbench.identify.fold import reduce
-from testbench.identify.hierarchy import evidence, greatest, loss
+from testbench.identify.hierarchy import evidence
 from testbench.identify.metric import Metric
 from testbench.identify.registered import station, unloaded
 from testbench.identify.weighed import Readings, marker_points, one_by_one, white
@@ -61,7 +62,7 @@ def learnt(vjm: Vjm, metric: Metric, data: Dataset) -> Learnt:
     """Learn the prior from a dataset; its readings against it."""
     structure = metric.structure
     seen = evidence(reduce(vjm, structure, data), metric)
-    h = greatest(seen, seen.start)
+    h = greatest(seen.problem, seen.start)
     read = one_by_one(vjm, structure, data)
     G = read.A.reshape(-1, structure.n) @ seen.metric.L
     s, kappa = np.exp(h[: seen.blocks])[seen.block], np.exp(h[-1])
@@ -76,7 +77,8 @@ def learnt(vjm: Vjm, metric: Metric, data: Dataset) -> Learnt:
     U, size, _ = np.linalg.svd(half, full_matrices=False)
     shared = U * (size / np.hypot(size, kappa) / kappa)
     surprise = residual / kappa**2 - shared @ (shared.T @ residual)
-    return Learnt(vjm, seen.metric, data, read, loss(seen, h)[0], pi, shared, surprise, h)
+    least = posterior(seen.problem, h).loss
+    return Learnt(vjm, seen.metric, data, read, least, pi, shared, surprise, h)
 
 
 def allowed(vjm: Vjm, data: Dataset, C: Array) -> Array:

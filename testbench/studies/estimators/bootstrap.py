@@ -9,8 +9,8 @@ import numpy as np
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.conic import optima, sensitivity_units
 from testbench.identify.estimate import Constraint, Estimate
-from testbench.identify.intervals import Intervals, check_confidence, linearise
 from testbench.identify.least_squares import completed, solve_all
+from testbench.identify.posterior import Intervals, check_confidence, linearise
 from testbench.identify.regression import RANK_TOLERANCE, Regression, Term
 
 

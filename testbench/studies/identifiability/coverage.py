@@ -20,9 +20,9 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify import gco, intervals, reduce, with_prior
 from testbench.identify.conic import optimum
-from testbench.identify.intervals import Intervals, linearise
 from testbench.identify.least_squares import minimum_norm
 from testbench.identify.metric import Metric, metric
+from testbench.identify.posterior import Intervals, linearise
 from testbench.identify.prior import Strength, aggregate, cad_prior
 from testbench.identify.regression import Regression
 from testbench.identify.regularised import gco_with, least_squares_with
@@ -103,7 +103,7 @@ def _deflections(cell: Cell, structure: Structure, where: Dataset, targets: Arra
 
 
 def fitted(case: Case, k: int, bootstrapped: bool) -> list[Covered]:
-    """Linearised and bootstrap intervals of least squares and GCO without a prior, from dataset k."""
+    """Posterior and bootstrap intervals of least squares and GCO without a prior, from dataset k."""
     rng, truth, rows = stream(k), case.functionals @ case.truth, case.functionals
     regression = resampler(case.regression)(case.truth, rng)
     fits = ((minimum_norm(regression), "least squares", DRAWS_LS), (optimum(regression), "GCO", DRAWS_GCO))

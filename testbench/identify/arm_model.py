@@ -1,18 +1,16 @@
-"""An arm as it was identified: where its tool is under a load, and how sure that is."""
+"""An arm as it was identified: its state, how sure that is, and where it comes from."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag, solve_triangular
 
 from testbench.arm.folder import Arm
 from testbench.errors import Array
-from testbench.identify.absolute.posterior import Belief
+from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.state import State, nominal
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.estimate import Estimate
-from testbench.identify.intervals import Linearised, linearise
+from testbench.identify.posterior import Posterior, linearise
 from testbench.model.structure import Ids, Structure
 from testbench.model.vjm import Vjm
 from testbench.model.weights import Weights
@@ -36,10 +34,10 @@ class ArmModel:
     state: State  #: theta = theta_0 + C_theta u + Phi(q) n, own weight included.
     structure: Structure  #: Of the compliances that are uncertain.
     columns: Ids  #: Which of `unknowns` are uncertain, (c,).
-    spread: Linearised  #: Distribution of these.
-    absolute: bool  #: Whether geometry and joint errors were identified too.
-    scatter: float  #: Of a position about an absolute model, beyond what the columns leave open [m].
+    posterior: Posterior  #: Of these.
     about: About
+    #: How absolute readings scatter about it; None where geometry and joint errors were not identified.
+    noise: Noise | None = None
 
     @property
     def vjm(self) -> Vjm:
@@ -50,6 +48,16 @@ class ArmModel:
     def arm(self) -> Arm:
         """Whose it is."""
         return self.vjm.arm
+
+    @property
+    def absolute(self) -> bool:
+        """Whether geometry and joint errors were identified too."""
+        return self.noise is not None
+
+    @property
+    def scatter(self) -> float:
+        """Of a position about an absolute model, beyond what the columns leave open [m]."""
+        return 0.0 if self.noise is None else self.noise.open_position * float(self.noise.factor[0])
 
     @property
     def unknowns(self) -> Unknowns:
@@ -75,45 +83,7 @@ def bending(vjm: Vjm, C_theta: Array, weights: Weights) -> State:
     return replace(nominal(vjm, weights, np.zeros(vjm.arm.n_joints)), C_theta=C_theta)
 
 
-def of_compliances(state: State, structure: Structure, spread: Linearised, about: About) -> ArmModel:
-    """A model of compliances alone, and the distribution of the structure's entries."""
-    model = ArmModel(
-        state=state,
-        structure=structure,
-        columns=np.zeros(0, dtype=int),
-        spread=spread,
-        absolute=False,
-        scatter=0.0,
-        about=about,
-    )
-    first = model.unknowns.starts["elastic"]
-    return replace(model, columns=first + np.arange(structure.n))
-
-
-def of_calibration(state: State, belief: Belief, about: About) -> ArmModel:
-    """The model that a calibration by absolute readings is."""
-    own, columns = belief.own, belief.columns
-    L = np.zeros((0, 0)) if own.elastic is None else own.elastic.L
-    rigid = len(columns) - len(L)
-    back = block_diag(np.eye(rigid), L)
-    root: Array = solve_triangular(belief.root, back.T, trans="T")
-    structure = own.unknowns.structure if own.elastic is None else own.elastic.structure
-    model = ArmModel(
-        state=state,
-        structure=structure,
-        columns=columns,
-        spread=Linearised(
-            pi=np.zeros(len(columns)),
-            root=root,
-            unseen=np.zeros((0, len(columns))),
-            scale=np.ones(len(columns)),
-            tail=math.inf,
-            pull=0.0,
-            on_boundary=False,
-        ),
-        absolute=True,
-        scatter=belief.noise.open_position * float(belief.noise.factor[0]),
-        about=about,
-    )
-    current = model.unknowns.current(state)[columns]
-    return replace(model, spread=replace(model.spread, pi=current))
+def of_compliances(state: State, structure: Structure, posterior: Posterior, about: About) -> ArmModel:
+    """A model of compliances alone, and the posterior of the structure's entries."""
+    first = Unknowns(state.vjm, (), {}, state.errors, structure).starts["elastic"]
+    return ArmModel(state, structure, first + np.arange(structure.n), posterior, about)

@@ -1,4 +1,4 @@
-"""How sure a prediction is: the linearised distribution of an estimate, and intervals of deflections.
+"""How sure anything is that is linear in the unknowns: the one posterior of estimates and of calibrations.
 
 The covariance (M^T M)^+ is that of weighted least squares, Eq. (14)-(15), M the rows of the data over their
 standard deviation and, with a prior, those of the prior below them. A direction that M does not see has an
@@ -11,7 +11,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, in_order
+from testbench.data.dataset import Dataset, Ids, in_order
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Average, Estimate
@@ -25,6 +25,8 @@ UNSEEN = 1e-8
 """Share of a functional outside the seen directions from which it is unseen: rounding is 1e-11."""
 BINDS = 0.1  #: Distance from the optimum without a cone that counts as moved by it [standard deviations].
 CONFIDENCE = 0.95
+RIDGE, TINY = 1e-12, 1e-100
+"""Share of a covariance that is added to it, and how much of what is known: that has none."""
 TOGETHER = 600  #: Deflections whose intervals are found together: enough for numpy, few for memory.
 CURVED = 2.0
 """How often what a linear model leaves out counts: once where it predicts, once for what it put into the
@@ -42,7 +44,7 @@ what the prior puts in; Student's with 3 degrees of freedom are 2.4, 3.2 and 4.5
 
 @dataclass(frozen=True)
 class Intervals:
-    """Intervals of linear functionals of pi, such as deflections."""
+    """Intervals of linear functionals of the unknowns, such as deflections."""
 
     centre: Array  #: By the estimate, of any shape.
     lower: Array  #: -inf where the data see nothing.
@@ -51,34 +53,49 @@ class Intervals:
     on_boundary: bool  #: Whether the cone holds the estimate: then the intervals are not exact.
 
 
-@dataclass(frozen=True)
-class Linearised:
-    """A normal distribution around an estimate."""
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """A normal distribution of unknowns about their estimate: how sure anything is that is linear in them.
 
-    pi: Array  #: Its centre, (n,).
-    root: Array  #: Covariance of pi is root^T root along the seen directions, (r, n).
+    A functional a is worth a @ x, its deviation is |root a|: root^T root is (M^T M)^-1 with M the rows of all
+    that is known. What a learnt prior puts in has Student's distribution beside, in quadrature.
+    """
+
+    x: Array  #: Its centre, (n,).
+    root: Array  #: Covariance of x is root^T root along the seen directions, (r, n).
     unseen: Array  #: Rows whose product with a functional is zero where it is seen, (f, n).
-    scale: Array  #: Of each parameter, for what counts as zero, (n,).
+    scale: Array  #: Of each unknown, for what counts as zero, (n,).
     #: Degrees of freedom of the Student distribution of what the prior puts in; infinite for a normal one.
-    tail: float
-    pull: float  #: Distance between the estimate and the optimum without a cone [standard deviations].
-    on_boundary: bool  #: Whether the cone holds the estimate.
+    tail: float = math.inf
     heavy: int = 0  #: How many rows of the root, its last ones, are what the prior puts in.
+    pull: float = 0.0  #: Distance between the estimate and the optimum without a cone [standard deviations].
+    on_boundary: bool = False  #: Whether the cone holds the estimate.
+
+    @classmethod
+    def normal(cls, x: Array, root: Array) -> "Posterior":
+        """Of unknowns that all have a bound: centre (n,), covariance root^T root of (r, n)."""
+        return cls(x, root, np.zeros((0, len(x))), np.ones(len(x)))
+
+    @classmethod
+    def of_rows(cls, M: Array, L: Array, x: Array) -> "Posterior":
+        """Of unknowns x = L z, (n,), by all that is known of z, rows (e, n) of unit deviation."""
+        back, unseen = _inverse(M)
+        return cls(x, back @ L.T, unseen @ L.T, np.linalg.norm(L, axis=1))
 
     def deviations(self, functionals: Array) -> Array:
-        """Standard deviations of functionals a . pi, rows of (k, n), infinite where they are not seen, (k,).
+        """Standard deviations of functionals, rows of (k, n), infinite where they are not seen, (k,).
 
         Raises:
             BenchError: When a functional has another length or is not finite.
         """
-        a = check_array(functionals, (None, len(self.pi)), "functionals [m per unit of pi]")
+        a = check_array(functionals, (None, len(self.x)), "functionals [m per unit of pi]")
         seen = np.linalg.norm(a @ self.root.T, axis=1)
         size = np.linalg.norm(a * self.scale, axis=1)
         unseen = np.linalg.norm(a @ self.unseen.T, axis=1) > UNSEEN * size
         return np.where(unseen, np.inf, seen)
 
     def half_widths(self, functionals: Array, confidence: float = CONFIDENCE) -> Array:
-        """Half intervals of functionals a . pi, (k,): of noise and of the prior, in quadrature.
+        """Half intervals of functionals, rows of (k, n): of noise and of the prior, in quadrature, (k,).
 
         Raises:
             BenchError: When the confidence is outside (0, 1) or a functional has another length.
@@ -90,14 +107,19 @@ class Linearised:
         return np.asarray(np.hypot(normal * whole, math.sqrt(max(0, student**2 - normal**2)) * prior))
 
     def intervals(self, functionals: Array, confidence: float = CONFIDENCE) -> Intervals:
-        """Quantiles of functionals a . pi, rows of (k, n), around the estimate.
+        """Quantiles of functionals, rows of (k, n), around the estimate.
 
         Raises:
             BenchError: When the confidence is outside (0, 1) or a functional has another length.
         """
         half = self.half_widths(functionals, confidence)
-        centre = functionals @ self.pi
+        centre = functionals @ self.x
         return Intervals(centre, centre - half, centre + half, confidence, self.on_boundary)
+
+    def covariance(self, functionals: Array) -> Array:
+        """Covariances of groups of k functionals that are seen, (..., k, n) -> (..., k, k)."""
+        white = functionals @ self.root.T
+        return np.asarray(white @ white.swapaxes(-1, -2))
 
 
 def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = CONFIDENCE) -> Intervals:
@@ -142,8 +164,8 @@ def curvature(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
     return loaded_deflection(vjm, data.q, again, points) - displacement(where, theta, points)
 
 
-def linearise(estimate: Estimate) -> Linearised:
-    """The distribution of an estimate's parameters; the prior that it was made with counts as data."""
+def linearise(estimate: Estimate) -> Posterior:
+    """The posterior of an estimate's parameters; the prior that it was made with counts as data."""
     if estimate.average is not None:
         return _averaged(estimate, estimate.average)
     regression, belief = estimate.regression, estimate.belief
@@ -155,34 +177,44 @@ def linearise(estimate: Estimate) -> Linearised:
     if belief is not None:
         B, c = precision_root(belief.metric, belief.strength)
         rows, residuals = [*rows, B], [*residuals, B @ x - c]
-    _, s, Vt = np.linalg.svd(np.linalg.qr(np.vstack(rows), mode="r"))
-    r = int((s > RANK_TOLERANCE * s[0]).sum()) if s[0] > 0 else 0
-    back = Vt[:r] / s[:r, None]
+    back, unseen = _inverse(np.vstack(rows))
     pull = _pull(estimate, [back @ (B.T @ e) for B, e in zip(rows, residuals, strict=True)], residuals)
-    root, learnt = back @ L.T, belief is not None and belief.moves is not None
-    heavy = 0
-    if belief is not None and belief.moves is not None:
-        root, heavy = _split(rows, back, belief, L)
-    return Linearised(
-        pi=estimate.pi,
-        root=root,
-        unseen=Vt[r:] @ L.T,
+    found = Posterior(
+        x=estimate.pi,
+        root=back @ L.T,
+        unseen=unseen @ L.T,
         scale=np.linalg.norm(L, axis=1),
-        tail=HEAVY if learnt else math.inf,
         pull=pull,
         on_boundary=estimate.conservative and pull > BINDS,
-        heavy=heavy,
     )
+    if belief is None or belief.moves is None:
+        return found
+    root, heavy = _split(rows, back, belief, L)
+    return replace(found, root=root, heavy=heavy, tail=HEAVY)
 
 
-def _averaged(estimate: Estimate, average: Average) -> Linearised:
+def _inverse(M: Array) -> tuple[Array, Array]:
+    """Root of (M^T M)^+, (r, n), and the directions that rows M do not see, (n - r, n)."""
+    _, s, Vt = np.linalg.svd(np.linalg.qr(M, mode="r"))
+    r = int((s > RANK_TOLERANCE * s[0]).sum()) if s[0] > 0 else 0
+    return Vt[:r] / s[:r, None], Vt[r:]
+
+
+def conditional(K: Array, own: Ids, known: Ids) -> Array:
+    """Covariance of some of what has the covariance K, were others known exactly, (own, own)."""
+    C, X = K[np.ix_(known, known)], K[np.ix_(own, known)]
+    ridge = (RIDGE * np.trace(C) / len(C) + TINY) * np.eye(len(C))
+    return np.asarray(K[np.ix_(own, own)] - X @ np.linalg.solve(C + ridge, X.T))
+
+
+def _averaged(estimate: Estimate, average: Average) -> Posterior:
     """The distribution of the model of links and joints, wider by how far the average lies from it.
 
     Joints alone would count noise and nothing else, as if no link could bend.
     """
     whole = linearise(average.whole)
-    root = np.vstack([whole.root, estimate.pi - whole.pi])
-    return replace(whole, pi=estimate.pi, root=root, heavy=whole.heavy + 1)
+    root = np.vstack([whole.root, estimate.pi - whole.x])
+    return replace(whole, x=estimate.pi, root=root, heavy=whole.heavy + 1)
 
 
 def _split(rows: list[Array], back: Array, belief: Belief, L: Array) -> tuple[Array, int]:

@@ -1,4 +1,4 @@
-"""Intervals of what a calibration found of the arm: errors of geometry and of joints, compliances.
+"""Numbers of a calibrated arm with their 95 % intervals, by name and in the units of people.
 
 A joint and the turn of the link before it about its axis are one to the readings, for errors and for
 compliances: the first is counted with the second, as in the paper's aggregation.
@@ -6,23 +6,18 @@ compliances: the first is counted with the second, as in the paper's aggregation
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
-from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.evidence import Choice
-from testbench.identify.absolute.posterior import Placed
+from testbench.identify.absolute.fit import Calibration
+from testbench.identify.absolute.posterior import posterior_of
 from testbench.model.joint_errors import KINDS
 from testbench.model.vjm import Vjm
 
-if TYPE_CHECKING:
-    from testbench.identify.absolute.fit import Calibration
-
 Part = Literal["geometry", "joint errors", "joint compliances", "entries"]
-Z = 1.959964  #: Of a normal quantity, within which 95 % of it lie.
 AXES = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z")
 ENTRY = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
 
@@ -49,35 +44,19 @@ class Functionals:
     units: tuple[str, ...]
 
 
-def intervals(calibration: "Calibration", confidence_z: float = Z) -> tuple[Interval, ...]:
+def intervals(calibration: Calibration) -> tuple[Interval, ...]:
     """Intervals of all errors and compliances that a calibration has on, each by itself.
 
     They count with the readings and the learnt priors: an error that readings cannot tell from another one,
     such as two shifts along one axis, has the interval of its prior.
     """
-    own, x, root = calibration.own, own_values(calibration), deviations_root(calibration)
-    found = []
+    own, known, found = calibration.own, posterior_of(calibration), []
     for group in functionals(own):
-        value = group.scale * (group.of @ x)
-        half = confidence_z * group.scale * np.linalg.norm(group.of[:, own.columns] @ root, axis=1)
-        for name, v, h, unit in zip(group.names, value.tolist(), half.tolist(), group.units, strict=True):
-            found.append(Interval(group.part, name, v, h, unit))
+        a = group.of[:, own.columns]
+        value, half = group.scale * (a @ known.x), group.scale * known.half_widths(a)
+        rows = zip(group.names, value.tolist(), half.tolist(), group.units, strict=True)
+        found += [Interval(group.part, *row) for row in rows]
     return tuple(found)
-
-
-def own_values(calibration: "Calibration") -> Array:
-    """What a calibration found of every unknown, (size,); zero for frames and mounts, which are steps."""
-    return calibration.own.unknowns.current(calibration.state)
-
-
-def deviations_root(calibration: "Calibration") -> Array:
-    """W with W W^T the covariance of the unknowns that are on, in SI units, (c, c)."""
-    own = calibration.own
-    inverse = np.asarray(solve_triangular(calibration.root, np.eye(len(own.columns))))
-    if own.elastic is None:
-        return inverse
-    inverse[own.rigid :] = own.elastic.L @ inverse[own.rigid :]
-    return inverse
 
 
 def functionals(own: Choice) -> tuple[Functionals, ...]:
@@ -134,17 +113,6 @@ def _joints(own: Choice) -> Functionals:
         of[k, columns] = row[a] * row[b] * np.where(a == b, 1, 2)
         of[k, columns] += (a == b) & (a == 6 * len(vjm.arm.links) + k)
     return Functionals("joint compliances", names, of, np.full(len(joints), 1e6), units)
-
-
-def placed(calibration: "Calibration", series: Series) -> Placed:
-    """Frame and mount of a series as the calibration left them, with all that it left open between them."""
-    own, root, state = calibration.own, calibration.root, calibration.state
-    state.frame(series), state.mount(series)
-    f, every = own.unknowns.starts["geometry"], np.arange(own.unknowns.size)
-    names = f"frame {series.frame}", f"mount {series.target}"
-    at = np.concatenate([every[own.unknowns.columns(name)] for name in names])
-    inverse = np.asarray(solve_triangular(root[:f, :f], np.eye(f)))[at]
-    return Placed(state, np.zeros(0, dtype=int), inverse @ root[:f, f:], inverse @ inverse.T)
 
 
 def _about(vjm: Vjm) -> Iterator[Array]:

@@ -1,4 +1,4 @@
-"""What a dataset can tell of a structure and what it cannot, before any solve: the numbers.
+"""What runs can tell of a structure and what they cannot, before any fit, and what else to measure.
 
 Of n unknowns the data see as many directions as their rank. The others are lost to the structure (no
 experiment on this arm sees them), to the loads and readings (no pose under these loads shows them), or to too
@@ -6,40 +6,47 @@ few poses. What the data see they see more or less well: the share of a paramete
 variance that the prior leaves it, linear and Gaussian.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset
+from testbench.campaign.measurement_schemes import measured_otherwise, more_poses
+from testbench.data.dataset import Dataset, Ids
 from testbench.errors import Array
 from testbench.identify.fold import reduce
-from testbench.identify.identifiability_help import (
-    Proposal,
-    expected_error,
-    more_poses,
-    posterior,
-    proposals,
-    tasks,
-    variances,
-)
-from testbench.identify.identifiability_unseen import (
+from testbench.identify.metric import Metric, metric, precision_root, whitened
+from testbench.identify.observability import (
     Direction,
-    Ids,
     direction,
     directions,
     idle,
     null_space,
     whereabouts,
 )
-from testbench.identify.metric import Metric, metric, precision_root, whitened
+from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior, Strength, aggregate
-from testbench.identify.regression import Regression, check_symmetric, generic_rows
+from testbench.identify.regression import Regression, check_symmetric, generic_rows, rank
 from testbench.identify.weighed import marker_motion, marker_points
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm
+from testbench.model.vjm import Vjm, chain, observation
 
 POSES = 60
 """Random poses under the loads of the data: what these do not see, no pose under these loads shows."""
+TASKS = 50  #: Random poses in which predictions are judged.
+TIE = 0.02  #: Expected errors within this share of each other are the same.
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """One more way to measure, and what it would bring."""
+
+    words: str  #: What to do.
+    rank: int  #: Directions that all data then see.
+    #: RMS distance of predicted from true deflections then to be expected [m]; infinite if nothing fixes the
+    #: common scale.
+    error: float
+    place: int  #: 1 for the best; ties share it.
 
 
 @dataclass(frozen=True)
@@ -95,14 +102,21 @@ def of_regression(
     vjm: Vjm, regression: Regression, data: Dataset, prior: Prior, strength: Strength
 ) -> Identifiability:
     """The same of a regression; the dataset may be some of its runs, evenly out of all."""
-    structure = regression.structure
-    scaled = any_metric(prior, vjm, structure)
-    own, loads = _rows(vjm, regression, data)
-    unit = _unit(prior, vjm, structure)
-    to_structure, to_loads = _unseen(vjm, structure, loads, unit)
-    wanted, (B, _) = tasks(vjm, data, scaled), precision_root(scaled, strength)
-    R = posterior(whitened(regression, scaled)[0], B)
+    structure, scaled = regression.structure, any_metric(prior, vjm, regression.structure)
+    everywhere = reduce(vjm, structure, more_poses(vjm, data, POSES, seed=0))
+    own = _rows(regression)
+    loads, unit = np.vstack([own, _rows(everywhere)]), _unit(prior, vjm, structure)
+    groups, none = _groups(vjm, structure), np.zeros((0, structure.n))
+    to_structure = directions(generic_rows(vjm, structure), unit, groups, none)
+    to_loads = directions(loads, unit, groups, to_structure)
+    wanted = tasks(vjm, data, structure)
+    moved = np.linalg.norm(wanted @ (scaled.L @ scaled.expected), axis=-1)
+    known = _known(scaled, strength, regression)
     component, entry = _places(vjm, structure)
+    found = []
+    for words, more in measured_otherwise(vjm, data, regression):
+        error = expected_error(_known(scaled, strength, regression, more), wanted)
+        found.append(Proposal(words, rank(np.vstack([own, _rows(more)])), error, 0))
     return Identifiability(
         structure=structure,
         component=component,
@@ -115,29 +129,61 @@ def of_regression(
         rank_of_structure=structure.n - len(to_structure),
         equations=_equations(vjm, data),
         poses=len(np.unique(data.q, axis=0)),
-        lost_to_structure=to_structure,
+        lost_to_structure=tuple(map(direction, to_structure)),
         not_loaded=tuple(np.flatnonzero(idle(loads)).tolist()),
-        lost_to_loads=to_loads,
+        lost_to_loads=tuple(map(direction, to_loads)),
         spread=whereabouts(null_space(own), null_space(loads), unit),
-        share=_share(R, scaled, strength),
-        error=expected_error(wanted, R),
-        deflection=wanted.deflection,
-        proposals=proposals(vjm, data, regression, scaled, B),
+        share=_share(known, scaled, strength),
+        error=expected_error(known, wanted),
+        deflection=math.sqrt(np.square(moved).mean()),
+        proposals=_placed(sorted(found, key=lambda p: (p.error, -p.rank))),
     )
 
 
 def told(vjm: Vjm, regression: Regression, prior: Prior, strength: Strength) -> tuple[tuple[str, ...], Array]:
     """Link or joint of every parameter, and what the data take off its prior's variance, (n,)."""
     scaled = any_metric(prior, vjm, regression.structure)
-    R = posterior(whitened(regression, scaled)[0], precision_root(scaled, strength)[0])
-    return _places(vjm, regression.structure)[0], _share(R, scaled, strength)
+    return _places(vjm, regression.structure)[0], _share(
+        _known(scaled, strength, regression), scaled, strength
+    )
 
 
-def _rows(vjm: Vjm, regression: Regression, data: Dataset) -> tuple[Array, Array]:
-    """What the data see, and what they and many more poses under their loads would see, (rows, n) each."""
-    own = np.vstack([term.R for term in regression.terms])
-    everywhere = reduce(vjm, regression.structure, more_poses(vjm, data, POSES, seed=0))
-    return own, np.vstack([own, *(term.R for term in everywhere.terms)])
+def tasks(vjm: Vjm, data: Dataset, structure: Structure) -> Array:
+    """Where predictions are wanted: random poses, the data's loads and markers, (poses, m, 3, n) [m]."""
+    wanted = more_poses(vjm, data, TASKS, seed=1)
+    args = (chain(vjm, wanted.q), structure, wanted.wrench, wanted.point)
+    return observation(*args, marker_points(vjm, data.markers))
+
+
+def expected_error(known: Posterior, wanted: Array) -> float:
+    """RMS distance of predicted from true deflections [m] at `tasks`; infinite if nothing fixes the scale."""
+    if len(known.unseen):
+        return math.inf
+    deviation = known.deviations(wanted.reshape(-1, wanted.shape[-1]))
+    return math.sqrt(3 * np.square(deviation).mean())  # three axes a marker
+
+
+def _known(scaled: Metric, strength: Strength, *data: Regression) -> Posterior:
+    """Parameters by a prior and by what the rows of data would tell, their readings aside."""
+    rows = [whitened(one, scaled)[0] for one in data]
+    M = np.vstack([*rows, precision_root(scaled, strength)[0]])
+    return Posterior.of_rows(M, scaled.L, scaled.L @ scaled.expected)
+
+
+def _placed(found: list[Proposal]) -> tuple[Proposal, ...]:
+    placed: list[Proposal] = []
+    first = 0
+    for k, proposal in enumerate(found):
+        best = found[first]
+        if proposal.error > (1 + TIE) * best.error or proposal.rank != best.rank:
+            first = k
+        placed.append(replace(proposal, place=first + 1))
+    return tuple(placed)
+
+
+def _rows(regression: Regression) -> Array:
+    """What data see, (rows, n)."""
+    return np.vstack([term.R for term in regression.terms])
 
 
 def _places(vjm: Vjm, structure: Structure) -> tuple[tuple[str, ...], Array]:
@@ -182,16 +228,6 @@ def _unit(prior: Prior, vjm: Vjm, structure: Structure) -> Array:
     return np.asarray(d[structure.a] * d[structure.b])
 
 
-def _unseen(
-    vjm: Vjm, structure: Structure, loads: Array, unit: Array
-) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
-    """Directions lost to the structure, and to the loads."""
-    groups, none = _groups(vjm, structure), np.zeros((0, structure.n))
-    to_structure = directions(generic_rows(vjm, structure), unit, groups, none)
-    to_loads = directions(loads, unit, groups, to_structure)
-    return tuple(map(direction, to_structure)), tuple(map(direction, to_loads))
-
-
 def _groups(vjm: Vjm, structure: Structure) -> list[Ids]:
     """Parameters of every link and joint, in the order of the chain."""
     links = len(vjm.arm.links)
@@ -199,14 +235,17 @@ def _groups(vjm: Vjm, structure: Structure) -> list[Ids]:
     return [np.flatnonzero(place == k) for k in np.unique(place)]
 
 
-def _share(R: Array | None, scaled: Metric, strength: Strength) -> Array:
+def _share(known: Posterior, scaled: Metric, strength: Strength) -> Array:
     """What the data take off the prior's variance of every parameter, (n,).
 
     The prior's variance is that at a known common scale: what the data tell of all parameters by fixing
     the scale is not counted as seeing one of them.
     """
     before = strength.uncertainty**2 * (scaled.L**2).sum(axis=1)
-    return np.asarray(np.clip(1 - variances(R, scaled.L) / before, 0, 1))
+    if len(known.unseen):  # nothing fixes the common scale
+        return np.zeros(len(before))
+    after = known.deviations(np.eye(len(before))) ** 2
+    return np.asarray(np.clip(1 - after / before, 0, 1))
 
 
 def _equations(vjm: Vjm, data: Dataset) -> int:
