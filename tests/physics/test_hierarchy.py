@@ -18,7 +18,7 @@ from testbench.identify.hierarchy import WIDEST, _scales, evidence, learn
 from testbench.identify.metric import Belief, metric, precision_root, whitened
 from testbench.identify.posterior import CURVED, HEAVY, curvature, intervals, linearise, quantile
 from testbench.identify.prior import Prior, Strength, cad_prior
-from testbench.identify.regularised import fit_reduced
+from testbench.identify.solve import solve
 from testbench.model.loaded import displacement, loaded_deflection, loaded_equilibrium, secant
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import chain, observation
@@ -91,7 +91,7 @@ def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, cam
     P = D * np.where(belief.metric.couplings, strength.coupling, strength.uncertainty) ** 2
     S = D * np.eye(len(y)) + A * P @ A.T
     expected = e + P * (A.T @ np.linalg.solve(S, y - A @ e))
-    estimate = fit_reduced(regression, "none", belief)
+    estimate = solve(regression, "none", belief)
     x = np.linalg.solve(belief.metric.L, estimate.pi)
     np.testing.assert_allclose(x, expected, rtol=0, atol=1e-6)  # rows of 1e3, entries of 1
     functionals = np.linalg.qr(np.random.default_rng(0).standard_normal((153, 5)))[0].T @ np.linalg.inv(
@@ -124,7 +124,7 @@ def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(
         L = seen.metric.L * np.exp(h[: seen.blocks])[seen.block]
         u, c, kappa = np.exp(h[-3:])
         there = Belief(replace(seen.metric, L=L), Strength(u / kappa, 0.0, coupling=c / kappa))
-        return fit_reduced(regression, "none", there).pi
+        return solve(regression, "none", there).pi
 
     steps = 1e-4 * np.eye(len(h))[:-1]
     J = np.array([estimate(h + d) - estimate(h - d) for d in steps]) / 2e-4
@@ -140,7 +140,7 @@ def test_diagnosis_starts_from_the_estimate_with_the_learnt_prior(kr500, campaig
     regression, own = seen_by(kr500, campaign, make(kr500.arm))
     [fitted, own_pi] = [
         learnt(kr500.vjm, own, campaign.identification).pi,
-        fit_reduced(regression, "none", learn(regression, own, widths=False)).pi,
+        solve(regression, "none", learn(regression, own, widths=False)).pi,
     ]
     np.testing.assert_allclose(fitted, own_pi, rtol=0, atol=1e-4 * np.abs(own_pi).max())
 

@@ -116,8 +116,10 @@ def calibrate(
         The arm, what was kept of what was tried, and how sure it is.
 
     Raises:
-        BenchError: When a series does not fit the arm, or leaves its frame or target open.
+        BenchError: When there is no series, or one does not fit the arm or leaves its frame or target open.
     """
+    if not series:
+        raise BenchError("series: expected one or more, got none")
     options = options or Options()
     return explain(gather(vjm, series, prior, options, weights), options)
 
