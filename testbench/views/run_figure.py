@@ -74,7 +74,8 @@ def overview(words: Told, seen: Seen) -> Figure:
         _forest(figure.add_subplot(grid[0, :]), *models)
     for k, chart in enumerate(charts, len(rows) - len(charts)):
         _chart(figure.add_subplot(grid[k, :]), chart)
-    say(figure, answer, " ".join(more))
+    badge = as_plain(words.block("badge"))
+    say(figure, "\n".join(filter(None, [badge, answer])), " ".join(more))
     return figure
 
 

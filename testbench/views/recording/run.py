@@ -113,7 +113,9 @@ def write_run(path: Path, header: Header, words: Told, seen: Seen, figures: Mapp
 
 def summary(words: Told) -> str:
     """What a recording says first."""
-    head = [f"### {words.block('question')}", f"#### **{words.block('answer')}**"]
+    badge = words.block("badge")
+    head = [f"## **{badge}**" if badge else "", f"### {words.block('question')}"]
+    head = [*filter(None, head), f"#### **{words.block('answer')}**"]
     return "\n\n".join([*head, *filter(None, map(words.block, ("worst", "statements")))])
 
 
