@@ -48,9 +48,12 @@ class Badge:
             return Markdown(f"Tie: nothing compares {winner} with {rival}.")
         shown = ratio(max(self.factor, 1 / self.factor))
         side = "smaller" if self.factor >= 1 else "larger"
-        times = f"the {self.what} of {winner} is {shown} times {side} than that of {rival}"
+        size = f"the {self.what} of {winner} is {shown} times {side}"
+        times = f"{size} than that of {rival}"
         first, _, of = self.each.partition(" ")
         pairs = " ".join(filter(None, [counted(self.n, first), of]))
+        if self.interval is None and abs(self.factor - 1) <= ALIKE:
+            return Markdown(f"Tie: {winner} and {rival} are alike in {pairs}; it takes {FEWEST} to tell.")
         if self.interval is None:
             return Markdown(f"Tie: {times}, but {pairs} cannot tell; it takes {FEWEST}.")
         low, high = self.interval
@@ -58,8 +61,8 @@ class Badge:
         if self.verdict == "tie":
             over = f"{self.what} of {rival} over that of {winner} {self.factor:.2f}"
             return Markdown(f"Tie: {over} ({seen.format(f'{low:.2f}', f'{high:.2f}')}).")
-        head = "Holds" if self.verdict == "holds" else f"Do not use {rival}"
-        return Markdown(f"{head}: {times} ({seen.format(ratio(low), ratio(high))}).")
+        head = f"Holds: {times}" if self.verdict == "holds" else f"Do not use {rival}: {size}"
+        return Markdown(f"{head} ({seen.format(ratio(low), ratio(high))}).")
 
     def json(self) -> dict[str, object]:
         """For report.json, where scripts read it."""
@@ -78,7 +81,7 @@ def decide(
     points of one trial it is the ratio of the RMS errors that tables show, by a bootstrap over them.
 
     Args:
-        ours: What is asked about; it stays the winner of a tie.
+        ours: What is asked about; it stays the winner of a tie, of too few pairs that of less error.
         theirs: Its rival.
         each: What a pair is; "trial" or "case" of several, all else is of one.
         why: What speaks against ours, whatever the errors are.
@@ -92,6 +95,8 @@ def decide(
     a, b = np.maximum(a, least), np.maximum(b, least)
     factor, ends = _of_ratios(b / a) if each in ("trial", "case") else _of_one(a, b)
     names, verdict = (ours[0], theirs[0]), "tie"
+    if ends is None and factor < 1 and not why:
+        names, factor = names[::-1], 1 / factor
     if ends is not None and (ends[0] > 1 < factor - ALIKE):
         verdict = "holds"
     elif ends is not None and ends[1] < 1 < 1 / factor - ALIKE and not why:

@@ -123,7 +123,7 @@ class Report:
         tables = {name: _packed(own) for name, own in self.tables.items()}
         badge = self.badge and self.badge.json()
         head = {"scenario": self.scenario, "badge": badge}
-        found = {**head, **self.numbers, "said": {**said, "body": body}, "tables": tables}
+        found = {**head, **self.numbers, **head, "said": {**said, "body": body}, "tables": tables}
         data: dict[str, Any] = plain(found)
         return data
 
