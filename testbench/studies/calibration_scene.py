@@ -53,7 +53,7 @@ def with_errors(
     ]
     errs = [", ".join(f"{own.name} {own.values[k]:.3f} mm" for own in lines) for k in range(len(at))]
     arrows = [
-        Layer(f"error of {name}", looks[name].colour, "arrows", at, at + scale * off)
+        Layer(f"error of {name}", looks[name].colour, looks[name].stroke, at, at + scale * off)
         for name, off in errors.items()
     ]
     drawn = replace(
