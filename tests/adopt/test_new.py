@@ -221,7 +221,7 @@ WRONG = {
     ('<parent link="base_link"/><child link="link_1"/>', '<parent link="link_6"/><child link="link_1"/>'): (
         "these links stand in a circle of joints: adapter, link_1"
     ),
-    ('<axis xyz="-1 0 0"/>', '<axis xyz="0 0 0"/>'): "axis too small in joint Element name 'joint_a1'",
+    ('<axis xyz="-1 0 0"/>', '<axis xyz="0 0 0"/>'): "axis too small in joint Element name 'joint_a4'",
     ('lower="-2" upper="1.5"', 'lower="2" upper="1.5"'): "limit: expected lower < upper",
     (
         'name="joint_a3" type="revolute"',
