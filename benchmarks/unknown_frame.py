@@ -8,7 +8,7 @@ too, twice in scale and 30 % in shape. Then the normalised squared error of fram
 mean 1 where covariances are right.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Annotated
 
@@ -22,10 +22,10 @@ from testbench.campaign.tracker_runs import by_trackers
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import gco, with_prior
+from testbench.identify.closed_form import kabsch
 from testbench.identify.evaluate import deflections, score
-from testbench.identify.frames import kabsch
 from testbench.identify.prior import Strength, cad_prior, distorted
-from testbench.identify.registered import in_base, registered
+from testbench.identify.registered import in_base, registered, unloaded
 from testbench.identify.registration import Frame, register
 from testbench.model.structure import mgco68
 from testbench.model.vjm import Vjm, tool_pose
@@ -62,8 +62,8 @@ def of_model(cell: Cell, seed: int, errors: float) -> Array:
         x.before.reshape(-1, 3) for x in (clean, data)
     )  # the tracker's noise is 1e-5 of the distances
     turn, shift = kabsch(at, seen)
-    frame = Frame(1, turn, shift, np.zeros((6, 6)))
-    known, found = in_base(register(cell.vjm, data, (frame,)), data), registered(rough, data)
+    frame = {"station 1": Frame(turn, shift)}
+    known, found = in_base(register(cell.vjm, unloaded(data), {}, frame), data), registered(rough, data)
     return np.array([error(cell.vjm, known), error(found.vjm, found.data), error(rough, known)])
 
 
@@ -79,12 +79,13 @@ def of_frame(cell: Cell, seed: int) -> float:
     y += NOISE * rng.standard_normal(y.shape)
     ids, zero = np.arange(len(q)), np.zeros((len(q), 6))
     data = Dataset(cell.arm.markers, ids, ids, q, zero, zero[:, :3], y, y, 50e-6, station=stations)
-    found = register(replace(vjm, markers=vjm.markers + 0.02 * rng.standard_normal((3, 3))), data)
-    e = np.concatenate([*_off(found.frames, R, t), (found.targets - vjm.markers).ravel()])
+    rough = dict(zip(cell.arm.markers, vjm.markers + 0.02 * rng.standard_normal((3, 3)), strict=True))
+    found = register(vjm, unloaded(data), rough)
+    e = np.concatenate([*_off(found.frames.values(), R, t), (found.targets - vjm.markers).ravel()])
     return float(e @ np.linalg.solve(found.covariance, e)) / len(e)
 
 
-def _off(frames: tuple[Frame, ...], R: Array, t: Array) -> Iterator[Array]:
+def _off(frames: Iterable[Frame], R: Array, t: Array) -> Iterator[Array]:
     for k, frame in enumerate(frames):
         yield Rotation.from_matrix(R[k].T @ frame.rotation).as_rotvec()
         yield frame.translation - t[k]

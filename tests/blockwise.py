@@ -10,20 +10,22 @@ import pytest
 from testbench.arm.folder import Arm
 from testbench.data import stream
 from testbench.data.dataset import Dataset
-from testbench.data.read_pairs import read_export
+from testbench.data.read_pairs import Streamed, read_campaign, read_export
+from testbench.data.read_series import SeriesExport, read_batches, read_series
+from testbench.data.series import Series
 from testbench.data.spool import together
 from testbench.errors import InputError
 
 SIZE = 1500  #: Of a block: a few lines [byte].
 
 
-def in_blocks(path: Path, arm: Arm, mapping: Path | None = None, size: int = SIZE) -> stream.Streamed:
+def in_blocks(path: Path, arm: Arm, mapping: Path | None = None, size: int = SIZE) -> Streamed:
     """However small the file is."""
-    with patch.object(stream, "BLOCK", size):
-        return stream.read_campaign(path, arm, mapping, least=0)
+    with patch.multiple(stream, BLOCK=size, LEAST=0):
+        return read_campaign(path, arm, mapping)
 
 
-def whole(found: stream.Streamed) -> Dataset:
+def whole(found: Streamed) -> Dataset:
     """All runs as one dataset."""
     if found.every is None:
         return found.export.data
@@ -43,7 +45,20 @@ def read_both_ways(path: Path, arm: Arm, mapping: Path | None = None) -> tuple[D
     return expected, found.every is not None
 
 
-def check_equal(found: Dataset, expected: Dataset) -> None:
+def series_both_ways(path: Path, arm: Arm) -> tuple[SeriesExport, bool]:
+    """The absolute readings of a file, and whether they were read block by block."""
+    expected = read_series(path, arm)
+    with patch.multiple(stream, BLOCK=SIZE, LEAST=0):
+        found, batches = read_series(path, arm), read_batches(path, arm).series
+    assert found.notes == expected.notes
+    for one, other in zip(found.series, expected.series, strict=True):
+        check_equal(one, other)
+        pose = [own.pose for own in batches if own.name == one.name]
+        assert len(np.unique(np.concatenate(pose))) == sum(len(np.unique(own)) for own in pose)
+    return expected, len(batches) > len(expected.series)
+
+
+def check_equal(found: Dataset | Series, expected: Dataset | Series) -> None:
     """Bit by bit."""
     for name in (field.name for field in fields(expected)):
         one, other = getattr(found, name), getattr(expected, name)

@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "testbench"
 FLOORS = (
-    {"errors", "stops", "child"},
+    {"display", "errors", "stops", "child"},
     {"files", "output", "arm"},
     {"data", "model", "trials"},
     {"plant", "identify"},
@@ -138,13 +138,14 @@ def test_truth_and_model_share_no_code_not_even_through_others(model):
     assert model not in reaches("plant")
     assert "plant" not in reaches(model)
     assert reaches("plant") & reaches(model) <= {
+        "display",
         "errors",
         "stops",
         "files",
         "output",
         "arm",
         "data",
-    }  # names, numbers, runs
+    }  # names, numbers, runs, how they show themselves
 
 
 def users(package):

@@ -69,7 +69,7 @@ def page(name: str, run: Path) -> None:
     flags = f"--seed {asked['seed']} --seeds {asked['seeds']}"
     if "campaigns" in asked["scenario"]:
         flags += f" --campaigns {asked['scenario']['campaigns']}"
-    links = [f"[{table.title or key}]({name}/{key}.csv)" for key, table in _tables(found, PAGES / name)]
+    links = [f"[{key}]({name}/{key}.csv)" for key, _ in _tables(found, PAGES / name)]
     parts = [
         f"# {name.replace('_', ' ').capitalize()}",
         f"    python scenarios/{name}.py {flags} --out runs/{name}",
@@ -80,7 +80,7 @@ def page(name: str, run: Path) -> None:
         found.block("statements"),
         _short(next(iter(found.tables.values()))),
         found.title,
-        f"All tables: {', '.join(links)}. The run's report.md holds the rest.",
+        f"All rows: {', '.join(links)}.",
     ]
     (PAGES / f"{name}.md").write_text("\n\n".join(filter(None, parts)) + "\n", encoding="utf-8")
 

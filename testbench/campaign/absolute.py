@@ -7,17 +7,18 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.campaign import doubt
 from testbench.data.read_series import read_series
 from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError, InputError
-from testbench.identify.absolute.align import LEAST
+from testbench.identify.absolute.align import far_off
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
-from testbench.identify.absolute.posterior import Belief, evenly, inside, known, place, predict
+from testbench.identify.absolute.posterior import evenly, inside, known, place, predict
 from testbench.identify.absolute.scatter import outliers
-from testbench.identify.absolute.shared import far_off
-from testbench.identify.absolute.state import State
 from testbench.identify.absolute.torques import fit_weights
+from testbench.identify.arm_model import ArmModel
 from testbench.identify.prior import cad_prior
+from testbench.identify.registration import POSES
 from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
 
@@ -88,16 +89,17 @@ def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequ
         said.append(note)
     found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
     wild = outliers(found.state, found.series, found.pulls)
-    return Calibrated(found, found.series, (*said, *found.notes, *([wild.words] if wild else [])))
+    moved = [doubt.said(move, vjm.arm).sentence for move in found.moves]
+    return Calibrated(found, found.series, (*said, *found.notes, *moved, *([wild.words] if wild else [])))
 
 
-def score(state: State, belief: Belief, series: Sequence[Series], frame_poses: int | None) -> Score:
+def score(model: ArmModel, series: Sequence[Series], frame_poses: int | None) -> Score:
     """How far readings are from a calibrated arm.
 
     So many rows of each series tell its frame and mount, and are not counted; if not said, those of the
     calibration count where it has them, else FRAME_POSES rows do.
     """
-    far, within = [], []
+    (far, within), state = ([], []), model.state
     for one in series:
         mount = state.mounts.get(one.target)
         seen_before = one.frame in state.frames and mount is not None and {*one.markers} <= {*mount.markers}
@@ -107,16 +109,16 @@ def score(state: State, belief: Belief, series: Sequence[Series], frame_poses: i
                     f"{one.name}: three quarters of it are {1e3 * off:.3g} mm or more from frame "
                     f"{one.frame!r} of the calibration; with --frame-poses it gets a frame of its own"
                 )
-            placed = known(state, belief, one)
+            placed = known(model, one)
         else:
-            some = frame_poses or min(FRAME_POSES, max(LEAST, one.rows // 2))
-            placed = place(state, belief, one, evenly(one, some))
+            some = frame_poses or min(FRAME_POSES, max(POSES, one.rows // 2))
+            placed = place(model, one, evenly(one, some))
         rest = select_rows(one, np.setdiff1d(np.arange(one.rows), placed.rows))
         if not rest.rows:
             raise BenchError(f"{one.name}: no rows are left beside the {len(placed.rows)} of its frame")
-        found = predict(placed, belief, rest)
-        far.append(1e3 * np.linalg.norm(found.left, axis=2)[rest.seen])
-        within.append(inside(found)[rest.seen])
+        left, covariance = predict(model, placed, rest)
+        far.append(1e3 * np.linalg.norm(left, axis=2)[rest.seen])
+        within.append(inside(left, covariance)[rest.seen])
     error = np.concatenate(far)
     return Score(
         n=len(error),

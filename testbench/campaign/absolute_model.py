@@ -1,7 +1,6 @@
 """A calibrated arm as a folder: model.json and posterior.npz beside the arm's rigid.xml and elastic.toml."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,16 +8,15 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.campaign import model_folder
 from testbench.campaign.model_document import CalibrationDocument, Document, Rows
-from testbench.correct.arm_model import About
 from testbench.errors import Array, check_array
-from testbench.identify.absolute.evidence import Choice
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.noise import KINDS, Noise
-from testbench.identify.absolute.posterior import Belief
-from testbench.identify.absolute.state import Frame, Mount, State
+from testbench.identify.absolute.posterior import deviations_root, model_of
+from testbench.identify.absolute.state import Mount, State
 from testbench.identify.absolute.unknowns import Unknowns
-from testbench.identify.metric import metric
-from testbench.identify.prior import cad_prior
+from testbench.identify.arm_model import About, ArmModel
+from testbench.identify.posterior import Posterior
+from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
 from testbench.model.kinematics import build_vjm
 from testbench.model.load import Load, resultant
@@ -38,7 +36,8 @@ def write_model(
 ) -> None:
     """Write a calibrated arm into a folder that exists; `data` has the SHA-256 of every file of readings."""
     state, own, noise = calibration.state, calibration.own, calibration.noise
-    belief, elastic, errors = belief_of(calibration), own.elastic, state.errors
+    elastic, errors, columns = own.elastic, state.errors, model_of(calibration).columns
+    frames = len(own.columns) - len(columns)
     kept = [step.name for step in calibration.chosen.steps if step.kept]
     vjm = own.unknowns.vjm
     loads = [resultant(tool_pose(vjm, s.q)[1], [Load(s.wrench, s.point)]) for s in calibration.series]
@@ -60,7 +59,7 @@ def write_model(
             "open_rotation_rad": float(noise.open_rotation),
             "factor": noise.factor.tolist(),
         },
-        "columns": belief.columns.tolist(),
+        "columns": columns.tolist(),
         "frames": {
             name: {"rotation": one.rotation.tolist(), "translation_m": one.translation.tolist()}
             for name, one in state.frames.items()
@@ -76,42 +75,26 @@ def write_model(
         "about": model_folder.about_said(method, data, doubts, loads),
     }
     L = np.zeros((0, 0)) if elastic is None else elastic.L
-    model_folder.write_parts(CalibrationDocument, vjm.arm, said, folder, root=belief.root, L=L)
+    root = calibration.root[frames:, frames:]
+    model_folder.write_parts(CalibrationDocument, vjm.arm, said, folder, root=root, L=L)
 
 
-def belief_of(calibration: Calibration) -> Belief:
-    """What a calibration knows of the arm, whatever series it was learnt from."""
-    own, errors = calibration.own, calibration.state.errors
-    first = own.unknowns.starts["geometry"]
-    frames = int((own.columns < first).sum())
-    structure = joints_only(own.unknowns.vjm.arm) if own.elastic is None else own.elastic.structure
-    unknowns = Unknowns(own.unknowns.vjm, (), {}, errors, structure)
-    rigid = own.columns[frames : own.rigid] - first
-    elastic = unknowns.starts["elastic"] + np.arange(len(own.columns) - own.rigid)
-    columns = np.concatenate([rigid, elastic])
-    return Belief(
-        Choice(unknowns, columns, own.elastic), calibration.root[frames:, frames:], calibration.noise
-    )
-
-
-def read_model(folder: Path) -> tuple[State, Belief]:
+def read_model(folder: Path) -> ArmModel:
     """A calibrated arm from its folder; InputError where it holds none that is whole."""
     with reading(folder):
-        state, belief, _ = read_whole(folder, model_folder.read_document(folder, CalibrationDocument))
-    return state, belief
+        return read_whole(folder, model_folder.read_document(folder, CalibrationDocument))
 
 
-def read_whole(folder: Path, found: Document) -> tuple[State, Belief, About]:
-    """The arm of a folder whose model.json was read, and where it comes from."""
+def read_whole(folder: Path, found: Document) -> ArmModel:
+    """The arm of a folder whose model.json was read."""
     assert isinstance(found, CalibrationDocument)
     arm = model_folder.read_arm(folder, found, meshes=found.format > 1)
     root, L = model_folder.read_arrays(folder, found, ARRAYS)
     with model_folder.numbers_of(folder):
-        state = _state(found, arm)
         if (found.about is None) != (found.format == 1):
             raise ValueError("about: expected from format 2 on")
         about = About("absolute calibration") if found.about is None else model_folder.about_of(found.about)
-        return state, _belief(found, state, root, L), about
+        return _model(found, _state(found, arm), (root, L), about)
 
 
 def _state(found: CalibrationDocument, arm: Arm) -> State:
@@ -147,12 +130,17 @@ def _state(found: CalibrationDocument, arm: Arm) -> State:
     )
 
 
-def _belief(found: CalibrationDocument, state: State, root: Array, L: Array) -> Belief:
+def _model(found: CalibrationDocument, state: State, arrays: tuple[Array, Array], about: About) -> ArmModel:
     """The metric is that of the day of the calibration, whatever it has become since."""
-    rigid, arm = found.compliances == "none", state.vjm.arm
-    structure = STRUCTURES["joints" if found.compliances == "none" else found.compliances](arm)
-    unknowns = Unknowns(state.vjm, (), {}, state.errors, structure)
+    (root, L), rigid = arrays, found.compliances == "none"
+    structure = STRUCTURES["joints" if rigid else found.compliances](state.vjm.arm)
     columns, e = np.array(found.columns, dtype=int), 0 if rigid else structure.n
+    noise = Noise(
+        found.noise.open_position_m,
+        found.noise.open_rotation_rad,
+        check_array(np.array(found.noise.factor), (len(KINDS),), "factor"),
+    )
+    unknowns = Unknowns(state.vjm, (), {}, state.errors, structure)
     if (np.diff(columns, append=unknowns.size) <= 0).any() or (
         columns >= unknowns.starts["elastic"]
     ).sum() != e:
@@ -160,10 +148,10 @@ def _belief(found: CalibrationDocument, state: State, root: Array, L: Array) -> 
     check_array(root, (len(columns), len(columns)), "root")
     if np.tril(root, -1).any() or not np.diag(root).all():
         raise ValueError("root: expected an upper triangle without zeros on its diagonal")
-    elastic = replace(metric(cad_prior(arm), state.vjm, structure), L=check_array(L, (e, e), "L"))
-    factor = check_array(np.array(found.noise.factor), (len(KINDS),), "factor")
-    noise = Noise(found.noise.open_position_m, found.noise.open_rotation_rad, factor)
-    return Belief(Choice(unknowns, columns, None if rigid else elastic), root, noise)
+    own = Posterior.normal(
+        unknowns.current(state)[columns], deviations_root(root, check_array(L, (e, e), "L"))
+    )
+    return ArmModel(state, structure, columns, own, about, noise)
 
 
 def _rotation(rows: Rows, name: str) -> Array:

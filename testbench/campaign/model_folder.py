@@ -26,8 +26,8 @@ from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mesh import MAX_BYTES as MESH_BYTES
 from testbench.arm.mjcf import assets, read_mjcf
 from testbench.campaign.model_document import AboutRow, Document, Head, WeightsRow
-from testbench.correct.arm_model import About
 from testbench.errors import Array, BenchError, InputError, check_array, open_file, read_bytes, read_text
+from testbench.identify.arm_model import About
 from testbench.model.weights import Weights
 
 DOCUMENT, POSTERIOR, FITS = "model.json", "posterior.npz", "models.json"

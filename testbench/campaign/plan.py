@@ -15,6 +15,7 @@ from testbench.campaign.candidates import Candidates, Conditions, build_checks, 
 from testbench.campaign.plan_settings import HIGHEST_ORDER, PlanSettings, structure
 from testbench.campaign.predicted_error import fitted
 from testbench.campaign.rows import MM, UM
+from testbench.campaign.unobservable import LOOSE, unobservable
 from testbench.data.series import Series, select_rows
 from testbench.data.station import Station
 from testbench.design import absolute
@@ -29,12 +30,11 @@ from testbench.design.specification import Specification, Tasks, loads_of, task_
 from testbench.design.whole_arm import promise_on
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.absolute.pull import pull_of
-from testbench.identify.absolute.seen import LOOSE, hidden
-from testbench.identify.absolute.seen_words import sentences
-from testbench.identify.absolute.state import Frame, Mount, nominal
+from testbench.identify.absolute.state import Mount, nominal
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
+from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
 from testbench.model.load import Load, weight
 from testbench.model.vjm import Vjm
@@ -271,4 +271,4 @@ def left_open(union: Union, q: Array) -> tuple[str, ...]:
     tells, prior = absolute.information_of(union, q), union.L @ union.L.T
     set_up = union.unknowns.starts["geometry"]
     prior[:set_up, :set_up] = LOOSE**2 * np.eye(set_up)
-    return sentences(hidden(union.unknowns, tells, prior, pull))
+    return unobservable(union.unknowns, tells, prior, pull)

@@ -18,8 +18,8 @@ from testbench.design.rows import deflection_rows
 from testbench.design.specification import Specification, loads_of
 from testbench.design.whole_arm import Fitted, error_on, fit_of
 from testbench.errors import Array
-from testbench.identify.intervals import CONFIDENCE
 from testbench.identify.metric import metric
+from testbench.identify.posterior import CONFIDENCE
 from testbench.identify.prior import Prior, cad_prior
 from testbench.model.load import Load, on_joints
 from testbench.model.structure import Structure, all153, joints_only

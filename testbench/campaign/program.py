@@ -9,7 +9,6 @@ import numpy as np
 
 from testbench.campaign.campaign import Cell, clear_poses, stream
 from testbench.campaign.plan_input import read_payload, read_pulls
-from testbench.correct.arm_model import ArmModel
 from testbench.correct.beyond import Extent, extent
 from testbench.correct.compensated import Compensated, compensate
 from testbench.correct.inverse import joints_along
@@ -22,6 +21,7 @@ from testbench.data.posefile import read_poses
 from testbench.data.program import Program, read_program, refuse_joint_jumps, unread
 from testbench.data.table import read_table
 from testbench.errors import Array, BenchError, InputError, NoEquilibrium
+from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load, weight
 from testbench.model.poses import WorkArea
 from testbench.model.vjm import tool_pose

@@ -14,17 +14,19 @@ from testbench.arm.document import Strict, parse_toml
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
+from testbench.campaign.doubt import Doubt, said
 from testbench.campaign.plan_input import overloaded
+from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.rows import MM, UM
 from testbench.data.dataset import Dataset, Ids, Mask, select, split
-from testbench.data.read_pairs import Export, read_export
-from testbench.data.spool import Campaign
-from testbench.data.stream import read_campaign, some
+from testbench.data.read_pairs import Export, read_campaign, read_export
+from testbench.data.spool import Campaign, some
 from testbench.errors import BenchError, InputError, read_text
-from testbench.identify.doubts import Doubt, HandedIn, doubts, open_places, scale
+from testbench.identify.diagnosis.deflected import scale
+from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
-from testbench.identify.registered import Choice, Registered, in_base, registered
+from testbench.identify.registered import STATION, Choice, Registered, in_base, registered, station
 from testbench.identify.registration import Frame, spread
 from testbench.model.structure import all153
 
@@ -142,7 +144,7 @@ def register(cell: Cell, export: Export, asked: Readings) -> tuple[Cell, Registe
         doubt = open_places(cell.vjm, export.data)
         if doubt is None:
             raise
-        raise BenchError(f"{err}; {doubt.sentence}") from err
+        raise BenchError(f"{err}; {said(doubt, cell.arm).sentence}") from err
 
 
 def look_at(
@@ -157,7 +159,8 @@ def look_at(
         raise InputError(asked.dataset, "", str(err)) from err
     masses = np.linalg.norm(export.data.wrench[:, :3], axis=1) / GRAVITY
     heavy = overloaded(cell.arm, masses.tolist())
-    return (*seen, *([] if heavy is None else [Doubt("payload", heavy)])), factor
+    told = (said(one, cell.arm) for one in seen)
+    return (*told, *([] if heavy is None else [Doubt("payload", heavy)])), factor
 
 
 def _said(export: Export, asked: Readings) -> str:
@@ -183,7 +186,11 @@ def read_runs(cell: Cell, asked: Readings) -> tuple[Cell, Runs]:
     filed = cell
     cell, found = register(cell, export, asked)
     doubts, factor = look_at(filed, export, found, asked)
-    name, notes, frames = asked.dataset.name, (*export.notes, *found.notes), registration_row(found)
+    name, notes, frames = (
+        asked.dataset.name,
+        (*export.notes, *registration_notes(found)),
+        registration_row(found),
+    )
     runs = Runs(name, found.data, found.data, None, notes, frames, doubts, factor)
     if streamed.every is not None:
         return cell, replace(runs, many=_many(streamed.every, found, asked))
@@ -220,19 +227,19 @@ def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Regis
     The frame is auto, base, tracker, or the name of a TOML file with the frames.
     """
     words = get_args(Choice)
-    choice: Choice | tuple[Frame, ...]
+    choice: Choice | dict[str, Frame]
     if frame in words:
         choice = next(word for word in words if word == frame)
     elif files := _frame_files(frame):
         to_world = np.asarray(np.linalg.inv(cell.vjm.base), dtype=float)
-        choice = tuple(one.of(to_world) for one in read_frames(files[0]))
+        choice = {f"{STATION} {k}": one.of(to_world) for k, one in read_frames(files[0]).items()}
     else:
         raise BenchError(f"--frame: expected {', '.join(words)} or a .toml file, got {frame[:80]!r}")
     found = registered(cell.vjm, data, choice)
     return replace(cell, vjm=found.vjm), found
 
 
-def read_frames(path: Path) -> tuple[Frame, ...]:
+def read_frames(path: Path) -> dict[int, Frame]:
     """Bases in the frames of stations, as a user gives them; InputError names the key."""
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
@@ -248,10 +255,7 @@ def read_frames(path: Path) -> tuple[Frame, ...]:
     if len(set(stations)) < len(stations):
         raise InputError(path, "frame", f"expected every station once, got {stations}")
     turns = [Rotation.from_euler("xyz", one.rotation_xyz_deg, degrees=True).as_matrix() for one in given]
-    return tuple(
-        Frame(one.station, R, np.array(one.position_m), np.zeros((6, 6)))
-        for one, R in zip(given, turns, strict=True)
-    )
+    return {one.station: Frame(R, np.array(one.position_m)) for one, R in zip(given, turns, strict=True)}
 
 
 def registration_row(registered: Registered) -> dict[str, object] | None:
@@ -269,13 +273,13 @@ def registration_row(registered: Registered) -> dict[str, object] | None:
         "frame": registered.frame,
         "frames": [
             {
-                "station": one.station,
+                "station": station(name),
                 "position_mm": (MM * one.translation).tolist(),
                 "rotation_deg": np.degrees(one.rotation_vector).tolist(),
                 "position_sd_mm": MM * spread(one.covariance[3:, 3:]),
                 "rotation_sd_deg": math.degrees(one.deviation),
             }
-            for one in (own.of(registered.vjm.base) for own in found.frames)
+            for name, one in ((name, own.of(registered.vjm.base)) for name, own in found.frames.items())
         ],
         "targets": [
             {
@@ -288,6 +292,6 @@ def registration_row(registered: Registered) -> dict[str, object] | None:
         ],
         "rms_mm": MM * found.rms,
         "noise_mm": MM * found.noise,
-        "readings": found.readings,
+        "readings": len(found.distance),
         "wild": found.wild,
     }

@@ -12,11 +12,11 @@ from testbench.campaign import model_folder
 from testbench.campaign.absolute_model import read_whole
 from testbench.campaign.campaign import Cell
 from testbench.campaign.model_document import CalibrationDocument, StiffnessDocument, StructureRow
-from testbench.correct.arm_model import ArmModel, bending, of_calibration, of_compliances
 from testbench.errors import Array, InputError, check_array
+from testbench.identify.arm_model import ArmModel, bending, of_compliances
 from testbench.identify.estimate import is_conservative
-from testbench.identify.intervals import Linearised, linearise
 from testbench.identify.metric import Belief
+from testbench.identify.posterior import Posterior, linearise
 from testbench.model.kinematics import build_vjm
 from testbench.model.load import Load, resultant
 from testbench.model.structure import Structure, labels_of
@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # who only reads a model needs no fits
     from testbench.campaign.fits import Identified
     from testbench.campaign.runs import Runs
 
-ARRAYS = ("pi", "root", "unseen", "scale")  #: Of posterior.npz: those of `identify.intervals.Linearised`.
+ARRAYS = ("pi", "root", "unseen", "scale")  #: Of posterior.npz: those of `Posterior`, pi its x.
 
 
 def load_model(folder: str | Path, arm: str | Path | None = None) -> ArmModel:
@@ -52,7 +52,7 @@ def load_model(folder: str | Path, arm: str | Path | None = None) -> ArmModel:
         if arm is not None:
             model_folder.check_arm(folder, found, arm)
         if not isinstance(found, StiffnessDocument):
-            return of_calibration(*read_whole(folder, found))
+            return read_whole(folder, found)
         own = model_folder.read_arm(folder, found, meshes=True)
         arrays = model_folder.read_arrays(folder, found, ARRAYS)
         with model_folder.numbers_of(folder):
@@ -68,8 +68,8 @@ def _model(found: StiffnessDocument, arm: Arm, arrays: Sequence[Array]) -> ArmMo
     C = structure.matrix(check_array(pi, (n,), "pi"))
     _check_blocks(found, arm, structure, C)
     tail = found.spread.degrees_of_freedom
-    spread = Linearised(
-        pi=pi,
+    known = Posterior(
+        x=pi,
         root=check_array(root, (None, n), "root"),
         unseen=check_array(unseen, (None, n), "unseen"),
         scale=check_array(scale, (n,), "scale"),
@@ -81,7 +81,7 @@ def _model(found: StiffnessDocument, arm: Arm, arrays: Sequence[Array]) -> ArmMo
     if found.spread.heavy_rows > len(root):
         raise ValueError(f"spread.heavy_rows: expected at most the {len(root)} rows of root")
     state = bending(build_vjm(arm), C, model_folder.weights_of(found.weights, arm))
-    return of_compliances(state, structure, spread, model_folder.about_of(found.about))
+    return of_compliances(state, structure, known, model_folder.about_of(found.about))
 
 
 def _structure(row: StructureRow, arm: Arm) -> Structure:
@@ -164,7 +164,7 @@ def write_stiffness(
         "notes": [*notes, *fits.notes],
         "about": model_folder.about_said(f"{fits.recommended}: {estimate.method}", data, doubts, [loads]),
     }
-    arrays = {name: getattr(spread, name) for name in ARRAYS}
+    arrays = dict(zip(ARRAYS, (spread.x, spread.root, spread.unseen, spread.scale), strict=True))
     model_folder.write_parts(StiffnessDocument, cell.arm, said, folder, **arrays)
 
 

@@ -12,7 +12,6 @@ from testbench.campaign.campaign import build_cell
 from testbench.cli.arguments import ArmName, MapFile, SigmaUm, plain
 from testbench.commands.calibrate import COMMAND, PICTURE, report, seen, write
 from testbench.commands.calibrate_numbers import left_of
-from testbench.errors import word
 from testbench.identify.absolute.fit import NAMES, ORDERS
 from testbench.identify.absolute.fit import Options as Tried
 from testbench.output.place import claim_folder
@@ -64,7 +63,7 @@ def command(asked: Options) -> None:
         out = asked.out
         lines = [
             *(f"- {note}" for note in found.notes),
-            f"model      {out / 'model.json'}; judge it with: testbench score {word(out)} READINGS.csv",
+            f"model      {out / 'model.json'}",
             f"report     {out / 'report.md'}, {out / 'report.json'}, {out / PICTURE}",
             *looked_at(out),
         ]

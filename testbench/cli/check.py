@@ -40,5 +40,5 @@ def command(asked: Options) -> None:
         ]
         if asked.out is not None:
             write(checked, said, find_arm(asked.arm), asked.out)
-            lines += [f"picture    {asked.out / 'arm.png'}", *looked_at(asked.out)]
+            lines += [f"picture    {asked.out / 'arm.png'}", *looked_at(asked.out, arm=asked.arm)]
         print_words(console, said, lines=lines)

@@ -66,5 +66,8 @@ def check(asked: Options) -> None:
         lines = [columns]
         if asked.out is not None:
             write(cell, registered, said, asked.out)
-            lines += [f"picture    {asked.out / 'data.png'}", *looked_at(asked.out)]
+            lines += [
+                f"picture    {asked.out / 'data.png'}",
+                *looked_at(asked.out, arm=asked.arm, data=asked.dataset),
+            ]
         print_words(console, said, lines=lines)

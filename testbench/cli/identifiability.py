@@ -10,11 +10,12 @@ from rich.markdown import Markdown
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import build_cell
+from testbench.campaign.identifiability import describe
 from testbench.campaign.models import named_models, plain_name
+from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.runs import Readings, files_read, read, register
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
 from testbench.commands.identifiability import report, write
-from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.place import PNG, claim_file
 from testbench.output.whole import whole_file
@@ -66,7 +67,9 @@ def command(asked: Options) -> None:
         terminal.print_words(console, said, [said.tables["help"]], where=where)
         if asked.more:
             console.print(Markdown(said.block("more")))
-        console.print("\n".join(f"- {note}" for note in (*export.notes, *found.notes)), soft_wrap=True)
+        console.print(
+            "\n".join(f"- {note}" for note in (*export.notes, *registration_notes(found))), soft_wrap=True
+        )
         if png is not None:
             with whole_file(png) as part:
                 write(said, part)

@@ -10,6 +10,7 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Cell, build_cell
+from testbench.campaign.doubt import Doubt
 from testbench.campaign.fits import fit
 from testbench.campaign.model_folder import DOCUMENT, FITS
 from testbench.campaign.model_selection import default_models, with_priors
@@ -17,9 +18,8 @@ from testbench.campaign.models import Model, named_models
 from testbench.campaign.runs import Readings, files_read, read_runs
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm, plain
 from testbench.commands.identify import COMMAND, PICTURE, printed, tell
-from testbench.errors import BenchError, word
+from testbench.errors import BenchError
 from testbench.identify import robust
-from testbench.identify.doubts import Doubt
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.place import claim_folder
 from testbench.report.leave import MAP
@@ -88,8 +88,6 @@ def command(asked: Options) -> None:
             f"report     {out / 'report.md'}, {out / 'report.json'}",
             f"figures    {', '.join(str(out / name) for name in (PICTURE, MAP) if (out / name).exists())}",
             *terminal.looked_at(out),
-            f"next       testbench predict {word(out)} POSES.csv",
-            f"           testbench compensate {word(out)} PROGRAM.csv --out CORRECTED.csv",
         ]
         terminal.print_words(console, said, [printed(said)], lines)
 

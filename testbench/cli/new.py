@@ -40,6 +40,6 @@ def command(  # noqa: PLR0913
             raise InputError(source, "", str(err)) from err
     console = plain_console()
     first = f"{name}: {len(arm.joints)} joints, tool at {chain.tip.name!r}, {chain.mass:.4g} kg"
-    last = f"see it and what to confirm: testbench check {word(name)}"
+    last = f"next       testbench check {word(name)} --out runs/{word(Path(name.name))}"
     for line in (first, *(f"  {note}" for note in notes), last):
         console.print(line, soft_wrap=True)

@@ -12,7 +12,7 @@ from testbench.campaign.program import FORCE, predicted, read_asked
 from testbench.campaign.stiffness_model import load_model
 from testbench.cli.arguments import ArmCheck, Load, MapFile, plain
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
-from testbench.correct.arm_model import ArmModel
+from testbench.identify.arm_model import ArmModel
 from testbench.model.poses import WorkArea
 from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes
@@ -65,7 +65,7 @@ def command(asked: Options) -> None:
             *([f"- {heavy}"] if heavy else []),
             f"poses      {out / TABLE}",
             f"report     {out / 'report.md'}, {out / 'report.json'}, {out / PICTURE}",
-            *looked_at(out),
+            *looked_at(out, model=asked.model),
         ]
         print_words(console, said, [printed(said)], lines)
 

@@ -25,6 +25,7 @@ COMMANDS = {
     "compensate": "Correct a robot's program for what loads do to the arm.",
     "demo": "Calibrate a heavy arm in simulation.",
     "compare": "Say what differs between runs, and which errs less.",
+    "next": "Say what is missing after a run, and the next command.",
     "view": "Open the newest recording of a run in the Rerun viewer.",
     "shot": "Render the newest recording of a run without a screen.",
 }

@@ -10,7 +10,7 @@ import typer
 from testbench.campaign.absolute import read_all, score
 from testbench.campaign.absolute_model import read_model
 from testbench.cli.arguments import MapFile, SigmaUm
-from testbench.identify.absolute.align import LEAST
+from testbench.identify.registration import POSES
 from testbench.shell.options import takes
 from testbench.views.terminal import plain_console
 
@@ -26,7 +26,7 @@ class Options:
     frame_poses: Annotated[
         int | None,
         typer.Option(
-            min=LEAST, help="Evenly spaced rows that register frame and target of a new series; not scored."
+            min=POSES, help="Evenly spaced rows that register frame and target of a new series; not scored."
         ),
     ] = None
     json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON, nothing else.")] = False
@@ -35,10 +35,10 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Compare positions with those of a calibrated arm; of a new series fit frame and target only."""
-    state, belief = read_model(asked.model)
+    model = read_model(asked.model)
     sigma = None if asked.sigma_um is None else 1e-6 * asked.sigma_um
-    series, notes = read_all([asked.readings], state.vjm.arm, asked.mapping, sigma)
-    found = score(state, belief, series, asked.frame_poses)
+    series, notes = read_all([asked.readings], model.arm, asked.mapping, sigma)
+    found = score(model, series, asked.frame_poses)
     if asked.json:
         typer.echo(json.dumps(asdict(found)))
         return

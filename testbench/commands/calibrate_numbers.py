@@ -8,18 +8,19 @@ import numpy as np
 
 from testbench.arm.folder import Joint
 from testbench.campaign.absolute import Calibrated
+from testbench.campaign.named_parameters import Part, intervals
 from testbench.campaign.rows import MM, UM
+from testbench.campaign.unobservable import LOOSE as LOOSE_FRAME
+from testbench.campaign.unobservable import unobservable
 from testbench.data.series import Series
 from testbench.errors import Array
+from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.choose import Step
 from testbench.identify.absolute.evidence import LOOSE, Choice
 from testbench.identify.absolute.fit import Calibration
-from testbench.identify.absolute.intervals import Part, deviations_root, intervals, own_values
+from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.absolute.pull import pull_of
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.seen import hidden
-from testbench.identify.absolute.seen_words import sentences
-from testbench.identify.absolute.shared import aligned
 from testbench.identify.absolute.state import nominal
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.model.joint_errors import JointErrors
@@ -33,7 +34,6 @@ SPOILED = 0.5  #: A reading that counts less than this is listed as an outlier [
 WORST = 10  #: Outliers that are listed, the farthest.
 MOST, LEAST, EACH = 24, 4, 8
 """Ranges of a joint at most and at least, and the poses that each should have on average."""
-LOOSE_FRAME = 0.01  #: Standard deviation of frames and mounts beforehand [m, rad].
 ORDERS = 4  #: Periodic errors that are spoken of: higher ones look like nothing else.
 Left = tuple[list[Array], list[Array]]
 """Reading minus arm as drawn, and minus calibrated arm: of every series (rows, m, 3) [m], base axes."""
@@ -178,17 +178,18 @@ def _spectrum(calibration: Calibration) -> Iterator[Row]:
     orders, size, first = unknowns.errors.orders, unknowns.errors.size, unknowns.starts["errors"]
     if not orders or not np.isin(first, own.columns):
         return
-    x, root = own_values(calibration), deviations_root(calibration)
+    known = posterior_of(calibration)
     for k, joint in enumerate(unknowns.vjm.arm.joints):
         if joint.prismatic:
             continue
-        columns = first + k * size + np.arange(2 * len(orders)).reshape(2, -1)  # sines, cosines
-        pair = x[columns].T
+        on = first + k * size + np.arange(2 * len(orders)).reshape(2, -1)  # sines, cosines
+        columns = np.searchsorted(own.columns, on)
+        pair = known.x[columns].T
         amplitude = np.linalg.norm(pair, axis=1)
         along = np.where(amplitude[:, None] > 0, pair, 1.0)
         along /= np.linalg.norm(along, axis=1, keepdims=True)
-        lines = root[np.searchsorted(own.columns, columns)]  # (2, orders, c)
-        deviation = np.linalg.norm(np.einsum("oa,aoc->oc", along, lines), axis=1)
+        lines = known.root[:, columns]  # (c, 2, orders)
+        deviation = np.linalg.norm(np.einsum("oa,cao->co", along, lines), axis=0)
         rows = [
             Row(order=order, amplitude_urad=a, deviation_urad=s)
             for order, a, s in zip(orders, (UM * amplitude).tolist(), (UM * deviation).tolist(), strict=True)
@@ -251,7 +252,7 @@ def _left_open(found: Calibration) -> tuple[str, ...]:
         prior[-len(L) :, -len(L) :] = L @ L.T
     state = replace(found.state, errors=few.errors, n=np.zeros((len(found.state.n), few.errors.size)))
     information = found.information[np.ix_(columns, columns)]
-    return sentences(hidden(few, information, prior, pull_of(few, state, found.series)))
+    return unobservable(few, information, prior, pull_of(few, state, found.series))
 
 
 def _slow(own: Choice) -> tuple[Unknowns, Ids]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
+from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.rows import MM, UM
 from testbench.data.columns import Column, Columns
 from testbench.data.dataset import Dataset, Ids
@@ -169,7 +170,7 @@ def report(found: Row, registered: Registered) -> Report:
             doubts=len(f.doubts),
         ),
         worst=_worst(f),
-        claims=list(_claims(f, registered.notes)),
+        claims=list(_claims(f, registration_notes(registered))),
         numbers=f,
         tables={"columns": Table(COLUMNS, f.columns, "Which column is which quantity")},
         body=[
@@ -269,7 +270,7 @@ def _runs(cell: Cell, registered: Registered, some: Ids, M: float) -> Poses:
     ]
     found = registered.registration
     if registered.frame == "tracker" and found is not None:
-        at = np.array([-one.rotation.T @ one.translation for one in found.frames])
+        at = np.array([-one.rotation.T @ one.translation for one in found.frames.values()])
         names = [f"tracker {k + 1}" for k in range(len(at))]
         layers.append(Layer("tracker", MEASURED, "dots", at[None], labels=names))
     return Poses(

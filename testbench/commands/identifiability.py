@@ -6,10 +6,9 @@ from typing import IO
 
 import numpy as np
 
+from testbench.campaign.identifiability import TASKS, Identifiability
 from testbench.campaign.rows import MM
-from testbench.identify.identifiability import Identifiability
-from testbench.identify.identifiability_help import TASKS
-from testbench.identify.identifiability_unseen import Direction
+from testbench.identify.observability import Direction
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, finite

@@ -6,15 +6,15 @@ import numpy as np
 
 from testbench.campaign.campaign import Cell, clear_poses, stream
 from testbench.campaign.fits import Fitted, Identified
+from testbench.campaign.identifiability import told
 from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import MM
 from testbench.campaign.stiffness_model import weights_known
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, kept_mm, places_at
-from testbench.correct.arm_model import of_estimate
 from testbench.correct.predicted import predict
 from testbench.errors import Array, NoEquilibrium, PoseError
+from testbench.identify.arm_model import of_estimate
 from testbench.identify.evaluate import all_deflections, noise_limit
-from testbench.identify.identifiability import told
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose

@@ -49,7 +49,7 @@ def report(f: Row, arm: Arm) -> Report:
     absolute = f.absolute
     middle = [Markdown("## What stays unknown"), bullets(f.hidden or [NOTHING])] if absolute else ["tasks"]
     rests = bullets([*(_of_absolute(f) if absolute else _of_pairs(f)), *_of_both(f)])
-    after = [Markdown("## What this rests on"), rests, Markdown("## Afterwards"), _afterwards(f)]
+    after = [Markdown("## What this rests on"), rests]
     return Report(
         scenario="plan",
         question=Markdown("Which poses to read absolutely?" if absolute else "Which poses to measure?"),
@@ -317,16 +317,3 @@ def _of_both(f: Row) -> Iterator[Markdown]:
         refused=", ".join(f"{reason} {n:,}" for reason, n in counts) or "none",
     )
     yield say("Collisions are those of the shapes in rigid.xml and of a hung weight: no cables, no fixtures.")
-
-
-def _afterwards(f: Row) -> Markdown:
-    """The commands that come next."""
-    rehearse, prior = "", " --no-prior" if f.prior is None else ""
-    then = f"identify ARM measured.csv --model {f.model}{prior}"
-    if f.absolute:
-        rehearse = f" --absolute --gear-urad {f.gear_urad:g} --geometry-mm {f.geometry_mm:g}"
-        rehearse += " --orientations" if f.orientations else ""
-        rehearse += f" --loads {','.join(f'{kg:g}' for kg in f.loads_kg)}" if len(f.loads_kg) > 1 else ""
-        then = "calibrate ARM measured.csv --out model"
-    rehearse = f"simulate ARM plan.csv{rehearse} --out rehearsal.csv"
-    return Markdown(f"- Rehearse: `testbench {rehearse}`.\n- Use what was measured: `testbench {then}`.")

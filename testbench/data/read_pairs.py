@@ -1,6 +1,8 @@
 """Measured runs read from a text file as it comes from an instrument, a spreadsheet or a robot."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +10,15 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.columns import Columns, read_columns
 from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import Frame, read_map
 from testbench.data.names import ENTRIES, WHEN, XYZ, Slot
 from testbench.data.pair import HELD, Paired, pair
 from testbench.data.rows import Conditions, Readings, markers_only, read_conditions, read_readings
 from testbench.data.scatter import read_covariances, read_sigma
-from testbench.errors import Array
+from testbench.data.spool import Campaign, Spool, some, together
+from testbench.data.stream import Source, Whole, alike, in_blocks
+from testbench.errors import Array, open_file
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,54 @@ def read_export(path: Path, arm: Arm, mapping: Path | None = None, sigma: float 
     Raises:
         InputError: Names line and column, or key of the map, and what was expected.
     """
-    return runs_of(read_columns(path, read_map(mapping, arm), arm), arm, sigma)
+    with open_file(path, MAX_BYTES):  # all of it is held
+        found = read_campaign(path, arm, mapping, sigma)
+    if found.every is None:
+        return found.export
+    return replace(found.export, data=together(found.every.spool))
+
+
+@dataclass(frozen=True)
+class Streamed:
+    """A file of runs."""
+
+    export: Export  #: Some of them, evenly, or all.
+    every: Campaign | None  #: All, where they are too many to be held.
+
+
+def read_campaign(path: Path, arm: Arm, mapping: Path | None = None, sigma: float | None = None) -> Streamed:
+    """The same, in blocks where the file is large: memory does not grow with its runs."""
+    names = read_map(mapping, arm)
+
+    def compute(columns: Columns) -> Export:
+        return runs_of(columns, arm, sigma)
+
+    source = Source(path, arm, names, _run_column, ("run", "pose", "station"), compute)
+    return in_blocks(source, _gathered) or Streamed(compute(read_columns(path, names, arm)), None)
+
+
+def _run_column(columns: Columns) -> list[int]:
+    """The column of runs, where every row says its run and pose and has both readings."""
+    run, pose = columns.get(Slot("run")), columns.get(Slot("pose"))
+    single = all(c.slot.when for c in columns.every("reading"))
+    return [run.index] if run and pose and single else []
+
+
+def _gathered(exports: Iterator[Export]) -> Streamed:
+    """All runs in a file of their own, and some."""
+    spool, first = Spool[Dataset](), next(exports)
+    run, pose, level = list[Ids](), list[Ids](), list[Array]()
+    for export in chain([first], exports):
+        data = alike(first.columns.table.path, first.data, export.data)
+        run.append(data.run)
+        pose.append(data.pose)
+        level.append(np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2))
+        spool.add(data)
+    every = Campaign(spool, np.concatenate(run), np.concatenate(pose), np.concatenate(level))
+    ordered = np.sort(every.run)
+    if (ordered[1:] == ordered[:-1]).any():  # rows of a run do not stand together
+        raise Whole
+    return Streamed(replace(first, data=every.pick(some(np.arange(every.runs)))), every)
 
 
 def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:

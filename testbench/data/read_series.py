@@ -3,6 +3,7 @@
 Those of several targets at one time are one row of a series.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,12 +13,15 @@ from testbench.arm.folder import Arm
 from testbench.data.beside import read_temperature, read_time, read_torques
 from testbench.data.columns import Columns, read_columns
 from testbench.data.dataset import Ids
+from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import read_map
 from testbench.data.names import ROTATIONS, WHEN, Slot, What, series_names
 from testbench.data.pair import HELD, not_held
 from testbench.data.read_pairs import runs_of
 from testbench.data.rotation import read_rotations
 from testbench.data.rows import (
+    POSES,
+    SAME_POSE,
     Conditions,
     Readings,
     first_rows,
@@ -29,7 +33,9 @@ from testbench.data.rows import (
 )
 from testbench.data.scatter import Scatter, read_scatter
 from testbench.data.series import Series, select_rows, series_of
-from testbench.errors import Array
+from testbench.data.spool import Spool, together
+from testbench.data.stream import Source, Whole, alike, in_blocks
+from testbench.errors import Array, open_file
 
 ALONE = "target"  #: Name of a file's only target where the arm has several.
 APART = 0.02  #: Readings of one target in one pose that are farther apart are of two targets [m].
@@ -43,9 +49,10 @@ NAMES: tuple[What, ...] = ("series", "station", "series_frame", "series_target")
 class SeriesExport:
     """A file of absolute readings that was read, and how it was understood."""
 
-    series: tuple[Series, ...]  #: One for every set-up that the file names.
+    series: Sequence[Series]  #: One for every set-up that the file names, or its batches.
     columns: Columns  #: Which column says what.
     notes: tuple[str, ...]  #: What was assumed, left out or numbered.
+    lost: Ids  #: Lines of rows without a reading, which are left out.
 
 
 def read_series(
@@ -70,9 +77,82 @@ def read_series(
     Raises:
         InputError: Names line and column, or key of the map, and what was expected.
     """
+    with open_file(Path(path), MAX_BYTES):  # all of it is held
+        found = read_batches(path, arm, mapping, sigma, sigma_rotation)
+    if not isinstance(found.series, Spool):
+        return found
+    names = dict.fromkeys(batch.name for batch in found.series)
+    every = [together([batch for batch in found.series if batch.name == name]) for name in names]
+    return replace(found, series=tuple(every))
+
+
+def read_batches(
+    path: str | Path,
+    arm: Arm,
+    mapping: str | Path | None = None,
+    sigma: float | None = None,
+    sigma_rotation: float | None = None,
+) -> SeriesExport:
+    """The same, in batches where the file is large: memory does not grow with its rows.
+
+    `for batch in read_batches(path, arm).series` yields a `Series` of some thousand rows at a time, as often
+    as it is asked, from a file that ends with the process. Batches of one series share its name, frame,
+    target, markers and sigma, and a pose is in one of them: sums over batches are sums over the file. A file
+    below `stream.LEAST` bytes, or one whose rows of a pose stand apart, is one batch a series.
+    """
+    path = Path(path)
     names = read_map(None if mapping is None else Path(mapping), arm, series_names)
     arm = replace(arm, markers=names.markers)
-    columns = read_columns(Path(path), names, arm)
+
+    def compute(columns: Columns) -> SeriesExport:
+        return series_of_columns(columns, arm, sigma, sigma_rotation)
+
+    source = Source(path, arm, names, _pose_columns, ("run", "pose"), compute)
+    found = in_blocks(source, _gathered) or compute(read_columns(path, names, arm))
+    if not len(found.lost):
+        return found
+    places = ", ".join(map(str, found.lost[:TOLD].tolist())) + ", ..." * (len(found.lost) > TOLD)
+    lost = f"{len(found.lost)} rows without a reading are left out, of line {places}"
+    return replace(found, notes=(*found.notes, lost))
+
+
+def _pose_columns(columns: Columns) -> list[int]:
+    """The columns that rows of a pose share; none for pairs, and for times that count from the first row."""
+    if any(c.slot.when for c in columns.every("reading")) or Slot("time") in columns.found:
+        return []
+    return [c.index for c in columns.every("pose") or columns.every("joint")]
+
+
+def _gathered(exports: Iterator[SeriesExport]) -> SeriesExport:
+    """All batches in a file of their own; a pose has one identifier, and stands in one batch."""
+    spool, first, known = Spool[Series](), dict[str, Series](), 0
+    met, lost, notes = dict[str, list[Ids]](), list[Ids](), dict[str, None]()
+    for export in exports:
+        named = export.columns.get(Slot("pose")) is not None
+        for batch in export.series:
+            own = alike(export.columns.table.path, first.setdefault(batch.name, batch), batch)
+            spool.add(replace(own, pose=own.pose + known))
+            _, row = np.unique(own.pose, return_index=True)
+            met.setdefault(own.name, []).append(own.pose[row] if named else _marks(own.q[row]))
+        known += 0 if named else max(int(batch.pose.max()) for batch in export.series)
+        lost.append(export.lost)
+        notes |= dict.fromkeys(note for note in export.notes if not note.startswith(POSES))
+    if any((np.diff(np.sort(np.concatenate(own))) == 0).any() for own in met.values()):
+        raise Whole
+    said = (*notes, *([] if named else [f"{POSES}: {known} of them"]))
+    return SeriesExport(spool, export.columns, said, np.concatenate(lost))
+
+
+def _marks(q: Array) -> Ids:
+    """A number for every pose by its joints, (rows,), that no other is likely to have."""
+    digits = np.round(q / SAME_POSE).astype(np.int64)
+    return digits @ np.random.default_rng(0).integers(2**62, size=q.shape[1])
+
+
+def series_of_columns(
+    columns: Columns, arm: Arm, sigma: float | None, sigma_rotation: float | None
+) -> SeriesExport:
+    """The absolute readings in a table of columns that were found."""
     if any(c.slot.when for c in columns.every("reading")):
         return _pairs(columns, arm, sigma)
     columns, notes = markers_only(columns)
@@ -86,11 +166,11 @@ def read_series(
     if alone:
         _check_alone(columns, conditions, read)
     scatter = read_scatter(columns, sigma, sigma_rotation)
-    whole, first, more = _assembled(columns, arm, conditions, read, scatter)
+    whole, first, lost, more = _assembled(columns, arm, conditions, read, scatter)
     notes += [*conditions.notes, *scatter.notes, *more]
-    if names.frame == "base":
+    if columns.names.frame == "base":
         notes.append("the map says base: its pose is found all the same")
-    return SeriesExport(_parted(columns, whole, first, scatter), columns, tuple(notes))
+    return SeriesExport(_parted(columns, whole, first, scatter), columns, tuple(notes), lost)
 
 
 def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
@@ -100,7 +180,8 @@ def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     series = series_of(export.data, stem, said.target or stem)
     if said.frame:
         series = tuple(replace(s, frame=s.frame.replace(s.name, said.frame, 1)) for s in series)
-    return SeriesExport(series, columns, (*export.notes, "a run is two readings, unloaded and loaded"))
+    notes = (*export.notes, "a run is two readings, unloaded and loaded")
+    return SeriesExport(series, columns, notes, np.array([], dtype=int))
 
 
 def _says_loaded(columns: Columns) -> bool:
@@ -121,11 +202,12 @@ def _check_alone(columns: Columns, conditions: Conditions, read: Readings) -> No
 
 def _assembled(
     columns: Columns, arm: Arm, conditions: Conditions, read: Readings, scatter: Scatter
-) -> tuple[Series, Ids, list[str]]:
+) -> tuple[Series, Ids, Ids, list[str]]:
     """All rows of a file as one series without a name, each with a covariance.
 
     Returns:
-        The series, the first row of the table of each of its rows, and what was left out.
+        The series, the first row of the table of each of its rows, the lines of those without a reading, and
+        what was not read.
 
     Raises:
         InputError: Names line and column.
@@ -164,12 +246,7 @@ def _assembled(
     there = whole.seen.any(axis=1) | whole.turned
     if not there.any():
         raise table.error(0, "", "expected at least one reading, all are blank")
-    return select_rows(whole, there), first[there], [*warm, *timed, *_left_out(table.lines[first[~there]])]
-
-
-def _left_out(lines: Ids) -> list[str]:
-    places = ", ".join(map(str, lines[:TOLD].tolist())) + (", ..." if len(lines) > TOLD else "")
-    return [f"{len(lines)} rows without a reading are left out, of line {places}"] * bool(len(lines))
+    return select_rows(whole, there), first[there], table.lines[first[~there]], [*warm, *timed]
 
 
 def _grouped(columns: Columns, conditions: Conditions, read: Readings) -> Ids:

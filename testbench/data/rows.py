@@ -17,6 +17,7 @@ from testbench.errors import Array
 
 SAME_POSE = 1e-6
 """Difference of two joint coordinates up to which two poses are one [rad, m]."""
+POSES = "poses are numbered by equal joint angles"
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> C
     pose, named = ids["pose"], ids["pose"] is not None
     if pose is None:
         pose = same_poses(q)
-        notes.append(f"poses are numbered by equal joint angles: {len(np.unique(pose))} of them")
+        notes.append(f"{POSES}: {len(np.unique(pose))} of them")
     return Conditions(ids["run"], pose, named, ids["station"], q, wrench, point, tuple(notes))
 
 

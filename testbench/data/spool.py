@@ -1,4 +1,4 @@
-"""Runs that are too many to hold: blocks of them in a file without a name, which ends with the process."""
+"""Rows that are too many to hold: blocks of them in a file without a name, which ends with the process."""
 
 import io
 import os
@@ -6,38 +6,38 @@ import tempfile
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar, overload
 
 import numpy as np
 
 from testbench.data.dataset import Dataset, Ids, arrays, in_order, with_arrays
+from testbench.data.series import Series
 from testbench.errors import Array, BenchError
 
+SHOWN = 600  #: Runs that are looked at one by one, evenly out of all.
 
-@dataclass(frozen=True)
-class _Block:
-    first: int  #: Index of its first run.
-    places: dict[str, tuple[int, int]]  #: Where each of its arrays begins and ends in the file.
-    bare: Dataset  #: The same without a run: names of markers, sigmas.
+Held = TypeVar("Held", Dataset, Series)
 
 
-class Spool:
-    """Blocks of runs in the order in which they were added."""
+class Spool(Sequence[Held]):
+    """Blocks of runs, or of absolute readings, in the order in which they were added; for any thread."""
 
     def __init__(self) -> None:
         """An empty one."""
         self._file = tempfile.TemporaryFile(prefix="testbench-runs-")  # noqa: SIM115
         weakref.finalize(self, self._file.close)
-        self._blocks: list[_Block] = []
-        self._runs = 0
+        #: Each without a row, and where each of its arrays begins and ends in the file.
+        self._blocks: list[tuple[Held, dict[str, tuple[int, int]]]] = []
+        self._first = [0]
 
     def __len__(self) -> int:
         """How many blocks there are."""
         return len(self._blocks)
 
-    def add(self, data: Dataset) -> None:
+    def add(self, block: Held) -> None:
         """A block more; BenchError where the disk is full."""
         places: dict[str, tuple[int, int]] = {}
-        for name, own in arrays(data).items():
+        for name, own in arrays(block).items():
             begin = self._file.tell()
             try:
                 np.save(self._file, own)
@@ -46,25 +46,34 @@ class Spool:
                 raise BenchError(f"{folder}: no room for the runs: {err.strerror}") from err
             places[name] = begin, self._file.tell()
         self._file.flush()
-        self._blocks.append(_Block(self._runs, places, in_order(data, np.array([], dtype=int))))
-        self._runs += data.runs
+        self._blocks.append((in_order(block, np.array([], dtype=int)), places))
+        self._first.append(self._first[-1] + len(block.q))
 
-    def block(self, k: int) -> tuple[Ids, Dataset]:
-        """A block as it was added, for any thread: indices of its runs, and these."""
-        own, file = self._blocks[k], self._file.fileno()
+    @overload
+    def __getitem__(self, k: int) -> Held: ...
+    @overload
+    def __getitem__(self, k: slice) -> list[Held]: ...
+    def __getitem__(self, k: int | slice) -> Held | list[Held]:
+        """A block as it was added, by its number; or several."""
+        if isinstance(k, slice):
+            return [self[one] for one in range(*k.indices(len(self)))]
+        (bare, places), file = self._blocks[k], self._file.fileno()
         found = {
             name: np.load(io.BytesIO(os.pread(file, end - begin, begin)))
-            for name, (begin, end) in own.places.items()
+            for name, (begin, end) in places.items()
         }
-        data = with_arrays(own.bare, found)
-        return np.arange(own.first, own.first + data.runs), data
+        return with_arrays(bare, found)
+
+    def places(self, k: int) -> Ids:
+        """Of the rows of a block, among all."""
+        return np.arange(*self._first[k : k + 2])
 
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
     """All runs of a file, block by block; what is held of each is whose it is and what acts."""
 
-    spool: Spool
+    spool: Spool[Dataset]
     run: Ids  #: Identifier of every run, (runs,).
     pose: Ids  #: Of its pose, (runs,).
     level: Array  #: Length of its force and moment, (runs, 2) [N, N m].
@@ -81,8 +90,8 @@ class Campaign:
 
     def block(self, k: int) -> tuple[Ids, Dataset]:
         """A block: indices of its runs, and these."""
-        every, data = self.spool.block(k)
-        return every, data if self.mend is None else self.mend(data)
+        data = self.spool[k]
+        return self.spool.places(k), data if self.mend is None else self.mend(data)
 
     def pick(self, runs: Ids) -> Dataset:
         """Some of the runs by their indices, in rising order."""
@@ -95,8 +104,13 @@ class Campaign:
         return together(found)
 
 
-def together(parts: Sequence[Dataset]) -> Dataset:
-    """Runs of several datasets of one campaign as one; a precision stands where one of them has it."""
+def some(runs: Ids) -> Ids:
+    """So many of the runs that can be looked at one by one, evenly, the first and the last among them."""
+    return np.asarray(runs[np.linspace(0, len(runs) - 1, min(SHOWN, len(runs))).round().astype(int)])
+
+
+def together(parts: Sequence[Held]) -> Held:
+    """Rows of several parts of one campaign as one; a precision stands where one of them has it."""
     if any(p.precision is not None for p in parts):
         parts = [replace(p, precision=_precision(p)) for p in parts]
     return with_arrays(
@@ -104,7 +118,9 @@ def together(parts: Sequence[Dataset]) -> Dataset:
     )
 
 
-def _precision(data: Dataset) -> Array:
+def _precision(data: Dataset | Series) -> Array:
+    """Inverse covariance of every deflection or position, (rows, m, 3, 3) [1/m^2]."""
     if data.precision is not None:
         return data.precision
-    return np.broadcast_to(np.eye(3) / (2 * data.sigma**2), (*data.before.shape, 3)).copy()
+    readings, of_each = (data.before, 2) if isinstance(data, Dataset) else (data.position, 1)
+    return np.broadcast_to(np.eye(3) / (of_each * data.sigma**2), (*readings.shape, 3)).copy()

@@ -3,8 +3,8 @@
 from testbench.identify.certify import certify
 from testbench.identify.estimate import Certificate, Constraint, Estimate, Estimator, make_estimate
 from testbench.identify.fold import reduce
-from testbench.identify.intervals import intervals
 from testbench.identify.method import Method, completed_least_squares, gco, least_squares, robust, with_prior
+from testbench.identify.posterior import intervals
 from testbench.identify.regression import Regression
 
 __all__ = [

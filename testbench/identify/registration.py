@@ -1,51 +1,71 @@
-"""Registration: the base in every station's frame and the targets on the tool, from unloaded readings alone.
+"""Registration: frames and targets of readings together, the arm rigid, by Gauss-Newton from a closed form.
 
-The closed forms of `frames` are refined together by `refinement`.
+It minimises
+
+    sum_rk rho(|W_rk (p_rk - R_s (R_r m_k + p_r) - t_s)|) + sum_k rho(|m_k - nominal_k| / ROUGH)
+
+with Huber's rho and the weight W_rk^-2 = C_rk + s^2 I. C_rk is the reading's covariance. s is the noise that
+the residuals show beyond it: the arm's geometric errors and its own sag. It is estimated with the rest.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Mask, read_by
+from testbench.data.dataset import Mask
+from testbench.data.series import Series
 from testbench.errors import Array, BenchError
-from testbench.identify.frames import LEAST_POINTS, Found, points, starts, unloaded
-from testbench.identify.refinement import Solved, refine
-from testbench.identify.weighed import check_runs
-from testbench.model.vjm import Vjm, skew
+from testbench.identify.closed_form import (
+    LEAST_POINTS,
+    Layout,
+    Means,
+    means,
+    names,
+    points,
+    residuals,
+    starts,
+)
+from testbench.identify.robust_loss import FRAMES
+from testbench.model.vjm import Vjm, skew, tool_pose
 
-TURNED = 1e-3  #: A joint that moves less stands still [rad, m].
-POSES = 6  #: That fix one station and one target without a nominal position.
+STILL = 1e-3  #: A joint that moves less stands still [rad, m].
+POSES = 6  #: That fix one frame and one target without a nominal position.
+ROUGH = 0.02
+"""Standard deviation of a nominal target position along each axis [m]."""
+ASSUMED = 1e-3  #: Noise by geometric errors where the readings cannot tell [m].
+SPARE = 6  #: Fewer equations beyond the unknowns tell nothing of the noise.
+STEP = 1e-9  #: A Gauss-Newton step below this is the last [m, rad].
+MOST_STEPS = 200
+NEAR, FAR_STEPS = 1e-4, 60
+"""After a step below NEAR [m, rad], or so many, wild readings are dropped and the noise is estimated too.
+
+Before, residuals are those of the start: they would let nominal targets and wild readings win.
+"""
+FAR = 10.0
+"""Length of a residual over the median, or over ASSUMED if that is more, beyond which it is dropped."""
+SAME = 1e-6  #: Relative change of the noise that ends the search.
+OPEN, DIVERGED = "open", "no convergence"  #: Ends of a search that found nothing.
+SINGULAR = 1e-11  #: Least eigenvalue of the scaled information; below it a direction is not seen at all.
 
 
 @dataclass(frozen=True)
 class Frame:
-    """The arm's world in the frame of one station: a reading is rotation @ x + translation of x in it."""
+    """The arm's base in a tracker's frame: a reading is rotation @ x + translation of x in base axes."""
 
-    station: int  #: Identifier of the station.
-    rotation: Array  #: Station from world, (3, 3).
-    translation: Array  #: Origin of the world in the station's frame, (3,) [m].
-    #: Covariance of a small rotation about the world's axes, R exp(phi), and of the translation, (6, 6)
+    rotation: Array  #: Tracker from base, (3, 3).
+    translation: Array  #: Origin of the base in the tracker's frame, (3,) [m].
+    #: Covariance of a small rotation about the base's axes, R exp(phi), and of the translation, (6, 6)
     #: [rad, m]; zero for a frame that was given.
-    covariance: Array
+    covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
     def of(self, pose: Array) -> "Frame":
-        """What has this pose in the world, (4, 4) [m], as the arm's base, in the frame of the station."""
+        """The frame in which what has this pose, (4, 4) [m], is the base."""
         turn, place = pose[:3, :3], pose[:3, 3]
         J = np.eye(6)
         J[:3, :3], J[3:, :3] = turn.T, -self.rotation @ skew(place)
-        return Frame(
-            station=self.station,
-            rotation=self.rotation @ turn,
-            translation=self.rotation @ place + self.translation,
-            covariance=J @ self.covariance @ J.T,
-        )
-
-    @property
-    def angle(self) -> float:
-        """Size of the rotation [rad]."""
-        return float(np.linalg.norm(self.rotation_vector))
+        there = self.rotation @ place + self.translation
+        return Frame(self.rotation @ turn, there, J @ self.covariance @ J.T)
 
     @property
     def rotation_vector(self) -> Array:
@@ -55,6 +75,11 @@ class Frame:
         return np.asarray(Rotation.from_matrix(self.rotation).as_rotvec())
 
     @property
+    def angle(self) -> float:
+        """Size of the rotation [rad]."""
+        return float(np.linalg.norm(self.rotation_vector))
+
+    @property
     def deviation(self) -> float:
         """Largest standard deviation of the rotation about any axis [rad]."""
         return spread(self.covariance[:3, :3])
@@ -62,19 +87,31 @@ class Frame:
 
 @dataclass(frozen=True)
 class Registration:
-    """What the unloaded readings say of frames and targets."""
+    """What readings say of frames and targets."""
 
-    frames: tuple[Frame, ...]  #: One a station, in order of their identifiers.
+    names: tuple[str, ...]  #: Of the frames.
     markers: tuple[str, ...]  #: Names of the targets.
-    targets: Array  #: Their positions in the tool's frame, (m, 3) [m].
-    nominal: Array  #: Where the arm's folder has them, (m, 3) [m]; NaN for a target that it lacks.
+    nominal: Array  #: Where they were expected, (m, 3) [m]; NaN for a target that nobody expected.
+    layout: Layout  #: Frames and targets in order.
+    free: Mask  #: Which frames were not given, (frames,).
     covariance: Array  #: Of rotation and translation of every frame not given, then of all targets [rad, m].
-    reach: float  #: Median distance of the targets from the arm's base [m].
-    readings: int  #: Targets read, once a pose.
-    rms: float  #: RMS distance of readings from where arm, frames and targets have them [m].
-    typical: float  #: Median of these distances [m].
+    distance: Array  #: Of every reading, once a pose, from where arm, frames and targets have it, (n,) [m].
     noise: float  #: s: standard deviation along an axis beyond the tracker's [m].
     wild: int  #: Readings that pull less or not at all, as they are more than a bend off.
+
+    @property
+    def frames(self) -> dict[str, Frame]:
+        """Frames by name."""
+        C = np.zeros((len(self.names), 6, 6))
+        for at, k in enumerate(np.flatnonzero(self.free)):
+            C[k] = self.covariance[6 * at : 6 * at + 6, 6 * at : 6 * at + 6]
+        every = map(Frame, self.layout.rotation, self.layout.translation, C)
+        return dict(zip(self.names, every, strict=True))
+
+    @property
+    def targets(self) -> Array:
+        """Positions of the targets in the tool's frame, (m, 3) [m]."""
+        return self.layout.targets
 
     @property
     def target_deviations(self) -> Array:
@@ -82,45 +119,49 @@ class Registration:
         own = np.diag(self.covariance)[len(self.covariance) - self.targets.size :]
         return np.asarray(np.sqrt(own).reshape(-1, 3))
 
+    @property
+    def rms(self) -> float:
+        """RMS distance of readings [m]."""
+        return float(np.sqrt(np.mean(self.distance**2)))
 
-def register(vjm: Vjm, data: Dataset, given: tuple[Frame, ...] = ()) -> Registration:
-    """Frames of all stations and positions of all targets.
+    @property
+    def typical(self) -> float:
+        """Median distance of readings [m]."""
+        return float(np.median(self.distance))
+
+
+def register(
+    vjm: Vjm, series: Sequence[Series], nominal: Mapping[str, Array], given: Mapping[str, Frame] | None = None
+) -> Registration:
+    """Frames of series of one mount and its targets, the arm rigid and without errors.
 
     Args:
-        vjm: The arm; a target that it lacks has no nominal position.
-        data: The runs; only the unloaded readings are used.
-        given: Frames that are known; those of other stations are found.
+        vjm: The arm.
+        series: The readings, such as of one station each.
+        nominal: Where targets are expected in the tool's frame, (3,) [m], by name; any of them may be absent.
+        given: Frames that are known, by name; the others are found.
 
     Raises:
         BenchError: When the readings leave a frame or target open, or no solution was found.
     """
-    check_runs(vjm, data)
-    names, nominal = station_names(data), nominal_targets(vjm, data.markers)
-    known = Found(np.full((len(names), 3, 3), np.nan), np.full((len(names), 3), np.nan), nominal)
-    for frame in given:
-        if frame.station not in names:
-            raise BenchError(f"frame of station {frame.station}: the readings are of stations {names}")
-        known.rotation[names.index(frame.station)] = frame.rotation
-        known.translation[names.index(frame.station)] = frame.translation
-    free, seen = np.isnan(known.translation[:, 0]), unloaded(vjm, data)
-    tried = [refine(seen, start, nominal, free) for start in starts(seen, known)]
-    solved = [one for one in tried if one.status == "solved"]
+    frames, targets = names(series)
+    expected = np.array([nominal.get(name, np.full(3, np.nan)) for name in targets])
+    known = Layout(np.full((len(frames), 3, 3), np.nan), np.full((len(frames), 3), np.nan), expected)
+    for name, frame in (given or {}).items():
+        if name not in frames:
+            raise BenchError(f"frame of {name}: the readings are of {', '.join(frames)}")
+        known.rotation[frames.index(name)] = frame.rotation
+        known.translation[frames.index(name)] = frame.translation
+    seen, free = means(vjm, series), np.isnan(known.translation[:, 0])
+    none = np.zeros(0)
+    tried = [
+        _refined(seen, Registration(frames, targets, expected, start, free, none, none, ASSUMED, 0))
+        for start in starts(seen, known)
+    ]
+    solved = [one for one in tried if isinstance(one, Registration)]
     if not solved:
-        raise BenchError(_unsolved(vjm, data, tried))
-    best = min(solved, key=lambda one: float(np.median(one.distance)))
-    return Registration(
-        frames=tuple(_frames(names, free, best)),
-        markers=data.markers,
-        targets=best.found.targets,
-        nominal=nominal,
-        covariance=best.covariance,
-        reach=float(np.median(np.linalg.norm(points(seen, best.found.targets) - vjm.base[:3, 3], axis=1))),
-        readings=len(seen.y),
-        rms=float(np.sqrt(np.mean(best.distance**2))),
-        typical=float(np.median(best.distance)),
-        noise=best.noise,
-        wild=best.wild,
-    )
+        raise BenchError(f"registration: {_unsolved(vjm, series, tried)}")
+    return min(solved, key=lambda one: one.typical)
 
 
 def spread(covariance: Array) -> float:
@@ -128,41 +169,104 @@ def spread(covariance: Array) -> float:
     return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0)))
 
 
-def station_names(data: Dataset) -> list[int]:
-    """Identifiers of the stations that read anything, in order; 1 where the data name none."""
-    if data.station is None:
-        return [1]
-    return [int(name) for name in np.unique(data.station[data.seen.any(axis=1)])]
+def reach(vjm: Vjm, q: Array) -> float:
+    """Median distance of the tool from the arm's base in poses, (poses, n) [rad, m], [m]."""
+    return float(np.median(np.linalg.norm(tool_pose(vjm, q)[0] - vjm.base[:3, 3], axis=1)))
 
 
-def _frames(names: list[int], free: Mask, solved: Solved) -> Iterator[Frame]:
-    first = 0
-    for k, name in enumerate(names):
-        C = np.zeros((6, 6))
-        if free[k]:
-            C, first = solved.covariance[first : first + 6, first : first + 6], first + 6
-        yield Frame(name, solved.found.rotation[k], solved.found.translation[k], C)
+def turning(vjm: Vjm, series: Sequence[Series]) -> list[str]:
+    """Names of the joints that do not stand still."""
+    sizes = np.ptp(np.concatenate([one.q for one in series]), axis=0)
+    return [joint.name for joint, size in zip(vjm.arm.joints, sizes, strict=True) if size > STILL]
 
 
-def _unsolved(vjm: Vjm, data: Dataset, tried: list[Solved]) -> str:
+def _unsolved(vjm: Vjm, series: Sequence[Series], tried: Sequence[object]) -> str:
     """Why no registration was found, and what would help."""
-    if any(one.status == "no convergence" for one in tried):
-        return "registration: no convergence; a wrong unit, order of joints or sign of an angle?"
-    for name in station_names(data):
-        own = data.seen[read_by(data, name)]
-        if own.sum() < LEAST_POINTS:
-            return f"registration: station {name} read {own.sum()} targets; expected at least {LEAST_POINTS}"
-    turning = [
-        j.name for j, size in zip(vjm.arm.joints, np.ptp(data.q, axis=0), strict=True) if size > TURNED
-    ]
+    if DIVERGED in tried:
+        return f"{DIVERGED}; a wrong unit, order of joints or sign of an angle?"
+    for one in series:
+        if one.seen.sum() < LEAST_POINTS:
+            return f"{one.frame} read {one.seen.sum()} targets; expected at least {LEAST_POINTS}"
+    poses = len(np.unique(np.concatenate([one.q for one in series]), axis=0))
     return (
-        f"registration: {len(np.unique(data.q, axis=0))} poses, in which {', '.join(turning) or 'no joint'} "
-        f"turns, leave a frame or a target open; expected at least {POSES} poses that turn three joints, or "
-        "nominal positions of all targets"
+        f"{poses} poses, in which {', '.join(turning(vjm, series)) or 'no joint'} turns, leave a frame or a "
+        f"target open; expected at least {POSES} poses that turn three joints, or nominal positions of all "
+        "targets"
     )
 
 
-def nominal_targets(vjm: Vjm, markers: tuple[str, ...]) -> Array:
-    """Where the arm's folder has the targets, tool's frame, (m, 3) [m]; NaN for those that it lacks."""
-    have = dict(zip(vjm.arm.markers, vjm.markers, strict=True))
-    return np.array([have.get(name, np.full(3, np.nan)) for name in markers])
+def _refined(seen: Means, start: Registration) -> Registration | str:
+    """Gauss-Newton from a start; `OPEN` when readings and nominal targets leave a direction without bound."""
+    at, free, noise, kept = start.layout, start.free, start.noise, None
+    values, V = np.linalg.eigh(seen.covariance)
+    for k in range(MOST_STEPS):
+        e, J = residuals(seen, at), _jacobian(seen, at, free)
+        root = V.swapaxes(1, 2) / np.sqrt(values + noise**2)[..., None]
+        u = np.matvec(root, e)
+        pull = FRAMES.pull(np.linalg.norm(u, axis=1)) * (True if kept is None else kept)
+        A = (root @ J).reshape(-1, J.shape[2])
+        weighted = np.repeat(pull, 3)[:, None] * A
+        information, held = weighted.T @ A, _held(start.nominal - at.targets, A.shape[1])
+        P = _inverse(information + np.diag(held[0]))
+        if P is None:
+            return OPEN
+        step, before = P @ (weighted.T @ u.ravel() + held[0] * held[1]), noise
+        at = _moved(at, free, step)
+        if kept is None and (np.abs(step).max() < NEAR or k == FAR_STEPS):
+            kept = _plausible(e)
+        if kept is not None:
+            spare = 3 * kept.sum() - float(np.sum(P * information))
+            along = np.einsum("nxk,nx->nk", V, e)[kept]
+            noise = FRAMES.spread(along, values[kept], spare / along.size) if spare >= SPARE else ASSUMED
+            if np.abs(step).max() < STEP and abs(noise - before) <= SAME * noise:
+                distance, wild = np.linalg.norm(e, axis=1), int((pull < 1).sum())
+                return replace(start, layout=at, covariance=P, distance=distance, noise=noise, wild=wild)
+    return DIVERGED
+
+
+def _plausible(residual: Array) -> Mask:
+    """Readings that are not far off all others, by their residuals, (n, 3) [m]."""
+    length = np.linalg.norm(residual, axis=1)
+    return np.asarray(length <= FAR * max(float(np.median(length)), ASSUMED))
+
+
+def _held(off: Array, size: int) -> tuple[Array, Array]:
+    """Weights of the nominal targets and their distances, of all unknowns: none of frames and new targets.
+
+    Beyond the bend a nominal position pulls no harder either: it is wrong, not rough.
+    """
+    length = np.linalg.norm(off, axis=1, keepdims=True) / ROUGH
+    weight, frames = np.where(np.isfinite(off), FRAMES.pull(length), 0) / ROUGH**2, (size - off.size, 0)
+    return np.pad(weight.ravel(), frames), np.pad(np.nan_to_num(off).ravel(), frames)
+
+
+def _jacobian(seen: Means, at: Layout, free: Mask) -> Array:
+    """Change of modelled readings with turn and shift of free frames and with targets, (n, 3, k)."""
+    R, n = at.rotation[seen.frame], np.arange(len(seen.frame))
+    J = np.zeros((len(n), 3, 6 * len(free) + at.targets.size))
+    turned = R @ np.cross(np.eye(3), points(seen, at.targets)[:, None]).swapaxes(1, 2)
+    for axis in range(3):
+        J[n, :, 6 * seen.frame + axis] = turned[:, :, axis]
+        J[n, axis, 6 * seen.frame + 3 + axis] = 1.0
+        J[n, :, 6 * len(free) + 3 * seen.target + axis] = (R @ seen.rotation)[:, :, axis]
+    return J[:, :, np.concatenate([np.repeat(free, 6), np.ones(at.targets.size, dtype=bool)])]
+
+
+def _moved(at: Layout, free: Mask, step: Array) -> Layout:
+    """Frames turned about their own axes and shifted, targets shifted, by a step of the free unknowns."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
+
+    frames, targets = np.split(step, [6 * free.sum()])
+    rotation, translation = at.rotation.copy(), at.translation.copy()
+    rotation[free] = rotation[free] @ Rotation.from_rotvec(frames.reshape(-1, 6)[:, :3]).as_matrix()
+    translation[free] += frames.reshape(-1, 6)[:, 3:]
+    return Layout(rotation, translation, at.targets + targets.reshape(-1, 3))
+
+
+def _inverse(information: Array) -> Array | None:
+    """Covariance of the unknowns; None where one of their directions is not seen."""
+    size = np.sqrt(np.diag(information))
+    if not size.all():
+        return None
+    values, V = np.linalg.eigh(information / np.outer(size, size))
+    return None if values[0] < SINGULAR else np.asarray((V / values) @ V.T / np.outer(size, size))

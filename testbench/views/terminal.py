@@ -11,6 +11,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from testbench.errors import shown, word
+from testbench.output.next_step import next_lines
 from testbench.trials.spread import Spread
 from testbench.views.markdown import Told
 from testbench.views.markdown import as_plain as as_plain
@@ -131,11 +132,12 @@ def print_statements(console: Console, words: Told, where: str = MORE) -> None:
         console.print(f" {len(words.block('more').splitlines())} more {where}")
 
 
-def looked_at(out: Path) -> list[str]:
-    """Where page and recording of a run are, and how to open them."""
+def looked_at(out: Path, **known: str | Path) -> list[str]:
+    """Where page and recording of a run are, how to open them, and what comes next (`next_lines`)."""
     return [
         f"page       {out / 'report.html'}: opens in any browser",
         f"recording  {out / 'recording.rrd'}; open it with: testbench view {word(out)}",
+        *next_lines(out, **known),
     ]
 
 

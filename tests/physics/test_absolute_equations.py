@@ -9,14 +9,14 @@ from scipy.linalg import helmert
 
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.data.series import select_rows
+from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.evidence import Learnt, choice, learn, usual
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import Inner, eliminate
-from testbench.identify.absolute.intervals import deviations_root, placed
 from testbench.identify.absolute.noise import Noise, plan_of, roots
+from testbench.identify.absolute.posterior import posterior_of, registered
 from testbench.identify.absolute.reduced import Point, Weighting, reduce
 from testbench.identify.absolute.scatter import single
-from testbench.identify.absolute.shared import aligned
 from testbench.identify.absolute.state import nominal, tell
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.metric import metric
@@ -185,7 +185,7 @@ def test_a_posterior_is_what_the_readings_tell_and_the_prior_which_ties_geometry
     """So is the covariance of which intervals are made, in the units of the arm."""
     found = calibrated
     assert np.abs(found.chosen.learnt.factor - 1).max() > 0.02  # or nothing would tell it from its square
-    own, root = found.own, deviations_root(found)
+    own, root = found.own, posterior_of(found).root.T
     information = found.information[np.ix_(own.columns, own.columns)]
     size = np.sqrt(np.diag(np.linalg.inv(root @ root.T)))
     prior = (np.linalg.inv(root @ root.T) - information) / size / size[:, None]
@@ -196,15 +196,17 @@ def test_a_posterior_is_what_the_readings_tell_and_the_prior_which_ties_geometry
 
 
 def test_a_frame_goes_with_the_arm_as_the_precision_of_a_calibration_couples_them(calibrated):
-    """Given the arm its covariance is P_ff^-1, and it moves by P_ff^-1 P_fa with what the arm is off."""
+    """Given the arm its covariance is P_ff^-1, and it moves by -P_ff^-1 P_fa with what the arm is off."""
     f, root = calibrated.own.unknowns.starts["geometry"], calibrated.root
     P = root.T @ root
-    found = placed(calibrated, calibrated.series[0])
+    W = registered(calibrated, calibrated.series[0]).posterior.root
+    back = np.linalg.solve(calibrated.own.elastic.L, W[:, calibrated.own.rigid :].T).T
+    W = np.hstack([W[:, : calibrated.own.rigid], back])  # compliances in the metric
     size = np.sqrt(np.diag(P)[:f])
     dense = np.linalg.inv(P[:f, :f] / size / size[:, None]) / size / size[:, None]
-    scale = np.sqrt(np.diag(dense))
+    taken = np.linalg.lstsq(W[:, f:], W[:, :f])[0].T
+    np.testing.assert_allclose(taken, -dense @ P[:f, f:], rtol=1e-4, atol=1e-6 * np.abs(taken).max())
+    left, scale = W[:, :f] - W[:, f:] @ taken.T, np.sqrt(np.diag(dense))
     np.testing.assert_allclose(
-        found.covariance / scale / scale[:, None], dense / scale / scale[:, None], atol=1e-6
+        left.T @ left / scale / scale[:, None], dense / scale / scale[:, None], atol=1e-6
     )
-    taken = dense @ P[:f, f:]
-    np.testing.assert_allclose(found.taken, taken, rtol=1e-4, atol=1e-6 * np.abs(taken).max())

@@ -9,15 +9,14 @@ from testbench.campaign.campaign import stream
 from testbench.campaign.candidates import Conditions, build_checks, find
 from testbench.campaign.plan import around, left_open, union_of
 from testbench.campaign.plan_settings import PlanSettings
+from testbench.campaign.unobservable import quantities, sentences, unobservable
 from testbench.design import absolute
 from testbench.design.criteria import mean_square
 from testbench.design.exchange import exchange, greedy
 from testbench.design.rows import information as of_plan
 from testbench.identify.absolute.pull import information, pull_of
-from testbench.identify.absolute.quantities import quantities
-from testbench.identify.absolute.seen import Hidden, hidden
-from testbench.identify.absolute.seen_words import sentences
 from testbench.identify.absolute.state import targets, tell
+from testbench.identify.observability import Hidden, hidden
 
 POSES = 12
 ASKED = PlanSettings(absolute=True, criterion="I", model="Joints", poses=POSES, orders=1, loads_kg=(300.0,))
@@ -118,12 +117,10 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other(uni
         next(i for i in quantities(unknowns) if i.name == name)
         for name in ("joint_3's offset", "joint_6's compliance")
     )
-    root = union.L
-    scale = [1 / np.linalg.norm(i.H @ root) for i in (one, other)]
-    both = scale[0] * one.H[0] + scale[1] * other.H[0]
-    found = hidden(unknowns, k * np.outer(both, both), np.diag(np.diag(root @ root.T)))
-    behind = [i for i in found if i.kind == "behind"]
-    assert [(i.what, i.behind) for i in behind] in (
+    L = np.diag(np.sqrt(np.diag(union.L @ union.L.T)))
+    both = sum(i.H[0] @ L / np.linalg.norm(i.H @ union.L) for i in (one, other))
+    found = hidden(quantities(unknowns), L, k * np.outer(both, both), np.zeros((len(L), 0)))
+    assert [(i.name, i.behind) for i in found if i.behind] in (
         [("joint_3's offset", ("joint_6's compliance",))],
         [("joint_6's compliance", ("joint_3's offset",))],
     )
@@ -131,29 +128,29 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other(uni
 
 def test_what_is_taken_to_be_zero_is_not_spoken_of(union, poses):
     unknowns, q = union.unknowns, poses[:POSES]
-    prior = np.diag(union.L @ union.L.T).copy()
+    prior = np.diag(np.diag(union.L @ union.L.T))
     prior[unknowns.columns("errors")] = 0
     series = absolute.at(union, q)
     pull = pull_of(unknowns, union.state, (series,))
     tells = information(unknowns, union.state, series)
-    said = " ".join(sentences(hidden(unknowns, tells, prior, pull)))
+    said = " ".join(unobservable(unknowns, tells, prior, pull))
     assert "12 directions" in said
     assert "error" not in said
-    assert "joint_6's compliance" in " ".join(sentences(hidden(unknowns, 0 * tells, prior, pull)))
+    assert "joint_6's compliance" in " ".join(unobservable(unknowns, 0 * tells, prior, pull))
 
 
 def test_errors_of_a_joint_are_said_together():
-    def one(what, *behind, kind="behind", share=0.6):
-        return Hidden(kind, what, behind, share, 0.9, "turn swing more")
+    def one(name, *behind, share=0.6):
+        return Hidden(name, behind, share, 0.9, helps=0)
 
     found = [
         one("swing's error of order 1", "the frame of A", "swing's error of order 2"),
         one("swing's error of orders 3 to 4", "swing's error of order 2"),
         one("swing's error of orders 5 to 7", "swing's error of orders 3 to 4", share=0.8),
-        *(one(f"swing's error of order {k}", kind="unseen", share=0.9) for k in (8, 9, 10)),
-        one("boom's error of order 1", kind="unseen", share=0.7),
+        *(one(f"swing's error of order {k}", share=0.9) for k in (8, 9, 10)),
+        one("boom's error of order 1", share=0.7),
     ]
-    first, second, third = sentences(found)
+    first, second, third = sentences(found, ["swing", "boom"])
     assert first == (
         "swing's error of order 1 hides behind the frame of A and swing's error of order 2 "
         "(correlation 0.90, 60 % of its prior variance left): turn swing more"

@@ -8,11 +8,11 @@ import pytest
 from testbench import cad_prior, completed_least_squares, deflections, gco, least_squares, robust, with_prior
 from testbench.campaign.campaign import Scenario
 from testbench.campaign.campaign import simulate as calibrate
+from testbench.campaign.measurement_schemes import imagined
 from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.errors import BenchError
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import sensitivity_units
-from testbench.identify.identifiability_help import imagined
 from testbench.identify.least_squares import NONE, PROVEN, free_directions, least_shift, minimum_norm
 from testbench.model.structure import free36, joints_only, mgco147, template56
 

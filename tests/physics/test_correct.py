@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 import testbench as tb
-from testbench.correct.arm_model import About, bending, of_compliances, of_estimate
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import Aim, Target, correct
+from testbench.correct.newton import Aim, Target, asked, correct
 from testbench.correct.rest import rest
 from testbench.correct.step import SMALL
-from testbench.correct.sure import Stand, half_widths
-from testbench.correct.target import asked
+from testbench.correct.uncertainty import Poses, half_widths
 from testbench.errors import BenchError, NoEquilibrium
-from testbench.identify.intervals import Linearised
+from testbench.identify.arm_model import About, bending, of_compliances, of_estimate
+from testbench.identify.posterior import Posterior
 from testbench.model.load import Load
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
@@ -171,9 +170,7 @@ def known(kr500, state):
     """The arm, known without a doubt."""
     structure = all153(kr500.arm)
     pi = structure.entries(state.C_theta)
-    sure = Linearised(
-        pi, np.zeros((1, len(pi))), np.zeros((0, len(pi))), np.ones(len(pi)), np.inf, 0.0, on_boundary=False
-    )
+    sure = Posterior.normal(pi, np.zeros((1, len(pi))))
     return of_compliances(state, structure, sure, About("known"))
 
 
@@ -217,8 +214,8 @@ def test_half_widths_are_those_of_the_estimate(kr500):
     model = of_estimate(kr500.vjm, estimate, read_weights(kr500.arm))
     q = campaign.truth.q[:40]
     load = [Load(campaign.truth.wrench[:40], campaign.truth.point[:40])]
-    half = half_widths(model, Stand(q, load), Stand(q), kr500.vjm.markers)
+    half = half_widths(model, Poses(q, load), Poses(q), kr500.vjm.markers)
     own = tb.intervals(kr500.vjm, estimate, campaign.truth)
     assert np.allclose(half, ((own.upper - own.lower) / 2)[:40], rtol=0.1)  # linear at the unbent arm
     with pytest.raises(BenchError, match="expected an absolute model"):
-        half_widths(model, Stand(q, load), None, kr500.vjm.markers)
+        half_widths(model, Poses(q, load), None, kr500.vjm.markers)

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.correct.arm_model import About, bending, of_compliances
+from testbench.campaign.program_words import direction_words, extrapolated
 from testbench.correct.beyond import extent
 from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
-from testbench.correct.stiffness import direction_words, give_halves, stiffness
-from testbench.correct.sure import Stand, half_widths, rows_between
-from testbench.identify.intervals import CURVED, Linearised
+from testbench.correct.stiffness import give_halves, stiffness
+from testbench.correct.uncertainty import Poses, half_widths, rows_between
+from testbench.identify.absolute.noise import Noise
+from testbench.identify.arm_model import About, bending, of_compliances
+from testbench.identify.posterior import CURVED, Posterior
 from testbench.model.load import Load
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose
@@ -26,7 +28,7 @@ def sure_of(structure, state, unseen=None):
     """A belief of 1 % in every entry, and rows that nothing has seen."""
     pi = structure.entries(state.C_theta)
     rows = np.zeros((0, structure.n)) if unseen is None else unseen
-    return Linearised(pi, np.diag(0.01 * np.abs(pi)), rows, np.abs(pi) + 1e-30, np.inf, 0.0, False)
+    return Posterior(pi, np.diag(0.01 * np.abs(pi)), rows, np.abs(pi) + 1e-30)
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +99,7 @@ def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses)
     """The first joint was not seen: a load along its axis, at a bent arm too, needs it not."""
     structure = model.structure
     first = np.eye(structure.n)[[structure.entries(np.diag(np.arange(48) == 42)).argmax()]]
-    blind = replace(model, spread=sure_of(structure, model.state, first))
+    blind = replace(model, posterior=sure_of(structure, model.state, first))
     down, aside = (
         predict(blind, poses, [Load(np.array([*f, 0, 0, 0]), model.vjm.load)])
         for f in ((0, 0, -4500.0), (0, 4500.0, 0))
@@ -111,9 +113,7 @@ def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses)
 def test_positions_have_intervals_where_they_were_calibrated(model, poses, load):
     """The scatter of a position is in its own interval; in that of a deflection it cancels."""
     assert np.isinf(predict(model, poses, [load]).position_half).all()
-    calm, rough = (
-        predict(replace(model, absolute=True, scatter=scatter), poses, [load]) for scatter in (0.0, 3e-4)
-    )
+    calm, rough = (predict(replace(model, noise=Noise(scatter)), poses, [load]) for scatter in (0.0, 3e-4))
     more = rough.position_half**2 - calm.position_half**2
     np.testing.assert_allclose(more, (1.96 * 3e-4) ** 2, rtol=1e-3)
     assert np.array_equal(rough.half, calm.half)
@@ -125,10 +125,10 @@ def test_loads_beyond_the_data_are_said_with_their_number(model, poses):
     assert found.force == pytest.approx(4200)
     assert found.force_ratio == pytest.approx(2.1)
     assert found.moment <= 420.0 + 1e-9
-    assert found.sentences == (
+    assert extrapolated(found) == (
         "extrapolated: 4,200 N are 2.1 times the largest force that the model was identified under",
     )
-    assert not extent(model, poses, [Load(pull.wrench / 2.1, pull.point)]).sentences
+    assert not extrapolated(extent(model, poses, [Load(pull.wrench / 2.1, pull.point)]))
 
 
 @pytest.mark.parametrize(
@@ -149,13 +149,13 @@ def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(model, 
     halves = give_halves(model, poses[:2], tool, 700.0)
     for k, q in enumerate(poses[:2, None]):
         for axis, half in zip(tool.axes[k].T, halves[k], strict=True):
-            pushed = Stand(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
-            assert half == pytest.approx(half_widths(model, pushed, Stand(q), np.zeros((1, 3))).max())
+            pushed = Poses(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
+            assert half == pytest.approx(half_widths(model, pushed, Poses(q), np.zeros((1, 3))).max())
 
 
 def test_what_a_linear_model_leaves_out_counts_once_and_twice_where_it_predicts_linearly(model, poses, load):
     """Of compliances that are known nothing else is open; a linear fit put as much elsewhere."""
-    known = replace(model, spread=replace(model.spread, root=np.zeros((1, len(model.spread.pi)))))
+    known = replace(model, posterior=replace(model.posterior, root=np.zeros((1, len(model.posterior.x)))))
     straight, bent = (predict(known, poses, [load], linear=linear) for linear in (True, False))
     left_out = np.abs(straight.deflection - bent.deflection)
     for found, times in ((bent, 1), (straight, CURVED)):
@@ -166,7 +166,7 @@ def test_what_a_linear_model_leaves_out_counts_once_and_twice_where_it_predicts_
 def test_rows_of_compliances_add_up_to_how_far_loads_bend_the_arm(model, poses, load, heavy):
     """Deflections are linear in them, to first order: from the arm at rest, or as drawn."""
     point = np.array([[0.2, -0.1, 0.3]])
-    found = rows_between(model, Stand(poses, [load], heavy), None, point)[:, 0] @ model.spread.pi
+    found = rows_between(model, Poses(poses, [load], heavy), None, point)[:, 0] @ model.posterior.x
     p, R = tool_pose(model.vjm, poses)
     before = p + R @ point[0] if heavy else rest(model.state, poses).at(point[0])
     bent = rest(model.state, poses, [load]).at(point[0]) - before

@@ -4,17 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from unsure import AIM, FORCE, RIGID, TIP, Q, spread, state_of, unsure, unsure_everywhere
+from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_everywhere
 
-from testbench.correct.arm_model import About
+from testbench.campaign.program_words import extrapolated
 from testbench.correct.beyond import extent
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import Aim, correct
-from testbench.correct.open import most_open
+from testbench.correct.newton import Aim, asked, correct
 from testbench.correct.rest import rest
-from testbench.correct.sure import Stand, fitted_half_widths, half_widths, rows_between
-from testbench.correct.target import asked
+from testbench.correct.uncertainty import Poses, fitted_half_widths, half_widths, most_open, rows_between
 from testbench.errors import BenchError
+from testbench.identify.arm_model import About
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose
 from testbench.plant import settle
@@ -38,7 +37,7 @@ def absolute(kr500):
 def test_rows_are_how_positions_move_with_what_is_unsure(absolute, column):
     """Of geometry, joint errors and compliances: differences of the bent arm's tip, but for second order."""
     q = Q[None]
-    row = rows_between(absolute, Stand(q, [FORCE]), None, TIP[None])[0, 0, :, column]
+    row = rows_between(absolute, Poses(q, [FORCE]), None, TIP[None])[0, 0, :, column]
     x, tips = absolute.unknowns.current(absolute.state), []
     step = 1e-5 if column < RIGID else 1e-3 * max(abs(x[column]), 1e-7)
     for sign in (1, -1):
@@ -52,15 +51,15 @@ def test_rows_are_how_positions_move_with_what_is_unsure(absolute, column):
 def test_what_points_share_goes_with_a_frame_that_is_fitted_to_them(absolute):
     q = Q + np.random.default_rng(6).uniform(-0.1, 0.1, (POINTS, 6))
     q[:, 0] = 0.3
-    stand = Stand(q, [FORCE])
+    stand = Poses(q, [FORCE])
     whole, left = (
         half_widths(absolute, stand, None, TIP[None])[:, 0],
         fitted_half_widths(absolute, stand, TIP),
     )
     assert np.median(left) < 0.6 * np.median(whole)
-    base = np.zeros((1, len(absolute.spread.root[0])))
+    base = np.zeros((1, len(absolute.posterior.root[0])))
     base[0, 3:6] = 1e-3  # a turn of link 1's end, joint 1 at rest: all go round as one
-    turned = replace(absolute, spread=spread(absolute.spread.pi, base))
+    turned = replace(absolute, posterior=normal(absolute.posterior.x, base))
     assert fitted_half_widths(turned, stand, TIP).max() < 1e-6
     assert half_widths(turned, stand, None, TIP[None]).max() > 1e-3
 
@@ -91,20 +90,20 @@ def test_a_point_where_nothing_acts_stays_as_it_is_to_the_last_digit(known):
 def test_the_part_that_is_named_is_the_one_whose_knowledge_helps(kr500, known):
     """Two joints whose errors cancel leave nothing open between them, however unsure each is by itself."""
     q = Q + np.random.default_rng(7).uniform(-0.2, 0.2, (POINTS, 6))
-    pi, columns = known.spread.pi, len(known.spread.pi)
+    pi, columns = known.posterior.x, len(known.posterior.x)
     joint = {name: columns - 6 + k for k, name in enumerate(j.name for j in kr500.arm.joints)}
     root = np.zeros((1, columns))
     root[0, joint["joint_2"]] = 1e-7
-    open_ = most_open(replace(known, spread=spread(pi, root)), q, [FORCE], TIP, absolute=False)
+    open_ = most_open(replace(known, posterior=normal(pi, root)), q, [FORCE], TIP, absolute=False)
     assert (open_.name, open_.joint) == ("joint_2", True)
     assert open_.share == pytest.approx(1)
     unseen = np.zeros((1, columns))
     unseen[0, joint["joint_1"]] = 1
-    blind = replace(known, spread=spread(pi, root, unseen))
+    blind = replace(known, posterior=normal(pi, root, unseen))
     assert most_open(blind, q, [FORCE], TIP, absolute=False).name == "joint_1"
     both = np.diag([0.0] * columns)
     both[0, joint["joint_2"]] = both[1, joint["joint_3"]] = 1e-7
-    alike = most_open(replace(known, spread=spread(pi, both)), q, [FORCE], TIP, absolute=False)
+    alike = most_open(replace(known, posterior=normal(pi, both)), q, [FORCE], TIP, absolute=False)
     assert alike is None or alike.name in ("joint_2", "joint_3")
 
 
@@ -112,15 +111,15 @@ def test_loads_beyond_those_of_the_identification_are_said_even_where_these_were
     q = Q[None]
     size = float(np.linalg.norm(FORCE.wrench[:3]))
     half = replace(known, about=About("made up", force=size / 2, moment=1e9))
-    assert "2.0 times the largest force" in extent(half, q, [FORCE]).sentences[0]
+    assert "2.0 times the largest force" in extrapolated(extent(half, q, [FORCE]))[0]
     none = replace(known, about=About("made up", force=0.0, moment=0.0))
-    assert "under own weight alone" in extent(none, q, [FORCE]).sentences[0]
-    assert not extent(replace(known, about=About("made up")), q, [FORCE]).sentences
+    assert "under own weight alone" in extrapolated(extent(none, q, [FORCE]))[0]
+    assert not extrapolated(extent(replace(known, about=About("made up")), q, [FORCE]))
     lever = np.cross(tool_pose(known.vjm, q)[1][0] @ TIP, FORCE.wrench[:3])
     held = Load(np.concatenate([FORCE.wrench[:3], -lever]), TIP)  # its moment about the tool's origin is zero
     assert extent(known, q, [held]).moment < 1e-9
     heavy = Load(np.array([0, 0, -2 * 9.81 * kr500.arm.payload, 0, 0, 0]), TIP)
-    assert "2.0 times the payload" in extent(known, q, [heavy]).sentences[0]
+    assert "2.0 times the payload" in extrapolated(extent(known, q, [heavy]))[0]
 
 
 #: Near a stretched elbow and wrist: how a path was once torn between two ways to take a point.

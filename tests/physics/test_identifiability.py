@@ -8,11 +8,11 @@ import pytest
 from loads import axis_loads
 
 from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.identifiability import describe, tasks
+from testbench.campaign.measurement_schemes import REPEAT, imagined, more_poses
 from testbench.commands.identifiability import report as said
 from testbench.errors import BenchError
 from testbench.identify.fold import reduce
-from testbench.identify.identifiability import describe
-from testbench.identify.identifiability_help import REPEAT, imagined, more_poses, tasks
 from testbench.identify.metric import metric, whitened
 from testbench.identify.prior import Prior, Strength, cad_prior
 from testbench.identify.regression import generic_rows, non_redundant, rank
@@ -157,7 +157,7 @@ def test_expected_error_is_that_of_draws_from_prior_and_noise(kr500, gravity):
     y = x @ A.T + rng.standard_normal((draws, len(A)))
     both = np.vstack([A, np.eye(n) / 0.3]), np.vstack([y.T, np.zeros((n, draws))])
     found = np.linalg.lstsq(*both, rcond=None)[0].T
-    wrong = np.einsum("pin,dn->dpi", tasks(kr500.vjm, gravity, m).rows, found - x)
+    wrong = np.einsum("pmin,dn->dpmi", tasks(kr500.vjm, gravity, structure) @ m.L, found - x)
     rms = np.sqrt(3 * (wrong**2).mean())
     # 2000 draws of at least ten effective directions: relative sd of the RMS below 1 %; 4 sd
     assert report.error == pytest.approx(rms, rel=0.04)

@@ -4,7 +4,6 @@ Truths are drawn, then their readings; where a truth lies in the law that is sta
 """
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,22 +13,21 @@ from scipy.stats import kstest, norm
 from scipy.stats import t as student
 from unsure import AIM, FORCE, TIP, Q, drawn_state, unsure, unsure_everywhere
 
-from testbench.campaign.absolute_model import belief_of
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import Scenario, clear_poses, simulate, stream
+from testbench.campaign.named_parameters import intervals
 from testbench.correct.compensated import compensate
+from testbench.correct.newton import asked
 from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
-from testbench.correct.target import asked
 from testbench.identify import least_squares, reduce
 from testbench.identify.absolute.fit import Options, calibrate
-from testbench.identify.absolute.intervals import Z, deviations_root, intervals, own_values
-from testbench.identify.absolute.posterior import place
+from testbench.identify.absolute.posterior import deviations_root, model_of, place, posterior_of
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.intervals import Linearised, linearise
 from testbench.identify.metric import Belief, metric
+from testbench.identify.posterior import Posterior, linearise
 from testbench.identify.prior import Strength, cad_prior
-from testbench.identify.regularised import fit_reduced
+from testbench.identify.solve import solve
 from testbench.identify.weighed import marker_points
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import chain, observation
@@ -39,6 +37,7 @@ from testbench.studies.absolute_calibration.trial import check
 from testbench.studies.estimators.bootstrap import resampler
 
 LEVEL, DRAWS = 1e-6, 300  #: Of false alarms; truths drawn.
+Z = norm.ppf(0.975)  #: Half of an interval of 95 % over a standard deviation.
 SEEDS = range(501, 507)
 ON = frozenset({"joint springs", "links", "joint errors"})
 ASKED = AbsoluteCampaign(poses=100, disturbances=replace(REAL_ARM, gear=GearErrors(orders=4)))
@@ -98,7 +97,7 @@ def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr
     back, z = np.linalg.inv(own.L), []
     for row in rows_of(kr500, s, campaign.truth):
         x = own.expected * (1 + scale * rng.standard_normal()) + size * rng.standard_normal(s.n)
-        found = fit_reduced(again(own.L @ x, rng), "none", Belief(own, strength))
+        found = solve(again(own.L @ x, rng), "none", Belief(own, strength))
         any_, some = rng.standard_normal((2, s.n)) * [np.ones(s.n), own.couplings]
         a = np.vstack([row, any_ @ back, some @ back, own.expected @ back])
         z.append(a @ (found.pi - own.L @ x) / linearise(found).deviations(a))
@@ -111,12 +110,12 @@ def test_calibrate_is_as_sure_of_geometry_and_joints_as_its_errors_are_large(arm
     z, told = [], []
     for _, _, truth, own in arms:
         unknowns, columns = own.own.unknowns, own.own.columns
-        true, found = unknowns.current(true_state(own.state, truth)), own_values(own)
+        true, found = unknowns.current(true_state(own.state, truth))[columns], posterior_of(own)
         rigid = np.r_[unknowns.columns("geometry"), unknowns.columns("errors")]
-        some = np.isin(columns, rigid) & (true[columns] != 0)
+        some = np.isin(columns, rigid) & (true != 0)
         prior = own.chosen.learnt.deviation[columns[some]]
-        W, off = deviations_root(own)[some] / prior[:, None], (true - found)[columns[some]] / prior
-        left, V = np.linalg.eigh(W @ W.T)
+        W, off = found.root[:, some] / prior, (true - found.x)[some] / prior
+        left, V = np.linalg.eigh(W.T @ W)
         z.extend(V.T @ off / np.sqrt(left))
         told.extend(left < 0.5)
     assert len(z) == 78 * len(arms)
@@ -197,7 +196,7 @@ def test_the_truth_is_an_answer_to_readings_without_noise(kr500):
     series, truth = simulate_series(kr500, EXACT, 3)
     own = calibrate(kr500.vjm, series, cad_prior(kr500.arm), Options(orders=4, only=ON))
     true = true_state(own.state, truth)
-    here = place(true, belief_of(own), series[0], np.arange(series[0].rows))
+    here = place(replace(model_of(own), state=true), series[0], np.arange(series[0].rows))
     assert np.sqrt(np.mean(np.square(residuals(here.state, series[0])))) < 3e-6
 
 
@@ -223,10 +222,9 @@ def test_compliances_of_a_coupled_prior_vary_as_their_metric_says(rng):
         np.triu(rng.normal(size=(7, 7))) + 3 * np.eye(7),
         np.tril(rng.normal(size=(4, 4))) + 2 * np.eye(4),
     )
-    own = SimpleNamespace(rigid=3, columns=np.arange(7), elastic=SimpleNamespace(L=L))
-    W = deviations_root(SimpleNamespace(own=own, root=root))
+    W = deviations_root(root, L)
     M = block_diag(np.eye(3), L)
-    np.testing.assert_allclose(W @ W.T, M @ np.linalg.inv(root.T @ root) @ M.T, rtol=1e-9)
+    np.testing.assert_allclose(W.T @ W, M @ np.linalg.inv(root.T @ root) @ M.T, rtol=1e-9)
 
 
 def test_a_prior_that_is_hardly_believed_takes_no_bound_from_what_readings_show(kr500, rng):
@@ -235,7 +233,7 @@ def test_a_prior_that_is_hardly_believed_takes_no_bound_from_what_readings_show(
     data = replace(campaign.identification, sigma=1e-8)
     own = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
     regression = reduce(kr500.vjm, own.structure, data)
-    found = linearise(fit_reduced(regression, "none", Belief(own, Strength(1e6))))
+    found = linearise(solve(regression, "none", Belief(own, Strength(1e6))))
     where, points = chain(kr500.vjm, data.q), marker_points(kr500.vjm, data.markers)
     rows = observation(where, own.structure, data.wrench, data.point, points).reshape(-1, own.structure.n)
     assert len(found.unseen) > 0
@@ -246,14 +244,12 @@ def test_a_prior_that_is_hardly_believed_takes_no_bound_from_what_readings_show(
 def test_an_interval_is_as_wide_as_noise_by_the_normal_and_the_prior_by_students_distribution(rng):
     """In quadrature: neither hides the other, and each alone is its own quantile."""
     noise, prior = rng.normal(size=(2, 4, 6))
-    own = Linearised(
+    own = Posterior(
         np.zeros(6),
         np.vstack([noise, prior]),
         np.zeros((0, 6)),
         np.ones(6),
-        3.0,
-        0.0,
-        on_boundary=False,
+        tail=3.0,
         heavy=4,
     )
     a = rng.normal(size=(5, 6))

@@ -9,20 +9,28 @@ from scipy.stats import chi2
 from serial_arms import write_arm
 
 from testbench.campaign.campaign import Scenario, build_cell, simulate
+from testbench.campaign.registration_notes import registration_notes
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify import gco
+from testbench.identify.closed_form import MOST, means
 from testbench.identify.evaluate import deflections
-from testbench.identify.frames import MOST
-from testbench.identify.frames import unloaded as run_means
 from testbench.identify.method import with_prior
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.registered import LOOSE, in_base, registered
-from testbench.identify.registration import Frame, register
+from testbench.identify.registered import unloaded as series_of_stations
+from testbench.identify.registration import Frame
+from testbench.identify.registration import register as register_series
 from testbench.model.structure import mgco68
 from testbench.model.vjm import tool_pose
 
 FINE = 1e-7  #: Noise said of exact readings [m]: nominal positions then pull by less than 1e-11 m.
+
+
+def register(vjm, data, given=None):
+    """Frames and targets of a dataset, expected where the model has its targets."""
+    nominal = dict(zip(vjm.arm.markers, vjm.markers, strict=True))
+    return register_series(vjm, series_of_stations(data), nominal, given)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +88,7 @@ def test_exact_readings_give_back_frames_and_targets(arm, targets, stations, nam
     R, t = frames(rng, stations)
     found = register(vjm, read(data, R, t))
     np.testing.assert_allclose(found.targets, cell.vjm.markers[:targets], rtol=0, atol=1e-9)
-    for k, frame in enumerate(found.frames):
+    for k, frame in enumerate(found.frames.values()):
         np.testing.assert_allclose(frame.rotation, R[k], rtol=0, atol=1e-9)
         np.testing.assert_allclose(frame.translation, t[k], rtol=0, atol=1e-9)
     back = registered(vjm, read(data, R, t))
@@ -93,7 +101,7 @@ def test_exact_readings_give_back_frames_and_targets(arm, targets, stations, nam
 def errors(found, vjm, R, t):
     parts = [
         (Rotation.from_matrix(R[k].T @ frame.rotation).as_rotvec(), frame.translation - t[k])
-        for k, frame in enumerate(found.frames)
+        for k, frame in enumerate(found.frames.values())
     ]
     return np.concatenate([*np.ravel(parts).reshape(-1, 6), (found.targets - vjm.markers).ravel()])
 
@@ -138,7 +146,9 @@ def test_same_pose_again_tells_less_noise_of_the_tracker_and_nothing_else(kr500,
     few, many = register(vjm, data), register(vjm, more)
     np.testing.assert_allclose(many.targets, few.targets, rtol=0, atol=1e-9)
     np.testing.assert_allclose(many.covariance, few.covariance, rtol=1e-4)
-    np.testing.assert_allclose(run_means(vjm, more).covariance[0], FINE**2 / 3 * np.eye(3), rtol=1e-12)
+    np.testing.assert_allclose(
+        means(vjm, series_of_stations(more)).covariance[0], FINE**2 / 3 * np.eye(3), rtol=1e-12
+    )
 
 
 def test_stations_of_lost_or_of_too_few_readings(kr500, rng):
@@ -148,7 +158,7 @@ def test_stations_of_lost_or_of_too_few_readings(kr500, rng):
     P = np.tile(np.eye(3) / FINE**2, (10, 3, 1, 1))
     P[9] = 0
     found = registered(vjm, replace(read(data, *frames(rng, 3)), precision=P))
-    assert [frame.station for frame in found.registration.frames] == [1]
+    assert list(found.registration.frames) == ["station 1"]
     np.testing.assert_allclose(found.data.before[:9], data.before[:9], rtol=0, atol=1e-9)
     P[9, 0] = P[0, 0]
     with pytest.raises(BenchError, match="station 2 read 1 targets; expected at least 3"):
@@ -158,7 +168,7 @@ def test_stations_of_lost_or_of_too_few_readings(kr500, rng):
 def test_many_readings_take_no_longer_than_some(kr500, rng):
     vjm, data = unloaded(kr500, rng, 4000, stations=2, noise=1e-3)
     found = register(vjm, read(data, *frames(rng, 2)))
-    assert found.readings == MOST
+    assert len(found.distance) == MOST
     np.testing.assert_allclose(found.targets, kr500.vjm.markers, rtol=0, atol=1e-4)
 
 
@@ -171,7 +181,7 @@ def test_one_joint_alone_leaves_a_new_target_open(kr500, rng):
 def test_frame_that_is_hardly_known_is_refused_or_the_base(kr500, rng):
     """One pose: three targets 20 mm off tell a rotation to some degrees."""
     vjm, data = unloaded(kr500, rng, 1)
-    (found,) = register(vjm, data).frames
+    (found,) = register(vjm, data).frames.values()
     assert found.deviation > LOOSE
     with pytest.raises(
         BenchError, match=r"frame of station 0 is known to \d\.\d deg only; expected more poses"
@@ -193,7 +203,7 @@ def test_frame_turned_about_the_vertical_is_seen(degrees, kr500, rng):
     R = Rotation.from_rotvec([0, 0, degrees], degrees=True).as_matrix()[None]
     found = registered(vjm, read(data, R, np.zeros((1, 3))))
     assert found.frame == "tracker"
-    assert f"{degrees:.0f}" in f"{np.degrees(found.registration.frames[0].angle):.1f}"
+    assert f"{degrees:.0f}" in f"{np.degrees(found.registration.frames['station 0'].angle):.1f}"
     np.testing.assert_allclose(found.data.before, data.before, rtol=0, atol=2e-3)
 
 
@@ -201,7 +211,7 @@ def test_readings_of_another_arm_are_left_alone_and_said(kr500, rng):
     vjm, data = unloaded(kr500, rng, 10)
     found = registered(vjm, replace(data, q=data.q[:, ::-1].copy()))
     assert found.data.before is data.before
-    assert "in no frame do the unloaded readings fit the arm" in found.notes[0]
+    assert "in no frame do the unloaded readings fit the arm" in registration_notes(found)[0]
 
 
 @pytest.mark.parametrize("choice", ["auto", "base"])
@@ -215,12 +225,12 @@ def test_readings_that_tell_nothing_of_targets_are_left_alone_but_for_new_ones(c
 def test_given_frame_is_taken_and_other_stations_are_found(kr500, rng):
     vjm, data = unloaded(kr500, rng, 12, stations=2, noise=1e-3)
     R, t = frames(rng, 2)
-    given = Frame(1, R[1], t[1], np.zeros((6, 6)))
-    found = registered(vjm, read(data, R, t), (given,)).registration
-    np.testing.assert_array_equal(found.frames[1].rotation, R[1])
-    assert np.linalg.norm(found.frames[0].translation - t[0]) < 3e-3
-    with pytest.raises(BenchError, match=r"frame of station 7: the readings are of stations \[0, 1\]"):
-        register(vjm, data, (replace(given, station=7),))
+    given = Frame(R[1], t[1])
+    found = registered(vjm, read(data, R, t), {"station 1": given}).registration
+    np.testing.assert_array_equal(found.frames["station 1"].rotation, R[1])
+    assert np.linalg.norm(found.frames["station 0"].translation - t[0]) < 3e-3
+    with pytest.raises(BenchError, match="frame of station 7: the readings are of station 0, station 1"):
+        register(vjm, data, {"station 7": given})
 
 
 def test_uncertain_rotation_is_added_to_every_deflection(kr500, rng):
@@ -236,8 +246,7 @@ def test_uncertain_rotation_is_added_to_every_deflection(kr500, rng):
     y = replace(y, precision=np.broadcast_to(np.diag(axes**-2), (*data.before.shape, 3)))
     C = np.zeros((6, 6))
     C[:3, :3] = np.diag([1, 4, 9]) * 1e-6
-    own = replace(found.frames[0], covariance=C)
-    got = np.linalg.inv(in_base(replace(found, frames=(own,)), y).precision[0, 0])
+    got = np.linalg.inv(in_base(replace(found, covariance=C), y).precision[0, 0])
     off = Rotation.from_rotvec(rng.standard_normal((20_000, 3)) * [1e-3, 2e-3, 3e-3])
     drawn = off.apply(data.deflection[0, 0]) + (axes * rng.standard_normal((20_000, 3))) @ R[0]
     np.testing.assert_allclose(got, np.cov(drawn.T), rtol=0, atol=0.05 * got.max())

@@ -8,16 +8,19 @@ import pytest
 from scipy.linalg import block_diag, helmert
 from scipy.spatial.transform import Rotation
 
+from testbench.campaign.named_parameters import functionals
 from testbench.data.series import Series
 from testbench.identify.absolute import evidence as sizes
-from testbench.identify.absolute.intervals import functionals
 from testbench.identify.absolute.noise import Noise, plan_of, roots
-from testbench.identify.absolute.posterior import Belief, place, predict
+from testbench.identify.absolute.posterior import deviations_root, place, predict
 from testbench.identify.absolute.reduced import Point, equations
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import scatter
-from testbench.identify.absolute.state import Frame, Mount, nominal, targets, tell
+from testbench.identify.absolute.state import Mount, nominal, targets, tell
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.arm_model import About, ArmModel
+from testbench.identify.posterior import Posterior
+from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
 from testbench.model.structure import all153, joints_only
 from testbench.model.weights import read_weights
@@ -157,26 +160,25 @@ def test_what_is_left_open_is_found_beside_readings_of_any_covariance(state, rng
 def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, rng):
     """Readings minus model are linear in what nobody knows: the arm, and noise here and before."""
     structure = joints_only(kr500.arm)
-    unknowns = Unknowns(kr500.vjm, (), {}, JointErrors(), structure)
     L = 1e-7 * (np.tril(rng.normal(size=(6, 6))) + 2 * np.eye(6))  # joints give way together
-    own = SimpleNamespace(unknowns=unknowns, columns=np.arange(36), elastic=SimpleNamespace(L=L))
     root = np.triu(rng.normal(size=(36, 36))) + 4 * np.eye(36)
     noise = Noise(OPEN, OPEN_TURN, np.array([0.8, 1, 1, 1]))
-    belief = Belief(own, 1e4 * root, noise)
+    arm = Posterior.normal(np.zeros(36), deviations_root(1e4 * root, L))
+    model = ArmModel(state, structure, np.arange(36), arm, About("made up"), noise)
     series = read_by(state, still(20, rng))
     told, rest = np.arange(9), np.arange(9, 20)
-    found = predict(place(state, belief, series, told), belief, series)
-    np.testing.assert_allclose(found.left, 0, atol=1e-9)
+    left, covariance = predict(model, place(model, series, told), series)
+    np.testing.assert_allclose(left, 0, atol=1e-9)
     every = unknowns_of(kr500.vjm, (series,), JointErrors(), structure)
     A = rows_of(every, state, series).A[0].transpose(2, 0, 1)  # row, axis, unknown
     F, M = A[:, :, :9], A[:, :, 9:] @ block_diag(np.eye(30), L)
     scatter = noise.factor[0] ** 2 * (SIGMA**2 + OPEN**2)
     G = np.linalg.pinv(F[told].reshape(-1, 9))
-    fitted, V = M[told].reshape(-1, 36), np.linalg.inv(belief.root.T @ belief.root)
+    fitted, V = M[told].reshape(-1, 36), np.linalg.inv(1e8 * root.T @ root)
     for row in rest:
         arm = M[row] - F[row] @ G @ fitted
         dense = arm @ V @ arm.T + scatter * (F[row] @ G @ G.T @ F[row].T + np.eye(3))
-        np.testing.assert_allclose(found.covariance[row, 0], dense, rtol=1e-6, atol=1e-3 * scatter)
+        np.testing.assert_allclose(covariance[row, 0], dense, rtol=1e-6, atol=1e-3 * scatter)
 
 
 def test_compliances_are_shown_under_their_names_and_in_the_units_of_their_axes(slides, rng):

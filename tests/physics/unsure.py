@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.correct.arm_model import About, bending, of_compliances
 from testbench.correct.newton import Aim
-from testbench.identify.intervals import Linearised
+from testbench.identify.absolute.noise import Noise
+from testbench.identify.arm_model import About, bending, of_compliances
+from testbench.identify.posterior import Posterior
 from testbench.model.joint_errors import JointErrors
 from testbench.model.load import Load
 from testbench.model.structure import all153
@@ -20,9 +21,9 @@ RIGID = 30 + 24  #: Numbers of geometry and joint errors, before the compliances
 SCALE = np.array([9e3, 8e3, 3e3, 5e2, 4e2, 2e2])  #: Of the torque of every joint [N m].
 
 
-def spread(pi, root, unseen=None):
-    unseen = np.zeros((0, len(pi))) if unseen is None else unseen
-    return Linearised(pi, root, unseen, np.ones(len(pi)), np.inf, 0.0, on_boundary=False)
+def normal(x, root, unseen=None):
+    found = Posterior.normal(x, root)
+    return found if unseen is None else replace(found, unseen=unseen)
 
 
 def unsure(cell):
@@ -33,27 +34,27 @@ def unsure(cell):
     d = np.sqrt(np.diag(state.C_theta))
     root = np.diag(0.1 * d[structure.a] * d[structure.b])
     root[1:, :-1] += 0.5 * np.diag(np.diag(root)[1:])
-    return of_compliances(state, structure, spread(pi, root), About("made up"))
+    return of_compliances(state, structure, normal(pi, root), About("made up"))
 
 
 def unsure_everywhere(cell):
     """The same that knows geometry and joint errors too, by a tenth of a millimetre and a milliradian."""
     known, errors = unsure(cell), JointErrors(orders=(1,), play=True, stiffening=True)
     state = replace(known.state, errors=errors, n=np.full((6, 4), 1e-4), torque_scale=SCALE)
-    model = replace(known, state=state, absolute=True)
+    model = replace(known, state=state, noise=Noise())
     sizes = np.concatenate([np.tile([1e-4] * 6, 5), np.full(24, 5e-5)])
     root = np.zeros((RIGID + 153, RIGID + 153))
     root[:RIGID, :RIGID] = np.diag(sizes)
     root[1:RIGID, : RIGID - 1] += 0.5 * np.diag(sizes[1:])
-    root[RIGID:, RIGID:] = known.spread.root
+    root[RIGID:, RIGID:] = known.posterior.root
     columns = np.arange(RIGID + 153)
-    return replace(model, columns=columns, spread=spread(model.unknowns.current(state)[columns], root))
+    return replace(model, columns=columns, posterior=normal(model.unknowns.current(state)[columns], root))
 
 
 def drawn_state(model, rng):
     """The arm that a model may be, as its doubts have it."""
     x = model.unknowns.current(model.state)
-    x[model.columns] += rng.standard_normal(len(model.spread.root)) @ model.spread.root
+    x[model.columns] += rng.standard_normal(len(model.posterior.root)) @ model.posterior.root
     return state_of(model, x)
 
 

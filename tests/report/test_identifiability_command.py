@@ -7,8 +7,8 @@ import pytest
 from reports import check
 
 from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.identifiability import describe
 from testbench.commands.identifiability import DECIDED, report, seen
-from testbench.identify.identifiability import describe
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.structure import mgco68
 

@@ -17,19 +17,18 @@ from run_here import here
 
 import testbench as tb
 from testbench.arm.folder import load_arm
-from testbench.campaign import absolute_model
 from testbench.campaign.absolute import read_all, score
 from testbench.campaign.absolute_model import read_model
 from testbench.campaign.model_folder import sealed
 from testbench.cli.program import program
 from testbench.errors import InputError
-from testbench.identify.absolute.posterior import Placed, predict, without
+from testbench.identify.absolute.align import aligned
+from testbench.identify.absolute.posterior import RegisteredSeries, predict, without
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import residuals
-from testbench.identify.absolute.shared import aligned
 from testbench.identify.absolute.state import nominal
 from testbench.identify.absolute.unknowns import unknowns_of
-from testbench.identify.prior import cad_prior
+from testbench.identify.posterior import Posterior
 from testbench.plant import build_plant
 from testbench.report.report import read
 from testbench.views.markdown import grid
@@ -120,7 +119,7 @@ def distances(state, series):
 
 
 def test_numbers_of_the_report_are_those_of_the_model_that_was_written(made, report, readings):
-    state, _ = read_model(made[0])
+    state = read_model(made[0]).state
     series, _ = read_all(readings[:2], state.vjm.arm, None, None)
     after = distances(state, series)
     before = distances(aligned(nominal(state.vjm, state.weights, state.torque_scale), series), series)
@@ -180,9 +179,9 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, 
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert list(found) == ["n", "mean_mm", "rms_mm", "p95_mm", "max_mm", "coverage_95"]
-    state, belief = read_model(made[0])
-    series, _ = read_all(readings[2:], state.vjm.arm, None, None)
-    assert found == vars(score(state, belief, series, 20))
+    model = read_model(made[0])
+    series, _ = read_all(readings[2:], model.arm, None, None)
+    assert found == vars(score(model, series, 20))
     assert found["n"] == 100
     words = run("score", made[0], readings[2], "--frame-poses", 20).stdout
     assert f"100 positions: {found['mean_mm']:.3f} mm mean" in words
@@ -232,15 +231,6 @@ def test_a_model_that_was_tampered_with_is_one_line(words, made, readings, tmp_p
         assert done.stderr.count("\n") == 1, done.stderr
 
 
-def test_a_model_keeps_the_metric_of_its_day(made, readings, monkeypatch):
-    """Expected compliances that the library holds twice as large in time change no interval."""
-    state, belief = read_model(made[0])
-    series, _ = read_all(readings[2:], state.vjm.arm, None, None)
-    later = replace(cad_prior(state.vjm.arm), C_theta=2 * cad_prior(state.vjm.arm).C_theta)
-    monkeypatch.setattr(absolute_model, "cad_prior", lambda arm: later)
-    assert score(*read_model(made[0]), series, 20) == score(state, belief, series, 20)
-
-
 @pytest.mark.parametrize(
     ("lines", "flags", "words"),
     [
@@ -276,19 +266,19 @@ def test_the_arm_of_the_model_is_the_one_that_was_calibrated(made, arm, tmp_path
 
 def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, readings):
     """Positions are linear in what is open: their covariance is that of `predict` but for the scatter."""
-    state, belief = read_model(made[0])
-    model = tb.load_model(made[0])
-    [one], _ = read_all(readings[2:], state.vjm.arm, None, None)
-    a = len(belief.columns)
-    held = Placed(aligned(without(state, one), (one,)), np.zeros(0, int), np.zeros((0, a)), np.zeros((0, 0)))
-    far = replace(belief, noise=replace(belief.noise, factor=1e-9 * belief.noise.factor))
-    wanted = np.einsum("rmkk->rmk", predict(held, far, one).covariance)
-    unknowns = unknowns_of(state.vjm, (one,), state.errors, model.structure)
+    model = read_model(made[0])
+    [one], _ = read_all(readings[2:], model.arm, None, None)
+    held = aligned(without(model.state, one), (one,))
+    root = np.hstack([np.zeros((len(model.columns), 6 + 3 * len(one.markers))), model.posterior.root])
+    placed = RegisteredSeries(held, np.zeros(0, int), Posterior.normal(np.zeros(root.shape[1]), root))
+    calm = replace(model, noise=replace(model.noise, factor=1e-9 * model.noise.factor))
+    wanted = np.einsum("rmkk->rmk", predict(calm, placed, one)[1])
+    unknowns = unknowns_of(model.vjm, (one,), held.errors, model.structure)
     first = unknowns.starts["geometry"]
-    rows = rows_of(unknowns, held.state, one).A[: len(one.markers), :, first + model.columns]
-    found = model.spread.deviations(rows.transpose(3, 0, 1, 2).reshape(-1, a))
+    rows = rows_of(unknowns, held, one).A[: len(one.markers), :, first + model.columns]
+    found = model.posterior.deviations(rows.transpose(3, 0, 1, 2).reshape(-1, len(model.columns)))
     np.testing.assert_allclose(found.reshape(wanted.shape) ** 2, wanted, rtol=1e-6)
-    assert np.array_equal(model.spread.pi, model.unknowns.current(state)[model.columns])
+    assert np.array_equal(model.posterior.x, model.unknowns.current(model.state)[model.columns])
     assert model.absolute
     assert model.scatter > 0
 
@@ -349,7 +339,7 @@ def test_the_page_draws_readings_off_the_arm_as_drawn_and_as_calibrated(made, re
     """Arrows end at the reading, and are as long as the distances of the model that was written."""
     drawn = drawn_in(made[0] / "report.html")
     [group], [times, *_] = drawn["scene"]["groups"], times_of(drawn["scene"]["title"])
-    state, _ = read_model(made[0])
+    state = read_model(made[0]).state
     series, _ = read_all(readings[:2], state.vjm.arm, None, None)
     straight = aligned(nominal(state.vjm, state.weights, state.torque_scale), series)
     at = {one.name: one for one in series}

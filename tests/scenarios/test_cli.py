@@ -183,6 +183,7 @@ REFUSED = {
         "255 bytes",
     ),
     "nothing to view": (lambda _, folder: ("view", folder), "no recording (*.rrd) in "),
+    "nothing to follow": (lambda _, folder: ("next", folder), "expected the folder of a finished run"),
     "nothing to draw": (lambda _, folder: ("shot", folder), "no recording (*.rrd) in "),
     "a picture of another kind": (with_recording("--out", "a.jpg"), "ends with .png or .gif or .mp4"),
     "no film": (with_recording("--gif", "--out", "a.png"), "--out: expected a name that ends with .gif"),

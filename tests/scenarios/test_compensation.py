@@ -14,9 +14,9 @@ from run_here import app_of_study, check_files, check_refused, here
 from testbench.campaign.campaign import build_cell, stream
 from testbench.campaign.model_selection import Choice, with_priors
 from testbench.campaign.models import named_models
-from testbench.correct.arm_model import of_estimate
 from testbench.correct.process import tangents
 from testbench.data.read_pairs import read_csv
+from testbench.identify.arm_model import of_estimate
 from testbench.model.load import on_joints
 from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import read_weights

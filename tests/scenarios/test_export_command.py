@@ -44,7 +44,7 @@ def place(tmp_path, monkeypatch):
     (model / "model.json").write_text(json.dumps(document))
     np.savez(model / "posterior.npz", root=np.zeros((0, 0)), L=np.zeros((0, 0)))
     (tmp_path / "in").mkdir()
-    (tmp_path / "in" / "robot.urdf").write_text(own_urdf(read_model(model)[0].vjm, rng)[0])
+    (tmp_path / "in" / "robot.urdf").write_text(own_urdf(read_model(model).vjm, rng)[0])
     return tmp_path
 
 

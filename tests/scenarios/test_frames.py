@@ -10,6 +10,7 @@ from run_here import here
 from scipy.spatial.transform import Rotation
 
 from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.runs import read_frames, registration_row, to_base
 from testbench.campaign.tracker_runs import by_trackers
 from testbench.cli.program import program
@@ -91,7 +92,7 @@ def test_readings_of_several_trackers_have_a_frame_each(kr500):
     assert set(data.station) == {1, 2, 3}
     assert len({tuple(data.station[data.pose == pose]) for pose in (1, 1)}) == 1
     found = registered(kr500.vjm, data)
-    assert [frame.station for frame in found.registration.frames] == [1, 2, 3]
+    assert list(found.registration.frames) == ["station 1", "station 2", "station 3"]
     off = np.linalg.norm(found.data.before - clean.before, axis=-1)
     assert np.median(off) < 6e-3  # its own weight, 3 mm at the targets, is what frames cannot know
     turned = found.data.deflection - clean.deflection
@@ -117,7 +118,11 @@ def test_the_base_is_told_wherever_it_stands_in_its_world(kr500, tmp_path):
     moved[:3, 3] = 0.5, -2.0, 0.7
     cells = kr500, replace(kr500, vjm=replace(kr500.vjm, base=moved @ kr500.vjm.base))
     notes, rows = zip(
-        *((f.notes, as_rows(registration_row(f))) for _, f in (to_base(c, data) for c in cells)), strict=True
+        *(
+            (registration_notes(f), as_rows(registration_row(f)))
+            for _, f in (to_base(c, data) for c in cells)
+        ),
+        strict=True,
     )
     for one, other in zip(*(row.frames for row in rows), strict=True):
         for key in ("position_mm", "rotation_deg", "position_sd_mm", "rotation_sd_deg"):

@@ -17,7 +17,7 @@ from testbench.campaign.models import named_models
 from testbench.campaign.stiffness_model import write_stiffness
 from testbench.cli.program import program
 from testbench.errors import InputError
-from testbench.identify.intervals import CURVED, curvature, linearise
+from testbench.identify.posterior import CURVED, curvature, linearise
 from testbench.identify.weighed import marker_points
 from testbench.model.vjm import chain, observation
 
@@ -51,7 +51,7 @@ def test_a_model_is_read_back_bit_by_bit_with_its_intervals(kr500, runs, tmp_pat
     assert model.arm.joints == kr500.arm.joints
     assert model.structure.name == estimate.structure.name
     assert np.array_equal(model.state.C_theta, estimate.C_theta)
-    known, own = linearise(estimate), model.spread
+    known, own = linearise(estimate), model.posterior
     assert all(np.array_equal(getattr(known, key), getattr(own, key)) for key in vars(known))
     points = marker_points(kr500.vjm, runs.markers)
     rows = observation(chain(model.vjm, runs.q), model.structure, runs.wrench, runs.point, points)
@@ -71,7 +71,7 @@ def test_what_least_squares_has_not_seen_stays_without_bound(kr500, runs, tmp_pa
     model = tb.load_model(tmp_path / "model")
     push = np.tile([1e3, 1e3, 0, 0, 0, 0], (runs.runs, 1))
     rows = observation(chain(model.vjm, runs.q), model.structure, push, runs.point, np.zeros((1, 3)))
-    assert np.isinf(model.spread.deviations(rows.reshape(-1, 153))).any()
+    assert np.isinf(model.posterior.deviations(rows.reshape(-1, 153))).any()
 
 
 @pytest.fixture(scope="module")
@@ -215,7 +215,7 @@ def test_compliances_that_claim_to_be_conservative_are(small, tmp_path):
         tb.load_model(folder)
     document["conservative"] = False
     written_again(folder, document)
-    assert tb.load_model(folder).spread.pi.max() < 0
+    assert tb.load_model(folder).posterior.x.max() < 0
 
 
 def test_models_of_other_arms_and_of_earlier_versions_are_refused(small, tmp_path):

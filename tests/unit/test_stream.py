@@ -7,7 +7,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from blockwise import check_equal, in_blocks, read_both_ways
+from blockwise import check_equal, in_blocks, read_both_ways, series_both_ways
 
 from testbench.arm.folder import load_arm
 from testbench.campaign.campaign import build_cell
@@ -16,8 +16,9 @@ from testbench.campaign.models import named_models
 from testbench.campaign.runs import Many
 from testbench.data import stream
 from testbench.data.dataset import Dataset, select
+from testbench.data.series import Series, select_rows, series_of
 from testbench.data.spool import Campaign, Spool
-from testbench.data.write import write_csv
+from testbench.data.write import write_csv, write_series
 from testbench.errors import InputError
 from testbench.identify.crossval import divided, every_fold, folds
 from testbench.identify.fold import reduce, reduce_parts
@@ -91,6 +92,43 @@ def test_blocks_are_read_as_the_whole_file_is(tmp_path, name):
     with patch.object(stream, "table_of", wraps=stream.table_of) as asked:
         assert len(in_blocks(file, ARM).every) > 10
     assert asked.call_count == 1 or name not in AT_ONCE
+
+
+def readings(*, lost: bool = False) -> list[Series]:
+    """Two set-ups of one tracker, two readings a pose; of the second some targets, or rows, are lost."""
+    [both] = series_of(runs(24), "set-up", "mount")
+    order = np.argsort(both.pose, kind="stable")
+    first = replace(select_rows(both, order), pose=both.pose[order] + 1, row=np.arange(48) + 1)
+    gone = np.random.default_rng(1).random((48, 3)) < 0.3 * lost
+    gone[7] = lost
+    precision = np.where(gone[..., None, None], 0.0, np.eye(3) / first.sigma**2)
+    second = replace(first, name="other", row=first.row + 48, pose=first.pose + 24)
+    second = replace(second, position=np.where(gone[..., None], 0.0, first.position + 0.01))
+    return [first, replace(second, precision=precision if lost else None)]
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_batches_of_absolute_readings_are_those_of_the_whole_file(tmp_path, name):
+    write_series(tmp_path / "all.csv", ARM, readings(lost=name != "runs_of_blanks"))
+    file = tmp_path / "other.csv"
+    file.write_bytes(WRITTEN[name]((tmp_path / "all.csv").read_text(encoding="utf-8")))
+    found, streamed = series_both_ways(file, ARM)
+    assert streamed
+    assert len(found.series) == 2
+    assert any("rows without a reading" in note for note in found.notes) == (name != "runs_of_blanks")
+
+
+def test_poses_without_a_column_are_numbered_alike_and_may_not_return(tmp_path):
+    [one, _] = readings()
+    one = replace(one, name="one", frame="one", target="one")
+    for name, rows in (("one", np.arange(48)), ("back", np.r_[np.arange(48), 0])):
+        own = select_rows(one, rows)
+        write_series(tmp_path / f"{name}.csv", ARM, replace(own, row=np.arange(len(rows)) + 1, name=name))
+        text = (tmp_path / f"{name}.csv").read_text(encoding="utf-8")
+        assert "pose" not in text.splitlines()[0].split(",")
+        found, streamed = series_both_ways(tmp_path / f"{name}.csv", ARM)
+        assert streamed == (name == "one")
+        assert "poses are numbered by equal joint angles: 24 of them" in found.notes
 
 
 @pytest.fixture
@@ -211,7 +249,7 @@ def test_very_many_runs_are_fitted_chosen_and_judged_as_few_are():
 def test_of_more_runs_than_are_looked_at_the_worst_are(monkeypatch):
     data = runs(80)
     data.after[37, 1] += 0.01
-    monkeypatch.setattr("testbench.data.stream.SHOWN", 10)
+    monkeypatch.setattr("testbench.data.spool.SHOWN", 10)
     monkeypatch.setattr("testbench.identify.evaluate.FAR", 3)
     many = Runs("runs.csv", data, data, None, many=Many(campaign(data), np.ones(80, dtype=bool)))
     found = fit(CELL, named_models(CELL, ["Joints"]), many, lambda: 0.0).runs
@@ -222,7 +260,7 @@ def test_of_more_runs_than_are_looked_at_the_worst_are(monkeypatch):
 
 def test_of_many_runs_that_are_held_whole_some_have_intervals_and_the_notes_say_so(monkeypatch):
     data = runs(80)
-    monkeypatch.setattr("testbench.data.stream.SHOWN", 10)
+    monkeypatch.setattr("testbench.data.spool.SHOWN", 10)
     monkeypatch.setattr("testbench.campaign.fits.SHOWN", 10)
     fits = fit(
         CELL, named_models(CELL, ["Joints"]), Runs("r", data, data, None), lambda: 0.0, widths=True

@@ -1,7 +1,8 @@
 """Where a series starts: its frame and mount by the nominal arm, from its positions and orientations alone.
 
-Closed forms of `identify.frames`, refined by `identify.registration`; nothing is asked of nominal targets, so
-a mount may be turned by any angle.
+By `identify.registration`; nothing is asked of nominal targets, so a mount may be turned by any angle. Frames
+and mounts that several series share are found once; targets go by their names, and are lost where a series
+does not have them.
 """
 
 from collections.abc import Sequence
@@ -9,28 +10,41 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.arm.folder import Joint
-from testbench.data.dataset import Dataset
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.faults import explained, renamed
-from testbench.identify.absolute.state import Frame, Mount, State, in_batches, tell
-from testbench.identify.frames import Found, points, starts, unloaded
-from testbench.identify.registration import register
-from testbench.model.vjm import Vjm, tool_pose
+from testbench.identify.absolute.scatter import residuals
+from testbench.identify.absolute.state import Mount, State
+from testbench.identify.closed_form import Layout, means, nearest_rotation, starts
+from testbench.identify.closed_form import residuals as left_by
+from testbench.identify.diagnosis.notation import explained, renamed
+from testbench.identify.registered import FAR
+from testbench.identify.registration import POSES, Frame, reach, register, turning
+from testbench.model.vjm import tool_pose
 
 MOST = 300  #: Rows that an alignment uses, evenly spaced.
 FEW = 60  #: The same where it is tried what would mend readings.
 HALF = 12  #: Rows of half a series below which it may fit anything.
-TURNING, STILL = (
-    3,
-    1e-3,
-)  #: Joints that turn in a series at least; by less than so much one does not [rad, m].
-LEAST = 6  #: Poses below which frame and mount of a series are not known.
-FAR = 0.02
-"""Median distance of readings from the nominal arm, over the tool's distance from its base, beyond which it
-is another arm, or its joint angles are in another unit."""
+TURNING = 3  #: Joints that turn in a series at least.
 TURNED = 0.1  #: Median angle of orientations from it beyond which they are in another notation [rad].
+
+
+def aligned(state: State, series: tuple[Series, ...]) -> State:
+    """The state with a frame and a mount for every series; those that it has are kept.
+
+    Raises:
+        BenchError: When a series has too few rows, or does not fit the arm.
+    """
+    frames, mounts = dict(state.frames), dict(state.mounts)
+    for one in sorted(series, key=lambda one: not one.turned.any()):  # who reads orientations knows the mount
+        known = mounts.get(one.target)
+        if one.frame in frames and known is not None and set(one.markers) <= set(known.markers):
+            continue
+        frame, mount = align(state, read_only(one))
+        frames.setdefault(one.frame, frame)
+        mounts[one.target] = mount if known is None else _joined(known, mount)
+    found = replace(state, frames=frames, mounts=mounts)
+    _check_shared(found, series)
+    return replace(found, mounts={**mounts, **{one.target: found.mount(one) for one in series}})
 
 
 def align(state: State, series: Series) -> tuple[Frame, Mount]:
@@ -38,30 +52,28 @@ def align(state: State, series: Series) -> tuple[Frame, Mount]:
 
     Where something moved far in mid-series, those of its first half.
     """
-    _check(series, state.vjm.arm.joints)
-    found = _tried(state, series, MOST)
-    if isinstance(found, Aligned) and found.fits:
-        return found.frame, found.mount
-    half = _of_a_half(state, series)
-    if half is not None:
-        return half.frame, half.mount
-    raise BenchError(f"{series.name}: {_why(state, series, found)}")
+    _check(state, series)
+    found = _placed(state, series)
+    if found is None or not found.fits:
+        halves = np.array_split(np.argsort(series.row, kind="stable"), 2)
+        parts = [select_rows(series, half) for half in halves if len(half) >= HALF]
+        placed = [_placed(state, part) for part in parts if _fits_roughly(state, part)]
+        if len(placed) < 2 or not all(part is not None and part.fits for part in placed):
+            raise BenchError(f"{series.name}: {_why(state, series, found)}")
+        found = placed[0]
+    assert found is not None
+    return found.frame, found.mount
 
 
 @dataclass(frozen=True)
-class Aligned:
+class _Placed:
     """Frame and mount of a series, and how well they fit."""
 
     frame: Frame
     mount: Mount
     typical: float  #: Median distance of readings from the nominal arm [m].
     turn: float  #: Median angle of orientations from it [rad]; 0 without any.
-    reach: float  #: Median distance of the tool from the arm's base [m].
-
-    @property
-    def near(self) -> bool:
-        """Whether positions fit."""
-        return self.typical < FAR * self.reach
+    near: bool  #: Whether positions fit.
 
     @property
     def fits(self) -> bool:
@@ -69,159 +81,166 @@ class Aligned:
         return self.near and self.turn < TURNED
 
 
-def _check(series: Series, joints: Sequence[Joint]) -> None:
-    """Refuse a series without enough readings, by BenchError."""
-    lost = [name for k, name in enumerate(series.markers) if not series.seen[:, k].any()]
-    if lost:
-        raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
-    poses = len(np.unique(series.q[series.seen.any(axis=1)], axis=0))
-    numbers = 6 + 3 * len(series.markers) + 3 * bool(series.turned.any())
-    if poses < LEAST:
-        raise BenchError(
-            f"{series.name}: {poses} poses with a reading are too few for the {numbers} numbers of its frame "
-            f"and mount; expected at least {LEAST}, in which {TURNING} joints turn"
-        )
-    turning = [j.name for j, size in zip(joints, np.ptp(series.q, axis=0), strict=True) if size > STILL]
-    if len(turning) < min(TURNING, len(joints)):
-        raise BenchError(
-            f"{series.name}: only {' and '.join(turning)} turn; expected {TURNING} joints that do, for the "
-            f"{numbers} numbers of its frame and mount"
-        )
-
-
-def _tried(state: State, series: Series, most: int) -> Aligned | BenchError:
-    """Frame and mount by so many rows, or why there are none."""
+def _placed(state: State, series: Series, *, rough: bool = False) -> _Placed | None:
+    """By MOST rows; in closed form alone where that will do, a hundred times faster. None if left open."""
     seen = np.flatnonzero(series.seen.any(axis=1))
-    some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(most, len(seen))).astype(int)])
-    vjm = state.vjm
-    bare = replace(vjm, arm=replace(vjm.arm, markers=()), markers=np.zeros((0, 3)))
-    try:
-        found = register(bare, _unloaded(some))
-    except BenchError as why:
-        return why
-    rotation = found.frames[0].rotation
-    frame = Frame(rotation, found.frames[0].translation)
-    order = [found.markers.index(name) for name in series.markers]
-    turns = _turns(state, some, rotation)
-    mount = _mean(turns) if len(turns) else np.eye(3)
-    turn = float(np.median(_angle(mount.T @ turns))) if len(turns) else 0.0
-    return Aligned(
-        frame, Mount(found.targets[order], mount, series.markers), found.typical, turn, reach(vjm, some)
+    some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(MOST, len(seen))).astype(int)])
+    read, m = means(state.vjm, (some,)), len(series.markers)
+    if rough:
+        unknown = Layout(np.full((1, 3, 3), np.nan), np.full((1, 3), np.nan), np.full((m, 3), np.nan))
+        at = next(starts(read, unknown), None)
+    else:
+        try:
+            at = register(state.vjm, (some,), {}).layout
+        except BenchError:
+            at = None
+    if at is None:
+        return None
+    typical = float(np.median(np.linalg.norm(left_by(read, at), axis=1)))
+    turns = _turns(state, some, at.rotation[0])
+    mount = nearest_rotation(turns.sum(axis=0)) if len(turns) else np.eye(3)
+    return _Placed(
+        frame=Frame(at.rotation[0], at.translation[0]),
+        mount=Mount(at.targets, mount, series.markers),
+        typical=typical,
+        turn=_typical_angle(mount.T @ turns) if len(turns) else 0.0,
+        near=typical < FAR * reach(state.vjm, some.q),
     )
-
-
-def reach(vjm: Vjm, series: Series) -> float:
-    """Median distance of the tool from the arm's base in the poses of a series [m]."""
-    tool, _ = tool_pose(vjm, series.q)
-    return float(np.median(np.linalg.norm(tool - vjm.base[:3, 3], axis=1)))
 
 
 def _turns(state: State, series: Series, rotation: Array) -> Array:
     """The tool from the target by every orientation, (read, 3, 3), in a frame turned by a rotation."""
-    read = select_rows(series, series.turned)
-    if not read.rows:
+    if series.rotation is None:
         return np.zeros((0, 3, 3))
-    assert read.rotation is not None
-    parts = (tell(state, some.q, some.wrench, some.point) for some in in_batches(read))
-    tool = np.concatenate([told.where.rotation for told in parts])
-    return np.asarray(tool.swapaxes(1, 2) @ rotation.T @ read.rotation)
+    tool = tool_pose(state.vjm, series.q[series.turned])[1]
+    return np.asarray(tool.swapaxes(1, 2) @ rotation.T @ series.rotation[series.turned])
 
 
-def _angle(R: Array) -> Array:
-    """Of rotations, (runs, 3, 3), their angles [rad]."""
+def _typical_angle(R: Array) -> float:
+    """Median angle of rotations, (n, 3, 3) [rad]."""
     cosine = (np.trace(R, axis1=1, axis2=2) - 1) / 2
-    return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
-
-
-def _of_a_half(state: State, series: Series) -> Aligned | None:
-    """Frame and mount of the first half, where it fits and so does the second: something moved far."""
-    halves = np.array_split(np.argsort(series.row, kind="stable"), 2)
-    if len(halves[0]) < HALF:
-        return None
-    parts = [select_rows(series, half) for half in halves]
-    if not all(_fits_roughly(state, part) for part in parts):
-        return None
-    first, second = (_tried(state, part, MOST) for part in parts)
-    return first if _fit(first) and _fit(second) and isinstance(first, Aligned) else None
-
-
-def _fit(found: Aligned | BenchError) -> bool:
-    return isinstance(found, Aligned) and found.fits
-
-
-def _unloaded(series: Series) -> Dataset:
-    """A series as a dataset that has never been loaded: sag is left to the errors of the arm."""
-    precision = None
-    if series.precision is not None:
-        precision = np.where(series.seen[..., None, None], np.eye(3) / (2 * series.sigma**2), 0.0)
-    return Dataset(
-        markers=series.markers,
-        run=np.arange(series.rows),
-        pose=np.arange(series.rows),
-        q=series.q,
-        wrench=np.zeros((series.rows, 6)),
-        point=np.zeros((series.rows, 3)),
-        before=series.position,
-        after=series.position,
-        sigma=series.sigma,
-        precision=precision,
-    )
-
-
-def _mean(R: Array) -> Array:
-    """The rotation nearest to many, (runs, 3, 3); their median sense is not asked: it is a start."""
-    U, _, Vt = np.linalg.svd(R.sum(axis=0))
-    return np.asarray(U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt)
-
-
-def _why(state: State, series: Series, found: Aligned | BenchError) -> str:
-    """Why readings do not fit, and what would mend them."""
-    few = select_rows(series, np.linspace(0, series.rows - 1, min(FEW, series.rows)).astype(int))
-
-    def fits(other: Series) -> bool:
-        return _fits_roughly(state, other)
-
-    if isinstance(found, Aligned) and found.near:
-        turn = f"{np.degrees(found.turn):.3g} degrees (median)"
-        said = f"its positions fit this arm, its orientations do not, {turn} from any mount"
-        mended = explained(state.vjm, few, fits) or _renamed(state, series, found)
-        return f"{said}; {mended or 'another notation of angles?'}"
-    said = "the readings do not fit this arm"
-    if isinstance(found, Aligned):
-        said += f", {1e3 * found.typical:.3g} mm (median) in any frame"
-    mended = explained(state.vjm, few, fits)
-    if mended:
-        return f"{said}; {mended}"
-    ratio = _size(series.position[series.seen]) / _size(tool_pose(state.vjm, series.q)[0])
-    spread = f"they spread {ratio:.3g} times as far as its tool"
-    return f"{said}; {spread}: another arm, another order of its joints, or other units?"
+    return float(np.median(np.arccos(np.clip(cosine, -1, 1))))
 
 
 def _fits_roughly(state: State, series: Series) -> bool:
-    """Whether the closed form of frame and mount fits, which is tried a hundred times faster."""
-    seen, m = unloaded(state.vjm, _unloaded(series)), len(series.markers)
-    none = Found(np.full((1, 3, 3), np.nan), np.full((1, 3), np.nan), np.full((m, 3), np.nan))
-    for found in starts(seen, none):
-        x = points(seen, found.targets) @ found.rotation[0].T + found.translation[0]
-        typical = float(np.median(np.linalg.norm(seen.y - x, axis=1)))
-        turns = _turns(state, series, found.rotation[0])
-        turn = float(np.median(_angle(_mean(turns).T @ turns))) if len(turns) else 0.0
-        return typical < FAR * reach(state.vjm, series) and turn < TURNED
-    return False
+    found = _placed(state, series, rough=True)
+    return found is not None and found.fits
 
 
-def _renamed(state: State, series: Series, found: Aligned) -> str:
+def _check(state: State, series: Series) -> None:
+    """Refuse a series without enough readings, by BenchError."""
+    if lost := [name for name in series.markers if name not in _read(series)]:
+        raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
+    poses = len(np.unique(series.q[series.seen.any(axis=1)], axis=0))
+    numbers = (
+        f"the {6 + 3 * len(series.markers) + 3 * bool(series.turned.any())} numbers of its frame and mount"
+    )
+    if poses < POSES:
+        few = f"{poses} poses with a reading are too few for {numbers}"
+        raise BenchError(f"{series.name}: {few}; expected at least {POSES}, in which {TURNING} joints turn")
+    joints = turning(state.vjm, (series,))
+    if len(joints) < min(TURNING, state.vjm.arm.n_joints):
+        only = " and ".join(joints)
+        raise BenchError(f"{series.name}: only {only} turn; expected {TURNING} joints that do, for {numbers}")
+
+
+def _why(state: State, series: Series, found: _Placed | None) -> str:
+    """Why readings do not fit, and what would mend them."""
+    few = select_rows(series, np.linspace(0, series.rows - 1, min(FEW, series.rows)).astype(int))
+    mended = explained(state.vjm, few, lambda other: _fits_roughly(state, other))
+    if found is not None and found.near:
+        mended = mended or _renamed(state, series, found.frame.rotation) or "another notation of angles?"
+        turn = f"{np.degrees(found.turn):.3g} degrees (median)"
+        return f"its positions fit this arm, its orientations do not, {turn} from any mount; {mended}"
+    far = "" if found is None else f", {1e3 * found.typical:.3g} mm (median) in any frame"
+    if not mended:
+        places = series.position[series.seen], tool_pose(state.vjm, series.q)[0]
+        sizes = [float(np.sqrt(x.var(axis=0).sum())) for x in places]
+        mended = (
+            f"they spread {sizes[0] / sizes[1]:.3g} times as far as its tool: another arm, another order of "
+            "its joints, or other units?"
+        )
+    return f"the readings do not fit this arm{far}; {mended}"
+
+
+def _renamed(state: State, series: Series, frame: Array) -> str:
     """Another notation in which orientations would fit."""
     some = select_rows(series, np.flatnonzero(series.turned)[:FEW])
 
     def turn(rotation: Array) -> float:
-        turns = _turns(state, replace(some, rotation=rotation), found.frame.rotation)
-        return float(np.median(_angle(_mean(turns).T @ turns)))
+        turns = _turns(state, replace(some, rotation=rotation), frame)
+        return _typical_angle(nearest_rotation(turns.sum(axis=0)).T @ turns)
 
     assert some.rotation is not None
     return renamed(some.rotation, turn, TURNED)
 
 
-def _size(x: Array) -> float:
-    """Root mean square distance of points, (n, 3), from their middle."""
-    return float(np.sqrt(x.var(axis=0).sum()))
+def _check_shared(state: State, series: tuple[Series, ...]) -> None:
+    """Refuse a series that does not fit the frame or mount that it shares with another, by BenchError."""
+    for one in series:
+        others = [other for other in series if other is not one]
+        what = [f"frame {one.frame!r}"] * any(other.frame == one.frame for other in others)
+        what += [f"mount {one.target!r}"] * any(other.target == one.target for other in others)
+        off = far_off(state, one) if what else 0.0
+        if off:
+            raise BenchError(
+                f"{one.name}: three quarters of it are {1e3 * off:.3g} mm or more from the "
+                f"{' and the '.join(what)} that it shares; did the tracker or the target move between series?"
+            )
+
+
+def far_off(state: State, series: Series) -> float:
+    """How far three quarters of a series are from its frame and mount at least [m]; 0 where these may be its.
+
+    Those of a quarter are where something moved in mid-series.
+    """
+    left = np.linalg.norm(residuals(state, series)[: len(series.markers)], axis=1).T[series.seen]
+    off = float(np.percentile(left, 25)) if len(left) else 0.0
+    return off if off > 2 * FAR * reach(state.vjm, series.q) else 0.0
+
+
+def _joined(known: Mount, more: Mount) -> Mount:
+    """A mount with the targets that another reading of it has beside."""
+    new = [k for k, name in enumerate(more.markers) if name not in known.markers]
+    markers = (*known.markers, *(more.markers[k] for k in new))
+    return replace(known, points=np.concatenate([known.points, more.points[new]]), markers=markers)
+
+
+def alike(series: Sequence[Series]) -> tuple[tuple[Series, ...], tuple[str, ...]]:
+    """Series of one mount with the same targets in the same order, and notes on those that no one read."""
+    found, notes = [], []
+    for one in series:
+        mount = [other for other in series if other.target == one.target]
+        every = dict.fromkeys(name for other in mount for name in other.markers)
+        read = {name for other in mount for name in _read(other)} or set(every)
+        lost = [name for name in one.markers if name not in read]
+        if lost:
+            notes.append(f"{one.name}: {', '.join(lost)} was never read and is left out")
+        found.append(_with_targets(one, tuple(name for name in every if name in read)))
+    return tuple(found), tuple(notes)
+
+
+def read_only(series: Series) -> Series:
+    """A series without the targets that it never read; as it is where it read none."""
+    return _with_targets(series, _read(series) or series.markers)
+
+
+def _read(series: Series) -> tuple[str, ...]:
+    """Targets that were ever read."""
+    return tuple(name for name, seen in zip(series.markers, series.seen.T, strict=True) if seen.any())
+
+
+def _with_targets(series: Series, markers: tuple[str, ...]) -> Series:
+    """A series with these targets in this order, lost where it has none of the name."""
+    if markers == series.markers:
+        return series
+    there = [k for k, name in enumerate(markers) if name in series.markers]
+    own = [series.markers.index(markers[k]) for k in there]
+    position = np.zeros((series.rows, len(markers), 3))
+    precision = np.zeros((series.rows, len(markers), 3, 3))
+    position[:, there] = series.position[:, own]
+    precision[:, there] = (
+        np.eye(3) / series.sigma**2 if series.precision is None else series.precision[:, own]
+    )
+    whole = series.precision is None and len(there) == len(markers)
+    return replace(series, markers=markers, position=position, precision=None if whole else precision)

@@ -13,17 +13,18 @@ import numpy as np
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.changes import settled
+from testbench.identify.absolute.align import aligned, alike
 from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, blocks_of, choose
 from testbench.identify.absolute.evidence import Choice, choice, learn, squares, usual
-from testbench.identify.absolute.faults import check_last_joint
 from testbench.identify.absolute.inner import Inner, eliminate, moved
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.reduced import Point, Reduced, Weighting, reduce
 from testbench.identify.absolute.scatter import distance, pulls_of, scatter, single, units
-from testbench.identify.absolute.shared import aligned, alike
 from testbench.identify.absolute.state import State, nominal, torque_scale
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.moves import settled
+from testbench.identify.diagnosis.notation import check_last_joint
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.metric import Metric, metric
 from testbench.identify.prior import Prior, Strength
@@ -76,7 +77,8 @@ class Calibration:
     pulls: tuple[Array, ...]  #: Of every series, how much each reading counts, (s, rows) [1].
     step: float  #: How far the last linearisation moved targets, root mean square [m].
     series: tuple[Series, ...]  #: The readings, in parts where a target or a tracker moved.
-    notes: tuple[str, ...]  #: What was left out, and what moved in mid-series.
+    notes: tuple[str, ...]  #: What was left out.
+    moves: tuple[Finding, ...]  #: What moved in mid-series.
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,8 @@ class Gathered:
     state: State  #: Where the equations are linear: with joint springs and periodic errors.
     noise: Noise  #: How far readings scatter about it.
     reduced: Reduced  #: The equations, in blocks of joint space.
-    notes: tuple[str, ...]  #: What was left out, and what moved in mid-series.
+    notes: tuple[str, ...]  #: What was left out.
+    moves: tuple[Finding, ...]  #: What moved in mid-series.
 
 
 def calibrate(
@@ -113,8 +116,10 @@ def calibrate(
         The arm, what was kept of what was tried, and how sure it is.
 
     Raises:
-        BenchError: When a series does not fit the arm, or leaves its frame or target open.
+        BenchError: When there is no series, or one does not fit the arm or leaves its frame or target open.
     """
+    if not series:
+        raise BenchError("series: expected one or more, got none")
     options = options or Options()
     return explain(gather(vjm, series, prior, options, weights), options)
 
@@ -129,21 +134,21 @@ def gather(
     joints = metric(prior, vjm, joints_only(vjm.arm))
 
     def fitted(some: tuple[Series, ...]) -> tuple[State, Noise]:
-        return _first_fit(bare, some, joints)
+        few = thinned(some)
+        return first_fit(aligned(bare, few), few, joints)
 
     check_last_joint(vjm, series, fitted)
     start = settled(series, fitted, metric(prior, vjm, all153(vjm.arm)))
-    series, state, seen = start.series, start.state, _judged(start.state, start.series, start.noise)
-    errors = JointErrors(_orders(series, options), ratio=True, play=True, stiffening=True)
+    series, errors = start.series, _errors(start.series, options)
     unknowns = unknowns_of(vjm, series, errors, _most(vjm, options))
-    state = replace(state, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
-    own = choice(unknowns, GEOMETRY | {"harmonics"}, joints)
-    state, share = _stepped(own, series, state, seen)
+    state = replace(start.state, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
+    own, few = choice(unknowns, GEOMETRY | {"harmonics"}, joints), thinned(series)
+    state, share = _stepped(own, few, state, _judged(start.state, few, start.noise))
     seen = _seen(state, series, share)
     blocks = _whole(series) if options.only is not None else blocks_of(series)
     weighting = [Weighting(p, b) for p, b in zip(seen.pulls, blocks, strict=True)]
     reduced = reduce(Point(unknowns, state, seen.noise), series, weighting)
-    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, (*notes, *start.notes))
+    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, notes, start.moves)
 
 
 def explain(found: Gathered, options: Options) -> Calibration:
@@ -176,12 +181,8 @@ def explain(found: Gathered, options: Options) -> Calibration:
         step=step,
         series=series,
         notes=found.notes,
+        moves=found.moves,
     )
-
-
-def _first_fit(bare: State, series: tuple[Series, ...], joints: Metric) -> tuple[State, Noise]:
-    """Geometry and joint springs from where the closed forms have frames and mounts."""
-    return first_fit(aligned(bare, series), series, joints)
 
 
 def first_fit(state: State, series: tuple[Series, ...], joints: Metric) -> tuple[State, Noise]:
@@ -192,6 +193,13 @@ def first_fit(state: State, series: tuple[Series, ...], joints: Metric) -> tuple
         state, share = _stepped(own, series, state, seen)
         seen = _seen(state, series, share)
     return state, seen.noise
+
+
+def _errors(series: Sequence[Series], options: Options) -> JointErrors:
+    """Errors of joints that may be on, periodic ones of as many orders as so many readings may tell."""
+    may = frozenset(NAMES if options.only is None else options.only) - options.without
+    orders = _orders(series, options) if "joint errors" in may else ()
+    return JointErrors(orders, ratio="ratio" in may, play="play" in may, stiffening="stiffening" in may)
 
 
 def _orders(series: Sequence[Series], options: Options) -> tuple[int, ...]:
@@ -237,12 +245,14 @@ def _whole(series: Sequence[Series]) -> list[Ids]:
     return [np.zeros(one.rows, dtype=int) for one in series]
 
 
-def enough(one: Series, series: Sequence[Series]) -> Ids:
-    """Places of as many rows of a series, all of a pose, as a step on the way needs."""
-    every = sum(other.rows for other in series)
-    stride = min(-(-every // ON_THE_WAY), max(1, one.rows // LEAST_OF_ONE))
-    _, pose = np.unique(one.pose, return_inverse=True)
-    return np.flatnonzero(pose % stride == 0)
+def thinned(series: Sequence[Series]) -> tuple[Series, ...]:
+    """As many rows, all of a pose, as a step on the way needs."""
+    every, found = sum(one.rows for one in series), []
+    for one in series:
+        stride = min(-(-every // ON_THE_WAY), max(1, one.rows // LEAST_OF_ONE))
+        _, pose = np.unique(one.pose, return_inverse=True)
+        found.append(select_rows(one, pose % stride == 0) if stride > 1 else one)
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -263,11 +273,8 @@ def _judged(state: State, series: tuple[Series, ...], noise: Noise) -> _Seen:
 
 def _stepped(own: Choice, series: tuple[Series, ...], state: State, seen: _Seen) -> tuple[State, float]:
     """One Gauss-Newton step, and the share of equations that no unknown spends."""
-    rows = [enough(one, series) for one in series]
-    some = [select_rows(one, at) for one, at in zip(series, rows, strict=True)]
-    pulls = [pull[:, at] for pull, at in zip(seen.pulls, rows, strict=True)]
-    weighting = [Weighting(p, b) for p, b in zip(pulls, _whole(some), strict=True)]
-    reduced = reduce(Point(own.unknowns, state, seen.noise), some, weighting)
+    weighting = [Weighting(p, b) for p, b in zip(seen.pulls, _whole(series), strict=True)]
+    reduced = reduce(Point(own.unknowns, state, seen.noise), series, weighting)
     S, counts = squares(own, reduced.gram), reduced.counts
     solved = eliminate(own, reduced, learn(own, S, counts, usual(own.unknowns, len(counts))), Inner())
     return moved(state, own, solved.x), max(0.1, 1 - solved.spent / counts.sum())

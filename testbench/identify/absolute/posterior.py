@@ -1,111 +1,128 @@
-"""Where a calibrated arm has its targets in a series, and how sure it is: of the arm, its frame and mount.
+"""How sure a calibrated arm is, and where it has its targets in a series, whatever that was learnt from.
 
 The frame and mount of a new series are fitted to a few of its rows, all else held. What the arm is unsure of
 shows in these rows too; so much of it as a frame can take up does no harm elsewhere.
 """
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import block_diag, solve_triangular
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.align import LEAST
-from testbench.identify.absolute.evidence import Choice
+from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.inner import moved_frame, moved_mount
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import pulls_of, residuals
-from testbench.identify.absolute.shared import aligned
-from testbench.identify.absolute.state import State
-from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
-from testbench.model.structure import Ids
+from testbench.identify.absolute.state import BATCH, State
+from testbench.identify.absolute.unknowns import unknowns_of
+from testbench.identify.arm_model import About, ArmModel
+from testbench.identify.posterior import Posterior
+from testbench.identify.registration import POSES
+from testbench.model.structure import Ids, joints_only
+
+if TYPE_CHECKING:
+    from testbench.identify.absolute.fit import Calibration
 
 STEP, MOST_STEPS = 1e-9, 20  #: A step of a frame below this is the last [m, rad].
-BATCH = 500  #: Rows whose columns are in memory at a time.
 
 
-@dataclass(frozen=True)
-class Belief:
-    """What is known of an arm, whatever series it was learnt from."""
-
-    own: Choice  #: The unknowns of the calibration.
-    root: Array  #: Triangular root of the precision of those of the arm, (a, a).
-    noise: Noise  #: How far readings scatter.
-
-    @property
-    def columns(self) -> Ids:
-        """Those of the arm among all unknowns behind the frames and mounts, (a,)."""
-        first = self.own.unknowns.starts["geometry"]
-        return np.asarray(self.own.columns[self.own.columns >= first] - first)
-
-
-@dataclass(frozen=True)
-class Placed:
+@dataclass(frozen=True, eq=False)
+class RegisteredSeries:
     """A series whose frame and mount are known."""
 
     state: State  #: With the frame and the mount.
     rows: Ids  #: Places of the rows that told them; none where the calibration had.
-    taken: Array  #: How far frame and mount go with the unknowns of the arm, (f, a).
-    covariance: Array  #: Of frame and mount by the scatter of these rows, (f, f).
+    #: Of frame and mount, which are steps, and of the arm's unknowns, in this order, (f + a,).
+    posterior: Posterior
 
 
-@dataclass(frozen=True)
-class Predicted:
-    """Positions of targets by the model beside those read, and how sure it is."""
+def deviations_root(precision: Array, L: Array) -> Array:
+    """Rows W with W^T W the covariance of unknowns in SI units, (c, c).
 
-    left: Array  #: Reading minus model in base axes, (rows, m, 3) [m].
-    covariance: Array  #: Of that, with the scatter of the reading, (rows, m, 3, 3) [m^2].
+    Args:
+        precision: Upper triangular root of the posterior's precision, compliances in the metric, (c, c).
+        L: The last unknowns, compliances, per unit of the metric, (e, e).
+    """
+    back = block_diag(np.eye(len(precision) - len(L)), L)
+    return np.asarray(solve_triangular(precision, back.T, trans="T"))
+
+
+def posterior_of(calibration: "Calibration") -> Posterior:
+    """Of all unknowns that a calibration has on, (c,); frames and mounts are steps from where they are."""
+    own = calibration.own
+    L = np.zeros((0, 0)) if own.elastic is None else own.elastic.L
+    x = own.unknowns.current(calibration.state)[own.columns]
+    return Posterior.normal(x, deviations_root(calibration.root, L))
+
+
+def model_of(calibration: "Calibration") -> ArmModel:
+    """What a calibration knows of the arm, whatever series it was learnt from."""
+    own, state, known = calibration.own, calibration.state, posterior_of(calibration)
+    first = own.unknowns.starts["geometry"]
+    f = int((own.columns < first).sum())
+    structure = joints_only(state.vjm.arm) if own.elastic is None else own.elastic.structure
+    arm = Posterior.normal(known.x[f:], known.root[f:, f:])
+    model = ArmModel(state, structure, own.columns, arm, About("absolute calibration"), calibration.noise)
+    elastic = model.unknowns.starts["elastic"] + np.arange(len(own.columns) - own.rigid)
+    return replace(model, columns=np.concatenate([own.columns[f : own.rigid] - first, elastic]))
 
 
 def evenly(series: Series, poses: int) -> Ids:
     """Places of evenly spaced rows, of those that were read."""
     seen = np.flatnonzero(series.seen.any(axis=1))
-    if len(seen) < poses or poses < LEAST:
+    if len(seen) < poses or poses < POSES:
         raise BenchError(
-            f"{series.name}: expected at least {max(LEAST, poses)} rows for its frame and target, got "
+            f"{series.name}: expected at least {max(POSES, poses)} rows for its frame and target, got "
             f"{min(len(seen), poses)}"
         )
     return np.asarray(seen[np.unique(np.linspace(0, len(seen) - 1, poses).round().astype(int))])
 
 
-def place(state: State, belief: Belief, series: Series, rows: Ids) -> Placed:
+def place(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
     """Frame and mount of a series by some of its rows, by Gauss-Newton; all else is held.
 
     Raises:
         BenchError: When these rows do not tell them.
     """
     some = select_rows(series, rows)
-    state = aligned(without(state, some), (some,))
-    unknowns = _unknowns(belief, some)
-    f = unknowns.starts["geometry"]
+    state = aligned(without(model.state, some), (some,))
     for _ in range(MOST_STEPS):
-        F, M, y = _weighed(unknowns, belief, state, some)
+        F, M, y = _whitened(model, state, some)
         root = _root(F, some)
         step = solve_triangular(root, solve_triangular(root, F.T @ y, trans="T"))
         state = replace(
             state,
             frames={**state.frames, some.frame: moved_frame(state.frame(some), step[:6])},
-            mounts={**state.mounts, some.target: moved_mount(state.mount(some), step[6:f])},
+            mounts={**state.mounts, some.target: moved_mount(state.mount(some), step[6:])},
         )
         if np.abs(step).max() < STEP:
             break
-    return _placed(state, rows, root, F.T @ M)
+    return RegisteredSeries(state, rows, _joint(model, root, F.T @ M))
 
 
-def _placed(state: State, rows: Ids, root: Array, with_arm: Array) -> Placed:
-    inverse: Array = solve_triangular(root, np.eye(len(root)))
-    spread = np.asarray(inverse @ inverse.T)
-    return Placed(state, rows, spread @ with_arm, spread)
-
-
-def known(state: State, belief: Belief, series: Series) -> Placed:
+def known(model: ArmModel, series: Series) -> RegisteredSeries:
     """A series whose frame and mount the calibration found, by rows such as it has."""
     seen = np.flatnonzero(series.seen.any(axis=1))
     some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(BATCH, len(seen))).astype(int)])
-    F, M, _ = _weighed(_unknowns(belief, some), belief, state, some)
-    return _placed(state, np.zeros(0, dtype=int), _root(F, some), F.T @ M)
+    F, M, _ = _whitened(model, model.state, some)
+    return RegisteredSeries(model.state, np.zeros(0, dtype=int), _joint(model, _root(F, some), F.T @ M))
+
+
+def registered(calibration: "Calibration", series: Series) -> RegisteredSeries:
+    """Frame and mount of a series as the calibration left them, with all that it left open between them."""
+    own, every = calibration.own, np.arange(calibration.own.unknowns.size)
+    calibration.state.frame(series), calibration.state.mount(series)
+    names = f"frame {series.frame}", f"mount {series.target}"
+    at = np.concatenate([every[own.unknowns.columns(name)] for name in names])  # all frames and mounts are on
+    at = np.r_[at, np.flatnonzero(own.columns >= own.unknowns.starts["geometry"])]
+    whole = posterior_of(calibration)
+    return RegisteredSeries(
+        calibration.state, np.zeros(0, dtype=int), Posterior.normal(whole.x[at], whole.root[:, at])
+    )
 
 
 def without(state: State, series: Series) -> State:
@@ -115,63 +132,58 @@ def without(state: State, series: Series) -> State:
     return replace(state, frames=frames, mounts=mounts)
 
 
-def predict(placed: Placed, belief: Belief, series: Series) -> Predicted:
-    """Positions of all rows of a series."""
-    unknowns, m = _unknowns(belief, series), len(series.markers)
-    f = unknowns.starts["geometry"]
-    told = min(f, len(placed.taken))  # positions do not depend on the turn of a target
-    covariance: Array = np.zeros((series.rows, m, 3, 3))
+def predict(model: ArmModel, placed: RegisteredSeries, series: Series) -> tuple[Array, Array]:
+    """Positions of all rows of a series by the model beside those read, and how sure it is.
+
+    Returns:
+        Reading minus model in base axes, (rows, m, 3) [m], and the covariance of that, with the scatter of
+        the reading, (rows, m, 3, 3) [m^2].
+    """
+    m, a = len(series.markers), len(model.columns)
+    told = np.r_[: 6 + 3 * m, -a:0]  # positions do not depend on the turn of a target
+    own = Posterior.normal(placed.posterior.x[told], placed.posterior.root[:, told])
+    covariance: Array = _scatter(model, series)
     for first in range(0, series.rows, BATCH):
-        some = slice(first, first + BATCH)
-        A = rows_of(unknowns, placed.state, select_rows(series, np.arange(series.rows)[some])).A[:m]
-        F, M = A[:, :, :told].transpose(3, 0, 1, 2), _arm(belief, A[:, :, f:]).transpose(3, 0, 1, 2)
-        M = M - F @ placed.taken[:told]
-        lines: Array = solve_triangular(belief.root, M.reshape(-1, M.shape[-1]).T, trans="T")
-        white = lines.T.reshape(M.shape)
-        covariance[some] = white @ white.swapaxes(2, 3) + F @ placed.covariance[:told, :told] @ F.swapaxes(
-            2, 3
-        )
-    covariance += _scatter(belief.noise, series)
-    left = residuals(placed.state, series)[:m].transpose(2, 0, 1)
-    return Predicted(left, covariance)
+        some = np.arange(first, min(first + BATCH, series.rows))
+        A = _columns(model, placed.state, select_rows(series, some))[0][:m]
+        A = np.delete(A, np.s_[6 + 3 * m : A.shape[2] - a], axis=2)
+        covariance[some] += own.covariance(A.transpose(3, 0, 1, 2))
+    return residuals(placed.state, series)[:m].transpose(2, 0, 1), covariance
 
 
-def inside(predicted: Predicted, quantile: float = 7.8147) -> Array:
+def inside(left: Array, covariance: Array, quantile: float = 7.8147) -> Array:
     """Which positions lie in their 95 % ellipsoid, by chi squared of three, (rows, m)."""
-    solved = np.linalg.solve(predicted.covariance, predicted.left[..., None])[..., 0]
-    return np.asarray((predicted.left * solved).sum(axis=-1) <= quantile)
+    solved = np.linalg.solve(covariance, left[..., None])[..., 0]
+    return np.asarray((left * solved).sum(axis=-1) <= quantile)
 
 
-def _unknowns(belief: Belief, series: Series) -> Unknowns:
-    """The unknowns of a new series and of the arm."""
-    own = belief.own.unknowns
-    return unknowns_of(own.vjm, (series,), own.errors, own.structure)
+def _joint(model: ArmModel, root: Array, with_arm: Array) -> Posterior:
+    """Of frame, mount and arm: the former by rows of root^T root, which go with the arm's, (f, a)."""
+    f, own = len(root), model.posterior
+    inverse: Array = solve_triangular(root, np.eye(f))
+    taken = inverse @ (inverse.T @ with_arm)
+    both = [[inverse.T, np.zeros((f, len(own.x)))], [-own.root @ taken.T, own.root]]
+    return Posterior.normal(np.r_[np.zeros(f), own.x], np.block(both))
 
 
-def _arm(belief: Belief, A: Array) -> Array:
-    """Columns of the arm that the calibration has, compliances in the metric, (s, 3, a, runs)."""
-    A = A[:, :, belief.columns]
-    if belief.own.elastic is None:
-        return A
-    L = belief.own.elastic.L
-    first = A.shape[2] - len(L)
-    return np.concatenate([A[:, :, :first], np.einsum("sxpr,pe->sxer", A[:, :, first:], L)], axis=2)
+def _columns(model: ArmModel, state: State, series: Series) -> tuple[Array, Array]:
+    """Columns of frame, mount and the arm's unknowns, (s, 3, f + a, rows), and what is left, (s, 3, rows)."""
+    unknowns = unknowns_of(model.vjm, (series,), state.errors, model.structure)
+    rows, f = rows_of(unknowns, state, series), unknowns.starts["geometry"]
+    return rows.A[:, :, np.r_[:f, f + model.columns]], rows.left
 
 
-def _weighed(unknowns: Unknowns, belief: Belief, state: State, series: Series) -> tuple[Array, Array, Array]:
+def _whitened(model: ArmModel, state: State, series: Series) -> tuple[Array, Array, Array]:
     """Whitened equations: columns of frame and mount, (e, f), of the arm, (e, a), and what is left, (e,)."""
-    m, f = len(series.markers), unknowns.starts["geometry"]
-    rows = rows_of(unknowns, state, series)
-    pull = pulls_of(state, series, belief.noise)
-    deviation = np.sqrt(np.trace(_scatter(belief.noise, series), axis1=2, axis2=3) / 3).T
+    A, left = _columns(model, state, series)
+    noise, f = _noise(model), A.shape[2] - len(model.columns)
+    deviation = np.sqrt(np.trace(_scatter(model, series), axis1=2, axis2=3) / 3).T
     if series.sigma_rotation is not None:
-        turn = np.hypot(series.sigma_rotation, belief.noise.open_rotation) * belief.noise.factor[1]
+        turn = np.hypot(series.sigma_rotation, noise.open_rotation) * noise.factor[1]
         deviation = np.concatenate([deviation, np.full((1, series.rows), turn)])
-    w = (pull / deviation)[:, None]
-    every = np.concatenate([rows.A[:, :, :f], _arm(belief, rows.A[:, :, f:])], axis=2) * w[:, :, None]
-    lines = every.transpose(0, 1, 3, 2).reshape(-1, every.shape[2])
-    assert len(every) == len(deviation) >= m
-    return lines[:, :f], lines[:, f:], (rows.left * w).ravel()
+    w = (pulls_of(state, series, noise) / deviation)[:, None]
+    lines = (A * w[:, :, None]).transpose(0, 1, 3, 2).reshape(-1, A.shape[2])
+    return lines[:, :f], lines[:, f:], (left * w).ravel()
 
 
 def _root(F: Array, series: Series) -> Array:
@@ -183,9 +195,15 @@ def _root(F: Array, series: Series) -> Array:
     return R
 
 
-def _scatter(noise: Noise, series: Series) -> Array:
+def _noise(model: ArmModel) -> Noise:
+    if model.noise is None:
+        raise BenchError("model: expected one of absolute readings; this one knows deflections")
+    return model.noise
+
+
+def _scatter(model: ArmModel, series: Series) -> Array:
     """Covariance of a reading about the model, (rows, m, 3, 3) [m^2]."""
-    own = np.full((series.rows, len(series.markers)), series.sigma**2)
+    noise, own = _noise(model), np.full((series.rows, len(series.markers)), series.sigma**2)
     if series.precision is not None:
         precision = np.where(series.seen[..., None, None], series.precision, np.eye(3))
         own = np.trace(np.linalg.inv(precision), axis1=2, axis2=3) / 3

@@ -13,6 +13,7 @@ import numpy as np
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
+from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors, basis
 from testbench.model.vjm import Chain, Vjm, chain, generalised_load
 from testbench.model.weights import Weights, own_weight
@@ -20,14 +21,6 @@ from testbench.model.weights import Weights, own_weight
 BATCH = 500  #: Rows whose Jacobian is in memory at a time.
 LOAD_STEPS = 2
 """Times the loads are taken again where they bend the arm to; each leaves a hundredth of an error or less."""
-
-
-@dataclass(frozen=True)
-class Frame:
-    """The base in a tracker's frame: a reading is rotation @ x + translation, x in base axes."""
-
-    rotation: Array  #: Tracker from base, (3, 3).
-    translation: Array  #: (3,) [m].
 
 
 @dataclass(frozen=True)

@@ -19,22 +19,36 @@ SAME = 0.1  #: Singular value below which two sets of directions have one in com
 class Structural:
     """What no pose shows under the loads there are."""
 
-    words: tuple[str, ...]  #: What it is.
     directions: Array  #: Orthonormal, in units of the prior, (size, k).
+    geometry: int  #: How many of geometry, frames and mounts move no target.
+    shared: tuple[int, ...]  #: Of these, how many lie between the links before and behind every joint.
+    idle: tuple[int, ...]  #: Joints whose errors move nothing, such as the last with a target on its axis.
+    elastic: int  #: Directions of compliance that no load there is brings out.
 
 
 def structural(unknowns: Unknowns, L: Array, pull: Pull) -> Structural:
     """Structural directions; L is a root of the prior's covariance, (size, size)."""
     M, drawn = L.T @ pull.everywhere @ L, L.T @ pull.rigid @ L
     M, drawn = (part + np.diag(np.where(np.diag(L) > 0, 0.0, OFF)) for part in (M, drawn))
-    words = (_geometry(unknowns, drawn), _errors(unknowns, M), _elastic(unknowns, M))
     values, V = np.linalg.eigh(M)
     geometry = np.arange(unknowns.starts["errors"])
     never = np.zeros((len(M), _dimension(drawn, geometry)))
     never[geometry] = np.linalg.eigh(drawn[np.ix_(geometry, geometry)])[1][:, : never.shape[1]]
-    both = np.hstack([V[:, values < NEVER], never])
-    U, s, _ = np.linalg.svd(both, full_matrices=False)
-    return Structural(tuple(filter(None, words)), U[:, s > SAME])
+    U, s, _ = np.linalg.svd(np.hstack([V[:, values < NEVER], never]), full_matrices=False)
+    joints, first = range(unknowns.vjm.arm.n_joints), unknowns.starts["elastic"]
+    around = [_around(unknowns, k) for k in range(len(joints) + 1)]
+    own = [_dimension(drawn, columns) for columns in around]
+    size = unknowns.errors.size
+    of_joint = [unknowns.starts["errors"] + j * size + np.arange(size) for j in joints]
+    return Structural(
+        directions=U[:, s > SAME],
+        geometry=never.shape[1],
+        shared=tuple(
+            _dimension(drawn, np.concatenate(around[j : j + 2])) - sum(own[j : j + 2]) for j in joints
+        ),
+        idle=tuple(j for j in joints if size and _dimension(M, of_joint[j]) == size),
+        elastic=int((np.linalg.eigvalsh(M[first:, first:]) < NEVER).sum()),
+    )
 
 
 def _dimension(M: Array, columns: Ids) -> int:
@@ -46,27 +60,6 @@ def _dimension(M: Array, columns: Ids) -> int:
     return int((~told).sum() + (np.linalg.eigvalsh(unit) < ROUNDING).sum())
 
 
-def _geometry(unknowns: Unknowns, M: Array) -> str:
-    """Turns about an axis and shifts along it, which belong to either neighbour."""
-    total = _dimension(M, np.arange(unknowns.starts["errors"]))
-    if not total:
-        return ""
-    around = [_around(unknowns, k) for k in range(unknowns.vjm.arm.n_joints + 1)]
-    own = [_dimension(M, columns) for columns in around]
-    at = [
-        _dimension(M, np.concatenate(around[j : j + 2])) - sum(own[j : j + 2])
-        for j in range(unknowns.vjm.arm.n_joints)
-    ]
-    names = [joint.name for joint in unknowns.vjm.arm.joints]
-    shared = [f"{name} ({count})" for name, count in zip(names, at, strict=True) if count > 0]
-    left = total - sum(at)
-    return (
-        f"{total} directions of geometry, frames and mounts are structural, no pose tells them apart and "
-        "none moves a target: a turn about a joint's axis and a shift along it belong to the link before or "
-        f"behind it alike, {', '.join(shared)}{f'; {left} lie over several links' if left else ''}"
-    )
-
-
 def _around(unknowns: Unknowns, k: int) -> Ids:
     """Columns of a link: of the first the frames, of the last the mounts."""
     mounts = unknowns.columns(f"frame {unknowns.frames[-1]}").stop
@@ -76,28 +69,3 @@ def _around(unknowns: Unknowns, k: int) -> Ids:
     if k == unknowns.vjm.arm.n_joints:
         return np.arange(mounts, first)
     return first + 6 * (k - 1) + np.arange(6)
-
-
-def _errors(unknowns: Unknowns, M: Array) -> str:
-    """Joints whose errors move nothing, such as the last one with a target on its axis."""
-    size, first = unknowns.errors.size, unknowns.starts["errors"]
-    idle = [
-        joint.name
-        for j, joint in enumerate(unknowns.vjm.arm.joints)
-        if size and _dimension(M, first + j * size + np.arange(size)) == size
-    ]
-    if not idle:
-        return ""
-    return f"The joint errors of {' and '.join(idle)} are structural: no target moves with them"
-
-
-def _elastic(unknowns: Unknowns, M: Array) -> str:
-    """Compliances that no load there is brings out."""
-    first = unknowns.starts["elastic"]
-    never = int((np.linalg.eigvalsh(M[first:, first:]) < NEVER).sum())
-    if not never:
-        return ""
-    return (
-        f"{never} of {len(M) - first} directions of compliance are structural: these loads move no target by "
-        "them that could be read, in any pose"
-    )

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.campaign.absolute_truth import Truth
+from testbench.campaign.named_parameters import Part, functionals
 from testbench.campaign.rows import MM
 from testbench.data.dataset import Ids
 from testbench.data.series import Series
@@ -12,8 +13,8 @@ from testbench.errors import Array
 from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import Learnt, choice, solve, squares
 from testbench.identify.absolute.fit import Calibration, Gathered
-from testbench.identify.absolute.intervals import Part, Z, deviations_root, functionals, own_values
 from testbench.identify.absolute.noise import Noise
+from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.absolute.reduced import Point, Weighting, reduce
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.state import State
@@ -80,15 +81,14 @@ def judged(calibration: Calibration, truth: Truth) -> tuple[dict[Part, Held], Ar
         Of each part those numbers that the truth has, where there are some: joint errors have its orders. Of
         the compliances of the joints found over true, less one, (n,); (0,) of a rigid model.
     """
-    own, root, parts, relative = calibration.own, deviations_root(calibration), {}, np.zeros(0)
-    found, true = own_values(calibration), own.unknowns.current(true_state(calibration.state, truth))
+    own, known, parts, relative = calibration.own, posterior_of(calibration), {}, np.zeros(0)
+    true = own.unknowns.current(true_state(calibration.state, truth))
     for group in functionals(own):
-        sought = group.of @ true
+        a, sought = group.of[:, own.columns], group.of @ true
         if group.part == "joint compliances":
             sought = true_joints(own.unknowns.vjm, truth)
-            relative = group.of @ found / sought - 1
-        deviation = np.linalg.norm(group.of[:, own.columns] @ root, axis=1)
-        inside = (np.abs(group.of @ found - sought) < Z * deviation)[sought != 0]
+            relative = a @ known.x / sought - 1
+        inside = (np.abs(a @ known.x - sought) < known.half_widths(a))[sought != 0]
         if inside.size:
             parts[group.part] = Held(inside.size, int(inside.sum()))
     return parts, relative

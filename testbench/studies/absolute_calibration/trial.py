@@ -8,7 +8,6 @@ import numpy as np
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.absolute_model import belief_of
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
 from testbench.campaign.campaign import Cell, build_cell, clear_poses, stream
 from testbench.campaign.perturbed_prior import wrong_prior
@@ -21,8 +20,7 @@ from testbench.data.write import series_text
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.fit import Calibration, explain, gather
 from testbench.identify.absolute.fit import Options as Fit
-from testbench.identify.absolute.intervals import deviations_root, placed
-from testbench.identify.absolute.posterior import inside, predict
+from testbench.identify.absolute.posterior import inside, model_of, posterior_of, predict, registered
 from testbench.plant import GearErrors, build_plant
 from testbench.report.table import Row
 from testbench.studies.absolute_calibration.beside import Held, judged, optimum_mm, true_state
@@ -294,9 +292,9 @@ def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> t
         ellipsoid, (rows, m).
     """
     read = replace(true, position=read_positions(Tracker(true.sigma, None), true.position, rng))
-    found = predict(placed(calibration, read), belief_of(calibration), read)
+    left, covariance = predict(model_of(calibration), registered(calibration, read), read)
     turn = calibration.state.frame(true).rotation
-    return found.left - (read.position - true.position) @ turn, np.asarray(inside(found))
+    return left - (read.position - true.position) @ turn, np.asarray(inside(left, covariance))
 
 
 def _rms_mm(off: Array) -> float:
@@ -307,8 +305,8 @@ def _rms_mm(off: Array) -> float:
 def _known(fit: Calibration) -> Array:
     """Combinations of errors of geometry that a fit knows to KNOWN, orthonormal, (k, geometry)."""
     geometry = fit.own.unknowns.columns("geometry")
-    root = deviations_root(fit)[np.flatnonzero(np.isin(fit.own.columns, np.r_[geometry]))]
-    values, vectors = np.linalg.eigh(root @ root.T)
+    root = posterior_of(fit).root[:, np.flatnonzero(np.isin(fit.own.columns, np.r_[geometry]))]
+    values, vectors = np.linalg.eigh(root.T @ root)
     return np.asarray(vectors[:, values < KNOWN**2].T)
 
 

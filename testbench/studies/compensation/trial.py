@@ -4,7 +4,6 @@ The corrected joints go to the true arm in MuJoCo. The error is where its loaded
 unloaded tool is at the programmed joints.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -27,7 +26,6 @@ from testbench.campaign.models import named_models
 from testbench.campaign.perturbed_prior import PRIORS, prior_of
 from testbench.campaign.rows import MM
 from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
-from testbench.correct.arm_model import About, ArmModel, bending, of_compliances, of_estimate
 from testbench.correct.compensated import Compensated, compensate
 from testbench.correct.newton import Aim
 from testbench.data.dataset import Dataset, Ids
@@ -35,7 +33,8 @@ from testbench.data.write import csv_text
 from testbench.design.specification import Tasks
 from testbench.errors import Array, NoEquilibrium
 from testbench.identify.absolute.state import State
-from testbench.identify.intervals import Linearised
+from testbench.identify.arm_model import About, ArmModel, bending, of_compliances, of_estimate
+from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior
 from testbench.model.structure import all153
 from testbench.model.weights import read_weights
@@ -181,9 +180,8 @@ def known(cell: Cell, prior: Prior) -> list[Fit]:
 def sure(state: State, name: str) -> ArmModel:
     """An arm that nobody doubts: all its compliances, with no spread."""
     structure = all153(state.vjm.arm)
-    pi, none = structure.entries(state.C_theta), np.zeros((0, structure.n))
-    spread = Linearised(pi, none, none, np.ones(structure.n), math.inf, 0.0, on_boundary=False)
-    return of_compliances(state, structure, spread, About(name))
+    pi = structure.entries(state.C_theta)
+    return of_compliances(state, structure, Posterior.normal(pi, np.zeros((0, structure.n))), About(name))
 
 
 def identified(cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior) -> list[Fit]:

@@ -21,8 +21,8 @@ from scipy.special import gammaincinv
 
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify import cone
-from testbench.identify.intervals import check_confidence
 from testbench.identify.metric import Metric, whitened
+from testbench.identify.posterior import check_confidence
 from testbench.identify.regression import RANK_TOLERANCE, Regression
 
 TOLERANCE = 1e-8  #: Feasibility and gap asked of the solver, of functionals of length one in the metric.

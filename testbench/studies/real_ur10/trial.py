@@ -11,12 +11,12 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.absolute import FRAME_POSES, Score, read_all, score
-from testbench.campaign.absolute_model import belief_of
 from testbench.campaign.campaign import Cell, build_cell, stream
 from testbench.campaign.rows import UM
 from testbench.data.series import Series, select_rows
 from testbench.identify.absolute.choose import blocks_of
 from testbench.identify.absolute.fit import ORDERS, Calibration, Options, explain, gather
+from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.vjm import Vjm
@@ -192,7 +192,7 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> FitRow
     about |= Row(judged="", error=None)
     if judged:
         about["split"], series, frame_poses = judged
-        about |= Row(judged=series.name, error=score(found.state, belief_of(found), [series], frame_poses))
+        about |= Row(judged=series.name, error=score(model_of(found), [series], frame_poses))
         if about.split == BLOCKS and about.name in TWO:
             left = np.round(UM * residuals(found.state, series)[0].T, 2)
     waves = "harmonics" in found.chosen.kinds and about.split != DRAW

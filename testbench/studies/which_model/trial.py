@@ -22,11 +22,11 @@ from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array
 from testbench.identify import Estimate, intervals, least_squares
-from testbench.identify.contradiction import contradicted, unchecked
+from testbench.identify.diagnosis.prior_check import contradicted, unchecked
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.hierarchy import KIND
-from testbench.identify.intervals import CONFIDENCE
 from testbench.identify.metric import metric
+from testbench.identify.posterior import CONFIDENCE
 from testbench.identify.prior import Prior
 from testbench.studies.factorial.trial import (
     Case,

@@ -1,0 +1,257 @@
+"""What runs can tell of a structure and what they cannot, before any fit, and what else to measure.
+
+Of n unknowns the data see as many directions as their rank. The others are lost to the structure (no
+experiment on this arm sees them), to the loads and readings (no pose under these loads shows them), or to too
+few poses. What the data see they see more or less well: the share of a parameter is what they take off the
+variance that the prior leaves it, linear and Gaussian.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.campaign.measurement_schemes import measured_otherwise, more_poses
+from testbench.data.dataset import Dataset, Ids
+from testbench.errors import Array
+from testbench.identify.fold import reduce
+from testbench.identify.metric import Metric, metric, precision_root, whitened
+from testbench.identify.observability import (
+    Direction,
+    direction,
+    directions,
+    idle,
+    null_space,
+    whereabouts,
+)
+from testbench.identify.posterior import Posterior
+from testbench.identify.prior import Prior, Strength, aggregate
+from testbench.identify.regression import Regression, check_symmetric, generic_rows, rank
+from testbench.identify.weighed import marker_motion, marker_points
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm, chain, observation
+
+POSES = 60
+"""Random poses under the loads of the data: what these do not see, no pose under these loads shows."""
+TASKS = 50  #: Random poses in which predictions are judged.
+TIE = 0.02  #: Expected errors within this share of each other are the same.
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """One more way to measure, and what it would bring."""
+
+    words: str  #: What to do.
+    rank: int  #: Directions that all data then see.
+    #: RMS distance of predicted from true deflections then to be expected [m]; infinite if nothing fixes the
+    #: common scale.
+    error: float
+    place: int  #: 1 for the best; ties share it.
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What the data see of a structure, and who decides the rest."""
+
+    structure: Structure  #: The unknowns, n of them.
+    component: tuple[str, ...]  #: Link or joint of every parameter, n names.
+    entry: Array  #: Row and column of every parameter in its link's compliance, (n, 2); -1 for a joint.
+    #: Joints that the structure has no parameter for: their springs count to the link before.
+    in_links: tuple[str, ...]
+    prior: str  #: Name of the prior.
+    uncertainty: float  #: Its relative standard deviation u [1].
+    rank: int  #: Directions that the data see.
+    rank_of_loads: int  #: Directions that any number of poses under these loads and readings would see.
+    rank_of_structure: int  #: Directions that any experiment would see.
+    equations: int  #: Independent equations that the runs carry at most: 6 of a pose, load and full reading.
+    poses: int  #: Different poses among the runs.
+    lost_to_structure: tuple[Direction, ...]  #: Directions that no experiment sees.
+    not_loaded: tuple[int, ...]  #: Parameters that no pose under these loads touches.
+    lost_to_loads: tuple[Direction, ...]  #: Those that these loads and readings do not see in any pose.
+    spread: Array  #: Of the directions lost to too few poses, how many each parameter holds, (n,).
+    #: Of every parameter, what the data take off the prior's variance at a known scale, 0 to 1, (n,).
+    share: Array
+    error: float  #: RMS distance of predicted from true deflection to expect at random poses [m].
+    deflection: float  #: RMS distance that the markers are expected to move there [m].
+    proposals: tuple[Proposal, ...]  #: What would help, the best first.
+
+    @property
+    def lost_to_poses(self) -> int:
+        """Directions lost to too few poses."""
+        return self.rank_of_loads - self.rank
+
+    @property
+    def lost_to_experiment(self) -> int:
+        """Directions that another experiment would see: lost to loads, readings or too few poses."""
+        return self.rank_of_structure - self.rank
+
+
+def describe(
+    vjm: Vjm, structure: Structure, data: Dataset, prior: Prior, strength: Strength
+) -> Identifiability:
+    """What a dataset, of which only poses, loads and sigmas count, can tell of a structure, before any solve.
+
+    Raises:
+        BenchError: When the dataset is empty or of another arm, the prior has another size or is not positive
+            definite, or the structure leaves the symmetry open.
+    """
+    return of_regression(vjm, reduce(vjm, structure, data), data, prior, strength)
+
+
+def of_regression(
+    vjm: Vjm, regression: Regression, data: Dataset, prior: Prior, strength: Strength
+) -> Identifiability:
+    """The same of a regression; the dataset may be some of its runs, evenly out of all."""
+    structure, scaled = regression.structure, any_metric(prior, vjm, regression.structure)
+    everywhere = reduce(vjm, structure, more_poses(vjm, data, POSES, seed=0))
+    own = _rows(regression)
+    loads, unit = np.vstack([own, _rows(everywhere)]), _unit(prior, vjm, structure)
+    groups, none = _groups(vjm, structure), np.zeros((0, structure.n))
+    to_structure = directions(generic_rows(vjm, structure), unit, groups, none)
+    to_loads = directions(loads, unit, groups, to_structure)
+    wanted = tasks(vjm, data, structure)
+    moved = np.linalg.norm(wanted @ (scaled.L @ scaled.expected), axis=-1)
+    known = _known(scaled, strength, regression)
+    component, entry = _places(vjm, structure)
+    found = []
+    for words, more in measured_otherwise(vjm, data, regression):
+        error = expected_error(_known(scaled, strength, regression, more), wanted)
+        found.append(Proposal(words, rank(np.vstack([own, _rows(more)])), error, 0))
+    return Identifiability(
+        structure=structure,
+        component=component,
+        entry=entry,
+        in_links=tuple(set_aside(vjm, structure)),
+        prior=prior.name,
+        uncertainty=strength.uncertainty,
+        rank=structure.n - null_space(own).shape[1],
+        rank_of_loads=structure.n - len(to_structure) - len(to_loads),
+        rank_of_structure=structure.n - len(to_structure),
+        equations=_equations(vjm, data),
+        poses=len(np.unique(data.q, axis=0)),
+        lost_to_structure=tuple(map(direction, to_structure)),
+        not_loaded=tuple(np.flatnonzero(idle(loads)).tolist()),
+        lost_to_loads=tuple(map(direction, to_loads)),
+        spread=whereabouts(null_space(own), null_space(loads), unit),
+        share=_share(known, scaled, strength),
+        error=expected_error(known, wanted),
+        deflection=math.sqrt(np.square(moved).mean()),
+        proposals=_placed(sorted(found, key=lambda p: (p.error, -p.rank))),
+    )
+
+
+def told(vjm: Vjm, regression: Regression, prior: Prior, strength: Strength) -> tuple[tuple[str, ...], Array]:
+    """Link or joint of every parameter, and what the data take off its prior's variance, (n,)."""
+    scaled = any_metric(prior, vjm, regression.structure)
+    return _places(vjm, regression.structure)[0], _share(
+        _known(scaled, strength, regression), scaled, strength
+    )
+
+
+def tasks(vjm: Vjm, data: Dataset, structure: Structure) -> Array:
+    """Where predictions are wanted: random poses, the data's loads and markers, (poses, m, 3, n) [m]."""
+    wanted = more_poses(vjm, data, TASKS, seed=1)
+    args = (chain(vjm, wanted.q), structure, wanted.wrench, wanted.point)
+    return observation(*args, marker_points(vjm, data.markers))
+
+
+def expected_error(known: Posterior, wanted: Array) -> float:
+    """RMS distance of predicted from true deflections [m] at `tasks`; infinite if nothing fixes the scale."""
+    if len(known.unseen):
+        return math.inf
+    deviation = known.deviations(wanted.reshape(-1, wanted.shape[-1]))
+    return math.sqrt(3 * np.square(deviation).mean())  # three axes a marker
+
+
+def _known(scaled: Metric, strength: Strength, *data: Regression) -> Posterior:
+    """Parameters by a prior and by what the rows of data would tell, their readings aside."""
+    rows = [whitened(one, scaled)[0] for one in data]
+    M = np.vstack([*rows, precision_root(scaled, strength)[0]])
+    return Posterior.of_rows(M, scaled.L, scaled.L @ scaled.expected)
+
+
+def _placed(found: list[Proposal]) -> tuple[Proposal, ...]:
+    placed: list[Proposal] = []
+    first = 0
+    for k, proposal in enumerate(found):
+        best = found[first]
+        if proposal.error > (1 + TIE) * best.error or proposal.rank != best.rank:
+            first = k
+        placed.append(replace(proposal, place=first + 1))
+    return tuple(placed)
+
+
+def _rows(regression: Regression) -> Array:
+    """What data see, (rows, n)."""
+    return np.vstack([term.R for term in regression.terms])
+
+
+def _places(vjm: Vjm, structure: Structure) -> tuple[tuple[str, ...], Array]:
+    """Link or joint of every parameter, and its row and column there, (n, 2); -1 for a joint."""
+    links = 6 * len(vjm.arm.links)
+    of_joint = structure.a >= links
+    names = [*(link.name for link in vjm.arm.links), *(joint.name for joint in vjm.arm.joints)]
+    where = np.where(of_joint, len(vjm.arm.links) + structure.a - links, structure.a // 6)
+    entry = np.where(of_joint, -1, np.array([structure.a, structure.b]) % 6).T
+    return tuple(names[k] for k in where), entry
+
+
+def any_metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
+    """The metric of the prior; for blocks that lack entries that of its entries taken one by one.
+
+    It refuses what `metric` refuses, but for the entries that are lacking.
+    """
+    check_symmetric(structure)
+    if structure.whole:
+        return metric(prior, vjm, structure)
+    pairs = [(a, b) for block in structure.blocks for b in block for a in block if a <= b]
+    a, b = np.array(pairs).T
+    metric(prior, vjm, replace(structure, a=a, b=b))  # refuses a bad prior
+    size = _unit(prior, vjm, structure) * np.where(structure.a == structure.b, 1, np.sqrt(0.5))
+    expected = structure.entries(aggregate(prior.C_theta, vjm, structure)) / size
+    return Metric(prior.name, structure, np.diag(size), expected, ())
+
+
+def set_aside(vjm: Vjm, structure: Structure) -> list[str]:
+    """Joints that the structure has no parameter for, but the link before them."""
+    used, first = np.union1d(structure.a, structure.b), 6 * len(vjm.arm.links)
+    return [
+        joint.name
+        for j, joint in enumerate(vjm.arm.joints)
+        if first + j not in used and np.isin(np.arange(6 * j, 6 * j + 6), used).any()
+    ]
+
+
+def _unit(prior: Prior, vjm: Vjm, structure: Structure) -> Array:
+    """What is expected of every parameter: sqrt(P_aa P_bb), (n,)."""
+    d = np.sqrt(np.diag(aggregate(prior.C_theta, vjm, structure)))
+    return np.asarray(d[structure.a] * d[structure.b])
+
+
+def _groups(vjm: Vjm, structure: Structure) -> list[Ids]:
+    """Parameters of every link and joint, in the order of the chain."""
+    links = len(vjm.arm.links)
+    place = np.where(structure.a < 6 * links, structure.a // 6 * 2, (structure.a - 6 * links) * 2 + 1)
+    return [np.flatnonzero(place == k) for k in np.unique(place)]
+
+
+def _share(known: Posterior, scaled: Metric, strength: Strength) -> Array:
+    """What the data take off the prior's variance of every parameter, (n,).
+
+    The prior's variance is that at a known common scale: what the data tell of all parameters by fixing
+    the scale is not counted as seeing one of them.
+    """
+    before = strength.uncertainty**2 * (scaled.L**2).sum(axis=1)
+    if len(known.unseen):  # nothing fixes the common scale
+        return np.zeros(len(before))
+    after = known.deviations(np.eye(len(before))) ** 2
+    return np.asarray(np.clip(1 - after / before, 0, 1))
+
+
+def _equations(vjm: Vjm, data: Dataset) -> int:
+    """Different poses and loads, times the equations of one reading of a rigid tool."""
+    different = np.unique(np.hstack([data.q, data.wrench, data.point]), axis=0)
+    if data.rotation_before is not None:
+        return 6 * len(different)
+    motion = marker_motion(marker_points(vjm, data.markers))
+    return int(np.linalg.matrix_rank(motion)) * len(different)

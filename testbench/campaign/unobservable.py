@@ -1,0 +1,209 @@
+"""What readings leave open of a calibration, and what hides behind what, in words."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from testbench.data.dataset import Ids
+from testbench.errors import Array
+from testbench.identify.absolute.pull import POSES, Pull
+from testbench.identify.absolute.structural import Structural, structural
+from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.observability import Hidden, Quantity, hidden
+from testbench.model.structure import TEMPLATE
+
+LOOSE = 0.01
+"""Standard deviation of what has no prior, frames and mounts [m, rad]: much more than readings leave of it,
+and not so much that rounding would hide the rest."""
+SINGLE = {"ratio": "gear ratio", "play": "play", "stiffening": "stiffening"}
+STRETCH, TWIST, BENDING, COUPLING = "stretch", "torsion", "bending", "coupling beyond a beam"
+ERROR = "'s error of "  #: Between a joint and the orders of its periodic errors.
+FEW = 2  #: Bands of one joint's errors that are named one by one.
+
+
+def unobservable(unknowns: Unknowns, information: Array, prior: Array, pull: Pull) -> tuple[str, ...]:
+    """What readings leave unknown of a calibration, in as few sentences as say it.
+
+    Args:
+        unknowns: Whose columns they are.
+        information: Of the readings, no prior, (size, size).
+        prior: Covariance, (size, size), zero of what is taken to be zero.
+        pull: What further poses would tell, `pull_of`.
+    """
+    on, L = np.flatnonzero(np.diag(prior)), np.zeros_like(prior)
+    L[np.ix_(on, on)] = np.linalg.cholesky(prior[np.ix_(on, on)])
+    every = structural(unknowns, L, pull)
+    M, *more = (_in_units(L, one) for one in (information, *pull.turned, pull.everywhere))
+    found = hidden(quantities(unknowns), L, M, every.directions, more)
+    names = [joint.name for joint in unknowns.vjm.arm.joints]
+    return (*structure_words(every, names, unknowns.structure.n), *sentences(found, names))
+
+
+def _in_units(L: Array, M: Array) -> Array:
+    """Information in units of the prior; a root of variances alone is no product of matrices."""
+    d = np.diag(L)
+    return d[:, None] * M * d if np.count_nonzero(L) == np.count_nonzero(d) else np.asarray(L.T @ M @ L)
+
+
+def structure_words(found: Structural, joints: Sequence[str], compliances: int) -> Iterator[str]:
+    """What no pose could show."""
+    if found.geometry:
+        shared = [f"{name} ({count})" for name, count in zip(joints, found.shared, strict=True) if count > 0]
+        left = found.geometry - sum(found.shared)
+        yield (
+            f"{found.geometry} directions of geometry, frames and mounts are structural, no pose tells them "
+            "apart and none moves a target: a turn about a joint's axis and a shift along it belong to the "
+            f"link before or behind it alike, {', '.join(shared)}"
+            f"{f'; {left} lie over several links' if left else ''}"
+        )
+    if found.idle:
+        idle = " and ".join(joints[j] for j in found.idle)
+        yield f"The joint errors of {idle} are structural: no target moves with them"
+    if found.elastic:
+        yield (
+            f"{found.elastic} of {compliances} directions of compliance are structural: these loads move no "
+            "target by them that could be read, in any pose"
+        )
+
+
+def sentences(found: Sequence[Hidden], joints: Sequence[str]) -> tuple[str, ...]:
+    """One sentence an advice for what is not seen, one for errors of a joint among themselves."""
+    behind = [one for one in found if one.behind]
+    said = [_words(one, joints) for one in behind if not _among_themselves(one)]
+    said += [_mutual(own, joints) for own in _grouped([one for one in behind if _among_themselves(one)])]
+    unseen = [one for one in found if not one.behind]
+    for advice in dict.fromkeys(one.helps for one in unseen):
+        said.append(_unseen([one for one in unseen if one.helps == advice], joints))
+    return tuple(said)
+
+
+def _words(one: Hidden, joints: Sequence[str]) -> str:
+    left = f"{100 * one.share:.0f} % of its prior variance left"
+    if not one.behind:
+        return f"{one.name} is not seen ({left}){_advice(one, joints)}"
+    behind = " and ".join(filter(None, [", ".join(one.behind[:-1]), one.behind[-1]]))
+    return (
+        f"{one.name} hides behind {behind} (correlation {one.correlation:.2f}, {left}){_advice(one, joints)}"
+    )
+
+
+def _advice(one: Hidden, joints: Sequence[str]) -> str:
+    """What would show it; nothing where that was not asked for."""
+    if one.helps is None:
+        return ""
+    if one.helps < 0:
+        return f": {POSES} more poses hardly help, another load may"
+    return f": turn {joints[one.helps]} more" if one.helps < len(joints) else ": turn several joints together"
+
+
+def _joint(name: str) -> str:
+    """The joint of a periodic error, nothing for other quantities."""
+    return name.split(ERROR)[0] if ERROR in name else ""
+
+
+def _among_themselves(one: Hidden) -> bool:
+    """Whether a joint's error hides behind others of the same joint alone."""
+    return bool(_joint(one.name)) and all(_joint(name) == _joint(one.name) for name in one.behind)
+
+
+def _grouped(found: Sequence[Hidden]) -> list[list[Hidden]]:
+    """By joint and advice, in their order."""
+    keys = dict.fromkeys((_joint(one.name), one.helps) for one in found)
+    return [[one for one in found if (_joint(one.name), one.helps) == key] for key in keys]
+
+
+def _mutual(own: Sequence[Hidden], joints: Sequence[str]) -> str:
+    if len(own) == 1:
+        return _words(own[0], joints)
+    orders = ", ".join(one.name.split(ERROR)[1].removeprefix("orders ").removeprefix("order ") for one in own)
+    joint = _joint(own[0].name)
+    return (
+        f"{joint}'s errors of orders {orders} hide behind each other ({_left(own)}){_advice(own[0], joints)}"
+    )
+
+
+def _unseen(own: Sequence[Hidden], joints: Sequence[str]) -> str:
+    if len(own) == 1:
+        return _words(own[0], joints)
+    names: list[str] = []
+    for group in _grouped(own):
+        if not _joint(group[0].name) or len(group) <= FEW:
+            names += [one.name for one in group]
+        else:
+            names.append(f"{len(group)} bands of {_joint(group[0].name)}'s errors")
+    return f"{', '.join(names)} are not seen ({_left(own)}){_advice(own[0], joints)}"
+
+
+def _left(own: Sequence[Hidden]) -> str:
+    shares = [100 * one.share for one in own]
+    return f"{min(shares):.0f} to {max(shares):.0f} % of their prior variance left"
+
+
+def quantities(unknowns: Unknowns) -> tuple[Quantity, ...]:
+    """All of them, in the order of the columns."""
+    return (*_set_ups(unknowns), *_lengths(unknowns), *_bands(unknowns), *_springs(unknowns))
+
+
+def _of(unknowns: Unknowns, name: str, columns: Ids) -> Quantity:
+    """One whose numbers are columns themselves."""
+    return Quantity(name, np.eye(unknowns.size)[columns])
+
+
+def _set_ups(unknowns: Unknowns) -> Iterator[Quantity]:
+    every = np.eye(unknowns.size)
+    keys = [*(("frame", name) for name in unknowns.frames), *(("mount", name) for name in unknowns.mounts)]
+    for kind, name in keys:
+        yield Quantity(f"the {kind} of {name}", every[unknowns.columns(f"{kind} {name}")], own=False)
+
+
+def _lengths(unknowns: Unknowns) -> Iterator[Quantity]:
+    """Of every inner link the offset of the joint behind it, its other turns and its shifts."""
+    arm, first = unknowns.vjm.arm, unknowns.starts["geometry"]
+    for k in range(1, arm.n_joints):
+        link, joint, axis = arm.links[k].name, arm.joints[k], unknowns.vjm.beam_axes[k]
+        own = np.eye(unknowns.size)[first + 6 * (k - 1) + np.arange(6)]
+        shift, turn = own[:3], own[3:]
+        across = np.linalg.svd(axis[None])[2][1:]  # two axes at right angles to the joint's
+        along, other = (shift, turn) if joint.prismatic else (turn, shift)
+        kinds = ("shift", "turn") if joint.prismatic else ("turn", "shift")
+        yield Quantity(f"{joint.name}'s offset", axis[None] @ along)
+        yield Quantity(f"{link}'s {kinds[0]}", across @ along)
+        yield Quantity(f"{link}'s {kinds[1]}", other)
+
+
+def _bands(unknowns: Unknowns) -> Iterator[Quantity]:
+    errors, first = unknowns.errors, unknowns.starts["errors"]
+    orders = np.tile(errors.orders, 2)
+    kinds, bands = np.array(errors.kinds), errors.bands
+    for j, joint in enumerate(unknowns.vjm.arm.joints):
+        own = first + j * errors.size
+        for band in np.unique(bands[bands >= 0]) if not joint.prismatic else ():
+            at = np.flatnonzero(bands == band)
+            low, high = orders[at].min(), orders[at].max()
+            name = f"error of order {low}" if low == high else f"error of orders {low} to {high}"
+            yield _of(unknowns, f"{joint.name}'s {name}", own + at)
+        for kind in kinds[bands < 0]:
+            name = f"{joint.name}'s {SINGLE[kind]}"
+            yield _of(unknowns, name, own + np.flatnonzero(kinds == kind))
+
+
+def _springs(unknowns: Unknowns) -> Iterator[Quantity]:
+    arm, structure, first = unknowns.vjm.arm, unknowns.structure, unknowns.starts["elastic"]
+    links = 6 * len(arm.links)
+    kind = np.array([_kind(a % 6, b % 6) for a, b in zip(structure.a, structure.b, strict=True)])
+    for k, link in enumerate(arm.links):
+        for name in (STRETCH, TWIST, BENDING, COUPLING):
+            own = np.flatnonzero((structure.a // 6 == k) & (structure.a < links) & (kind == name))
+            if len(own):
+                yield _of(unknowns, f"{link.name}'s {name}", first + own)
+    for k in np.flatnonzero(structure.a >= links).tolist():
+        name = arm.joints[structure.a[k] - links].name
+        yield _of(unknowns, f"{name}'s compliance", first + np.array([k]))
+
+
+def _kind(a: int, b: int) -> str:
+    """What an entry of a link's compliance stands for."""
+    a, b = min(a, b), max(a, b)
+    if (a, b) not in TEMPLATE:
+        return COUPLING
+    return {(0, 0): STRETCH, (3, 3): TWIST}.get((a, b), BENDING)

@@ -1,0 +1,89 @@
+"""An arm as it was identified: its state, how sure that is, and where it comes from."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.arm.folder import Arm
+from testbench.errors import Array
+from testbench.identify.absolute.noise import Noise
+from testbench.identify.absolute.state import State, nominal
+from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.estimate import Estimate
+from testbench.identify.posterior import Posterior, linearise
+from testbench.model.structure import Ids, Structure
+from testbench.model.vjm import Vjm
+from testbench.model.weights import Weights
+
+
+@dataclass(frozen=True)
+class About:
+    """Where a model comes from."""
+
+    method: str  #: How it was found.
+    data: tuple[str, ...] = ()  #: Names of the files of readings.
+    doubts: tuple[str, ...] = ()  #: What may be wrong, sentences.
+    force: float | None = None  #: Largest force it was identified under [N]; None where nobody knows.
+    moment: float | None = None  #: Largest moment about the tool's origin [N m]; the same.
+
+
+@dataclass(frozen=True, eq=False)
+class ArmModel:
+    """A model of either kind: compliances from deflections, or geometry and all from absolute readings."""
+
+    state: State  #: theta = theta_0 + C_theta u + Phi(q) n, own weight included.
+    structure: Structure  #: Of the compliances that are uncertain.
+    columns: Ids  #: Which of `unknowns` are uncertain, (c,).
+    posterior: Posterior  #: Of these.
+    about: About
+    #: How absolute readings scatter about it; None where geometry and joint errors were not identified.
+    noise: Noise | None = None
+
+    @property
+    def vjm(self) -> Vjm:
+        """Its nominal kinematics."""
+        return self.state.vjm
+
+    @property
+    def arm(self) -> Arm:
+        """Whose it is."""
+        return self.vjm.arm
+
+    @property
+    def absolute(self) -> bool:
+        """Whether geometry and joint errors were identified too."""
+        return self.noise is not None
+
+    @property
+    def scatter(self) -> float:
+        """Of a position about an absolute model, beyond what the columns leave open [m]."""
+        return 0.0 if self.noise is None else self.noise.open_position * float(self.noise.factor[0])
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """All columns that there might be: geometry, joint errors, compliances."""
+        return Unknowns(self.vjm, (), {}, self.state.errors, self.structure)
+
+
+def of_estimate(vjm: Vjm, estimate: Estimate, weights: Weights, about: About | None = None) -> ArmModel:
+    """The model that an estimate of compliances is, of an arm as drawn.
+
+    Args:
+        vjm: The arm.
+        estimate: From any estimator.
+        weights: What its links weigh, such as `read_weights`.
+        about: Where it comes from; the method alone if not given.
+    """
+    state = bending(vjm, estimate.C_theta, weights)
+    return of_compliances(state, estimate.structure, linearise(estimate), about or About(estimate.method))
+
+
+def bending(vjm: Vjm, C_theta: Array, weights: Weights) -> State:
+    """An arm as drawn that bends, C_theta (n_theta, n_theta) [m/N, rad/(N m)]."""
+    return replace(nominal(vjm, weights, np.zeros(vjm.arm.n_joints)), C_theta=C_theta)
+
+
+def of_compliances(state: State, structure: Structure, posterior: Posterior, about: About) -> ArmModel:
+    """A model of compliances alone, and the posterior of the structure's entries."""
+    first = Unknowns(state.vjm, (), {}, state.errors, structure).starts["elastic"]
+    return ArmModel(state, structure, first + np.arange(structure.n), posterior, about)

@@ -1,0 +1,159 @@
+"""Where the base stands in a tracker's frame, and where the targets sit on the tool: the closed form.
+
+A reading of target k in pose r in frame s, the arm rigid, is p_rk = R_s (R_r m_k + p_r) + t_s. The tool's
+pose R_r, p_r is the arm's; R_s, t_s and the target m_k are unknown. With R_s^T and R_s^T t_s as unknowns it
+is linear. Where m_k is about known, Kabsch's rotation between two sets of points does with fewer poses.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.data.dataset import Ids
+from testbench.data.series import Series
+from testbench.errors import Array
+from testbench.model.vjm import Vjm, tool_pose
+
+LEAST_POINTS = 3  #: That fix a frame, as long as they are on no line.
+#: Readings that are used, drawn at random where there are more: noise is not what limits a frame.
+MOST = 3000
+BLIND = 1e-6
+"""Least singular value of the linear form over its largest, below which it is not taken."""
+
+
+@dataclass(frozen=True)
+class Means:
+    """Readings of targets, one of each in each pose and frame: the mean where it was read again.
+
+    What the geometry of the arm does to a reading is the same in every row of a pose: more of them say no
+    more of it.
+    """
+
+    frame: Ids  #: Index of the frame, (n,).
+    target: Ids  #: Index of the target, (n,).
+    y: Array  #: Position, the frame's axes, (n, 3) [m].
+    covariance: Array  #: Of its noise, the frame's axes, (n, 3, 3) [m^2].
+    rotation: Array  #: Tool's orientation by the arm's kinematics, (n, 3, 3).
+    position: Array  #: Tool's position by the arm's kinematics, (n, 3) [m].
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Frames and targets; NaN where one is not known yet."""
+
+    rotation: Array  #: R_s, frame from base, (frames, 3, 3).
+    translation: Array  #: t_s, base in the frame, (frames, 3) [m].
+    targets: Array  #: m_k in the tool's frame, (targets, 3) [m].
+
+    @property
+    def whole(self) -> bool:
+        """Whether all is known."""
+        return all(np.isfinite(part).all() for part in vars(self).values())
+
+
+def means(vjm: Vjm, series: Sequence[Series]) -> Means:
+    """Readings of series of one mount, MOST at most; frames and targets by their place in order."""
+    frames, targets = names(series)
+    parts = [_means(one, frames.index(one.frame), targets) for one in series]
+    frame, target, q, y, C = (np.concatenate(part) for part in zip(*parts, strict=True))
+    some = np.sort(np.random.Generator(np.random.Philox(0)).permutation(len(q))[:MOST])
+    position, rotation = tool_pose(vjm, q[some])
+    return Means(frame[some], target[some], y[some], C[some], rotation, position)
+
+
+def names(series: Sequence[Series]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of all frames and of all targets, in order."""
+    targets = (name for one in series for name in one.markers)
+    return tuple(dict.fromkeys(one.frame for one in series)), tuple(dict.fromkeys(targets))
+
+
+def _means(one: Series, frame: int, targets: tuple[str, ...]) -> tuple[Array, ...]:
+    """Frame, target, joints, position and covariance of every mean of a series."""
+    row, column = np.nonzero(one.seen)
+    target = np.array([targets.index(name) for name in one.markers])[column]
+    keys = np.column_stack([one.q[row], target])
+    _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    count = np.bincount(group.ravel())[:, None]
+    y, C = np.zeros((len(first), 3)), np.zeros((len(first), 3, 3))
+    np.add.at(y, group.ravel(), one.position[row, column])
+    own = one.sigma**2 * np.eye(3)
+    np.add.at(C, group.ravel(), own if one.precision is None else np.linalg.inv(one.precision[row, column]))
+    ids = np.full(len(first), frame)
+    return ids, target[first], one.q[row[first]], y / count, C / count[..., None] ** 2
+
+
+def starts(seen: Means, known: Layout) -> Iterator[Layout]:
+    """Complete sets of frames and targets to refine, from the targets that are known and from none."""
+    for targets in (known.targets, _hand_eye(seen, len(known.targets))):
+        found = _complete(seen, replace(known, targets=targets))
+        if found.whole:
+            yield found
+
+
+def _hand_eye(seen: Means, targets: int) -> Array:
+    """Targets by the linear form in the frame with most readings, (targets, 3) [m]; NaN for all others.
+
+    Its equations are R_s^T p_rk - R_s^T t_s - R_r m_k = p_r.
+    """
+    found = np.full((targets, 3), np.nan)
+    own = seen.frame == np.bincount(seen.frame).argmax()
+    read, at = np.unique(seen.target[own], return_inverse=True)
+    R, at, n = seen.rotation[own], at.ravel(), np.arange(own.sum())
+    A = np.zeros((len(n), 3, 12 + 3 * len(read)))
+    for axis in range(3):
+        A[:, axis, 3 * axis : 3 * axis + 3] = seen.y[own]
+        A[:, axis, 9 + axis] = -1
+        A[n, :, 12 + 3 * at + axis] = -R[:, :, axis]
+    x, _, rank, _ = np.linalg.lstsq(A.reshape(3 * len(n), -1), seen.position[own].ravel(), rcond=BLIND)
+    if rank == A.shape[2]:
+        found[read] = x[12:].reshape(-1, 3)
+    return found
+
+
+def _complete(seen: Means, found: Layout) -> Layout:
+    """Frames by the known targets and targets by the known frames, in turn, until neither finds more."""
+    rotation, translation, targets = (part.copy() for part in vars(found).values())
+    while True:
+        missing = np.isnan(translation).sum() + np.isnan(targets).sum()
+        for s in np.flatnonzero(np.isnan(translation[:, 0])):
+            use = (seen.frame == s) & np.isfinite(targets[seen.target, 0])
+            if use.sum() >= LEAST_POINTS:
+                rotation[s], translation[s] = kabsch(points(seen, targets)[use], seen.y[use])
+        for k in np.flatnonzero(np.isnan(targets[:, 0])):
+            use = (seen.target == k) & np.isfinite(translation[seen.frame, 0])
+            if use.any():
+                at = seen.frame[use]
+                base = np.vecmat(seen.y[use] - translation[at], rotation[at])
+                targets[k] = np.median(np.vecmat(base - seen.position[use], seen.rotation[use]), axis=0)
+        if missing == np.isnan(translation).sum() + np.isnan(targets).sum():
+            return Layout(rotation, translation, targets)
+
+
+def points(seen: Means, targets: Array) -> Array:
+    """Where the arm has the targets, base axes, (n, 3) [m]."""
+    return np.asarray(seen.position + np.matvec(seen.rotation, targets[seen.target]))
+
+
+def residuals(seen: Means, at: Layout) -> Array:
+    """Readings minus where arm, frames and targets have them, the frame's axes, (n, 3) [m]."""
+    x = np.matvec(at.rotation[seen.frame], points(seen, at.targets))
+    return np.asarray(seen.y - x - at.translation[seen.frame])
+
+
+def kabsch(points: Array, read: Array, *, mirrored: bool = False) -> tuple[Array, Array]:
+    """Rotation, (3, 3), and translation, (3,) [m], that take points to readings with the least squares.
+
+    Both are (n, 3) [m]; `mirrored` asks for a determinant of -1 (Kabsch 1976; Arun, Huang, Blostein 1987;
+    Umeyama 1991).
+    """
+    centre, seen = points.mean(axis=0), read.mean(axis=0)
+    R = nearest_rotation((read - seen).T @ (points - centre), mirrored=mirrored)
+    return R, seen - R @ centre
+
+
+def nearest_rotation(M: Array, *, mirrored: bool = False) -> Array:
+    """The rotation R, (3, 3), with the largest trace of R^T M; a mirror image where that is asked."""
+    U, _, Vt = np.linalg.svd(M)
+    sign = (-1 if mirrored else 1) * np.sign(np.linalg.det(U @ Vt))
+    return np.asarray(U @ np.diag([1, 1, sign]) @ Vt)

@@ -1,0 +1,88 @@
+"""What comes after a run: the last lines of a command, and `testbench next`."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from pydantic import JsonValue
+
+from testbench.errors import BenchError, shown, word
+from testbench.output.manifest import NAME, read_manifest
+
+MISSING = {
+    "check": "points to confirm in elastic.toml, poses of the work in a table",
+    "plan": "readings of all poses in plan.csv, {readings}",
+    "data check": "a map, where a column was misunderstood",
+    "identify": "poses or a program in a table",
+    "calibrate": "a series that the fit did not see",
+    "predict": "a program in a table",
+    "identifiability": "the poses that it asks for",
+}
+"""What only the user can give, by command."""
+
+COMMANDS = {
+    "check": ["plan {arm} --task TASKS.csv --poses 12 --load KG --out {beside}plan"],
+    "plan": [
+        "simulate {arm} {run}/plan.csv{flags} --out rehearsal.csv",
+        "data check {arm} MEASURED.csv --out {beside}data",
+    ],
+    "plan absolute": [
+        "simulate {arm} {run}/plan.csv{flags} --out rehearsal.csv",
+        "calibrate {arm} MEASURED.csv --out {beside}model",
+    ],
+    "data check": ["identify {arm} {data} --out {beside}model"],
+    "identify": ["predict {run} POSES.csv", "compensate {run} PROGRAM.csv --out CORRECTED.csv"],
+    "calibrate": [
+        "score {run} READINGS.csv --frame-poses 50",
+        "compensate {run} PROGRAM.csv --out CORRECTED.csv",
+    ],
+    "predict": ["compensate {model} PROGRAM.csv --out CORRECTED.csv"],
+    "identifiability": ["plan {arm} --task TASKS.csv --poses 12 --load KG --out {beside}plan"],
+    "study": ["compare {run} OTHER_RUN", "new MY_ARM --from ROBOT.urdf"],
+}
+"""The commands that follow, by command."""
+
+
+def next_lines(run: Path, **known: str | Path) -> list[str]:
+    """What is missing after a run, and the next command, filled in as far as the run tells.
+
+    Args:
+        run: Its folder.
+        known: `arm`, `model` or `data` as the user named it; else the name that the run has.
+
+    Raises:
+        BenchError: When the folder is not that of a finished run.
+    """
+    about = read_manifest(run)
+    if not about.command:
+        raise BenchError(f"{run}: expected the folder of a finished run, with {NAME}")
+    name = about.command.removeprefix("testbench ")
+    asked = about.scenario if isinstance(about.scenario, dict) else {}
+    absolute = bool(asked.get("absolute"))
+    named = shown(next(iter(about.models), "ARM"))
+    data = asked.get("data")
+    fields = {
+        "run": word(run),
+        "beside": "" if run.parent == Path() else f"{word(run.parent)}/",
+        "readings": "in the tracker's frame" if absolute else "without and with the load",
+        "flags": _rehearsal(asked) if absolute else "",
+        "arm": named,
+        "model": named,
+        "data": shown(data) if isinstance(data, str) else "MEASURED.csv",
+    } | {key: word(Path(value)) for key, value in known.items()}
+    key = "plan absolute" if name == "plan" and absolute else name
+    texts = COMMANDS.get(key, COMMANDS["study"] if name.startswith("scenarios/") else ())
+    lines = [f"{'missing':<11}{MISSING[name]}"] if name in MISSING else []
+    lines += [f"{'' if k else 'next':<11}testbench {text}" for k, text in enumerate(texts)]
+    return [line.format_map(fields) for line in lines]
+
+
+def _rehearsal(asked: Mapping[str, JsonValue]) -> str:
+    """Flags of `simulate` that rehearse a plan of absolute readings."""
+    flags = " --absolute"
+    for key, flag in (("gear_urad", "--gear-urad"), ("geometry_mm", "--geometry-mm")):
+        value = asked.get(key)
+        flags += f" {flag} {value:g}" if isinstance(value, float) else ""
+    loads = asked.get("loads_kg")
+    masses = [kg for kg in loads if isinstance(kg, float)] if isinstance(loads, list) else []
+    flags += " --orientations" if asked.get("orientations") else ""
+    return flags + (f" --loads {','.join(f'{kg:g}' for kg in masses)}" if len(masses) > 1 else "")

@@ -1,0 +1,63 @@
+"""What comes after a run, from its manifest, perhaps a stranger's."""
+
+import json
+
+import pytest
+
+from testbench.cli import program
+from testbench.errors import BenchError
+from testbench.output.next_step import COMMANDS, MISSING, next_lines
+
+PLAN = {"absolute": False, "loads_kg": [460.3]}
+ABSOLUTE = {"absolute": True, "loads_kg": [0.0, 5.0], "orientations": True, "gear_urad": 30.0}
+ABSOLUTE |= {"geometry_mm": 1.5}
+
+
+def run_of(folder, command, scenario=None, arm="my arm"):
+    folder.mkdir(parents=True)
+    about = {"command": command, "versions": {"testbench": "0"}, "scenario": scenario, "models": {arm: {}}}
+    (folder / "manifest.json").write_text(json.dumps(about))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("command", "scenario", "expected"),
+    [
+        ("testbench plan", PLAN, "data check ../arms/a MEASURED.csv --out runs/data"),
+        (
+            "testbench plan",
+            ABSOLUTE,
+            "simulate ../arms/a runs/one/plan.csv --absolute --gear-urad 30 --geometry-mm 1.5 "
+            "--orientations --loads 0,5 --out rehearsal.csv",
+        ),
+        ("testbench data check", {"data": "export.csv"}, "identify ../arms/a export.csv --out runs/model"),
+        ("testbench identify", {}, "compensate runs/one PROGRAM.csv --out CORRECTED.csv"),
+        ("testbench calibrate", {}, "score runs/one READINGS.csv --frame-poses 50"),
+        ("scenarios/regimes.py", {}, "compare runs/one OTHER_RUN"),
+    ],
+)
+def test_the_next_command_is_filled_in(tmp_path, monkeypatch, command, scenario, expected):
+    monkeypatch.chdir(tmp_path)
+    run = run_of(tmp_path / "runs" / "one", command, scenario)
+    lines = next_lines(run.relative_to(tmp_path), arm="../arms/a")
+    assert f"testbench {expected}" in [line.removeprefix("next").strip() for line in lines]
+    assert "/tmp" not in "".join(lines)
+
+
+def test_a_run_without_a_given_arm_has_the_name_of_its_manifest(tmp_path):
+    run = run_of(tmp_path / "one", "testbench check", arm="kr\x1b[31m {0}")
+    (line,) = [own for own in next_lines(run) if own.startswith("next")]
+    assert "\x1b" not in line
+    assert "{0} --task" in line
+
+
+def test_every_command_of_a_text_exists():
+    texts = [text.split()[0] for own in COMMANDS.values() for text in own]
+    assert {*texts} <= {*program.COMMANDS}
+    assert {*MISSING} <= {*COMMANDS}
+
+
+def test_other_folders_are_refused(tmp_path):
+    (tmp_path / "manifest.json").write_text('{"command": 3}')
+    with pytest.raises(BenchError, match="expected the folder of a finished run"):
+        next_lines(tmp_path)
