@@ -86,6 +86,7 @@ def report(found: Calibrated, left: Left) -> Report:
         numbers=f,
         tables=_tables(f),
         body=["series", "steps", OF_STEPS if f.steps else Markdown(), *_body(f)],
+        badge=f.badge,
     )
 
 
