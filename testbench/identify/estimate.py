@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.arm.stiffness import SYMMETRY_TOLERANCE, eigenvalue_scale
 from testbench.data.dataset import Dataset
+from testbench.display import Displayed
 from testbench.errors import Array, check_array
 from testbench.identify.metric import Belief
 from testbench.identify.regression import Regression, f_m
@@ -70,8 +71,8 @@ class Average:
     whole: "Estimate"  #: Of links and joints.
 
 
-@dataclass(frozen=True)
-class Estimate:
+@dataclass(frozen=True, repr=False)
+class Estimate(Displayed):
     """A stiffness model identified from a dataset."""
 
     method: str  #: How it was found.
@@ -92,6 +93,18 @@ class Estimate:
     #: Readings that the estimate does without, in the order of the dataset.
     rejected: tuple[Rejected, ...] = ()
     average: Average | None = None  #: Of links and joints with joints alone; None where it is one model.
+
+    def about(self) -> dict[str, object]:
+        """Method, structure, what the data see of it, fit and status."""
+        return {
+            "method": self.method,
+            "structure": self.structure.name,
+            "unknowns": self.structure.n,
+            "conservative": self.conservative,
+            "f_m": f"{self.f_m:.3f}",
+            "f_m_floor": f"{self.f_m_floor:.3f}",
+            "status": self.status,
+        }
 
     @property
     def structure(self) -> Structure:

@@ -12,12 +12,13 @@ from functools import cached_property
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array
 from testbench.model.structure import Structure
 
 
-@dataclass(frozen=True, eq=False)
-class Vjm:
+@dataclass(frozen=True, eq=False, repr=False)
+class Vjm(Displayed):
     """Kinematics of the extended chain."""
 
     arm: Arm  #: Its description.
@@ -27,6 +28,10 @@ class Vjm:
     tool: Array  #: Pose of the tool in the last link's body, (4, 4) [m].
     load: Array  #: Load point in the tool's frame, (3,) [m].
     markers: Array  #: Marker positions in the tool's frame, (m, 3) [m].
+
+    def about(self) -> dict[str, object]:
+        """The arm, and how many virtual joints it has."""
+        return {"arm": self.arm.name, "virtual_joints": self.arm.n_theta}
 
     @cached_property
     def beam_axes(self) -> Array:

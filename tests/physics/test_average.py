@@ -14,11 +14,11 @@ from testbench.campaign.true_arms import true_cell
 from testbench.identify import gco, intervals, reduce, with_prior
 from testbench.identify.average import NEGLIGIBLE, ODDS, averaged
 from testbench.identify.evaluate import deflections, score
-from testbench.identify.hierarchy import ALONE, MISFIT, evidence, learn, log_evidence_alone
+from testbench.identify.hierarchy import ALONE, MISFIT, learn, log_evidence_alone
 from testbench.identify.metric import metric, whitened
 from testbench.identify.posterior import linearise
 from testbench.identify.prior import cad_prior
-from testbench.identify.regularised import fit_reduced
+from testbench.identify.solve import solve
 from testbench.model.structure import all153, joints_only, mgco68
 
 SCENARIO = Scenario(arm="kr500_l480", identification_poses=8, identification_runs=16, workspace_poses=60)
@@ -57,7 +57,7 @@ def test_where_links_bend_the_default_is_the_fit_of_links_and_joints(kr500):
     assert found.average is None
     regression = reduce(kr500.vjm, s, campaign.identification)
     belief = learn(regression, metric(prior, kr500.vjm, s))
-    np.testing.assert_array_equal(found.pi, fit_reduced(regression, "psd", belief).pi)
+    np.testing.assert_array_equal(found.pi, solve(regression, "psd", belief).pi)
 
 
 def test_the_average_is_a_mean_of_gramians_whose_intervals_hold_both(kr500, rigid):
@@ -82,24 +82,25 @@ def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
     s = joints_only(kr500.arm)
     regression = reduce(kr500.vjm, s, data)
     for name in ("right", "scaled", "uncoupled"):
-        seen = evidence(regression, metric(prior_of(kr500, name, 2), kr500.vjm, s))
-        log_evidence, kappa = log_evidence_alone(seen)
-        A, y = whitened(regression, seen.metric)
+        own = metric(prior_of(kr500, name, 2), kr500.vjm, s)
+        log_evidence, belief = log_evidence_alone(regression, own)
+        kappa, e = ALONE / belief.strength.uncertainty, belief.metric.expected
+        A, y = whitened(regression, belief.metric)
         S = kappa**2 * np.eye(len(y)) + ALONE**2 * A @ A.T
-        best = float(y @ np.linalg.solve(S, A @ seen.metric.expected))
-        best /= float(A @ seen.metric.expected @ np.linalg.solve(S, A @ seen.metric.expected))
+        best = float(y @ np.linalg.solve(S, A @ e))
+        best /= float(A @ e @ np.linalg.solve(S, A @ e))
 
-        def density(v, A=A, y=y, S=S, e=seen.metric.expected, best=best):
+        def density(v, A=A, y=y, S=S, e=e, best=best):
             e0, e1 = y - A @ (best * e), y - A @ (v * e)
             return math.exp((e0 @ np.linalg.solve(S, e0) - e1 @ np.linalg.solve(S, e1)) / 2)
 
-        e0 = y - A @ (best * seen.metric.expected)
+        e0 = y - A @ (best * e)
         log_size = np.linalg.slogdet(S)[1]
         over_scale = math.log(quad(density, best - 2, best + 2, points=[best], limit=200)[0])
         rest = sum(t.equations / 3 * t.rest for t in regression.terms) / kappa**2
         beyond = (regression.equations - len(y)) * math.log(kappa)
-        own = over_scale - (e0 @ np.linalg.solve(S, e0) + log_size + rest) / 2 - beyond
-        found.append(log_evidence - own + (math.log(kappa) / MISFIT) ** 2 / 2)
+        dense = over_scale - (e0 @ np.linalg.solve(S, e0) + log_size + rest) / 2 - beyond
+        found.append(log_evidence - dense + (math.log(kappa) / MISFIT) ** 2 / 2)
     np.testing.assert_allclose(found, found[0], rtol=0, atol=1e-5)  # but for powers of 2 pi
 
 
@@ -107,8 +108,8 @@ def test_the_weight_is_the_odds_beforehand_times_the_ratio_of_evidences(kr500, r
     data, prior, s = rigid[3].identification, cad_prior(kr500.arm), all153(kr500.arm)
     belief = learn(regression := reduce(kr500.vjm, s, data), own := metric(prior, kr500.vjm, s))
     alone = joints_only(kr500.arm)
-    seen = evidence(reduce(kr500.vjm, alone, data), metric(prior, kr500.vjm, alone))
-    odds = ODDS * math.exp(log_evidence_alone(seen)[0] - belief.log_evidence)
+    there = log_evidence_alone(reduce(kr500.vjm, alone, data), metric(prior, kr500.vjm, alone))[0]
+    odds = ODDS * math.exp(there - belief.log_evidence)
     [found] = averaged([regression], "psd", [belief], own)
     assert found.average.weight == pytest.approx(odds / (1 + odds), rel=1e-5)
     [again] = averaged([regression], "psd", [replace(belief, log_evidence=belief.log_evidence + 100)], own)

@@ -7,16 +7,18 @@ import pytest
 
 from testbench.campaign import pose_campaign
 from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.doubt import of_scale
 from testbench.campaign.perturbed_prior import prior_of
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
-from testbench.identify.contradiction import Unchecked, doubts, unchecked
-from testbench.identify.doubts.loads import learnt
-from testbench.identify.hierarchy import WIDEST, _scales, evidence, greatest, learn, loss
+from testbench.identify.diagnosis.loads import learnt
+from testbench.identify.diagnosis.prior_check import Unchecked, contradicted, unchecked
+from testbench.identify.evidence import bends, greatest, posterior
+from testbench.identify.hierarchy import WIDEST, _scales, evidence, learn
 from testbench.identify.metric import Belief, metric, precision_root, whitened
 from testbench.identify.posterior import CURVED, HEAVY, curvature, intervals, linearise, quantile
 from testbench.identify.prior import Prior, Strength, cad_prior
-from testbench.identify.regularised import fit_reduced
+from testbench.identify.solve import solve
 from testbench.model.loaded import displacement, loaded_deflection, loaded_equilibrium, secant
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import chain, observation
@@ -33,13 +35,19 @@ def seen_by(cell, campaign, structure, prior=None):
 
 
 @pytest.mark.parametrize("make", [all153, mgco68, template56, joints_only])
-def test_the_gradient_of_the_evidence_is_that_of_differences(kr500, campaign, make, rng):
+def test_slopes_and_bends_of_the_evidence_are_those_of_differences(kr500, campaign, make, rng):
     seen = evidence(*seen_by(kr500, campaign, make(kr500.arm)))
     h = seen.start + 0.2 * rng.standard_normal(len(seen.start))
-    steps = 1e-5 * np.eye(len(h))
-    differences = [(loss(seen, h + d)[0] - loss(seen, h - d)[0]) / 2e-5 for d in steps]
-    gradient = loss(seen, h)[1]
-    np.testing.assert_allclose(gradient, differences, rtol=0, atol=1e-6 * np.abs(gradient).max())
+    own, step = posterior(seen.problem, h), 1e-5
+    ends = [[posterior(seen.problem, h + sign * step * e) for sign in (1, -1)] for e in np.eye(len(h))]
+    H, J = bends(seen.problem, h, own)
+    for found, of in (
+        (own.gradient, lambda x: x.loss),
+        (H, lambda x: x.gradient),
+        (J.T, lambda x: x.normal.x),
+    ):
+        expected = np.array([(of(up) - of(down)) / (2 * step) for up, down in ends])
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
 
 
 def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, campaign):
@@ -63,7 +71,7 @@ def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, camp
         z = (h[-3:] - seen.start[-3:]) / np.array([0.4, 0.7, 0.7])
         return z @ z / 2
 
-    found = [loss(seen, point)[0] - hyper(point) - density(point) for point in (h, other)]
+    found = [posterior(seen.problem, point).loss - hyper(point) - density(point) for point in (h, other)]
     np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-6)  # but for a constant
 
 
@@ -83,7 +91,7 @@ def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, cam
     P = D * np.where(belief.metric.couplings, strength.coupling, strength.uncertainty) ** 2
     S = D * np.eye(len(y)) + A * P @ A.T
     expected = e + P * (A.T @ np.linalg.solve(S, y - A @ e))
-    estimate = fit_reduced(regression, "none", belief)
+    estimate = solve(regression, "none", belief)
     x = np.linalg.solve(belief.metric.L, estimate.pi)
     np.testing.assert_allclose(x, expected, rtol=0, atol=1e-6)  # rows of 1e3, entries of 1
     functionals = np.linalg.qr(np.random.default_rng(0).standard_normal((153, 5)))[0].T @ np.linalg.inv(
@@ -110,17 +118,18 @@ def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(
     """Laplace's covariance times derivatives of the estimate, which is solved again at every difference."""
     regression, own = seen_by(kr500, campaign, mgco68(kr500.arm))
     belief, seen = learn(regression, own), evidence(regression, own)
-    h = greatest(seen, seen.start)
+    h = greatest(seen.problem, seen.start)
 
     def estimate(h):
         L = seen.metric.L * np.exp(h[: seen.blocks])[seen.block]
         u, c, kappa = np.exp(h[-3:])
         there = Belief(replace(seen.metric, L=L), Strength(u / kappa, 0.0, coupling=c / kappa))
-        return fit_reduced(regression, "none", there).pi
+        return solve(regression, "none", there).pi
 
     steps = 1e-4 * np.eye(len(h))[:-1]
     J = np.array([estimate(h + d) - estimate(h - d) for d in steps]) / 2e-4
-    H = np.array([loss(seen, h + d)[1] - loss(seen, h - d)[1] for d in steps])[:, :-1] / 2e-4
+    slopes = [[posterior(seen.problem, h + s * d).gradient for s in (1, -1)] for d in steps]
+    H = np.array([up - down for up, down in slopes])[:, :-1] / 2e-4
     assert np.linalg.eigvalsh(H)[0] > WIDEST**-2
     expected = J.T @ np.linalg.solve(H, J)
     np.testing.assert_allclose(belief.moves.T @ belief.moves, expected, rtol=0, atol=1e-4 * expected.max())
@@ -131,7 +140,7 @@ def test_diagnosis_starts_from_the_estimate_with_the_learnt_prior(kr500, campaig
     regression, own = seen_by(kr500, campaign, make(kr500.arm))
     [fitted, own_pi] = [
         learnt(kr500.vjm, own, campaign.identification).pi,
-        fit_reduced(regression, "none", learn(regression, own, widths=False)).pi,
+        solve(regression, "none", learn(regression, own, widths=False)).pi,
     ]
     np.testing.assert_allclose(fitted, own_pi, rtol=0, atol=1e-4 * np.abs(own_pi).max())
 
@@ -148,9 +157,9 @@ def test_joints_ten_times_off_are_found_and_hardly_cost_anything(kr500, factor):
         errors[name] = np.abs(estimate.C_theta - kr500.arm.C_theta)[42:, 42:].max()
     [joints] = [scale for scale in estimate.belief.scales if scale.name == "joints"]
     assert abs(np.log(joints.factor * factor)) < 4 * joints.deviation < np.log(10)  # told from 1
-    [doubt] = [text for text in doubts(estimate.belief) if text.startswith("joints: ")]
-    assert f"want {joints.factor:.2g} times" in doubt
-    assert "beside the links" in doubt
+    [doubt] = [scale for scale in contradicted(estimate.belief) if scale.name == "joints"]
+    assert f"want {joints.factor:.2g} times" in of_scale(doubt).sentence
+    assert "beside the links" in of_scale(doubt).sentence
     assert errors["wrong"] < errors["right"] + 0.3 * kr500.arm.C_theta[42:, 42:].max()
 
 
@@ -161,9 +170,9 @@ def test_a_link_ten_times_off_is_contradicted_or_named_as_open_that_way(kr500, c
     C[6 * link : 6 * link + 6] *= factor
     name = kr500.arm.links[link].name
     regression, own = seen_by(kr500, campaign, all153(kr500.arm), Prior("one link off", C))
-    contradicted = any(text.startswith(f"{name}: ") for text in doubts(learn(regression, own)))
+    told = any(scale.name == name for scale in contradicted(learn(regression, own)))
     found = unchecked(regression, own)
-    assert contradicted or name in (found.stiffer if factor > 1 else found.softer)
+    assert told or name in (found.stiffer if factor > 1 else found.softer)
 
 
 def test_what_the_readings_refuse_is_not_called_open(kr500, campaign):
@@ -180,7 +189,7 @@ def test_many_readings_of_full_poses_leave_no_link_unchecked_and_no_doubt(arm_6r
     regression = reduce(arm_6r.vjm, all153(arm_6r.arm), measured)
     own = metric(cad_prior(arm_6r.arm), arm_6r.vjm, all153(arm_6r.arm))
     assert unchecked(regression, own) == Unchecked()
-    assert doubts(learn(regression, own)) == ()
+    assert contradicted(learn(regression, own)) == ()
 
 
 def test_intervals_of_a_learnt_prior_have_heavier_tails_than_normal(kr500, campaign):

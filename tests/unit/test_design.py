@@ -13,7 +13,6 @@ from testbench.design.order import joint_travel, round_trip, shortest_path
 from testbench.design.refine import Neighbourhood, ascend, refine
 from testbench.design.relaxation import relax, sensitivity
 from testbench.design.rows import Problem, information
-from testbench.design.squares import squares
 
 R, K = 5, 2
 A_OPTIMAL = Linear("A", np.eye(R) / R)
@@ -171,13 +170,6 @@ def test_bound_is_that_of_the_most_useful_candidate():
     useful = max(np.trace(F @ relaxed.dual @ F.T) for F in problem.rows)
     assert relaxed.bound == pytest.approx((relaxed.dual * problem.prior).sum() + 4 * useful)
     assert sensitivity(problem.rows, Z)[7] == pytest.approx(np.trace(problem.rows[7] @ Z @ problem.rows[7].T))
-
-
-def test_squares_are_those_of_the_rows():
-    rows, Z, weights = rng(1).normal(size=(7, K, R)), positive(3), rng(2).random(7)
-    every = squares(rows)
-    np.testing.assert_allclose(every.inner(Z), sensitivity(rows, Z))
-    np.testing.assert_allclose(every.total(weights), np.einsum("p,pkr,pkl->rl", weights, rows, rows))
 
 
 def test_forecast_is_the_spread_of_least_squares():

@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 
 from testbench.errors import Array
-from testbench.identify.hierarchy import KIND, SCATTER, Evidence, evidence, greatest, loss, scatter
+from testbench.identify.evidence import greatest, posterior
+from testbench.identify.hierarchy import SCATTER, Evidence, evidence, student_density
 from testbench.identify.metric import Belief, Metric, Scale
 from testbench.identify.regression import Regression
 
@@ -14,28 +15,14 @@ TENFOLD, OPEN = math.log(10), 2.0
 """Logarithm of a scale that the readings would have to refuse, and loss of evidence at which they do."""
 
 
-def doubts(belief: Belief) -> tuple[str, ...]:
-    """Sentences about scales of a learnt prior that the readings contradict."""
-    return tuple(_doubt(scale) for scale in contradicted(belief))
-
-
 def contradicted(belief: Belief) -> tuple[Scale, ...]:
     """The scales of a learnt prior that the readings contradict."""
-    return tuple(scale for scale in belief.scales if _contradicted(scale))
 
+    def wrong(scale: Scale) -> bool:
+        size = abs(math.log(scale.factor))
+        return size > math.log(FAR) and size > TOLD * scale.deviation
 
-def _contradicted(scale: Scale) -> bool:
-    size = abs(math.log(scale.factor))
-    return size > math.log(FAR) and size > TOLD * scale.deviation
-
-
-def _doubt(scale: Scale) -> str:
-    low, high = (scale.factor * math.exp(sign * 2 * scale.deviation) for sign in (-1, 1))
-    beside = "the links" if scale.name == KIND else "the others of its kind"
-    factor = f"{scale.factor:.2g} times ({low:.2g} to {high:.2g})"
-    return (
-        f"{scale.name}: the readings want {factor} the prior's compliance, beside {beside}: check the folder"
-    )
+    return tuple(filter(wrong, belief.scales))
 
 
 @dataclass(frozen=True)
@@ -58,7 +45,7 @@ def unchecked(regression: Regression, metric: Metric) -> Unchecked:
         best, the evidence falls by less than `OPEN`.
     """
     seen = evidence(regression, metric)
-    best = greatest(seen, seen.start)
+    best = greatest(seen.problem, seen.start)
     whole = [k for k, size in enumerate(metric.sizes) if size == 6 or metric.joints[k]]
     stiffer, softer = (
         tuple(metric.names[k] for k in whole if _loss_at(seen, best, k, sign * TENFOLD) < OPEN)
@@ -71,6 +58,6 @@ def _loss_at(seen: Evidence, best: Array, k: int, size: float) -> float:
     """By how much the evidence falls with the logarithm of block k's scale this far from its kind's."""
     start, kind = best.copy(), seen.blocks + seen.kind[k]
     start[k] = best[kind] + size
-    h = greatest(seen, start, held=k)
-    own, before = (scatter((x[k] - x[kind]) / SCATTER) for x in (h, best))
-    return loss(seen, h)[0] - loss(seen, best)[0] - own + before
+    h = greatest(seen.problem, start, held=k)
+    own, before = (float(student_density((x[k] - x[kind]) / SCATTER)[0]) for x in (h, best))
+    return posterior(seen.problem, h).loss - posterior(seen.problem, best).loss - own + before

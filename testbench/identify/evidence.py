@@ -1,0 +1,192 @@
+"""What is learnt of a linear model from its own readings: sizes of unknowns, and the scatter of equations.
+
+Of c unknowns some are drawn from N(m(h), d(h)^2), d one size for all of a part; those of no part are free,
+or held by equations that are known for sure. With y_k = A_k x + noise of deviation s_k(h), a kind each, the
+hyperparameters h, logarithms all, are those of greatest evidence (MacKay 1992, The evidence framework):
+
+    -log p(y, h) = sum_k (|y_k - A_k x|^2 / s_k^2 + 2 n_k log s_k) / 2
+                   + sum_i ((x_i - m_i)^2 / d_i^2 + log d_i^2) / 2 + log det P / 2 - log p(h),
+    P = sum_k A_k^T A_k / s_k^2 + diag(d^-2),
+
+x the most likely unknowns, and P their precision. Equations enter by their sums of squares alone.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotri
+
+from testbench.errors import Array
+from testbench.model.structure import Ids
+
+ENOUGH = 1e-9  #: By how much a further step of Newton's might raise the evidence, after which there is none.
+MOST, HALVINGS = 100, 30  #: Steps, and times that one is halved.
+SHALLOW, FAR = 1e-3, 2.0  #: Least second derivative that a step counts with, and how far it goes at most.
+
+
+@dataclass(frozen=True)
+class Hyperprior:
+    """Densities of some functions z of the hyperparameters, linear, one a row."""
+
+    rows: Array  #: Of z, (k, m).
+    middle: Array  #: h of z = 0 along the rows, (k,).
+    #: -log p(z), each, and its first and second derivatives, (k,).
+    density: Callable[[Array], tuple[Array, Array, Array]]
+
+
+def normal_density(z: Array) -> tuple[Array, Array, Array]:
+    """Of standard deviation one, but for a constant."""
+    return z**2 / 2, z, np.ones_like(z)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A linear model of c unknowns, and what its m hyperparameters are of; the last are log s_k."""
+
+    gram: Array  #: Sums of squares of [A | y] of every kind of equations, (kinds, c + 1, c + 1).
+    counts: Array  #: Equations of every kind, (kinds,).
+    known: Array  #: The same sums of equations that are known for sure, (c + 1, c + 1).
+    drawn: Array  #: log d of every unknown per unit of h, zero where nothing is believed of it, (c, m).
+    expected: Array  #: m_i over its scale, (c,).
+    scale: Array  #: Logarithm of that scale per unit of h, (c, m).
+    priors: tuple[Hyperprior, ...]  #: Of the hyperparameters.
+    bounds: Array  #: Least and largest value of every hyperparameter, (2, m).
+
+
+@dataclass(frozen=True)
+class Normal:
+    """The solution of normal equations."""
+
+    x: Array  #: Most likely unknowns, (c,).
+    root: tuple[Array, bool]  #: Cholesky's, of the precision scaled to unit diagonal.
+    size: Array  #: Roots of its diagonal before, (c,).
+
+    @property
+    def log_size(self) -> float:
+        """Logarithm of the precision's determinant."""
+        return 2 * float(np.log(np.diag(self.root[0]) * self.size).sum())
+
+    @property
+    def covariance(self) -> Array:
+        """Of all unknowns, (c, c)."""
+        half = dpotri(self.root[0], lower=0)[0]
+        inverse = np.where(np.tri(len(half), dtype=bool), half.T, half)
+        return np.asarray(inverse / self.size / self.size[:, None])
+
+    def variances(self, columns: Ids) -> Array:
+        """Of some unknowns, (k,)."""
+        some = np.eye(len(self.size))[:, columns]
+        return np.asarray((some * cho_solve(self.root, some)).sum(axis=0) / self.size[columns] ** 2)
+
+
+def normal(H: Array) -> Normal:
+    """Most likely unknowns by sums of squares of [A | y], whitened, (c + 1, c + 1).
+
+    Raises:
+        LinAlgError: When they leave an unknown open.
+    """
+    size = np.sqrt(np.diag(H)[:-1])
+    if not (size > 0).all():
+        raise np.linalg.LinAlgError
+    root = cho_factor(H[:-1, :-1] / size / size[:, None])
+    return Normal(cho_solve(root, H[:-1, -1] / size) / size, root, size)
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """The unknowns under some hyperparameters."""
+
+    normal: Normal
+    covariance: Array  #: V = P^-1, (c, c).
+    deviation: Array  #: d, infinite where nothing is believed, (c,).
+    mean: Array  #: m, (c,).
+    left: Array  #: |y_k - A_k x|^2 / s_k^2, (kinds,).
+    spent: Array  #: Equations that the unknowns spend, of every kind, (kinds,).
+    loss: float  #: -log p(y, h).
+    gradient: Array  #: Of that, (m,).
+
+
+def posterior(problem: Problem, h: Array) -> Posterior:
+    """The most likely unknowns, and how likely the readings are.
+
+    Raises:
+        LinAlgError: When the equations leave an unknown open, or rounding leaves P no root.
+    """
+    kinds, D = len(problem.counts), problem.drawn
+    d, s2 = np.where(D.any(axis=1), np.exp(D @ h), np.inf), np.exp(2 * h[-kinds:])
+    mean = np.exp(problem.scale @ h) * problem.expected
+    H = problem.known + sum(gram / own for gram, own in zip(problem.gram, s2, strict=True))
+    H[:-1, -1] += mean / d**2
+    H.flat[: -1 : len(H) + 1] += d**-2
+    found = normal(H)
+    V, v, off = found.covariance, np.r_[found.x, -1.0], (found.x - mean) / d
+    left = problem.gram @ v @ v / s2
+    spent = np.array([np.vdot(gram[:-1, :-1], V) for gram in problem.gram]) / s2
+    value = (left.sum() + off @ off + v @ problem.known @ v + found.log_size) / 2
+    value += problem.counts @ h[-kinds:] + (D @ h).sum()
+    g = D.T @ (D.any(axis=1) - off**2 - np.diag(V) / d**2) - problem.scale.T @ (mean * off / d)
+    g[-kinds:] += problem.counts - left - spent
+    for prior in problem.priors:
+        of, slope, _ = prior.density(prior.rows @ h - prior.middle)
+        value, g = value + of.sum(), g + prior.rows.T @ slope
+    return Posterior(found, V, d, mean, left, spent, float(value), g)
+
+
+def bends(problem: Problem, h: Array, own: Posterior) -> tuple[Array, Array]:
+    """Second derivatives of the loss, (m, m), and by how much x moves with h, (c, m).
+
+    With w = d^-2 and U = -d^2 loss / dx dh it is dx/dh = V U, and the loss with x at its best bends by
+    U^T V U less than with x held; the determinant of P bends by tr(V P' V P') less than by its own P''.
+    """
+    D, S, V, kinds = problem.drawn, problem.scale, own.covariance, len(own.left)
+    w, off = own.deviation**-2, (own.normal.x - own.mean) / own.deviation
+    a, K, s2 = off / own.deviation, np.eye(len(h))[-kinds:], np.exp(2 * h[-kinds:])
+    pulls = (problem.gram @ np.r_[own.normal.x, -1.0])[:, :-1] / s2[:, None]
+    U = 2 * a[:, None] * D + (w * own.mean)[:, None] * S + 2 * pulls.T @ K
+    J = V @ U
+    shares = [V @ (gram[:-1, :-1] / own) for gram, own in zip(problem.gram, s2, strict=True)]
+    N = w[:, None] * (np.array([(M * V).sum(axis=1) for M in shares]).T @ K)
+    wD = w[:, None] * D
+    traces = np.array([[np.vdot(M, other.T) for other in shares] for M in shares])
+    mixed = D.T @ ((own.mean * a)[:, None] * S) - D.T @ N
+    H = 2 * D.T @ ((off**2 + np.diag(V) * w)[:, None] * D) + 2 * (mixed + mixed.T) - U.T @ J
+    H += S.T @ ((own.mean**2 * w - own.mean * a)[:, None] * S) - 2 * wD.T @ V**2 @ wD
+    H += 2 * K.T @ (np.diag(own.left + own.spent) - traces) @ K
+    for prior in problem.priors:
+        bend = prior.density(prior.rows @ h - prior.middle)[2]
+        H += prior.rows.T @ (bend[:, None] * prior.rows)
+    return H, J
+
+
+def greatest(problem: Problem, start: Array, held: int | None = None) -> Array:
+    """The hyperparameters of greatest evidence from a start on, (m,), by Newton; one of them may be held."""
+    h, own, (low, high) = start, posterior(problem, start), problem.bounds
+    for _ in range(MOST):
+        g = own.gradient
+        free = ~((h <= low) & (g > 0) | (h >= high) & (g < 0))
+        if held is not None:
+            free[held] = False
+        values, Q = np.linalg.eigh(bends(problem, h, own)[0][np.ix_(free, free)])
+        step = np.zeros_like(h)
+        step[free] = -Q @ (Q.T @ g[free] / np.maximum(np.abs(values), SHALLOW))
+        before, (h, own) = own.loss, _lower(problem, h, own, step)
+        if before - own.loss < ENOUGH:
+            break
+    return h
+
+
+def _lower(problem: Problem, h: Array, own: Posterior, step: Array) -> tuple[Array, Posterior]:
+    """Where a step, or a part of it, lowers the loss; where it starts if none does."""
+    step = step * min(1.0, FAR / np.abs(step).max(initial=FAR))
+    for _ in range(HALVINGS):
+        there = np.clip(h + step, *problem.bounds)
+        try:
+            found = posterior(problem, there)
+        except np.linalg.LinAlgError:
+            found = own
+        if found.loss < own.loss:
+            return there, found
+        step = step / 2
+    return h, own
