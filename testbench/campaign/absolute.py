@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.campaign import doubt
 from testbench.data.read_series import read_series
 from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError, InputError
@@ -88,7 +89,8 @@ def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequ
         said.append(note)
     found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
     wild = outliers(found.state, found.series, found.pulls)
-    return Calibrated(found, found.series, (*said, *found.notes, *([wild.words] if wild else [])))
+    moved = [doubt.said(move, vjm.arm).sentence for move in found.moves]
+    return Calibrated(found, found.series, (*said, *found.notes, *moved, *([wild.words] if wild else [])))
 
 
 def score(model: ArmModel, series: Sequence[Series], frame_poses: int | None) -> Score:

@@ -9,11 +9,11 @@ import numpy as np
 from testbench import files
 from testbench.campaign.campaign import Cell
 from testbench.campaign.program import CorrectedProgram, more_columns
+from testbench.campaign.program_words import extrapolated
 from testbench.campaign.rows import MM
+from testbench.correct import uncertainty
 from testbench.correct.beyond import extent
-from testbench.correct.open import most_open
 from testbench.correct.rest import rest
-from testbench.correct.sure import Stand, fitted_half_widths
 from testbench.data.dataset import Ids
 from testbench.data.motion.formats import CSV, WRITERS, write_moves
 from testbench.data.program import unread
@@ -115,8 +115,8 @@ def _numbers(found: CorrectedProgram) -> Row:
         **_turns(found),
         jump=_jump(found),
         worst=max(points, key=lambda row: float(row.before_mm)),
-        extrapolated=extent(model, own.start, found.loads).sentences,
-        open=most_open(model, own.q, found.loads, np.array(found.aim.point), absolute),
+        extrapolated=extrapolated(extent(model, own.start, found.loads)),
+        open=uncertainty.most_open(model, own.q, found.loads, np.array(found.aim.point), absolute),
         doubts=model.about.doubts,
         unread=unread(program),
         held={joint.name: int(n) for joint, n in zip(model.arm.joints, held, strict=True) if n},
@@ -183,8 +183,8 @@ def _fitted(found: CorrectedProgram) -> Row | None:
     if count < FITTED:
         return None
     some = np.unique(np.linspace(0, count - 1, min(MOST, count)).round().astype(int))
-    stand = Stand(own.q[some], [load.of(some) for load in found.loads])
-    half = MM * fitted_half_widths(found.model, stand, np.array(found.aim.point)).max(axis=1)
+    stand = uncertainty.Poses(own.q, found.loads).of(some)
+    half = MM * uncertainty.fitted_half_widths(found.model, stand, np.array(found.aim.point)).max(axis=1)
     return sizes(half) if np.isfinite(half).all() else None
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.correct.batches import batches, joined
 from testbench.errors import Array, NoEquilibrium, check_array
 from testbench.identify.absolute.state import State
 from testbench.model.joint_errors import basis
@@ -19,7 +20,6 @@ from testbench.model.weights import own_weight
 
 TOLERANCE = 1e-11  #: A step below this [m, rad] is the last.
 MOST = 100  #: Steps: what has not come to rest by then has no rest.
-TOGETHER = 512  #: Poses computed side by side: enough for numpy, few for its cache.
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,6 @@ class Rest:
     theta: Array  #: Virtual joints, (poses, n_theta) [m, rad].
     position: Array  #: Of the tool's origin, world, (poses, 3) [m].
     rotation: Array  #: World from tool, (poses, 3, 3).
-
-    @property
-    def pose(self) -> tuple[Array, Array]:
-        """Position and orientation."""
-        return self.position, self.rotation
 
     def at(self, point: Array) -> Array:
         """Positions of a point of the tool's frame, (3,) or (poses, 3) [m], in the world, (poses, 3) [m]."""
@@ -70,9 +65,7 @@ def rest(state: State, q: Array, loads: Sequence[Load] = ()) -> Rest:
     """
     q = check_array(q, (None, state.vjm.arm.n_joints), "q [rad, m]")
     loads = [load.over(len(q)) for load in loads]
-    parts = [slice(k, k + TOGETHER) for k in range(0, max(len(q), 1), TOGETHER)]
-    found = [_rest(state, q[some], [load.of(some) for load in loads]) for some in parts]
-    return Rest(*(np.concatenate([getattr(one, name) for one in found]) for name in Rest.__match_args__))
+    return joined([_rest(state, q[some], [load.of(some) for load in loads]) for some in batches(len(q))])
 
 
 def _rest(state: State, q: Array, loads: Sequence[Load]) -> Rest:

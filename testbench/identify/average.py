@@ -18,7 +18,7 @@ from testbench.identify.estimate import Average, Constraint, Estimate, make_esti
 from testbench.identify.hierarchy import log_evidence_alone
 from testbench.identify.metric import Belief, Metric
 from testbench.identify.regression import Regression, regression_of, term_of, triangle
-from testbench.identify.regularised import fit_each, fit_reduced
+from testbench.identify.solve import solve
 from testbench.model.structure import Ids
 
 ODDS = 3.0
@@ -40,7 +40,7 @@ def averaged(
         beliefs: The prior as each of them corrects it.
         metric: The prior as it was.
     """
-    found = fit_each(regressions, constraint, beliefs)
+    found = [solve(r, constraint, own) for r, own in zip(regressions, beliefs, strict=True)]
     joints = joint_columns(metric)
     if len(joints) < metric.structure.links - 1 or len(joints) == metric.structure.n:
         return found
@@ -64,7 +64,7 @@ def _with_joints(whole: Estimate, metric: Metric, joints: Ids) -> Estimate:
     weight = _logistic(log_evidence - whole.belief.log_evidence + math.log(ODDS))
     if weight < NEGLIGIBLE:
         return whole
-    alone = fit_reduced(own, whole.constraint, belief)
+    alone = solve(own, whole.constraint, belief)
     pi = (1 - weight) * whole.pi
     pi[joints] += weight * alone.pi
     average = Average(weight, whole)

@@ -37,7 +37,7 @@ from testbench.identify.regression import (
     term_of,
     triangle,
 )
-from testbench.identify.regularised import fit_reduced
+from testbench.identify.solve import solve
 from testbench.identify.weighed import Readings, one_by_one
 from testbench.model.vjm import Vjm
 
@@ -82,7 +82,7 @@ def without_outliers(
     _check_left(keep, regression.rank)
     if not keep.all():
         regression = _accepted(regression, readings, keep)
-    plain = fit_reduced(regression, constraint, belief)
+    plain = solve(regression, constraint, belief)
     return replace(
         plain,
         method=f"{plain.method}, Huber loss",

@@ -24,18 +24,16 @@ def minimum_norm(regression: Regression) -> Estimate:
     advice: tuple[str, ...] = ()
     if regression.rank < regression.structure.n:
         advice = ("least squares filled the free directions with the solution of minimum norm",)
-    pi = solve(regression)
+    [pi] = solve_all([regression])
     found = make_estimate(regression, pi, method="least squares", constraint="none", advice=advice)
     return replace(found, status="solved")
 
 
-def solve(regression: Regression) -> Array:
-    """Parameters of least sum of squares over all terms, of minimum norm in scaled units, (n,)."""
-    return np.asarray(solve_all([regression])[0])
-
-
 def solve_all(regressions: Sequence[Regression]) -> Array:
-    """The same of datasets that differ in their readings alone, (datasets, n)."""
+    """Parameters of least sum of squares, of minimum norm in scaled units, (datasets, n).
+
+    The datasets differ in their readings alone.
+    """
     # F_M weights a term by 1/sqrt(N); Eq. (14) sums squares over all equations alike.
     one = regressions[0]
     weights = [np.sqrt(term.equations) for term in one.terms]

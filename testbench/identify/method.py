@@ -17,7 +17,7 @@ from testbench.identify.huber import without_outliers
 from testbench.identify.metric import Belief, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression
-from testbench.identify.regularised import fit_each
+from testbench.identify.solve import solve
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -73,7 +73,7 @@ class Method:
         beliefs = self.beliefs(vjm, regressions, widths=widths)
         learnt = [belief for belief in beliefs if belief is not None and belief.log_evidence is not None]
         if self.prior is None or len(learnt) < len(beliefs):
-            return fit_each(regressions, self.constraint, beliefs)
+            return [solve(r, self.constraint, own) for r, own in zip(regressions, beliefs, strict=True)]
         own = metric(self.prior, vjm, regressions[0].structure)
         return averaged(regressions, self.constraint, learnt, own)
 

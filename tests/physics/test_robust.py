@@ -17,7 +17,7 @@ from testbench.identify.huber import DELTA, REJECT, without_outliers
 from testbench.identify.metric import Belief, metric, precision_root
 from testbench.identify.prior import Strength, cad_prior, distorted
 from testbench.identify.regression import f_m, non_redundant
-from testbench.identify.regularised import gco_with, least_squares_with
+from testbench.identify.solve import solve
 from testbench.identify.weighed import one_by_one
 from testbench.model.structure import all153, mgco68, template56
 
@@ -99,10 +99,10 @@ def test_where_nothing_is_rejected_the_robust_fit_is_the_plain_one_to_the_last_d
         pairs = [
             (robustly(kr500, s, data, "psd"), gco(kr500.vjm, s, data)),
             (robustly(kr500, s, data, "none"), least_squares(kr500.vjm, s, data)),
-            (robustly(kr500, s, data, "psd", units), gco_with(regression, units, STRENGTH)),
+            (robustly(kr500, s, data, "psd", units), solve(regression, "psd", Belief(units, STRENGTH))),
             (
                 robustly(kr500, s, data, "none", units),
-                least_squares_with(regression, units, STRENGTH),
+                solve(regression, "none", Belief(units, STRENGTH)),
             ),
         ]
         for fit, plain in pairs:
@@ -132,9 +132,9 @@ def test_five_percent_of_readings_off_by_a_millimetre_cost_at_most_a_fifth(kr500
         def rms(estimate, run=run):
             return score(deflections(kr500.vjm, estimate, run.truth), run.truth.deflection).rms
 
-        clean = rms(gco_with(reduce(kr500.vjm, s, run.identification), units, STRENGTH))
+        clean = rms(solve(reduce(kr500.vjm, s, run.identification), "psd", Belief(units, STRENGTH)))
         ratios.append(rms(fit) / clean)
-        plain.append(rms(gco_with(reduce(kr500.vjm, s, data), units, STRENGTH)) / clean)
+        plain.append(rms(solve(reduce(kr500.vjm, s, data), "psd", Belief(units, STRENGTH))) / clean)
         hits += len(found(fit) & planted(data, mask))
         wrong += len(found(fit) - planted(data, mask))
         missed += len(planted(data, mask) - found(fit))

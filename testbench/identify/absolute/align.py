@@ -12,11 +12,11 @@ import numpy as np
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.faults import explained, renamed
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import Mount, State
 from testbench.identify.closed_form import Layout, means, nearest_rotation, starts
 from testbench.identify.closed_form import residuals as left_by
+from testbench.identify.diagnosis.notation import explained, renamed
 from testbench.identify.registered import FAR
 from testbench.identify.registration import POSES, Frame, reach, register, turning
 from testbench.model.vjm import tool_pose

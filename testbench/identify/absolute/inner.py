@@ -18,7 +18,7 @@ from testbench.identify.metric import Belief, Metric, precision_root, rescaled
 from testbench.identify.prior import Strength
 from testbench.identify.registration import Frame
 from testbench.identify.regression import Regression, regression_of, term_of
-from testbench.identify.regularised import fit_reduced
+from testbench.identify.solve import solve
 
 OPEN = 1e-10  #: Share of a column that no other has, below which it is not seen at all.
 
@@ -93,7 +93,7 @@ def _compliances(elastic: Metric, T: Array, inner: Inner, equations: int) -> tup
     share = np.sqrt(equations / 3)
     regression = regression_of(elastic.structure, (term_of(T / share, 0.0, equations),))
     belief = Belief(elastic, inner.strength) if inner.strength else _believed(regression, elastic)
-    return fit_reduced(regression, inner.constraint, belief), belief
+    return solve(regression, inner.constraint, belief), belief
 
 
 def _believed(regression: Regression, elastic: Metric) -> Belief:

@@ -1,5 +1,6 @@
 """Doubts about runs: first what is plain, then where the arm is, then what moves it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -7,13 +8,12 @@ import numpy as np
 
 from testbench.data.dataset import Dataset, Ids, select
 from testbench.errors import Array
-from testbench.identify.doubts.deflected import SINGLE, deflected, single
-from testbench.identify.doubts.doubt import Doubt, length
-from testbench.identify.doubts.geometry import STILL, Fit, Free, Seen, away, fit
-from testbench.identify.doubts.mistakes import exchanges
-from testbench.identify.doubts.moved import moved as moved_between
-from testbench.identify.doubts.placed import frame_doubt, placed, targets_doubt
-from testbench.identify.doubts.plain import moved_against, plain
+from testbench.identify.diagnosis.between import moved
+from testbench.identify.diagnosis.deflected import SINGLE, deflected, single
+from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.place import Fit, Free, Seen, fit
+from testbench.identify.diagnosis.sanity import moved_against, sanity_checks
+from testbench.identify.diagnosis.undone import apart, placed
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
 from testbench.identify.registered import Registered, with_markers
@@ -21,52 +21,12 @@ from testbench.identify.weighed import MOST_READINGS, check_runs, marker_points
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm
 
-APART = 8.0  #: Distance of a reading over a sound one from which it is wrong by itself.
-
-
-def apart(seen: Seen, own: Fit) -> list[tuple[int, Doubt]]:
-    """Single poses, and single unloaded readings, that lie off while most do not; with their pose."""
-    off = np.linalg.norm(own.residual, axis=2)
-    found = []
-    for row in np.flatnonzero((off > APART * seen.scale).any(axis=1)):
-        pose, typical, run = int(seen.poses[row]), float(np.median(off[row][seen.there[row]])), seen.runs[row]
-        if typical > APART / 2 * seen.scale:
-            why = _why(seen, own, int(row))
-            words = f"run {run}: its unloaded readings lie {length(typical)} off: {why}"
-            found.append((pose, Doubt("pose", words)))
-        else:
-            k = int(np.argmax(off[row]))
-            words = f"run {run}: {seen.names[k]} was read {length(off[row, k])} off, the others were not"
-            found.append((pose, Doubt("reading", words)))
-    return found
-
-
-def _why(seen: Seen, own: Fit, pose: int) -> str:
-    """Which targets of a pose may have each other's names, or which joint angle may be wrong."""
-    one = replace(
-        seen,
-        q=seen.q[[pose]],
-        markers=own.markers,
-        read=(seen.read[[pose]] - own.frame.t) @ own.frame.R,
-        there=seen.there[[pose]],
-    )
-    for order in exchanges(one, STILL):
-        read, there = one.read[:, order], one.there[:, order]
-        if away(one, fit(replace(one, read=read, there=there), Free())).max() < APART * seen.scale:
-            wrong = ", ".join(seen.names[k] for k, other in enumerate(order) if k != other)
-            return f"they fit if {wrong} have each other's names"
-    fits = [fit(one, Free(joint=k)) for k in range(seen.q.shape[1])]
-    best = int(np.argmin([f.loss for f in fits]))
-    joint = seen.vjm.arm.joints[best]
-    if float(np.median(away(one, fits[best]))) > APART * seen.scale:
-        return "is its pose right?"
-    return f"they fit if {joint.name} stood {joint.shown * fits[best].offset:.3g} {joint.shown_unit} farther"
-
-
 PRECISE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
 HUGE = 20.0  #: Deflection over that distance from which loaded readings are of something else.
 AT_A_TIME, PARTS = 90, 12  #: Runs that are weighed together, and how often at most.
 MENDED = ("frame", "targets")  #: Mistakes that a registration mends: the loads can be looked at all the same.
+NEAR = 0.5  #: Distance of a frame from the base below which no tracker stands [m].
+ROUGH = 0.1  #: Distance of a target whose place was rough, and was found, that is a doubt [m].
 
 
 @dataclass(frozen=True)
@@ -85,7 +45,7 @@ class HandedIn:
         return with_markers(self.found.vjm, own)
 
 
-def doubts(given: HandedIn, prior: Prior) -> list[Doubt]:
+def doubts(given: HandedIn, prior: Prior) -> list[Finding]:
     """What may be wrong with runs, the likeliest first.
 
     Args:
@@ -100,63 +60,91 @@ def doubts(given: HandedIn, prior: Prior) -> list[Doubt]:
     """
     found = given.found
     check_runs(found.vjm, found.data)
-    plainly = plain(given.data, given.vjm.reach)
+    plain = list(sanity_checks(given.data, given.vjm.reach))
     said, own, seen = _places(given)
-    if plainly or any(doubt.name not in MENDED for doubt in said):
-        return [*said, *plainly]
+    if plain or any(doubt.kind not in MENDED for doubt in said):
+        return [*said, *plain]
     data, vjm = found.data, found.vjm
-    moved = np.median(np.linalg.norm(data.deflection, axis=2)[data.seen])
-    if vjm.arm.joints and moved > HUGE * seen.scale:
+    size = np.median(np.linalg.norm(data.deflection, axis=2)[data.seen])
+    if vjm.arm.joints and size > HUGE * seen.scale:
         one = given.data if found.frame == "base" else _of_one_station(given.data)
         loaded = placed(_seen(vjm, one, one.after), _free(found), "loaded readings")
         if loaded.doubt is not None:
             return [loaded.doubt, *said]
-    if against := moved_against(data):
-        return [*said, against]
-    off = apart(seen, own)
+    if against := list(moved_against(data)):
+        return [*said, *against]
+    off = list(apart(seen, own))
     said += [doubt for _, doubt in off]
-    model = metric(prior, vjm, all153(vjm.arm))
     kept = select(data, ~np.isin(data.pose, [pose for pose, _ in off])) if off else data
     if not kept.seen.any():
         return said
-    each = len(kept.markers) + (kept.sigma_rotation is not None)
-    parts = max(1, -(-kept.runs // max(1, min(AT_A_TIME, MOST_READINGS // each))))
-    chunks = [select(kept, np.arange(kept.runs) % parts == k) for k in range(min(parts, PARTS))]
-    stepped, loads = moved_between(vjm, kept, prior), deflected(vjm, model, chunks[0])
-    if all(doubt.name in SINGLE for doubt in loads):
-        loads += chain.from_iterable(single(vjm, model, chunk) for chunk in chunks[1:])
-        loads.sort(key=lambda d: -(d.evidence or 0))
-    if all(doubt.name in SINGLE for doubt in loads):  # else a mistake of all loads may look like a step
+    stepped, loads = moved(vjm, kept, prior), _loads(vjm, kept, prior)
+    if all(doubt.kind in SINGLE for doubt in loads):  # else a mistake of all loads may look like a step
         return [*stepped, *said, *loads]
     return [*said, *loads, *stepped]
 
 
-def _places(given: HandedIn) -> tuple[list[Doubt], Fit, Seen]:
+def _loads(vjm: Vjm, data: Dataset, prior: Prior) -> list[Finding]:
+    """Doubts about loads and deflections: of all of them by some runs, of single ones by all."""
+    model = metric(prior, vjm, all153(vjm.arm))
+    each = len(data.markers) + (data.sigma_rotation is not None)
+    parts = max(1, -(-data.runs // max(1, min(AT_A_TIME, MOST_READINGS // each))))
+    chunks = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, PARTS))]
+    found = deflected(vjm, model, chunks[0])
+    if all(doubt.kind in SINGLE for doubt in found):
+        found += chain.from_iterable(single(vjm, model, chunk) for chunk in chunks[1:])
+        found.sort(key=lambda doubt: -(doubt.nats or 0))
+    return found
+
+
+def _places(given: HandedIn) -> tuple[list[Finding], Fit, Seen]:
     """Doubts about where the arm, its targets and the tracker are; and the readings as they were placed."""
     found = given.found
     guessed = found.frame == "tracker" and not given.declared
     if found.frame == "base" or guessed:
         seen = _seen(given.filed, given.data, given.data.before)
-        raw = placed(seen, Free(), "unloaded readings")
-        if found.registration is None and raw.doubt is not None and raw.doubt.name == "kinematics":
+        raw = placed(seen, Free())
+        if found.registration is None and raw.doubt is not None and raw.doubt.kind == "kinematics":
             raw = replace(raw, doubt=open_places(given.filed, given.data))
-        mistaken = raw.doubt is not None and raw.doubt.name not in ("frame", "kinematics")
+        mistaken = raw.doubt is not None and raw.doubt.kind not in ("frame", "kinematics")
         if found.frame == "base" or mistaken:
             return ([] if raw.doubt is None else [raw.doubt]), raw.fit, seen
     one = _of_one_station(given.data)
-    doubt = placed(_seen(found.vjm, one, one.before), _free(found), "unloaded readings").doubt
+    doubt = placed(_seen(found.vjm, one, one.before), _free(found)).doubt
     seen = _seen(found.vjm, found.data, found.data.before)
-    own = fit(seen, Free())
-    if doubt is not None:
-        return [doubt], own, seen
-    said = frame_doubt(found) if guessed else []
-    return [*said, *targets_doubt(found)], own, seen
+    said = [doubt] if doubt else [*(_near(found) if guessed else ()), *_far_targets(found)]
+    return said, fit(seen, Free()), seen
 
 
-def open_places(vjm: Vjm, data: Dataset) -> Doubt | None:
+def open_places(vjm: Vjm, data: Dataset) -> Finding | None:
     """The mistake that keeps readings from being brought into the base's frame, if one explains it."""
     one = _of_one_station(data)
-    return placed(_seen(vjm, one, one.before), Free(frame=True, targets=True), "unloaded readings").doubt
+    return placed(_seen(vjm, one, one.before), Free(frame=True, targets=True)).doubt
+
+
+def _near(found: Registered) -> Iterator[Finding]:
+    """Readings that turned out to be in another frame than the base's, too near it to be a tracker's."""
+    assert found.registration is not None
+    for one in found.registration.frames.values():
+        if np.linalg.norm(one.translation) < NEAR:
+            yield Finding("frame", (), np.concatenate([one.rotation_vector, one.translation]))
+            return
+
+
+def _far_targets(found: Registered) -> Iterator[Finding]:
+    """Targets that were found far from where the arm's folder has them, or one where another is."""
+    own = found.registration
+    assert own is not None
+    off = np.linalg.norm(own.targets - own.nominal, axis=1)
+    far = np.flatnonzero(off > ROUGH)
+    if not len(far):
+        return
+    between = np.linalg.norm(own.targets[far, None] - own.nominal[None, far], axis=2)
+    if len(far) > 1 and (between.min(axis=1) < ROUGH).all():
+        yield Finding("markers", ("targets", *(own.markers[k] for k in far)))
+        return
+    worst = int(far[np.argmax(off[far])])
+    yield Finding("targets", ("targets", own.markers[worst]), own.targets[worst] - own.nominal[worst])
 
 
 def _of_one_station(data: Dataset) -> Dataset:
