@@ -28,7 +28,7 @@ def verdicts(factor):
         for name in SECTION_6
     ]
     rows = [
-        {"name": name, "trial": seed, "check.rms_mm": 0.2 * factor.get(name, 1.0) * (1 + 0.01 * k)}
+        {"name": name, "seed": seed, "check.rms_mm": 0.2 * factor.get(name, 1.0) * (1 + 0.01 * k)}
         for seed in range(SEEDS)
         for k, name in enumerate(SECTION_6)
     ]
