@@ -5,9 +5,8 @@ from measure import Row, at_most, feasible_poses, interleave, note, spread
 
 from testbench.campaign.campaign import build_cell, simulate
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import correct
+from testbench.correct.newton import asked, correct
 from testbench.correct.rest import rest
-from testbench.correct.target import asked
 from testbench.errors import Array
 from testbench.identify import gco, with_prior
 from testbench.identify.arm_model import bending, of_estimate

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.correct.newton import FIELDS, Aim, Asked, Corrected, Mask, Points, Target, solve
+from testbench.correct.batches import put
+from testbench.correct.newton import Aim, Asked, Corrected, Points, Target, asked, solve
 from testbench.correct.rest import rest
-from testbench.correct.sure import Stand, half_widths
-from testbench.correct.target import asked
+from testbench.correct.uncertainty import Poses, half_widths
+from testbench.data.dataset import Mask
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load
@@ -76,8 +77,8 @@ def compensate(
     corrected = np.where(bad[:, None], q, found.q)
     acts = np.asarray(before.any(axis=1))
     corrected = np.where(acts[:, None], corrected, q)  # where nothing acts, as it was to the last digit
-    start = None if model.absolute and meant == "drawn" else Stand(q)
-    end = Stand(corrected, loads, heavy=meant == "drawn")
+    start = None if model.absolute and meant == "drawn" else Poses(q)
+    end = Poses(corrected, loads, heavy=meant == "drawn")
     half = half_widths(model, end, start, point[None])[:, 0]
     return Compensated(corrected, q, target, before, left, found.turned, half, held, tuple(refused), meant)
 
@@ -101,9 +102,7 @@ def within_limits(
         free = points.free * ~(beyond & found.solved[:, None])
         start = np.where(free > 0, points.start, np.clip(found.q, lower, upper))
         points = replace(points, start=start, free=free)
-        again = solve(points.of(some))
-        for name in FIELDS:
-            getattr(found, name)[some] = getattr(again, name)
+        put(found, some, solve(points.of(some)))
     return found, points.free == 0
 
 

@@ -6,6 +6,7 @@ neighbour, until none changes: the same joints as one by one, for only the point
 
 import numpy as np
 
+from testbench.correct.batches import at, joined, replaced
 from testbench.correct.newton import Target
 from testbench.correct.reach import Reached, reach
 from testbench.data.dataset import Ids, Mask
@@ -28,55 +29,39 @@ def settle(vjm: Vjm, target: Target, found: Reached, open_: Ids, free: Mask) -> 
         open_: Which are looked at first, (k,), not the first pose.
         free: Which may change, (poses,). One that was reached stays so.
     """
-    found = found.at(np.arange(len(found.q)))
     while len(open_):
-        own, old = reach(vjm, target.of(open_), found.q[open_ - 1]), found.at(open_)
+        own, old = reach(vjm, at(target, open_), found.q[open_ - 1]), at(found, open_)
         moved = np.abs(own.q - old.q).max(axis=1) > SAME
         nearer = own.distance + own.angle * vjm.reach < CLOSER * (old.distance + old.angle * vjm.reach)
         change = np.where(own.there, moved | ~old.there, nearer & ~old.there)
-        found = replaced(found, own.at(np.flatnonzero(change)), open_[change])
+        found = replaced(found, open_[change], at(own, np.flatnonzero(change)))
         following = open_[change] + 1
         following = following[following < len(free)]
         open_ = following[free[following]]
     return found
 
 
-def supported(vjm: Vjm, target: Target, at: Ids, first: Array) -> tuple[Ids, Array]:
+def supported(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[Ids, Array]:
     """Supports of a path, more where joints turn fast, and their joints, (supports,) and (supports, n).
 
     Args:
         vjm: The arm as drawn.
         target: Of the tool's origin, the path.
-        at: Which points are supports, (k,).
+        places: Which points are supports, (k,).
         first: Joints near the first point, (n,) [rad, m].
     """
-    found = reach(vjm, target.of(at), np.tile(first, (len(at), 1)))
-    open_ = np.arange(1, len(at))
+    found = reach(vjm, at(target, places), np.tile(first, (len(places), 1)))
+    open_ = np.arange(1, len(places))
     for _ in range(HALVINGS):
-        found = settle(vjm, target.of(at), found, open_, np.ones(len(at), dtype=bool))
+        found = settle(vjm, at(target, places), found, open_, np.ones(len(places), dtype=bool))
         far = np.abs(np.diff(found.q, axis=0)).max(axis=1, initial=0) > APART
-        wide = np.flatnonzero(far & found.there[1:] & found.there[:-1] & (np.diff(at) > 1))
+        wide = np.flatnonzero(far & found.there[1:] & found.there[:-1] & (np.diff(places) > 1))
         if not len(wide):
             break
-        between = (at[wide] + at[wide + 1]) // 2
-        own = reach(vjm, target.of(between), found.q[wide])
-        order = np.argsort(np.concatenate([at, between]))
-        at = np.concatenate([at, between])[order]
-        found = _joined(found, own).at(order)
-        open_ = np.flatnonzero(np.isin(at, between)) + 1
-    return at, found.q
-
-
-def replaced(found: Reached, other: Reached, where: Ids) -> Reached:
-    """Some poses, (k,), replaced by others."""
-    q, distance, angle = found.q.copy(), found.distance.copy(), found.angle.copy()
-    q[where], distance[where], angle[where] = other.q, other.distance, other.angle
-    return Reached(q, distance, angle)
-
-
-def _joined(found: Reached, other: Reached) -> Reached:
-    return Reached(
-        np.concatenate([found.q, other.q]),
-        np.concatenate([found.distance, other.distance]),
-        np.concatenate([found.angle, other.angle]),
-    )
+        between = (places[wide] + places[wide + 1]) // 2
+        own = reach(vjm, at(target, between), found.q[wide])
+        order = np.argsort(np.concatenate([places, between]))
+        places = np.concatenate([places, between])[order]
+        found = at(joined([found, own]), order)
+        open_ = np.flatnonzero(np.isin(places, between)) + 1
+    return places, found.q

@@ -6,15 +6,14 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.correct.rest import TOGETHER, rest
-from testbench.correct.sure import Stand, half_widths
+from testbench.correct.batches import batches
+from testbench.correct.rest import rest
+from testbench.correct.uncertainty import Poses, half_widths
 from testbench.errors import Array
 from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load
 from testbench.model.loaded import geometric_stiffness, loaded_compliance
 from testbench.model.vjm import chain
-
-NEAR, MOSTLY = 10.0, 30.0  #: Angles up to which a direction is along an axis, and mostly along it [deg].
 
 
 @dataclass(frozen=True)
@@ -60,9 +59,12 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = ()) -> Stiffnes
     """
     theta = rest(model.state, q, loads).theta
     loads = [load.over(len(q)) for load in loads]
-    parts = [slice(k, k + TOGETHER) for k in range(0, max(len(q), 1), TOGETHER)]
-    found = [_compliance(model, q[some], theta[some], [load.of(some) for load in loads]) for some in parts]
-    compliance = np.concatenate(found)
+    compliance = np.concatenate(
+        [
+            _compliance(model, q[some], theta[some], [load.of(some) for load in loads])
+            for some in batches(len(q))
+        ]
+    )
     axes, give, _ = np.linalg.svd(compliance[:, :3, :3])
     return Stiffness(compliance, give, axes)
 
@@ -90,19 +92,6 @@ def give_halves(model: ArmModel, q: Array, tool: Stiffness, force: float) -> Arr
     found, origin = np.empty((len(q), 3)), np.zeros(3)
     for k in range(3):
         wrench = np.hstack([force * tool.axes[:, :, k], np.zeros((len(q), 3))])
-        pushed = Stand(q, [Load(wrench, origin)])
-        found[:, k] = half_widths(model, pushed, Stand(q), origin[None])[:, 0].max(axis=1)
+        pushed = Poses(q, [Load(wrench, origin)])
+        found[:, k] = half_widths(model, pushed, Poses(q), origin[None])[:, 0].max(axis=1)
     return found
-
-
-def direction_words(direction: Array) -> str:
-    """A direction in world axes, (3,), for people, such as "mostly along y" or "between x and -z"."""
-    size = np.abs(direction) / np.linalg.norm(direction)
-    first, second = np.argsort(-size)[:2]
-    angle = float(np.degrees(np.arccos(min(size[first], 1.0))))
-    if angle <= NEAR:
-        return f"along {'xyz'[first]}"
-    if angle <= MOSTLY:
-        return f"mostly along {'xyz'[first]}"
-    side = "" if direction[first] * direction[second] > 0 else "-"
-    return f"between {'xyz'[first]} and {side}{'xyz'[second]}"

@@ -18,7 +18,7 @@ from testbench.design.planning import CandidateSet, Chosen
 from testbench.design.rows import SCALE_UNCERTAINTY, Problem
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.rows import rows_of
-from testbench.identify.absolute.state import State, targets, tell
+from testbench.identify.absolute.state import State, forward, targets
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
@@ -117,9 +117,7 @@ def sag(union: Union, q: Array) -> Array:
     """RMS distance that own weight and the last load are expected to move targets, (poses,) [m]."""
     series, state = at(union, q), union.state
     rigid = replace(state, C_theta=np.zeros_like(state.C_theta))
-    bent, straight = (
-        targets(tell(one, series.q, series.wrench, series.point), one.mount(series)) for one in (state, rigid)
-    )
+    bent, straight = (targets(forward(one, series).where, one.mount(series)) for one in (state, rigid))
     moved = np.square(bent - straight).sum(axis=2).mean(axis=1)
     return np.asarray(np.sqrt(moved.reshape(len(q), -1)[:, -1]))
 

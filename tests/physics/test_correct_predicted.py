@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from testbench.arm.mjcf import GRAVITY
+from testbench.campaign.program_words import direction_words, extrapolated
 from testbench.correct.beyond import extent
 from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
-from testbench.correct.stiffness import direction_words, give_halves, stiffness
-from testbench.correct.sure import Stand, half_widths, rows_between
+from testbench.correct.stiffness import give_halves, stiffness
+from testbench.correct.uncertainty import Poses, half_widths, rows_between
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.arm_model import About, bending, of_compliances
 from testbench.identify.posterior import CURVED, Posterior
@@ -124,10 +125,10 @@ def test_loads_beyond_the_data_are_said_with_their_number(model, poses):
     assert found.force == pytest.approx(4200)
     assert found.force_ratio == pytest.approx(2.1)
     assert found.moment <= 420.0 + 1e-9
-    assert found.sentences == (
+    assert extrapolated(found) == (
         "extrapolated: 4,200 N are 2.1 times the largest force that the model was identified under",
     )
-    assert not extent(model, poses, [Load(pull.wrench / 2.1, pull.point)]).sentences
+    assert not extrapolated(extent(model, poses, [Load(pull.wrench / 2.1, pull.point)]))
 
 
 @pytest.mark.parametrize(
@@ -148,8 +149,8 @@ def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(model, 
     halves = give_halves(model, poses[:2], tool, 700.0)
     for k, q in enumerate(poses[:2, None]):
         for axis, half in zip(tool.axes[k].T, halves[k], strict=True):
-            pushed = Stand(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
-            assert half == pytest.approx(half_widths(model, pushed, Stand(q), np.zeros((1, 3))).max())
+            pushed = Poses(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
+            assert half == pytest.approx(half_widths(model, pushed, Poses(q), np.zeros((1, 3))).max())
 
 
 def test_what_a_linear_model_leaves_out_counts_once_and_twice_where_it_predicts_linearly(model, poses, load):
@@ -165,7 +166,7 @@ def test_what_a_linear_model_leaves_out_counts_once_and_twice_where_it_predicts_
 def test_rows_of_compliances_add_up_to_how_far_loads_bend_the_arm(model, poses, load, heavy):
     """Deflections are linear in them, to first order: from the arm at rest, or as drawn."""
     point = np.array([[0.2, -0.1, 0.3]])
-    found = rows_between(model, Stand(poses, [load], heavy), None, point)[:, 0] @ model.posterior.x
+    found = rows_between(model, Poses(poses, [load], heavy), None, point)[:, 0] @ model.posterior.x
     p, R = tool_pose(model.vjm, poses)
     before = p + R @ point[0] if heavy else rest(model.state, poses).at(point[0])
     bent = rest(model.state, poses, [load]).at(point[0]) - before

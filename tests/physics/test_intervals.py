@@ -17,9 +17,9 @@ from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simula
 from testbench.campaign.campaign import Scenario, clear_poses, simulate, stream
 from testbench.campaign.named_parameters import intervals
 from testbench.correct.compensated import compensate
+from testbench.correct.newton import asked
 from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
-from testbench.correct.target import asked
 from testbench.identify import least_squares, reduce
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.posterior import deviations_root, model_of, place, posterior_of

@@ -16,7 +16,7 @@ from testbench.identify.absolute.posterior import deviations_root, place, predic
 from testbench.identify.absolute.reduced import Point, equations
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import scatter
-from testbench.identify.absolute.state import Mount, nominal, targets, tell
+from testbench.identify.absolute.state import Mount, forward, nominal, targets
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.posterior import Posterior
@@ -139,9 +139,9 @@ def state(kr500):
 
 def read_by(state, series):
     """The series with the targets where the state has them."""
-    told = tell(state, series.q, series.wrench, series.point)
+    told = forward(state, series)
     frame = state.frame(series)
-    x = targets(told, state.mount(series)) @ frame.rotation.T + frame.translation
+    x = targets(told.where, state.mount(series)) @ frame.rotation.T + frame.translation
     return replace(series, position=x)
 
 

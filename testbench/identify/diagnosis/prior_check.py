@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from testbench.errors import Array
 from testbench.identify.evidence import greatest, posterior
-from testbench.identify.hierarchy import KIND, SCATTER, Evidence, evidence, student_density
+from testbench.identify.hierarchy import SCATTER, Evidence, evidence, student_density
 from testbench.identify.metric import Belief, Metric, Scale
 from testbench.identify.regression import Regression
 
@@ -15,28 +15,14 @@ TENFOLD, OPEN = math.log(10), 2.0
 """Logarithm of a scale that the readings would have to refuse, and loss of evidence at which they do."""
 
 
-def doubts(belief: Belief) -> tuple[str, ...]:
-    """Sentences about scales of a learnt prior that the readings contradict."""
-    return tuple(_doubt(scale) for scale in contradicted(belief))
-
-
 def contradicted(belief: Belief) -> tuple[Scale, ...]:
     """The scales of a learnt prior that the readings contradict."""
-    return tuple(scale for scale in belief.scales if _contradicted(scale))
 
+    def wrong(scale: Scale) -> bool:
+        size = abs(math.log(scale.factor))
+        return size > math.log(FAR) and size > TOLD * scale.deviation
 
-def _contradicted(scale: Scale) -> bool:
-    size = abs(math.log(scale.factor))
-    return size > math.log(FAR) and size > TOLD * scale.deviation
-
-
-def _doubt(scale: Scale) -> str:
-    low, high = (scale.factor * math.exp(sign * 2 * scale.deviation) for sign in (-1, 1))
-    beside = "the links" if scale.name == KIND else "the others of its kind"
-    factor = f"{scale.factor:.2g} times ({low:.2g} to {high:.2g})"
-    return (
-        f"{scale.name}: the readings want {factor} the prior's compliance, beside {beside}: check the folder"
-    )
+    return tuple(filter(wrong, belief.scales))
 
 
 @dataclass(frozen=True)

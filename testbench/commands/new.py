@@ -1,28 +1,19 @@
-"""What an engineer says of an arm that its file does not: payload, tool, markers, load point."""
+"""testbench new: what an engineer says of an arm that its file does not: payload, tool, markers, load."""
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from testbench.arm.decimal import read_decimals
 from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.errors import Array, BenchError, check_array
-from testbench.plant.import_robot.chain import pose_of, turned
+from testbench.plant.import_robot.propose import Wishes
+from testbench.plant.import_robot.robot import pose_of
 
 LARGEST = 10.0  #: Farthest point from the tip that can be meant in metres [m].
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,62}")
-
-
-@dataclass(frozen=True, eq=False)
-class Wishes:
-    """Flags of `testbench new`; None or empty where nothing is said."""
-
-    payload: float | None = None  #: Rated payload [kg].
-    tool: Array | None = None  #: Pose of the tool in the frame of the tip, (4, 4) [m].
-    markers: tuple[tuple[str, Array], ...] = ()  #: Name and position in the tool's frame, (3,) [m].
-    load: Array | None = None  #: Load point in the tool's frame, (3,) [m].
 
 
 def read_wishes(
@@ -58,7 +49,10 @@ def read_wishes(
 
 def _pose(text: str) -> Array:
     values = _numbers("--tool", text, (3, 6))
-    return pose_of(turned(np.deg2rad(values[3:])) if len(values) == 6 else np.eye(3), values[:3])
+    turned = Rotation.from_euler(
+        "xyz", [*values[3:], 0, 0, 0][:3], degrees=True
+    )  # about the fixed x, then y, then z
+    return pose_of(turned.as_matrix(), values[:3])
 
 
 def _marker(text: str) -> tuple[str, Array]:
