@@ -226,7 +226,10 @@ BAD = [
 LONE = [
     ([], "--task: expected a CSV of tasks, or --absolute"),
     (["--absolute", "--task", TASKS], "--task: expected no --absolute with it"),
-    (["--absolute", "--criterion", "test"], "no criterion 'test' of absolute readings; criteria are I, G"),
+    (
+        ["--absolute", "--criterion", "test"],
+        "no criterion 'test' of absolute readings; criteria are D, A, E, G, I",
+    ),
     (["--absolute", "--gear-urad", 0], "--gear-urad: expected 1e-06 to 100000, got 0"),
 ]
 

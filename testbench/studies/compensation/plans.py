@@ -17,8 +17,7 @@ from testbench.correct.process import process_wrench
 from testbench.data.station import Station
 from testbench.design.planning import make_plan
 from testbench.design.refine import Reach
-from testbench.design.rows import Experiment
-from testbench.design.specification import Specification, Tasks
+from testbench.design.rows import Experiment, Specification, Tasks
 from testbench.errors import Array, BenchError
 from testbench.identify.metric import metric
 from testbench.model.load import Load, weight

@@ -16,7 +16,7 @@ from testbench.data.station import Station
 from testbench.design.observability import observability
 from testbench.design.planning import make_plan, promise
 from testbench.design.refine import Reach
-from testbench.design.specification import task_rows
+from testbench.design.rows import task_rows
 from testbench.plant import Payload
 from testbench.studies.pose_selection import settings as s
 from testbench.studies.pose_selection.settings import FITS, PLANNED, Settings
