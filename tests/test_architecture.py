@@ -32,7 +32,7 @@ DOORS = {
     "pyarrow": ("trials", "data/table.py", "report/table.py"),
     "distributed": "trials/cluster.py",
     "trimesh": ("plant/import_robot/meshes.py", "plant/import_robot/solids.py"),
-    **dict.fromkeys(("collada", "fast_simplification"), "plant/import_robot/meshes.py"),
+    "fast_simplification": "plant/import_robot/meshes.py",
 }
 """The folder or module that imports a heavy package; matplotlib has a test of its own."""
 UNTYPED = """

@@ -15,12 +15,12 @@ from typing import Literal, get_args
 import numpy as np
 
 from testbench.correct.batches import at, batches, joined, put
-from testbench.correct.rest import loads_at, rest, unbent
+from testbench.correct.rest import rest
 from testbench.correct.step import Hold, solutions
 from testbench.correct.turn import turn_between, turn_of_axis
 from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array, BenchError, check_array
-from testbench.identify.absolute.state import State
+from testbench.identify.absolute.state import State, loads_at, unbent
 from testbench.model.load import Load
 from testbench.model.vjm import Chain, chain, cross, tool_pose
 

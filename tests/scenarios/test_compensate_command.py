@@ -315,17 +315,17 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
     """The model's own residual is a solver's digits: drawn, it would be a success that nobody has seen."""
     chunks = sound(bounded / "right_report" / "recording.rrd", "As programmed")
     report = json.loads((bounded / "right_report" / "report.json").read_text())
-    for name, key in (("as_programmed", "before_mm"), ("corrected_within_95", "half_95_mm")):
+    for name, key in (("as_programmed", "before_mm"), ("corrected_program_within_95", "half_95_mm")):
         found = series(chunks, f"{OFF}/{name}", "pose")
         np.testing.assert_allclose(found, [row[key] for row in report["rows"]], rtol=1e-6)
     assert {c.entity_path for c in chunks if c.entity_path.startswith("/charts/path")} == {
-        f"{OFF}/as_programmed",
-        f"{OFF}/corrected_within_95",
+        *(f"{OFF}/as_programmed{end}" for end in ("", "_lower", "_upper")),
+        f"{OFF}/corrected_program_within_95",
     }
     unseen = run(folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")
-    assert unseen.stdout.startswith("Do not run this: ")
+    assert unseen.stdout.startswith("Do not use corrected program: the model does not know")
     chunks = sound(tmp_path / "right_report" / "recording.rrd", "**Do not run this: ")
-    assert np.isnan(series(chunks, f"{OFF}/corrected_within_95")).all()
+    assert np.isnan(series(chunks, f"{OFF}/corrected_program_within_95")).all()
     assert "nothing bounds the error at 12 points" in document(chunks, "/summary")
     for name in ("report.html", "report.md"):
         text = (tmp_path / "right_report" / name).read_text()
@@ -345,7 +345,7 @@ def test_tables_have_the_numbers_of_the_corrected_file(bounded):
         rows = list(csv.DictReader(file))
     before = [np.linalg.norm([float(row[f"before_{x}_mm"]) for x in "xyz"]) for row in rows]
     half = [max(float(row[f"half_95_{x}_mm"]) for x in "xyz") for row in rows]
-    sizes = {"as programmed": before, "corrected, within (95 %)": half}
+    sizes = {"as programmed": before, "corrected program, within (95 %)": half}
     text = (bounded / "right_report" / "report.md").read_text()
     for line in (
         "| line | point | as programmed, off by, mm | corrected, within (95 %), mm |",

@@ -14,16 +14,17 @@ import numpy as np
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import aligned, alike
-from testbench.identify.absolute.changes import settled
 from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, blocks_of, choose
 from testbench.identify.absolute.evidence import Choice, choice, learn, squares, usual
-from testbench.identify.absolute.faults import check_last_joint
 from testbench.identify.absolute.inner import Inner, eliminate, moved
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.reduced import Point, Reduced, Weighting, reduce
 from testbench.identify.absolute.scatter import distance, pulls_of, scatter, single, units
 from testbench.identify.absolute.state import State, nominal, torque_scale
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.moves import settled
+from testbench.identify.diagnosis.notation import check_last_joint
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.metric import Metric, metric
 from testbench.identify.prior import Prior, Strength
@@ -76,7 +77,8 @@ class Calibration:
     pulls: tuple[Array, ...]  #: Of every series, how much each reading counts, (s, rows) [1].
     step: float  #: How far the last linearisation moved targets, root mean square [m].
     series: tuple[Series, ...]  #: The readings, in parts where a target or a tracker moved.
-    notes: tuple[str, ...]  #: What was left out, and what moved in mid-series.
+    notes: tuple[str, ...]  #: What was left out.
+    moves: tuple[Finding, ...]  #: What moved in mid-series.
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,8 @@ class Gathered:
     state: State  #: Where the equations are linear: with joint springs and periodic errors.
     noise: Noise  #: How far readings scatter about it.
     reduced: Reduced  #: The equations, in blocks of joint space.
-    notes: tuple[str, ...]  #: What was left out, and what moved in mid-series.
+    notes: tuple[str, ...]  #: What was left out.
+    moves: tuple[Finding, ...]  #: What moved in mid-series.
 
 
 def calibrate(
@@ -145,7 +148,7 @@ def gather(
     blocks = _whole(series) if options.only is not None else blocks_of(series)
     weighting = [Weighting(p, b) for p, b in zip(seen.pulls, blocks, strict=True)]
     reduced = reduce(Point(unknowns, state, seen.noise), series, weighting)
-    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, (*notes, *start.notes))
+    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, notes, start.moves)
 
 
 def explain(found: Gathered, options: Options) -> Calibration:
@@ -178,6 +181,7 @@ def explain(found: Gathered, options: Options) -> Calibration:
         step=step,
         series=series,
         notes=found.notes,
+        moves=found.moves,
     )
 
 
