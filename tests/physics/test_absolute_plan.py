@@ -11,7 +11,7 @@ from testbench.campaign.plan import around, left_open, union_of
 from testbench.campaign.plan_settings import PlanSettings
 from testbench.campaign.unobservable import quantities, sentences, unobservable
 from testbench.design import absolute
-from testbench.design.criteria import mean_square
+from testbench.design.criteria import criterion_of, mean_square
 from testbench.design.exchange import exchange, greedy
 from testbench.design.rows import information as of_plan
 from testbench.identify.absolute.pull import information, pull_of
@@ -35,7 +35,7 @@ def poses(kr500):
 def selected(union, q, wanted):
     """Candidates exchanged for better ones by criterion I, none of them moved: criterion, problem, places."""
     problem = absolute.candidate_set(union, q, POSES).problem
-    criterion = absolute.criterion_of("I", problem, wanted)
+    criterion = criterion_of("I", problem, wanted)
     start = greedy(problem, criterion, problem.rows, POSES)
     return criterion, problem, exchange(problem, criterion, problem.rows, start)
 
