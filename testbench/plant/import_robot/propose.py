@@ -13,8 +13,7 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.elastic import PAYLOAD_RANGE
-from testbench.arm.section import Material
-from testbench.arm.stiffness import Tube
+from testbench.arm.stiffness import Material, Tube
 from testbench.errors import Array, BenchError
 from testbench.plant.import_robot.beam import COINCIDE, Beam, beams, extent, outer_diameter, reach, triangles
 from testbench.plant.import_robot.robot import Body, Chain, Note
