@@ -9,8 +9,8 @@ from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, slidin
 from testbench.arm.folder import load_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.new_arm import sentence, write_arm
+from testbench.campaign.propose import Wishes
 from testbench.plant.import_robot.chain import read_chain
-from testbench.plant.import_robot.propose import Wishes
 from testbench.plant.import_robot.surface import surfaces
 from testbench.plant.import_robot.weigh import DENSITY
 
