@@ -22,7 +22,16 @@ from testbench.plant.import_robot.mesh_door import MeshError
 from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size, stl_bytes
 from testbench.plant.import_robot.robot import Mesh, Note
 from testbench.plant.import_robot.solids import VISIBLE, plausible, primitive
-from testbench.plant.import_robot.source import check_numbers, check_shapes, inside, need, read_numbers
+from testbench.plant.import_robot.source import (
+    MAX_BODIES,
+    MAX_DEPTH,
+    MAX_SHAPES,
+    check_count,
+    check_numbers,
+    inside,
+    need,
+    read_numbers,
+)
 from testbench.plant.import_robot.tip import ARM_JOINTS
 from testbench.plant.shapes import VISUAL_GROUPS
 
@@ -56,7 +65,8 @@ def clean_urdf(file: Path, root: ET.Element) -> Cleaned:
     Raises:
         InputError: When links or joints are wrong.
     """
-    check_shapes(file, root, "geometry")
+    check_count(file, root, "geometry", MAX_SHAPES)
+    check_count(file, root, "joint", MAX_BODIES)
     links, joints = root.findall("link"), root.findall("joint")
     _check_tree(file, links, joints)
     mimics = {
@@ -89,30 +99,35 @@ def clean_urdf(file: Path, root: ET.Element) -> Cleaned:
 
 
 def _check_tree(file: Path, links: Sequence[ET.Element], joints: Sequence[ET.Element]) -> None:
-    """One tree of links with names of their own."""
+    """One tree of links with names of their own, not too deep for MuJoCo."""
     for elements in (links, joints):
-        names = [need(file, e, "name") for e in elements]
-        if twice := [e for k, e in enumerate(elements) if names[k] in names[:k]]:
+        first = {need(file, e, "name"): e for e in reversed(elements)}
+        if twice := [e for e in elements if first[e.get("name", "")] is not e]:
             raise InputError(file, xml_place(file, twice[0]), "the name stands twice")
-    parents: dict[str, str] = {}
-    every = [e.get("name", "") for e in links]
+    children: dict[str, list[str]] = {e.get("name", ""): [] for e in links}
+    roots = dict.fromkeys(children)
     for joint in joints:
         parent, child = _end(file, joint, "parent"), _end(file, joint, "child")
-        problem = f"link {child!r} is the child of another joint already" if child in parents else ""
-        for which, end in (("child", child), ("parent", parent)):
-            problem = problem if end in every else f"{which}: there is no link {end!r}"
-        if problem:
+        for which, end in (("parent", parent), ("child", child)):
+            if end not in children:
+                raise InputError(file, xml_place(file, joint), f"{which}: there is no link {end!r}")
+        if child not in roots:
+            problem = f"link {child!r} is the child of another joint already"
             raise InputError(file, xml_place(file, joint), problem)
-        parents[child] = parent
-    roots = [name for name in every if name not in parents]
+        del roots[child]
+        children[parent].append(child)
     if len(roots) != 1:
-        got = ", ".join(roots) or ("a circle of joints" if every else "no links")
+        got = ", ".join(roots) or ("a circle of joints" if links else "no links")
         raise InputError(file, "<robot>", f"expected one link without a parent, got {got}")
-    reached = {*roots}
-    while more := {child for child, parent in parents.items() if parent in reached} - reached:
-        reached |= more
-    if circle := sorted(set(every) - reached):
-        raise InputError(file, "<robot>", f"these links stand in a circle of joints: {', '.join(circle)}")
+    left, level = set(children), list(roots)
+    for _ in range(MAX_DEPTH):
+        left -= set(level)
+        level = [child for link in level for child in children[link]]
+    if left:
+        problem = f"these links stand in a circle of joints: {', '.join(sorted(left))}"
+        raise InputError(
+            file, "<robot>", f"expected at most {MAX_DEPTH} links in a row" if level else problem
+        )
 
 
 def _end(file: Path, joint: ET.Element, which: str) -> str:
@@ -155,19 +170,15 @@ def _limits(file: Path, e: ET.Element) -> tuple[float, float] | None:
     """The limits that a joint states [rad, m]; None, and no <limit>, where it states none that bounds."""
     if (limit := e.find("limit")) is None:
         return None
-    lower, upper = (
-        float(read_numbers(file, limit, key, 1)[0]) if key in limit.attrib else 0.0 for key in KEYS
-    )
-    bounds = bool(limit.attrib) and e.get("type") != "continuous" and max(abs(lower), abs(upper)) <= ENDLESS
+    found = {key: float(read_numbers(file, limit, key, 1)[0]) for key in limit.attrib}
+    lower, upper = found.get("lower", 0.0), found.get("upper", 0.0)
+    bounds = bool(found) and e.get("type") != "continuous" and max(abs(lower), abs(upper)) <= ENDLESS
     if bounds and not lower < upper and (lower or upper):
         problem = f"limit: expected lower < upper, got {lower:g} and {upper:g}"
         raise InputError(file, xml_place(file, e), problem)
     if not bounds or lower == upper:
         e.remove(limit)
     return (lower, upper) if bounds else None
-
-
-KEYS = "lower", "upper"
 
 
 def _check_inertial(file: Path, link: ET.Element) -> None:
