@@ -17,7 +17,7 @@ import numpy as np
 from testbench.arm.document import parse_xml
 from testbench.arm.lines import xml_place
 from testbench.errors import InputError, read_text
-from testbench.plant.import_robot.compiled import Cleaned
+from testbench.plant.import_robot.compiled import ROOT, Cleaned
 from testbench.plant.import_robot.mesh_door import MeshError
 from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size, stl_bytes
 from testbench.plant.import_robot.robot import Mesh, Note
@@ -50,7 +50,6 @@ FORMS = {
 """Primitives, and how many numbers their attributes have."""
 THINNEST = 1e-6  #: What is thinner has no extent [m].
 ENDLESS = 1000.0  #: Limits beyond it mean none [rad, m].
-ROOT = "world link"  #: MuJoCo takes a link called world for the world itself.
 MAX_BYTES = 1_000_000  #: Of a package.xml.
 UP = 8  #: Folders above the URDF in which a package is looked for.
 
