@@ -37,14 +37,13 @@ class Poses:
     #: from the arm as drawn.
     heavy: bool = False
 
-    @property
-    def acting(self) -> list[Load]:
-        """The loads, each with a row a pose."""
-        return [load.over(len(self.q)) for load in self.loads]
+    def __post_init__(self) -> None:
+        """Give every load a row a pose; BenchError where it has another number of them."""
+        object.__setattr__(self, "loads", [load.over(len(self.q)) for load in self.loads])
 
     def of(self, some: slice | Ids) -> "Poses":
         """Some of the poses."""
-        return Poses(self.q[some], [load.of(some) for load in self.acting], self.heavy)
+        return Poses(self.q[some], [load.of(some) for load in self.loads], self.heavy)
 
 
 def half_widths(
@@ -131,7 +130,7 @@ def _rows(model: ArmModel, poses: Poses, points: Array) -> Array:
     There bending and own weight would mix a little of every direction into every other; of one that the data
     have not seen that little would be infinite. What is left out is in `curvature`.
     """
-    state, unknowns, loads = model.state, model.unknowns, poses.acting
+    state, unknowns, loads = model.state, model.unknowns, poses.loads
     where = chain(model.vjm, poses.q, rest(state, poses.q, loads).theta if model.absolute else None)
     u = on_joints(where, loads)
     if model.absolute or poses.heavy:
@@ -155,7 +154,7 @@ def curvature(model: ArmModel, poses: Poses, points: Array) -> Array:
 
     Compliances are identified by Eq. (12), which is linear; the equilibrium is not.
     """
-    state, loads = model.state, poses.acting
+    state, loads = model.state, poses.loads
     where, after = chain(model.vjm, poses.q), rest(state, poses.q, loads)
     u = on_joints(where, loads)
     if poses.heavy:

@@ -17,11 +17,12 @@ from testbench.identify.absolute.noise import Noise, plan_of, roots
 from testbench.identify.absolute.posterior import posterior_of, registered
 from testbench.identify.absolute.reduced import Point, Weighting, reduce
 from testbench.identify.absolute.scatter import single
-from testbench.identify.absolute.state import nominal, tell
+from testbench.identify.absolute.state import equilibrium, nominal
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.metric import metric
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.joint_errors import JointErrors
+from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
@@ -149,7 +150,7 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
     tip = [np.array([tool_pose(vjm, q + sign * one)[0][0] for one in step]) for sign in (1, -1)]
     torque = (tip[0] - tip[1]) @ wrench[0, :3] / 2e-6 / 1000
     turned = n * (np.tanh(torque / 0.1) if kind == "play" else torque * np.abs(torque))
-    where = tell(state, q, wrench, np.zeros((1, 3))).where
+    where = equilibrium(state, q, [Load(wrench, np.zeros((1, 3)))]).where
     np.testing.assert_allclose(where.position, tool_pose(vjm, q + turned)[0], rtol=0, atol=1e-6)
 
 

@@ -11,7 +11,6 @@ from testbench.campaign.evaluation import identify, identify_each
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import DEFAULT, choose, default_models, recommend
 from testbench.campaign.models import Model, is_least_squares, named_models
-from testbench.data.tracker import spoil
 from testbench.errors import BenchError
 from testbench.identify import Method, gco, least_squares, make_estimate, reduce, robust, with_prior
 from testbench.identify.evaluate import deflections, score
@@ -22,6 +21,7 @@ from testbench.identify.prior import Strength, cad_prior, distorted
 from testbench.identify.solve import solve
 from testbench.model.structure import template56
 from testbench.model.vjm import tool_pose
+from testbench.studies.noise_sensitivity.spoiled import spoil
 
 HALF = Strength(0.5)
 

@@ -8,7 +8,6 @@ from loads import axis_loads
 from scipy.optimize import minimize
 
 from testbench.campaign.campaign import Scenario, simulate
-from testbench.data.tracker import spoil
 from testbench.errors import BenchError
 from testbench.identify import cone, gco, huber, least_squares, reduce, weighed
 from testbench.identify.estimate import TOOL
@@ -20,6 +19,7 @@ from testbench.identify.regression import f_m, non_redundant
 from testbench.identify.solve import solve
 from testbench.identify.weighed import one_by_one
 from testbench.model.structure import all153, mgco68, template56
+from testbench.studies.noise_sensitivity.spoiled import spoil
 
 STRENGTH = Strength(0.3)
 

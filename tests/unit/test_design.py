@@ -10,7 +10,7 @@ from testbench.design.exchange import exchange, greedy, select
 from testbench.design.forecast import forecast
 from testbench.design.observability import observability
 from testbench.design.order import joint_travel, round_trip, shortest_path
-from testbench.design.refine import Neighbourhood, ascend, refine
+from testbench.design.refine import Reach, Search, ascend, refine
 from testbench.design.relaxation import relax, sensitivity
 from testbench.design.rows import Problem, information
 
@@ -280,7 +280,7 @@ LIMITS = np.array([[-3.0], [3.0]])
 
 
 def near(feasible):
-    return Neighbourhood(feasible, LIMITS, rng(0))
+    return Search(circle_rows, 2, LIMITS, Reach(feasible), rng(0))
 
 
 def refined(feasible):

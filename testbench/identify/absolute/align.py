@@ -16,16 +16,22 @@ from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import Mount, State
 from testbench.identify.closed_form import Layout, means, nearest_rotation, starts
 from testbench.identify.closed_form import residuals as left_by
-from testbench.identify.diagnosis.notation import explained, renamed
 from testbench.identify.registered import FAR
 from testbench.identify.registration import POSES, Frame, reach, register, turning
 from testbench.model.vjm import tool_pose
 
 MOST = 300  #: Rows that an alignment uses, evenly spaced.
-FEW = 60  #: The same where it is tried what would mend readings.
 HALF = 12  #: Rows of half a series below which it may fit anything.
 TURNING = 3  #: Joints that turn in a series at least.
 TURNED = 0.1  #: Median angle of orientations from it beyond which they are in another notation [rad].
+
+
+class Misfit(BenchError):
+    """A series that fits the arm in no frame."""
+
+    def __init__(self, words: str, series: Series) -> None:
+        super().__init__(words)
+        self.series = series
 
 
 def aligned(state: State, series: tuple[Series, ...]) -> State:
@@ -59,7 +65,7 @@ def align(state: State, series: Series) -> tuple[Frame, Mount]:
         parts = [select_rows(series, half) for half in halves if len(half) >= HALF]
         placed = [_placed(state, part) for part in parts if _fits_roughly(state, part)]
         if len(placed) < 2 or not all(part is not None and part.fits for part in placed):
-            raise BenchError(f"{series.name}: {_why(state, series, found)}")
+            raise _misfit(state, series, found)
         found = placed[0]
     assert found is not None
     return found.frame, found.mount
@@ -144,35 +150,16 @@ def _check(state: State, series: Series) -> None:
         raise BenchError(f"{series.name}: only {only} turn; expected {TURNING} joints that do, for {numbers}")
 
 
-def _why(state: State, series: Series, found: _Placed | None) -> str:
-    """Why readings do not fit, and what would mend them."""
-    few = select_rows(series, np.linspace(0, series.rows - 1, min(FEW, series.rows)).astype(int))
-    mended = explained(state.vjm, few, lambda other: _fits_roughly(state, other))
+def _misfit(state: State, series: Series, found: _Placed | None) -> Misfit:
+    """How far readings are from fitting."""
     if found is not None and found.near:
-        mended = mended or _renamed(state, series, found.frame.rotation) or "another notation of angles?"
-        turn = f"{np.degrees(found.turn):.3g} degrees (median)"
-        return f"its positions fit this arm, its orientations do not, {turn} from any mount; {mended}"
+        turn = f"{np.degrees(found.turn):.3g} degrees (median) from any mount"
+        return Misfit(f"{series.name}: its positions fit this arm, its orientations do not, {turn}", series)
     far = "" if found is None else f", {1e3 * found.typical:.3g} mm (median) in any frame"
-    if not mended:
-        places = series.position[series.seen], tool_pose(state.vjm, series.q)[0]
-        sizes = [float(np.sqrt(x.var(axis=0).sum())) for x in places]
-        mended = (
-            f"they spread {sizes[0] / sizes[1]:.3g} times as far as its tool: another arm, another order of "
-            "its joints, or other units?"
-        )
-    return f"the readings do not fit this arm{far}; {mended}"
-
-
-def _renamed(state: State, series: Series, frame: Array) -> str:
-    """Another notation in which orientations would fit."""
-    some = select_rows(series, np.flatnonzero(series.turned)[:FEW])
-
-    def turn(rotation: Array) -> float:
-        turns = _turns(state, replace(some, rotation=rotation), frame)
-        return _typical_angle(nearest_rotation(turns.sum(axis=0)).T @ turns)
-
-    assert some.rotation is not None
-    return renamed(some.rotation, turn, TURNED)
+    places = series.position[series.seen], tool_pose(state.vjm, series.q)[0]
+    sizes = [float(np.sqrt(x.var(axis=0).sum())) for x in places]
+    spread = f"they spread {sizes[0] / sizes[1]:.3g} times as far as its tool"
+    return Misfit(f"{series.name}: the readings do not fit this arm{far}; {spread}", series)
 
 
 def _check_shared(state: State, series: tuple[Series, ...]) -> None:

@@ -13,7 +13,7 @@ from testbench.identify.diagnosis.deflected import SINGLE, deflected, single
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.place import Fit, Free, Seen, fit
 from testbench.identify.diagnosis.sanity import moved_against, sanity_checks
-from testbench.identify.diagnosis.undone import apart, placed
+from testbench.identify.diagnosis.undone import PRECISE, apart, placed
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
 from testbench.identify.registered import Registered, with_markers
@@ -21,7 +21,6 @@ from testbench.identify.weighed import MOST_READINGS, check_runs, marker_points
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm
 
-PRECISE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
 HUGE = 20.0  #: Deflection over that distance from which loaded readings are of something else.
 AT_A_TIME, PARTS = 90, 12  #: Runs that are weighed together, and how often at most.
 MENDED = ("frame", "targets")  #: Mistakes that a registration mends: the loads can be looked at all the same.
