@@ -5,6 +5,7 @@ nothing; refuse joints that float; and name no joint whose link is missing. It r
 nor large meshes: it gets boxes for all.
 """
 
+import copy
 import os
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -16,7 +17,7 @@ import numpy as np
 
 from testbench.arm.document import parse_xml
 from testbench.arm.lines import xml_place
-from testbench.errors import InputError, read_text
+from testbench.errors import Array, InputError, read_text
 from testbench.plant.import_robot.compiled import ROOT, Cleaned
 from testbench.plant.import_robot.mesh_door import MeshError
 from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size, stl_bytes
@@ -90,8 +91,8 @@ def clean_urdf(file: Path, root: ET.Element) -> Cleaned:
     }
     bounds = {"balanceinertia": "true", "boundmass": "1e-14", "boundinertia": "1e-14"}
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", {**options, **bounds})
-    box = primitive("box", np.ones(3))
-    assets = dict.fromkeys((f"{name}.stl" for name in surfaces), stl_bytes(box.vertices, box.faces))
+    box = primitive("box", np.array([1.0, 2.0, 3.0]))
+    assets = dict.fromkeys((f"{name}.stl" for name in surfaces), stl_bytes(box.vertices + 1, box.faces))
     notes = [Note("locked", tuple(locked))] if locked else []
     text = ET.tostring(root, encoding="unicode")
     return Cleaned(text, assets, (*notes, *meshes.notes()), _prepare, surfaces, odd, mimics)
@@ -202,30 +203,29 @@ def _shapes(file: Path, root: ET.Element, meshes: Meshes, surfaces: dict[str, Me
             form = next(iter(e.findall("geometry/*")), None)
             if form is None or not _is_there(file, form, meshes, surfaces):
                 link.remove(e)
-                continue
-            mesh, rgba = surfaces.get(form.get("filename", "").removesuffix(".stl")), VISIBLE
-            if (colour := _colour(e, colours)) is not None:
-                rgba = read_numbers(file, colour, "rgba", 4)
-            elif mesh is not None and mesh.rgba is not None:
-                rgba = mesh.rgba
-            for material in e.findall("material"):
-                e.remove(material)
-            look = ET.SubElement(e, "material", name=f"{id(e)}")
-            ET.SubElement(look, "color", rgba=" ".join(map(repr, rgba.tolist())))
+            else:
+                rgba = _colour(file, e, colours, surfaces.get(form.get("filename", "").removesuffix(".stl")))
+                for material in e.findall("material"):
+                    e.remove(material)
+                ET.SubElement(ET.SubElement(e, "material"), "color", rgba=" ".join(map(repr, rgba.tolist())))
         if shown and link.find("visual") is None:  # none that can be read
             for e in link.findall("collision"):
-                ET.SubElement(link, "visual").extend(e)
+                link.append(copy.deepcopy(e))
+                link[-1].tag = "visual"
     for material in root.findall("material"):
         root.remove(material)
+    for k, look in enumerate(root.iter("material")):  # for MuJoCo a name has the colour that it had first
+        look.set("name", f"{k}")
 
 
-def _colour(e: ET.Element, colours: Mapping[str, ET.Element | None]) -> ET.Element | None:
-    """Of the element's own material, or of the robot's of that name."""
-    material = e.find("material")
-    if material is None:
-        return None
-    own = material.find("color")
-    return colours.get(material.get("name", "")) if own is None else own
+def _colour(file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None], mesh: Mesh | None) -> Array:
+    """Of the element's own material, of the robot's of that name, of its mesh, or ours, (4,) [1]."""
+    colour, material = e.find("material/color"), e.find("material")
+    if colour is None and material is not None:
+        colour = colours.get(material.get("name", ""))
+    if colour is not None:
+        return read_numbers(file, colour, "rgba", 4)
+    return VISIBLE if mesh is None or mesh.rgba is None else mesh.rgba
 
 
 def _is_there(file: Path, form: ET.Element, meshes: Meshes, surfaces: dict[str, Mesh]) -> bool:
@@ -261,7 +261,8 @@ def _is_read(file: Path, form: ET.Element, meshes: Meshes, surfaces: dict[str, M
 def _prepare(spec: mujoco.MjSpec) -> None:
     """What collides is not drawn, and inertias are such as bodies can have."""
     for geom in spec.geoms:
-        geom.group = VISUAL_GROUPS if geom.contype else 0
+        if geom.contype:
+            geom.group, geom.rgba = VISUAL_GROUPS, VISIBLE
     for body in spec.bodies:
         if body.explicitinertial:
             xx, yy, zz, xy, xz, yz = body.fullinertia
