@@ -8,8 +8,8 @@ import numpy as np
 from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, note, seconds, spread
 
 from testbench.campaign.campaign import Cell, build_cell
+from testbench.campaign.tracker import Tracker, read_orientations, read_positions
 from testbench.data.dataset import Dataset
-from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.errors import Array
 from testbench.identify import Estimate, gco, reduce
 from testbench.identify.cone import TOLERANCE

@@ -11,8 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, Va
 
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mjcf import GRAVITY
+from testbench.campaign.tracker import Tracker, read_orientations, read_positions
 from testbench.data.dataset import Dataset, Ids, Mask, split
-from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, InputError
 from testbench.model.kinematics import build_vjm

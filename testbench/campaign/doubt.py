@@ -101,6 +101,13 @@ def _joint_zero(found: Finding, arm: Arm) -> str:
     return f"fit if the zero of {name} is off by {_angle(arm, name, found.size[0])}{ends.get(name, '')}"
 
 
+def _notation(found: Finding, _: Arm) -> str:
+    if len(found.where) == 1:
+        return "fit if orientations are of the tracker in the target's frame"
+    ways = zip(found.where[1::2], found.where[2::2], strict=True)
+    return "fit if orientations are " + ", or ".join(f"{a} where they were read as {b}" for a, b in ways)
+
+
 def _joint_order(found: Finding, _: Arm) -> str:
     if len(found.where) == 1:
         return "fit if the joints come in the opposite order"
@@ -271,6 +278,7 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
         f"the readings scatter {f.beside['factor']:.2g} times more than their noise, "
         f"{1e6 * f.beside['sigma']:.3g} um: is it more, or does the arm do what springs do not?"
     ),
+    "notation": _notation,
     "unshared": lambda f, _: f"{f.where[0]}: shared that {f.where[1]}, is taken to have its own",
     "not_parted": lambda f, _: f"{f.where[0]}: not parted",
 }

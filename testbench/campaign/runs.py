@@ -165,7 +165,8 @@ def look_at(
 
 def _said(export: Export, asked: Readings) -> str:
     """The frame that was said, "auto" if none was."""
-    return asked.frame if asked.frame != "auto" or export.frame is None else export.frame
+    frame = export.columns.names.frame
+    return asked.frame if asked.frame != "auto" or frame is None else frame
 
 
 def read_runs(cell: Cell, asked: Readings) -> tuple[Cell, Runs]:
@@ -178,8 +179,7 @@ def read_runs(cell: Cell, asked: Readings) -> tuple[Cell, Runs]:
         BenchError: When a pose is not in the data, none is left on one side, no target was read in those held
             back, or a frame cannot be found.
     """
-    streamed = read_campaign(*_how(cell, asked))
-    export = _loaded(asked, streamed.export)
+    export = _loaded(asked, read_campaign(*_how(cell, asked)))
     if asked.full_pose and export.data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
         raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
@@ -192,8 +192,8 @@ def read_runs(cell: Cell, asked: Readings) -> tuple[Cell, Runs]:
         registration_row(found),
     )
     runs = Runs(name, found.data, found.data, None, notes, frames, doubts, factor)
-    if streamed.every is not None:
-        return cell, replace(runs, many=_many(streamed.every, found, asked))
+    if export.every is not None:
+        return cell, replace(runs, many=_many(export.every, found, asked))
     if not asked.check_pose:
         return cell, runs
     try:

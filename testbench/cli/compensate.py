@@ -15,7 +15,7 @@ from testbench.cli.arguments import ArmCheck, Load, MapFile, plain
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked
 from testbench.correct.step import Hold
-from testbench.data.motion.formats import CSV, WRITERS, format_of
+from testbench.data.motion import CSV, WRITERS, format_of
 from testbench.data.program import read_program
 from testbench.errors import InputError
 from testbench.output.place import Kind, claim_file, claim_folder

@@ -17,9 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.design.rows import times
-from testbench.errors import Array
+from testbench.design.rows import Problem, times
+from testbench.errors import Array, BenchError
 
+CRITERIA = ("D", "A", "E", "G", "I", "test")  #: All, by name; absolute readings have no tasks to test.
 POWER = 24  #: Sharpness of the smooth stand-in for a largest value, G and E.
 SHORTLIST = 32  #: Candidates for which G and E are computed exactly; the stand-in ranks the others.
 
@@ -119,6 +120,29 @@ class Largest:
 
 
 Criterion = Determinant | Linear | Largest  #: An information function, by name.
+
+
+def check_criterion(name: str, *, absolute: bool = False) -> None:
+    """Refuse what is not in `CRITERIA`; of absolute readings also "test"."""
+    known = CRITERIA[: len(CRITERIA) - absolute]
+    if name not in known:
+        what = " of absolute readings" if absolute else ""
+        raise BenchError(f"no criterion {name!r}{what}; criteria are {', '.join(known)}")
+
+
+def criterion_of(name: str, problem: Problem, workspace: Array, tasks: Array | None = None) -> Criterion:
+    """A criterion by its name in `CRITERIA`.
+
+    Of predictions per unit of x, (poses, 3 m, n) [m]: I and G over the workspace, "test" at the tasks.
+    """
+    if name == "D":
+        return Determinant()
+    if name == "A":
+        return Linear("A", np.eye(problem.r) / problem.r)
+    if name == "E":
+        return criterion_e()
+    wanted = (workspace if tasks is None or name != "test" else tasks) @ problem.lift
+    return criterion_g(wanted) if name == "G" else Linear(name, mean_square(wanted))
 
 
 def criterion_e() -> Largest:

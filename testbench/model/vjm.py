@@ -2,7 +2,7 @@
 
 `kinematics.py` has joint placements and axes; from there on every quantity is a product of arrays over all
 runs at once. Where nothing else is said virtual joints are at zero: the model is linear (Eq. 5-6,
-10-13). Away from zero they serve the loaded stiffness of Eq. (7), testbench/loaded.py.
+10-13). Away from zero they serve the loaded stiffness of Eq. (7), `loaded.py`.
 """
 
 from collections.abc import Iterator

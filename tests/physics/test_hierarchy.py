@@ -19,9 +19,10 @@ from testbench.identify.metric import Belief, metric, precision_root, whitened
 from testbench.identify.posterior import CURVED, HEAVY, curvature, intervals, linearise, quantile
 from testbench.identify.prior import Prior, Strength, cad_prior
 from testbench.identify.solve import solve
-from testbench.model.loaded import displacement, loaded_deflection, loaded_equilibrium, secant
+from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import chain, observation
+from testbench.studies.loaded_stiffness.equilibrium import loaded_equilibrium
 
 
 @pytest.fixture(scope="module")

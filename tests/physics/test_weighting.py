@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from testbench.campaign.campaign import Scenario, simulate, stream
+from testbench.campaign.tracker import LaserTracker, precision, read_positions
 from testbench.data.dataset import select
-from testbench.data.tracker import LaserTracker, precision, read_positions
 from testbench.errors import BenchError
 from testbench.identify import gco, least_squares, reduce, with_prior
 from testbench.identify.evaluate import deflections

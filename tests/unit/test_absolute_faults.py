@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from testbench.campaign.absolute import explained
 from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.doubt import said
@@ -40,7 +41,8 @@ def read(cell, seed=1, **asked):
 
 def gathered(cell, *series):
     """As far as a fit takes the readings in: what it then tries is not asked here."""
-    return gather(cell.vjm, series, cad_prior(cell.arm), ONLY)
+    with explained(cell.vjm):
+        return gather(cell.vjm, series, cad_prior(cell.arm), ONLY)
 
 
 def moves(found, cell):
@@ -153,24 +155,34 @@ def notation(meant, read):
 
 
 MISTAKES = {
-    "degrees": (lambda s: replace(s, q=np.degrees(s.q)), "if its joint angles were degrees"),
-    "radians of radians": (lambda s: replace(s, q=np.radians(s.q)), "converted once too often"),
-    "millimetres": (lambda s: replace(s, position=1e3 * s.position), "if its positions were millimetres"),
-    "sign of joint 2": (flipped(1), "if shoulder_lift_joint counted the other way"),
-    "sign of joint 6": (flipped(5), "if wrist_3_joint counted the other way"),
+    "degrees": (lambda s: replace(s, q=np.degrees(s.q)), "fit if joint angles are degrees, not radians"),
+    "radians of radians": (
+        lambda s: replace(s, q=np.radians(s.q)),
+        "joint angles are radians, not",
+    ),
+    "millimetres": (
+        lambda s: replace(s, position=1e3 * s.position),
+        "are 1000 times too large: milli",
+    ),
+    "sign of joint 2": (flipped(1), "fit if shoulder_lift_joint has the other sign"),
+    "sign of joint 6": (flipped(5), "fit if wrist_3_joint has the other sign"),
     "sign of joint 6, positions": (
         lambda s: position_only(flipped(5)(s)),
         "if wrist_3_joint counted the oth",
     ),
-    "zero of joint 4": (turned_joint(3, np.pi), "if 180 degrees were added to wrist_1_joint"),
+    "zero of joint 4": (turned_joint(3, np.pi), "fit if the zero of wrist_1_joint is off by 180 deg"),
     "joints exchanged": (
         lambda s: replace(s, q=s.q[:, [0, 1, 3, 2, 4, 5]]),
-        "if elbow_joint and wrist_1_joint were exchanged",
+        "fit if elbow_joint and wrist_1_joint are exchanged",
     ),
+    "pose before": (lambda s: replace(s, q=np.roll(s.q, -1, axis=0)), "are those of the pose before"),
     "opposite order": (lambda s: replace(s, q=s.q[:, ::-1]), "opposite order"),
     "left-handed": (lambda s: position_only(replace(s, position=s.position * [1, -1, 1])), "left-handed"),
     "extrinsic angles": (notation("xyz", "XYZ"), "extrinsic xyz where they were read as intrinsic xyz"),
-    "transposed": (lambda s: replace(s, rotation=s.rotation.swapaxes(1, 2)), "the tracker in the target's"),
+    "transposed": (
+        lambda s: replace(s, rotation=s.rotation.swapaxes(1, 2)),
+        "the tracker in the target's",
+    ),
     "any orientations": (
         lambda s: replace(s, rotation=Rotation.random(s.rows, random_state=0).as_matrix()),
         "its positions fit this arm, its orientations do not",
@@ -255,6 +267,21 @@ def test_a_frame_that_is_not_shared_after_all_is_refused(ur10):
     _, _, jump = FAULTS["tracker by metres"]
     one, two = read(ur10, series=2, share_frame=True)
     assert "the tracker moved by" in moves(gathered(ur10, jump(one, 32), two), ur10)[0]
+
+
+@pytest.mark.parametrize("shared", [{"share_frame": True}, {"share_target": True}])
+def test_what_few_poses_leave_open_is_taken_from_what_others_share(ur10, shared):
+    """Three poses with the frame of another series or five with its mount, whichever is read first."""
+    one, two = read(ur10, series=2, orientations=False, **shared)
+    few = select_rows(two, np.arange(3 if "share_frame" in shared else 5))
+    for order in ((few, one), (one, few)):
+        state = gathered(ur10, *order).state
+        off = np.linalg.norm(residuals(state, two)[:1], axis=1)
+        assert np.sqrt((off**2).mean()) < 6e-4  # 0.2 mm are left of the long series alone
+    with pytest.raises(BenchError, match=f"^series 2: {few.rows} poses with a reading are too few"):
+        gathered(ur10, one, replace(few, frame="its own", target="its own"))
+    with pytest.raises(BenchError, match=r"^series 2: 1 poses with a reading are too few"):
+        gathered(ur10, one, replace(select_rows(two, np.arange(1)), frame="its own"))
 
 
 def test_few_poses_under_two_loads_keep_a_scatter_of_their_own(ur10):

@@ -2,18 +2,17 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 
 from testbench.data.dataset import Dataset, Ids, select
 from testbench.errors import Array
 from testbench.identify.diagnosis.between import moved
-from testbench.identify.diagnosis.deflected import SINGLE, deflected, single
+from testbench.identify.diagnosis.deflected import SINGLE, deflected
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.place import Fit, Free, Seen, fit
 from testbench.identify.diagnosis.sanity import moved_against, sanity_checks
-from testbench.identify.diagnosis.undone import apart, placed
+from testbench.identify.diagnosis.undone import PRECISE, apart, placed
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
 from testbench.identify.registered import Registered, with_markers
@@ -21,7 +20,6 @@ from testbench.identify.weighed import MOST_READINGS, check_runs, marker_points
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm
 
-PRECISE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
 HUGE = 20.0  #: Deflection over that distance from which loaded readings are of something else.
 AT_A_TIME, PARTS = 90, 12  #: Runs that are weighed together, and how often at most.
 MENDED = ("frame", "targets")  #: Mistakes that a registration mends: the loads can be looked at all the same.
@@ -91,10 +89,10 @@ def _loads(vjm: Vjm, data: Dataset, prior: Prior) -> list[Finding]:
     parts = max(1, -(-data.runs // max(1, min(AT_A_TIME, MOST_READINGS // each))))
     chunks = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, PARTS))]
     found = deflected(vjm, model, chunks[0])
-    if all(doubt.kind in SINGLE for doubt in found):
-        found += chain.from_iterable(single(vjm, model, chunk) for chunk in chunks[1:])
-        found.sort(key=lambda doubt: -(doubt.nats or 0))
-    return found
+    if any(doubt.kind not in SINGLE for doubt in found):
+        return found
+    more = (doubt for chunk in chunks[1:] for doubt in deflected(vjm, model, chunk) if doubt.kind in SINGLE)
+    return sorted([*found, *more], key=lambda doubt: -(doubt.nats or 0))
 
 
 def _places(given: HandedIn) -> tuple[list[Finding], Fit, Seen]:

@@ -1,9 +1,8 @@
-"""Mistakes in readings that fit no frame: each is undone in turn until they do, and named."""
+"""Mistakes in absolute readings that fit no frame: undone until they do, with orientations as targets."""
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -12,13 +11,14 @@ from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.state import State
+from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.place import Free, Seen
+from testbench.identify.diagnosis.undone import CHOICE, PRECISE, Hypothesis, placed
 from testbench.model.vjm import Vjm
 
-UNITS = ((1e-3, "millimetres"), (25.4e-3, "inches"), (1e3, "metres, divided by 1000 once too often"))
-"""What positions may be in instead of metres."""
-FEW = 300  #: Rows of a series that tell which way the last joint turns.
+ROWS = 300  #: First rows of a series that tell what is wrong, or which way the last joint turns.
 BETTER = 0.5  #: Scatter over that of the readings as they are, below which they were mistaken [1].
-SAME = 1e-3  #: Difference of angles below which two notations fit alike [rad].
+ARM = 0.3  #: Distance of the targets that stand for an orientation from the one that has it [m].
 Axes = Literal["XYZ", "xyz", "ZYX", "zyx", "ZYZ", "zyz", "ZXZ", "zxz", ""]
 ANGLES: Mapping[str, Axes] = {
     "intrinsic xyz": "XYZ",
@@ -48,7 +48,7 @@ def check_last_joint(
     """
     if any(one.rotation is not None for one in series):
         return
-    thin = [select_rows(one, np.linspace(0, one.rows - 1, min(FEW, one.rows)).astype(int)) for one in series]
+    thin = [select_rows(one, np.linspace(0, one.rows - 1, min(ROWS, one.rows)).astype(int)) for one in series]
     sign = np.where(np.arange(vjm.arm.n_joints) == vjm.arm.n_joints - 1, -1.0, 1.0)
     try:
         other = fitted(tuple(replace(one, q=sign * one.q) for one in thin))[1].open_position
@@ -62,75 +62,55 @@ def check_last_joint(
         )
 
 
-def explained(vjm: Vjm, series: Series, fits: Callable[[Series], bool]) -> str:
-    """What is wrong with the joint angles or positions of a series, as "they would if ..."; "" if unknown.
-
-    Args:
-        vjm: The arm.
-        series: Readings that do not fit.
-        fits: Whether others would.
-    """
-    return next((words for words, other in _mended(vjm, series) if fits(other)), "")
-
-
-def _mended(vjm: Vjm, series: Series) -> Iterator[tuple[str, Series]]:
-    names = [joint.name for joint in vjm.arm.joints]
-    hinge = np.array([not joint.prismatic for joint in vjm.arm.joints])
-    for factor, unit in ((np.pi / 180, "degrees"), (180 / np.pi, "radians, converted once too often")):
-        words = f"they would if its joint angles were {unit}"
-        yield words, replace(series, q=np.where(hinge, factor, 1.0) * series.q)
-    for factor, unit in UNITS:
-        yield f"they would if its positions were {unit}", replace(series, position=factor * series.position)
-    for j, name in enumerate(names):
-        sign = np.where(np.arange(len(names)) == j, -1.0, 1.0)
-        yield f"they would if {name} counted the other way", replace(series, q=sign * series.q)
-    for j in (j for j in range(len(names)) if hinge[j]):
-        for turn in (90, -90, 180):
-            q = series.q + np.where(np.arange(len(names)) == j, np.radians(turn), 0.0)
-            yield f"they would if {turn} degrees were added to {names[j]}", replace(series, q=q)
-    for i, j in combinations(range(len(names)), 2):
-        order = np.arange(len(names))
-        order[[i, j]] = j, i
-        words = f"they would if {names[i]} and {names[j]} were exchanged"
-        yield words, replace(series, q=series.q[:, order])
-    yield "they would if its joints came in the opposite order", replace(series, q=series.q[:, ::-1])
-    yield "they would if its axes were left-handed", replace(series, position=series.position * [1, 1, -1])
+def unplaced(vjm: Vjm, series: Series) -> Finding | None:
+    """The mistake that keeps a series from fitting the arm in any frame, if one explains it."""
+    one = select_rows(series, np.arange(min(ROWS, series.rows)))
+    free = Free(frame=True, targets=True, lost=True)
+    notations = (
+        Hypothesis("notation", _seen(vjm, one, rotation), free, names, numbers=CHOICE)
+        for names, rotation in _notations(one)
+    )
+    return placed(_seen(vjm, one, one.rotation), free, "readings", notations).doubt
 
 
-def renamed(rotation: Array, turn: Callable[[Array], float], most: float) -> str:
-    """Another notation in which orientations would fit, as "they would as ..."; "" if there is none.
-
-    Args:
-        rotation: Orientations that do not fit, (rows, 3, 3).
-        turn: How far others are off [rad].
-        most: How far they may be [rad].
-    """
-    if turn(rotation.swapaxes(1, 2)) < most:
-        return "they would if they were of the tracker in the target's frame"
-    tried: dict[str, float] = {}
-    for read, axes in ANGLES.items():
-        numbers = _numbers(rotation, axes)
-        for meant in ANGLES.keys() - {read}:
-            tried[f"{meant} where they were read as {read}"] = turn(_rotations(numbers, ANGLES[meant]))
-    least = min(tried.values())
-    found = sorted(words for words, off in tried.items() if off < least + SAME)
-    return f"they would as {', or as '.join(found)}" if least < most else ""
-
-
-def _numbers(rotation: Array, axes: Axes) -> Array:
-    """Three numbers of every rotation, (rows, 3) [rad]."""
+def _notations(series: Series) -> Iterator[tuple[tuple[str, ...], Array]]:
+    """Orientations in other notations: what is meant, and as what it was read; all that are the same."""
+    if series.rotation is None:
+        return
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
-    R = Rotation.from_matrix(rotation)
-    if not axes:
-        return np.asarray(R.as_rotvec())
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # two angles about one axis: any pair of them will do
-        return np.asarray(R.as_euler(axes))
+    some = np.where(series.turned[:, None, None], series.rotation, np.eye(3))
+    yield (), some.swapaxes(1, 2)
+    R, found = Rotation.from_matrix(some), dict[bytes, tuple[tuple[str, ...], Array]]()
+    for read, axes in ANGLES.items():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # two angles about one axis: any pair of them will do
+            numbers = R.as_euler(axes) if axes else R.as_rotvec()
+        for meant, order in ANGLES.items():
+            own = Rotation.from_euler(order, numbers) if order else Rotation.from_rotvec(numbers)
+            matrix = own.as_matrix()
+            same = (matrix.round(3) + 0.0).tobytes()
+            names, _ = found.get(same, ((), matrix))
+            if meant != read:
+                found[same] = (*names, meant, read), matrix
+    yield from found.values()
 
 
-def _rotations(numbers: Array, axes: Axes) -> Array:
-    from scipy.spatial.transform import Rotation  # here: the same
-
-    R = Rotation.from_euler(axes, numbers) if axes else Rotation.from_rotvec(numbers)
-    return np.asarray(R.as_matrix())
+def _seen(vjm: Vjm, series: Series, rotation: Array | None) -> Seen:
+    """A series with three more targets for an orientation, nothing known of where any of them is."""
+    read, there = series.position, series.seen
+    if rotation is not None:
+        turned = series.turned[:, None] & there[:, :1]
+        more = read[:, :1] + ARM * np.where(turned[..., None], rotation.swapaxes(1, 2), 0)
+        read, there = np.concatenate([read, more], axis=1), np.hstack([there, np.repeat(turned, 3, axis=1)])
+    return Seen(
+        vjm=vjm,
+        q=series.q,
+        markers=np.zeros((read.shape[1], 3)),
+        read=read,
+        there=there,
+        names=series.markers,
+        runs=series.row,
+        poses=series.pose,
+        scale=PRECISE * vjm.reach,
+    )

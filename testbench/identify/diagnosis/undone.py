@@ -1,8 +1,8 @@
 """Single mistakes that move readings against the kinematics: each is undone, fitted again and weighed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations
+from itertools import chain, combinations, permutations
 
 import numpy as np
 
@@ -20,8 +20,9 @@ from testbench.identify.diagnosis.place import (
     places,
 )
 from testbench.identify.registration import Frame
-from testbench.model.vjm import chain
+from testbench.model.vjm import chain as chain_of
 
+PRECISE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
 UNITS = (1e-3, 1e-2, 0.1, 0.0254, 1 / 25.4, 10.0, 25.4, 1e3)
 """What positions may have to be multiplied with: millimetres, centimetres or inches, read as others."""
 TURNS = (np.pi / 2, -np.pi / 2, np.pi)  #: Zeros of a hinge that another convention of its angle has [rad].
@@ -108,7 +109,7 @@ def exchanges(seen: Seen, frame: Frame) -> Iterator[list[int]]:
     if m <= FEW:
         yield from (list(order) for order in list(permutations(range(m)))[1:])
         return
-    x = places(chain(seen.vjm, seen.q), seen.markers) @ frame.rotation.T + frame.translation
+    x = places(chain_of(seen.vjm, seen.q), seen.markers) @ frame.rotation.T + frame.translation
     pairs = np.empty((m, m))  # of a place and the target that was read there
     for k in range(m):
         pairs[k] = losses(np.where(seen.there[..., None], x[:, [k]] - seen.read, 0), seen.scale).sum(axis=0)
@@ -127,13 +128,16 @@ class Placed:
     fit: Fit  #: The readings with it undone, or as they are.
 
 
-def placed(seen: Seen, free: Free, what: str = "unloaded readings") -> Placed:
+def placed(
+    seen: Seen, free: Free, what: str = "unloaded readings", more: Iterable[Hypothesis] = ()
+) -> Placed:
     """Look for the mistake that explains readings best.
 
     Args:
         seen: The readings.
         free: What is free anyway, in a frame that is not the arm's.
         what: Which readings these are.
+        more: What is tried beside.
     """
     start = fit(seen, free)
     typical = _typical(seen, start)
@@ -141,7 +145,8 @@ def placed(seen: Seen, free: Free, what: str = "unloaded readings") -> Placed:
     needed = max(LEAST, BETTER * seen.there.sum())
     if start.loss <= needed:  # no mistake saves more than the loss
         return Placed(unfit, start)
-    tried = [(own, fit(own.seen, own.free)) for own in hypotheses(seen, free, start.frame)]
+    every = chain(hypotheses(seen, free, start.frame), more)
+    tried = [(own, fit(own.seen, own.free)) for own in every]
     gains = [start.cost - found.cost - PENALTY * own.numbers for own, found in tried]
     needed = max(needed, SHARE * float(max(gains)))
     good = [
@@ -173,9 +178,8 @@ def _size(own: Hypothesis, found: Fit) -> Array:
         off = found.markers - own.seen.markers
         return np.asarray(off[np.argmax(np.linalg.norm(off, axis=1))])
     if own.kind == "link":
-        k = own.free.theta[0] // 6
-        frame = np.reshape(own.seen.vjm.arm.links[k].frame, (3, 3))
-        return np.asarray(frame @ found.theta[list(own.free.theta)])
+        beam = own.seen.vjm.arm.links[own.free.theta[0] // 6].frame
+        return np.asarray(beam @ found.theta[list(own.free.theta)])
     return np.array([own.size + found.theta.sum()])
 
 

@@ -10,11 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.errors import Array, BenchError, check_array
+from testbench.plant.site import check_position
 
 Mask = npt.NDArray[np.bool_]
-
-FARTHEST = 1000.0
-"""Largest coordinate of a station, and largest distance of a target [m]; beyond it a unit is a slip."""
 
 TOO_NEAR = "target too near the tracker"
 TOO_FAR = "target too far from the tracker"
@@ -49,16 +47,6 @@ class Station:
                 f"acceptance [rad] of a station's targets: expected 0 <= least < largest <= {most:.4g}, "
                 f"got 0.0 to {self.acceptance}"
             )
-
-
-def check_position(position: object) -> Array:
-    """The position of a station, (3,) [m]; BenchError for what is no place near any arm."""
-    where = check_array(position, (3,), "position of the station [m]")
-    if np.abs(where).max() > FARTHEST:
-        raise BenchError(
-            f"position of the station [m]: expected coordinates up to {FARTHEST:g}, got {where.tolist()}"
-        )
-    return where
 
 
 def out_of_view(station: Station, targets: Array, facing: Array | None = None) -> dict[str, Mask]:
