@@ -16,7 +16,7 @@ from testbench.identify.absolute.align import Misfit, far_off
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
 from testbench.identify.absolute.posterior import evenly, inside, known, place, predict
 from testbench.identify.absolute.scatter import outliers
-from testbench.identify.absolute.torques import fit_weights
+from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.diagnosis.notation import unplaced
 from testbench.identify.prior import cad_prior
@@ -99,14 +99,30 @@ def explained(vjm: Vjm) -> Iterator[None]:
 def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequence[str] = ()) -> Calibrated:
     """Calibrate an arm, its masses by joint torques where these were read."""
     weights, said = read_weights(vjm.arm), list(notes)
-    if any(one.torque is not None for one in series):
-        weights, note = fit_weights(vjm, weights, tuple(series))
-        said.append(note)
+    if masses := fit_weights(vjm, weights, tuple(series)):
+        weights = masses.weights
+        said.append(of_masses(masses))
     with explained(vjm):
         found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
     wild = outliers(found.state, found.series, found.pulls)
     moved = [doubt.said(move, vjm.arm).sentence for move in found.moves]
     return Calibrated(found, found.series, (*said, *found.notes, *moved, *([wild.words] if wild else [])))
+
+
+def of_masses(found: MassFit) -> str:
+    """What masses by torques are from, in a sentence."""
+    if not found.explained:
+        return (
+            f"masses are rigid.xml's: weight leaves {found.rest:.3g} of {found.spread:.3g} N m of scatter "
+            "in the torques (order of joints, unit or payload?)"
+        )
+    whose = "the motors' against the weight" if found.motors else "the weight's on the joints"
+    limited = f"; as far from rigid.xml as is allowed: {', '.join(found.limited)}" if found.limited else ""
+    return (
+        f"masses are fitted to {found.poses} poses' torques, taken as {whose}: scatter of "
+        f"{found.before:.3g} N m with rigid.xml's masses, {found.rest:.3g} N m with these, of "
+        f"{found.spread:.3g} N m{limited}"
+    )
 
 
 def score(model: ArmModel, series: Sequence[Series], frame_poses: int | None) -> Score:

@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from testbench.arm.folder import Arm
 from testbench.correct.beyond import Extent
+from testbench.correct.compensated import Refusal
 from testbench.errors import Array
 
 OVERLOAD = 1.5  #: Times the payload beyond which a force is said.
@@ -30,6 +32,20 @@ def extrapolated(found: Extent) -> tuple[str, ...]:
             f"{found.force:,.0f} N are {found.payload_ratio:.1f} times the payload that the arm states"
         )
     return tuple(said)
+
+
+def refusal_words(arm: Arm, refusal: Refusal | None) -> str | None:
+    """Why a point cannot be put right; None where it is."""
+    if refusal is None:
+        return None
+    if refusal.why == "limit":
+        joint = next(joint for joint in arm.joints if joint.name in refusal.names)
+        return f"{joint.name} would pass its limit by {joint.shown * refusal.size:.3g} {joint.shown_unit}"
+    if refusal.why == "collision":
+        return f"{refusal.names[0]} would collide with {refusal.names[1]}"
+    return (
+        f"out of reach, {1e3 * refusal.size:.3g} mm are left" if refusal.why == "reach" else "no equilibrium"
+    )
 
 
 def direction_words(direction: Array) -> str:

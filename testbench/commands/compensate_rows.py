@@ -76,7 +76,7 @@ def _points(found: CorrectedProgram, tolerance_mm: float | None) -> list[Row]:
 
     `most_mm` is what the model leaves and that half width: a point within a tolerance passes.
     """
-    own, program = found.found, found.program
+    own, program, reasons = found.found, found.program, found.reasons
     shown = np.array([joint.shown for joint in found.model.arm.joints])
     before, half = MM * np.linalg.norm(own.before, axis=1), MM * own.half.max(axis=1)
     after = MM * np.linalg.norm(own.after, axis=1)
@@ -91,7 +91,7 @@ def _points(found: CorrectedProgram, tolerance_mm: float | None) -> list[Row]:
             verdict=_verdict(after[k] + half[k], tolerance_mm),
             correction=(shown * (own.q[k] - own.start[k])).tolist(),
             turn_left_mrad=float(MRAD * np.linalg.norm(own.turned[k])),
-            reason=own.refused[k],
+            reason=reasons[k],
         )
         for k in range(program.points)
     ]

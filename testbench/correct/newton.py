@@ -86,7 +86,6 @@ class Corrected:
     """Joints that put the tool right."""
 
     q: Array  #: To command, (points, n) [rad, m].
-    theta: Array  #: Virtual joints there, (points, n_theta) [m, rad].
     left: Array  #: Asked minus foretold position of the tool point, world, (points, 3) [m].
     #: The same of its turn, or of the turn of its spindle's axis, rotation vectors, world, (points, 3) [rad].
     turned: Array
@@ -201,7 +200,7 @@ def _in_batches(points: Points, most: int, *, renewed: bool = False) -> Correcte
 def _correct(points: Points, most: int, *, renewed: bool) -> Corrected:
     runs = len(points.start)
     q, theta = points.start.copy(), unbent(points.state, points.start, points.loads)
-    found = Corrected(q, theta, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
+    found = Corrected(q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
     moving, now = np.arange(runs), points
     G, J = np.zeros((runs, q.shape[1], 6)), np.zeros((runs, 6, q.shape[1]))
     for step in range(most):

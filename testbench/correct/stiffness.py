@@ -6,10 +6,11 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.correct.batches import batches
+from testbench.correct.batches import batches, joined
 from testbench.correct.rest import rest
 from testbench.correct.uncertainty import Poses, half_widths
 from testbench.errors import Array
+from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load
 from testbench.model.loaded import geometric_stiffness, loaded_compliance
@@ -57,24 +58,19 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = ()) -> Stiffnes
     Raises:
         NoEquilibrium: When there is none, or the arm is about to buckle.
     """
-    theta = rest(model.state, q, loads).theta
-    loads = [load.over(len(q)) for load in loads]
-    compliance = np.concatenate(
-        [
-            _compliance(model, q[some], theta[some], [load.of(some) for load in loads])
-            for some in batches(len(q))
-        ]
-    )
+    every = Poses(q, loads)
+    return joined([_stiffness(model.state, every.of(some)) for some in batches(len(q))])
+
+
+def _stiffness(state: State, poses: Poses) -> Stiffness:
+    theta = rest(state, poses.q, poses.loads).theta
+    where, n = chain(state.vjm, poses.q, theta), len(state.C_theta)
+    K_w = np.zeros((len(poses.q), n, n))
+    for load in poses.loads:
+        K_w += geometric_stiffness(where, load.wrench, load.point)
+    compliance = loaded_compliance(where.J_theta.transpose(2, 0, 1), state.C_theta, K_w)
     axes, give, _ = np.linalg.svd(compliance[:, :3, :3])
     return Stiffness(compliance, give, axes)
-
-
-def _compliance(model: ArmModel, q: Array, theta: Array, loads: Sequence[Load]) -> Array:
-    where, n = chain(model.vjm, q, theta), len(model.state.C_theta)
-    K_w = np.zeros((len(q), n, n))
-    for load in loads:
-        K_w += geometric_stiffness(where, load.wrench, load.point)
-    return loaded_compliance(where.J_theta.transpose(2, 0, 1), model.state.C_theta, K_w)
 
 
 def give_halves(model: ArmModel, q: Array, tool: Stiffness, force: float) -> Array:
@@ -90,8 +86,10 @@ def give_halves(model: ArmModel, q: Array, tool: Stiffness, force: float) -> Arr
         The widest along world x, y, z, (poses, 3) [m]; infinite where the model has not seen what gives.
     """
     found, origin = np.empty((len(q), 3)), np.zeros(3)
-    for k in range(3):
-        wrench = np.hstack([force * tool.axes[:, :, k], np.zeros((len(q), 3))])
-        pushed = Poses(q, [Load(wrench, origin)])
-        found[:, k] = half_widths(model, pushed, Poses(q), origin[None])[:, 0].max(axis=1)
+    for some in batches(len(q)):
+        free = Poses(q[some], rest=rest(model.state, q[some]))
+        for k in range(3):
+            push = force * tool.axes[some, :, k]
+            pushed = Poses(q[some], [Load(np.hstack([push, 0 * push]), origin)])
+            found[some, k] = half_widths(model, pushed, free, origin[None])[:, 0].max(axis=1)
     return found

@@ -67,24 +67,14 @@ def _with_joints(whole: Estimate, metric: Metric, joints: Ids) -> Estimate:
     alone = solve(own, whole.constraint, belief)
     pi = (1 - weight) * whole.pi
     pi[joints] += weight * alone.pi
-    average = Average(weight, whole)
     mean = make_estimate(whole.regression, pi, method=whole.method, constraint=whole.constraint)
     return replace(
         mean,
         belief=whole.belief,
         status=whole.status if whole.status != "solved" else alone.status,
         solver_seconds=whole.solver_seconds + alone.solver_seconds,
-        advice=(*whole.advice, words(average)),
-        average=average,
+        average=Average(weight, whole),
     )
-
-
-def words(average: Average) -> str:
-    """How much joints alone count."""
-    share = f"{100 * average.weight:.3g} %"
-    if average.weight > 0.5:
-        return f"link compliances do not improve the model: joint stiffness only weighs {share} by evidence"
-    return f"links and joints, averaged with joint stiffness only, which weighs {share} by evidence"
 
 
 def _of_joints(regression: Regression, joints: Ids) -> Regression:

@@ -14,7 +14,6 @@ from scipy import sparse
 from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.certify import (
-    TRACE_WEIGHT,
     bound,
     gradient_dual,
     scaled_units,
@@ -90,9 +89,7 @@ def optimum(regression: Regression) -> Estimate:
             pi, certificate, reached = other, proof, better
     left = f_m(regression, pi)
     held = left > EXACT * program.unit and _held(regression, program, pi)
-    estimate = make_estimate(
-        regression, pi, method="GCO (conic program)", constraint="psd", advice=_advice(regression, held)
-    )
+    estimate = make_estimate(regression, pi, method="GCO (conic program)", constraint="psd")
     return replace(
         estimate,
         status="solved" if reached and estimate.conservative else answer.failure,
@@ -153,18 +150,6 @@ def _held(regression: Regression, program: Program, pi: Array) -> bool:
     """Whether the trace term costs so much that only its weight holds unseen compliance."""
     cost = program.trace_weight * total_trace(regression.structure, pi)
     return bool(cost > PENALTY_TOLD * f_m(regression, pi))  # which JSON can write
-
-
-def _advice(regression: Regression, held: bool) -> tuple[str, ...]:
-    advice: tuple[str, ...] = ()
-    if regression.rank < regression.structure.n:
-        advice = (f"GCO filled the free directions with the least trace, weight {TRACE_WEIGHT:g}",)
-    if held:
-        advice += (
-            f"{regression.structure.name}: only the trace weight holds unseen compliance, which fits a "
-            "little better as it grows; predictions away from the measured poses hang on it",
-        )
-    return advice
 
 
 def scale_program(regression: Regression) -> Program:

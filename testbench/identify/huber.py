@@ -51,7 +51,6 @@ REJECT = 4.033
 
 At 99 % every third campaign of 45 sound readings would lose one, and gain nothing for it.
 """
-MOST_REJECTED = 1 / 3  #: Share of rejected readings beyond which the advice doubts that they are outliers.
 WEAK = 10.0  #: Relative uncertainty of the CAD compliances while outliers of GCO without a prior are sought.
 NO_OUTLIERS = "sigma too small, or wrong structure, load, unit or frame"
 
@@ -88,8 +87,8 @@ def without_outliers(
         method=f"{plain.method}, Huber loss",
         status=plain.status if found.status == "solved" else f"{found.status} (search for outliers)",
         solver_seconds=plain.solver_seconds + found.seconds,
-        advice=(*plain.advice, *_advice(data, readings, keep)),
         rejected=_rejected(data, readings, keep, plain.pi),
+        lost=tuple(data.run[np.setdiff1d(readings.run, readings.run[keep])].tolist()),
     )
 
 
@@ -186,18 +185,3 @@ def _rejected(data: Dataset, readings: Readings, keep: Mask, pi: Array) -> tuple
         )
         for i in np.flatnonzero(~keep)
     )
-
-
-def _advice(data: Dataset, readings: Readings, keep: Mask) -> tuple[str, ...]:
-    """What was rejected, and whether that can still be outliers."""
-    bad = int((~keep).sum())
-    if not bad:
-        return ()
-    said = [f"{bad} of {len(keep)} readings rejected, beyond {REJECT} standard deviations"]
-    lost = data.run[np.setdiff1d(readings.run, readings.run[keep])]
-    if len(lost):
-        runs = ", ".join(map(str, lost))
-        said.append(f"no reading is left of run {runs}: look at the load, the pose and the frame there")
-    if bad > MOST_REJECTED * len(keep):
-        said.append(f"too many to be outliers: {NO_OUTLIERS}")
-    return tuple(said)

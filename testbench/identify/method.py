@@ -104,8 +104,8 @@ completed_least_squares = Method("free")
 """Weighted least squares whose free directions make it conservative where that is possible.
 
 Of all conservative models that fit as well as `least_squares`, it is the one nearest to its solution of
-minimum norm, in the units of sensitivity. Where there is none, it is that solution: `Estimate.status` and
-`advice` say so. It shows what the choice of one of many equal fits does, and what GCO does beyond."""
+minimum norm, in the units of sensitivity. Where there is none, it is that solution: `Estimate.status`
+says so. It shows what the choice of one of many equal fits does, and what GCO does beyond."""
 
 gco = Method("psd")
 """GCO to global optimality: the conservative model of least F_M, Eq. (19), with a certificate."""

@@ -44,9 +44,7 @@ def solve(regression: Regression, constraint: Constraint, belief: Belief | None 
     if belief is None:
         return {"psd": optimum, "free": completed}.get(constraint, minimum_norm)(regression)
     own = answer(constraint, Case(regression, belief))
-    estimate = make_estimate(
-        regression, own.pi, method=METHODS[constraint], constraint=constraint, advice=(words(belief),)
-    )
+    estimate = make_estimate(regression, own.pi, method=METHODS[constraint], constraint=constraint)
     return replace(estimate, belief=belief, status=own.status, solver_seconds=own.seconds)
 
 
@@ -90,18 +88,3 @@ def referee(constraint: Constraint, case: Case) -> Answer:
         )
     )
     return Answer(metric.L @ metric.project(solution.x[1:]), solution.seconds, solution.status, own=False)
-
-
-def words(belief: Belief) -> str:
-    """Which prior filled what the data cannot see."""
-    strength, name = belief.strength, belief.metric.prior
-    if strength.coupling is not None:
-        shape, coupling = (100 * belief.misfit * u for u in (strength.uncertainty, strength.coupling))
-        learnt = f"shapes known to {shape:.2g} %, couplings to {coupling:.2g} %"
-        return f"prior: {name}, the scale of every block learnt from the readings, {learnt}"
-    scale = (
-        "its scale left to the data"
-        if np.isinf(strength.scale_uncertainty)
-        else f"its scale known to {100 * strength.scale_uncertainty:g} %"
-    )
-    return f"prior: {name}, uncertainty {100 * strength.uncertainty:.3g} %, {scale}"

@@ -12,7 +12,7 @@ from testbench.data.series import select_rows
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.evidence import Learnt, choice, learn, usual
 from testbench.identify.absolute.fit import Options, calibrate
-from testbench.identify.absolute.inner import Inner, eliminate
+from testbench.identify.absolute.inner import eliminate
 from testbench.identify.absolute.noise import Noise, plan_of, roots
 from testbench.identify.absolute.posterior import posterior_of, registered
 from testbench.identify.absolute.reduced import Point, Weighting, reduce
@@ -124,8 +124,8 @@ def test_a_solution_counts_what_is_left_and_what_it_spends(kr500, reduced):
     equations, unknowns = reduced
     elastic = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
     own = choice(unknowns, frozenset({"geometry shift", "geometry turn"}), elastic)
-    learnt, inner = usual(unknowns, len(equations.kinds)), Inner("none", Strength(3.0))
-    solved = eliminate(own, equations, learnt, inner)
+    learnt = usual(unknowns, len(equations.kinds))
+    solved = eliminate(own, equations, learnt, "none", Strength(3.0))
     v, held = np.r_[solved.x, -1.0], learnt.deviation[own.columns[: own.rigid]]
     some = np.r_[own.columns, unknowns.size]
     left = v @ equations.gram.sum(axis=0)[np.ix_(some, some)] @ v + np.sum((v[: own.rigid] / held) ** 2)
@@ -133,7 +133,7 @@ def test_a_solution_counts_what_is_left_and_what_it_spends(kr500, reduced):
     assert solved.estimate.f_m == pytest.approx(np.sqrt(left / (n / 3)), rel=1e-6)
     sure = replace(learnt, deviation=np.where(np.isfinite(learnt.deviation), 1e-12, np.inf))
     free = np.isinf(learnt.deviation[own.columns[: own.rigid]]).sum()
-    assert eliminate(own, equations, sure, inner).spent == pytest.approx(free + 153)
+    assert eliminate(own, equations, sure, "none", Strength(3.0)).spent == pytest.approx(free + 153)
 
 
 @pytest.mark.parametrize("kind", ["play", "stiffening"])
@@ -170,7 +170,7 @@ def test_what_unknowns_spend_is_the_trace_of_the_hat_matrix(rng):
     R = np.linalg.qr(np.column_stack([A, y]), mode="r")
     reduced = SimpleNamespace(factors={0: R}, counts=np.array([len(A)]))
     factor = 1.7
-    found = eliminate(own, reduced, Learnt(deviation, np.array([factor])), Inner())
+    found = eliminate(own, reduced, Learnt(deviation, np.array([factor])))
     P = A.T @ A / factor**2 + np.diag(deviation**-2.0)
     assert found.spent == pytest.approx(np.trace(A @ np.linalg.solve(P, A.T)) / factor**2)
     np.testing.assert_allclose(found.x, np.linalg.solve(P, A.T @ y / factor**2))

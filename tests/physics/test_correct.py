@@ -198,7 +198,7 @@ def test_a_correction_into_the_floor_is_refused_and_the_point_stays(kr500, known
     q[0, 1] = clear
     up = [Load(np.array([0, 0, 3e3, 0, 0, 0]), TIP)]
     found = compensate(known, q, up, AIM, kr500.room)
-    assert "would collide" in found.refused[0]
+    assert found.refused[0].why == "collision"
     assert np.array_equal(found.q, q)
     assert np.array_equal(found.after, found.before)
     q[0, 1] = touches  # what touches before may touch after: nothing new is in the way

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.program_words import direction_words, extrapolated
-from testbench.correct.beyond import extent
+from testbench.campaign.program_words import direction_words, refusal_words
+from testbench.correct.compensated import Refusal
 from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
 from testbench.correct.stiffness import give_halves, stiffness
@@ -119,18 +119,6 @@ def test_positions_have_intervals_where_they_were_calibrated(model, poses, load)
     assert np.array_equal(rough.half, calm.half)
 
 
-def test_loads_beyond_the_data_are_said_with_their_number(model, poses):
-    pull = Load(np.array([0, 4200.0, 0, 0, 0, 0]), np.array([0, 0, 0.1]))
-    found = extent(model, poses, [pull])
-    assert found.force == pytest.approx(4200)
-    assert found.force_ratio == pytest.approx(2.1)
-    assert found.moment <= 420.0 + 1e-9
-    assert extrapolated(found) == (
-        "extrapolated: 4,200 N are 2.1 times the largest force that the model was identified under",
-    )
-    assert not extrapolated(extent(model, poses, [Load(pull.wrench / 2.1, pull.point)]))
-
-
 @pytest.mark.parametrize(
     ("direction", "words"),
     [
@@ -141,6 +129,17 @@ def test_loads_beyond_the_data_are_said_with_their_number(model, poses):
 )
 def test_directions_in_words(direction, words):
     assert direction_words(np.array(direction)) == words
+
+
+def test_reasons_in_words_and_in_the_units_of_their_joint(kr500):
+    said = [
+        (Refusal("reach", size=0.01234), "out of reach, 12.3 mm are left"),
+        (Refusal("equilibrium"), "no equilibrium"),
+        (Refusal("limit", ("joint_3",), np.radians(1.5)), "joint_3 would pass its limit by 1.5 deg"),
+        (Refusal("collision", ("tool", "floor")), "tool would collide with floor"),
+        (None, None),
+    ]
+    assert [refusal_words(kr500.arm, one) for one, _ in said] == [words for _, words in said]
 
 
 def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(model, poses):

@@ -6,10 +6,9 @@ from serial_arms import write_arm
 
 from testbench.arm.folder import load_arm
 from testbench.correct.batches import at, replaced
-from testbench.correct.inverse import joints_along
+from testbench.correct.inverse import joints_along, settle
 from testbench.correct.newton import Target
 from testbench.correct.reach import THERE, reach
-from testbench.correct.settle import settle
 from testbench.correct.turn import turn_between
 from testbench.model.kinematics import build_vjm
 from testbench.model.tool_motion import tool_motion

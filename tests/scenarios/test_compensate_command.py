@@ -23,6 +23,7 @@ from testbench.campaign.program import correct_program
 from testbench.campaign.stiffness_model import load_model, write_stiffness
 from testbench.cli.program import program as app
 from testbench.commands.compensate import report
+from testbench.correct.compensated import Refusal
 from testbench.correct.newton import Aim
 from testbench.data.program import read_program
 from testbench.identify.estimate import make_estimate
@@ -365,7 +366,7 @@ def test_what_joints_cannot_do_is_said_with_its_numbers(folder, bounded):
     own = found.found
     held, turned, q = np.zeros_like(own.held), np.zeros_like(own.turned), own.q.copy()
     held[5:8, 4], turned[9, 1], q[8:, 3] = True, 2e-3, own.q[8:, 3] + 0.1
-    refused = (*own.refused[:3], "out of reach", *own.refused[4:])
+    refused = (*own.refused[:3], Refusal("reach", size=0.02), *own.refused[4:])
     own = replace(own, held=held, turned=turned, q=q, refused=refused)
     said = report(replace(found, found=own))
     off, moved = np.linalg.norm(own.before, axis=1), np.degrees(np.abs(np.diff(q - own.start, axis=0)).max())

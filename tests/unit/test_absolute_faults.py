@@ -269,6 +269,21 @@ def test_a_frame_that_is_not_shared_after_all_is_refused(ur10):
     assert "the tracker moved by" in moves(gathered(ur10, jump(one, 32), two), ur10)[0]
 
 
+@pytest.mark.parametrize("shared", [{"share_frame": True}, {"share_target": True}])
+def test_what_few_poses_leave_open_is_taken_from_what_others_share(ur10, shared):
+    """Three poses with the frame of another series or five with its mount, whichever is read first."""
+    one, two = read(ur10, series=2, orientations=False, **shared)
+    few = select_rows(two, np.arange(3 if "share_frame" in shared else 5))
+    for order in ((few, one), (one, few)):
+        state = gathered(ur10, *order).state
+        off = np.linalg.norm(residuals(state, two)[:1], axis=1)
+        assert np.sqrt((off**2).mean()) < 6e-4  # 0.2 mm are left of the long series alone
+    with pytest.raises(BenchError, match=f"^series 2: {few.rows} poses with a reading are too few"):
+        gathered(ur10, one, replace(few, frame="its own", target="its own"))
+    with pytest.raises(BenchError, match=r"^series 2: 1 poses with a reading are too few"):
+        gathered(ur10, one, replace(select_rows(two, np.arange(1)), frame="its own"))
+
+
 def test_few_poses_under_two_loads_keep_a_scatter_of_their_own(ur10):
     """Unknowns may spend all equations of the means; what is left then tells nothing of their scatter."""
     options = Options(only=frozenset({"joint springs", "joint errors"}))

@@ -16,7 +16,7 @@ from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import aligned, alike
 from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, blocks_of, choose
 from testbench.identify.absolute.evidence import Choice, choice, learn, squares, usual
-from testbench.identify.absolute.inner import Inner, eliminate, moved
+from testbench.identify.absolute.inner import eliminate, moved
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.reduced import Point, Reduced, Weighting, reduce
 from testbench.identify.absolute.scatter import distance, pulls_of, scatter, single, units
@@ -162,7 +162,7 @@ def explain(found: Gathered, options: Options) -> Calibration:
     chosen = _choose(
         found.unknowns, reduced, candidates, options, units(series, found.noise)[list(reduced.kinds)]
     )
-    solved = eliminate(chosen.own, reduced, chosen.learnt, Inner(options.constraint, options.strength))
+    solved = eliminate(chosen.own, reduced, chosen.learnt, options.constraint, options.strength)
     after = moved(found.state, chosen.own, solved.x)
     factor = found.noise.factor.copy()
     factor[list(reduced.kinds)] = chosen.learnt.factor
@@ -276,5 +276,5 @@ def _stepped(own: Choice, series: tuple[Series, ...], state: State, seen: _Seen)
     weighting = [Weighting(p, b) for p, b in zip(seen.pulls, _whole(series), strict=True)]
     reduced = reduce(Point(own.unknowns, state, seen.noise), series, weighting)
     S, counts = squares(own, reduced.gram), reduced.counts
-    solved = eliminate(own, reduced, learn(own, S, counts, usual(own.unknowns, len(counts))), Inner())
+    solved = eliminate(own, reduced, learn(own, S, counts, usual(own.unknowns, len(counts))))
     return moved(state, own, solved.x), max(0.1, 1 - solved.spent / counts.sum())
