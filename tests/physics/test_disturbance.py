@@ -24,7 +24,7 @@ from testbench.plant import (
     settle_linear,
     settle_pair,
 )
-from testbench.plant.compensator import attached, strut
+from testbench.plant.compensator import attached, strut, strut_force
 from testbench.plant.disturbance import FOUNDATION
 from testbench.plant.joint_law import STIFFENING_ANGLE, JointLaw, slope, spring_torque, turn
 from testbench.plant.state import evaluate, open_row
@@ -107,7 +107,7 @@ def test_force_of_the_compensator_is_minus_the_gradient_of_its_energy(kr500, rng
 
     data.qpos[plant.theta] = 1e-4 * rng.standard_normal(len(plant.theta))
     at, h = data.qpos.copy(), 1e-6
-    (Q,) = compensator.force(evaluate(row, at[None], attached(plant)), np.arange(1))
+    (Q,) = strut_force(compensator, plant, evaluate(row, at[None], attached(plant)), np.arange(1))
     gradient = np.empty(model.nv)
     for i in range(model.nv):
         data.qpos[:] = at + h * (np.arange(model.nv) == i)
