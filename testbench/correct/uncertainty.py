@@ -91,8 +91,8 @@ def half_widths(
     return np.concatenate(found)
 
 
-def fitted_half_widths(model: ArmModel, end: Poses, point: Array, confidence: float = CONFIDENCE) -> Array:
-    """Half intervals of where a point of the tool is, relative to its other places: a frame fitted to them.
+def fitted_half_widths(model: ArmModel, end: Poses, point: Array) -> Array:
+    """Half 95 % intervals of where a point of the tool is, relative to its others: a frame fitted to them.
 
     Readings of a tracker do not tell where the base is from where its frame is: a calibrated arm knows places
     better beside each other than in its base. What a work frame measured by the tool takes up is taken out
@@ -102,7 +102,6 @@ def fitted_half_widths(model: ArmModel, end: Poses, point: Array, confidence: fl
         model: Absolute.
         end: At least 3 poses, not all in one place.
         point: In the tool's frame, (3,) [m].
-        confidence: Of each interval by itself.
 
     Returns:
         Along world x, y, z, (poses, 3) [m].
@@ -114,8 +113,8 @@ def fitted_half_widths(model: ArmModel, end: Poses, point: Array, confidence: fl
     F = np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2).reshape(-1, 6)
     A = rows.reshape(len(F), -1)
     A = A - F @ np.linalg.lstsq(F, A)[0]
-    half = model.posterior.half_widths(A, confidence).reshape(x.shape)
-    return np.asarray(np.hypot(half, quantile(math.inf, (1 + confidence) / 2) * model.scatter))
+    half = model.posterior.half_widths(A).reshape(x.shape)
+    return np.asarray(np.hypot(half, quantile(math.inf, (1 + CONFIDENCE) / 2) * model.scatter))
 
 
 def rows_between(model: ArmModel, end: Poses, start: Poses | None, points: Array) -> Array:
