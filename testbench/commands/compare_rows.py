@@ -160,7 +160,8 @@ def badge_of(lead: Row, a: tuple[str, Finished], b: tuple[str, Finished]) -> Bad
     )
     if not x or x.keys() != y.keys():
         x, y = ({0: middle(own)} for own in (lead.a, lead.b))
-    return decide((b[0], [y[seed] for seed in x]), (a[0], [*x.values()]))
+    each = "trial" if x.keys() == y.keys() and len(x) > 1 else "pair of runs"
+    return decide((b[0], [y[seed] for seed in x]), (a[0], [*x.values()]), each)
 
 
 def _trials(run: Finished) -> Mapping[tuple[str, str], Sequence[BySeed]]:

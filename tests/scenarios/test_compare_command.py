@@ -10,6 +10,7 @@ import pytest
 import read_back
 from checks import check_words
 from made_up_run import REPORT
+from page_checks import check_winner
 from read_back import document
 from run_here import here
 
@@ -129,6 +130,7 @@ def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path):
     assert "Inputs are the same: settings, arms, seeds, versions, commit." in text
     assert (report["inputs"], report["beside"][0]["equal"]) == ([], True)
     assert {own["verdict"] for own in report["beside"][0]["models"]} == {"same"}
+    check_winner(tmp_path / "out")
     made = {path.name for path in (tmp_path / "out").iterdir()}
     assert set(json.loads((tmp_path / "out" / "manifest.json").read_text())["files"]) == made
 

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from page_checks import check_page, drawn_in, said, times_of
+from page_checks import check_page, check_winner, drawn_in, said, times_of
 from read_back import columns, document, on, series, sound
 from reports import check
 from run_here import here
@@ -274,6 +274,7 @@ def test_the_page_opens_at_the_point_farthest_off_and_no_pane_is_blank(corrected
     assert blank_panes(folder / "recording.rrd") == []
     report = json.loads((folder / "report.json").read_text())
     told = [f"{report['before_mm'][key]:.3f}" for key in ("median", "max")]
+    check_winner(folder)
     words = said(check_page(open_page, folder / "report.html", told))
     assert words.startswith(f"Point {report['worst']['label']}, line {report['worst']['line']}.")
     assert f"{report['worst']['before_mm']:.3f} mm off as programmed" in words
@@ -338,6 +339,25 @@ def test_words_are_short_and_report_json_says_all_of_it_again(folder, bounded):
         model = load_model(folder / name, None)
         program = read_program(bounded / "mill.csv", model.arm)
         check(report(correct_program(model, program, Aim())), ["worst"])
+
+
+def test_a_tolerance_judges_point_by_point_and_the_worst_comes_first(folder, bounded):
+    model = load_model(folder / "sure", None)
+    found = correct_program(model, read_program(bounded / "mill.csv", model.arm), Aim())
+    most = 1e3 * (np.linalg.norm(found.found.after, axis=1) + found.found.half.max(axis=1))
+    limit = float(np.median(most))
+    said = report(found, limit)
+    assert [row.verdict for row in said.numbers["rows"]] == ["pass" if mm <= limit else "fail" for mm in most]
+    fails = int((most > limit).sum())
+    assert 0 < fails < len(most)
+    assert f"{fails} of {len(most)} points fail once corrected" in said.claims[0]
+    assert said.badge.verdict == "do not use"
+    assert f"{fails} points may be off by more than" in said.badge.words
+    shown = [row.most_mm for row in said.tables["worst"].rows]
+    assert shown == sorted(shown, reverse=True)
+    assert shown[0] == pytest.approx(most.max())
+    check(said, ["worst"])
+    assert report(found, 2 * float(most.max())).numbers["tolerance"].failed == 0
 
 
 def test_tables_have_the_numbers_of_the_corrected_file(bounded):
