@@ -5,17 +5,16 @@ from measure import Row, at_most, feasible_poses, interleave, note, spread
 
 from testbench.campaign.campaign import build_cell, simulate
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import correct
+from testbench.correct.newton import asked, correct
 from testbench.correct.rest import rest
-from testbench.correct.target import asked
 from testbench.errors import Array
 from testbench.identify import gco, with_prior
 from testbench.identify.arm_model import bending, of_estimate
 from testbench.identify.prior import cad_prior
 from testbench.model.load import Load
-from testbench.model.loaded import loaded_equilibrium
 from testbench.model.structure import all153
 from testbench.model.weights import read_weights
+from testbench.studies.loaded_stiffness.equilibrium import loaded_equilibrium
 
 ARM, SEED, POINTS, REPEATS = "kr500_l480", 5, 10_000, 5
 FEW = 500  #: Points at which Newton's equilibrium is timed: it costs as much at every one.

@@ -1,4 +1,4 @@
-"""Many fits of one structure at once: time of a fit over Clarabel's own time for the same program."""
+"""Many fits with a prior: time of a fit over Clarabel's own time for the same program."""
 
 import numpy as np
 from measure import MODELS, Row, at_most, interleave, note, spread
@@ -6,11 +6,11 @@ from measure import MODELS, Row, at_most, interleave, note, spread
 from testbench.campaign.campaign import Cell, Scenario, build_cell, simulate
 from testbench.errors import Array
 from testbench.identify import reduce
-from testbench.identify.conic import by_clarabel, optima, optimum, scale_program
+from testbench.identify.conic import optimum
 from testbench.identify.metric import Belief, Case, metric, rescaled
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import Regression
-from testbench.identify.regularised import REFEREES, answer
+from testbench.identify.solve import answer, referee
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.studies.estimators.bootstrap import resampler
 
@@ -34,15 +34,13 @@ def families_of_fits() -> list[Row]:
 
 
 def rows_of(arm: Cell, structure: Structure, regressions: list[Regression]) -> list[Row]:
-    """GCO without a prior and with one, of every dataset."""
-    [together] = interleave(REPEATS, lambda: optima(regressions))
-    own = [by_clarabel(r, scale_program(r)).seconds for r in regressions[:ALONE]]
-    rows = [_row(f"{structure.name}, no prior", together, own)]
+    """GCO with a prior, of every dataset."""
+    rows: list[Row] = []
     prior = rescaled(metric(cad_prior(arm.arm), arm.vjm, structure), regressions[0])
     for u in STRENGTHS:
         cases = [Case(regression, Belief(prior, Strength(u))) for regression in regressions]
         [together] = interleave(REPEATS, lambda c=cases: [answer("psd", case) for case in c])  # type: ignore[misc]
-        own = [REFEREES["psd"](case).seconds for case in cases[:ALONE]]
+        own = [referee("psd", case).seconds for case in cases[:ALONE]]
         rows.append(_row(f"{structure.name}, prior uncertain by {100 * u:g} %", together, own))
     return rows
 

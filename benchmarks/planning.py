@@ -9,8 +9,16 @@ from testbench.design.criteria import Criterion, Linear, mean_square
 from testbench.design.exchange import BETTER, SWEEPS, exchange
 from testbench.design.planning import make_plan
 from testbench.design.refine import Reach
-from testbench.design.rows import Experiment, Ids, Problem, information
-from testbench.design.specification import Specification, Tasks, problem_of, task_rows
+from testbench.design.rows import (
+    Experiment,
+    Ids,
+    Problem,
+    Specification,
+    Tasks,
+    information,
+    problem_of,
+    task_rows,
+)
 from testbench.errors import Array
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior

@@ -1,4 +1,4 @@
-"""Single fits end to end, from dataset to judged estimate, against Clarabel's own time for the program."""
+"""Single fits with a prior end to end, from dataset to estimate, against Clarabel's own time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,10 +10,9 @@ from testbench.arm.folder import Arm
 from testbench.campaign.campaign import Cell, Scenario, build_cell, simulate
 from testbench.data.dataset import Dataset
 from testbench.identify import gco, reduce, with_prior
-from testbench.identify.conic import by_clarabel, scale_program
 from testbench.identify.metric import Case
 from testbench.identify.prior import Strength, cad_prior
-from testbench.identify.regularised import REFEREES
+from testbench.identify.solve import referee
 from testbench.model.structure import Structure, all153, mgco68, template56
 
 ARM = "kr500_l480"
@@ -26,16 +25,14 @@ class Fit:
     """What is fitted, and its bars."""
 
     structure: Callable[[Arm], Structure]
-    prior: bool
     ratio: float  #: Bar of the time of the whole fit over Clarabel's own.
     ms: float  #: What the whole fit may take on a core at rest [ms].
 
 
 FITS = (
-    Fit(template56, True, ratio=1.0, ms=1.5),
-    Fit(mgco68, True, ratio=0.6, ms=1.5),
-    Fit(all153, True, ratio=0.5, ms=6.0),
-    Fit(all153, False, ratio=1.0, ms=6.0),
+    Fit(template56, ratio=1.0, ms=1.5),
+    Fit(mgco68, ratio=0.6, ms=1.5),
+    Fit(all153, ratio=0.5, ms=6.0),
 )
 
 
@@ -49,18 +46,16 @@ def single_fits() -> list[Row]:
 def rows_of(cell: Cell, fit: Fit, data: Dataset) -> list[Row]:
     """Ratio and time of a fit, the reduction of the dataset included."""
     structure, regression = fit.structure(cell.arm), reduce(cell.vjm, fit.structure(cell.arm), data)
-    method = with_prior(gco, cad_prior(cell.arm), STRENGTH) if fit.prior else gco
+    method = with_prior(gco, cad_prior(cell.arm), STRENGTH)
     belief = method(cell.vjm, structure, data).belief
+    assert belief is not None
     own: list[float] = []
 
     def often(run: Callable[[], object]) -> Callable[[], object]:
         return lambda: [run() for _ in range(TIMES)]
 
     def alone() -> None:
-        if belief is None:
-            own.append(by_clarabel(regression, scale_program(regression)).seconds)
-        else:
-            own.append(REFEREES["psd"](Case(regression, belief)).seconds)
+        own.append(referee("psd", Case(regression, belief)).seconds)
 
     times = interleave(
         REPEATS,
@@ -71,7 +66,7 @@ def rows_of(cell: Cell, fit: Fit, data: Dataset) -> list[Row]:
     whole, reducing = times[0] / TIMES, times[2] / TIMES
     solver = np.reshape(own, (-1, TIMES))[1:].mean(axis=1)
     ratio = whole / solver
-    name = f"{structure.name}{' with prior' if fit.prior else ''}, {data.runs} runs: fit end to end"
+    name = f"{structure.name} with prior, {data.runs} runs: fit end to end"
     behind = (
         f"Clarabel {spread(solver, 1e3, 2)} ms; of the fit {spread(reducing, 1e3, 2)} ms reduce the dataset"
     )

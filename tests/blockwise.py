@@ -10,7 +10,7 @@ import pytest
 from testbench.arm.folder import Arm
 from testbench.data import stream
 from testbench.data.dataset import Dataset
-from testbench.data.read_pairs import Streamed, read_campaign, read_export
+from testbench.data.read_pairs import Export, read_campaign, read_export
 from testbench.data.read_series import SeriesExport, read_batches, read_series
 from testbench.data.series import Series
 from testbench.data.spool import together
@@ -19,16 +19,16 @@ from testbench.errors import InputError
 SIZE = 1500  #: Of a block: a few lines [byte].
 
 
-def in_blocks(path: Path, arm: Arm, mapping: Path | None = None, size: int = SIZE) -> Streamed:
+def in_blocks(path: Path, arm: Arm, mapping: Path | None = None, size: int = SIZE) -> Export:
     """However small the file is."""
     with patch.multiple(stream, BLOCK=size, LEAST=0):
         return read_campaign(path, arm, mapping)
 
 
-def whole(found: Streamed) -> Dataset:
+def whole(found: Export) -> Dataset:
     """All runs as one dataset."""
     if found.every is None:
-        return found.export.data
+        return found.data
     return together([found.every.block(k)[1] for k in range(len(found.every))])
 
 

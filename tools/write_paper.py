@@ -3,7 +3,8 @@
 python tools/write_paper.py [RUNS] [--out FILE]
 
 The template is jinja2's; under a study's name it finds its `report`, its `tables` and its `words`,
-under `printed` what the printed matrices of section 5.1 tell.
+under `printed` what the printed matrices of section 5.1 tell, under `section_6` the paper's statements of
+section 6 and what could explain its errors.
 """
 
 import sys
@@ -12,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+import section_6
 import typer
 from jinja2 import Environment, StrictUndefined, TemplateError
 from printed_matrices import least_cost, printed_matrices, tables
@@ -54,7 +56,8 @@ def main(
     reports = {study.name: read_report(runs / study.name / "report.json") for study in STUDIES}
     found = {k: {"report": own.numbers, "tables": own.tables, "words": own} for k, own in reports.items()}
     try:
-        page = _filled(found | {"printed": printed()})
+        tried = section_6.tables(runs / GRAVITY_CALIBRATION.name, runs / "section_6.json")
+        page = _filled(found | {"printed": printed(), "section_6": tried})
     except TemplateError as err:
         raise InputError(TEMPLATE, "", str(err)) from err
     try:

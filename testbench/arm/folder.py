@@ -17,6 +17,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.arm.elastic import Elastic, JointEntry, LinkEntry, beam_frame, link_place, read_elastic
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.stiffness import Tube, check_compliance, tube_compliance
+from testbench.display import Displayed
 from testbench.errors import Array, BenchError, InputError, cut, shown
 
 
@@ -65,8 +66,8 @@ class Joint:
         return 1e3 if self.prismatic else 180 / math.pi
 
 
-@dataclass(frozen=True)
-class Arm:
+@dataclass(frozen=True, repr=False)
+class Arm(Displayed):
     """A serial arm of n actuated joints and n + 1 elastic links."""
 
     name: str  #: The folder's name.
@@ -78,6 +79,11 @@ class Arm:
     load: str  #: Body at whose origin a hung weight acts.
     markers: tuple[str, ...]  #: Bodies that the tracker reads.
     payload: float | None = None  #: Rated payload [kg]; None where elastic.toml states none.
+
+    def about(self) -> dict[str, object]:
+        """Name, joints, markers and payload."""
+        own = {"name": self.name, "joints": self.n_joints, "markers": " ".join(self.markers)}
+        return own | ({} if self.payload is None else {"payload_kg": self.payload})
 
     @property
     def n_joints(self) -> int:

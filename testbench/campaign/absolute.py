@@ -1,21 +1,24 @@
 """Absolute readings in, a calibrated arm out; and how far it is from readings that it never saw."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.campaign import doubt
 from testbench.data.read_series import read_series
 from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError, InputError
-from testbench.identify.absolute.align import far_off
+from testbench.identify.absolute.align import Misfit, far_off
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
 from testbench.identify.absolute.posterior import evenly, inside, known, place, predict
 from testbench.identify.absolute.scatter import outliers
-from testbench.identify.absolute.torques import fit_weights
+from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
+from testbench.identify.diagnosis.notation import unplaced
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import POSES
 from testbench.model.vjm import Vjm
@@ -80,15 +83,46 @@ def _readings(series: Series) -> list[bytes]:
     return [row.tobytes() for row in rows[series.seen.any(axis=1)].round(9) + 0.0]
 
 
+@contextmanager
+def explained(vjm: Vjm) -> Iterator[None]:
+    """Say what would make readings fit an arm, where they do in no frame, by BenchError."""
+    try:
+        yield
+    except Misfit as err:
+        found = unplaced(vjm, err.series)
+        hint = ": another arm, another notation of angles or order of its joints, or other units?"
+        if found is not None and found.kind != "kinematics":
+            hint = f"; {doubt.said(found, vjm.arm).sentence}"
+        raise BenchError(f"{err}{hint}") from err
+
+
 def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequence[str] = ()) -> Calibrated:
     """Calibrate an arm, its masses by joint torques where these were read."""
     weights, said = read_weights(vjm.arm), list(notes)
-    if any(one.torque is not None for one in series):
-        weights, note = fit_weights(vjm, weights, tuple(series))
-        said.append(note)
-    found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
+    if masses := fit_weights(vjm, weights, tuple(series)):
+        weights = masses.weights
+        said.append(of_masses(masses))
+    with explained(vjm):
+        found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
     wild = outliers(found.state, found.series, found.pulls)
-    return Calibrated(found, found.series, (*said, *found.notes, *([wild.words] if wild else [])))
+    moved = [doubt.said(move, vjm.arm).sentence for move in found.moves]
+    return Calibrated(found, found.series, (*said, *found.notes, *moved, *([wild.words] if wild else [])))
+
+
+def of_masses(found: MassFit) -> str:
+    """What masses by torques are from, in a sentence."""
+    if not found.explained:
+        return (
+            f"masses are rigid.xml's: weight leaves {found.rest:.3g} of {found.spread:.3g} N m of scatter "
+            "in the torques (order of joints, unit or payload?)"
+        )
+    whose = "the motors' against the weight" if found.motors else "the weight's on the joints"
+    limited = f"; as far from rigid.xml as is allowed: {', '.join(found.limited)}" if found.limited else ""
+    return (
+        f"masses are fitted to {found.poses} poses' torques, taken as {whose}: scatter of "
+        f"{found.before:.3g} N m with rigid.xml's masses, {found.rest:.3g} N m with these, of "
+        f"{found.spread:.3g} N m{limited}"
+    )
 
 
 def score(model: ArmModel, series: Sequence[Series], frame_poses: int | None) -> Score:
@@ -110,7 +144,8 @@ def score(model: ArmModel, series: Sequence[Series], frame_poses: int | None) ->
             placed = known(model, one)
         else:
             some = frame_poses or min(FRAME_POSES, max(POSES, one.rows // 2))
-            placed = place(model, one, evenly(one, some))
+            with explained(model.state.vjm):
+                placed = place(model, one, evenly(one, some))
         rest = select_rows(one, np.setdiff1d(np.arange(one.rows), placed.rows))
         if not rest.rows:
             raise BenchError(f"{one.name}: no rows are left beside the {len(placed.rows)} of its frame")

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from testbench.campaign.campaign import Cell, LoadedPoses, clear_poses, hanging, stream
 from testbench.campaign.plan_input import Place
+from testbench.campaign.tracker import Tracker, read_orientations, read_positions
 from testbench.data.dataset import Ids, Mask
 from testbench.data.series import Series
-from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.errors import Array, BenchError
 from testbench.plant import (
     TYPICAL,

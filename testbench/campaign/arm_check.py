@@ -12,8 +12,8 @@ from testbench.arm.catalogue import find_arm
 from testbench.arm.elastic import LinkEntry, read_elastic
 from testbench.campaign.arm_doubts import UPRIGHT, Looked, arm_doubts, sag, stance
 from testbench.campaign.campaign import build_cell, check_agreement
+from testbench.campaign.doubt import Doubt
 from testbench.errors import Array
-from testbench.identify.doubts import Doubt
 from testbench.model.vjm import body_poses, tool_pose
 
 UNSURE = ("estimated", "assumed")  #: Origins that want to be confirmed.

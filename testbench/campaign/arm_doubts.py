@@ -10,8 +10,8 @@ import numpy as np
 from testbench.arm.elastic import Elastic
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell, stream
+from testbench.campaign.doubt import Doubt
 from testbench.errors import Array
-from testbench.identify.doubts import Doubt
 from testbench.model.vjm import Vjm, body_poses, chain, generalised_load
 
 POSES = 96  #: Poses drawn over the joint limits.
@@ -160,7 +160,7 @@ def _diameters(arm: Looked) -> Iterator[str]:
 
 def _fragments(arm: Looked) -> Iterator[str]:
     """Tubes of a thickness that their drawn links tell."""
-    from testbench.plant.import_robot.classes import GUESSED
+    from testbench.campaign.new_arm import GUESSED
 
     links: dict[str, list[str]] = {}
     for link in arm.elastic.link:
@@ -218,7 +218,7 @@ def _sags(arm: Looked) -> Iterator[str]:
 
 def _payloads(arm: Looked) -> Iterator[str]:
     """A payload that somebody has stated."""
-    from testbench.plant.import_robot.classes import PAYLOAD_OFF
+    from testbench.plant.import_robot.propose import PAYLOAD_OFF
 
     payload = arm.elastic.payload
     if payload is not None and payload.origin == "estimated":
@@ -250,7 +250,7 @@ def _behind(arm: Looked) -> Iterator[str]:
 
 def _points(arm: Looked) -> Iterator[str]:
     """Load point and markers near the tool, markers not on a line."""
-    from testbench.plant.import_robot.points import on_a_line
+    from testbench.plant.import_robot.propose import on_a_line
 
     vjm, names = arm.vjm, arm.cell.arm.markers
     for name, place in zip((arm.cell.arm.load, *names), (vjm.load, *vjm.markers), strict=True):
@@ -280,14 +280,14 @@ def _masses(arm: Looked) -> Iterator[str]:
 def _densities(cell: Cell, weights: Array) -> Iterator[str]:
     """Masses that fit the hulls of what collides, as far as the links have them."""
     from testbench.plant.corners import corners
-    from testbench.plant.import_robot.solids import hull_of, volume_integrals
+    from testbench.plant.import_robot.solids import hull_volume
     from testbench.plant.import_robot.weigh import PLAUSIBLE
     from testbench.plant.shapes import body_names, solid_shapes
 
     names, volumes = body_names(cell.room), dict.fromkeys((link.name for link in cell.arm.links), 0.0)
     for shape in solid_shapes(cell.room):
-        if names[shape.body] in volumes and (hull := hull_of(corners(shape))):
-            volumes[names[shape.body]] += volume_integrals(*hull)[0]
+        if names[shape.body] in volumes:
+            volumes[names[shape.body]] += hull_volume(corners(shape))
     volume = np.array(list(volumes.values()))
     mass, (low, high) = float(weights[volume > 0].sum()), PLAUSIBLE
     if volume.any() and not low <= mass / volume.sum() <= high:

@@ -4,15 +4,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, Self, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, ValidationError, model_validator
 
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mjcf import GRAVITY
+from testbench.campaign.tracker import Tracker, read_orientations, read_positions
 from testbench.data.dataset import Dataset, Ids, Mask, split
-from testbench.data.tracker import Tracker, read_orientations, read_positions
+from testbench.display import Displayed
 from testbench.errors import Array, BenchError, InputError
 from testbench.model.kinematics import build_vjm
 from testbench.model.poses import WorkArea, random_poses
@@ -40,6 +41,16 @@ class Setup(BaseModel):
     noise: bool = True  #: Whether readings are noisy.
     #: Standard deviation of one position reading along one axis [m]; also the weight of the fit.
     sigma: float
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _in_one_line(cls, given: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        try:
+            return handler(given)
+        except ValidationError as err:
+            first = err.errors(include_url=False)[0]
+            place = ".".join(map(str, first["loc"]))
+            raise BenchError(f"{place} in SI units: {first['msg']}, got {first['input']!r}") from err
 
     @property
     def sigmas(self) -> tuple[float, float | None]:
@@ -94,8 +105,8 @@ def of_arm(arm: Arm, scenario: Scenario) -> Scenario:
     return scenario if scenario.payload else scenario.model_copy(update={"payload": arm.payload})
 
 
-@dataclass(frozen=True)
-class Cell:
+@dataclass(frozen=True, repr=False)
+class Cell(Displayed):
     """An arm with its model, its truth and its room, built once for many campaigns.
 
     Truth and room are built when they are first asked for.
@@ -105,6 +116,10 @@ class Cell:
     vjm: Vjm
     truth: "Plant | None" = None  #: A truth other than that of the arm's folder.
     floor: float | None = None  #: Height of a floor that rigid.xml does not have [m]; None for none.
+
+    def about(self) -> dict[str, object]:
+        """The arm."""
+        return self.arm.about()
 
     @cached_property
     def plant(self) -> "Plant":
@@ -121,8 +136,8 @@ class Cell:
         return build_room(self.arm, self.floor)
 
 
-@dataclass(frozen=True)
-class Campaign:
+@dataclass(frozen=True, repr=False)
+class Campaign(Displayed):
     """What was measured, and the truth to judge by: of section 6, or of section 5 (`full_pose.simulate`)."""
 
     scenario: Setup  #: What was asked for.
@@ -133,6 +148,14 @@ class Campaign:
     check_true: Dataset  #: The same runs without noise.
     truth: Dataset  #: Without noise: all over the workspace in section 6, the check runs in section 5.
     drawn: int = 0  #: In section 5 check runs drawn until enough had a deflection in range.
+
+    def about(self) -> dict[str, object]:
+        """Arm, seed, and the runs to identify from, to check with and to judge by."""
+        own: dict[str, object] = {"arm": self.scenario.arm, "seed": self.seed}
+        for name in ("identification", "check", "truth"):
+            data = getattr(self, name)
+            own[name] = f"{data.runs} runs in {len(np.unique(data.pose))} poses"
+        return own | {"sigma_um": f"{1e6 * self.measured.sigma:g}"}
 
 
 def build_cell(folder: str | Path) -> Cell:
@@ -198,11 +221,16 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
         The runs to identify from, those to check with, and true deflections over the workspace.
 
     Raises:
-        BenchError: When neither scenario nor arm states a payload.
+        BenchError: When neither scenario nor arm states a payload, the scenario is of another arm, or the
+            seed is no integer from 0 on.
         PoseError: When too few feasible poses exist.
         NoEquilibrium: When the arm cannot carry the payload.
     """
     scenario = of_arm(cell.arm, Scenario(arm=cell.arm.name) if scenario is None else scenario)
+    if Path(scenario.arm).name != cell.arm.name:
+        raise BenchError(f"scenario: expected one of {cell.arm.name}, got one of {scenario.arm}")
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise BenchError(f"seed: expected an integer from 0 on, got {seed!r}")
     return simulate_at(cell, scenario, seed, draw_poses(cell, scenario, seed))
 
 

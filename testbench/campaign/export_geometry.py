@@ -7,7 +7,7 @@ from functools import reduce
 import numpy as np
 
 from testbench.errors import Array
-from testbench.identify.absolute.state import State, tell
+from testbench.identify.absolute.state import LOAD_STEPS, State, equilibrium
 from testbench.model.vjm import Vjm, bend, chain, rotation
 
 POSES = 1000  #: Random poses in which an export is looked at.
@@ -110,9 +110,8 @@ def by_geometry(state: State, q: Array) -> tuple[float, float]:
 
 def by_the_rest(state: State, q: Array) -> tuple[float, float]:
     """How far own weight and errors of the joints move it beside: RMS and at most [mm]."""
-    none = np.zeros((len(q), 6))
-    told = tell(state, q, none, none[:, :3]).where
-    return _far(tool_poses(state.vjm, q, state.theta_0)[:, :3, 3] - told.position)
+    where = equilibrium(state, q, steps=LOAD_STEPS).where
+    return _far(tool_poses(state.vjm, q, state.theta_0)[:, :3, 3] - where.position)
 
 
 def _far(off: Array) -> tuple[float, float]:

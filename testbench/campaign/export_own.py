@@ -29,11 +29,12 @@ from testbench.campaign.export_geometry import (
 from testbench.errors import Array, InputError, read_text
 from testbench.identify.absolute.state import State
 from testbench.model.vjm import rotation, skew
-from testbench.plant.import_robot.chain import JointOf
-from testbench.plant.import_robot.read import fit_names
+from testbench.plant.import_robot.chain import fit_names
+from testbench.plant.import_robot.compiled import compiled
+from testbench.plant.import_robot.robot import Body, Joint, Robot
 from testbench.plant.import_robot.source import MAX_BYTES, read_xml
-from testbench.plant.import_robot.tree import Body, Tree, path_to, usual_tip
-from testbench.plant.import_robot.urdf import read_urdf
+from testbench.plant.import_robot.tip import path_to, usual_tip
+from testbench.plant.import_robot.urdf import clean_urdf
 
 SAME = 1e-4
 """Most that a robot's own drawing differs from the arm's [m, rad]: a right angle of five digits does so."""
@@ -62,7 +63,7 @@ class Own:
         return [k for k, body in enumerate(self.bodies) if body.joint]
 
     @property
-    def joints(self) -> list[JointOf]:
+    def joints(self) -> list[Joint]:
         """The joints that move."""
         return [body.joint for body in self.bodies if body.joint]
 
@@ -88,7 +89,7 @@ def read_own(file: Path, arm: Arm, tip: str | None = None) -> Own:
     for link in root.findall("link"):
         for shape in [e for e in link if e.tag in SHAPES]:
             link.remove(shape)
-    tree = read_urdf(file, root)
+    tree = compiled(file, file.stem, clean_urdf(file, root))
     end = _tip(file, tree, arm, tip)
     path = path_to(tree, end)
     bodies = tuple(tree.bodies[k] for k in path)
@@ -98,7 +99,7 @@ def read_own(file: Path, arm: Arm, tip: str | None = None) -> Own:
     return Own(file, text, bodies[0].name, bodies[-1].name, bodies, names, loose)
 
 
-def _tip(file: Path, tree: Tree, arm: Arm, asked: str | None) -> int:
+def _tip(file: Path, tree: Robot, arm: Arm, asked: str | None) -> int:
     names = [body.name for body in tree.bodies]
     if asked is None:
         return names.index(arm.tool) if arm.tool in names else usual_tip(tree).body

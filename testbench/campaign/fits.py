@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import gammainc
 
 from testbench.campaign.campaign import Cell
+from testbench.campaign.doubt import Doubt, of_scale
 from testbench.campaign.evaluation import EstimatorFailed
 from testbench.campaign.fit_models import Clock, Found, fit_all
 from testbench.campaign.model_selection import default_name, why
@@ -17,9 +18,7 @@ from testbench.data.dataset import Dataset, in_order
 from testbench.data.spool import SHOWN, some
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
-from testbench.identify.contradiction import Unchecked, unchecked
-from testbench.identify.contradiction import doubts as contradictions
-from testbench.identify.doubts import Doubt
+from testbench.identify.diagnosis.prior_check import Unchecked, contradicted, unchecked
 from testbench.identify.estimate import Rejected
 from testbench.identify.fold import BLOCK_RUNS
 from testbench.identify.metric import metric
@@ -206,7 +205,7 @@ def _of_noise(found: Iterable[Estimate]) -> list[Doubt]:
 def _of_prior(by_name: Mapping[str, Estimate], taken: str, default: str) -> list[Doubt]:
     """What the readings say against the prior of the default, or of the model that is taken."""
     belief = by_name[default if default in by_name else taken].belief
-    said = [Doubt("prior", text) for text in contradictions(belief)] if belief else []
+    said = [of_scale(scale) for scale in contradicted(belief)] if belief else []
     if default in by_name and taken != default:
         words = f"{taken} predicts better than {default}: is the arm's folder that of this arm?"
         said.append(Doubt("prior", words))

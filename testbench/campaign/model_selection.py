@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.campaign.advice import of_average
 from testbench.campaign.campaign import Cell
 from testbench.campaign.evaluation import of_model
 from testbench.campaign.models import EVERY, JOINTS, MODELS, Model, named_models, own_name, right_name
 from testbench.data.dataset import Dataset, Ids, select
 from testbench.errors import Array
 from testbench.identify import Estimate, Method, with_prior
-from testbench.identify.average import words
 from testbench.identify.crossval import (
     Candidate,
     Duel,
@@ -99,7 +99,7 @@ def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
 
 def why(found: Recommendation, estimate: Estimate) -> str:
     """Why a model is taken, and how much of it is joints alone."""
-    return found.why if estimate.average is None else f"{words(estimate.average)}; {found.why}"
+    return found.why if estimate.average is None else f"{of_average(estimate.average)}; {found.why}"
 
 
 def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendation:

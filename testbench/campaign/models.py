@@ -7,6 +7,7 @@ from string import digits
 
 from testbench.arm.folder import Arm
 from testbench.campaign.campaign import Cell
+from testbench.display import Displayed
 from testbench.errors import BenchError
 from testbench.identify import Constraint, Estimator, completed_least_squares, gco, least_squares
 from testbench.identify.regression import non_redundant
@@ -28,13 +29,17 @@ JOINTS = "Joints"  #: Key of `MODELS`: what most calibrations identify, the incu
 EQUAL_FIT = "MLS56, PSD of equal fit"
 
 
-@dataclass(frozen=True)
-class Model:
+@dataclass(frozen=True, repr=False)
+class Model(Displayed):
     """A named structure with the method that identifies it."""
 
     name: str  #: As in the paper, such as MGCO68.
     structure: Structure  #: The unknowns.
     estimator: Estimator  #: A `Method`, or a function of your own.
+
+    def about(self) -> dict[str, object]:
+        """Name and number of unknowns."""
+        return {"name": self.name, "unknowns": self.structure.n}
 
 
 def _mls32(cell: Cell) -> Model:
@@ -50,17 +55,24 @@ def _made(structure: Callable[[Arm], Structure], estimator: Estimator) -> Callab
     return make
 
 
-MODELS: dict[str, Callable[[Cell], Model]] = {
-    JOINTS: _made(joints_only, least_squares),
-    "MLS32": _mls32,
-    "MLS56": _made(partial(template56, name="MLS56"), least_squares),
-    "MGCO47": _made(mgco47, gco),
-    "MGCO56": _made(template56, gco),
-    "MGCO68": _made(mgco68, gco),
-    "MGCO69": _made(mgco69, gco),
-    "MGCO147": _made(mgco147, gco),
-    "ALL153": _made(all153, gco),
-}
+class _Named(dict[str, Callable[[Cell], Model]]):
+    def __missing__(self, name: str) -> Callable[[Cell], Model]:
+        raise BenchError(f"expected a model of {', '.join(self)}, got {name!r}")
+
+
+MODELS = _Named(
+    {
+        JOINTS: _made(joints_only, least_squares),
+        "MLS32": _mls32,
+        "MLS56": _made(partial(template56, name="MLS56"), least_squares),
+        "MGCO47": _made(mgco47, gco),
+        "MGCO56": _made(template56, gco),
+        "MGCO68": _made(mgco68, gco),
+        "MGCO69": _made(mgco69, gco),
+        "MGCO147": _made(mgco147, gco),
+        "ALL153": _made(all153, gco),
+    }
+)
 """Models by name, the paper's, "Joints" and "ALL153": MODELS["MGCO56"](cell) has structure and method.
 
 The names count the unknowns of an arm of six joints; of another arm they are kinds, and the model's own name

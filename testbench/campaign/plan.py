@@ -15,18 +15,18 @@ from testbench.campaign.candidates import Candidates, Conditions, build_checks, 
 from testbench.campaign.plan_settings import HIGHEST_ORDER, PlanSettings, structure
 from testbench.campaign.predicted_error import fitted
 from testbench.campaign.rows import MM, UM
+from testbench.campaign.station import Station
 from testbench.campaign.unobservable import LOOSE, unobservable
 from testbench.data.series import Series, select_rows
-from testbench.data.station import Station
 from testbench.design import absolute
-from testbench.design.absolute import Sizes, Union
+from testbench.design.absolute import Union
+from testbench.design.criteria import criterion_of
 from testbench.design.forecast import Forecast, open_to, widened, without_bound
 from testbench.design.observability import observability
-from testbench.design.planning import Chosen, Plan, Search, candidate_set, make_plan
+from testbench.design.planning import Chosen, Plan, candidate_set, make_plan, promise
 from testbench.design.planning import choose as search_best
-from testbench.design.refine import Reach
-from testbench.design.rows import Experiment
-from testbench.design.specification import Specification, Tasks, loads_of, task_rows, workspace_rows
+from testbench.design.refine import Reach, Search
+from testbench.design.rows import Experiment, Specification, Tasks, loads_of, task_rows, workspace_rows
 from testbench.design.whole_arm import promise_on
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.absolute.pull import pull_of
@@ -209,8 +209,8 @@ def plan_absolute(cell: Cell, settings: PlanSettings) -> AbsolutePlanned:
         reach=reach_of(cell, settings),
         rng=stream(settings.seed, 1),
     )
-    best = search_best(asked, absolute.criterion_of(settings.criterion, examined.problem, wanted), examined)
-    there, over = (absolute.promise(best, rows) for rows in (absolute.position_rows(union, best.q), wanted))
+    best = search_best(asked, criterion_of(settings.criterion, examined.problem, wanted), examined)
+    there, over = (promise(best, rows) for rows in (absolute.position_rows(union, best.q), wanted))
     return AbsolutePlanned(cell, settings, found, best, there, over, over, union, q, wanted)
 
 
@@ -229,12 +229,14 @@ def union_of(cell: Cell, settings: PlanSettings) -> Union:
         frames={FRAME: Frame(np.eye(3), np.zeros(3))},
         mounts={MOUNT: Mount(vjm.markers[: len(pose.markers)], np.eye(3), pose.markers)},
     )
-    sizes = Sizes(
-        shift=settings.geometry_mm / MM, turn=settings.geometry_mm / MM, error=settings.gear_urad / UM
-    )
     assert settings.uncertainty_percent is not None
-    own = metric(prior, vjm, unknowns.structure)
-    L = absolute.expected_root(unknowns, sizes, own, settings.uncertainty_percent / 100)
+    L = absolute.expected_root(
+        unknowns,
+        metric(prior, vjm, unknowns.structure),
+        settings.uncertainty_percent / 100,
+        geometry=settings.geometry_mm / MM,
+        error=settings.gear_urad / UM,
+    )
     hinges = np.array([not joint.prismatic for joint in cell.arm.joints])
     beyond = settings.gear_urad * math.sqrt(HIGHEST_ORDER - settings.orders)  # orders that are noise
     return Union(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0))

@@ -16,7 +16,7 @@ from testbench.data.columns import Columns, find_columns, joint_coordinates, vec
 from testbench.data.mapping import read_map
 from testbench.data.table import Table, read_table
 from testbench.data.units import UNITS, find_unit
-from testbench.design.specification import Tasks
+from testbench.design.rows import Tasks
 from testbench.errors import Array, BenchError, InputError
 from testbench.model.load import Load
 

@@ -9,10 +9,9 @@ from testbench.campaign.candidates import Conditions
 from testbench.campaign.models import EVERY, named_models, own_names
 from testbench.campaign.plan_input import LOAD_RANGE, PULL_RANGE, Place
 from testbench.campaign.rows import UM
+from testbench.campaign.station import Station
 from testbench.data.scatter import SIGMA_RANGE
-from testbench.data.station import Station
-from testbench.design.absolute import CRITERIA
-from testbench.design.planning import check_criterion
+from testbench.design.criteria import check_criterion
 from testbench.errors import BenchError
 from testbench.identify.prior import RANGE
 from testbench.model.poses import WorkArea
@@ -34,7 +33,7 @@ class PlanSettings:
     absolute: bool = False
     #: Name of the model whose structure is to be identified; "ALL" for all links and joints.
     model: str = EVERY
-    criterion: str = "test"  #: Key of planning.CRITERIA; of absolute readings one of absolute.CRITERIA.
+    criterion: str = "test"  #: One of criteria.CRITERIA; of absolute readings not "test".
     poses: int = 12  #: How many are to be measured.
     #: Masses that may be hung; after an absolute reading without a weight each of them is, one by one.
     loads_kg: tuple[float, ...] = ()
@@ -57,11 +56,7 @@ class PlanSettings:
     seed: int = 1  #: Root of all randomness.
 
     def __post_init__(self) -> None:
-        if not self.absolute:
-            check_criterion(self.criterion)
-        elif self.criterion not in CRITERIA:
-            known = ", ".join(CRITERIA)
-            raise BenchError(f"no criterion {self.criterion!r} of absolute readings; criteria are {known}")
+        check_criterion(self.criterion, absolute=self.absolute)
         self._check_loads()
         doubled = 1 if self.absolute else 2  # of deflections it is doubled for doubters
         ranges: tuple[tuple[str, float | None, float, float], ...] = (

@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.campaign.campaign import Cell, clear_poses, stream
 from testbench.campaign.plan_input import read_payload, read_pulls
+from testbench.campaign.program_words import refusal_words
 from testbench.correct.beyond import Extent, extent
 from testbench.correct.compensated import Compensated, compensate
 from testbench.correct.inverse import joints_along
@@ -17,8 +18,7 @@ from testbench.correct.predicted import Prediction, predict
 from testbench.correct.process import process_wrench
 from testbench.correct.stiffness import Stiffness, give_halves, stiffness
 from testbench.data.dataset import Ids
-from testbench.data.posefile import read_poses
-from testbench.data.program import Program, read_program, refuse_joint_jumps, unread
+from testbench.data.program import Program, read_poses, read_program, refuse_joint_jumps, unread
 from testbench.data.table import read_table
 from testbench.errors import Array, BenchError, InputError, NoEquilibrium
 from testbench.identify.arm_model import ArmModel
@@ -45,9 +45,14 @@ class CorrectedProgram:
     found: Compensated
 
     @property
+    def reasons(self) -> tuple[str | None, ...]:
+        """Why points cannot be put right, in words; None where they are."""
+        return tuple(refusal_words(self.model.arm, one) for one in self.found.refused)
+
+    @property
     def unreached(self) -> tuple[str, ...]:
         """Points that cannot be put right, each with its line and its reason."""
-        rows = zip(self.program.line, self.program.labels, self.found.refused, strict=True)
+        rows = zip(self.program.line, self.program.labels, self.reasons, strict=True)
         return tuple(f"line {line} (point {label}): {why}" for line, label, why in rows if why is not None)
 
 
@@ -116,7 +121,7 @@ def more_columns(found: CorrectedProgram) -> dict[str, Array | Sequence[str]]:
     half = np.where(np.isfinite(own.half), own.half, np.nan)
     columns |= {f"half_95_{x}_mm": 1e3 * half[:, k] for k, x in enumerate("xyz")}
     columns["turn_left_mrad"] = 1e3 * np.linalg.norm(own.turned, axis=1)
-    columns["left_out"] = ["" if reason is None else reason for reason in own.refused]
+    columns["left_out"] = [reason or "" for reason in found.reasons]
     return columns
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.campaign.advice import advice
 from testbench.data.dataset import Dataset
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace
@@ -91,7 +92,7 @@ def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool
         held_by_trace_weight=estimate.held_by_trace_weight,
         total_trace_rad_per_Nm=total_trace(estimate.structure, estimate.pi),
         solve_seconds=seconds,
-        advice=estimate.advice,
+        advice=advice(estimate),
     )
 
 

@@ -14,6 +14,7 @@ from testbench.arm.document import Strict, parse_toml
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
+from testbench.campaign.doubt import Doubt, said
 from testbench.campaign.plan_input import overloaded
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.rows import MM, UM
@@ -21,7 +22,8 @@ from testbench.data.dataset import Dataset, Ids, Mask, select, split
 from testbench.data.read_pairs import Export, read_campaign, read_export
 from testbench.data.spool import Campaign, some
 from testbench.errors import BenchError, InputError, read_text
-from testbench.identify.doubts import Doubt, HandedIn, doubts, open_places, scale
+from testbench.identify.diagnosis.deflected import scale
+from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.identify.registered import STATION, Choice, Registered, in_base, registered, station
@@ -142,7 +144,7 @@ def register(cell: Cell, export: Export, asked: Readings) -> tuple[Cell, Registe
         doubt = open_places(cell.vjm, export.data)
         if doubt is None:
             raise
-        raise BenchError(f"{err}; {doubt.sentence}") from err
+        raise BenchError(f"{err}; {said(doubt, cell.arm).sentence}") from err
 
 
 def look_at(
@@ -157,12 +159,14 @@ def look_at(
         raise InputError(asked.dataset, "", str(err)) from err
     masses = np.linalg.norm(export.data.wrench[:, :3], axis=1) / GRAVITY
     heavy = overloaded(cell.arm, masses.tolist())
-    return (*seen, *([] if heavy is None else [Doubt("payload", heavy)])), factor
+    told = (said(one, cell.arm) for one in seen)
+    return (*told, *([] if heavy is None else [Doubt("payload", heavy)])), factor
 
 
 def _said(export: Export, asked: Readings) -> str:
     """The frame that was said, "auto" if none was."""
-    return asked.frame if asked.frame != "auto" or export.frame is None else export.frame
+    frame = export.columns.names.frame
+    return asked.frame if asked.frame != "auto" or frame is None else frame
 
 
 def read_runs(cell: Cell, asked: Readings) -> tuple[Cell, Runs]:
@@ -175,8 +179,7 @@ def read_runs(cell: Cell, asked: Readings) -> tuple[Cell, Runs]:
         BenchError: When a pose is not in the data, none is left on one side, no target was read in those held
             back, or a frame cannot be found.
     """
-    streamed = read_campaign(*_how(cell, asked))
-    export = _loaded(asked, streamed.export)
+    export = _loaded(asked, read_campaign(*_how(cell, asked)))
     if asked.full_pose and export.data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
         raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
@@ -189,8 +192,8 @@ def read_runs(cell: Cell, asked: Readings) -> tuple[Cell, Runs]:
         registration_row(found),
     )
     runs = Runs(name, found.data, found.data, None, notes, frames, doubts, factor)
-    if streamed.every is not None:
-        return cell, replace(runs, many=_many(streamed.every, found, asked))
+    if export.every is not None:
+        return cell, replace(runs, many=_many(export.every, found, asked))
     if not asked.check_pose:
         return cell, runs
     try:

@@ -10,6 +10,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.campaign import model_folder
 from testbench.campaign.absolute_model import read_whole
+from testbench.campaign.advice import advice
 from testbench.campaign.campaign import Cell
 from testbench.campaign.model_document import CalibrationDocument, StiffnessDocument, StructureRow
 from testbench.errors import Array, InputError, check_array
@@ -152,7 +153,7 @@ def write_stiffness(
             "without_bound": len(spread.unseen),
             "stiffer": list(fits.unchecked.stiffer),
             "softer": list(fits.unchecked.softer),
-            "words": list(estimate.advice),
+            "words": list(advice(estimate)),
         },
         "spread": {
             "degrees_of_freedom": _finite(spread.tail),

@@ -8,10 +8,10 @@ import numpy as np
 from testbench.arm.decimal import read_decimals
 from testbench.campaign.campaign import stream
 from testbench.campaign.plan_input import Place
+from testbench.campaign.tracker import LaserTracker, precision, read_positions
 from testbench.data.dataset import Dataset
-from testbench.data.station import check_position
-from testbench.data.tracker import LaserTracker, precision, read_positions
 from testbench.errors import Array, BenchError
+from testbench.plant.site import check_position
 
 
 def places(texts: Sequence[str]) -> list[Place]:

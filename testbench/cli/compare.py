@@ -9,6 +9,7 @@ import typer
 
 from testbench.commands.compare import COMMAND, LETTERS, input_lines, printed, report, write
 from testbench.commands.compare_inputs import refuse_unlike
+from testbench.commands.compare_rows import worse
 from testbench.errors import BenchError
 from testbench.output.manifest import read_run
 from testbench.output.place import claim_folder
@@ -26,6 +27,9 @@ class Options:
     out: Annotated[Path, typer.Option(help="Folder of the comparison.")] = Path("runs/compare")
     anyway: Annotated[
         bool, typer.Option("--anyway", help="Compare runs of other true arms, or one seed with several.")
+    ] = False
+    fail_if_worse: Annotated[
+        bool, typer.Option("--fail-if-worse", help="Exit with 1 when a run errs more than A.")
     ] = False
     force: Force = False
 
@@ -60,3 +64,5 @@ def command(asked: Options) -> None:
             *terminal.looked_at(out),
         ]
         console.print("\n".join(lines), soft_wrap=True)
+    if asked.fail_if_worse and worse(said):
+        raise typer.Exit(1)

@@ -15,7 +15,7 @@ from testbench.cli.arguments import ArmCheck, Load, MapFile, plain
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked
 from testbench.correct.step import Hold
-from testbench.data.motion.formats import CSV, WRITERS, format_of
+from testbench.data.motion import CSV, WRITERS, format_of
 from testbench.data.program import read_program
 from testbench.errors import InputError
 from testbench.output.place import Kind, claim_file, claim_folder
@@ -60,6 +60,10 @@ class Options:
         str | None,
         typer.Option(help="Joints near the first pose, in deg and mm, commas between."),
     ] = None
+    tolerance: Annotated[
+        float | None,
+        typer.Option(min=0, help="Largest error that passes [mm]: judged point by point, intervals counted."),
+    ] = None
     keep_unreachable: Annotated[
         bool, typer.Option("--keep-unreachable", help="Leave points that cannot be corrected unchanged.")
     ] = False
@@ -85,7 +89,7 @@ def command(asked: Options) -> None:
         found = correct_program(model, program, aim, cell.room, start=start)
         if found.unreached and not asked.keep_unreachable:
             raise _unreached(asked, found)
-        said = report(found)
+        said = report(found, asked.tolerance)
         write(cell, found, said, plain(asked, "program", without=("model",)), to)
         console = plain_console()
         for note in notes:

@@ -10,6 +10,7 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Cell, build_cell
+from testbench.campaign.doubt import Doubt
 from testbench.campaign.fits import fit
 from testbench.campaign.model_folder import DOCUMENT, FITS
 from testbench.campaign.model_selection import default_models, with_priors
@@ -19,7 +20,6 @@ from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTar
 from testbench.commands.identify import COMMAND, PICTURE, printed, tell
 from testbench.errors import BenchError
 from testbench.identify import robust
-from testbench.identify.doubts import Doubt
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.place import claim_folder
 from testbench.report.leave import MAP

@@ -6,11 +6,11 @@ from typing import Annotated
 import typer
 
 from testbench.campaign.campaign import build_cell
+from testbench.campaign.new_arm import write_arm
+from testbench.commands.new import read_wishes
 from testbench.errors import BenchError, InputError, word
 from testbench.output.place import new_folder
-from testbench.plant.import_robot.read import read_chain
-from testbench.plant.import_robot.wishes import read_wishes
-from testbench.plant.import_robot.write import write_arm
+from testbench.plant.import_robot.chain import read_chain
 from testbench.views.terminal import plain_console
 
 
@@ -39,7 +39,7 @@ def command(  # noqa: PLR0913
         except BenchError as err:  # which names a part of the robot
             raise InputError(source, "", str(err)) from err
     console = plain_console()
-    first = f"{name}: {len(arm.joints)} joints, tool at {chain.tip_name!r}, {chain.mass:.4g} kg"
+    first = f"{name}: {len(arm.joints)} joints, tool at {chain.tip.name!r}, {chain.mass:.4g} kg"
     last = f"next       testbench check {word(name)} --out runs/{word(Path(name.name))}"
     for line in (first, *(f"  {note}" for note in notes), last):
         console.print(line, soft_wrap=True)

@@ -15,7 +15,7 @@ from testbench.campaign.plan_settings import PlanSettings, structure
 from testbench.cli.arguments import ArmName, MapFile, Noise, Orientations, absolute_alone, mass
 from testbench.commands.plan import COMMAND, printed, report, write
 from testbench.commands.plan_numbers import numbers
-from testbench.design.planning import check_criterion
+from testbench.design.criteria import check_criterion
 from testbench.errors import BenchError
 from testbench.model.load import weight
 from testbench.output.place import claim_folder

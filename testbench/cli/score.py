@@ -29,6 +29,10 @@ class Options:
             min=POSES, help="Evenly spaced rows that register frame and target of a new series; not scored."
         ),
     ] = None
+    at_most: Annotated[
+        float | None,
+        typer.Option(min=0, help="Largest mean distance that passes [mm]; above, exit with 1."),
+    ] = None
     json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON, nothing else.")] = False
 
 
@@ -39,14 +43,25 @@ def command(asked: Options) -> None:
     sigma = None if asked.sigma_um is None else 1e-6 * asked.sigma_um
     series, notes = read_all([asked.readings], model.arm, asked.mapping, sigma)
     found = score(model, series, asked.frame_poses)
+    failed = asked.at_most is not None and not found.mean_mm <= asked.at_most
     if asked.json:
         typer.echo(json.dumps(asdict(found)))
+        if failed:
+            raise typer.Exit(1)
         return
+    verdict = ""
+    if asked.at_most is not None:
+        side = "more" if failed else "not more"
+        head = "Do not use" if failed else "Holds"
+        verdict = f"{head}: {found.mean_mm:.3f} mm mean are {side} than {asked.at_most:g} mm"
     console = plain_console()
     lines = [
+        *filter(None, [verdict]),
         *notes,
         f"{found.n} positions: {found.mean_mm:.3f} mm mean, {found.rms_mm:.3f} RMS, "
         f"{found.p95_mm:.3f} for 95 %, {found.max_mm:.3f} at most",
         f"{100 * found.coverage_95:.1f} % lie inside their 95 % interval",
     ]
     console.print("\n".join(lines), soft_wrap=True)
+    if failed:
+        raise typer.Exit(1)

@@ -24,7 +24,7 @@ from testbench.campaign.plan_input import (
 )
 from testbench.campaign.tracker_runs import by_trackers, places
 from testbench.cli.arguments import ArmName, MapFile, Noise, Orientations, absolute_alone, mass
-from testbench.data.posefile import read_poses
+from testbench.data.program import read_poses
 from testbench.data.series import Series
 from testbench.data.write import write_csv, write_series
 from testbench.errors import Array, BenchError, InputError

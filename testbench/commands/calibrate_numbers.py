@@ -25,6 +25,7 @@ from testbench.identify.absolute.state import nominal
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.model.joint_errors import JointErrors
 from testbench.model.structure import Ids
+from testbench.report.badge import decide
 from testbench.report.table import Row
 
 FAR = 1.5  #: Error of a range over that of all readings, of held-out ones over the drawing, that is said.
@@ -97,7 +98,10 @@ def numbers(found: Calibrated, left: Left) -> Row:
         notes=list(found.notes),
         **_pulled(calibration, series, left[1]),
     )
-    return Row(f, **_validated(f))
+    f |= _validated(f)
+    why = "too few poses, held-out positions do not get better" if f.worse else ""
+    both = ("calibrated", MM * every[1]), ("as drawn", MM * every[0])
+    return Row(f, badge=decide(*both, "position", why))
 
 
 def _errors(distance: Array) -> Row:

@@ -7,6 +7,7 @@ from testbench.commands.compare_inputs import NONE, inputs_differ, seeds_words
 from testbench.commands.compare_rows import (
     KINDS,
     apart,
+    badge_of,
     leading,
     models_compared,
     models_of,
@@ -16,6 +17,7 @@ from testbench.commands.compare_rows import (
 )
 from testbench.errors import BenchError, InputError
 from testbench.output.manifest import Finished
+from testbench.report.badge import Badge
 from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, lines, numbers_of, read_report, say
 from testbench.report.table import Row
@@ -72,7 +74,14 @@ def report(runs: Sequence[Finished]) -> Report:
         numbers=f,
         tables={name: own for name, own in tables.items() if own.rows},
         body=[*(name for name, own in tables.items() if own.rows), READING, *answers],
+        badge=max(badges, key=lambda own: own.factor or 0) if (badges := _badges(named, beside)) else None,
     )
+
+
+def _badges(named: Mapping[str, Finished], beside: Sequence[Row]) -> list[Badge]:
+    """Every run beside the first one, where a model judges both."""
+    a = LETTERS[0]
+    return [badge_of(pair.lead, (a, named[a]), (pair.b, named[pair.b])) for pair in beside if pair.lead]
 
 
 def _read(run: Finished) -> Report | InputError:

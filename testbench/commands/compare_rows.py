@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.errors import InputError
 from testbench.output.manifest import Finished
+from testbench.report.badge import Badge, decide
 from testbench.report.report import Report, number
 from testbench.report.table import Row, finite
 from testbench.trials.spread import SAME, Number, Spread, ends, middle, spread, triple, wins
@@ -141,6 +142,23 @@ def models_compared(a: Finished, b: Finished) -> list[Row]:
                 model = {key: ours[name][key] for key in ("name", "structure", "constraint", "prior")}
                 found.append(Row(model, kind=kind, **differ(x, y, *pair)))
     return found
+
+
+def worse(said: Report) -> bool:
+    """Whether a run errs more than the first one: beyond the spread, of one number by more than 2 %."""
+    more = [own.lead for own in said.numbers["beside"] if own.lead and own.lead.verdict == "more"]
+    return bool(more) or bool(said.badge and said.badge.verdict == "do not use")
+
+
+def badge_of(lead: Row, a: tuple[str, Finished], b: tuple[str, Finished]) -> Badge:
+    """The second run beside the first by the model that matters, seed by seed where both have the same."""
+    x, y = (
+        _seeds(_trials(run).get((lead.name, lead.kind), ()), reported)
+        for (_, run), reported in ((a, lead.a), (b, lead.b))
+    )
+    if not x or x.keys() != y.keys():
+        x, y = ({0: middle(own)} for own in (lead.a, lead.b))
+    return decide((b[0], [y[seed] for seed in x]), (a[0], [*x.values()]))
 
 
 def _trials(run: Finished) -> Mapping[tuple[str, str], Sequence[BySeed]]:

@@ -89,6 +89,7 @@ def report(f: Row) -> Report:
             ),
         },
         body=["models", READING, "runs", _about_runs(f), "told", _about_told(f), *_elsewhere(f)],
+        badge=f.get("badge"),
     )
 
 

@@ -76,7 +76,13 @@ def _runs(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array], some
     rows = [f.residuals[k] for k in some]
     aside = ASIDE * reach * np.eye(3)[0] * (np.arange(len(off)) - (len(off) - 1) / 2)[:, None]
     errors = [
-        Layer(f"error of {name}", _line(f, name, at).look.colour, "arrows", start, start - A * own)
+        Layer(
+            f"error of {name}",
+            (drawn := _line(f, name, at).look).colour,
+            drawn.stroke,
+            start,
+            start - A * own,
+        )
         for (name, own), start in zip(off.items(), at + aside[:, None, None], strict=True)
     ]
     poses = Poses(

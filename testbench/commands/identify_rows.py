@@ -18,6 +18,7 @@ from testbench.identify.evaluate import all_deflections, noise_limit
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose
+from testbench.report.badge import Badge, decide, incumbents
 from testbench.report.table import Row
 
 PLACES = 200  #: Poses over the workspace.
@@ -64,6 +65,7 @@ def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array
         noise_p95_mm=MM * noise_limit(found.runs.every),
         residuals=_residuals(found, left),
         seen=_seen(cell, found),
+        badge=_badge(found, left),
         map=places,
         no_map="intervals were not asked for" if not widths else note,
         doubts=[vars(doubt) for doubt in fits.doubts],
@@ -71,6 +73,21 @@ def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array
         notes=list(fits.notes),
         scale=fits.scale,
     )
+
+
+def _badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
+    """The model to take beside the strongest incumbent of its class, run by run of those held back."""
+    data, check, taken = found.runs.every, found.runs.check, found.fits.recommended
+    held = np.isin(data.pose, [] if check is None else check.pose) & data.seen.any(axis=1)
+    count = np.maximum(data.seen[held].sum(axis=1), 1)
+    rms = {name: MM * np.sqrt((own[held] ** 2).sum(axis=(1, 2)) / count) for name, own in left.items()}
+    rivals = [name for name in incumbents([Row(vars(m)) for m in found.fits.models], taken) if name in rms]
+    if not rivals:
+        return None
+    rival = min(rivals, key=lambda name: float((rms[name] ** 2).sum()))
+    wrong = any(doubt.name != "prior" for doubt in found.fits.doubts)
+    why = "first look at the runs, see the doubt" if wrong else ""
+    return decide((taken, rms[taken]), (rival, rms[rival]), "run held back", why)
 
 
 def _model(own: Fitted, found: Identified, places: Row | None) -> Row:

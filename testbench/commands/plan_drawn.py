@@ -13,7 +13,6 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
 from testbench.campaign.plan import Planned
 from testbench.campaign.workspace_errors import ErrorPlaces
-from testbench.data.posefile import absolute_columns, plan_columns
 from testbench.design.planning import Plan
 from testbench.errors import Array
 from testbench.model.vjm import chain, tool_points
@@ -202,3 +201,35 @@ def _write_table(head: Sequence[str], rows: Sequence[Sequence[object]], path: Pa
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([head, *rows])
     write_whole(text.getvalue(), path)
+
+
+def plan_columns(joints: Sequence[Joint], *, pulls: bool = False) -> list[str]:
+    """The header of a plan, in order; a row is a run, in the order of measuring.
+
+    run: integer. JOINT_rad, JOINT_deg: joint angle, twice; of a slide JOINT_m, JOINT_mm. load_kg: hung mass.
+    force_*_N, of a plan that may pull: force at the load point, world axes; a run has either, the other is
+    blank.
+    expected_deflection_mm: RMS over the markers, by the prior. expected_error_*_mm: of predicting it after
+    identification, with the 5th and 95th percentile. travel_deg: of the hinge that turns farthest from the
+    run before; travel_mm: of the slide, where the arm has one. way: "start", "clear" where all joints can go
+    straight, "via" where that way collides.
+    """
+    names = ["run", *(j.column for j in joints), *(j.shown_column for j in joints), "load_kg"]
+    names += [f"force_{axis}_N" for axis in "xyz" if pulls]
+    names += [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
+    return [*names, "travel_deg", *["travel_mm"] * any(j.prismatic for j in joints), "way"]
+
+
+def absolute_columns(joints: Sequence[Joint], *, loaded: bool) -> list[str]:
+    """The header of a plan of absolute readings, in order.
+
+    As `plan_columns`, but for load_kg, where one mass hangs after the first reading of every pose;
+    expected_sag_mm: RMS over the targets, by the prior, under all that hangs; expected_error_*_mm: of their
+    positions after calibration.
+    """
+    names = plan_columns(joints)
+    return [
+        "expected_sag_mm" if name == "expected_deflection_mm" else name
+        for name in names
+        if name != "load_kg" or loaded
+    ]

@@ -25,14 +25,13 @@ from testbench.campaign.predicted_error import (
 from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at
 from testbench.design import absolute
-from testbench.design.baselines import RANDOM, PriorInfluence, baselines, prior_influence
+from testbench.design.baselines import RANDOM, PriorInfluence, baselines, error_after, prior_influence
 from testbench.design.criteria import Linear, mean_square
 from testbench.design.exchange import greedy
 from testbench.design.forecast import Forecast, widened
 from testbench.design.observability import observability
 from testbench.design.planning import Plan, promise
-from testbench.design.rows import Ids, deflection_rows, information
-from testbench.design.specification import loads_of, task_rows
+from testbench.design.rows import Ids, deflection_rows, loads_of, task_rows
 from testbench.design.whole_arm import error_on, promise_on
 from testbench.errors import Array
 from testbench.identify.prior import cad_prior
@@ -253,8 +252,8 @@ def _percentile(errors: Array, percent: float) -> float | None:
 def _absolute(made: AbsolutePlanned) -> Row:
     """What only a plan of absolute readings has."""
     arm, union, plan, q, asked = made.cell.arm, made.union, made.plan, made.q, made.settings.poses
-    criterion, error = _judge(made)
     rng, problem = stream(made.settings.seed, 3), plan.examined.problem
+    criterion, error = Linear("I", mean_square(made.wanted @ problem.lift)), error_after(problem, made.wanted)
     middle, low, _ = _random(made, error, asked, rng)
     counts = sorted({asked, *(count for count in COUNTS if count <= max(2 * asked, COUNTS[1]))})
     order = greedy(problem, criterion, problem.rows, counts[-1])
@@ -268,7 +267,7 @@ def _absolute(made: AbsolutePlanned) -> Row:
         random_plans=Row(plans=CHANCE, median_mm=middle, best_tenth_mm=low),
         plan=_measured(made, ("sag", absolute.sag(union, plan.q))),
         hidden=list(left_open(union, plan.q)),
-        curve=[_count(k, error(order[:k]), _random(made, error, k, rng)) for k in counts],
+        curve=[_count(k, MM * error(order[:k]), _random(made, error, k, rng)) for k in counts],
         map=error_places(at, {CALIBRATED: bounded_mm(made.forecast.error)}, means=POSITION),
     )
 
@@ -282,21 +281,10 @@ def _counts(made: AbsolutePlanned) -> Row:
     return Row(found, seen=made.plan.examined.problem.r)
 
 
-def _judge(made: AbsolutePlanned) -> tuple[Linear, Callable[[Ids], float]]:
-    """Criterion I; and the RMS error over the workspace after some candidates were read [mm]."""
-    problem, wanted = made.plan.examined.problem, made.wanted
-    hidden = max(0.0, float(np.trace(mean_square(wanted) @ problem.hidden)))  # no such plan sees it
-    criterion = Linear("I", mean_square(wanted @ problem.lift))
-    return (
-        criterion,
-        lambda plan: MM * math.sqrt(hidden + 1 / criterion.information(information(problem, plan))),
-    )
-
-
 def _random(
     made: AbsolutePlanned, error: Callable[[Ids], float], poses: int, rng: np.random.Generator
 ) -> list[float]:
     """Errors of random plans of the drawn candidates: median, best and worst tenth [mm]."""
     drawn = len(made.found.q)
     plans = [rng.choice(drawn, poses, replace=drawn < poses) for _ in range(CHANCE)]
-    return [float(x) for x in np.percentile([error(plan) for plan in plans], [50, 10, 90])]
+    return [float(x) for x in MM * np.percentile([error(plan) for plan in plans], [50, 10, 90])]

@@ -9,13 +9,14 @@ import numpy as np
 
 from testbench.arm.folder import Joint
 from testbench.campaign.program import Predicted
+from testbench.campaign.program_words import direction_words, extrapolated
 from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at
 from testbench.correct.rest import rest
-from testbench.correct.stiffness import direction_words
 from testbench.data.dataset import Ids
 from testbench.data.lines import as_cell
 from testbench.errors import Array
+from testbench.identify.posterior import CONFIDENCE
 from testbench.output.whole import whole_file
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.columns import columns
@@ -137,7 +138,7 @@ def _numbers(made: Predicted) -> Row:
         loads=made.asked.words,
         poses=len(size),
         linear=made.linear,
-        confidence_percent=100 * found.confidence,
+        confidence_percent=100 * CONFIDENCE,
         least_mm=float(size[:, 0].min()),
         median_mm=float(np.median(size[:, 0])),
         most_mm=float(size[:, 0].max()),
@@ -148,7 +149,7 @@ def _numbers(made: Predicted) -> Row:
         moment_nm=extent.moment,
         force_ratio=finite(extent.force_ratio),
         moment_ratio=finite(extent.moment_ratio),
-        extrapolated=extent.sentences,
+        extrapolated=extrapolated(extent),
         doubts=about.doubts,
         notes=made.asked.notes,
         softest=_pose(made, int(made.stiffness.give[:, 0].argmax())),

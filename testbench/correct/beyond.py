@@ -1,4 +1,4 @@
-"""Loads beyond those that a model was identified under: what it says of them is extrapolated."""
+"""Loads beyond those that a model was identified under: what it tells of them is extrapolated."""
 
 import math
 from collections.abc import Sequence
@@ -12,9 +12,6 @@ from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load, resultant
 from testbench.model.vjm import tool_pose
 
-OVERLOAD = 1.5  #: Times the payload beyond which a force is said.
-SLACK = 1.05  #: Up to so many times the largest load nothing is said.
-
 
 @dataclass(frozen=True)
 class Extent:
@@ -25,34 +22,6 @@ class Extent:
     force_ratio: float | None  #: Over the largest that the model was identified under; None if unknown [1].
     moment_ratio: float | None  #: The same of the moment [1].
     payload_ratio: float | None  #: Of the force over the weight of the arm's payload; None if unknown [1].
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """What is extrapolated, with its number."""
-        parts = (
-            ("force", self.force, "N", self.force_ratio),
-            ("moment", self.moment, "N m", self.moment_ratio),
-        )
-        if self.force_ratio is not None and np.isinf(self.force_ratio):
-            found: tuple[str, ...] = (
-                f"extrapolated: {self.force:,.0f} N, and the model was identified under own weight alone",
-            )
-        else:
-            found = self._beyond(parts)
-        if self.payload_ratio is not None and self.payload_ratio > OVERLOAD:
-            found += (
-                f"{self.force:,.0f} N are {self.payload_ratio:.1f} times the payload that the arm states",
-            )
-        return found
-
-    @staticmethod
-    def _beyond(parts: tuple[tuple[str, float, str, float | None], ...]) -> tuple[str, ...]:
-        return tuple(
-            f"extrapolated: {value:,.0f} {unit} are {ratio:.1f} times the largest {what} that the model was "
-            f"identified under"
-            for what, value, unit, ratio in parts
-            if ratio is not None and ratio > SLACK
-        )
 
 
 def extent(model: ArmModel, q: Array, loads: Sequence[Load]) -> Extent:

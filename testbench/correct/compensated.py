@@ -2,18 +2,31 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.correct.newton import FIELDS, Aim, Asked, Corrected, Mask, Points, Target, solve
+from testbench.correct.batches import put
+from testbench.correct.newton import Aim, Asked, Corrected, Points, Target, asked, solve
 from testbench.correct.rest import rest
-from testbench.correct.sure import Stand, half_widths
-from testbench.correct.target import asked
+from testbench.correct.uncertainty import Poses, half_widths
+from testbench.data.dataset import Mask
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load
 from testbench.plant import Room, collisions
+
+Why = Literal["reach", "equilibrium", "limit", "collision"]
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why a point cannot be put right."""
+
+    why: Why  #: Out of reach, without an equilibrium, beyond a joint's limit, or into something.
+    names: tuple[str, ...] = ()  #: The joint that would pass its limit, or the two that would collide.
+    size: float = 0.0  #: What is left [m], or how far beyond the limit [rad, m].
 
 
 @dataclass(frozen=True)
@@ -28,7 +41,7 @@ class Compensated:
     turned: Array  #: What is left of the turn, a rotation vector, world, (points, 3) [rad].
     half: Array  #: Half the interval of the error that remains, world, (points, 3) [m]; infinite if unseen.
     held: Mask  #: Joints that a limit stopped, (points, n).
-    refused: tuple[str | None, ...]  #: Why a point cannot be put right; None where it is.
+    refused: tuple[Refusal | None, ...]  #: Why a point cannot be put right; None where it is.
     asked: Asked  #: What joints of the program were taken to mean.
 
     @property
@@ -76,8 +89,8 @@ def compensate(
     corrected = np.where(bad[:, None], q, found.q)
     acts = np.asarray(before.any(axis=1))
     corrected = np.where(acts[:, None], corrected, q)  # where nothing acts, as it was to the last digit
-    start = None if model.absolute and meant == "drawn" else Stand(q)
-    end = Stand(corrected, loads, heavy=meant == "drawn")
+    start = None if model.absolute and meant == "drawn" else Poses(q)
+    end = Poses(corrected, loads, heavy=meant == "drawn")
     half = half_widths(model, end, start, point[None])[:, 0]
     return Compensated(corrected, q, target, before, left, found.turned, half, held, tuple(refused), meant)
 
@@ -101,27 +114,23 @@ def within_limits(
         free = points.free * ~(beyond & found.solved[:, None])
         start = np.where(free > 0, points.start, np.clip(found.q, lower, upper))
         points = replace(points, start=start, free=free)
-        again = solve(points.of(some))
-        for name in FIELDS:
-            getattr(found, name)[some] = getattr(again, name)
+        put(found, some, solve(points.of(some)))
     return found, points.free == 0
 
 
-def _refused(arm: Arm, found: Corrected, q: Array, room: Room | None) -> list[str | None]:
+def _refused(arm: Arm, found: Corrected, q: Array, room: Room | None) -> list[Refusal | None]:
     """Why points cannot be put right."""
     lower, upper = arm.limits
-    reasons: list[str | None] = [None] * len(q)
+    reasons: list[Refusal | None] = [None] * len(q)
     for k in np.flatnonzero(~found.solved):
-        away = 1e3 * float(np.linalg.norm(found.left[k]))
-        reasons[k] = f"out of reach, {away:.3g} mm are left" if np.isfinite(away) else "no equilibrium"
+        away = float(np.linalg.norm(found.left[k]))
+        reasons[k] = Refusal("reach", size=away) if np.isfinite(away) else Refusal("equilibrium")
     for k, j in np.argwhere((found.q < lower - 1e-12) | (found.q > upper + 1e-12)):
-        joint = arm.joints[j]
-        limit = lower[j] if found.q[k, j] < lower[j] else upper[j]
-        beyond = joint.shown * abs(float(found.q[k, j] - limit))
-        reasons[k] = reasons[k] or f"{joint.name} would pass its limit by {beyond:.3g} {joint.shown_unit}"
+        beyond = float(max(lower[j] - found.q[k, j], found.q[k, j] - upper[j]))
+        reasons[k] = reasons[k] or Refusal("limit", (arm.joints[j].name,), beyond)
     if room is not None:
         good = np.flatnonzero([reason is None for reason in reasons])
         for k, pair in zip(good, collisions(room, found.q[good]), strict=True):
             if pair and collisions(room, q[k : k + 1])[0] != pair:
-                reasons[k] = f"{pair[0]} would collide with {pair[1]}"
+                reasons[k] = Refusal("collision", pair)
     return reasons

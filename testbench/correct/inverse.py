@@ -1,14 +1,18 @@
-"""Joints of the drawn arm along a path of the tool: continuous, within limits, with least motion."""
+"""Joints of the drawn arm along a path of the tool: continuous, within limits, with least motion.
+
+q_j is what `reach` makes of q_{j-1}. All are guessed at once, then every one is found again from its left
+neighbour, until none changes: the same joints as one by one, for only the points behind a change are open.
+"""
 
 import math
 
 import numpy as np
 
+from testbench.correct.batches import at, joined, replaced
 from testbench.correct.newton import Target
 from testbench.correct.reach import Reached, reach
-from testbench.correct.settle import replaced, settle, supported
 from testbench.correct.turn import turn_between
-from testbench.data.dataset import Ids
+from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array, BenchError, check_array
 from testbench.model.vjm import Vjm
 
@@ -21,6 +25,10 @@ SEEDS = 256  #: Configurations that the first point is looked for from.
 TRIED = 8  #: Configurations of the first point that are tried,
 SAMPLE = 400  #: and at most so many points of the path with each.
 CLEAR = 0.05  #: Room to the limits that the first point should have [rad, m].
+SAME = 0.05  #: Joints that differ by less are one configuration [rad, m].
+APART = 0.5  #: Motion of a joint from one support to the next beyond which one is put between them [rad, m].
+CLOSER = 0.9  #: What a pose out of reach must come closer for another configuration to count [1].
+HALVINGS = 20  #: More than any program's points between two supports have.
 
 
 def joints_along(
@@ -52,7 +60,7 @@ def joints_along(
         return reach(vjm, target, near)
     if not len(position):
         raise BenchError("position [m]: expected at least one point")
-    tries = _first(vjm, target.of(slice(1)), start)
+    tries = _first(vjm, at(target, slice(1)), start)
     return _track(vjm, target, _chosen(vjm, target, tries))
 
 
@@ -63,7 +71,7 @@ def _chosen(vjm: Vjm, target: Target, tries: Array) -> Array:
     some = np.arange(0, len(target.position), math.ceil(len(target.position) / SAMPLE))
     counts: list[int] = []
     for q in tries:
-        counts.append(int(_pass(vjm, target.of(some), q)[0].there.sum()))
+        counts.append(int(_pass(vjm, at(target, some), q)[0].there.sum()))
         if counts[-1] == len(some):
             break
     return np.asarray(tries[int(np.argmax(counts))])
@@ -79,7 +87,7 @@ def _first(vjm: Vjm, target: Target, start: Array | None) -> Array:
             return own.q
     near = np.clip(0.0 if start is None else start, lower, upper)
     seeds = np.random.default_rng(0).uniform(lower, upper, (SEEDS, arm.n_joints))
-    many = reach(vjm, target.of(np.zeros(SEEDS, dtype=int)), seeds)
+    many = reach(vjm, at(target, np.zeros(SEEDS, dtype=int)), seeds)
     if not many.there.any():
         return many.q[[np.argmin(many.distance + vjm.reach * many.angle)]]
     q = _unwound(vjm, many.q[many.there], near)
@@ -114,17 +122,17 @@ def _track(vjm: Vjm, target: Target, first: Array) -> Reached:
         if i is None:
             break
         tried, after = i, np.arange(i, len(target.position))
-        rest, more = _pass(vjm, target.of(after), found.q[i])
+        rest, more = _pass(vjm, at(target, after), found.q[i])
         if rest.there.sum() >= found.there[after].sum() and 0 not in more:
-            found, rough = replaced(found, rest, after), i + more
+            found, rough = replaced(found, after, rest), i + more
             continue
         before = np.arange(i + 1, -1, -1)
-        back, _ = _pass(vjm, target.of(before), found.q[i + 1])
+        back, _ = _pass(vjm, at(target, before), found.q[i + 1])
         gap = np.abs(back.q[::-1][1:] - found.q[: i + 1]).max(axis=1)
         meet = int(np.argmin(gap)) + 1
         own = np.arange(meet, i + 2)
         if gap[meet - 1] < STEADY and back.there[: len(own)].sum() >= found.there[own].sum():
-            found = replaced(found, back.at(i + 1 - own), own)
+            found = replaced(found, own, at(back, i + 1 - own))
     return found
 
 
@@ -133,8 +141,8 @@ def _pass(vjm: Vjm, target: Target, first: Array) -> tuple[Reached, Ids]:
     turn = np.linalg.norm(turn_between(target.rotation[:-1], target.rotation[1:]), axis=1)
     step = np.linalg.norm(np.diff(target.position, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(step / (STRIDE * vjm.reach) + turn / TURN + 1e-9)])
-    at, q = supported(vjm, target, _strides(way), first)
-    start = np.stack([np.interp(way, way[at], own) for own in q.T], axis=1)
+    places, q = supported(vjm, target, _strides(way), first)
+    start = np.stack([np.interp(way, way[places], own) for own in q.T], axis=1)
     steady = STEADY + np.minimum(2 * np.abs(np.diff(start, axis=0)), FASTEST * np.diff(way)[:, None])
     found = _again(vjm, target, reach(vjm, target, start))
 
@@ -143,18 +151,18 @@ def _pass(vjm: Vjm, target: Target, first: Array) -> tuple[Reached, Ids]:
         return np.flatnonzero(jumps & found.there[1:] & found.there[:-1])
 
     free = np.zeros(len(way), dtype=bool)
-    for k in np.unique(np.searchsorted(at, rough(found), side="right") - 1).tolist():
-        free[at[k] + 1 : at[k + 1]] = True
+    for k in np.unique(np.searchsorted(places, rough(found), side="right") - 1).tolist():
+        free[places[k] + 1 : places[k + 1]] = True
     found = settle(vjm, target, found, np.flatnonzero(free & ~np.roll(free, 1)), free)
     return found, rough(found)
 
 
 def _strides(way: Array) -> Ids:
     """Points about one apart along the way, with the first and the last one."""
-    at = [0]
-    while at[-1] < len(way) - 1:
-        at.append(max(at[-1] + 1, int(np.searchsorted(way, way[at[-1]] + 1, side="right")) - 1))
-    return np.array(at)
+    found = [0]
+    while found[-1] < len(way) - 1:
+        found.append(max(found[-1] + 1, int(np.searchsorted(way, way[found[-1]] + 1, side="right")) - 1))
+    return np.array(found)
 
 
 def _again(vjm: Vjm, target: Target, found: Reached) -> Reached:
@@ -166,5 +174,53 @@ def _again(vjm: Vjm, target: Target, found: Reached) -> Reached:
     right = np.minimum(np.searchsorted(there, lost), len(there) - 1)
     left = np.maximum(right - 1, 0)
     nearer = np.where(np.abs(there[left] - lost) < np.abs(there[right] - lost), left, right)
-    other = reach(vjm, target.of(lost), found.q[there[nearer]])
-    return replaced(found, other.at(np.flatnonzero(other.there)), lost[other.there])
+    other = reach(vjm, at(target, lost), found.q[there[nearer]])
+    return replaced(found, lost[other.there], at(other, np.flatnonzero(other.there)))
+
+
+def settle(vjm: Vjm, target: Target, found: Reached, open_: Ids, free: Mask) -> Reached:
+    """Joints of poses such that each follows from the one before.
+
+    Args:
+        vjm: The arm as drawn.
+        target: Of the tool's origin, the poses.
+        found: A guess of each.
+        open_: Which are looked at first, (k,), not the first pose.
+        free: Which may change, (poses,). One that was reached stays so.
+    """
+    while len(open_):
+        own, old = reach(vjm, at(target, open_), found.q[open_ - 1]), at(found, open_)
+        moved = np.abs(own.q - old.q).max(axis=1) > SAME
+        nearer = own.distance + own.angle * vjm.reach < CLOSER * (old.distance + old.angle * vjm.reach)
+        change = np.where(own.there, moved | ~old.there, nearer & ~old.there)
+        found = replaced(found, open_[change], at(own, np.flatnonzero(change)))
+        following = open_[change] + 1
+        following = following[following < len(free)]
+        open_ = following[free[following]]
+    return found
+
+
+def supported(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[Ids, Array]:
+    """Supports of a path, more where joints turn fast, and their joints, (supports,) and (supports, n).
+
+    Args:
+        vjm: The arm as drawn.
+        target: Of the tool's origin, the path.
+        places: Which points are supports, (k,).
+        first: Joints near the first point, (n,) [rad, m].
+    """
+    found = reach(vjm, at(target, places), np.tile(first, (len(places), 1)))
+    open_ = np.arange(1, len(places))
+    for _ in range(HALVINGS):
+        found = settle(vjm, at(target, places), found, open_, np.ones(len(places), dtype=bool))
+        far = np.abs(np.diff(found.q, axis=0)).max(axis=1, initial=0) > APART
+        wide = np.flatnonzero(far & found.there[1:] & found.there[:-1] & (np.diff(places) > 1))
+        if not len(wide):
+            break
+        between = (places[wide] + places[wide + 1]) // 2
+        own = reach(vjm, at(target, between), found.q[wide])
+        order = np.argsort(np.concatenate([places, between]))
+        places = np.concatenate([places, between])[order]
+        found = at(joined([found, own]), order)
+        open_ = np.flatnonzero(np.isin(places, between)) + 1
+    return places, found.q

@@ -13,19 +13,19 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
-from testbench.correct.rest import TOGETHER, loads_at, unbent
+from testbench.correct.batches import at, batches, joined, put
+from testbench.correct.rest import rest
 from testbench.correct.step import Hold, solutions
 from testbench.correct.turn import turn_between, turn_of_axis
+from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array, BenchError, check_array
-from testbench.identify.absolute.state import State
+from testbench.identify.absolute.state import State, loads_at, unbent
 from testbench.model.load import Load
-from testbench.model.vjm import Chain, chain, cross
+from testbench.model.vjm import Chain, chain, cross, tool_pose
 
 Asked = Literal["unloaded", "drawn"]
 """Where the model has the tool under its own weight alone, a taught point; or as drawn and rigid."""
-Mask = npt.NDArray[np.bool_]
 TOLERANCE = 1e-10  #: Of the position of a point, and of its equilibrium [m, rad].
 FEW, MOST = 5, 60  #: Steps that do for most points, and in all.
 SHORTER = 10  #: Steps after which they are half as long, then a quarter.
@@ -42,10 +42,6 @@ class Target:
 
     position: Array  #: World, (points, 3) [m].
     rotation: Array  #: World from tool, (points, 3, 3).
-
-    def of(self, some: slice | npt.NDArray[np.int_]) -> "Target":
-        """That of some points."""
-        return Target(self.position[some], self.rotation[some])
 
 
 @dataclass(frozen=True)
@@ -69,20 +65,35 @@ class Aim:
             raise BenchError(f"aim: expected {problem}, got {self.point} and {self.spindle}")
 
 
+def asked(state: State, q: Array, meant: Asked, point: Array) -> Target:
+    """What programmed joints ask for.
+
+    Args:
+        state: The arm.
+        q: Joints of the program, (points, n) [rad, m].
+        meant: "unloaded" corrects what loads do; "drawn" also geometry, joint errors and own weight.
+        point: Tool point in the tool's frame, (3,) [m].
+    """
+    if meant == "drawn":
+        position, rotation = tool_pose(state.vjm, q)
+        return Target(position + rotation @ point, rotation)
+    found = rest(state, q)
+    return Target(found.at(point), found.rotation)
+
+
 @dataclass(frozen=True)
 class Corrected:
     """Joints that put the tool right."""
 
     q: Array  #: To command, (points, n) [rad, m].
-    theta: Array  #: Virtual joints there, (points, n_theta) [m, rad].
     left: Array  #: Asked minus foretold position of the tool point, world, (points, 3) [m].
     #: The same of its turn, or of the turn of its spindle's axis, rotation vectors, world, (points, 3) [rad].
     turned: Array
     balance: Array  #: Largest virtual joint out of its equilibrium, (points,) [m, rad].
-    steps: npt.NDArray[np.int_]  #: Evaluations of the bent arm, (points,).
+    steps: Ids  #: Evaluations of the bent arm, (points,).
 
     @property
-    def solved(self) -> npt.NDArray[np.bool_]:
+    def solved(self) -> Mask:
         """Which points are met within `TOLERANCE`, (points,); a turn that was damped is not counted."""
         far = np.maximum(np.linalg.norm(self.left, axis=1), self.balance)
         return np.asarray(far <= TOLERANCE)
@@ -114,9 +125,6 @@ def correct(
     return solve(Points(state, q, every, target, aim or Aim(), np.ones(q.shape)))
 
 
-FIELDS = Corrected.__match_args__
-
-
 @dataclass(frozen=True)
 class Points:
     """Points to be solved."""
@@ -128,9 +136,9 @@ class Points:
     aim: Aim  #: What is put right.
     free: Array  #: One of a joint that may move, zero of one that is held, (points, n).
 
-    def of(self, some: slice | npt.NDArray[np.int_]) -> "Points":
+    def of(self, some: slice | Ids) -> "Points":
         """Some of them."""
-        loads, target = [load.of(some) for load in self.loads], self.target.of(some)
+        loads, target = [load.of(some) for load in self.loads], at(self.target, some)
         return replace(self, start=self.start[some], loads=loads, target=target, free=self.free[some])
 
 
@@ -172,34 +180,27 @@ def solve(points: Points) -> Corrected:
     found = _in_batches(points, FEW)
     late = np.flatnonzero(found.steps > FEW)
     if len(late):
-        _put(found, late, _in_batches(points.of(late), MOST))
+        put(found, late, _in_batches(points.of(late), MOST))
     alone = replace(points.aim, hold="position")
     for aim, renewed in ((points.aim, True), (alone, False), (alone, True)):
         bad = np.flatnonzero(~found.solved)
         if len(bad):
             again = _in_batches(replace(points.of(bad), aim=aim), MOST, renewed=renewed)
             better = np.flatnonzero(again.solved)
-            _put(found, bad[better], Corrected(*(getattr(again, name)[better] for name in FIELDS)))
+            put(found, bad[better], at(again, better))
     return found
-
-
-def _put(found: Corrected, where: npt.NDArray[np.int_], others: Corrected) -> None:
-    """Replace some points, in place."""
-    for name in FIELDS:
-        getattr(found, name)[where] = getattr(others, name)
 
 
 def _in_batches(points: Points, most: int, *, renewed: bool = False) -> Corrected:
     """After so many steps at most; `steps` is one more where that did not do."""
-    every = range(0, max(len(points.start), 1), TOGETHER)
-    parts = [_correct(points.of(slice(k, k + TOGETHER)), most, renewed=renewed) for k in every]
-    return Corrected(*(np.concatenate([getattr(part, name) for part in parts]) for name in FIELDS))
+    some = batches(len(points.start))
+    return joined([_correct(points.of(part), most, renewed=renewed) for part in some])
 
 
 def _correct(points: Points, most: int, *, renewed: bool) -> Corrected:
     runs = len(points.start)
     q, theta = points.start.copy(), unbent(points.state, points.start, points.loads)
-    found = Corrected(q, theta, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
+    found = Corrected(q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
     moving, now = np.arange(runs), points
     G, J = np.zeros((runs, q.shape[1], 6)), np.zeros((runs, 6, q.shape[1]))
     for step in range(most):

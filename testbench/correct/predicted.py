@@ -6,9 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.correct.rest import TOGETHER, Rest, rest
-from testbench.correct.sure import Stand, curvature, half_widths
+from testbench.correct.batches import batches, joined
+from testbench.correct.rest import Rest, rest
 from testbench.correct.turn import turn_between, turned
+from testbench.correct.uncertainty import Poses, curvature, half_widths
 from testbench.errors import Array, check_array
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.posterior import CONFIDENCE, CURVED
@@ -30,7 +31,6 @@ class Prediction:
     rotation: Array  #: Of the loaded tool, world from tool, (poses, 3, 3).
     #: How far the other of Eq. (6) and Eq. (7) has the loaded tool from there, (poses,) [m].
     apart: Array
-    confidence: float  #: Of each interval by itself [1].
 
     @cached_property
     def size(self) -> Array:
@@ -72,20 +72,14 @@ def predict(  # noqa: PLR0913 - all but two have defaults
     q = check_array(q, (None, model.arm.n_joints), "q [rad, m]")
     points = model.vjm.markers if points is None else check_array(points, (None, 3), "points [m]")
     points = np.vstack([np.zeros(3), points])
-    every = Stand(q, [load.over(len(q)) for load in loads])
-    parts = [every.of(slice(k, k + TOGETHER)) for k in range(0, max(len(q), 1), TOGETHER)]
-    found = [_predict(model, some, points, linear=linear, confidence=confidence) for some in parts]
-    arrays = [name for name in Prediction.__match_args__ if name != "confidence"]
-    return Prediction(
-        **{name: np.concatenate([getattr(one, name) for one in found]) for name in arrays},
-        confidence=confidence,
-    )
+    every = Poses(q, loads)
+    return joined([_predict(model, every.of(some), points, linear, confidence) for some in batches(len(q))])
 
 
-def _predict(model: ArmModel, loaded: Stand, points: Array, *, linear: bool, confidence: float) -> Prediction:
+def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool, confidence: float) -> Prediction:
     """The same of few poses."""
     q = loaded.q
-    half = half_widths(model, loaded, Stand(q), points, confidence)
+    half = half_widths(model, loaded, Poses(q), points, confidence)
     before, after = rest(model.state, q), rest(model.state, q, loaded.loads)
     (deflection, turn), straight = _moved(before, after, points), _linear(model, loaded, points)
     apart = np.linalg.norm(deflection[:, 0] - straight[0][:, 0], axis=1)
@@ -99,7 +93,7 @@ def _predict(model: ArmModel, loaded: Stand, points: Array, *, linear: bool, con
     known = np.full(half.shape, np.inf)
     if model.absolute:
         known = half_widths(model, loaded, None, points, confidence)
-    return Prediction(deflection, half, turn, start + deflection, known, rotation, apart, confidence)
+    return Prediction(deflection, half, turn, start + deflection, known, rotation, apart)
 
 
 def _places(where: Rest, points: Array) -> Array:
@@ -113,7 +107,7 @@ def _moved(before: Rest, after: Rest, points: Array) -> tuple[Array, Array]:
     return _places(after, points) - _places(before, points), turn
 
 
-def _linear(model: ArmModel, stand: Stand, points: Array) -> tuple[Array, Array]:
+def _linear(model: ArmModel, stand: Poses, points: Array) -> tuple[Array, Array]:
     """The same to first order, Eq. (6), of the arm that no load has bent."""
     state = model.state
     where = chain(model.vjm, stand.q, np.tile(state.theta_0, (len(stand.q), 1)))

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.correct.batches import at
 from testbench.correct.newton import Target
 from testbench.correct.turn import turn_between
-from testbench.data.dataset import Ids, Mask
+from testbench.data.dataset import Mask
 from testbench.errors import Array
 from testbench.model.tool_motion import tool_motion
 from testbench.model.vjm import Vjm
@@ -35,10 +36,6 @@ class Reached:
         """Which poses are reached, (poses,)."""
         return np.asarray((self.distance <= THERE) & (self.angle <= THERE))
 
-    def at(self, some: Ids | slice) -> "Reached":
-        """Some of the poses."""
-        return Reached(self.q[some], self.distance[some], self.angle[some])
-
 
 def reach(vjm: Vjm, target: Target, start: Array) -> Reached:
     """Joints near others that put the tool's origin into poses; where none do, as near as these lead.
@@ -61,7 +58,7 @@ def reach(vjm: Vjm, target: Target, start: Array) -> Reached:
             break
         weight = damping[some] * cost[some] + FLOOR * lever**2
         trial = np.clip(q[some] + _step(J[some], e[some], weight, q[some], vjm.arm.limits), lower, upper)
-        e_trial, J_trial = _error(vjm, lever, trial, target.of(some))
+        e_trial, J_trial = _error(vjm, lever, trial, at(target, some))
         gain = 1 - _square(e_trial) / cost[some]
         better = gain > 0
         taken = some[better]

@@ -1,25 +1,14 @@
-"""Where the tool rests under its loads: the equilibrium theta = theta_0 + C_theta u(theta) + Phi n.
-
-Each step takes the loads where the last one bent the arm to. On heavy arms that leaves a hundredth of the
-error, so that a few steps reach rounding; no stiffness is ever inverted. The steps converge only where the
-loaded springs K_theta - K_w of Eq. (7) are stable: an arm that buckles is found by that.
-"""
+"""Where the tool rests under its loads, in any number of poses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.errors import Array, NoEquilibrium, check_array
-from testbench.identify.absolute.state import State
-from testbench.model.joint_errors import basis
-from testbench.model.load import Load, on_joints
-from testbench.model.vjm import Chain, chain
-from testbench.model.weights import own_weight
-
-TOLERANCE = 1e-11  #: A step below this [m, rad] is the last.
-MOST = 100  #: Steps: what has not come to rest by then has no rest.
-TOGETHER = 512  #: Poses computed side by side: enough for numpy, few for its cache.
+from testbench.correct.batches import batches, joined
+from testbench.errors import Array, check_array
+from testbench.identify.absolute.state import State, equilibrium
+from testbench.model.load import Load
 
 
 @dataclass(frozen=True)
@@ -30,30 +19,9 @@ class Rest:
     position: Array  #: Of the tool's origin, world, (poses, 3) [m].
     rotation: Array  #: World from tool, (poses, 3, 3).
 
-    @property
-    def pose(self) -> tuple[Array, Array]:
-        """Position and orientation."""
-        return self.position, self.rotation
-
     def at(self, point: Array) -> Array:
         """Positions of a point of the tool's frame, (3,) or (poses, 3) [m], in the world, (poses, 3) [m]."""
         return np.asarray(self.position + np.matvec(self.rotation, point))
-
-
-def loads_at(state: State, where: Chain, loads: Sequence[Load]) -> Array:
-    """Load u of every virtual joint: own weight and all loads, (n_theta, poses) [N, N m]."""
-    return own_weight(where, state.weights) + on_joints(where, loads)
-
-
-def unbent(state: State, q: Array, loads: Sequence[Load]) -> Array:
-    """Virtual joints but for the springs: theta_0, and the joints' errors Phi(q) n, (poses, n_theta)."""
-    arm = state.vjm.arm
-    theta, first = np.tile(state.theta_0, (len(q), 1)), arm.n_theta - arm.n_joints
-    if state.errors.size:
-        torque = loads_at(state, chain(state.vjm, q, theta), loads)[first:]
-        phi = basis(state.errors, arm, q, torque, state.torque_scale)
-        theta[:, first:] += np.einsum("jkr,jk->rj", phi, state.n)
-    return theta
 
 
 def rest(state: State, q: Array, loads: Sequence[Load] = ()) -> Rest:
@@ -70,23 +38,5 @@ def rest(state: State, q: Array, loads: Sequence[Load] = ()) -> Rest:
     """
     q = check_array(q, (None, state.vjm.arm.n_joints), "q [rad, m]")
     loads = [load.over(len(q)) for load in loads]
-    parts = [slice(k, k + TOGETHER) for k in range(0, max(len(q), 1), TOGETHER)]
-    found = [_rest(state, q[some], [load.of(some) for load in loads]) for some in parts]
-    return Rest(*(np.concatenate([getattr(one, name) for one in found]) for name in Rest.__match_args__))
-
-
-def _rest(state: State, q: Array, loads: Sequence[Load]) -> Rest:
-    start = unbent(state, q, loads)
-    theta = start
-    for _ in range(MOST):
-        where = chain(state.vjm, q, theta)
-        bent = start + (state.C_theta @ loads_at(state, where, loads)).T
-        step = np.abs(bent - theta).max(axis=1, initial=0)
-        theta = bent
-        if not (step > TOLERANCE).any():
-            break
-    if not (step <= TOLERANCE).all():  # true for NaN
-        lost = int(np.flatnonzero(~(step <= TOLERANCE))[0])
-        words = state.vjm.arm.words(q[lost])
-        raise NoEquilibrium(f"no static equilibrium at q = {words}: too soft for its load, or buckled")
-    return Rest(theta, where.position, where.rotation)
+    found = (equilibrium(state, q[some], [load.of(some) for load in loads]) for some in batches(len(q)))
+    return joined([Rest(one.theta, one.where.position, one.where.rotation) for one in found])

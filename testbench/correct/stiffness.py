@@ -6,15 +6,15 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.correct.rest import TOGETHER, rest
-from testbench.correct.sure import Stand, half_widths
+from testbench.correct.batches import batches, joined
+from testbench.correct.rest import rest
+from testbench.correct.uncertainty import Poses, half_widths
 from testbench.errors import Array
+from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load
 from testbench.model.loaded import geometric_stiffness, loaded_compliance
 from testbench.model.vjm import chain
-
-NEAR, MOSTLY = 10.0, 30.0  #: Angles up to which a direction is along an axis, and mostly along it [deg].
 
 
 @dataclass(frozen=True)
@@ -58,21 +58,19 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = ()) -> Stiffnes
     Raises:
         NoEquilibrium: When there is none, or the arm is about to buckle.
     """
-    theta = rest(model.state, q, loads).theta
-    loads = [load.over(len(q)) for load in loads]
-    parts = [slice(k, k + TOGETHER) for k in range(0, max(len(q), 1), TOGETHER)]
-    found = [_compliance(model, q[some], theta[some], [load.of(some) for load in loads]) for some in parts]
-    compliance = np.concatenate(found)
+    every = Poses(q, loads)
+    return joined([_stiffness(model.state, every.of(some)) for some in batches(len(q))])
+
+
+def _stiffness(state: State, poses: Poses) -> Stiffness:
+    theta = rest(state, poses.q, poses.loads).theta
+    where, n = chain(state.vjm, poses.q, theta), len(state.C_theta)
+    K_w = np.zeros((len(poses.q), n, n))
+    for load in poses.loads:
+        K_w += geometric_stiffness(where, load.wrench, load.point)
+    compliance = loaded_compliance(where.J_theta.transpose(2, 0, 1), state.C_theta, K_w)
     axes, give, _ = np.linalg.svd(compliance[:, :3, :3])
     return Stiffness(compliance, give, axes)
-
-
-def _compliance(model: ArmModel, q: Array, theta: Array, loads: Sequence[Load]) -> Array:
-    where, n = chain(model.vjm, q, theta), len(model.state.C_theta)
-    K_w = np.zeros((len(q), n, n))
-    for load in loads:
-        K_w += geometric_stiffness(where, load.wrench, load.point)
-    return loaded_compliance(where.J_theta.transpose(2, 0, 1), model.state.C_theta, K_w)
 
 
 def give_halves(model: ArmModel, q: Array, tool: Stiffness, force: float) -> Array:
@@ -90,19 +88,6 @@ def give_halves(model: ArmModel, q: Array, tool: Stiffness, force: float) -> Arr
     found, origin = np.empty((len(q), 3)), np.zeros(3)
     for k in range(3):
         wrench = np.hstack([force * tool.axes[:, :, k], np.zeros((len(q), 3))])
-        pushed = Stand(q, [Load(wrench, origin)])
-        found[:, k] = half_widths(model, pushed, Stand(q), origin[None])[:, 0].max(axis=1)
+        pushed = Poses(q, [Load(wrench, origin)])
+        found[:, k] = half_widths(model, pushed, Poses(q), origin[None])[:, 0].max(axis=1)
     return found
-
-
-def direction_words(direction: Array) -> str:
-    """A direction in world axes, (3,), for people, such as "mostly along y" or "between x and -z"."""
-    size = np.abs(direction) / np.linalg.norm(direction)
-    first, second = np.argsort(-size)[:2]
-    angle = float(np.degrees(np.arccos(min(size[first], 1.0))))
-    if angle <= NEAR:
-        return f"along {'xyz'[first]}"
-    if angle <= MOSTLY:
-        return f"mostly along {'xyz'[first]}"
-    side = "" if direction[first] * direction[second] > 0 else "-"
-    return f"between {'xyz'[first]} and {side}{'xyz'[second]}"

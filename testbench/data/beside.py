@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.columns import Column, Columns
-from testbench.data.names import Slot
+from testbench.data.names import Slot, torque_columns
 from testbench.errors import Array, InputError
 
 STAMP = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ ]?(\d\d)(\d\d)(\d\d)")  #: 20200714163904.
@@ -19,8 +19,7 @@ def read_torques(columns: Columns, arm: Arm) -> Array | None:
     Raises:
         InputError: When a joint has none.
     """
-    names = (f"torque_{joint.name}_{'N' if joint.prismatic else 'Nm'}" for joint in arm.joints)
-    found = columns.whole({name: Slot("torque", k) for k, name in enumerate(names)})
+    found = columns.whole(torque_columns(arm))
     return np.column_stack([columns.full(column) for column in found]) if found else None
 
 

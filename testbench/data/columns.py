@@ -9,7 +9,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Mask
 from testbench.data.mapping import Named, Names
-from testbench.data.names import DEFLECTION, ROTATIONS, SI, XYZ, Slot, What
+from testbench.data.names import DEFLECTION, ROTATIONS, SI, XYZ, Slot, What, columns_of
 from testbench.data.rearranged import join_axes, take_apart
 from testbench.data.table import Table, read_table
 from testbench.data.units import LARGEST, LEAST, Unit, split_unit
@@ -241,7 +241,7 @@ def axes(columns: Columns, what: What) -> list[Column | float | None]:
         InputError: When one is missing.
     """
     found = [columns.said(Slot(what, k)) for k in range(len(XYZ))]
-    missing = [f"{what}_{x}_{SI[what][0]}" for x, own in zip(XYZ, found, strict=True) if own is None]
+    missing = [name for name, own in zip(columns_of(what), found, strict=True) if own is None]
     if len(missing) == 1 or (what == "point" and len(missing) == 2):
         raise columns.lack(missing)
     return found

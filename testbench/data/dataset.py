@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array
 
 if TYPE_CHECKING:
@@ -18,8 +19,8 @@ Ids = npt.NDArray[np.int_]
 SKEW = 1e-9  #: Share of a matrix by which it may differ from its transpose.
 
 
-@dataclass(frozen=True)
-class Dataset:
+@dataclass(frozen=True, repr=False)
+class Dataset(Displayed):
     """Deflection measurements."""
 
     markers: tuple[str, ...]  #: Names of the markers, m of them.
@@ -63,6 +64,17 @@ class Dataset:
             check_sigma(self.sigma_rotation, "rad")
         if self.precision is not None:
             _check_precision(check_array(self.precision, (runs, m, 3, 3), "precision [1/m^2]"))
+
+    def about(self) -> dict[str, object]:
+        """Runs, poses, markers, deflections and noise."""
+        size = 1e3 * np.linalg.norm(self.deflection, axis=-1)[self.seen]
+        return {
+            "runs": self.runs,
+            "poses": len(np.unique(self.pose)),
+            "markers": " ".join(self.markers),
+            "deflection_mm": f"{size.min():.2f} to {size.max():.2f}" if size.size else "none",
+            "sigma_um": f"{1e6 * self.sigma:g}",
+        }
 
     @property
     def runs(self) -> int:

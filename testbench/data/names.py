@@ -1,7 +1,7 @@
 """The quantities of a measurement, and the names that our files give them."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Literal
@@ -87,6 +87,43 @@ class Slot:
     when: str = ""  #: "before", "after" or DEFLECTION; empty where a column of states or the load says it.
 
 
+COLUMNS: Mapping[What, tuple[str, Sequence[str]]] = {
+    "force": ("force_{}_N", XYZ),
+    "moment": ("moment_{}_Nm", XYZ),
+    "point": ("point_{}_m", XYZ),
+    "reading": ("position_{}_m", XYZ),
+    "covariance": ("deflection_cov_{}_m2", tuple(ENTRIES)),
+    "spread": ("position_cov_{}_m2", tuple(ENTRIES)),
+    "deviation": ("sigma_{}_m", XYZ),
+    "turn_deviation": ("sigma_rotation_{}_rad", XYZ),
+    "rotation": ("rotation_{}_rad", XYZ),
+    "quaternion": ("quaternion_{}", "wxyz"),
+    "matrix": ("rotation_{}", [f"{i}{j}" for i in "123" for j in "123"]),
+    "set_point": ("{}_mm", XYZ),
+    "process": ("{}_force_N", ALONG),
+}
+"""Of quantities of several numbers, the columns of our files."""
+
+
+def columns_of(what: What, when: str = "") -> dict[str, Slot]:
+    """The columns of a quantity, in order, and what each says; `when` is one of two states, where it has."""
+    pattern, parts = COLUMNS[what]
+    if when:
+        pattern = f"{when}_{{}}_m" if what == "reading" else f"rotation_{when}_{{}}_rad"
+    return {pattern.format(part): Slot(what, k, when=when) for k, part in enumerate(parts)}
+
+
+def torque_columns(arm: Arm) -> dict[str, Slot]:
+    """The columns of the joints' torques."""
+    units = ("N" if joint.prismatic else "Nm" for joint in arm.joints)
+    both = zip(arm.joints, units, strict=True)
+    return {f"torque_{joint.name}_{unit}": Slot("torque", k) for k, (joint, unit) in enumerate(both)}
+
+
+def _without_unit(every: Mapping[str, Slot]) -> dict[str, Slot]:
+    return {parts[0] if (parts := split_unit(name)) else name: slot for name, slot in every.items()}
+
+
 def squeeze(text: str) -> str:
     """A name without case, blanks, hyphens and underscores: what names are compared by."""
     return re.sub(r"[\s_\-]+", "", text).casefold()
@@ -98,14 +135,15 @@ def our_names(arm: Arm) -> dict[str, Slot]:
     found |= {"when": Slot("state"), "axis": Slot("axis"), "position": Slot("reading", WHOLE)}
     for when, words in {**STATES, DEFLECTION: (DEFLECTION,)}.items():
         found |= {word: Slot("reading", WHOLE, when=when) for word in words}
+    for what in ("force", "moment", "point", "covariance"):
+        found |= _without_unit(columns_of(what))
+    for when in WHEN:
+        found |= _without_unit(columns_of("rotation", when))
     for k, axis in enumerate(XYZ):
-        found |= {f"{what}_{axis}": Slot(what, k) for what in ("force", "moment", "point")}
-        found |= {f"rotation_{when}_{axis}": Slot("rotation", k, when=when) for when in WHEN}
         for marker in ("", *arm.markers):
             for when, words in {"": ("",), **STATES, DEFLECTION: (DEFLECTION,)}.items():
                 orders = (order for word in words for order in permutations((marker, word, axis)))
                 found |= {"_".join(order): Slot("reading", k, marker, when) for order in orders}
-    found |= {f"deflection_cov_{entry}": Slot("covariance", k) for k, entry in enumerate(ENTRIES)}
     if not any(joint.name.startswith("joint_") for joint in arm.joints):
         found |= {f"joint_{k}": Slot("joint", k - 1) for k in range(1, arm.n_joints + 1)}
     found |= {joint.name: Slot("joint", k) for k, joint in enumerate(arm.joints)}
@@ -120,17 +158,13 @@ def series_names(arm: Arm) -> dict[str, Slot]:
         found |= {f"temperature{unit}": Slot("temperature")}
     for unit in ("", "_s", "[s]", "(s)"):
         found |= {f"time{unit}": Slot("time", int(bool(unit)))}
-    for k, axis in enumerate(XYZ):
-        found |= {f"position_{axis}": Slot("reading", k), f"rotation_{axis}": Slot("rotation", k)}
-        found |= {f"rotation_{k + 1}": Slot("rotation", 3 + k)}
-        found |= {f"rotation_{k + 1}{j + 1}": Slot("matrix", 3 * k + j) for j in range(3)}
-        found |= {f"sigma_{axis}": Slot("deviation", k)}
-        found |= {f"sigma_rotation_{axis}": Slot("turn_deviation", k)}
+    for what in ("reading", "rotation", "quaternion", "matrix", "deviation", "turn_deviation", "spread"):
+        found |= _without_unit(columns_of(what))
+    found |= {f"rotation_{k}": Slot("rotation", 2 + k) for k in (1, 2, 3)}
     for k, part in enumerate("wxyz"):
-        found |= {f"{name}_{part}": Slot("quaternion", k) for name in ("quaternion", "quat", "q")}
-    found |= {f"position_cov_{entry}": Slot("spread", k) for k, entry in enumerate(ENTRIES)}
+        found |= {f"{name}_{part}": Slot("quaternion", k) for name in ("quat", "q")}
     found |= {f"torque_{k}": Slot("torque", k - 1) for k in range(1, arm.n_joints + 1)}
-    found |= {f"torque_{joint.name}": Slot("torque", k) for k, joint in enumerate(arm.joints)}
+    found |= _without_unit(torque_columns(arm))
     return {squeeze(name): slot for name, slot in found.items()} | our_names(arm)
 
 

@@ -12,11 +12,20 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.columns import Column, Columns, components, joint_coordinates, read_columns, vector
+from testbench.data.columns import (
+    Column,
+    Columns,
+    components,
+    find_columns,
+    joint_coordinates,
+    read_columns,
+    vector,
+)
 from testbench.data.dataset import Ids
 from testbench.data.mapping import read_map
-from testbench.data.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, program_names
+from testbench.data.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, columns_of, program_names
 from testbench.data.rotation import read_rotations
+from testbench.data.table import read_table
 from testbench.data.units import Unit, split_unit
 from testbench.errors import Array, InputError
 
@@ -31,6 +40,8 @@ LOADS: tuple[tuple[What, tuple[str, ...]], ...] = (
 """Of every kind of load the names."""
 FARTHEST_TURN = math.radians(45)
 """Largest turn of a hinge, or of the tool, from one point to the next [rad]."""
+SAME = 1e-3
+"""Difference between a coordinate and the same in another unit that rounding explains [deg, mm]."""
 FARTHEST_STEP = 1.0  #: Largest way of a slide, or of the tool [m].
 
 
@@ -157,6 +168,41 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
     )
 
 
+def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
+    """Read poses within the arm's limits, (poses, n) [rad, m]: one a row, a column for every joint.
+
+    Other columns may be there. A plan has every angle twice, in radians and degrees. A map says how the file
+    names the joints otherwise.
+
+    Raises:
+        InputError: Names the line and what was expected.
+    """
+    names = read_map(mapping, arm)
+    table = read_table(path, lambda name: names.find(name) is not None, names.layout)
+    joints = [
+        (k, own)
+        for k, name in enumerate(table.names)
+        if (own := names.find(name)) and own.slot.what == "joint"
+    ]
+    first = {own.slot: k for k, own in reversed(joints)}
+    again = {k for k, own in joints if k != first[own.slot]}
+    columns = find_columns(table.only([k for k in range(len(table.names)) if k not in again]), names, arm)
+    q = joint_coordinates(columns, arm)
+    if not table.rows:
+        raise table.error(0, "", "expected at least one pose")
+    for k, own in joints:
+        if k not in again or own.unit is None:
+            continue
+        joint = arm.joints[own.slot.index]
+        here, other = q[:, own.slot.index], own.unit.scale * table.numbers(k, columns.mark)
+        both = f"{table.names[first[own.slot]]} and {table.names[k]}"
+        for i in np.flatnonzero(~(joint.shown * np.abs(here - other) <= SAME))[:1]:
+            got = f"{joint.shown * here[i]:.4f} and {joint.shown * other[i]:g} {joint.shown_unit}"
+            place = f"line {table.lines[i]}, columns {both}"  # whoever edits one must not be overheard
+            raise InputError(path, place, f"expected the same twice, got {got}")
+    return q
+
+
 def _joints(columns: Columns, arm: Arm) -> Array | None:
     """Joints of every point; None where the table has poses of the tool alone."""
     stated = any(slot.what == "joint" for slot in columns.names.values)
@@ -171,14 +217,15 @@ def _joints(columns: Columns, arm: Arm) -> Array | None:
 def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
     """Positions and orientations of the tool; None where the table has joints alone."""
     rotation = read_rotations(columns)
-    found = columns.whole(wanted := {f"{x}_mm": Slot("set_point", k) for k, x in enumerate(XYZ)})
+    found = columns.whole(wanted := columns_of("set_point"))
     if not found and rotation is None:
         return None, None
     if not found:
         raise columns.lack(list(wanted))
     if rotation is None:
-        quaternion = [f"quaternion_{part}" for part in "wxyz"]
-        raise columns.lack(quaternion, "; or rotation_x_deg ... of a rotation vector, rotation_11 ...")
+        raise columns.lack(
+            list(columns_of("quaternion")), "; or rotation_x_deg ... of a rotation vector, rotation_11 ..."
+        )
     name, blank = columns.every(*ROTATIONS)[0].name, np.isnan(rotation[:, 0, 0])
     columns.table.refuse(blank, name, "expected an orientation at every point, got ''")
     position = vector(columns, "set_point")

@@ -11,8 +11,8 @@ from testbench.arm.folder import Arm
 from testbench.data.columns import Columns, read_columns
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.data.lines import MAX_BYTES
-from testbench.data.mapping import Frame, read_map
-from testbench.data.names import ENTRIES, WHEN, XYZ, Slot
+from testbench.data.mapping import read_map
+from testbench.data.names import ENTRIES, Slot, columns_of
 from testbench.data.pair import HELD, Paired, pair
 from testbench.data.rows import Conditions, Readings, markers_only, read_conditions, read_readings
 from testbench.data.scatter import read_covariances, read_sigma
@@ -25,17 +25,17 @@ from testbench.errors import Array, open_file
 class Export:
     """A file that was read, and how it was understood."""
 
-    data: Dataset  #: The runs.
-    frame: Frame | None  #: What the readings are in, by the map; None where it does not say.
+    data: Dataset  #: The runs, or some of them, evenly.
     columns: Columns  #: Which column says what.
     notes: tuple[str, ...]  #: What was assumed, left out or numbered; none for a file that says it all.
+    every: Campaign | None = None  #: All runs, where they are too many to be held.
 
 
 def read_csv(path: str | Path, arm: Arm) -> Dataset:
     """Read and check a dataset of an arm.
 
     Args:
-        path: The file: `testbench.data.write.columns` documents ours, docs/formats.md every other form.
+        path: The file: `testbench.data.write.write_csv` documents ours, docs/formats.md every other form.
         arm: The arm that was measured.
 
     Returns:
@@ -61,20 +61,10 @@ def read_export(path: Path, arm: Arm, mapping: Path | None = None, sigma: float 
     """
     with open_file(path, MAX_BYTES):  # all of it is held
         found = read_campaign(path, arm, mapping, sigma)
-    if found.every is None:
-        return found.export
-    return replace(found.export, data=together(found.every.spool))
+    return found if found.every is None else replace(found, data=together(found.every.spool), every=None)
 
 
-@dataclass(frozen=True)
-class Streamed:
-    """A file of runs."""
-
-    export: Export  #: Some of them, evenly, or all.
-    every: Campaign | None  #: All, where they are too many to be held.
-
-
-def read_campaign(path: Path, arm: Arm, mapping: Path | None = None, sigma: float | None = None) -> Streamed:
+def read_campaign(path: Path, arm: Arm, mapping: Path | None = None, sigma: float | None = None) -> Export:
     """The same, in blocks where the file is large: memory does not grow with its runs."""
     names = read_map(mapping, arm)
 
@@ -82,7 +72,7 @@ def read_campaign(path: Path, arm: Arm, mapping: Path | None = None, sigma: floa
         return runs_of(columns, arm, sigma)
 
     source = Source(path, arm, names, _run_column, ("run", "pose", "station"), compute)
-    return in_blocks(source, _gathered) or Streamed(compute(read_columns(path, names, arm)), None)
+    return in_blocks(source, _gathered) or compute(read_columns(path, names, arm))
 
 
 def _run_column(columns: Columns) -> list[int]:
@@ -92,7 +82,7 @@ def _run_column(columns: Columns) -> list[int]:
     return [run.index] if run and pose and single else []
 
 
-def _gathered(exports: Iterator[Export]) -> Streamed:
+def _gathered(exports: Iterator[Export]) -> Export:
     """All runs in a file of their own, and some."""
     spool, first = Spool[Dataset](), next(exports)
     run, pose, level = list[Ids](), list[Ids](), list[Array]()
@@ -106,7 +96,7 @@ def _gathered(exports: Iterator[Export]) -> Streamed:
     ordered = np.sort(every.run)
     if (ordered[1:] == ordered[:-1]).any():  # rows of a run do not stand together
         raise Whole
-    return Streamed(replace(first, data=every.pick(some(np.arange(every.runs)))), every)
+    return replace(first, data=every.pick(some(np.arange(every.runs))), every=every)
 
 
 def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
@@ -138,7 +128,7 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
         precision=precision,
         station=None if conditions.station is None else conditions.station[runs.row],
     )
-    return Export(data, columns.names.frame, columns, (*conditions.notes, *runs.notes, *notes, *dropped))
+    return Export(data, columns, (*conditions.notes, *runs.notes, *notes, *dropped))
 
 
 def _check_once(columns: Columns, conditions: Conditions, runs: Paired, read: Readings) -> None:
@@ -167,9 +157,7 @@ def _one_sigma(columns: Columns, index: int, flag: float | None) -> tuple[float,
 
 def _rotations(columns: Columns, row: Ids) -> tuple[Array, Array, float] | tuple[None, None, None]:
     """Orientations of every run, unloaded and loaded, (runs, 3) [rad], and their sigma; None if not read."""
-    wanted = {
-        f"rotation_{when}_{x}_rad": Slot("rotation", k, when=when) for when in WHEN for k, x in enumerate(XYZ)
-    }
+    wanted = columns_of("rotation", "before") | columns_of("rotation", "after")
     found = columns.whole(wanted)
     if not found:
         if Slot("sigma", 1) in columns.found:
@@ -183,7 +171,7 @@ def _rotations(columns: Columns, row: Ids) -> tuple[Array, Array, float] | tuple
 
 def _precision(columns: Columns, read: Readings, runs: Paired, lost: Mask) -> Array | None:
     """Inverse covariances, (runs, m, 3, 3) [1/m^2], zero where the target was lost; None without columns."""
-    table, C = columns.table, read_covariances(columns, "deflection_cov", "covariance")
+    table, C = columns.table, read_covariances(columns, "covariance")
     if C is None:
         return None
     if not (read.long and read.paired):

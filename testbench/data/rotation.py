@@ -3,13 +3,12 @@
 import numpy as np
 
 from testbench.data.columns import Column, Columns
-from testbench.data.names import ROTATIONS, XYZ, Slot
+from testbench.data.names import ROTATIONS, XYZ, Slot, columns_of
 from testbench.errors import Array
 
 UNIT_NORM = 5e-3
 """How far a quaternion's norm, or a matrix times its transpose, may be from one [1]: rounding in a file."""
 MOST = 2.5 * np.pi  #: Angles beyond it are in degrees [rad].
-PARTS = {"quaternion": tuple("wxyz"), "matrix": tuple(f"{i}{j}" for i in "123" for j in "123")}
 
 
 def read_rotations(columns: Columns) -> Array | None:
@@ -30,8 +29,7 @@ def read_rotations(columns: Columns) -> Array | None:
     what = found[0].slot.what
     if what == "rotation":
         return _from_angles(columns, found)
-    name = "quaternion" if what == "quaternion" else "rotation"
-    own = columns.whole({f"{name}_{part}": Slot(what, k) for k, part in enumerate(PARTS[what])})
+    own = columns.whole(columns_of(what))
     values, there = columns.together(own)
     read = _from_quaternions if what == "quaternion" else _from_matrices
     none = [1.0, 0, 0, 0] if what == "quaternion" else np.eye(3).ravel()

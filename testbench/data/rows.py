@@ -12,7 +12,7 @@ from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY, find_body, numbers, read_mjcf
 from testbench.data.columns import Column, Columns, axes, joint_coordinates
 from testbench.data.dataset import Ids, Mask
-from testbench.data.names import DEFLECTION, STATES, WHEN, XYZ, Slot, squeeze
+from testbench.data.names import DEFLECTION, STATES, WHEN, XYZ, Slot, columns_of, squeeze
 from testbench.errors import Array
 
 SAME_POSE = 1e-6
@@ -241,7 +241,7 @@ def _blocks(columns: Columns) -> dict[tuple[str, str], list[Column]]:
         if k not in triple
     ]
     if not found:
-        missing = [f"{when}_{axis}_m" for when in WHEN for axis in XYZ]
+        missing = [name for when in WHEN for name in columns_of("reading", when)]
     for marker, when in found:
         others = ("after", DEFLECTION) if when == "before" else ("before",)
         if when and not any((marker, other) in found for other in others):

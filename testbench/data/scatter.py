@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.data.columns import Columns
-from testbench.data.names import ENTRIES, ROTATIONS, XYZ, Slot, What
+from testbench.data.names import ENTRIES, ROTATIONS, Slot, What, columns_of
 from testbench.errors import Array
 
 SIGMA = (
@@ -35,11 +35,11 @@ def read_scatter(columns: Columns, sigma: float | None, sigma_rotation: float | 
     Raises:
         InputError: At a number that no instrument has, and where two places say the same.
     """
-    deviations, notes = _deviations(columns, "deviation", LEAST[0])
-    turned, more = _deviations(columns, "turn_deviation", LEAST[1])
+    deviations, notes = _deviations(columns, "deviation", LEAST[0], "m")
+    turned, more = _deviations(columns, "turn_deviation", LEAST[1], "rad")
     own, said = read_sigma(columns, 0, sigma, deviations)
     own_turn, said_turn = read_sigma(columns, 1, sigma_rotation, turned)
-    covariance = read_covariances(columns, "position_cov", "spread")
+    covariance = read_covariances(columns, "spread")
     if covariance is None and deviations is not None:
         filled = np.where(np.isnan(deviations), own[:, None], deviations)
         covariance = filled[:, :, None] ** 2 * np.eye(3)
@@ -88,10 +88,9 @@ def read_sigma(
     return np.full(table.rows, SIGMA[index] if value is None else value), notes
 
 
-def _deviations(columns: Columns, what: What, least: float) -> tuple[Array | None, list[str]]:
+def _deviations(columns: Columns, what: What, least: float, unit: str) -> tuple[Array | None, list[str]]:
     """Standard deviations by axis, (rows, 3) [m, rad], NaN where blank; None without such columns."""
-    name, unit = ("sigma", "m") if what == "deviation" else ("sigma_rotation", "rad")
-    found = columns.whole({f"{name}_{x}_{unit}": Slot(what, k) for k, x in enumerate(XYZ)})
+    found = columns.whole(columns_of(what))
     if not found:
         return None, []
     values = np.column_stack([columns.values(column) for column in found])
@@ -109,13 +108,13 @@ def _deviations(columns: Columns, what: What, least: float) -> tuple[Array | Non
     return np.fmax(values, least) if low else values, [words] * bool(low)
 
 
-def read_covariances(columns: Columns, name: str, what: What) -> Array | None:
+def read_covariances(columns: Columns, what: What) -> Array | None:
     """Covariances of every row, (rows, 3, 3) [m^2], NaN where blank; None without such columns.
 
     Raises:
-        InputError: Where one of the columns NAME_xx_m2, NAME_xy_m2 ... is missing.
+        InputError: Where one of the columns is missing.
     """
-    found = columns.whole({f"{name}_{entry}_m2": Slot(what, k) for k, entry in enumerate(ENTRIES)})
+    found = columns.whole(columns_of(what))
     if not found:
         return None
     C = np.empty((columns.table.rows, 3, 3))

@@ -14,11 +14,12 @@ from testbench.data.dataset import (
     in_order,
     read_by,
 )
+from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array
 
 
-@dataclass(frozen=True)
-class Series:
+@dataclass(frozen=True, repr=False)
+class Series(Displayed):
     """What one set-up of a tracker read of one arm.
 
     Frame and target are names: series that share a name share the unknown behind it. Rows of one `pose` are
@@ -47,6 +48,19 @@ class Series:
     torque: Array | None = None  #: Torques of the actuated joints, (rows, n) [N m, N].
     temperature: Array | None = None  #: (rows,) [degree Celsius].
     time: Array | None = None  #: (rows,) [s] from any start.
+
+    def about(self) -> dict[str, object]:
+        """Rows, poses, targets, frame, mount and noise."""
+        return {
+            "name": self.name,
+            "rows": len(self.row),
+            "poses": len(np.unique(self.pose)),
+            "targets": " ".join(self.markers),
+            "frame": self.frame,
+            "mount": self.target,
+            "orientations": self.rotation is not None,
+            "sigma_um": f"{1e6 * self.sigma:g}",
+        }
 
     def __post_init__(self) -> None:
         """Refuse wrong shapes and identifiers, and what is not finite, by BenchError."""

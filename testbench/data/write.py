@@ -1,7 +1,7 @@
-"""Runs, absolute readings and corrected programs as CSV, the unit in the column's name.
+"""Runs, absolute readings and corrected programs as CSV, in the columns that `names` declares.
 
 A row is one marker of one run, one target of one reading, one point. Numbers are written in full, so that
-reading gives them back bit by bit.
+reading gives them back bit by bit; a blank cell is a number that is not there.
 """
 
 import csv
@@ -15,7 +15,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.data.lines import as_cell
-from testbench.data.names import ENTRIES, XYZ
+from testbench.data.names import ENTRIES, WHEN, What, columns_of, torque_columns
 from testbench.data.program import Program
 from testbench.data.read_series import ALONE
 from testbench.data.rows import load_point, same_poses
@@ -28,48 +28,23 @@ Table = dict[str, list[str]]
 """The cells of every column."""
 Shown = Callable[[float], str]
 """How a number is written."""
-FORCE, MOMENT, POINT, PLACE, ROTATION, DEVIATION = (
-    [pattern.format(x) for x in XYZ]
-    for pattern in (
-        "force_{}_N",
-        "moment_{}_Nm",
-        "point_{}_m",
-        "position_{}_m",
-        "rotation_{}_rad",
-        "sigma_{}_m",
-    )
-)
-READINGS = [f"{when}_{x}_m" for when in ("before", "after") for x in XYZ]
-TURNED = [f"rotation_{when}_{x}_rad" for when in ("before", "after") for x in XYZ]
-SIGMA = ("sigma_m", "sigma_rad")
-COVARIANCES = [f"deflection_cov_{name}_m2" for name in ENTRIES]
-COVARIANCE = [f"position_cov_{name}_m2" for name in ENTRIES]
+Block = tuple[Iterable[str], Array | Ids | None]
+"""Columns and their numbers, (rows, columns), a row for as many points as follow each other; or none."""
 DIGITS = 4  #: Digits of standard deviations and covariances in a shortened file.
 
 
-def columns(arm: Arm | tuple[str, ...], *, rotation: bool, covariance: bool = False) -> list[str]:
-    """The header of the CSV file of runs, in order.
+def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> None:
+    """Write the dataset; an existing file is replaced only by a whole one.
 
     run, pose: integers. marker: its name in the arm. JOINT_rad: joint angle, JOINT_m of a slide. force_*_N,
     moment_*_Nm: load, world axes. point_*_m: where it acts, tool's frame. before_*_m, after_*_m: readings,
     world axes. sigma_m: standard deviation of one reading along one axis, the same in all rows.
 
-    With `rotation` orientations are read: rotation_before_*_rad, rotation_after_*_rad (rotation vectors,
-    world axes, the same for every marker of a run) and sigma_rad. With `covariance` every reading has one of
-    its own: deflection_cov_*_m2, of both readings together, world axes; a lost target leaves them and its
-    readings empty. The set-up of the tracker stands in station, an integer, where there are several; readings
-    are then in its frame.
-    """
-    names = ["run", "pose", "marker", *_joints(arm), *FORCE, *MOMENT, *POINT, *READINGS, SIGMA[0]]
-    return names + [*TURNED, SIGMA[1]] * rotation + COVARIANCES * covariance
-
-
-def _joints(arm: Arm | tuple[str, ...]) -> list[str]:
-    return [j.column for j in arm.joints] if isinstance(arm, Arm) else [f"{name}_rad" for name in arm]
-
-
-def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> None:
-    """Write the dataset; an existing file is replaced only by a whole one.
+    Where orientations were read: rotation_before_*_rad, rotation_after_*_rad (rotation vectors, world axes,
+    the same for every marker of a run) and sigma_rad. Where every reading has a covariance of its own:
+    deflection_cov_*_m2, of both readings together, world axes; a lost target leaves them and its readings
+    empty. The set-up of the tracker stands in station, an integer, where there are several; readings are then
+    in its frame.
 
     Args:
         data: The runs.
@@ -85,22 +60,22 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
 
 def csv_text(data: Dataset, arm: Arm | tuple[str, ...]) -> str:
     """The same as text."""
-    joints, m, lost = _joints(arm), len(data.markers), ~data.seen.reshape(-1, 1)
+    joints = [j.column for j in arm.joints] if isinstance(arm, Arm) else [f"{name}_rad" for name in arm]
     if len(joints) != data.q.shape[1]:
         raise BenchError(f"joints: expected {data.q.shape[1]} names, got {joints}")
-    readings = np.hstack([data.before.reshape(-1, 3), data.after.reshape(-1, 3)])
-    own = {"run": _ids(data.run, m), "pose": _ids(data.pose, m)}
-    own |= {"marker": list(map(as_cell, data.markers)) * data.runs} | _conditions(joints, data, repr)
-    own |= _cells(READINGS, np.where(lost, np.nan, readings))
-    own[SIGMA[0]] = [repr(float(data.sigma))] * data.points
-    if data.rotation_before is not None and data.rotation_after is not None and data.sigma_rotation:
-        turns = np.hstack([data.rotation_before, data.rotation_after])
-        own |= _cells(TURNED, np.repeat(turns, m, axis=0))
-        own[SIGMA[1]] = [repr(float(data.sigma_rotation))] * data.points
+    n, lost, turned = data.points, ~data.seen.reshape(-1, 1), data.rotation_before is not None
+    blocks = _conditions(joints, data)
+    for when, places in zip(WHEN, (data.before, data.after), strict=True):
+        blocks.append((columns_of("reading", when), np.where(lost, np.nan, places.reshape(-1, 3))))
+    blocks.append((["sigma_m"], np.full(n, data.sigma)))
+    for when, turns in zip(WHEN, (data.rotation_before, data.rotation_after), strict=True):
+        blocks.append((columns_of("rotation", when), turns))
+    blocks.append((["sigma_rad"], np.full(n, data.sigma_rotation) if turned else None))
     if data.precision is not None:
-        own |= _cells(COVARIANCES, np.where(lost, np.nan, _entries(data.covariance.reshape(-1, 3, 3))))
-    if data.station is not None:
-        own["station"] = _ids(data.station, m)
+        C = _entries(data.covariance.reshape(-1, 3, 3))
+        blocks.append((columns_of("covariance"), np.where(lost, np.nan, C)))
+    own = _cells(n, [(["run"], data.run), (["pose"], data.pose)], str)
+    own |= _markers(data) | _cells(n, blocks, repr) | _cells(n, [(["station"], data.station)], str)
     return _text(own, zip(*own.values(), strict=True))
 
 
@@ -136,8 +111,12 @@ def series_text(arm: Arm, series: Sequence[Series], stem: str, decimals: int | N
             raise BenchError(f"markers: expected {series[0].markers} in all of a file, got {s.markers}")
     silent, scatter = _silent(arm, series, stem), _scatter_columns(series)
     turned = next((s.sigma_rotation for s in series if s.sigma_rotation), None)
-    if turned:
-        series = [s if s.rotation is not None else _unturned(s, turned) for s in series]
+    if turned:  # one without orientations among others that have them: all were lost
+        none = [np.full((s.rows, 3, 3), np.nan) for s in series]
+        series = [
+            s if s.rotation is not None else replace(s, rotation=own, sigma_rotation=turned)
+            for s, own in zip(series, none, strict=True)
+        ]
     tables = [_table(arm, s, stem, decimals) | _scatter(s, scatter, decimals) for s in series]
     if any(list(table) != list(tables[0]) for table in tables):
         raise BenchError("series: expected torques, temperature and time in all of a file or in none")
@@ -203,12 +182,17 @@ def _text(header: Iterable[str], rows: Iterable[Iterable[str]], delimiter: str =
     return text.getvalue()
 
 
-def _cells(names: Sequence[str], values: Array, shown: Shown = repr) -> Table:
-    """Columns of an array, (rows, k), as text; NaN is blank."""
-    return {name: _numbers(own, shown) for name, own in zip(names, values.T, strict=True)}
+def _cells(points: int, blocks: Iterable[Block], shown: Shown) -> Table:
+    """The numbers of every point as text, by column."""
+    found: Table = {}
+    for names, values in blocks:
+        if values is not None:
+            rows = np.repeat(values.reshape(len(values), -1), points // max(len(values), 1), axis=0)
+            found |= {name: _numbers(own, shown) for name, own in zip(names, rows.T, strict=True)}
+    return found
 
 
-def _numbers(values: Array, shown: Shown = repr, mark: str = ".") -> list[str]:
+def _numbers(values: Array | Ids, shown: Shown = repr, mark: str = ".") -> list[str]:
     """Numbers with a decimal mark; NaN is blank."""
     texts = ["" if x != x else shown(x) for x in values.tolist()]
     return texts if mark == "." else [text.replace(".", mark) for text in texts]
@@ -219,15 +203,14 @@ def _rounded(decimals: int | None) -> Shown:
     return repr if decimals is None else lambda x: repr(round(x, decimals) + 0.0)
 
 
-def _ids(values: Ids, count: int) -> list[str]:
-    return list(map(str, np.repeat(values, count)))
+def _markers(own: Dataset | Series) -> Table:
+    return {"marker": list(map(as_cell, own.markers)) * len(own.q)}
 
 
-def _conditions(joints: Sequence[str], data: Dataset | Series, shown: Shown) -> Table:
-    """Joints and load of every run or reading, once a marker."""
-    names = [*joints, *FORCE, *MOMENT, *POINT]
-    values = np.hstack([data.q, data.wrench, data.point])
-    return _cells(names, np.repeat(values, len(data.markers), axis=0), shown)
+def _conditions(joints: Sequence[str], own: Dataset | Series) -> list[Block]:
+    """Joints and load of every run or reading."""
+    load = [*columns_of("force"), *columns_of("moment")]
+    return [(joints, own.q), (load, own.wrench), (columns_of("point"), own.point)]
 
 
 def _entries(C: Array) -> Array:
@@ -248,9 +231,9 @@ def _silent(arm: Arm, series: Sequence[Series], stem: str) -> set[str]:
         ("series_frame",): [s.frame for s in series] == frames,
         ("series_target",): all(s.target == stem for s in series),
         ("marker",): first.markers == known and len(known) == 1,
-        tuple(FORCE): not any(s.wrench[:, :3].any() for s in series),
-        tuple(MOMENT): not any(s.wrench[:, 3:].any() for s in series),
-        tuple(POINT): all((s.point == at).all() for s in series),
+        tuple(columns_of("force")): not any(s.wrench[:, :3].any() for s in series),
+        tuple(columns_of("moment")): not any(s.wrench[:, 3:].any() for s in series),
+        tuple(columns_of("point")): all((s.point == at).all() for s in series),
     }
     if set(first.markers) - set(arm.markers) and not groups["marker",]:
         raise BenchError(f"markers: expected some of {arm.name}'s {arm.markers}, got {first.markers}")
@@ -262,36 +245,28 @@ def _place(s: Series, stem: str) -> str:
     return "" if s.name == stem else s.name.removeprefix(f"{stem} ")
 
 
-def _unturned(s: Series, sigma: float) -> Series:
-    """A series without orientations among others that have them: all were lost."""
-    return replace(s, rotation=np.full((s.rows, 3, 3), np.nan), sigma_rotation=sigma)
-
-
 def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
     """All columns of a series but how far it scatters, (rows * m) cells each."""
-    m, count, shown = len(s.markers), s.rows * len(s.markers), _rounded(decimals)
-    own = {"run": _ids(s.row, m), "pose": _ids(s.pose, m)}
+    n, shown, lost = s.rows * len(s.markers), _rounded(decimals), ~s.seen.reshape(-1, 1)
     texts = {"series": _place(s, stem) or s.name, "series_frame": s.frame, "series_target": s.target}
-    own |= {name: [as_cell(text)] * count for name, text in texts.items()}
-    own |= {"marker": list(map(as_cell, s.markers)) * s.rows}
-    own |= _conditions([j.column for j in arm.joints], s, shown)
-    torques = [f"torque_{j.name}_{'N' if j.prismatic else 'Nm'}" for j in arm.joints]
-    vectors, warm = None if s.rotation is None else _vectors(s), _rounded(decimals and 2)
-    beside = [(torques, s.torque, shown), (["time_s"], s.time, shown), (ROTATION, vectors, shown)]
-    for names, values, how in [*beside, (["temperature"], s.temperature, warm)]:
-        if values is not None:
-            own |= _cells(names, np.repeat(values.reshape(s.rows, -1), m, axis=0), how)
-    lost = ~s.seen.reshape(-1, 1)
-    return own | _cells(PLACE, np.where(lost, np.nan, s.position.reshape(-1, 3)), shown)
+    vectors = None if s.rotation is None else _vectors(s, s.rotation)
+    beside: list[Block] = [(torque_columns(arm), s.torque), (["time_s"], s.time)]
+    beside += [(columns_of("rotation"), vectors)]
+    own = _cells(n, [(["run"], s.row), (["pose"], s.pose)], str)
+    own |= {name: [as_cell(text)] * n for name, text in texts.items()} | _markers(s)
+    own |= _cells(n, [*_conditions([j.column for j in arm.joints], s), *beside], shown)
+    own |= _cells(n, [(["temperature"], s.temperature)], _rounded(decimals and 2))
+    places = np.where(lost, np.nan, s.position.reshape(-1, 3))
+    return own | _cells(n, [(columns_of("reading"), places)], shown)
 
 
-def _vectors(s: Series) -> Array:
-    """Orientations as rotation vectors, (rows, 3) [rad]; NaN where lost."""
+def _vectors(s: Series, R: Array) -> Array:
+    """Orientations, (rows, 3, 3), as rotation vectors, (rows, 3) [rad]; NaN where lost."""
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
 
     found = np.full((s.rows, 3), np.nan)
-    if s.rotation is not None and s.turned.any():
-        found[s.turned] = Rotation.from_matrix(s.rotation[s.turned]).as_rotvec()
+    if s.turned.any():
+        found[s.turned] = Rotation.from_matrix(R[s.turned]).as_rotvec()
     return found
 
 
@@ -305,24 +280,23 @@ def _covariances(s: Series) -> tuple[Array, Mask]:
     return C, seen
 
 
-def _scatter_columns(series: Sequence[Series]) -> list[str]:
+def _scatter_columns(series: Sequence[Series]) -> What | None:
     """Standard deviations by axis, or covariances; none where sigma says it all."""
     C = np.concatenate([own[seen] / s.sigma**2 for s in series for own, seen in [_covariances(s)]])
     if np.allclose(C, np.eye(3), rtol=0, atol=1e-12):
-        return []
+        return None
     least = min((LEAST[0] / s.sigma) ** 2 for s in series)
     diagonal = (C * np.eye(3) == C).all() and (np.diagonal(C, axis1=1, axis2=2) >= least).all()
-    return DEVIATION if diagonal else COVARIANCE
+    return "deviation" if diagonal else "spread"
 
 
-def _scatter(s: Series, columns: list[str], decimals: int | None) -> Table:
+def _scatter(s: Series, what: What | None, decimals: int | None) -> Table:
     """How far it scatters: one number for all, and one for every reading where columns say so."""
-    shown: Shown = repr if decimals is None else lambda x: f"{x:.{DIGITS}g}"
     C, _ = _covariances(s)
-    sigmas = zip(SIGMA, (s.sigma, s.sigma_rotation), strict=True)
-    own = {name: [shown(float(x))] * len(C) for name, x in sigmas if x is not None}
-    if not columns:
-        return own
-    diagonal = columns == DEVIATION
-    values = np.sqrt(np.diagonal(C, axis1=1, axis2=2)) if diagonal else _entries(C)
-    return own | _cells(columns, values, shown)
+    sigmas = zip(("sigma_m", "sigma_rad"), (s.sigma, s.sigma_rotation), strict=True)
+    blocks: list[Block] = [([name], np.full(len(C), x)) for name, x in sigmas if x is not None]
+    if what is not None:
+        deviations = what == "deviation"
+        values = np.sqrt(np.diagonal(C, axis1=1, axis2=2)) if deviations else _entries(C)
+        blocks.append((columns_of(what), values))
+    return _cells(len(C), blocks, repr if decimals is None else lambda x: f"{x:.{DIGITS}g}")

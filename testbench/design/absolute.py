@@ -12,33 +12,20 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from testbench.data.series import Series
-from testbench.design.criteria import Criterion, Determinant, Linear, criterion_e, criterion_g, mean_square
-from testbench.design.forecast import Forecast, forecast
-from testbench.design.planning import CandidateSet, Chosen
+from testbench.design.planning import CandidateSet
 from testbench.design.rows import SCALE_UNCERTAINTY, Problem
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.rows import rows_of
-from testbench.identify.absolute.state import State, targets, tell
+from testbench.identify.absolute.state import State, forward, targets
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
 from testbench.model.vjm import chain, translation_rows
 
 BATCH = 250  #: Poses whose rows of all unknowns are in memory at a time.
+LOOSE = 1.0
+"""Standard deviation that is expected of frames and mounts, which a few poses find [m, rad]."""
 LITTLE = 1e-3  #: Information of a plan of average poses, over the prior's, below which nothing is seen [1].
-CRITERIA = ("I", "G", "A", "D", "E")  #: Criteria by name, as those of `planning.CRITERIA`.
-
-
-@dataclass(frozen=True)
-class Sizes:
-    """Standard deviations that are expected of what is unknown beside compliances."""
-
-    #: Of frames and mounts, which a few poses find [m, rad]; so large that the greedy start, which updates
-    #: what candidates see, looks at them anew until it has found them.
-    loose: float = 1.0
-    shift: float = 1e-3  #: Of an error of geometry along an axis [m].
-    turn: float = 1e-3  #: About an axis [rad].
-    error: float = 30e-6  #: Of a coefficient of the joints' errors [rad, m].
 
 
 @dataclass(frozen=True)
@@ -58,19 +45,20 @@ class Union:
         return self.pose.rows
 
 
-def expected_root(unknowns: Unknowns, sizes: Sizes, metric: Metric, uncertainty: float) -> Array:
+def expected_root(
+    unknowns: Unknowns, metric: Metric, uncertainty: float, geometry: float, error: float
+) -> Array:
     """Unknowns per unit of what is expected of them, (size, size): a root of the prior's covariance.
 
     Args:
         unknowns: What is unknown.
-        sizes: Of all but compliances.
         metric: Of the compliances' prior.
         uncertainty: Of it, relative [1].
+        geometry: Standard deviation of an error of geometry along an axis and about one [m, rad].
+        error: Of a coefficient of the joints' errors [rad, m].
     """
-    d = np.full(unknowns.starts["elastic"], sizes.loose)
-    geometry = d[unknowns.columns("geometry")].reshape(-1, 6)  # a view
-    geometry[:, :3], geometry[:, 3:] = sizes.shift, sizes.turn
-    d[unknowns.columns("errors")] = sizes.error
+    d = np.full(unknowns.starts["elastic"], LOOSE)
+    d[unknowns.columns("geometry")], d[unknowns.columns("errors")] = geometry, error
     B, _ = precision_root(metric, Strength(uncertainty, SCALE_UNCERTAINTY))
     return np.asarray(block_diag(np.diag(d), np.linalg.solve(B.T, metric.L.T).T))
 
@@ -117,9 +105,7 @@ def sag(union: Union, q: Array) -> Array:
     """RMS distance that own weight and the last load are expected to move targets, (poses,) [m]."""
     series, state = at(union, q), union.state
     rigid = replace(state, C_theta=np.zeros_like(state.C_theta))
-    bent, straight = (
-        targets(tell(one, series.q, series.wrench, series.point), one.mount(series)) for one in (state, rigid)
-    )
+    bent, straight = (targets(forward(one, series).where, one.mount(series)) for one in (state, rigid))
     moved = np.square(bent - straight).sum(axis=2).mean(axis=1)
     return np.asarray(np.sqrt(moved.reshape(len(q), -1)[:, -1]))
 
@@ -138,27 +124,6 @@ def candidate_set(union: Union, q: Array, poses: int) -> CandidateSet:
     rows = np.concatenate([_whitened(union, some) @ lift for some in _batches(q)])
     problem = Problem(rows, np.eye(lift.shape[1]), lift, rest @ rest.T, np.zeros((len(V), 0)))
     return CandidateSet(q, np.zeros(len(q), dtype=int), problem)
-
-
-def criterion_of(name: str, problem: Problem, wanted: Array) -> Criterion:
-    """A criterion by its name in `CRITERIA`; I and G are of predictions such as `position_rows` [m]."""
-    rows = wanted @ problem.lift
-    if name == "I":
-        return Linear("I", mean_square(rows))
-    if name == "G":
-        return criterion_g(rows)
-    if name == "A":
-        return Linear("A", np.eye(problem.r) / problem.r)
-    if name == "D":
-        return Determinant()
-    if name == "E":
-        return criterion_e()
-    raise BenchError(f"no criterion {name!r} of absolute readings; criteria are {', '.join(CRITERIA)}")
-
-
-def promise(chosen: Chosen, wanted: Array) -> Forecast:
-    """Errors of predictions (poses, 3 m, size) [m] after the plan was read and the arm calibrated."""
-    return forecast(chosen.examined.problem, chosen.information, wanted)
 
 
 def information_of(union: Union, q: Array) -> Array:

@@ -1,5 +1,7 @@
 """What a plan is judged by: greedy and random plans of the same poses, and how much rests on the prior."""
 
+import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +10,7 @@ from testbench.design.criteria import mean_square
 from testbench.design.exchange import greedy
 from testbench.design.observability import observability
 from testbench.design.planning import Plan
-from testbench.design.rows import Ids, information
+from testbench.design.rows import Ids, Problem, information
 from testbench.errors import Array
 
 RANDOM = 200  #: Random plans that the plan is compared with.
@@ -41,8 +43,7 @@ def prior_influence(plan: Plan, rows: Array) -> PriorInfluence:
     """
     problem, M = plan.examined.problem, plan.information
     I = np.linalg.inv(M)  # noqa: E741 - used on both sides
-    W = mean_square(rows @ problem.lift)
-    hidden = _hidden(plan, rows)
+    W, hidden = mean_square(rows @ problem.lift), hidden_square(problem, rows)
     left_open = hidden + float(np.trace(W @ I @ problem.prior @ I))
     half = np.linalg.inv(np.linalg.cholesky(problem.prior))
     against = np.linalg.eigvalsh(half @ (M - problem.prior) @ half.T)
@@ -58,27 +59,32 @@ def baselines(plan: Plan, rows: Array, *, drawn: int, rng: np.random.Generator) 
 
     So many of those examined, the first, were drawn at random: random plans are made of them.
     """
-    spec = plan.specification
-    problem, hidden = plan.examined.problem, _hidden(plan, rows)
-    W = mean_square(rows @ problem.lift)
+    spec, problem = plan.specification, plan.examined.problem
+    error = error_after(problem, rows)
 
-    def errors(plans: Ids) -> Array:
-        M = np.stack([information(problem, chosen) for chosen in plans])
-        found = np.sqrt(hidden + (np.linalg.inv(M) * W).sum(axis=(1, 2)))
-        seen = [spec.uncertainty is not None or observability(problem, p).seen == problem.r for p in plans]
-        return np.where(seen, found, np.inf)
+    def errors(plans: Iterable[Ids]) -> Array:
+        whole = spec.uncertainty is not None
+        return np.array(
+            [error(p) if whole or observability(problem, p).seen == problem.r else np.inf for p in plans]
+        )
 
     counts = sorted({*COUNTS, spec.poses})
     order = greedy(problem, plan.criterion, problem.rows, counts[-1])
     return Baselines(
-        greedy=np.concatenate([errors(order[None, : k + 1]) for k in range(len(order))]),
+        greedy=errors(order[: k + 1] for k in range(len(order))),
         random={
-            count: errors(np.stack([rng.choice(drawn, count, replace=drawn < count) for _ in range(RANDOM)]))
+            count: errors([rng.choice(drawn, count, replace=drawn < count) for _ in range(RANDOM)])
             for count in counts
         },
     )
 
 
-def _hidden(plan: Plan, rows: Array) -> float:
+def error_after(problem: Problem, rows: Array) -> Callable[[Ids], float]:
+    """RMS error of predictions (poses, 3 m, n) [m] after some candidates were read [m]."""
+    hidden, W = hidden_square(problem, rows), mean_square(rows @ problem.lift)
+    return lambda plan: math.sqrt(hidden + float((np.linalg.inv(information(problem, plan)) * W).sum()))
+
+
+def hidden_square(problem: Problem, rows: Array) -> float:
     """Mean square error in directions that no candidate shows [m^2]; rounding may fall below zero."""
-    return max(0.0, float(np.trace(mean_square(rows) @ plan.examined.problem.hidden)))
+    return max(0.0, float(np.trace(mean_square(rows) @ problem.hidden)))

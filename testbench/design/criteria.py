@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.design.squares import squares
-from testbench.design.update import Seen, look
-from testbench.errors import Array
+from testbench.design.rows import Problem, times
+from testbench.errors import Array, BenchError
 
+CRITERIA = ("D", "A", "E", "G", "I", "test")  #: All, by name; absolute readings have no tasks to test.
 POWER = 24  #: Sharpness of the smooth stand-in for a largest value, G and E.
 SHORTLIST = 32  #: Candidates for which G and E are computed exactly; the stand-in ranks the others.
 
@@ -41,7 +41,6 @@ class Determinant:
     """D: det(M)^(1/r), the volume of the confidence ellipsoid."""
 
     name: str = "D"
-    W: None = None  #: It weights nothing.
 
     def information(self, M: Array) -> float:
         """det(M)^(1/r)."""
@@ -50,11 +49,9 @@ class Determinant:
 
     def after(self, M: Array, rows: Array) -> Array:
         """By det(M + F^T F) = det(M) det(1 + F M^-1 F^T)."""
-        return self.reached(M, look(M, rows, None))
-
-    def reached(self, M: Array, seen: Seen) -> Array:
-        """The same from what candidates see of M."""
-        return np.asarray(self.information(M) * np.exp(seen.growth() / len(M)))
+        seen = times(rows, np.asarray(np.linalg.inv(M))) @ rows.swapaxes(1, 2)
+        growth = np.linalg.slogdet(np.eye(rows.shape[1]) + seen)[1]
+        return np.asarray(self.information(M) * np.exp(growth / len(M)))
 
     def tangent(self, M: Array) -> Tangent:
         """Phi(M) M^-1 / r: the arithmetic mean of eigenvalues is no less than the geometric."""
@@ -75,11 +72,7 @@ class Linear:
 
     def after(self, M: Array, rows: Array) -> Array:
         """By Woodbury's formula."""
-        return self.reached(M, look(M, rows, self.W))
-
-    def reached(self, M: Array, seen: Seen) -> Array:
-        """The same from what candidates see of M."""
-        return np.asarray(1 / (1 / self.information(M) - seen.gain()))
+        return np.asarray(1 / (1 / self.information(M) - _gain(M, rows, self.W)))
 
     def tangent(self, M: Array) -> Tangent:
         """M^-1 W M^-1 / tr(W M^-1)^2: that of a concave function that is homogeneous."""
@@ -108,7 +101,7 @@ class Largest:
         found = np.zeros(len(rows))
         first = np.arange(len(rows))
         if len(rows) > SHORTLIST:
-            gain = look(M, rows, self._weighted(M, self.costs(M))).gain()
+            gain = _gain(M, rows, self._weighted(M, self.costs(M)))
             first = np.argpartition(-gain, SHORTLIST)[:SHORTLIST]
         few = rows[first]
         found[first] = 1 / self.costs(M + few.swapaxes(1, 2) @ few).max(axis=-1)
@@ -129,6 +122,29 @@ class Largest:
 Criterion = Determinant | Linear | Largest  #: An information function, by name.
 
 
+def check_criterion(name: str, *, absolute: bool = False) -> None:
+    """Refuse what is not in `CRITERIA`; of absolute readings also "test"."""
+    known = CRITERIA[: len(CRITERIA) - absolute]
+    if name not in known:
+        what = " of absolute readings" if absolute else ""
+        raise BenchError(f"no criterion {name!r}{what}; criteria are {', '.join(known)}")
+
+
+def criterion_of(name: str, problem: Problem, workspace: Array, tasks: Array | None = None) -> Criterion:
+    """A criterion by its name in `CRITERIA`.
+
+    Of predictions per unit of x, (poses, 3 m, n) [m]: I and G over the workspace, "test" at the tasks.
+    """
+    if name == "D":
+        return Determinant()
+    if name == "A":
+        return Linear("A", np.eye(problem.r) / problem.r)
+    if name == "E":
+        return criterion_e()
+    wanted = (workspace if tasks is None or name != "test" else tasks) @ problem.lift
+    return criterion_g(wanted) if name == "G" else Linear(name, mean_square(wanted))
+
+
 def criterion_e() -> Largest:
     """E-optimality: least eigenvalue of M; the costs are the eigenvalues of M^-1."""
 
@@ -147,9 +163,10 @@ def criterion_g(rows: Array) -> Largest:
     every = squares(rows / math.sqrt(_points(rows)))
 
     def costs(M: Array) -> Array:
-        return every.inner(np.asarray(np.linalg.inv(M)))
+        I = np.linalg.inv(M)  # noqa: E741 - as in the books
+        return np.asarray(I.reshape(*I.shape[:-2], -1) @ every.T)
 
-    return Largest("G", costs, lambda _, share: every.total(share))
+    return Largest("G", costs, lambda M, share: (share @ every).reshape(M.shape))
 
 
 def mean_square(rows: Array) -> Array:
@@ -161,6 +178,29 @@ def mean_square(rows: Array) -> Array:
 def _points(rows: Array) -> float:
     """Targets a pose."""
     return float(rows.shape[1] / 3)
+
+
+def squares(rows: Array) -> Array:
+    """F^T F of every F, (count, k, r), flat, (count, r^2)."""
+    return np.asarray((rows.swapaxes(1, 2) @ rows).reshape(len(rows), -1))
+
+
+def _gain(M: Array, rows: Array, W: Array) -> Array:
+    """What each candidate (candidates, k, r) takes from tr(W M^-1), tr((1 + F I F^T)^-1 F I W I F^T).
+
+    By elimination row by row for all candidates together: LAPACK, one by one, takes three times as long.
+    """
+    r, I = len(M), np.linalg.inv(M)  # noqa: E741
+    P, columns = times(rows, np.hstack([I, I @ W @ I])), rows.swapaxes(1, 2)
+    K = np.eye(rows.shape[1])[:, :, None] + (P[:, :, :r] @ columns).transpose(1, 2, 0)
+    N = np.ascontiguousarray((P[:, :, r:] @ columns).transpose(1, 2, 0))
+    found = N[0, 0] / K[0, 0]
+    while len(K) > 1:
+        factor = K[1:, 0] / K[0, 0]
+        mixed = factor[:, None] * (N[1:, 0] - factor * (N[0, 0] / 2))
+        K, N = K[1:, 1:] - factor[:, None] * K[0, 1:], N[1:, 1:] - mixed - mixed.swapaxes(0, 1)
+        found = found + N[0, 0] / K[0, 0]
+    return np.asarray(found)
 
 
 def _tangent(M: Array, W: Array) -> Tangent:

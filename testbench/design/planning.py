@@ -1,19 +1,28 @@
 """A measurement plan: from candidates to the poses that pay, with certificate, promise and order."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
-from testbench.design.criteria import Criterion, Determinant, Linear, criterion_e, criterion_g, mean_square
+from testbench.design.criteria import Criterion, check_criterion, criterion_of
 from testbench.design.exchange import select
 from testbench.design.forecast import Forecast, forecast
 from testbench.design.order import joint_travel, shortest_path
-from testbench.design.refine import Neighbourhood, Reach, ascend, refine
+from testbench.design.refine import Reach, Search, ascend, refine
 from testbench.design.relaxation import Relaxed, relax, sensitivity
-from testbench.design.rows import Ids, Problem, information, more, times
-from testbench.design.specification import Specification, measured_rows, problem_of, task_rows, workspace_rows
+from testbench.design.rows import (
+    Ids,
+    Problem,
+    Specification,
+    information,
+    measured_rows,
+    problem_of,
+    task_rows,
+    times,
+    workspace_rows,
+)
 from testbench.errors import Array, BenchError
 
 ASCENTS, CLIMBERS = 2, 60
@@ -64,37 +73,6 @@ class Plan(Chosen):
     specification: Specification  #: What it is for.
 
 
-CRITERIA: dict[str, Callable[[Specification, Problem], Criterion]] = {
-    "D": lambda _spec, _problem: Determinant(),
-    "A": lambda _spec, problem: Linear("A", np.eye(problem.r) / problem.r),
-    "E": lambda _spec, _problem: criterion_e(),
-    "G": lambda spec, problem: criterion_g(workspace_rows(spec) @ problem.lift),
-    "I": lambda spec, problem: Linear("I", mean_square(workspace_rows(spec) @ problem.lift)),
-    "test": lambda spec, problem: Linear("test", mean_square(task_rows(spec) @ problem.lift)),
-}
-"""Criteria by name."""
-
-Measured = Callable[[Array, Ids], Array]
-"""Whitened rows (poses, k, n) of poses (poses, n joints) [rad, m], each under its own load (poses,)."""
-
-
-@dataclass(frozen=True)
-class Search:
-    """How poses are looked for, whatever they are measured for."""
-
-    measured: Measured  #: What a pose tells.
-    poses: int  #: How many may be measured.
-    limits: Array  #: Lower and upper joint limits, (2, n joints) [rad, m].
-    reach: Reach  #: Which poses near the candidates are feasible, and which ways between them are clear.
-    rng: np.random.Generator  #: Source of starts and steps.
-
-
-def check_criterion(name: str) -> None:
-    """Refuse what is no key of `CRITERIA`."""
-    if name not in CRITERIA:
-        raise BenchError(f"no criterion {name!r}; criteria are {', '.join(CRITERIA)}")
-
-
 def candidate_set(spec: Specification, q: Array) -> CandidateSet:
     """Every pose (poses, n) [rad, m] under every load.
 
@@ -104,101 +82,79 @@ def candidate_set(spec: Specification, q: Array) -> CandidateSet:
     """
     load = np.repeat(np.arange(len(spec.loads)), len(q))
     every = np.tile(q, (len(spec.loads), 1))
-    found = CandidateSet(every, load, problem_of(spec, every, load))
-    if spec.uncertainty is None:
-        _check_enough(spec, found.problem)
-    return found
-
-
-def seen_at_most(spec: Specification, problem: Problem) -> int:
-    """Directions that the plan's poses can see at most; the candidates show problem.r."""
-    return min(problem.r, spec.poses * int(np.linalg.matrix_rank(problem.rows[0])))
-
-
-def _check_enough(spec: Specification, problem: Problem) -> None:
-    seen, r = seen_at_most(spec, problem), problem.r
-    if seen < r:
+    problem = problem_of(spec, every, load)
+    seen, r = min(problem.r, spec.poses * int(np.linalg.matrix_rank(problem.rows[0]))), problem.r
+    if spec.uncertainty is None and seen < r:
         raise BenchError(
             f"poses: {spec.poses} poses see at most {seen} of the {r} directions of "
             f"{spec.experiment.metric.structure.name} that these loads can show, {r - seen} would be lost; "
             f"expected at least {-(-r * spec.poses // seen)} poses, or a prior that fills the rest"
         )
+    return CandidateSet(every, load, problem)
 
 
 def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.random.Generator) -> Plan:
-    """The best plan by a key of `CRITERIA`, certified against all poses examined.
+    """The best plan by one of `CRITERIA`, certified against all poses examined.
 
     Args:
         spec: What the plan is for.
-        name: Key of CRITERIA; BenchError for any other, and for too few poses without a prior.
+        name: One of CRITERIA; BenchError for any other, and for too few poses without a prior.
         q: Feasible poses, (candidates, n) [rad, m].
         reach: Which poses near the candidates are feasible, and which ways between them are clear.
         rng: Source of starts and steps.
     """
     check_criterion(name)
     examined = candidate_set(spec, q)
-    search = Search(
-        measured=lambda q, load: measured_rows(spec, q, load),
-        poses=spec.poses,
-        limits=spec.experiment.vjm.arm.limits,
-        reach=reach,
-        rng=rng,
-    )
-    chosen = choose(search, CRITERIA[name](spec, examined.problem), examined)
-    return Plan(specification=spec, **vars(chosen))
+    search = Search(partial(measured_rows, spec), spec.poses, spec.experiment.vjm.arm.limits, reach, rng)
+    criterion = criterion_of(name, examined.problem, workspace_rows(spec), task_rows(spec))
+    return Plan(specification=spec, **vars(choose(search, criterion, examined)))
 
 
 def choose(search: Search, criterion: Criterion, examined: CandidateSet) -> Chosen:
     """The best poses by a criterion, certified against all poses examined."""
-    near = Neighbourhood(search.reach.feasible, search.limits, search.rng)
     relaxed = relax(examined.problem, criterion, search.poses)
     for _ in range(ASCENTS):
-        examined = _climb(search.measured, examined, relaxed, near)
+        examined = _climb(search, examined, relaxed)
         relaxed = relax(examined.problem, criterion, search.poses, relaxed)
     chosen = select(examined.problem, criterion, search.poses, relaxed, search.rng)
-    q, load = _refined(search.measured, examined, chosen, criterion, near)
+    load = examined.load[chosen]
+
+    def rows(trial: Array, places: Ids) -> Array:
+        return times(search.measured(trial, load[places]), examined.problem.lift)
+
+    q = refine(examined.q[chosen], examined.problem.prior, criterion, rows, search)
     order = _order(q, load, search.reach)
     q, load = q[order], load[order]
-    examined = _add(search.measured, examined, q, load)
-    chosen = np.arange(len(examined.q) - search.poses, len(examined.q))
+    found = _add(search, examined, q, load)
+    chosen = np.arange(len(found.q) - search.poses, len(found.q))
     return Chosen(
         criterion=criterion,
         q=q,
         load=load,
         clear=tuple(search.reach.clear(start, end) for start, end in pairwise(q)),
-        examined=examined,
+        examined=found,
         chosen=chosen,
-        value=criterion.information(information(examined.problem, chosen)),
-        relaxed=relax(examined.problem, criterion, search.poses, relaxed),
+        value=criterion.information(information(found.problem, chosen)),
+        relaxed=relax(found.problem, criterion, search.poses, relaxed),
     )
 
 
-def _refined(
-    measured: Measured, examined: CandidateSet, chosen: Ids, criterion: Criterion, near: Neighbourhood
-) -> tuple[Array, Ids]:
-    """Better angles for the chosen candidates, (poses, n) [rad, m], and their loads, (poses,)."""
-    load = examined.load[chosen]
-
-    def rows(trial: Array, places: Ids) -> Array:
-        return times(measured(trial, load[places]), examined.problem.lift)
-
-    return refine(examined.q[chosen], examined.problem.prior, criterion, rows, near), load
-
-
-def _climb(measured: Measured, examined: CandidateSet, relaxed: Relaxed, near: Neighbourhood) -> CandidateSet:
+def _climb(search: Search, examined: CandidateSet, relaxed: Relaxed) -> CandidateSet:
     """The poses that carry the relaxed optimum, improved, as further candidates."""
     top = relaxed.support[np.argsort(-relaxed.weights, kind="stable")[:CLIMBERS]]
     load = examined.load[top]
 
     def usefulness(q: Array) -> Array:
-        rows = times(measured(q, np.resize(load, len(q))), examined.problem.lift)
+        rows = times(search.measured(q, np.resize(load, len(q))), examined.problem.lift)
         return sensitivity(rows, relaxed.dual)
 
-    return _add(measured, examined, ascend(examined.q[top], usefulness, near), load)
+    return _add(search, examined, ascend(examined.q[top], usefulness, search), load)
 
 
-def _add(measured: Measured, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
-    problem = more(examined.problem, measured(q, load))
+def _add(search: Search, examined: CandidateSet, q: Array, load: Ids) -> CandidateSet:
+    """More candidates; what only they show is left out."""
+    rows = search.measured(q, load) @ examined.problem.lift
+    problem = replace(examined.problem, rows=np.concatenate([examined.problem.rows, rows]))
     return CandidateSet(np.vstack([examined.q, q]), np.r_[examined.load, load], problem)
 
 

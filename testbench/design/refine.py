@@ -41,12 +41,14 @@ class Reach:
 
 
 @dataclass(frozen=True)
-class Neighbourhood:
-    """Where and how a local search steps."""
+class Search:
+    """How poses are looked for, whatever they are measured for."""
 
-    feasible: Feasible  #: Which poses (poses, n) [rad, m] it may take.
-    limits: Array  #: Lower and upper joint limits, (2, n) [rad, m].
-    rng: np.random.Generator  #: Source of the steps.
+    measured: Rows  #: What a pose tells per unit of x, each under its own load (poses,).
+    poses: int  #: How many may be measured.
+    limits: Array  #: Lower and upper joint limits, (2, n joints) [rad, m].
+    reach: Reach  #: Which poses near the candidates are feasible, and which ways between them are clear.
+    rng: np.random.Generator  #: Source of starts and steps.
 
     def around(self, q: Array, step: Array) -> Array:
         """Poses drawn around q within the limits; q and step broadcast to the shape of the draw."""
@@ -54,73 +56,57 @@ class Neighbourhood:
         return np.clip(q + step * self.rng.standard_normal(shape), *self.limits)
 
 
-def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, near: Neighbourhood) -> Array:
+def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: Search) -> Array:
     """Better joint angles for every pose of a plan (poses, n) [rad, m], none of them worse.
 
     The prior is the information before any reading, (r, r); rows are what a pose tells.
     """
-    q, step = q.copy(), np.full(len(q), STEP)
-    plan = _Plan(prior, criterion, rows(q, np.arange(len(q))))
+    q, step, own = q.copy(), np.full(len(q), STEP), rows(q, np.arange(len(q)))
+    M = total(prior, own)
     for _ in range(ROUNDS):
-        before, after = prior, behind(plan.own)
+        before, after = prior, behind(own)
         for places in np.array_split(np.arange(len(q)), -(-len(q) // TOGETHER)):
-            trials = near.around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
+            trials = search.around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))
             seen = rows(trials.reshape(-1, q.shape[1]), np.repeat(places, NEIGHBOURS))
             for k, trial, tells in zip(places, trials, np.split(seen, len(places)), strict=True):
                 rest = before + after[k + 1]
-                better = plan.better(k, tells, rest)
-                allowed = better[near.feasible(trial[better])] if len(better) else better
+                better = _better(criterion, M, own[k], tells, rest)
+                allowed = better[search.reach.feasible(trial[better])] if len(better) else better
                 if len(allowed):
-                    q[k] = trial[allowed[0]]
-                    plan.exchange(k, tells[allowed[0]], rest)
+                    q[k], own[k] = trial[allowed[0]], tells[allowed[0]]
+                    M = rest + own[k].T @ own[k]
                 else:
                     step[k] *= SHRINK
-                before = before + plan.own[k].T @ plan.own[k]
+                before = before + own[k].T @ own[k]
     return q
 
 
-class _Plan:
-    """The rows of a plan, its Phi and a tangent there."""
+def _better(criterion: Criterion, M: Array, own: Array, rows: Array, rest: Array) -> Ids:
+    """Which of some rows (trials, k, r) make Phi larger than that of M, the best first, `TRIES` at most.
 
-    def __init__(self, prior: Array, criterion: Criterion, own: Array) -> None:
-        self.criterion, self.own = criterion, own
-        self._look(total(prior, own))
-
-    def _look(self, M: Array) -> None:
-        self.M = M
-        self.value = self.criterion.information(M)
-        self.Z = self.criterion.tangent(M).Z
-
-    def exchange(self, k: int, rows: Array, rest: Array) -> None:
-        """Other rows (k, r) in a place; the rest is the information without it, (r, r)."""
-        self.own[k] = rows
-        self._look(rest + rows.T @ rows)
-
-    def better(self, k: int, rows: Array, rest: Array) -> Ids:
-        """Which of some rows (trials, k, r) make Phi larger in a place, the best first, `TRIES` at most.
-
-        Only those are tried that a tangent leaves hope: Phi(M) is no more than <Z, M>.
-        """
-        floor = (1 + BETTER) * self.value
-        without = (self.Z * self.M).sum() - sensitivity(self.own[k, None], self.Z)
-        hopeful = np.flatnonzero(without + sensitivity(rows, self.Z) > floor)
-        if not len(hopeful):
-            return hopeful
-        reached = self.criterion.after(rest, rows[hopeful])
-        first = np.argsort(-reached)[:TRIES]
-        return np.asarray(hopeful[first[reached[first] > floor]])
+    In the place of M's own rows (k, r); the rest is the information without them, (r, r). Only those are
+    tried that a tangent leaves hope: Phi(M') is no more than <Z, M'>.
+    """
+    floor, Z = (1 + BETTER) * criterion.information(M), criterion.tangent(M).Z
+    without = (Z * M).sum() - sensitivity(own[None], Z)
+    hopeful = np.flatnonzero(without + sensitivity(rows, Z) > floor)
+    if not len(hopeful):
+        return hopeful
+    reached = criterion.after(rest, rows[hopeful])
+    first = np.argsort(-reached)[:TRIES]
+    return np.asarray(hopeful[first[reached[first] > floor]])
 
 
-def ascend(q: Array, usefulness: Callable[[Array], Array], near: Neighbourhood) -> Array:
+def ascend(q: Array, usefulness: Callable[[Array], Array], search: Search) -> Array:
     """Poses (poses, n) [rad, m] more useful than their starts q, by a measure that asks one pose alone."""
     q, value, step = q.copy(), usefulness(q), np.full(len(q), STEP)
     for _ in range(ASCENT):
-        trial = near.around(q, np.tile(step[:, None], (FEWER, 1, 1)))
+        trial = search.around(q, np.tile(step[:, None], (FEWER, 1, 1)))
         reached = usefulness(trial.reshape(-1, q.shape[1])).reshape(FEWER, -1)
         best = reached.argmax(axis=0)
         trial, reached = trial[best, np.arange(len(q))], reached.max(axis=0)
         better = np.flatnonzero(reached > (1 + BETTER) * value)
-        better = better[near.feasible(trial[better])] if len(better) else better
+        better = better[search.reach.feasible(trial[better])] if len(better) else better
         q[better], value[better] = trial[better], reached[better]
         step[np.setdiff1d(np.arange(len(q)), better)] *= SHRINK
     return q

@@ -1,8 +1,8 @@
-"""What a reading in a pose tells of the unknowns before it is taken: whitened rows, prior, what is seen."""
+"""What a plan is for, and what a reading in a pose tells of the unknowns before it is taken."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,29 @@ class Experiment:
     metric: Metric  #: The unknowns in units of what a prior expects.
     targets: Array  #: Points that the tracker reads, in the tool's frame, (m, 3) [m].
     sigma: float  #: Standard deviation of one reading along one axis [m].
+
+
+@dataclass(frozen=True)
+class Tasks:
+    """Where the robot works, and under which load."""
+
+    q: Array  #: Actuated joints, (tasks, n) [rad, m].
+    load: Load  #: In each of them; a wrench of the process or a hung weight.
+
+
+@dataclass(frozen=True)
+class Specification:
+    """What a plan is for."""
+
+    experiment: Experiment  #: How poses are measured.
+    loads: tuple[Load, ...]  #: What may be hung; a plan chooses for every pose.
+    tasks: Tasks  #: Where predictions are wanted.
+    workspace: (
+        Array  #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad, m].
+    )
+    #: Relative uncertainty of the prior [1]; None to plan for an identification without one.
+    uncertainty: float | None
+    poses: int  #: How many may be measured.
 
 
 @dataclass(frozen=True)
@@ -72,6 +95,32 @@ def deflection_rows(experiment: Experiment, q: Array, load: Load) -> Array:
     return _rows(experiment, q, load, marker_motion(experiment.targets))
 
 
+def task_rows(spec: Specification) -> Array:
+    """Deflections in the tasks per unit of x, (tasks, 3 m, n) [m]."""
+    return deflection_rows(spec.experiment, spec.tasks.q, spec.tasks.load)
+
+
+def workspace_rows(spec: Specification) -> Array:
+    """The same over the workspace under the first load, (poses, 3 m, n) [m]."""
+    return deflection_rows(spec.experiment, spec.workspace, spec.loads[0])
+
+
+def loads_of(spec: Specification, load: Ids) -> Load:
+    """The load of every pose, from its index into the specification's loads, (poses,)."""
+    wrench, point = (np.stack([getattr(each, part) for each in spec.loads]) for part in ("wrench", "point"))
+    return Load(wrench[load], point[load])
+
+
+def measured_rows(spec: Specification, q: Array, load: Ids) -> Array:
+    """Whitened rows of poses (poses, n) [rad, m], each under its own load (poses,), (poses, k, n) [1]."""
+    return reading_rows(spec.experiment, q, loads_of(spec, load))
+
+
+def problem_of(spec: Specification, q: Array, load: Ids) -> Problem:
+    """Poses (poses, n) [rad, m] as candidates, each under its own load (poses,)."""
+    return build_problem(spec.experiment, measured_rows(spec, q, load), spec.uncertainty)
+
+
 def _rows(experiment: Experiment, q: Array, load: Load, motion: Array) -> Array:
     where = chain(experiment.vjm, q)
     u = on_joints(where, [load.over(len(q))])
@@ -107,11 +156,6 @@ def build_problem(experiment: Experiment, rows: Array, uncertainty: float | None
     prior = seen.T @ M @ seen - (seen.T @ M @ rest) @ follow
     lift = seen - rest @ follow
     return Problem(times(rows, seen), prior, lift, rest @ covariance @ rest.T, np.zeros((n, 0)))
-
-
-def more(problem: Problem, rows: Array) -> Problem:
-    """More candidates, whitened rows (candidates, k, n); what only they show is left out."""
-    return replace(problem, rows=np.concatenate([problem.rows, rows @ problem.lift]))
 
 
 def information(problem: Problem, chosen: Sequence[int] | Ids) -> Array:

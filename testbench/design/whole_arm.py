@@ -10,8 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.design.forecast import Forecast, forecast_of, mean_square_of
-from testbench.design.rows import SCALE_UNCERTAINTY, Experiment, Ids, deflection_rows, reading_rows
-from testbench.design.specification import Specification, loads_of, measured_rows
+from testbench.design.rows import (
+    SCALE_UNCERTAINTY,
+    Experiment,
+    Ids,
+    Specification,
+    deflection_rows,
+    loads_of,
+    measured_rows,
+    reading_rows,
+)
 from testbench.errors import Array
 from testbench.identify.metric import precision_root
 from testbench.identify.prior import Strength

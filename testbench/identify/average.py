@@ -18,7 +18,7 @@ from testbench.identify.estimate import Average, Constraint, Estimate, make_esti
 from testbench.identify.hierarchy import log_evidence_alone
 from testbench.identify.metric import Belief, Metric
 from testbench.identify.regression import Regression, regression_of, term_of, triangle
-from testbench.identify.regularised import fit_each, fit_reduced
+from testbench.identify.solve import solve
 from testbench.model.structure import Ids
 
 ODDS = 3.0
@@ -40,7 +40,7 @@ def averaged(
         beliefs: The prior as each of them corrects it.
         metric: The prior as it was.
     """
-    found = fit_each(regressions, constraint, beliefs)
+    found = [solve(r, constraint, own) for r, own in zip(regressions, beliefs, strict=True)]
     joints = joint_columns(metric)
     if len(joints) < metric.structure.links - 1 or len(joints) == metric.structure.n:
         return found
@@ -64,27 +64,17 @@ def _with_joints(whole: Estimate, metric: Metric, joints: Ids) -> Estimate:
     weight = _logistic(log_evidence - whole.belief.log_evidence + math.log(ODDS))
     if weight < NEGLIGIBLE:
         return whole
-    alone = fit_reduced(own, whole.constraint, belief)
+    alone = solve(own, whole.constraint, belief)
     pi = (1 - weight) * whole.pi
     pi[joints] += weight * alone.pi
-    average = Average(weight, whole)
     mean = make_estimate(whole.regression, pi, method=whole.method, constraint=whole.constraint)
     return replace(
         mean,
         belief=whole.belief,
         status=whole.status if whole.status != "solved" else alone.status,
         solver_seconds=whole.solver_seconds + alone.solver_seconds,
-        advice=(*whole.advice, words(average)),
-        average=average,
+        average=Average(weight, whole),
     )
-
-
-def words(average: Average) -> str:
-    """How much joints alone count."""
-    share = f"{100 * average.weight:.3g} %"
-    if average.weight > 0.5:
-        return f"link compliances do not improve the model: joint stiffness only weighs {share} by evidence"
-    return f"links and joints, averaged with joint stiffness only, which weighs {share} by evidence"
 
 
 def _of_joints(regression: Regression, joints: Ids) -> Regression:

@@ -1,22 +1,19 @@
 """Gramian-constrained optimisation as a conic program with a certificate.
 
 Over C_i = V_i^T V_i, F_M(b) of Eq. (19) is not convex; over C_i positive semi-definite it is, and the two
-sets are one (Theorem 1). Solved in scaled units, by our dense method where blocks are whole, all datasets of
-a structure at once; by Clarabel where they are not, or where the dense answer is not proven.
+sets are one (Theorem 1). Solved by Clarabel in scaled units.
 """
 
 import math
-import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from scipy import sparse
 
 from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.certify import (
-    TRACE_WEIGHT,
     bound,
     gradient_dual,
     scaled_units,
@@ -24,9 +21,7 @@ from testbench.identify.certify import (
     total_trace,
     trace_weight,
 )
-from testbench.identify.estimate import Dual, Estimate, make_estimate
-from testbench.identify.interior import TINY, Programs, least_norms
-from testbench.identify.interior import Term as Norm
+from testbench.identify.estimate import Certificate, Dual, Estimate, make_estimate
 from testbench.identify.metric import clipped
 from testbench.identify.regression import Ids, Regression, Term, check_symmetric, f_m
 from testbench.model.structure import Structure
@@ -41,10 +36,8 @@ Without noise the trace term alone costs 0.3 to 2 times as much and F_M a tenth 
 what rounding changes in the trace does not.
 """
 EXACT = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
-PROVEN = (
-    1e-9  #: Gap in the unit of F_M up to which the dense answer is taken; most are a hundred times nearer.
-)
-TOGETHER = 500_000  #: Entries of the matrices of as many programs as go together: few enough for the cache.
+TINY = 1e-300
+SHARP = 100.0  #: Residuals in their squares, over the unit of F_M: so that squares decide, not the trace.
 UNSEEN_WEIGHT = 1e-3
 """Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
 
@@ -62,9 +55,15 @@ class Program:
     scale: Array  #: pi[columns] = scale * x, (k,).
     trace_weight: float  #: Weight of the total trace in scaled units beside F_M [N m/rad].
 
-    def cost(self, regression: Regression, pi: Array) -> float:
-        """F_M and the trace term of parameters, (n,)."""
-        return f_m(regression, pi) + self.trace_weight * total_trace(regression.structure, pi)
+
+@dataclass(frozen=True)
+class Answer:
+    """What Clarabel found."""
+
+    pi: Array  #: Parameters, (n,).
+    seconds: float  #: Time inside the solver.
+    failure: str  #: What is said where it is not proven to be near the optimum.
+    dual: Dual  #: Its proof.
 
 
 def optimum(regression: Regression) -> Estimate:
@@ -78,28 +77,19 @@ def optimum(regression: Regression) -> Estimate:
     Raises:
         BenchError: When the structure is not symmetric.
     """
-    return optimum_each([regression])[0]
-
-
-def optimum_each(regressions: Sequence[Regression]) -> list[Estimate]:
-    """The same of many datasets of one structure."""
-    check_symmetric(regressions[0].structure)
-    programs = [scale_program(regression) for regression in regressions]
-    found = zip(regressions, programs, answers(regressions, programs), strict=True)
-    return [_estimate(*own) for own in found]
-
-
-def _estimate(regression: Regression, program: Program, answer: "Answer") -> Estimate:
-    """What is known of an answer."""
+    check_symmetric(regression.structure)
+    program = scale_program(regression)
+    answer = by_clarabel(regression, program)
     pi = answer.pi
-    certificate = bound(regression, pi, answer.dual or gradient_dual(regression, pi))
+    certificate, reached = _judged(regression, program, pi, answer.dual)
+    if not reached:
+        other = by_squares(regression, program)
+        proof, better = _judged(regression, program, other, answer.dual)
+        if better or proof.duality_gap < certificate.duality_gap:
+            pi, certificate, reached = other, proof, better
     left = f_m(regression, pi)
-    over = min(certificate.duality_gap, left)  # F_M cannot be negative
-    reached = over <= GAP_TOLERANCE * left + DATA_TOLERANCE * program.unit
     held = left > EXACT * program.unit and _held(regression, program, pi)
-    estimate = make_estimate(
-        regression, pi, method="GCO (conic program)", constraint="psd", advice=_advice(regression, held)
-    )
+    estimate = make_estimate(regression, pi, method="GCO (conic program)", constraint="psd")
     return replace(
         estimate,
         status="solved" if reached and estimate.conservative else answer.failure,
@@ -109,95 +99,38 @@ def _estimate(regression: Regression, program: Program, answer: "Answer") -> Est
     )
 
 
-@dataclass(frozen=True)
-class Answer:
-    """What a solver found."""
-
-    pi: Array  #: Parameters, (n,).
-    seconds: float  #: Time inside the solver.
-    failure: str  #: What is said where it is not proven to be near the optimum.
-    dual: Dual | None = None  #: Its proof; None for the gradient of F_M.
-
-
-def optima(regressions: Sequence[Regression]) -> Array:
-    """Parameters that `optimum` finds, of many datasets of one structure, (datasets, n)."""
-    return np.array([a.pi for a in answers(regressions, [scale_program(r) for r in regressions])])
+def _judged(regression: Regression, program: Program, pi: Array, dual: Dual) -> tuple[Certificate, bool]:
+    """The better of two proofs of parameters, and whether it proves them to be the optimum."""
+    proofs = [bound(regression, pi, own) for own in (dual, gradient_dual(regression, pi))]
+    best = min(proofs, key=lambda proof: proof.duality_gap)
+    left = f_m(regression, pi)
+    over = min(best.duality_gap, left)  # F_M cannot be negative
+    return best, over <= GAP_TOLERANCE * left + DATA_TOLERANCE * program.unit
 
 
-def answers(regressions: Sequence[Regression], programs: Sequence[Program]) -> list[Answer]:
-    """The answers to the programs of some datasets of one structure, those of one shape together."""
-    found: dict[int, Answer] = {}
-    shapes: dict[bytes, list[int]] = {}
-    for k, (regression, program) in enumerate(zip(regressions, programs, strict=True)):
-        still = np.zeros(regression.structure.n)
-        if f_m(regression, still) == 0:  # nothing moves: a rigid arm, and no unit
-            found[k] = Answer(still, 0.0, "")
-        elif program.structure.whole and len(program.columns):
-            shapes.setdefault(bytes([len(regression.terms)]) + program.columns.tobytes(), []).append(k)
-    for alike in shapes.values():
-        each = max(1, TOGETHER // len(programs[alike[0]].columns) ** 2)
-        for first in range(0, len(alike), each):
-            share = alike[first : first + each]
-            found |= zip(share, _dense([(regressions[k], programs[k]) for k in share]), strict=True)
-    return [found.get(k) or by_clarabel(regressions[k], programs[k]) for k in range(len(programs))]
-
-
-def _better(regression: Regression, program: Program, own: Answer) -> Answer:
-    """Of an answer that is not proven and the referee's the one of which more is proven.
-
-    Without noise F_M has no slope to speak of at its optimum, and both solvers end by rounding: which of them
-    is nearer changes with the last digits of the readings, the better of both hardly.
-    """
-    referee = by_clarabel(regression, program)
-    ways = [(own.pi, gradient_dual(regression, own.pi))]
-    ways += [(answer.pi, referee.dual) for answer in (own, referee) if referee.dual]
-    pi, dual = min(ways, key=lambda way: bound(regression, *way).duality_gap)
-    return Answer(pi, own.seconds + referee.seconds, referee.failure, dual)
-
-
-def _dense(some: Sequence[tuple[Regression, Program]]) -> list[Answer]:
-    """Our own answers to programs of one shape; the referee is asked where one is not proven."""
-    start = time.perf_counter()
-    structure = some[0][1].structure
-    order = structure.parameter
-    unit = np.where(structure.mirrored[order], math.sqrt(0.5), 1.0)  # parameters over svec
-    norms = [_norm(some, k, order, unit) for k in range(len(some[0][0].terms))]
-    trace = np.array([trace_cost(program)[order] * unit for _, program in some])
-    sizes = tuple(len(block) for block in structure.blocks)
-    xs, gaps = least_norms(Programs(tuple(norms), trace, sizes), PROVEN)
-    seconds = (time.perf_counter() - start) / len(some)
-    result = []
-    for (regression, program), x, gap in zip(some, xs, gaps, strict=True):
-        pi = np.zeros(regression.structure.n)
-        pi[program.columns[order]] = program.scale[order] * unit * x
-        own = Answer(pi, seconds, f"proven to {gap:.1g} of F_M without a model")
-        if gap > PROVEN:
-            own = _better(regression, program, own) if gap < 1 else by_clarabel(regression, program)
-        result.append(own)
-    return result
-
-
-def _norm(some: Sequence[tuple[Regression, Program]], k: int, order: Ids, unit: Array) -> Norm:
-    """A term of F_M in coordinates of the blocks, in the programs' units of F_M, which cancel in its rows."""
-    terms = [regression.terms[k] for regression, _ in some]
-    shared = len({(id(regression.terms[k].R), id(regression.weight)) for regression, _ in some}) == 1
-    R = np.array(
-        [
-            regression.terms[k].R[:, p.columns[order]] * (p.scale[order] * unit / p.unit)
-            for regression, p in (some[:1] if shared else some)
-        ]
+def by_squares(regression: Regression, program: Program) -> Array:
+    """Parameters of least squares and trace term: without noise norms have no slope at their optimum."""
+    s, pi = program.structure, np.zeros(regression.structure.n)
+    R = np.vstack([term.R[:, program.columns] * (program.scale / program.unit) for term in regression.terms])
+    z = np.concatenate([term.z for term in regression.terms]) / program.unit
+    k, n = R.shape
+    solution = cone.solve(
+        cone.Problem(
+            cost=np.r_[np.zeros(k), trace_cost(program)],
+            blocks=(cone.free_block(0, k), *psd_blocks(s, k)),
+            rows=(cone.Rows("zero", np.c_[np.eye(k), -SHARP * R], -SHARP * z),),
+            quadratic=sparse.csc_matrix(sparse.block_diag([sparse.eye(k), sparse.csc_matrix((n, n))])),
+        )
     )
-    return Norm(
-        R=R,
-        gram=R.swapaxes(1, 2) @ R,
-        z=np.array([term.z / p.unit for term, (_, p) in zip(terms, some, strict=True)]),
-        rest=np.array([math.sqrt(term.rest) / p.unit for term, (_, p) in zip(terms, some, strict=True)]),
-    )
+    pi[program.columns] = program.scale * clip(s, solution.x[k:])
+    return pi
 
 
 def by_clarabel(regression: Regression, program: Program) -> Answer:
-    """The answer of an independent solver, with the proof that is its own."""
+    """Clarabel's answer and its own proof; where nothing moves, a rigid arm."""
     s, terms, pi = program.structure, regression.terms, np.zeros(regression.structure.n)
+    if f_m(regression, pi) == 0:
+        return Answer(pi, 0.0, "", gradient_dual(regression, pi))
     count = len(terms)
     rows = [term.R[:, program.columns] * (program.scale / program.unit) for term in terms]
     solution = cone.solve(
@@ -217,18 +150,6 @@ def _held(regression: Regression, program: Program, pi: Array) -> bool:
     """Whether the trace term costs so much that only its weight holds unseen compliance."""
     cost = program.trace_weight * total_trace(regression.structure, pi)
     return bool(cost > PENALTY_TOLD * f_m(regression, pi))  # which JSON can write
-
-
-def _advice(regression: Regression, held: bool) -> tuple[str, ...]:
-    advice: tuple[str, ...] = ()
-    if regression.rank < regression.structure.n:
-        advice = (f"GCO filled the free directions with the least trace, weight {TRACE_WEIGHT:g}",)
-    if held:
-        advice += (
-            f"{regression.structure.name}: only the trace weight holds unseen compliance, which fits a "
-            "little better as it grows; predictions away from the measured poses hang on it",
-        )
-    return advice
 
 
 def scale_program(regression: Regression) -> Program:

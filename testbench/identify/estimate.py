@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.arm.stiffness import SYMMETRY_TOLERANCE, eigenvalue_scale
 from testbench.data.dataset import Dataset
+from testbench.display import Displayed
 from testbench.errors import Array, check_array
 from testbench.identify.metric import Belief
 from testbench.identify.regression import Regression, f_m
@@ -24,7 +25,6 @@ CONSERVATIVE_TOLERANCE = 1e-10
 
 
 TOOL = "orientation"  #: Stands in for the marker where the tool's orientation was read.
-MISFIT = 2.0  #: F_M over its floor beyond which noise is no explanation.
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ class Average:
     whole: "Estimate"  #: Of links and joints.
 
 
-@dataclass(frozen=True)
-class Estimate:
+@dataclass(frozen=True, repr=False)
+class Estimate(Displayed):
     """A stiffness model identified from a dataset."""
 
     method: str  #: How it was found.
@@ -84,14 +84,27 @@ class Estimate:
     #: Distance from the optimum; None where none was computed (least squares).
     certificate: Certificate | None = None
     solver_seconds: float = 0.0  #: Time inside the numerical solver, as it reports it; 0 where it does not.
-    advice: tuple[str, ...] = ()  #: Sentences for a person: what the data cannot see, what filled it.
+    advice: tuple[str, ...] = ()  #: Sentences for a person, of an estimator of your own.
     constraint: Constraint = "own"  #: What the method asked of the blocks; "own" where nobody says it.
     #: Whether only the trace weight of GCO holds unseen compliance, which fits a little better as it grows.
     held_by_trace_weight: bool = False
     belief: Belief | None = None  #: The prior that counted as data; None for none.
     #: Readings that the estimate does without, in the order of the dataset.
     rejected: tuple[Rejected, ...] = ()
+    lost: tuple[int, ...] = ()  #: Identifiers of runs of which no reading is left.
     average: Average | None = None  #: Of links and joints with joints alone; None where it is one model.
+
+    def about(self) -> dict[str, object]:
+        """Method, structure, what the data see of it, fit and status."""
+        return {
+            "method": self.method,
+            "structure": self.structure.name,
+            "unknowns": self.structure.n,
+            "conservative": self.conservative,
+            "f_m": f"{self.f_m:.3f}",
+            "f_m_floor": f"{self.f_m_floor:.3f}",
+            "status": self.status,
+        }
 
     @property
     def structure(self) -> Structure:
@@ -151,7 +164,7 @@ def make_estimate(
         C_theta=C,
         f_m=cost,
         f_m_floor=regression.f_m_floor,
-        advice=(*_rank_advice(regression), *_fit_advice(regression, cost), *advice),
+        advice=advice,
         constraint=constraint,
     )
 
@@ -167,24 +180,3 @@ def is_conservative(structure: Structure, C: Array) -> bool:
         return False
     values = [np.linalg.eigvalsh(unitless[group.index]) for group in structure.groups]
     return all((v[:, 0] >= -CONSERVATIVE_TOLERANCE * np.maximum(v[:, -1], 0)).all() for v in values)
-
-
-def _fit_advice(regression: Regression, cost: float) -> tuple[str, ...]:
-    floor = regression.f_m_floor
-    if cost <= MISFIT * floor:
-        return ()
-    name = regression.structure.name
-    why = "wrong structure, sigma, load, unit or frame"
-    return (f"{name}: F_M is {cost:.3g} where noise alone leaves {floor:.3g}: {why}",)
-
-
-def _rank_advice(regression: Regression) -> tuple[str, ...]:
-    s = regression.structure
-    missing = s.n - regression.rank
-    if not missing:
-        return ()
-    text = f"{s.name}: {s.n} unknowns, the data see {regression.rank} directions; free are {missing}"
-    unseen = int((regression.columns == 0).sum())
-    if unseen:
-        text += f", of which no load touches {unseen}"
-    return (text,)

@@ -73,8 +73,10 @@ def score(predicted: Array, reference: Array) -> Score:
         Root mean square, 95th percentile and largest error, absolute and relative.
 
     Raises:
-        BenchError: When a number is not finite.
+        BenchError: When the shapes differ, or a number is not finite.
     """
+    if np.shape(predicted) != np.shape(reference):
+        raise BenchError(f"score: expected equal shapes, got {np.shape(predicted)} and {np.shape(reference)}")
     for name, values in (("predicted", predicted), ("reference", reference)):
         if not np.isfinite(values).all():
             raise BenchError(f"score: {name} [m]: expected finite numbers")

@@ -26,12 +26,12 @@ import numpy as np
 from testbench.data.dataset import Dataset, Mask
 from testbench.errors import Array, BenchError
 from testbench.identify.estimate import TOOL, Constraint, Estimate, Rejected
-from testbench.identify.least_squares import solve
+from testbench.identify.least_squares import minimum_norm
 from testbench.identify.metric import Belief, Case, metric
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import Regression, regression_of, term_of, triangle
-from testbench.identify.regularised import answer, fit_reduced
 from testbench.identify.robust_loss import PAIRS
+from testbench.identify.solve import answer, solve
 from testbench.identify.weighed import Readings, one_by_one
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -41,7 +41,6 @@ REJECT = 4.033
 
 At 99 % every third campaign of 45 sound readings would lose one, and gain nothing for it.
 """
-MOST_REJECTED = 1 / 3  #: Share of rejected readings beyond which the advice doubts that they are outliers.
 ROUNDS, STILL = 200, 1e-6  #: Of reweighing, and change of a residual after which it ends [1].
 WEAK = 10.0  #: Relative uncertainty of the CAD compliances while outliers of GCO without a prior are sought.
 NO_OUTLIERS = "sigma too small, or wrong structure, load, unit or frame"
@@ -64,14 +63,14 @@ def without_outliers(
     _check_left(keep, regression.rank)
     if not keep.all():
         regression = _accepted(regression.structure, readings, keep, np.ones(len(keep)))
-    plain = fit_reduced(regression, constraint, belief)
+    plain = solve(regression, constraint, belief)
     return replace(
         plain,
         method=f"{plain.method}, Huber loss",
         status=plain.status if status == "solved" else f"{status} (search for outliers)",
         solver_seconds=plain.solver_seconds + seconds,
-        advice=(*plain.advice, *_advice(data, readings, keep)),
         rejected=_rejected(data, readings, keep, plain.pi),
+        lost=tuple(data.run[np.setdiff1d(readings.run, readings.run[keep])].tolist()),
     )
 
 
@@ -91,7 +90,7 @@ def search(
     for _ in range(ROUNDS):
         weighted = _accepted(s, readings, every, np.sqrt(PAIRS.pull(length)))
         if belief is None:
-            pi = solve(weighted)
+            pi = minimum_norm(weighted).pi
         else:
             found = answer(constraint, Case(weighted, belief))
             pi, status = found.pi, found.status
@@ -135,18 +134,3 @@ def _rejected(data: Dataset, readings: Readings, keep: Mask, pi: Array) -> tuple
         )
         for i in np.flatnonzero(~keep)
     )
-
-
-def _advice(data: Dataset, readings: Readings, keep: Mask) -> tuple[str, ...]:
-    """What was rejected, and whether that can still be outliers."""
-    bad = int((~keep).sum())
-    if not bad:
-        return ()
-    said = [f"{bad} of {len(keep)} readings rejected, beyond {REJECT} standard deviations"]
-    lost = data.run[np.setdiff1d(readings.run, readings.run[keep])]
-    if len(lost):
-        runs = ", ".join(map(str, lost))
-        said.append(f"no reading is left of run {runs}: look at the load, the pose and the frame there")
-    if bad > MOST_REJECTED * len(keep):
-        said.append(f"too many to be outliers: {NO_OUTLIERS}")
-    return tuple(said)

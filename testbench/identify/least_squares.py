@@ -21,21 +21,16 @@ def minimum_norm(regression: Regression) -> Estimate:
     Positions and rotations are weighted by the inverse of their sigma. The norm is that of the parameters in
     units in which each column of the observation matrix has length one.
     """
-    advice: tuple[str, ...] = ()
-    if regression.rank < regression.structure.n:
-        advice = ("least squares filled the free directions with the solution of minimum norm",)
-    pi = solve(regression)
-    found = make_estimate(regression, pi, method="least squares", constraint="none", advice=advice)
+    [pi] = solve_all([regression])
+    found = make_estimate(regression, pi, method="least squares", constraint="none")
     return replace(found, status="solved")
 
 
-def solve(regression: Regression) -> Array:
-    """Parameters of least sum of squares over all terms, of minimum norm in scaled units, (n,)."""
-    return np.asarray(solve_all([regression])[0])
-
-
 def solve_all(regressions: Sequence[Regression]) -> Array:
-    """The same of datasets that differ in their readings alone, (datasets, n)."""
+    """Parameters of least sum of squares, of minimum norm in scaled units, (datasets, n).
+
+    The datasets differ in their readings alone.
+    """
     # F_M weights a term by 1/sqrt(N); Eq. (14) sums squares over all equations alike.
     one = regressions[0]
     weights = [np.sqrt(term.equations) for term in one.terms]
@@ -59,10 +54,7 @@ PROVEN = 1e-8
 cone; below it is what solvers leave."""
 ROUNDING = 1e-12  #: Entry of a free direction of length one below which it is zero.
 NONE = "no conservative model fits as well as least squares"
-FILLED = (
-    "least squares filled the free directions with the conservative model nearest to the solution of minimum "
-    "norm"
-)
+COMPLETED = "least squares, conservative of equal fit"  #: The method, where there is such a model.
 
 
 @dataclass(frozen=True)
@@ -77,8 +69,8 @@ class Free:
 def completed(regression: Regression) -> Estimate:
     """Least squares whose free directions make it conservative, nearest to the solution of minimum norm.
 
-    Where what the data see allows no conservative model, it is the solution of minimum norm, and status and
-    advice say so.
+    Where what the data see allows no conservative model, it is the solution of minimum norm, and the status
+    says so.
 
     Raises:
         BenchError: When the structure is not symmetric.
@@ -88,26 +80,19 @@ def completed(regression: Regression) -> Estimate:
     if plain.conservative:
         return plain
     if regression.rank == regression.structure.n:
-        return _left_as_it_is(plain, f"{NONE}: the data leave nothing free")
+        return replace(plain, status=f"{NONE}: the data leave nothing free")
     free = free_directions(regression, plain.pi)
     found = _nearest(regression.structure, free)
     if found.status != "solved":
         why = NONE if least_shift(regression.structure, free) > PROVEN else found.failure
-        return replace(_left_as_it_is(plain, why), solver_seconds=found.seconds)
+        return replace(plain, status=why, solver_seconds=found.seconds)
     pi = free.unit * clip(regression.structure, free.x + free.N @ found.x[1:])
-    estimate = make_estimate(
-        regression, pi, method="least squares, conservative of equal fit", constraint="free", advice=(FILLED,)
-    )
+    estimate = make_estimate(regression, pi, method=COMPLETED, constraint="free")
     allowed = EQUAL * plain.f_m + EXACT * f_m(regression, np.zeros(len(pi)))
     good = estimate.conservative and estimate.f_m <= plain.f_m + allowed
     if not good:
-        estimate = _left_as_it_is(plain, f"{found.failure}, and its digits do not suffice")
+        estimate = replace(plain, status=f"{found.failure}, and its digits do not suffice")
     return replace(estimate, status="solved" if good else estimate.status, solver_seconds=found.seconds)
-
-
-def _left_as_it_is(plain: Estimate, why: str) -> Estimate:
-    """The solution of minimum norm, and why."""
-    return replace(plain, status=why, advice=(*plain.advice, f"{plain.structure.name}: {why}"))
 
 
 def free_directions(regression: Regression, pi: Array) -> Free:

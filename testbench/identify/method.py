@@ -17,7 +17,7 @@ from testbench.identify.huber import without_outliers
 from testbench.identify.metric import Belief, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression
-from testbench.identify.regularised import fit_each
+from testbench.identify.solve import solve
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -73,7 +73,7 @@ class Method:
         beliefs = self.beliefs(vjm, regressions, widths=widths)
         learnt = [belief for belief in beliefs if belief is not None and belief.log_evidence is not None]
         if self.prior is None or len(learnt) < len(beliefs):
-            return fit_each(regressions, self.constraint, beliefs)
+            return [solve(r, self.constraint, own) for r, own in zip(regressions, beliefs, strict=True)]
         own = metric(self.prior, vjm, regressions[0].structure)
         return averaged(regressions, self.constraint, learnt, own)
 
@@ -104,8 +104,8 @@ completed_least_squares = Method("free")
 """Weighted least squares whose free directions make it conservative where that is possible.
 
 Of all conservative models that fit as well as `least_squares`, it is the one nearest to its solution of
-minimum norm, in the units of sensitivity. Where there is none, it is that solution: `Estimate.status` and
-`advice` say so. It shows what the choice of one of many equal fits does, and what GCO does beyond."""
+minimum norm, in the units of sensitivity. Where there is none, it is that solution: `Estimate.status`
+says so. It shows what the choice of one of many equal fits does, and what GCO does beyond."""
 
 gco = Method("psd")
 """GCO to global optimality: the conservative model of least F_M, Eq. (19), with a certificate."""
@@ -123,8 +123,10 @@ def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = N
         The method with the prior; call it as any other.
 
     Raises:
-        BenchError: When the estimator is your own.
+        BenchError: When the estimator is your own, or the prior is none.
     """
+    if not isinstance(prior, Prior):
+        raise BenchError(f"prior: expected one, such as cad_prior(arm), got {type(prior).__name__}")
     return replace(_method(estimator, "prior"), prior=prior, strength=strength)
 
 

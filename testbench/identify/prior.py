@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.display import Displayed
 from testbench.errors import Array, BenchError
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -12,13 +13,17 @@ from testbench.model.vjm import Vjm
 RANGE = 1e-6, 1e6  #: Relative uncertainties of a prior that mean something [1].
 
 
-@dataclass(frozen=True, eq=False)
-class Prior:
+@dataclass(frozen=True, eq=False, repr=False)
+class Prior(Displayed):
     """Expected compliances of an arm; equal to itself alone, and its numbers stay as they are."""
 
     name: str  #: Where they are from, for reports.
     #: Symmetric, positive definite in every link's and joint's block, (n_theta, n_theta) [m/N, rad/(N m)].
     C_theta: Array
+
+    def about(self) -> dict[str, object]:
+        """Where it is from."""
+        return {"name": self.name}
 
     def __post_init__(self) -> None:
         """Keep a copy that nobody can write to: what was worked out from it holds."""

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.arm.folder import Arm
+from testbench.display import Displayed
 from testbench.errors import Array, BenchError
 
 Ids = npt.NDArray[np.int_]
@@ -44,8 +45,8 @@ class Group:
         return self.rows[:, :, None], self.rows[:, None, :]
 
 
-@dataclass(frozen=True, eq=False)
-class Structure:
+@dataclass(frozen=True, eq=False, repr=False)
+class Structure(Displayed):
     """The unknown entries of C_theta.
 
     What follows from them, such as the blocks, is found when it is first asked for, once a structure.
@@ -59,6 +60,10 @@ class Structure:
     labels: tuple[str, ...] = field(repr=False)
     #: Whether a parameter is C_theta[b, a] as well; otherwise that is another one, or zero.
     symmetric: bool = True
+
+    def about(self) -> dict[str, object]:
+        """Name and number of unknowns."""
+        return {"name": self.name, "unknowns": self.n, "symmetric": self.symmetric}
 
     @classmethod
     def of(

@@ -2,7 +2,7 @@
 
 `kinematics.py` has joint placements and axes; from there on every quantity is a product of arrays over all
 runs at once. Where nothing else is said virtual joints are at zero: the model is linear (Eq. 5-6,
-10-13). Away from zero they serve the loaded stiffness of Eq. (7), testbench/loaded.py.
+10-13). Away from zero they serve the loaded stiffness of Eq. (7), `loaded.py`.
 """
 
 from collections.abc import Iterator
@@ -12,12 +12,13 @@ from functools import cached_property
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array
 from testbench.model.structure import Structure
 
 
-@dataclass(frozen=True, eq=False)
-class Vjm:
+@dataclass(frozen=True, eq=False, repr=False)
+class Vjm(Displayed):
     """Kinematics of the extended chain."""
 
     arm: Arm  #: Its description.
@@ -27,6 +28,10 @@ class Vjm:
     tool: Array  #: Pose of the tool in the last link's body, (4, 4) [m].
     load: Array  #: Load point in the tool's frame, (3,) [m].
     markers: Array  #: Marker positions in the tool's frame, (m, 3) [m].
+
+    def about(self) -> dict[str, object]:
+        """The arm, and how many virtual joints it has."""
+        return {"arm": self.arm.name, "virtual_joints": self.arm.n_theta}
 
     @cached_property
     def beam_axes(self) -> Array:

@@ -96,20 +96,22 @@ def solid_shapes(room: Room) -> list[Shape]:
 
 
 def _shape(model: mujoco.MjModel, g: int) -> Shape:
-    kind, size = KINDS[int(model.geom_type[g])], model.geom_size[g].copy()
-    if kind == "sphere":
-        size[:] = size[0]
-    elif kind in ("capsule", "cylinder"):
-        size[:] = size[[0, 0, 1]]
+    kind = KINDS[int(model.geom_type[g])]
     return Shape(
         kind=kind,
         body=int(model.geom_bodyid[g]),
-        size=size,
+        size=half_sizes(kind, model.geom_size[g]),
         position=model.geom_pos[g].copy(),
         rotation=_matrix(model.geom_quat[g]),
         rgba=geom_rgba(model, g),
         mesh=_mesh(model, int(model.geom_dataid[g])) if kind == "mesh" else None,
     )
+
+
+def half_sizes(kind: Kind, size: Array) -> Array:
+    """Half sizes along the axes of a geom from MuJoCo's size, (3,) [m]; see `Shape.size`."""
+    places = {"sphere": [0, 0, 0], "capsule": [0, 0, 1], "cylinder": [0, 0, 1]}
+    return size[places.get(kind, [0, 1, 2])]
 
 
 def geom_rgba(model: mujoco.MjModel, g: int) -> Array:

@@ -17,7 +17,6 @@ import numpy.typing as npt
 
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import read_mjcf
-from testbench.data.station import check_position
 from testbench.errors import Array, BenchError, check_array, check_least
 from testbench.plant.build import compile_mjcf
 from testbench.plant.feasible import COLLIDES, collide, lay_floor
@@ -37,6 +36,7 @@ SHACKLE = 0.1
 SLING_RADIUS = 0.01  #: Radius of the sling [m].
 HEAD_RADIUS = 0.2
 """Radius of the sphere that stands for the tracker's head, its swing and the top of its stand [m]."""
+FARTHEST = 1000.0  #: Largest coordinate of a station [m]; beyond it a unit is a slip.
 TARGET_RADIUS = 0.06
 """What is hit this near to a marker [m] is the target itself, its nest or the end of its holder."""
 SOLID = " ".join(f'{key}="{value}"' for key, value in COLLIDES.items())
@@ -102,6 +102,16 @@ class Site:
     markers: Index  #: Body ids of the markers, (m,).
     facing: Array  #: Z axes of the markers' bodies in the tool's frame, (m, 3) [1].
     part: Index  #: Index in `KINDS` of what each geom belongs to, (geoms,).
+
+
+def check_position(position: object) -> Array:
+    """The position of a station, (3,) [m]; BenchError for what is no place near any arm."""
+    where = check_array(position, (3,), "position of the station [m]")
+    if np.abs(where).max() > FARTHEST:
+        raise BenchError(
+            f"position of the station [m]: expected coordinates up to {FARTHEST:g}, got {where.tolist()}"
+        )
+    return where
 
 
 def build_site(

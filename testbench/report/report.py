@@ -12,6 +12,7 @@ from pydantic import JsonValue
 
 from testbench.errors import InputError
 from testbench.output.manifest import read_plain
+from testbench.report.badge import Badge
 from testbench.report.table import Row, plain, rows
 from testbench.trials.spread import Spread, middle
 from testbench.views.colours import Look
@@ -31,6 +32,7 @@ FORMS = {
 """What a sentence may ask for beside a format of numbers."""
 PARTS = ("question", "title", "answer", "worst")  #: Of one line each.
 LISTS = ("statements", "more", "body")
+OWN = ("scenario", "badge", "said", "tables")  #: Keys of report.json that are no numbers.
 
 
 class _Sentence(Formatter):
@@ -83,9 +85,12 @@ class Report:
     body: Sequence[Markdown | str]  #: The rest of report.md: Markdown, and names of tables.
     claims: Sequence[Markdown] = ()  #: What else there is to say, what matters most first.
     worst: Markdown = field(default=Markdown())  #: Where it is worst, empty for none.
+    badge: Badge | None = None  #: Who wins; None where nothing is compared.
 
     def block(self, name: str) -> Markdown:
-        """A part in Markdown, of `PARTS` or `LISTS`: statements are the first claims, more the others."""
+        """A part in Markdown: badge, `PARTS` or `LISTS`; statements are the first claims, more the others."""
+        if name == "badge":
+            return self.badge.words if self.badge else Markdown()
         if name in PARTS:
             return Markdown(getattr(self, name))
         if name == "body":
@@ -107,7 +112,8 @@ class Report:
     def whole(self) -> str:
         """report.md."""
         head = [f"# {self.scenario.replace('_', ' ').capitalize()}", self.title, f"**{self.answer}**"]
-        parts = [*head, self.worst, self.block("statements"), self._rest()]
+        badge = Markdown(f"> {self.block('badge')}" if self.badge else "")
+        parts = [*head[:2], badge, *head[2:], self.worst, self.block("statements"), self._rest()]
         return "\n\n".join(filter(None, parts)) + "\n"
 
     def json(self) -> dict[str, Any]:
@@ -115,7 +121,9 @@ class Report:
         said = {name: getattr(self, name) for name in (*PARTS, "claims")}
         body = [part if isinstance(part, Markdown) else {"table": part} for part in self.body]
         tables = {name: _packed(own) for name, own in self.tables.items()}
-        found = {"scenario": self.scenario, **self.numbers, "said": {**said, "body": body}, "tables": tables}
+        badge = self.badge and self.badge.json()
+        head = {"scenario": self.scenario, "badge": badge}
+        found = {**head, **self.numbers, **head, "said": {**said, "body": body}, "tables": tables}
         data: dict[str, Any] = plain(found)
         return data
 
@@ -158,9 +166,18 @@ def read(found: Mapping[str, Any]) -> Report:
         **{name: Markdown(said[name]) for name in PARTS},
         claims=[Markdown(claim) for claim in said["claims"]],
         body=[Markdown(part) if isinstance(part, str) else str(part["table"]) for part in said["body"]],
-        numbers=rows({key: own for key, own in found.items() if key not in ("scenario", "said", "tables")}),
+        numbers=rows({key: own for key, own in found.items() if key not in OWN}),
+        badge=_badge(found.get("badge")),
         tables={name: _unpacked(own) for name, own in found["tables"].items()},
     )
+
+
+def _badge(found: Any) -> Badge | None:
+    """What report.json says of who wins; older ones say nothing."""
+    if found is None:
+        return None
+    own = {name: found[name] for name in (f.name for f in fields(Badge))}
+    return Badge(**own | {"interval": own["interval"] and tuple(own["interval"])})
 
 
 FORM = re.compile(r"yes|[,+]?(?:\.\d{1,2})?[defg%]?")  #: Of a number; of strangers others could be endless.

@@ -7,7 +7,6 @@ import numpy as np
 
 from testbench.campaign.campaign import Cell, Setup, settle_both
 from testbench.campaign.evaluation import Runs, dataset_of
-from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import MM
 from testbench.data.dataset import Dataset, in_order, split
 from testbench.data.write import write_csv
@@ -54,7 +53,7 @@ def with_errors(
     ]
     errs = [", ".join(f"{own.name} {own.values[k]:.3f} mm" for own in lines) for k in range(len(at))]
     arrows = [
-        Layer(f"error of {name}", looks[name].colour, "arrows", at, at + scale * off)
+        Layer(f"error of {name}", looks[name].colour, looks[name].stroke, at, at + scale * off)
         for name, off in errors.items()
     ]
     drawn = replace(
@@ -122,7 +121,7 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> See
     f, first, size = Row(run.report.numbers), run.first, run.settings.magnification
     names = first["name"].tolist()
     looks = {m.name: look(m.structure, m.constraint, m.prior) for m in f.models}
-    shown = [name for name in dict.fromkeys((*f.map.compared, JOINTS)) if name in names]
+    shown = f.map.compared
     wrong, left = (
         {name: -np.reshape(first[key][names.index(name)], (-1, len(cell.arm.markers), 3)) for name in shown}
         for key in ("drawn.wrong_m", "drawn.residuals_m")

@@ -27,7 +27,7 @@ from testbench.trials.engine import Backend, run_study
 from testbench.trials.experiment import Experiment
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 from testbench.views import terminal
-from testbench.views.figure import save
+from testbench.views.figure import headed, save
 from testbench.views.page.page import write_page
 from testbench.views.recording.run import write_run
 from testbench.views.scene import Seen
@@ -113,7 +113,7 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     (folder / "report.md").write_text(report.whole(), encoding="utf-8")
     figures = study.figures(report)
     for name, figure in figures.items():
-        save(figure, folder / name)
+        save(headed(figure, terminal.as_plain(report.block("badge"))), folder / name)
     names = [*figures, *study.extra]
     if "data_file" in (first := found.first):
         (folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")

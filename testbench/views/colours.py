@@ -1,33 +1,36 @@
 """Colour is a role, the same in figures, recordings and pages, and never alone: shapes go with it.
 
-A model has one colour, by its name: least squares orange, with a prior red, brown where its free directions
-make it conservative; joints alone blue; GCO green. A prior fills its marker and dashes its line. Measured is
-vermillion, nominal sky blue, the arm grey; purple is load and nothing else. Every colour stands out from
-white and from black, by 3:1 at least.
+A model has one colour, by its name: least squares orange, with a prior pink, vermillion where its free
+directions make it conservative; joints alone blue; GCO green. A prior fills its marker and dashes its line.
+Measured is rust, nominal sky blue, the arm grey; purple is load and nothing else. Every colour stands out
+from white and from black, by 3:1 at least; maps have their own ramp.
 """
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypedDict
+from typing import Literal, TypedDict
 
 from testbench.identify import Constraint
 
 Colour = tuple[int, ...]
 
 
-NOMINAL, MEASURED, LOAD, GREY = (40, 146, 196), (213, 94, 0), (196, 106, 160), (127, 127, 127)
-"""Sky blue, vermillion, purple, grey."""
-SCALE: tuple[Colour, ...] = ((78, 105, 150), (38, 128, 150), (82, 139, 92), (154, 128, 40), (216, 116, 16))
-"""Of sizes, from least to greatest: blue-grey to orange, brighter all the way, seen on dark and on light."""
+NOMINAL, MEASURED, LOAD, GREY = (40, 146, 196), (159, 85, 8), (196, 106, 160), (127, 127, 127)
+"""Sky blue, rust, purple, grey."""
+SCALE: tuple[Colour, ...] = ((67, 78, 108), (100, 103, 113), (132, 129, 120), (170, 158, 114), (211, 191, 91))
+"""Of sizes, from least to greatest: the middle of cividis, brighter all the way for every eye."""
 TASK = (143, 119, 4)  #: Where the robot works: olive.
-LEAST_SQUARES, GCO = (194, 132, 0), (0, 136, 10)  #: The methods, and MLS56 and MGCO56.
-JOINTS, JOINTS_PRIOR = (52, 98, 232), (108, 116, 192)
+LEAST_SQUARES, GCO = (200, 131, 4), (67, 131, 92)  #: The methods, and MLS56 and MGCO56.
+JOINTS, JOINTS_PRIOR = (90, 142, 255), (108, 116, 192)
 """Joints alone, what most calibrations use: beside links they are no shade of a method."""
+LEAST_SQUARES_PRIOR = (255, 80, 128)
+TOLD_APART = (LEAST_SQUARES, GCO, JOINTS, LEAST_SQUARES_PRIOR, MEASURED)
+"""By everybody, also who sees no red or no green: CIEDE2000 of 15 at least between any two."""
 SHADES: Mapping[tuple[Constraint, str], Mapping[str, Colour]] = {
     ("none", "none"): {"56": LEAST_SQUARES, "32": (176, 106, 98)},
-    ("none", "prior"): {"56": (190, 58, 80), "68": (150, 86, 92), "153": (210, 116, 98)},
-    ("free", "none"): {"56": (154, 89, 16)},
+    ("none", "prior"): {"56": LEAST_SQUARES_PRIOR, "68": (150, 86, 92), "153": (210, 116, 98)},
+    ("free", "none"): {"56": (213, 94, 0)},
     ("psd", "none"): {
         "56": GCO,
         "68": (122, 151, 6),
@@ -35,7 +38,7 @@ SHADES: Mapping[tuple[Constraint, str], Mapping[str, Colour]] = {
         "147": (107, 107, 100),
         "153": (8, 162, 14),
     },
-    ("psd", "prior"): {"56": (0, 130, 104), "68": (93, 112, 12), "153": (0, 161, 154)},
+    ("psd", "prior"): {"56": (0, 120, 104), "68": (93, 112, 12), "153": (0, 161, 154)},
     ("psd", "least trace"): {"56": (42, 115, 98), "68": (157, 131, 83), "153": (103, 130, 159)},
     ("psd", "log-det prior"): {"56": (87, 153, 100), "68": (109, 127, 41), "153": (37, 129, 143)},
 }
@@ -51,10 +54,10 @@ SERIES: tuple[Colour, ...] = (
     GCO,
     NOMINAL,
     LEAST_SQUARES,
-    (190, 58, 80),
+    LEAST_SQUARES_PRIOR,
     (42, 115, 98),
     JOINTS_PRIOR,
-    (154, 89, 16),
+    (184, 98, 18),
     (0, 161, 154),
 )
 """What is no model, such as criteria, instruments and solvers."""
@@ -81,6 +84,12 @@ class Look:
     def hex(self) -> str:
         """The colour as #RRGGBB."""
         return hexadecimal(self.colour)
+
+    @property
+    def stroke(self) -> Literal["lines", "arrows"]:
+        """How its errors are drawn in space: those of least squares as lines, all others as arrows."""
+        squares = (SHADES[kind] for kind in SHADES if kind[0] == "none")
+        return "lines" if any(self.colour in own.values() for own in squares) else "arrows"
 
     @property
     def mark(self) -> str:

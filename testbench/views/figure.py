@@ -101,6 +101,15 @@ def say(figure: Figure, answer: str, reading: str) -> None:
     figure.supxlabel(words, x=0.01, ha="left", fontsize=SMALL, color="0.3")
 
 
+def headed(figure: Figure, words: str) -> Figure:
+    """The same with a line above its title, such as the badge of its run."""
+    if words:
+        title = figure.get_suptitle()
+        lines = [textwrap.fill(words, TITLE), title]
+        figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12, fontweight="bold")
+    return figure
+
+
 def of_seeds(seeds: int | Sequence[int]) -> str:
     """What dots and lines of a report are over its seeds."""
     if isinstance(seeds, int):

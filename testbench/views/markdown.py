@@ -65,7 +65,7 @@ class Told(Protocol):
     """The words of a report, whatever makes them."""
 
     def block(self, name: str) -> Markdown:
-        """One part, empty where it has none: question, title, answer, worst, statements, more, body."""
+        """A part, empty where it has none: badge, question, title, answer, worst, statements, more, body."""
         ...
 
 

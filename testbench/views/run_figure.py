@@ -74,7 +74,8 @@ def overview(words: Told, seen: Seen) -> Figure:
         _forest(figure.add_subplot(grid[0, :]), *models)
     for k, chart in enumerate(charts, len(rows) - len(charts)):
         _chart(figure.add_subplot(grid[k, :]), chart)
-    say(figure, answer, " ".join(more))
+    badge = as_plain(words.block("badge"))
+    say(figure, "\n".join(filter(None, [badge, answer])), " ".join(more))
     return figure
 
 
@@ -173,7 +174,7 @@ def _chart(axes: Axes, chart: RunChart) -> None:
         if line.ends:
             axes.fill_between(at, *line.ends, color=line.look.hex, alpha=0.15, linewidth=0)
     if chart.limit is not None and np.isfinite(chart.limit):
-        axes.axhline(chart.limit, color=SOFT, linewidth=1, linestyle="--", label="noise alone, 95 %")
+        axes.axhline(chart.limit, color=SOFT, linewidth=1, linestyle="--", label=chart.limit_is)
     some = at[:: -(-len(at) // NAMED)]
     axes.set_xticks(some, [short(chart.labels[k], 8) for k in some], rotation=0 if len(some) < 15 else 45)
     axes.set_xlabel(chart.across)

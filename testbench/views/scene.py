@@ -83,9 +83,10 @@ class RunChart:
     across: str  #: What the labels are, such as "run".
     labels: Sequence[str]  #: Of the poses, a few letters each.
     lines: Sequence[Line]
-    limit: float | None = None  #: What noise alone stays below in 95 %, in the same unit; NaN: none.
+    limit: float | None = None  #: A level across all poses, in the same unit; NaN: none.
     note: str = ""  #: What else there is to say of them.
     joined: bool = True  #: A line joins the numbers: not of categories.
+    limit_is: str = "noise alone, 95 %"  #: What the level is.
 
 
 @dataclass(frozen=True)

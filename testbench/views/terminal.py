@@ -17,6 +17,8 @@ from testbench.views.markdown import Told
 from testbench.views.markdown import as_plain as as_plain
 from testbench.views.schema import Column, Table, brackets
 
+BADGES = {"Holds": "bold green", "Tie": "bold yellow", "Do not": "bold red"}
+"""Styles of a badge by its first words."""
 MORE = "under More in report.md"
 
 
@@ -118,7 +120,9 @@ def print_words(
 
 
 def print_answer(console: Console, words: Told) -> None:
-    """The answer, and where it is worst."""
+    """The badge, the answer, and where it is worst."""
+    if badge := as_plain(words.block("badge")):
+        console.print(badge, style=next(own for head, own in BADGES.items() if badge.startswith(head)))
     console.print(as_plain(words.block("answer")), style="bold")
     if words.block("worst"):
         console.print(as_plain(words.block("worst")))

@@ -8,11 +8,11 @@ from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, slidin
 
 from testbench.arm.folder import load_arm
 from testbench.campaign.campaign import build_cell
-from testbench.plant.import_robot.read import read_chain
+from testbench.campaign.new_arm import sentence, write_arm
+from testbench.plant.import_robot.chain import read_chain
+from testbench.plant.import_robot.propose import Wishes
 from testbench.plant.import_robot.surface import surfaces
 from testbench.plant.import_robot.weigh import DENSITY
-from testbench.plant.import_robot.wishes import Wishes
-from testbench.plant.import_robot.write import write_arm
 
 ARMS = {
     light_urdf: (pinocchio_urdf, "tool0", "a1 a2 a3 a4 a5 a6 a7"),
@@ -37,13 +37,17 @@ def arms(tmp_path_factory):
     return made
 
 
+def notes(chain):
+    return [sentence(note) for note in chain.notes]
+
+
 @pytest.mark.parametrize("robot", ARMS)
 def test_model_and_plant_place_and_weigh_the_arm_as_the_stranger_s_own_library_does(arms, robot):
     """Positions are written to 1e-12 m, masses to nine digits; a part without mass weighs 1 mg."""
     file, chain, folder = arms[robot]
     library, tip, joints = ARMS[robot]
     names, q = random_q(folder)
-    assert (chain.tip_name, names) == (tip, joints.split())
+    assert (chain.tip.name, names) == (tip, joints.split())
     theirs = library(file, tip, names, q)
     for own in ours(folder, q):
         assert np.abs(own.tips - theirs.tips).max() < 1e-9
@@ -62,7 +66,7 @@ def test_a_mount_belongs_to_the_base_where_it_stands(arms):
     com = model.body_mass[both] @ data.xipos[both] / model.body_mass[both].sum()
     base = chain.parts[0]
     assert base.name == "base"
-    assert (chain.base @ np.append(base.com, 1))[:3] == pytest.approx(com)
+    assert (base.pose @ np.append(base.com, 1))[:3] == pytest.approx(com)
 
 
 def test_limits_are_the_file_s_and_those_without_get_a_turn_each_way_which_is_said(arms):
@@ -70,19 +74,19 @@ def test_limits_are_the_file_s_and_those_without_get_a_turn_each_way_which_is_sa
     joints = load_arm(folder).joints
     assert (joints[2].lower, joints[2].upper) == (-2.2, 1.2)
     assert joints[6].upper == pytest.approx(2 * np.pi)
-    assert any("no limits of a7" in note for note in chain.notes)
+    assert any("no limits of a7" in note for note in notes(chain))
     _, chain, folder = arms[mounted_mjcf]
     joints = load_arm(folder).joints
     assert joints[0].lower == pytest.approx(np.deg2rad(-150))
-    assert any("no limits of j5" in note for note in chain.notes)
+    assert any("no limits of j5" in note for note in notes(chain))
 
 
 def test_a_branch_is_frozen_and_weighs_on_the_part_that_carries_it(arms):
     """The hand of 0.7 kg and its fingers of 0.02 kg hang on the last link of 2 kg."""
     _, chain, _ = arms[light_urdf]
     assert chain.parts[-1].mass == pytest.approx(2 + 0.7 + 2 * 0.02)
-    assert "merged into link_7: hand, finger_1, finger_2" in chain.notes
-    assert "off the arm, so held at zero: finger_joint_1, finger_joint_2" in chain.notes
+    assert "merged into link_7: hand, finger_1, finger_2" in notes(chain)
+    assert "off the arm, so held at zero: finger_joint_1, finger_joint_2" in notes(chain)
 
 
 def test_what_is_drawn_stands_where_the_file_has_it_in_metres(arms):
@@ -91,22 +95,22 @@ def test_what_is_drawn_stands_where_the_file_has_it_in_metres(arms):
     shape = next(s for s in chain.parts[3].shapes if s.visual)
     turn = np.array([[np.cos(0.2), 0, np.sin(0.2)], [0, 1, 0], [-np.sin(0.2), 0, np.cos(0.2)]])
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.06, 0], [0, 0, 0.2]]) @ turn.T + [0, 0.01, -0.02]
-    gap = np.linalg.norm(shape.vertices[:, None] - corners, axis=2).min(axis=0)
+    gap = np.linalg.norm(shape.surface[0][:, None] - corners, axis=2).min(axis=0)
     assert gap.max() < 1e-8
-    assert shape.rgba.tolist() == [1, 0.4, 0, 1]
+    assert shape.rgba == pytest.approx([1, 0.4, 0, 1])
     assert sum(p.stat().st_size for p in folder.rglob("*.*")) < 20_000
 
 
 def test_an_arm_without_masses_is_weighed_by_the_volume_of_its_boxes(arms):
     _, chain, _ = arms[heavy_urdf]
     link = chain.parts[2]
-    assert link.inertia_from == "geometry"
+    assert not link.weighed
     assert link.mass == pytest.approx(DENSITY * 0.4 * 0.4 * 1.4)
     assert link.com == pytest.approx([0.1, 0, 0.1])
     assert np.diag(link.inertia) == pytest.approx(
         link.mass / 12 * np.array([0.4**2 + 1.4**2] * 2 + [2 * 0.4**2])
     )
-    assert any(note.startswith("no mass in the file: 1200 kg/m^3") for note in chain.notes)
+    assert any(note.startswith("no mass in the file: 1200 kg/m^3") for note in notes(chain))
 
 
 def test_hulls_that_keep_others_away_weigh_nothing(tmp_path):
@@ -126,22 +130,22 @@ def test_hulls_that_keep_others_away_weigh_nothing(tmp_path):
 def test_fixed_links_of_the_file_and_its_free_things_are_no_links_of_the_arm(arms):
     _, chain, folder = arms[classes_mjcf]
     assert [link.name for link in load_arm(folder).links] == [f"link{k}" for k in range(8)]
-    assert "not of this arm, so left out: cube" in chain.notes
-    assert any("actuator, equality, keyframe" in note for note in chain.notes)
+    assert "not of this arm, so left out: cube" in notes(chain)
+    assert any("actuator, equality, keyframe" in note for note in notes(chain))
 
 
 def test_a_tip_may_be_named_and_what_lies_behind_it_is_frozen(arms):
     file, _, _ = arms[classes_mjcf]
-    assert read_chain(file, "pinch").tip_name == "pinch"
+    assert read_chain(file, "pinch").tip.name == "pinch"
     short = read_chain(file, "link5")
     assert short.n_joints == 5
-    assert any("held at zero: joint6, joint7, left_joint" in note for note in short.notes)
+    assert any("held at zero: joint6, joint7, left_joint" in note for note in notes(short))
 
 
 def test_names_that_no_column_can_have_are_made_fit_and_said(arms):
     _, chain, _ = arms[light_urdf]
     assert chain.parts[0].name == "base_link"
-    assert any("'base/link' is base_link" in note for note in chain.notes)
+    assert any("'base/link' is base_link" in note for note in notes(chain))
 
 
 def test_a_mesh_that_cannot_be_read_costs_a_note_and_the_collision_mesh_is_drawn(tmp_path):
@@ -149,7 +153,7 @@ def test_a_mesh_that_cannot_be_read_costs_a_note_and_the_collision_mesh_is_drawn
     text = file.read_text().replace("meshes/link.stl", "meshes/gone.dae", 1)
     file.write_text(text)
     chain = read_chain(file)
-    assert any("gone.dae" in note for note in chain.notes)
+    assert any("gone.dae" in note for note in notes(chain))
     (tmp_path / "arm").mkdir()
     write_arm(chain, Wishes(), tmp_path / "arm")
     assert 'class="visual" rgba' in (tmp_path / "arm/rigid.xml").read_text()
@@ -178,5 +182,5 @@ def test_equal_masses_of_all_links_are_placeholders(tmp_path):
         text = text.replace(f'<mass value="{light}"/>', '<mass value="2"/>')
     file.write_text(text)
     chain = read_chain(file)
-    assert "every link weighs 2 kg in the file, which no arm does: not used" in chain.notes
+    assert "every link weighs 2 kg in the file, which no arm does: not used" in notes(chain)
     assert chain.parts[1].mass == pytest.approx(DENSITY * 0.1 * 0.06 * 0.2 / 6, rel=1e-6)

@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 from sound_sets import PAYLOAD, Sound
 
 from testbench.arm.mjcf import GRAVITY
+from testbench.campaign.doubt import Doubt, said
 from testbench.errors import BenchError
-from testbench.identify.doubts import Doubt, HandedIn, doubts, open_places
+from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
 from testbench.identify.prior import Prior
 from testbench.identify.registered import registered
 from testbench.model.vjm import tool_pose
@@ -40,8 +41,9 @@ def named(own: Sound) -> list[Doubt]:
     try:
         found = registered(vjm, data, "tracker" if own.declared else "auto")
     except BenchError as why:
-        return [open_places(vjm, data) or Doubt("refused", str(why))]
-    return doubts(HandedIn(vjm, data, found, own.declared), own.prior)
+        doubt = open_places(vjm, data)
+        return [said(doubt, vjm.arm) if doubt else Doubt("refused", str(why))]
+    return [said(one, vjm.arm) for one in doubts(HandedIn(vjm, data, found, own.declared), own.prior)]
 
 
 def bump(rng, size):

@@ -12,16 +12,17 @@ from testbench.data.series import select_rows
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.evidence import Learnt, choice, learn, usual
 from testbench.identify.absolute.fit import Options, calibrate
-from testbench.identify.absolute.inner import Inner, eliminate
+from testbench.identify.absolute.inner import eliminate
 from testbench.identify.absolute.noise import Noise, plan_of, roots
 from testbench.identify.absolute.posterior import posterior_of, registered
 from testbench.identify.absolute.reduced import Point, Weighting, reduce
 from testbench.identify.absolute.scatter import single
-from testbench.identify.absolute.state import nominal, tell
+from testbench.identify.absolute.state import equilibrium, nominal
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.metric import metric
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.joint_errors import JointErrors
+from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
@@ -142,8 +143,8 @@ def test_a_solution_counts_what_is_left_and_what_it_spends(kr500, reduced):
     equations, unknowns = reduced
     elastic = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
     own = choice(unknowns, frozenset({"geometry shift", "geometry turn"}), elastic)
-    learnt, inner = usual(unknowns, len(equations.kinds)), Inner("none", Strength(3.0))
-    solved = eliminate(own, equations, learnt, inner)
+    learnt = usual(unknowns, len(equations.kinds))
+    solved = eliminate(own, equations, learnt, "none", Strength(3.0))
     v, held = np.r_[solved.x, -1.0], learnt.deviation[own.columns[: own.rigid]]
     some = np.r_[own.columns, unknowns.size]
     left = v @ equations.gram.sum(axis=0)[np.ix_(some, some)] @ v + np.sum((v[: own.rigid] / held) ** 2)
@@ -151,7 +152,7 @@ def test_a_solution_counts_what_is_left_and_what_it_spends(kr500, reduced):
     assert solved.estimate.f_m == pytest.approx(np.sqrt(left / (n / 3)), rel=1e-6)
     sure = replace(learnt, deviation=np.where(np.isfinite(learnt.deviation), 1e-12, np.inf))
     free = np.isinf(learnt.deviation[own.columns[: own.rigid]]).sum()
-    assert eliminate(own, equations, sure, inner).spent == pytest.approx(free + 153)
+    assert eliminate(own, equations, sure, "none", Strength(3.0)).spent == pytest.approx(free + 153)
 
 
 @pytest.mark.parametrize("kind", ["play", "stiffening"])
@@ -168,7 +169,7 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
     tip = [np.array([tool_pose(vjm, q + sign * one)[0][0] for one in step]) for sign in (1, -1)]
     torque = (tip[0] - tip[1]) @ wrench[0, :3] / 2e-6 / 1000
     turned = n * (np.tanh(torque / 0.1) if kind == "play" else torque * np.abs(torque))
-    where = tell(state, q, wrench, np.zeros((1, 3))).where
+    where = equilibrium(state, q, [Load(wrench, np.zeros((1, 3)))]).where
     np.testing.assert_allclose(where.position, tool_pose(vjm, q + turned)[0], rtol=0, atol=1e-6)
 
 
@@ -188,7 +189,7 @@ def test_what_unknowns_spend_is_the_trace_of_the_hat_matrix(rng):
     R = np.linalg.qr(np.column_stack([A, y]), mode="r")
     reduced = SimpleNamespace(factors={0: R}, counts=np.array([len(A)]))
     factor = 1.7
-    found = eliminate(own, reduced, Learnt(deviation, np.array([factor])), Inner())
+    found = eliminate(own, reduced, Learnt(deviation, np.array([factor])))
     P = A.T @ A / factor**2 + np.diag(deviation**-2.0)
     assert found.spent == pytest.approx(np.trace(A @ np.linalg.solve(P, A.T)) / factor**2)
     np.testing.assert_allclose(found.x, np.linalg.solve(P, A.T @ y / factor**2))

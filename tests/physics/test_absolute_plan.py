@@ -11,11 +11,11 @@ from testbench.campaign.plan import around, left_open, union_of
 from testbench.campaign.plan_settings import PlanSettings
 from testbench.campaign.unobservable import quantities, sentences, unobservable
 from testbench.design import absolute
-from testbench.design.criteria import mean_square
+from testbench.design.criteria import criterion_of, mean_square
 from testbench.design.exchange import exchange, greedy
 from testbench.design.rows import information as of_plan
 from testbench.identify.absolute.pull import information, pull_of
-from testbench.identify.absolute.state import targets, tell
+from testbench.identify.absolute.state import forward, targets
 from testbench.identify.observability import Hidden, hidden
 
 POSES = 12
@@ -35,7 +35,7 @@ def poses(kr500):
 def selected(union, q, wanted):
     """Candidates exchanged for better ones by criterion I, none of them moved: criterion, problem, places."""
     problem = absolute.candidate_set(union, q, POSES).problem
-    criterion = absolute.criterion_of("I", problem, wanted)
+    criterion = criterion_of("I", problem, wanted)
     start = greedy(problem, criterion, problem.rows, POSES)
     return criterion, problem, exchange(problem, criterion, problem.rows, start)
 
@@ -47,8 +47,7 @@ def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, poses):
     draws = rng.normal(0, union.rest, (4000, len(union.rest)))
 
     def places(moved):
-        told = tell(state, series.q + moved, series.wrench, series.point)
-        return targets(told, state.mount(series)).ravel()
+        return targets(forward(state, replace(series, q=series.q + moved)).where, state.mount(series)).ravel()
 
     still = places(0 * draws[0])
     J = np.stack([(places(h) - still) / 1e-6 for h in 1e-6 * np.eye(len(union.rest))], axis=1)

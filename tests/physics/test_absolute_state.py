@@ -8,7 +8,7 @@ import pytest
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import Cell
 from testbench.identify.absolute import state as absolute
-from testbench.identify.absolute.state import Mount, nominal, targets, tell
+from testbench.identify.absolute.state import Mount, forward, nominal, targets
 from testbench.model.joint_errors import JointErrors
 from testbench.model.weights import read_weights
 from testbench.plant import Disturbances, build_plant
@@ -35,9 +35,9 @@ def off(cell, disturbances, mass):
         orders = tuple(range(1, len(gears.sine) + 1))
         n = np.concatenate([gears.sine, gears.cosine]).T
         state = replace(state, errors=JointErrors(orders=orders), n=n)
-    told = tell(state, series.q, series.wrench, series.point)
+    tool = forward(state, series).where
     points = truth.markers @ mount.rotation.T + mount.position
-    seen = targets(told, Mount(points, np.eye(3), series.markers)) @ station.rotation.T + station.position
+    seen = targets(tool, Mount(points, np.eye(3), series.markers)) @ station.rotation.T + station.position
     return np.linalg.norm(seen - series.position, axis=2)[:, 0]
 
 

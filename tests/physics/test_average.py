@@ -18,7 +18,7 @@ from testbench.identify.hierarchy import ALONE, MISFIT, learn, log_evidence_alon
 from testbench.identify.metric import metric, whitened
 from testbench.identify.posterior import linearise
 from testbench.identify.prior import cad_prior
-from testbench.identify.regularised import fit_reduced
+from testbench.identify.solve import solve
 from testbench.model.structure import all153, joints_only, mgco68
 
 SCENARIO = Scenario(arm="kr500_l480", identification_poses=8, identification_runs=16, workspace_poses=60)
@@ -57,7 +57,7 @@ def test_where_links_bend_the_default_is_the_fit_of_links_and_joints(kr500):
     assert found.average is None
     regression = reduce(kr500.vjm, s, campaign.identification)
     belief = learn(regression, metric(prior, kr500.vjm, s))
-    np.testing.assert_array_equal(found.pi, fit_reduced(regression, "psd", belief).pi)
+    np.testing.assert_array_equal(found.pi, solve(regression, "psd", belief).pi)
 
 
 def test_the_average_is_a_mean_of_gramians_whose_intervals_hold_both(kr500, rigid):

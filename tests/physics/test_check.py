@@ -9,10 +9,10 @@ import pytest
 
 from testbench.campaign.arm_check import check
 from testbench.campaign.arm_doubts import sag
+from testbench.campaign.new_arm import elastic_toml
 from testbench.model.vjm import chain
-from testbench.plant.import_robot.propose import propose
-from testbench.plant.import_robot.read import read_chain
-from testbench.plant.import_robot.wishes import Wishes
+from testbench.plant.import_robot.chain import read_chain
+from testbench.plant.import_robot.propose import Wishes, propose
 
 MODELS = Path(__file__).parents[2] / "models"
 TOML, XML = "elastic.toml", "rigid.xml"
@@ -170,7 +170,8 @@ def test_a_proposal_for_the_geometry_of_our_kr500_sags_within_three_times_as_it_
     folder = Path(shutil.copytree(MODELS / "kr500_l480", tmp_path / "proposed"))
     markers = tuple((name, np.zeros(3)) for name in ("P1", "P2", "P3"))  # their places stay in rigid.xml
     robot = read_chain(folder / XML, "tool")
-    (folder / TOML).write_text(propose(robot, Wishes(payload=500.0, markers=markers)).elastic, "utf-8")
+    wishes = Wishes(payload=500.0, markers=markers)
+    (folder / TOML).write_text(elastic_toml(robot, wishes, propose(robot, wishes)), "utf-8")
     proposed = check(folder)
     assert proposed.doubts == []
     np.testing.assert_array_equal(proposed.sag.q, sound.sag.q)

@@ -7,11 +7,10 @@ import pytest
 
 import testbench as tb
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import Aim, Target, correct
+from testbench.correct.newton import Aim, Target, asked, correct
 from testbench.correct.rest import rest
 from testbench.correct.step import SMALL
-from testbench.correct.sure import Stand, half_widths
-from testbench.correct.target import asked
+from testbench.correct.uncertainty import Poses, half_widths
 from testbench.errors import BenchError, NoEquilibrium
 from testbench.identify.arm_model import About, bending, of_compliances, of_estimate
 from testbench.identify.posterior import Posterior
@@ -199,7 +198,7 @@ def test_a_correction_into_the_floor_is_refused_and_the_point_stays(kr500, known
     q[0, 1] = clear
     up = [Load(np.array([0, 0, 3e3, 0, 0, 0]), TIP)]
     found = compensate(known, q, up, AIM, kr500.room)
-    assert "would collide" in found.refused[0]
+    assert found.refused[0].why == "collision"
     assert np.array_equal(found.q, q)
     assert np.array_equal(found.after, found.before)
     q[0, 1] = touches  # what touches before may touch after: nothing new is in the way
@@ -215,8 +214,8 @@ def test_half_widths_are_those_of_the_estimate(kr500):
     model = of_estimate(kr500.vjm, estimate, read_weights(kr500.arm))
     q = campaign.truth.q[:40]
     load = [Load(campaign.truth.wrench[:40], campaign.truth.point[:40])]
-    half = half_widths(model, Stand(q, load), Stand(q), kr500.vjm.markers)
+    half = half_widths(model, Poses(q, load), Poses(q), kr500.vjm.markers)
     own = tb.intervals(kr500.vjm, estimate, campaign.truth)
     assert np.allclose(half, ((own.upper - own.lower) / 2)[:40], rtol=0.1)  # linear at the unbent arm
     with pytest.raises(BenchError, match="expected an absolute model"):
-        half_widths(model, Stand(q, load), None, kr500.vjm.markers)
+        half_widths(model, Poses(q, load), None, kr500.vjm.markers)

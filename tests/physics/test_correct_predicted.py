@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.correct.beyond import extent
+from testbench.campaign.program_words import direction_words, refusal_words
+from testbench.correct.compensated import Refusal
 from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
-from testbench.correct.stiffness import direction_words, give_halves, stiffness
-from testbench.correct.sure import Stand, half_widths, rows_between
+from testbench.correct.stiffness import give_halves, stiffness
+from testbench.correct.uncertainty import Poses, half_widths, rows_between
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.arm_model import About, bending, of_compliances
 from testbench.identify.posterior import CURVED, Posterior
@@ -118,18 +119,6 @@ def test_positions_have_intervals_where_they_were_calibrated(model, poses, load)
     assert np.array_equal(rough.half, calm.half)
 
 
-def test_loads_beyond_the_data_are_said_with_their_number(model, poses):
-    pull = Load(np.array([0, 4200.0, 0, 0, 0, 0]), np.array([0, 0, 0.1]))
-    found = extent(model, poses, [pull])
-    assert found.force == pytest.approx(4200)
-    assert found.force_ratio == pytest.approx(2.1)
-    assert found.moment <= 420.0 + 1e-9
-    assert found.sentences == (
-        "extrapolated: 4,200 N are 2.1 times the largest force that the model was identified under",
-    )
-    assert not extent(model, poses, [Load(pull.wrench / 2.1, pull.point)]).sentences
-
-
 @pytest.mark.parametrize(
     ("direction", "words"),
     [
@@ -142,14 +131,25 @@ def test_directions_in_words(direction, words):
     assert direction_words(np.array(direction)) == words
 
 
+def test_reasons_in_words_and_in_the_units_of_their_joint(kr500):
+    said = [
+        (Refusal("reach", size=0.01234), "out of reach, 12.3 mm are left"),
+        (Refusal("equilibrium"), "no equilibrium"),
+        (Refusal("limit", ("joint_3",), np.radians(1.5)), "joint_3 would pass its limit by 1.5 deg"),
+        (Refusal("collision", ("tool", "floor")), "tool would collide with floor"),
+        (None, None),
+    ]
+    assert [refusal_words(kr500.arm, one) for one, _ in said] == [words for _, words in said]
+
+
 def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(model, poses):
     """Of every pose and principal axis, one by one."""
     tool = stiffness(model, poses[:2])
     halves = give_halves(model, poses[:2], tool, 700.0)
     for k, q in enumerate(poses[:2, None]):
         for axis, half in zip(tool.axes[k].T, halves[k], strict=True):
-            pushed = Stand(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
-            assert half == pytest.approx(half_widths(model, pushed, Stand(q), np.zeros((1, 3))).max())
+            pushed = Poses(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
+            assert half == pytest.approx(half_widths(model, pushed, Poses(q), np.zeros((1, 3))).max())
 
 
 def test_what_a_linear_model_leaves_out_counts_once_and_twice_where_it_predicts_linearly(model, poses, load):
@@ -165,7 +165,7 @@ def test_what_a_linear_model_leaves_out_counts_once_and_twice_where_it_predicts_
 def test_rows_of_compliances_add_up_to_how_far_loads_bend_the_arm(model, poses, load, heavy):
     """Deflections are linear in them, to first order: from the arm at rest, or as drawn."""
     point = np.array([[0.2, -0.1, 0.3]])
-    found = rows_between(model, Stand(poses, [load], heavy), None, point)[:, 0] @ model.posterior.x
+    found = rows_between(model, Poses(poses, [load], heavy), None, point)[:, 0] @ model.posterior.x
     p, R = tool_pose(model.vjm, poses)
     before = p + R @ point[0] if heavy else rest(model.state, poses).at(point[0])
     bent = rest(model.state, poses, [load]).at(point[0]) - before

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_everywhere
 
+from testbench.campaign.program_words import extrapolated
 from testbench.correct.beyond import extent
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import Aim, correct
-from testbench.correct.open import most_open
+from testbench.correct.newton import Aim, asked, correct
 from testbench.correct.rest import rest
-from testbench.correct.sure import Stand, fitted_half_widths, half_widths, rows_between
-from testbench.correct.target import asked
+from testbench.correct.uncertainty import Poses, fitted_half_widths, half_widths, most_open, rows_between
 from testbench.errors import BenchError
 from testbench.identify.arm_model import About
 from testbench.model.load import Load
@@ -38,7 +37,7 @@ def absolute(kr500):
 def test_rows_are_how_positions_move_with_what_is_unsure(absolute, column):
     """Of geometry, joint errors and compliances: differences of the bent arm's tip, but for second order."""
     q = Q[None]
-    row = rows_between(absolute, Stand(q, [FORCE]), None, TIP[None])[0, 0, :, column]
+    row = rows_between(absolute, Poses(q, [FORCE]), None, TIP[None])[0, 0, :, column]
     x, tips = absolute.unknowns.current(absolute.state), []
     step = 1e-5 if column < RIGID else 1e-3 * max(abs(x[column]), 1e-7)
     for sign in (1, -1):
@@ -52,7 +51,7 @@ def test_rows_are_how_positions_move_with_what_is_unsure(absolute, column):
 def test_what_points_share_goes_with_a_frame_that_is_fitted_to_them(absolute):
     q = Q + np.random.default_rng(6).uniform(-0.1, 0.1, (POINTS, 6))
     q[:, 0] = 0.3
-    stand = Stand(q, [FORCE])
+    stand = Poses(q, [FORCE])
     whole, left = (
         half_widths(absolute, stand, None, TIP[None])[:, 0],
         fitted_half_widths(absolute, stand, TIP),
@@ -112,15 +111,15 @@ def test_loads_beyond_those_of_the_identification_are_said_even_where_these_were
     q = Q[None]
     size = float(np.linalg.norm(FORCE.wrench[:3]))
     half = replace(known, about=About("made up", force=size / 2, moment=1e9))
-    assert "2.0 times the largest force" in extent(half, q, [FORCE]).sentences[0]
+    assert "2.0 times the largest force" in extrapolated(extent(half, q, [FORCE]))[0]
     none = replace(known, about=About("made up", force=0.0, moment=0.0))
-    assert "under own weight alone" in extent(none, q, [FORCE]).sentences[0]
-    assert not extent(replace(known, about=About("made up")), q, [FORCE]).sentences
+    assert "under own weight alone" in extrapolated(extent(none, q, [FORCE]))[0]
+    assert not extrapolated(extent(replace(known, about=About("made up")), q, [FORCE]))
     lever = np.cross(tool_pose(known.vjm, q)[1][0] @ TIP, FORCE.wrench[:3])
     held = Load(np.concatenate([FORCE.wrench[:3], -lever]), TIP)  # its moment about the tool's origin is zero
     assert extent(known, q, [held]).moment < 1e-9
     heavy = Load(np.array([0, 0, -2 * 9.81 * kr500.arm.payload, 0, 0, 0]), TIP)
-    assert "2.0 times the payload" in extent(known, q, [heavy]).sentences[0]
+    assert "2.0 times the payload" in extrapolated(extent(known, q, [heavy]))[0]
 
 
 #: Near a stretched elbow and wrist: how a path was once torn between two ways to take a point.

@@ -12,10 +12,10 @@ from sound_sets import sound
 
 from testbench.campaign import pose_campaign
 from testbench.campaign.campaign import Scenario, simulate, stream
+from testbench.campaign.doubt import said
 from testbench.data.dataset import Dataset, select
-from testbench.identify.doubts import HandedIn, doubts
-from testbench.identify.doubts.find import AT_A_TIME
-from testbench.identify.doubts.loads import allowed, learnt
+from testbench.identify.diagnosis.find import AT_A_TIME, HandedIn, doubts
+from testbench.identify.diagnosis.loads import allowed, learnt
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.identify.registered import Registered, registered
@@ -123,7 +123,7 @@ def test_runs_under_moments_alone_are_looked_at(arm_6r):
 
     def told(data):
         given = HandedIn(arm_6r.vjm, data, registered(arm_6r.vjm, data, "base"), True)
-        return [doubt.name for doubt in doubts(given, cad_prior(arm_6r.arm))]
+        return [doubt.kind for doubt in doubts(given, cad_prior(arm_6r.arm))]
 
     assert told(data) == []
     assert told(replace(data, wrench=data.wrench / 9.81)) == ["scale"]
@@ -168,7 +168,7 @@ def test_a_single_reading_that_lies_apart_is_a_doubt_with_nothing_left_to_weigh(
     assert (own.cell.arm.name, own.tracker) == ("arm_6r", True)
     data = select(own.data, own.data.run == 1)
     given = HandedIn(own.cell.vjm, data, Registered(own.cell.vjm, data, None, "base", ()), declared=False)
-    assert [doubt.name for doubt in doubts(given, own.prior)] == ["pose"]
+    assert [doubt.kind for doubt in doubts(given, own.prior)] == ["pose"]
 
 
 def bumped(given, run, shift, turn=(0.0, 0.0, 0.0), *, loaded=False):
@@ -228,7 +228,7 @@ def test_a_link_without_joints_has_one_pose_and_no_step_is_sought(single_link):
     vjm, arm = single_link.vjm, single_link.arm
     data = simulate(single_link, Scenario(arm=arm.name, sigma=50e-6), 3).identification
     given = HandedIn(vjm, data, registered(vjm, data, "base"), declared=True)
-    assert not [doubt for doubt in doubts(given, cad_prior(arm)) if doubt.name.endswith("_moved")]
+    assert not [doubt for doubt in doubts(given, cad_prior(arm)) if doubt.kind.endswith("_moved")]
 
 
 def plate(cell, runs, targets):
@@ -260,7 +260,8 @@ def plate(cell, runs, targets):
 
 def told(vjm, data, frame="base"):
     given = HandedIn(vjm, data, registered(vjm, data, frame), True)
-    return [(doubt.name, doubt.sentence) for doubt in doubts(given, cad_prior(vjm.arm))]
+    found = (said(doubt, vjm.arm) for doubt in doubts(given, cad_prior(vjm.arm)))
+    return [(doubt.name, doubt.sentence) for doubt in found]
 
 
 def test_more_readings_than_are_weighed_together_raise_no_doubt(kr500):

@@ -7,20 +7,22 @@ import pytest
 
 from testbench.campaign import pose_campaign
 from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.doubt import of_scale
 from testbench.campaign.perturbed_prior import prior_of
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
-from testbench.identify.contradiction import Unchecked, doubts, unchecked
-from testbench.identify.doubts.loads import learnt
+from testbench.identify.diagnosis.loads import learnt
+from testbench.identify.diagnosis.prior_check import Unchecked, contradicted, unchecked
 from testbench.identify.evidence import bends, greatest, posterior
 from testbench.identify.hierarchy import WIDEST, _scales, evidence, learn
 from testbench.identify.metric import Belief, metric, precision_root, whitened
 from testbench.identify.posterior import CURVED, HEAVY, curvature, intervals, linearise, quantile
 from testbench.identify.prior import Prior, Strength, cad_prior
-from testbench.identify.regularised import fit_reduced
-from testbench.model.loaded import displacement, loaded_deflection, loaded_equilibrium, secant
+from testbench.identify.solve import solve
+from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import chain, observation
+from testbench.studies.loaded_stiffness.equilibrium import loaded_equilibrium
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +92,7 @@ def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, cam
     P = D * np.where(belief.metric.couplings, strength.coupling, strength.uncertainty) ** 2
     S = D * np.eye(len(y)) + A * P @ A.T
     expected = e + P * (A.T @ np.linalg.solve(S, y - A @ e))
-    estimate = fit_reduced(regression, "none", belief)
+    estimate = solve(regression, "none", belief)
     x = np.linalg.solve(belief.metric.L, estimate.pi)
     np.testing.assert_allclose(x, expected, rtol=0, atol=1e-6)  # rows of 1e3, entries of 1
     functionals = np.linalg.qr(np.random.default_rng(0).standard_normal((153, 5)))[0].T @ np.linalg.inv(
@@ -123,7 +125,7 @@ def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(
         L = seen.metric.L * np.exp(h[: seen.blocks])[seen.block]
         u, c, kappa = np.exp(h[-3:])
         there = Belief(replace(seen.metric, L=L), Strength(u / kappa, 0.0, coupling=c / kappa))
-        return fit_reduced(regression, "none", there).pi
+        return solve(regression, "none", there).pi
 
     steps = 1e-4 * np.eye(len(h))[:-1]
     J = np.array([estimate(h + d) - estimate(h - d) for d in steps]) / 2e-4
@@ -139,7 +141,7 @@ def test_diagnosis_starts_from_the_estimate_with_the_learnt_prior(kr500, campaig
     regression, own = seen_by(kr500, campaign, make(kr500.arm))
     [fitted, own_pi] = [
         learnt(kr500.vjm, own, campaign.identification).pi,
-        fit_reduced(regression, "none", learn(regression, own, widths=False)).pi,
+        solve(regression, "none", learn(regression, own, widths=False)).pi,
     ]
     np.testing.assert_allclose(fitted, own_pi, rtol=0, atol=1e-4 * np.abs(own_pi).max())
 
@@ -156,9 +158,9 @@ def test_joints_ten_times_off_are_found_and_hardly_cost_anything(kr500, factor):
         errors[name] = np.abs(estimate.C_theta - kr500.arm.C_theta)[42:, 42:].max()
     [joints] = [scale for scale in estimate.belief.scales if scale.name == "joints"]
     assert abs(np.log(joints.factor * factor)) < 4 * joints.deviation < np.log(10)  # told from 1
-    [doubt] = [text for text in doubts(estimate.belief) if text.startswith("joints: ")]
-    assert f"want {joints.factor:.2g} times" in doubt
-    assert "beside the links" in doubt
+    [doubt] = [scale for scale in contradicted(estimate.belief) if scale.name == "joints"]
+    assert f"want {joints.factor:.2g} times" in of_scale(doubt).sentence
+    assert "beside the links" in of_scale(doubt).sentence
     assert errors["wrong"] < errors["right"] + 0.3 * kr500.arm.C_theta[42:, 42:].max()
 
 
@@ -169,9 +171,9 @@ def test_a_link_ten_times_off_is_contradicted_or_named_as_open_that_way(kr500, c
     C[6 * link : 6 * link + 6] *= factor
     name = kr500.arm.links[link].name
     regression, own = seen_by(kr500, campaign, all153(kr500.arm), Prior("one link off", C))
-    contradicted = any(text.startswith(f"{name}: ") for text in doubts(learn(regression, own)))
+    told = any(scale.name == name for scale in contradicted(learn(regression, own)))
     found = unchecked(regression, own)
-    assert contradicted or name in (found.stiffer if factor > 1 else found.softer)
+    assert told or name in (found.stiffer if factor > 1 else found.softer)
 
 
 def test_what_the_readings_refuse_is_not_called_open(kr500, campaign):
@@ -188,7 +190,7 @@ def test_many_readings_of_full_poses_leave_no_link_unchecked_and_no_doubt(arm_6r
     regression = reduce(arm_6r.vjm, all153(arm_6r.arm), measured)
     own = metric(cad_prior(arm_6r.arm), arm_6r.vjm, all153(arm_6r.arm))
     assert unchecked(regression, own) == Unchecked()
-    assert doubts(learn(regression, own)) == ()
+    assert contradicted(learn(regression, own)) == ()
 
 
 def test_intervals_of_a_learnt_prior_have_heavier_tails_than_normal(kr500, campaign):

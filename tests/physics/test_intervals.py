@@ -17,9 +17,9 @@ from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simula
 from testbench.campaign.campaign import Scenario, clear_poses, simulate, stream
 from testbench.campaign.named_parameters import intervals
 from testbench.correct.compensated import compensate
+from testbench.correct.newton import asked
 from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
-from testbench.correct.target import asked
 from testbench.identify import least_squares, reduce
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.posterior import deviations_root, model_of, place, posterior_of
@@ -27,7 +27,7 @@ from testbench.identify.absolute.scatter import residuals
 from testbench.identify.metric import Belief, metric
 from testbench.identify.posterior import Posterior, linearise
 from testbench.identify.prior import Strength, cad_prior
-from testbench.identify.regularised import fit_reduced
+from testbench.identify.solve import solve
 from testbench.identify.weighed import marker_points
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import chain, observation
@@ -97,7 +97,7 @@ def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr
     back, z = np.linalg.inv(own.L), []
     for row in rows_of(kr500, s, campaign.truth):
         x = own.expected * (1 + scale * rng.standard_normal()) + size * rng.standard_normal(s.n)
-        found = fit_reduced(again(own.L @ x, rng), "none", Belief(own, strength))
+        found = solve(again(own.L @ x, rng), "none", Belief(own, strength))
         any_, some = rng.standard_normal((2, s.n)) * [np.ones(s.n), own.couplings]
         a = np.vstack([row, any_ @ back, some @ back, own.expected @ back])
         z.append(a @ (found.pi - own.L @ x) / linearise(found).deviations(a))
@@ -233,7 +233,7 @@ def test_a_prior_that_is_hardly_believed_takes_no_bound_from_what_readings_show(
     data = replace(campaign.identification, sigma=1e-8)
     own = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
     regression = reduce(kr500.vjm, own.structure, data)
-    found = linearise(fit_reduced(regression, "none", Belief(own, Strength(1e6))))
+    found = linearise(solve(regression, "none", Belief(own, Strength(1e6))))
     where, points = chain(kr500.vjm, data.q), marker_points(kr500.vjm, data.markers)
     rows = observation(where, own.structure, data.wrench, data.point, points).reshape(-1, own.structure.n)
     assert len(found.unseen) > 0

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import testbench as tb
+from testbench.campaign.advice import advice
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.identifiability import describe
 from testbench.campaign.measurement_schemes import imagined
@@ -42,7 +43,7 @@ def test_gravity_leaves_joint_1_at_zero_and_finds_the_others(kr500, model, runs)
         np.testing.assert_allclose(found.pi, np.r_[0, TRUE[1:]], rtol=1e-5, atol=1e-14)
         assert found.conservative
         assert found.regression.rank == 5
-        assert "6 unknowns, the data see 5 directions" in found.advice[0]
+        assert "6 unknowns, the data see 5 directions" in advice(found)[0]
 
 
 def test_a_prior_speaks_of_the_joints_alone_and_fills_joint_1(kr500, model, runs):

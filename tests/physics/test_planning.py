@@ -10,11 +10,21 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.campaign import predicted_error
 from testbench.campaign.campaign import Scenario, hanging, measure, stream
 from testbench.data.dataset import Dataset
-from testbench.design.criteria import Determinant, Linear, criterion_e
-from testbench.design.planning import CRITERIA, DETOUR, _order, candidate_set, make_plan, promise
+from testbench.design.criteria import CRITERIA, Determinant, Linear, criterion_e
+from testbench.design.forecast import forecast
+from testbench.design.planning import DETOUR, _order, candidate_set, make_plan, promise
 from testbench.design.refine import Reach
-from testbench.design.rows import Experiment, build_problem, deflection_rows, information, reading_rows
-from testbench.design.specification import Specification, Tasks, promise_of, task_rows
+from testbench.design.rows import (
+    Experiment,
+    Specification,
+    Tasks,
+    build_problem,
+    deflection_rows,
+    information,
+    problem_of,
+    reading_rows,
+    task_rows,
+)
 from testbench.design.whole_arm import _narrow, fit_of, promise_on
 from testbench.errors import BenchError
 from testbench.identify import least_squares, reduce, with_prior
@@ -56,6 +66,12 @@ def spec(kr500, poses):
 @pytest.fixture(scope="module")
 def plan(kr500, spec, poses):
     return make_plan(spec, "test", poses[:200], Reach(lambda q: clear(kr500, q)), stream(1))
+
+
+def promise_of(spec, q, load):
+    """Errors to expect at the tasks after any poses were measured, such as those of a plan made by hand."""
+    problem = problem_of(spec, q, load)
+    return forecast(problem, information(problem, np.arange(len(q))), task_rows(spec))
 
 
 def blank(kr500, q, load):
@@ -111,10 +127,7 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
     assert ((plan.q >= lower) & (plan.q <= upper)).all()
     assert 0.7 < plan.efficiency <= 1
     np.testing.assert_array_equal(plan.examined.q[plan.chosen], plan.q)
-    chance = [
-        promise_of(spec, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int), task_rows(spec)).overall
-        for k in range(20)
-    ]
+    chance = [promise_of(spec, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int)).overall for k in range(20)]
     assert promise(plan, task_rows(spec)).overall < min(chance)
 
 
@@ -139,7 +152,7 @@ def test_without_prior_nothing_but_the_readings_counts(kr500, spec, poses):
 
 
 def test_promise_of_the_plan_is_that_of_its_poses(spec, plan):
-    again = promise_of(spec, plan.q, plan.load, task_rows(spec))
+    again = promise_of(spec, plan.q, plan.load)
     assert again.overall == pytest.approx(promise(plan, task_rows(spec)).overall, rel=1e-3)
 
 
@@ -224,7 +237,7 @@ def test_promises_are_kept_where_the_model_is_linear(spec, poses):
     own, rng = spec.experiment.metric, stream(12)
     back = np.linalg.inv(own.L)
     chosen, load = poses[:9], np.zeros(9, dtype=int)
-    promised = promise_of(spec, chosen, load, task_rows(spec)).overall
+    promised = promise_of(spec, chosen, load).overall
     A = reading_rows(spec.experiment, chosen, spec.loads[0]).reshape(-1, 68)
     B, c = precision_root(own, Strength(0.3))
     wanted = task_rows(spec).reshape(-1, 68)

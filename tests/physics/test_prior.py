@@ -17,10 +17,10 @@ from testbench.identify.crossval import (
     unless_beaten,
 )
 from testbench.identify.evaluate import deflections, score
-from testbench.identify.metric import metric, precision_root, rescaled, whitened
+from testbench.identify.metric import Belief, metric, precision_root, rescaled, whitened
 from testbench.identify.prior import Prior, Strength, aggregate, cad_prior, distorted
 from testbench.identify.regression import f_m
-from testbench.identify.regularised import answer, gco_with, least_squares_with
+from testbench.identify.solve import answer, solve
 from testbench.model.structure import Structure, all153, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
 from testbench.studies.estimators.stein import (
@@ -85,7 +85,7 @@ def test_least_squares_with_a_prior_is_the_ridge_solution(kr500, structure, unce
     n, e = structure.n, own.expected
     rows = np.block([[A, np.zeros((len(A), 1))], [np.eye(n) / uncertainty, -e[:, None] / uncertainty]])
     x = np.linalg.lstsq(rows, np.r_[y, np.zeros(n)], rcond=None)[0][:n]
-    estimate = least_squares_with(regression, own, Strength(uncertainty))
+    estimate = solve(regression, "none", Belief(own, Strength(uncertainty)))
     np.testing.assert_allclose(estimate.pi, own.L @ x, rtol=0, atol=1e-7 * np.abs(own.L @ x).max())
 
 
@@ -97,7 +97,7 @@ def test_gco_with_a_prior_meets_the_optimality_conditions_of_the_cone(kr500, str
         regression = reduce(kr500.vjm, structure, campaign(kr500, seed).identification)
         own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, structure), regression)
         strength = Strength(uncertainty)
-        estimate = gco_with(regression, own, strength)
+        estimate = solve(regression, "psd", Belief(own, strength))
         assert estimate.status == "solved"
         assert estimate.conservative
         x = np.linalg.solve(own.L, estimate.pi)
@@ -108,7 +108,7 @@ def test_gco_with_a_prior_meets_the_optimality_conditions_of_the_cone(kr500, str
         for X, S in zip(own.matrices(x), own.matrices(gradient), strict=True):
             assert np.linalg.eigvalsh(S)[0] > -1e-5 * size
             assert abs((S * X).sum()) < 1e-5 * size * max(1, np.trace(X))
-        binds += not least_squares_with(regression, own, strength).conservative
+        binds += not solve(regression, "none", Belief(own, strength)).conservative
     if uncertainty > 1 and structure.name != "MGCO68":
         assert binds  # else the cone was never asked for anything
 
@@ -118,7 +118,10 @@ def test_log_det_prior_is_gaussian_near_its_expectation_and_never_singular(kr500
     structure = template56(kr500.arm)
     regression = reduce(kr500.vjm, structure, run.identification)
     own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, structure), regression)
-    firm = [fit(regression, own, Strength(0.02)).pi for fit in (gco_with, gco_stein)]
+    firm = [
+        solve(regression, "psd", Belief(own, Strength(0.02))).pi,
+        gco_stein(regression, own, Strength(0.02)).pi,
+    ]
     # both leave the expectation in proportion to u^2; what differs is of order u^3 of it
     np.testing.assert_allclose(firm[1], firm[0], rtol=0, atol=2e-3 * np.abs(firm[0]).max())
     loose = gco_stein(regression, own, Strength(3.0))
@@ -127,7 +130,7 @@ def test_log_det_prior_is_gaussian_near_its_expectation_and_never_singular(kr500
     assert min(np.linalg.eigvalsh(X)[0] for X in own.matrices(x)) > 1e-3
     A, y = whitened(regression, own)
     e = own.expected
-    scale = np.linalg.solve(own.L, gco_with(regression, own, Strength(3.0)).pi) @ e / (e @ e)
+    scale = np.linalg.solve(own.L, solve(regression, "psd", Belief(own, Strength(3.0))).pi) @ e / (e @ e)
 
     def cost(x):
         log_det = sum(np.linalg.slogdet(X)[1] for X in own.matrices(x))
@@ -146,7 +149,7 @@ def test_scale_of_the_prior_does_not_matter_where_the_data_set_it(kr500, structu
     for scale in (0.2, 1.0, 5.0):
         prior = Prior("scaled", scale * kr500.arm.C_theta)
         own = rescaled(metric(prior, kr500.vjm, structure), regression)
-        fits.append(gco_with(regression, own, Strength(0.3)).pi)
+        fits.append(solve(regression, "psd", Belief(own, Strength(0.3))).pi)
     for pi in fits[1:]:
         np.testing.assert_allclose(pi, fits[0], rtol=0, atol=1e-5 * np.abs(fits[0]).max())
 
@@ -226,7 +229,7 @@ def test_cross_validation_takes_the_strength_that_predicts_best(kr500):
     folds = every_fold(kr500.vjm, structure, data)
     errors = {}
     for u in UNCERTAINTIES:
-        fits = [least_squares_with(fold.fitted, own, Strength(u)).pi for fold in folds]
+        fits = [solve(fold.fitted, "none", Belief(own, Strength(u))).pi for fold in folds]
         errors[u] = held_out_errors(folds, lambda _, fits=fits: fits).mean()
     chosen = choose_strength(folds, own, lambda cases: np.array([answer("none", case).pi for case in cases]))
     assert chosen.uncertainty == min(errors, key=errors.get)

@@ -13,7 +13,7 @@ from testbench.identify.certify import total_trace, trace_weight
 from testbench.identify.evaluate import deflections
 from testbench.identify.least_squares import completed
 from testbench.identify.prior import aggregate
-from testbench.identify.regularised import fit_each
+from testbench.identify.solve import solve
 from testbench.model.structure import all153, mgco68, template56
 from testbench.studies.factorial.trial import reread
 from testbench.studies.regimes import fits
@@ -129,7 +129,7 @@ def test_the_error_to_expect_is_what_noise_does_to_least_squares(kr500):
     [size] = expected(kr500.vjm, clean, Grid(kr500.arm.name, (12,), (sigma,)), [exact])
     rng, draws = stream(SEEDS[0], 1), 300
     seen = [reduce(kr500.vjm, structure, reread(clean.runs, sigma, rng)) for _ in range(draws)]
-    found = fit_each([exact, *seen], "none", [None] * (draws + 1))
+    found = [solve(regression, "none") for regression in (exact, *seen)]
     moved = np.array([deflections(kr500.vjm, own, clean.judge) for own in found])
     error = 1e6 * np.sqrt(np.square(moved[1:] - moved[0]).sum(axis=3).mean())
     assert error == pytest.approx(size, rel=0.2)  # of one direction 300 draws tell it to 4 %

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from loads import hung, random_q
 
+from testbench.campaign.absolute import of_masses
 from testbench.data.series import Series
 from testbench.identify.absolute.torques import CENTRE, LIMIT, MASS, fit_weights
 from testbench.model.vjm import chain
@@ -58,7 +59,7 @@ def test_wrong_masses_are_mended_to_the_noise_of_the_torques(name, sign, request
     torque += 20 * sigma * rng.standard_normal(exact.shape[1])
     torque[rng.random(exact.shape) < 0.05] += 50 * sigma
     parts = tuple(with_torques(q[s], wrench[s], point[s], torque[s]) for s in (slice(100), slice(100, 300)))
-    fitted, note = fit_weights(cell.vjm, weights, parts)
+    found = fit_weights(cell.vjm, weights, parts)
 
     def error(found):
         straight = chain(cell.vjm, q[301::2])
@@ -66,8 +67,9 @@ def test_wrong_masses_are_mended_to_the_noise_of_the_torques(name, sign, request
         new = true_torques(cell, model, q[301::2], 0 * wrench[301::2], point[301::2])
         return rms(own_weight(straight, found)[-n:].T - new)
 
-    assert error(fitted) < 0.3 * sigma < 3 * sigma < error(weights)
-    assert ("the weight's" in note) == (sign == 1)
+    assert error(found.weights) < 0.3 * sigma < 3 * sigma < error(weights)
+    assert found.motors == (sign == -1)
+    assert ("the weight's" in of_masses(found)) == (sign == 1)
 
 
 def test_torques_that_are_not_of_the_weight_change_no_mass(kr500, rng):
@@ -75,10 +77,10 @@ def test_torques_that_are_not_of_the_weight_change_no_mass(kr500, rng):
     weights = read_weights(kr500.arm)
     q, (wrench, point) = random_q(kr500, rng, 200), hung(kr500, 200, 0.0)
     exact = true_torques(kr500, kr500.room.model, q, wrench, point)
-    for torque, word in ((exact[:, ::-1], "order of joints"), (None, "no torques")):
-        kept, note = fit_weights(kr500.vjm, weights, (with_torques(q, wrench, point, torque),))
-        assert kept is weights
-        assert word in note
+    found = fit_weights(kr500.vjm, weights, (with_torques(q, wrench, point, exact[:, ::-1]),))
+    assert found.weights is weights
+    assert "order of joints" in of_masses(found)
+    assert fit_weights(kr500.vjm, weights, (with_torques(q, wrench, point, None),)) is None
 
 
 def test_what_no_mass_explains_stays_in_bounds_and_is_said(kr500, rng):
@@ -91,9 +93,9 @@ def test_what_no_mass_explains_stays_in_bounds_and_is_said(kr500, rng):
         torque = true_torques(kr500, kr500.room.model, q, wrench, point)
         return fit_weights(kr500.vjm, weights, (with_torques(q, 0 * wrench, point, torque),))
 
-    fitted, note = fit(250.0)
-    assert (np.abs(fitted.mass / weights.mass - 1) < LIMIT * MASS + 1e-9).all()
-    assert "as far from rigid.xml as is allowed: link_" in note
-    kept, note = fit(1000.0)
-    assert kept is weights
-    assert "payload?" in note
+    found = fit(250.0)
+    assert (np.abs(found.weights.mass / weights.mass - 1) < LIMIT * MASS + 1e-9).all()
+    assert "as far from rigid.xml as is allowed: link_" in of_masses(found)
+    found = fit(1000.0)
+    assert found.weights is weights
+    assert "payload?" in of_masses(found)

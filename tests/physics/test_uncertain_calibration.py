@@ -9,14 +9,14 @@ from scipy.linalg import block_diag, helmert
 from scipy.spatial.transform import Rotation
 
 from testbench.campaign.named_parameters import functionals
-from testbench.data.series import Series
+from testbench.data.series import Series, select_rows
 from testbench.identify.absolute import evidence as sizes
 from testbench.identify.absolute.noise import Noise, plan_of, roots
-from testbench.identify.absolute.posterior import deviations_root, place, predict
+from testbench.identify.absolute.posterior import deviations_root, known, place, predict
 from testbench.identify.absolute.reduced import Point, equations
 from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import scatter
-from testbench.identify.absolute.state import Mount, nominal, targets, tell
+from testbench.identify.absolute.state import Mount, forward, nominal, targets
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.evidence import ALIKE, TAIL
@@ -141,9 +141,9 @@ def state(kr500):
 
 def read_by(state, series):
     """The series with the targets where the state has them."""
-    told = tell(state, series.q, series.wrench, series.point)
+    told = forward(state, series)
     frame = state.frame(series)
-    x = targets(told, state.mount(series)) @ frame.rotation.T + frame.translation
+    x = targets(told.where, state.mount(series)) @ frame.rotation.T + frame.translation
     return replace(series, position=x)
 
 
@@ -169,7 +169,10 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
     model = ArmModel(state, structure, np.arange(36), arm, About("made up"), noise)
     series = read_by(state, still(20, rng))
     told, rest = np.arange(9), np.arange(9, 20)
-    left, covariance = predict(model, place(model, series, told), series)
+    placed = place(model, series, told)
+    again = known(replace(model, state=placed.state), select_rows(series, told))  # the frame was there before
+    np.testing.assert_allclose(again.posterior.root, placed.posterior.root, rtol=1e-6, atol=1e-12)
+    left, covariance = predict(model, placed, series)
     np.testing.assert_allclose(left, 0, atol=1e-9)
     every = unknowns_of(kr500.vjm, (series,), JointErrors(), structure)
     A = rows_of(every, state, series).A[0].transpose(2, 0, 1)  # row, axis, unknown

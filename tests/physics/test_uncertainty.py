@@ -16,11 +16,11 @@ from testbench.data.dataset import in_order
 from testbench.errors import BenchError
 from testbench.identify import gco, intervals, least_squares, reduce, with_prior
 from testbench.identify.evaluate import deflections
-from testbench.identify.least_squares import minimum_norm, solve
-from testbench.identify.metric import metric
+from testbench.identify.least_squares import minimum_norm
+from testbench.identify.metric import Belief, metric
 from testbench.identify.posterior import CURVED, curvature, linearise
 from testbench.identify.prior import Strength, aggregate, cad_prior
-from testbench.identify.regularised import gco_with, least_squares_with
+from testbench.identify.solve import solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.studies.estimators.bootstrap import bootstrap, resampler
 from testbench.studies.identifiability.coverage import Case, bounded, draw_conservative
@@ -56,7 +56,7 @@ def test_resampled_rows_have_the_chi_squared_and_spread_of_the_readings(full_pos
         # mean of 400 chi squares of e degrees of freedom: standard error sqrt(2 e / 400); 4 of them
         assert np.mean(chi2) == pytest.approx(term.equations, abs=4 * np.sqrt(2 * term.equations / 400))
     sd = linearise(minimum_norm(drawn[0])).deviations(case.functionals)
-    found = [case.functionals @ solve(d) for d in drawn]
+    found = [case.functionals @ minimum_norm(d).pi for d in drawn]
     np.testing.assert_allclose(np.std(found, axis=0), sd, rtol=0.15)  # 4 standard errors of 3.5 %
 
 
@@ -95,11 +95,11 @@ def test_a_prior_makes_everything_finite_and_more_data_only_helps(kr500, gravity
     rows = rows_of(kr500, s, gravity.truth)
     widths = []
     for data in (gravity.identification, gravity.measured):  # 8 poses, and 11
-        estimate = gco_with(reduce(kr500.vjm, s, data), m, strength)
+        estimate = solve(reduce(kr500.vjm, s, data), "psd", Belief(m, strength))
         widths.append(linearise(estimate).deviations(rows))
     assert np.isfinite(widths).all()
     assert (widths[1] <= widths[0] * (1 + 1e-9)).all()
-    weaker = linearise(gco_with(estimate.regression, m, Strength(1.0))).deviations(rows)
+    weaker = linearise(solve(estimate.regression, "psd", Belief(m, Strength(1.0)))).deviations(rows)
     assert (weaker > widths[1]).all()
 
 
@@ -108,7 +108,7 @@ def test_posterior_covariance_is_bayes_rule(kr500, gravity):
     s = template56(kr500.arm)
     m, strength = metric(cad_prior(kr500.arm), kr500.vjm, s), Strength(0.3, 0.5)
     regression = reduce(kr500.vjm, s, gravity.identification)
-    estimate = least_squares_with(regression, m, strength)
+    estimate = solve(regression, "none", Belief(m, strength))
     [term] = regression.terms
     A = np.sqrt(term.equations / 3) * term.R @ m.L
     e = m.expected

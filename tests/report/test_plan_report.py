@@ -15,9 +15,8 @@ from testbench.campaign.plan_input import FORCE, read_payload, read_pulls, read_
 from testbench.campaign.plan_settings import PlanSettings
 from testbench.campaign.predicted_error import Expected, Unshown
 from testbench.commands.plan import WORST, printed, report
-from testbench.commands.plan_drawn import OURS, WORK, seen, write_poses, write_tasks
+from testbench.commands.plan_drawn import OURS, WORK, plan_columns, seen, write_poses, write_tasks
 from testbench.commands.plan_numbers import numbers
-from testbench.data.posefile import plan_columns
 from testbench.model.load import weight
 from testbench.model.vjm import chain, tool_points
 from testbench.report.table import Row

@@ -148,7 +148,10 @@ def test_what_was_planted_is_said_and_the_verdict_comes_first(made, report):
     start = (
         f"Readings are {after:.3f} mm (mean) from the calibrated arm, {before:.3f} mm from the arm as drawn"
     )
-    assert words.startswith(start)
+    assert start in words
+    verdict = report["badge"]
+    assert words.startswith("Holds: the error of calibrated is ")
+    assert (verdict["winner"], verdict["rival"], verdict["verdict"]) == ("calibrated", "as drawn", "holds")
     assert after < 0.2 * before
     assert "Kept: joint springs and joint errors. Dropped, as they improve" in words
     assert "by less than 5 %: ratio and play." in words
@@ -185,6 +188,13 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, 
     assert found["n"] == 100
     words = run("score", made[0], readings[2], "--frame-poses", 20).stdout
     assert f"100 positions: {found['mean_mm']:.3f} mm mean" in words
+    for share, code, head in ((1.01, 0, "Holds: "), (0.99, 1, "Do not use: ")):
+        limit = ("--at-most", share * found["mean_mm"])
+        done = run("score", made[0], readings[2], "--frame-poses", 20, *limit)
+        assert (done.returncode, done.stderr) == (code, "")
+        assert done.stdout.startswith(head)
+        done = run("score", made[0], readings[2], "--frame-poses", 20, "--json", *limit)
+        assert (done.returncode, json.loads(done.stdout)) == (code, found)
     same = (
         tmp_path / readings[0].name
     )  # a series by the name of one that was fitted: its tracker stands elsewhere

@@ -23,6 +23,7 @@ from testbench.campaign.program import correct_program
 from testbench.campaign.stiffness_model import load_model, write_stiffness
 from testbench.cli.program import program as app
 from testbench.commands.compensate import report
+from testbench.correct.compensated import Refusal
 from testbench.correct.newton import Aim
 from testbench.data.program import read_program
 from testbench.identify.estimate import make_estimate
@@ -314,17 +315,17 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
     """The model's own residual is a solver's digits: drawn, it would be a success that nobody has seen."""
     chunks = sound(bounded / "right_report" / "recording.rrd", "As programmed")
     report = json.loads((bounded / "right_report" / "report.json").read_text())
-    for name, key in (("as_programmed", "before_mm"), ("corrected_within_95", "half_95_mm")):
+    for name, key in (("as_programmed", "before_mm"), ("corrected_program_within_95", "half_95_mm")):
         found = series(chunks, f"{OFF}/{name}", "pose")
         np.testing.assert_allclose(found, [row[key] for row in report["rows"]], rtol=1e-6)
     assert {c.entity_path for c in chunks if c.entity_path.startswith("/charts/path")} == {
-        f"{OFF}/as_programmed",
-        f"{OFF}/corrected_within_95",
+        *(f"{OFF}/as_programmed{end}" for end in ("", "_lower", "_upper")),
+        f"{OFF}/corrected_program_within_95",
     }
     unseen = run(folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")
-    assert unseen.stdout.startswith("Do not run this: ")
+    assert unseen.stdout.startswith("Do not use corrected program: the model does not know")
     chunks = sound(tmp_path / "right_report" / "recording.rrd", "**Do not run this: ")
-    assert np.isnan(series(chunks, f"{OFF}/corrected_within_95")).all()
+    assert np.isnan(series(chunks, f"{OFF}/corrected_program_within_95")).all()
     assert "nothing bounds the error at 12 points" in document(chunks, "/summary")
     for name in ("report.html", "report.md"):
         text = (tmp_path / "right_report" / name).read_text()
@@ -344,7 +345,7 @@ def test_tables_have_the_numbers_of_the_corrected_file(bounded):
         rows = list(csv.DictReader(file))
     before = [np.linalg.norm([float(row[f"before_{x}_mm"]) for x in "xyz"]) for row in rows]
     half = [max(float(row[f"half_95_{x}_mm"]) for x in "xyz") for row in rows]
-    sizes = {"as programmed": before, "corrected, within (95 %)": half}
+    sizes = {"as programmed": before, "corrected program, within (95 %)": half}
     text = (bounded / "right_report" / "report.md").read_text()
     for line in (
         "| line | point | as programmed, off by, mm | corrected, within (95 %), mm |",
@@ -365,7 +366,7 @@ def test_what_joints_cannot_do_is_said_with_its_numbers(folder, bounded):
     own = found.found
     held, turned, q = np.zeros_like(own.held), np.zeros_like(own.turned), own.q.copy()
     held[5:8, 4], turned[9, 1], q[8:, 3] = True, 2e-3, own.q[8:, 3] + 0.1
-    refused = (*own.refused[:3], "out of reach", *own.refused[4:])
+    refused = (*own.refused[:3], Refusal("reach", size=0.02), *own.refused[4:])
     own = replace(own, held=held, turned=turned, q=q, refused=refused)
     said = report(replace(found, found=own))
     off, moved = np.linalg.norm(own.before, axis=1), np.degrees(np.abs(np.diff(q - own.start, axis=0)).max())

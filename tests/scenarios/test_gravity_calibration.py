@@ -62,7 +62,7 @@ def test_the_page_shows_the_numbers_of_the_report_turns_the_arm_and_sorts(quick,
         if model["constraint"] != "free":
             assert told[model["name"]][errs] == f"{model['workspace']['rms_mm']:.3f}"
     for name in report["map"]["compared"]:
-        [pane] = [text for text in page.locator(".pane").all_inner_texts() if text.startswith(name)]
+        [pane] = [text for text in page.locator(".pane").all_inner_texts() if text.split("\n")[0] == name]
         assert f"worst: {report['map']['worst'][name]['error_mm']:.3g} mm" in pane
 
     arm = page.locator("#scene canvas")

@@ -15,10 +15,11 @@ from testbench.campaign.campaign import Scenario, build_cell, hanging, measure
 from testbench.campaign.models import MODELS
 from testbench.campaign.plan import straight_way
 from testbench.campaign.plan_input import read_tasks
+from testbench.campaign.station import Station
 from testbench.cli.program import program
-from testbench.data.posefile import absolute_columns, plan_columns, read_poses
+from testbench.commands.plan_drawn import absolute_columns, plan_columns
+from testbench.data.program import read_poses
 from testbench.data.read_pairs import read_csv
-from testbench.data.station import Station
 from testbench.identify import least_squares
 from testbench.model.load import weight
 from testbench.model.loaded import load_jacobian
@@ -226,7 +227,10 @@ BAD = [
 LONE = [
     ([], "--task: expected a CSV of tasks, or --absolute"),
     (["--absolute", "--task", TASKS], "--task: expected no --absolute with it"),
-    (["--absolute", "--criterion", "test"], "no criterion 'test' of absolute readings; criteria are I, G"),
+    (
+        ["--absolute", "--criterion", "test"],
+        "no criterion 'test' of absolute readings; criteria are D, A, E, G, I",
+    ),
     (["--absolute", "--gear-urad", 0], "--gear-urad: expected 1e-06 to 100000, got 0"),
 ]
 

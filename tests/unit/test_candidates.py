@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from testbench.campaign import station
 from testbench.campaign.campaign import Cell
 from testbench.campaign.candidates import (
     ADVICE,
@@ -22,8 +23,7 @@ from testbench.campaign.candidates import (
     find,
     why_not,
 )
-from testbench.data import station
-from testbench.data.station import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station
+from testbench.campaign.station import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station
 from testbench.errors import Array, BenchError, PoseError
 from testbench.model.poses import WorkArea
 from testbench.plant import Payload, collisions, contacts, hidden

@@ -10,10 +10,9 @@ from testbench.design.exchange import exchange, greedy, select
 from testbench.design.forecast import forecast
 from testbench.design.observability import observability
 from testbench.design.order import joint_travel, round_trip, shortest_path
-from testbench.design.refine import Neighbourhood, ascend, refine
+from testbench.design.refine import Reach, Search, ascend, refine
 from testbench.design.relaxation import relax, sensitivity
 from testbench.design.rows import Problem, information
-from testbench.design.squares import squares
 
 R, K = 5, 2
 A_OPTIMAL = Linear("A", np.eye(R) / R)
@@ -173,13 +172,6 @@ def test_bound_is_that_of_the_most_useful_candidate():
     assert sensitivity(problem.rows, Z)[7] == pytest.approx(np.trace(problem.rows[7] @ Z @ problem.rows[7].T))
 
 
-def test_squares_are_those_of_the_rows():
-    rows, Z, weights = rng(1).normal(size=(7, K, R)), positive(3), rng(2).random(7)
-    every = squares(rows)
-    np.testing.assert_allclose(every.inner(Z), sensitivity(rows, Z))
-    np.testing.assert_allclose(every.total(weights), np.einsum("p,pkr,pkl->rl", weights, rows, rows))
-
-
 def test_forecast_is_the_spread_of_least_squares():
     problem, targets = random_problem(8, prior=1e-9), rng(4).normal(size=(6, 3, R))
     A = problem.rows.reshape(-1, R)
@@ -288,7 +280,7 @@ LIMITS = np.array([[-3.0], [3.0]])
 
 
 def near(feasible):
-    return Neighbourhood(feasible, LIMITS, rng(0))
+    return Search(circle_rows, 2, LIMITS, Reach(feasible), rng(0))
 
 
 def refined(feasible):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.arm.folder import Joint
-from testbench.data.motion.formats import WRITERS, format_of, write_moves
+from testbench.data.motion import WRITERS, format_of, write_moves
 from testbench.errors import BenchError
 
 LEAST = 1e-7  #: What reading back may lose [deg, mm].

@@ -64,7 +64,7 @@ def test_every_solid_of_our_arms_faces_outward(kr500, arm_6r):
 
 def test_what_a_stranger_calls_things_stays_text():
     table = Table((Column("name", "model"), Column("x", "error", "mm")), [{"name": BAD, "x": 0.5}], BAD)
-    words = dict.fromkeys(("question", "title", "answer", "worst", "statements"), BAD)
+    words = dict.fromkeys(("badge", "question", "title", "answer", "worst", "statements"), BAD)
     rest = f"| a |\n| --- |\n| {BAD} |\n\n[go](javascript:alert(3)) ![see](http://far.example/x.png)"
     drawn = {
         "scene": None,

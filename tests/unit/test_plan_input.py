@@ -9,7 +9,7 @@ from testbench.arm.folder import Joint
 from testbench.campaign.plan import nearest_turn
 from testbench.campaign.plan_input import box, place, read_payload, read_pulls, read_tasks
 from testbench.campaign.plan_settings import PlanSettings
-from testbench.data.posefile import read_poses
+from testbench.data.program import read_poses
 from testbench.errors import BenchError, InputError
 from testbench.model.load import weight
 

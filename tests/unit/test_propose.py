@@ -5,18 +5,18 @@ import tomllib
 import numpy as np
 import pytest
 
+from testbench.campaign.new_arm import SPREAD, elastic_toml
+from testbench.commands.new import read_wishes
 from testbench.errors import BenchError
 from testbench.plant.import_robot.beam import outer_diameter, triangles
-from testbench.plant.import_robot.chain import Chain, JointOf, Part, Shape, Site
-from testbench.plant.import_robot.classes import (
+from testbench.plant.import_robot.propose import (
     PAYLOAD_OFF,
-    SPREAD,
-    Class,
+    Wishes,
     estimated_payload,
     joint_compliance,
+    propose,
 )
-from testbench.plant.import_robot.propose import propose
-from testbench.plant.import_robot.wishes import Wishes, read_wishes
+from testbench.plant.import_robot.robot import Body, Chain, Joint, Mesh, Shape, Site, pose_of
 
 Z = np.array([0.0, 0.0, 1.0])
 KNOWN = [  # payload [kg], stretched reach [m], joints counted from 0 and their compliances [1e-6 rad/(N m)]
@@ -57,20 +57,33 @@ def tube(length, outer, inner, axis, aside=(0.0, 0.0, 0.0), sides=64):
         for k in range(sides):
             a, b = start + k, start + (k + 1) % sides
             faces += [[a, b, a + sides], [b, b + sides, a + sides]]
-    return Shape(np.concatenate(rings) + aside, np.array(faces), np.ones(4), True, True)
+    corners = np.concatenate(rings) + aside
+    mesh = Mesh(corners, np.array(faces), corners)
+    return Shape("mesh", np.zeros(3), np.eye(4), mesh, np.ones(4), visual=True, collides=True)
 
 
 def part(name, offset, axis=Z, shapes=(), sites=(), prismatic=False):
-    pose = np.eye(4)
-    pose[:3, 3] = offset
-    joint = None if axis is None else JointOf(f"{name}_joint", np.array(axis), prismatic, -2.0, 2.0, "file")
-    return Part(name, joint, pose, 5.0, np.full(3, 0.01), np.eye(3), "file", tuple(shapes), tuple(sites))
+    joint = None if axis is None else Joint(f"{name}_joint", np.array(axis), prismatic, -2.0, 2.0, True)
+    return Body(
+        name,
+        -1,
+        pose_of(np.eye(3), offset),
+        joint,
+        mass=5.0,
+        com=np.full(3, 0.01),
+        inertia=np.eye(3),
+        shapes=tuple(shapes),
+        sites=tuple(sites),
+    )
 
 
 def chain_of(*parts, tip=(0.0, 0.0, 0.1)):
-    end = np.eye(4)
-    end[:3, 3] = tip
-    return Chain("robot", (part("base", (0, 0, 0), None), *parts), end, "flange", np.eye(4), ())
+    end = Site("flange", pose_of(np.eye(3), tip))
+    return Chain("robot", (part("base", (0, 0, 0), None), *parts), end, ())
+
+
+def elastic_of(arm, wishes):
+    return elastic_toml(arm, wishes, propose(arm, wishes))
 
 
 @pytest.mark.parametrize("aside", [(0.0, 0.0, 0.0), (0.02, 0.3, -0.1)], ids=["on", "beside the line"])
@@ -100,8 +113,8 @@ def test_beams_run_from_joint_to_joint_and_tubes_have_the_drawn_diameter():
         part("hand", (0, 0, 0), Z, [tube(0.2, 0.06, 0.05, Z)]),
         tip=(0, 0, 0.2),
     )
-    proposal = propose(arm, Wishes(payload=12.0))
-    made = tomllib.loads(proposal.elastic)
+    elastic = elastic_of(arm, Wishes(payload=12.0))
+    made = tomllib.loads(elastic)
     links = {link["name"]: link for link in made["link"]}
     np.testing.assert_allclose(links["upper"]["axis"], [1, 0, 0], atol=1e-9)
     np.testing.assert_allclose(links["fore"]["axis"], [0.6, 0, 0.8], atol=1e-9)
@@ -118,7 +131,7 @@ def test_beams_run_from_joint_to_joint_and_tubes_have_the_drawn_diameter():
     origins = {q["origin"] for link in made["link"] for q in link["tube"].values()}
     assert origins | {j["compliance"]["origin"] for j in made["joint"]} == {"estimated"}
     assert made["payload"]["value"] == 12.0
-    assert len(proposal.elastic.splitlines()) < 120
+    assert len(elastic.splitlines()) < 120
     for link in made["link"]:
         x, y = np.array(link["axis"]), np.array(link["normal"])
         np.testing.assert_allclose([x @ x, y @ y, x @ y], [1, 1, 0], atol=1e-8)
@@ -132,7 +145,7 @@ def test_a_link_that_no_tube_can_be_is_named():
 
 def test_the_law_of_the_joints_misses_the_known_ones_by_the_factor_that_it_says():
     missed = [
-        np.log(joint_compliance(Class(payload, reach), first + k, 6, False) / (1e-6 * c))
+        np.log(joint_compliance(payload, reach, first + k, 6, slides=False) / (1e-6 * c))
         for payload, reach, first, known in KNOWN
         for k, c in enumerate(known)
     ]
@@ -150,18 +163,18 @@ def test_guesses_of_payloads_miss_known_arms_by_no_more_than_is_told():
 
 def test_a_payload_that_nobody_stated_is_the_first_thing_to_confirm():
     arm = chain_of(part("one", (0, 0, 0.4)), part("two", (0.5, 0, 0)), part("three", (0.5, 0, 0)))
-    proposal = propose(arm, Wishes())
-    made = tomllib.loads(proposal.elastic)
+    elastic = elastic_of(arm, Wishes())
+    made = tomllib.loads(elastic)
     assert (made["payload"]["value"], made["payload"]["origin"]) == (4.9, "estimated")
-    first = next(line for line in proposal.elastic.splitlines() if line.startswith("#  1."))
+    first = next(line for line in elastic.splitlines() if line.startswith("#  1."))
     assert "payload 4.9 kg, root of its 20 kg, times 1.10 m of reach" in first
-    assert "payload" not in propose(arm, Wishes(payload=4.0)).elastic.split("format = 1")[0]
+    assert "payload" not in elastic_of(arm, Wishes(payload=4.0)).split("format = 1")[0]
 
 
 def test_a_slide_is_proposed_in_metres_a_newton():
     slide = part("slide", (0, 0, 0.4), Z, prismatic=True)
     arm = chain_of(slide, part("two", (0.5, 0, 0)), part("three", (0.5, 0, 0)))
-    [first, second, _] = tomllib.loads(propose(arm, Wishes(payload=4.0)).elastic)["joint"]
+    [first, second, _] = tomllib.loads(elastic_of(arm, Wishes(payload=4.0)))["joint"]
     assert first["compliance"]["unit"] == "m/N"
     lever = 0.1 * 1.1  # of the reach from the first joint to the tool
     assert first["compliance"]["value"] == pytest.approx(second["compliance"]["value"] * lever**2, rel=0.05)
@@ -169,12 +182,12 @@ def test_a_slide_is_proposed_in_metres_a_newton():
 
 def test_sites_of_the_tool_are_markers_unless_they_lie_on_a_line():
     places = np.array([[0.1, 0, 0], [0, 0.1, 0], [-0.1, 0, 0.05]])
-    sites = [Site(f"m{k}", place, np.eye(3)) for k, place in enumerate(places)]
+    sites = [Site(f"m{k}", pose_of(np.eye(3), place)) for k, place in enumerate(places)]
     arm = chain_of(part("one", (0, 0, 0.4)), part("two", (0.5, 0, 0), Z, (), sites))
     found = propose(arm, Wishes()).markers
     assert [name for name, _ in found] == ["m0", "m1", "m2"]
     np.testing.assert_allclose([p for _, p in found], places - [0, 0, 0.1], atol=1e-12)  # in the tool's frame
-    straight = [Site(f"m{k}", np.array([0.1 * k, 0, 0]), np.eye(3)) for k in range(3)]
+    straight = [Site(f"m{k}", pose_of(np.eye(3), [0.1 * k, 0, 0])) for k in range(3)]
     arm = chain_of(part("one", (0, 0, 0.4)), part("two", (0.5, 0, 0), Z, (), straight))
     found = propose(arm, Wishes()).markers
     assert [name for name, _ in found] == ["P1", "P2", "P3"]
@@ -187,7 +200,7 @@ def test_flags_are_taken_as_they_are_said():
     proposal = propose(chain_of(part("one", (0, 0, 0.4)), part("two", (0.5, 0, 0))), wishes)
     np.testing.assert_allclose(proposal.tool[:3, 3], [0, 0, 0.3])
     np.testing.assert_allclose(proposal.tool[:3, 2], [0, -1, 0], atol=1e-15)  # the tip's z turned about its x
-    np.testing.assert_array_equal(proposal.load, [0, 0, 0.05])
+    np.testing.assert_array_equal(proposal.load[1], [0, 0, 0.05])
     assert [name for name, _ in proposal.markers] == ["A", "B", "C"]
 
 
@@ -210,8 +223,8 @@ def test_a_wrong_flag_is_named(flags, words):
 
 def test_points_that_nobody_stated_are_to_be_confirmed_and_no_others():
     arm = chain_of(part("tool", (0, 0, 0.4)), part("two", (0.5, 0, 0)))
-    made = tomllib.loads(propose(arm, Wishes()).elastic)
+    made = tomllib.loads(elastic_of(arm, Wishes()))
     assert made["tool"] == "tool_"  # the robot has a part of that name
     assert made["to_confirm"] == ["tool_", "load", "P1", "P2", "P3"]
-    made = tomllib.loads(propose(arm, read_wishes(None, None, [], "0,0,0.1")).elastic)
+    made = tomllib.loads(elastic_of(arm, read_wishes(None, None, [], "0,0,0.1")))
     assert made["to_confirm"] == ["tool_", "P1", "P2", "P3"]

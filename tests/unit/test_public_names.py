@@ -92,3 +92,36 @@ def test_ten_lines_simulate_fit_predict_score_and_compare_an_own_estimator(tmp_p
     assert inside.all()
     with pytest.raises(tb.BenchError, match="clipped: an estimator of your own runs as it is"):
         tb.with_prior(clipped, prior)
+
+
+@pytest.mark.parametrize(
+    ("mistake", "said"),
+    [
+        (lambda _: tb.MODELS["GCO56"], "expected a model of .*MGCO56"),
+        (lambda _: tb.Scenario(arm="kr500_l480", payload=-1), "payload in SI units: .* got -1"),
+        (lambda _: tb.Scenario(), "arm in SI units: Field required"),
+        (
+            lambda cell: tb.simulate(cell, tb.Scenario(arm="ur10")),
+            "expected one of kr500_l480, got one of ur10",
+        ),
+        (lambda cell: tb.simulate(cell, seed=-1), "seed: expected an integer from 0 on, got -1"),
+        (lambda _: tb.score(np.zeros((2, 3)), np.zeros((4, 3))), r"equal shapes, got \(2, 3\) and \(4, 3\)"),
+        (lambda _: tb.with_prior(tb.gco, None), "prior: expected one, such as cad_prior"),
+        (lambda cell: tb.calibrate(cell.vjm, [], tb.cad_prior(cell.arm)), "series: expected one or more"),
+    ],
+)
+def test_a_mistake_is_told_in_one_line(mistake, said):
+    with pytest.raises(tb.BenchError, match=said):
+        mistake(tb.build_cell("kr500_l480"))
+
+
+def test_what_is_public_shows_itself_in_a_line_and_in_a_small_table():
+    cell = tb.build_cell("kr500_l480")
+    runs = tb.simulate(cell, seed=1)
+    model = tb.MODELS["MGCO56"](cell)
+    estimate = tb.gco(cell.vjm, model.structure, runs.identification)
+    for own in (cell, cell.vjm, runs, runs.check, model, model.structure, tb.cad_prior(cell.arm), estimate):
+        assert len(repr(own)) < 200
+        assert own._repr_html_().count("<tr>") == len(own.about())
+    assert repr(runs.check).startswith("Dataset(runs=6, poses=3, markers=P1 P2 P3, deflection_mm=")
+    assert "<th>unknowns</th><td>56</td>" in estimate._repr_html_()

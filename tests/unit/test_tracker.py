@@ -7,18 +7,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from testbench.data.tracker import (
+from testbench.campaign.tracker import (
     RADIAL,
     TRANSVERSE,
-    Drift,
     LaserTracker,
     Tracker,
-    drifted,
     precision,
     read_orientations,
     read_positions,
 )
 from testbench.errors import Array, BenchError
+from testbench.studies.noise_sensitivity.spoiled import Drift, drifted
 
 DRAWS = 20_000
 ERROR_RATE = 1e-6

@@ -19,6 +19,21 @@ OF_LAB = np.array([[0.2105, 0.7936, -0.0041], [1.9780, -2.4286, 0.4506], [0.0259
 """Ottosson's OKLab of linear sRGB: root of the cones, then lightness, green to red, blue to yellow."""
 
 
+NORMAL = np.eye(3)
+PROTANOPE = np.array(
+    [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
+)
+DEUTERANOPE = np.array(
+    [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
+)
+"""Linear sRGB as it is seen: Machado, Oliveira and Fernandes 2009, severity 1."""
+XYZ = np.array(
+    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.119192, 0.9503041]]
+)
+WHITE = np.array([0.95047, 1.0, 1.08883])  #: D65.
+FAR_APART = 15.0  #: CIEDE2000 of any two roles that are drawn beside each other.
+
+
 def linear(colour):
     part = np.asarray(colour[:3], float) / 255
     return np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
@@ -31,6 +46,55 @@ def oklab(colour):
 def contrast(a, b):
     low, high = sorted(linear(x) @ [0.2126, 0.7152, 0.0722] for x in (a, b))
     return (high + 0.05) / (low + 0.05)
+
+
+def cielab(colour, eye=NORMAL):
+    """CIE L*a*b* of a colour as an eye sees it."""
+    x = XYZ @ np.clip(eye @ linear(colour), 0, 1) / WHITE
+    f = np.where(x > 216 / 24389, np.cbrt(x), (24389 / 27 * x + 16) / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+def ciede2000(one, other):
+    """Sharma, Wu and Dalal 2005."""
+    (L1, a1, b1), (L2, a2, b2) = one, other
+    C7 = ((np.hypot(a1, b1) + np.hypot(a2, b2)) / 2) ** 7
+    stretched = 1.5 - 0.5 * np.sqrt(C7 / (C7 + 25**7))
+    C1, C2 = np.hypot(stretched * a1, b1), np.hypot(stretched * a2, b2)
+    h1, h2 = (np.degrees(np.arctan2(b, stretched * a)) % 360 for a, b in ((a1, b1), (a2, b2)))
+    turn = (h2 - h1 + 180) % 360 - 180
+    h = np.radians(h1 + turn / 2)
+    dL, dC, dH = L2 - L1, C2 - C1, 2 * np.sqrt(C1 * C2) * np.sin(np.radians(turn) / 2)
+    L, C = (L1 + L2) / 2, (C1 + C2) / 2
+    T = 1 - 0.17 * np.cos(h - np.pi / 6) + 0.24 * np.cos(2 * h)
+    T += 0.32 * np.cos(3 * h + np.radians(6)) - 0.2 * np.cos(4 * h - np.radians(63))
+    dL /= 1 + 0.015 * (L - 50) ** 2 / np.sqrt(20 + (L - 50) ** 2)
+    dC, dH = dC / (1 + 0.045 * C), dH / (1 + 0.015 * C * T)
+    blue = np.exp(-((((np.degrees(h) % 360) - 275) / 25) ** 2))
+    R = -2 * np.sqrt(C**7 / (C**7 + 25**7)) * np.sin(np.radians(60 * blue))
+    return np.sqrt(dL**2 + dC**2 + dH**2 + R * dC * dH)
+
+
+def test_the_difference_of_two_colours_is_that_of_the_published_pairs():
+    """Pairs 1, 7, 17, 25 and 34 of Sharma, Wu and Dalal."""
+    for one, other, size in (
+        ((50, 2.6772, -79.7751), (50, 0, -82.7485), 2.0425),
+        ((50, 0, 0), (50, -1, 2), 2.3669),
+        ((50, 2.5, 0), (73, 25, -18), 27.1492),
+        ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
+        ((2.0776, 0.0795, -1.135), (0.9033, -0.0636, -0.5514), 0.9082),
+    ):
+        assert ciede2000(one, other) == pytest.approx(size, abs=1e-4)
+
+
+@pytest.mark.parametrize("eye", [NORMAL, PROTANOPE, DEUTERANOPE], ids=["normal", "protanope", "deuteranope"])
+def test_everybody_tells_least_squares_gco_joints_prior_and_truth_apart(eye):
+    assert look("MLS56", "none").colour == colours.TOLD_APART[0]
+    assert look("MGCO56", "psd").colour == colours.TOLD_APART[1]
+    assert look("Joints", "none").colour == colours.TOLD_APART[2]
+    assert look("MLS56", "none", prior=True).colour == colours.TOLD_APART[3]
+    for a, b in combinations(colours.TOLD_APART, 2):
+        assert ciede2000(cielab(a, eye), cielab(b, eye)) >= FAR_APART, (a, b)
 
 
 def method(name):
@@ -60,8 +124,21 @@ EVERY = {name: own.colour for name, own in TOGETHER.items()} | ROLES
 @pytest.mark.parametrize("ground", GROUNDS)
 def test_lines_and_dots_stand_out_from_a_page_and_from_the_dark(ground):
     dim = {name: contrast(c, ground) for name, c in EVERY.items() if contrast(c, ground) < SEEN}
-    dim |= {c: contrast(c, ground) for c in (*SCALE, *SERIES) if contrast(c, ground) < SEEN}
+    dim |= {c: contrast(c, ground) for c in SERIES if contrast(c, ground) < SEEN}
     assert dim == {}
+
+
+def test_the_ramp_of_maps_is_brighter_all_the_way_for_every_eye_and_seen_on_both_grounds():
+    assert min(contrast(c, ground) for c in SCALE for ground in GROUNDS) > 1.75
+    for eye in (NORMAL, PROTANOPE, DEUTERANOPE):
+        light = [cielab(colour, eye)[0] for colour in SCALE]
+        assert light[-1] - light[0] > 40
+        assert np.diff(light) == pytest.approx((light[-1] - light[0]) / (len(SCALE) - 1), rel=0.15)
+
+
+def test_least_squares_and_gco_differ_in_shape_in_space():
+    assert {look("MLS56", "none").stroke, look("MLS32", "none", prior=True).stroke} == {"lines"}
+    assert {look("MGCO56", "psd").stroke, look("Joints", "none").stroke, CHOICE.stroke} == {"arrows"}
 
 
 def test_models_and_roles_are_told_apart_by_colour_alone():

@@ -12,7 +12,6 @@ import numpy as np
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.faults import explained, renamed
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import Mount, State
 from testbench.identify.closed_form import Layout, means, nearest_rotation, starts
@@ -22,10 +21,19 @@ from testbench.identify.registration import POSES, Frame, reach, register, turni
 from testbench.model.vjm import tool_pose
 
 MOST = 300  #: Rows that an alignment uses, evenly spaced.
-FEW = 60  #: The same where it is tried what would mend readings.
 HALF = 12  #: Rows of half a series below which it may fit anything.
 TURNING = 3  #: Joints that turn in a series at least.
+SURE = np.radians(0.2)
+"""Standard deviation of a frame's rotation from which few poses and a known mount do not tell it [rad]."""
 TURNED = 0.1  #: Median angle of orientations from it beyond which they are in another notation [rad].
+
+
+class Misfit(BenchError):
+    """A series that fits the arm in no frame."""
+
+    def __init__(self, words: str, series: Series) -> None:
+        super().__init__(words)
+        self.series = series
 
 
 def aligned(state: State, series: tuple[Series, ...]) -> State:
@@ -35,11 +43,12 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
         BenchError: When a series has too few rows, or does not fit the arm.
     """
     frames, mounts = dict(state.frames), dict(state.mounts)
-    for one in sorted(series, key=lambda one: not one.turned.any()):  # who reads orientations knows the mount
+    # who has few poses is told by others, and who reads orientations knows the mount
+    for one in sorted(series, key=lambda one: (_poses(one) < POSES, not one.turned.any())):
         known = mounts.get(one.target)
         if one.frame in frames and known is not None and set(one.markers) <= set(known.markers):
             continue
-        frame, mount = align(state, read_only(one))
+        frame, mount = align(replace(state, frames=frames, mounts=mounts), read_only(one))
         frames.setdefault(one.frame, frame)
         mounts[one.target] = mount if known is None else _joined(known, mount)
     found = replace(state, frames=frames, mounts=mounts)
@@ -50,16 +59,23 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
 def align(state: State, series: Series) -> tuple[Frame, Mount]:
     """Frame and mount of one series by the arm's nominal geometry.
 
-    Where something moved far in mid-series, those of its first half.
+    Where something moved far in mid-series, those of its first half. What its poses leave open is taken from
+    the state, which may have the frame or the mount.
     """
-    _check(state, series)
+    if lost := [name for name in series.markers if name not in _read(series)]:
+        raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
+    if few := _too_few(state, series):
+        found = _placed(state, series, shared=True)
+        if found is None or not found.fits:
+            raise BenchError(f"{series.name}: {few}")
+        return found.frame, found.mount
     found = _placed(state, series)
     if found is None or not found.fits:
         halves = np.array_split(np.argsort(series.row, kind="stable"), 2)
         parts = [select_rows(series, half) for half in halves if len(half) >= HALF]
         placed = [_placed(state, part) for part in parts if _fits_roughly(state, part)]
         if len(placed) < 2 or not all(part is not None and part.fits for part in placed):
-            raise BenchError(f"{series.name}: {_why(state, series, found)}")
+            raise _misfit(state, series, found)
         found = placed[0]
     assert found is not None
     return found.frame, found.mount
@@ -81,8 +97,11 @@ class _Placed:
         return self.near and self.turn < TURNED
 
 
-def _placed(state: State, series: Series, *, rough: bool = False) -> _Placed | None:
-    """By MOST rows; in closed form alone where that will do, a hundred times faster. None if left open."""
+def _placed(state: State, series: Series, *, rough: bool = False, shared: bool = False) -> _Placed | None:
+    """By MOST rows; in closed form alone where that will do, a hundred times faster. None if left open.
+
+    A shared frame or mount is that of the state.
+    """
     seen = np.flatnonzero(series.seen.any(axis=1))
     some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(MOST, len(seen))).astype(int)])
     read, m = means(state.vjm, (some,)), len(series.markers)
@@ -90,10 +109,7 @@ def _placed(state: State, series: Series, *, rough: bool = False) -> _Placed | N
         unknown = Layout(np.full((1, 3, 3), np.nan), np.full((1, 3), np.nan), np.full((m, 3), np.nan))
         at = next(starts(read, unknown), None)
     else:
-        try:
-            at = register(state.vjm, (some,), {}).layout
-        except BenchError:
-            at = None
+        at = _registered(state, some, shared=shared)
     if at is None:
         return None
     typical = float(np.median(np.linalg.norm(left_by(read, at), axis=1)))
@@ -106,6 +122,20 @@ def _placed(state: State, series: Series, *, rough: bool = False) -> _Placed | N
         turn=_typical_angle(mount.T @ turns) if len(turns) else 0.0,
         near=typical < FAR * reach(state.vjm, some.q),
     )
+
+
+def _registered(state: State, series: Series, *, shared: bool) -> Layout | None:
+    """Frame and targets, beside those that the state has where they are shared; None if left open."""
+    frame, mount = state.frames.get(series.frame), state.mounts.get(series.target)
+    given = {series.frame: frame} if shared and frame is not None else {}
+    nominal = dict(zip(mount.markers, mount.points, strict=True)) if shared and mount is not None else {}
+    if shared and not given and not nominal:
+        return None
+    try:
+        found = register(state.vjm, (series,), nominal, given)
+    except BenchError:
+        return None
+    return None if shared and found.frames[series.frame].deviation > SURE else found.layout
 
 
 def _turns(state: State, series: Series, rotation: Array) -> Array:
@@ -127,52 +157,34 @@ def _fits_roughly(state: State, series: Series) -> bool:
     return found is not None and found.fits
 
 
-def _check(state: State, series: Series) -> None:
-    """Refuse a series without enough readings, by BenchError."""
-    if lost := [name for name in series.markers if name not in _read(series)]:
-        raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
-    poses = len(np.unique(series.q[series.seen.any(axis=1)], axis=0))
-    numbers = (
-        f"the {6 + 3 * len(series.markers) + 3 * bool(series.turned.any())} numbers of its frame and mount"
-    )
+def _poses(series: Series) -> int:
+    """How many poses have a reading."""
+    return len(np.unique(series.q[series.seen.any(axis=1)], axis=0))
+
+
+def _too_few(state: State, series: Series) -> str:
+    """Why a series alone cannot tell its frame and mount; "" if it may."""
+    poses, joints = _poses(series), turning(state.vjm, (series,))
+    count = 6 + 3 * len(series.markers) + 3 * bool(series.turned.any())
+    numbers = f"the {count} numbers of its frame and mount"
     if poses < POSES:
         few = f"{poses} poses with a reading are too few for {numbers}"
-        raise BenchError(f"{series.name}: {few}; expected at least {POSES}, in which {TURNING} joints turn")
-    joints = turning(state.vjm, (series,))
+        return f"{few}; expected at least {POSES}, in which {TURNING} joints turn"
     if len(joints) < min(TURNING, state.vjm.arm.n_joints):
-        only = " and ".join(joints)
-        raise BenchError(f"{series.name}: only {only} turn; expected {TURNING} joints that do, for {numbers}")
+        return f"only {' and '.join(joints)} turn; expected {TURNING} joints that do, for {numbers}"
+    return ""
 
 
-def _why(state: State, series: Series, found: _Placed | None) -> str:
-    """Why readings do not fit, and what would mend them."""
-    few = select_rows(series, np.linspace(0, series.rows - 1, min(FEW, series.rows)).astype(int))
-    mended = explained(state.vjm, few, lambda other: _fits_roughly(state, other))
+def _misfit(state: State, series: Series, found: _Placed | None) -> Misfit:
+    """How far readings are from fitting."""
     if found is not None and found.near:
-        mended = mended or _renamed(state, series, found.frame.rotation) or "another notation of angles?"
-        turn = f"{np.degrees(found.turn):.3g} degrees (median)"
-        return f"its positions fit this arm, its orientations do not, {turn} from any mount; {mended}"
+        turn = f"{np.degrees(found.turn):.3g} degrees (median) from any mount"
+        return Misfit(f"{series.name}: its positions fit this arm, its orientations do not, {turn}", series)
     far = "" if found is None else f", {1e3 * found.typical:.3g} mm (median) in any frame"
-    if not mended:
-        places = series.position[series.seen], tool_pose(state.vjm, series.q)[0]
-        sizes = [float(np.sqrt(x.var(axis=0).sum())) for x in places]
-        mended = (
-            f"they spread {sizes[0] / sizes[1]:.3g} times as far as its tool: another arm, another order of "
-            "its joints, or other units?"
-        )
-    return f"the readings do not fit this arm{far}; {mended}"
-
-
-def _renamed(state: State, series: Series, frame: Array) -> str:
-    """Another notation in which orientations would fit."""
-    some = select_rows(series, np.flatnonzero(series.turned)[:FEW])
-
-    def turn(rotation: Array) -> float:
-        turns = _turns(state, replace(some, rotation=rotation), frame)
-        return _typical_angle(nearest_rotation(turns.sum(axis=0)).T @ turns)
-
-    assert some.rotation is not None
-    return renamed(some.rotation, turn, TURNED)
+    places = series.position[series.seen], tool_pose(state.vjm, series.q)[0]
+    sizes = [float(np.sqrt(x.var(axis=0).sum())) for x in places]
+    spread = f"they spread {sizes[0] / sizes[1]:.3g} times as far as its tool"
+    return Misfit(f"{series.name}: the readings do not fit this arm{far}; {spread}", series)
 
 
 def _check_shared(state: State, series: tuple[Series, ...]) -> None:

@@ -14,16 +14,17 @@ import numpy as np
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import aligned, alike
-from testbench.identify.absolute.changes import settled
 from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, blocks_of, choose
 from testbench.identify.absolute.evidence import Choice, choice, learn, squares, usual
-from testbench.identify.absolute.faults import check_last_joint
-from testbench.identify.absolute.inner import Inner, eliminate, moved
+from testbench.identify.absolute.inner import eliminate, moved
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.reduced import Point, Reduced, Weighting, reduce
 from testbench.identify.absolute.scatter import distance, pulls_of, scatter, single, units
 from testbench.identify.absolute.state import State, nominal, torque_scale
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.moves import settled
+from testbench.identify.diagnosis.notation import check_last_joint
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.metric import Metric, metric
 from testbench.identify.prior import Prior, Strength
@@ -76,7 +77,8 @@ class Calibration:
     pulls: tuple[Array, ...]  #: Of every series, how much each reading counts, (s, rows) [1].
     step: float  #: How far the last linearisation moved targets, root mean square [m].
     series: tuple[Series, ...]  #: The readings, in parts where a target or a tracker moved.
-    notes: tuple[str, ...]  #: What was left out, and what moved in mid-series.
+    notes: tuple[str, ...]  #: What was left out.
+    moves: tuple[Finding, ...]  #: What moved in mid-series.
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,8 @@ class Gathered:
     state: State  #: Where the equations are linear: with joint springs and periodic errors.
     noise: Noise  #: How far readings scatter about it.
     reduced: Reduced  #: The equations, in blocks of joint space.
-    notes: tuple[str, ...]  #: What was left out, and what moved in mid-series.
+    notes: tuple[str, ...]  #: What was left out.
+    moves: tuple[Finding, ...]  #: What moved in mid-series.
 
 
 def calibrate(
@@ -113,8 +116,10 @@ def calibrate(
         The arm, what was kept of what was tried, and how sure it is.
 
     Raises:
-        BenchError: When a series does not fit the arm, or leaves its frame or target open.
+        BenchError: When there is no series, or one does not fit the arm or leaves its frame or target open.
     """
+    if not series:
+        raise BenchError("series: expected one or more, got none")
     options = options or Options()
     return explain(gather(vjm, series, prior, options, weights), options)
 
@@ -143,7 +148,7 @@ def gather(
     blocks = _whole(series) if options.only is not None else blocks_of(series)
     weighting = [Weighting(p, b) for p, b in zip(seen.pulls, blocks, strict=True)]
     reduced = reduce(Point(unknowns, state, seen.noise), series, weighting)
-    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, (*notes, *start.notes))
+    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, notes, start.moves)
 
 
 def explain(found: Gathered, options: Options) -> Calibration:
@@ -157,7 +162,7 @@ def explain(found: Gathered, options: Options) -> Calibration:
     chosen = _choose(
         found.unknowns, reduced, candidates, options, units(series, found.noise)[list(reduced.kinds)]
     )
-    solved = eliminate(chosen.own, reduced, chosen.learnt, Inner(options.constraint, options.strength))
+    solved = eliminate(chosen.own, reduced, chosen.learnt, options.constraint, options.strength)
     after = moved(found.state, chosen.own, solved.x)
     factor = found.noise.factor.copy()
     factor[list(reduced.kinds)] = chosen.learnt.factor
@@ -176,6 +181,7 @@ def explain(found: Gathered, options: Options) -> Calibration:
         step=step,
         series=series,
         notes=found.notes,
+        moves=found.moves,
     )
 
 
@@ -270,5 +276,5 @@ def _stepped(own: Choice, series: tuple[Series, ...], state: State, seen: _Seen)
     weighting = [Weighting(p, b) for p, b in zip(seen.pulls, _whole(series), strict=True)]
     reduced = reduce(Point(own.unknowns, state, seen.noise), series, weighting)
     S, counts = squares(own, reduced.gram), reduced.counts
-    solved = eliminate(own, reduced, learn(own, S, counts, usual(own.unknowns, len(counts))), Inner())
+    solved = eliminate(own, reduced, learn(own, S, counts, usual(own.unknowns, len(counts))))
     return moved(state, own, solved.x), max(0.1, 1 - solved.spent / counts.sum())

@@ -18,18 +18,9 @@ from testbench.identify.metric import Belief, Metric, precision_root, rescaled
 from testbench.identify.prior import Strength
 from testbench.identify.registration import Frame
 from testbench.identify.regression import Regression, regression_of, term_of
-from testbench.identify.regularised import fit_reduced
+from testbench.identify.solve import solve
 
 OPEN = 1e-10  #: Share of a column that no other has, below which it is not seen at all.
-
-
-@dataclass(frozen=True)
-class Inner:
-    """How compliances are solved for."""
-
-    constraint: Constraint = "psd"  #: "psd" for GCO, "none" for least squares.
-    #: How firmly expected compliances are believed; None to learn it from the readings.
-    strength: Strength | None = None
 
 
 @dataclass(frozen=True)
@@ -42,15 +33,36 @@ class Solved:
     spent: float  #: Equations that the unknowns spend.
 
 
-def eliminate(own: Choice, reduced: Reduced, learnt: Learnt, inner: Inner) -> Solved:
-    """The most likely unknowns by QR: the others are eliminated, compliances solved for, then the others."""
+def eliminate(
+    own: Choice,
+    reduced: Reduced,
+    learnt: Learnt,
+    constraint: Constraint = "psd",
+    strength: Strength | None = None,
+) -> Solved:
+    """The most likely unknowns by QR: the others are eliminated, compliances solved for, then the others.
+
+    Args:
+        own: The unknowns.
+        reduced: The equations.
+        learnt: Sizes of errors, and scatters.
+        constraint: "psd" for GCO, "none" for least squares.
+        strength: How firmly expected compliances are believed; None to learn it from the readings.
+
+    Raises:
+        BenchError: When the readings leave a frame or target open.
+    """
     T = _factor(own, reduced, learnt)
     r, c = own.rigid, len(own.columns)
     R, z = T[:r, :r], T[:r, c]
     if own.elastic is None:
         x, root, estimate = solve_triangular(R, z), R, None
     else:
-        estimate, belief = _compliances(own.elastic, T[r:, r:], inner, int(reduced.counts.sum()))
+        equations = int(reduced.counts.sum())
+        term = term_of(T[r:, r:] / np.sqrt(equations / 3), 0.0, equations)
+        regression = regression_of(own.elastic.structure, (term,))
+        belief = Belief(own.elastic, strength) if strength else _believed(regression, own.elastic)
+        estimate = solve(regression, constraint, belief)
         x = np.r_[solve_triangular(R, z - T[:r, r:c] @ estimate.pi), estimate.pi]
         L, B = own.elastic.L, precision_root(belief.metric, belief.strength)[0]
         B = B @ np.linalg.solve(belief.metric.L, L)
@@ -86,14 +98,6 @@ def _factor(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:
     if not (free > OPEN * np.linalg.norm(T[:, : own.rigid], axis=0)).all():
         raise BenchError("calibration: the readings leave a frame or target open; expected more poses")
     return T
-
-
-def _compliances(elastic: Metric, T: Array, inner: Inner, equations: int) -> tuple[Estimate, Belief]:
-    """Least squares or GCO with a prior, of what the readings leave when all else is eliminated."""
-    share = np.sqrt(equations / 3)
-    regression = regression_of(elastic.structure, (term_of(T / share, 0.0, equations),))
-    belief = Belief(elastic, inner.strength) if inner.strength else _believed(regression, elastic)
-    return fit_reduced(regression, inner.constraint, belief), belief
 
 
 def _believed(regression: Regression, elastic: Metric) -> Belief:

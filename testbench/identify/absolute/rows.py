@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.data.series import Series
 from testbench.errors import Array
-from testbench.identify.absolute.state import State, Told, targets, tell
+from testbench.identify.absolute.state import Equilibrium, State, forward, targets
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.model.vjm import cross, parameter_rows, translation_rows
 
@@ -22,10 +22,10 @@ class Rows:
     A: Array  #: Change of the model with every unknown, (s, 3, size, runs).
 
 
-def left_over(state: State, series: Series, told: Told) -> Array:
+def left_over(state: State, series: Series, told: Equilibrium) -> Array:
     """Readings minus model in base axes, (s, 3, runs) [m, rad]; zero where nothing was read."""
     frame, mount = state.frame(series), state.mount(series)
-    x = targets(told, mount)
+    x = targets(told.where, mount)
     position = ((series.position - frame.translation) @ frame.rotation - x) * series.seen[..., None]
     found = position.transpose(1, 2, 0)
     if series.rotation is None:
@@ -38,14 +38,14 @@ def left_over(state: State, series: Series, told: Told) -> Array:
 
 def rows_of(unknowns: Unknowns, state: State, series: Series) -> Rows:
     """Equations of a series, or of a part of one."""
-    told = tell(state, series.q, series.wrench, series.point)
+    told = forward(state, series)
     where, mount = told.where, state.mount(series)
     m, turned = len(series.markers), series.rotation is not None
     A = np.zeros((m + turned, 3, unknowns.size, series.rows))
     J = translation_rows(where, mount.points).reshape(m, 3, -1, series.rows)
     if turned:
         J = np.concatenate([J, where.J_theta[3:][None]])
-    _add_frame(A[:, :, unknowns.columns(f"frame {series.frame}")], targets(told, mount), m)
+    _add_frame(A[:, :, unknowns.columns(f"frame {series.frame}")], targets(told.where, mount), m)
     _add_mount(A[:, :, unknowns.columns(f"mount {series.target}")], where.rotation, m)
     A[:, :, unknowns.columns("geometry")] = J[:, :, unknowns.inner]
     if unknowns.errors.size:

@@ -9,7 +9,7 @@ from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.noise import KINDS, Noise, lengths, multiplicity, plan_of, roots
 from testbench.identify.absolute.rows import left_over
-from testbench.identify.absolute.state import State, in_batches, tell
+from testbench.identify.absolute.state import State, forward, in_batches
 from testbench.identify.robust_loss import READINGS
 
 
@@ -17,7 +17,7 @@ def residuals(state: State, series: Series) -> Array:
     """Readings minus model in base axes, (s, 3, rows) [m, rad]; zero where nothing was read."""
     found = []
     for some in in_batches(series):
-        found.append(left_over(state, some, tell(state, some.q, some.wrench, some.point)))
+        found.append(left_over(state, some, forward(state, some)))
     return np.concatenate(found, axis=2)
 
 

@@ -1,4 +1,4 @@
-"""What a calibration knows of an arm: geometry, springs, joint errors, frames and mounts; and what it tells.
+"""What a calibration knows of an arm: geometry, springs, joint errors, frames and mounts; and where it rests.
 
     theta = theta_0 + C_theta u(q, theta, loads) + Phi(q) n
 
@@ -6,19 +6,22 @@ Everything is a virtual joint. Constants of the inner links' are the errors of g
 and of the last link are the base in the tracker's frame and the targets in the tool's, each series' own.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from testbench.data.series import Series, select_rows
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, NoEquilibrium
 from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors, basis
-from testbench.model.vjm import Chain, Vjm, chain, generalised_load
+from testbench.model.load import Load, on_joints
+from testbench.model.vjm import Chain, Vjm, chain
 from testbench.model.weights import Weights, own_weight
 
 BATCH = 500  #: Rows whose Jacobian is in memory at a time.
+TOLERANCE = 1e-11  #: A step below this [m, rad] is the last.
+MOST = 100  #: Steps: what has not come to rest by then has no rest.
 LOAD_STEPS = 2
 """Times the loads are taken again where they bend the arm to; each leaves a hundredth of an error or less."""
 
@@ -72,40 +75,81 @@ def nominal(vjm: Vjm, weights: Weights, torque_scale: Array) -> State:
     return State(vjm, weights, np.zeros(n), np.zeros((n, n)), JointErrors(), empty, torque_scale)
 
 
-def loads(where: Chain, weights: Weights, wrench: Array, point: Array) -> Array:
-    """Load u of every virtual joint, own weight and wrench, (n_theta, runs) [N, N m]."""
-    u = own_weight(where, weights)
-    return u + generalised_load(where, wrench, point) if wrench.any() else u
-
-
 @dataclass(frozen=True)
-class Told:
-    """Where a state has the tool in some poses, and what that follows from."""
+class Equilibrium:
+    """Where the virtual joints rest under some loads, and what that follows from."""
 
-    where: Chain  #: The tool, and how virtual joints move it.
+    theta: Array  #: Virtual joints, (runs, n_theta) [m, rad].
+    where: Chain  #: The tool there, and how virtual joints move it.
     u: Array  #: Load of every virtual joint that bends it there, (n_theta, runs) [N, N m].
     phi: Array  #: Functions of the joint errors, (n joints, k, runs).
 
 
-def tell(state: State, q: Array, wrench: Array, point: Array) -> Told:
-    """Where the tool is, in base axes: the equilibrium under its loads, by fixed-point steps."""
-    arm = state.vjm.arm
-    first = arm.n_theta - arm.n_joints
-    rest = np.tile(state.theta_0, (len(q), 1))
-    u = loads(chain(state.vjm, q, rest), state.weights, wrench, point)
+def equilibrium(state: State, q: Array, loads: Sequence[Load] = (), steps: int | None = None) -> Equilibrium:
+    """The equilibrium of every pose under own weight and all loads, by fixed-point steps.
+
+    Each takes the loads where the last one bent the arm to. They converge only where the loaded springs
+    K_theta - K_w of Eq. (7) are stable: an arm that buckles is found by that.
+
+    Args:
+        state: The arm.
+        q: Joints as commanded, (runs, n) [rad, m].
+        loads: What acts, each with a row a run.
+        steps: So many steps; None for as many as it takes to come to rest.
+
+    Raises:
+        NoEquilibrium: When it does not come to rest; names the pose.
+    """
+    start, u, phi = _start(state, q, loads)
+    theta, step = start + (state.C_theta @ u).T, np.zeros(len(q))
+    for _ in range(MOST if steps is None else steps):
+        where = chain(state.vjm, q, theta)
+        u = loads_at(state, where, loads)
+        bent = start + (state.C_theta @ u).T
+        step = np.abs(bent - theta).max(axis=1, initial=0)
+        theta = bent
+        if (step <= TOLERANCE).all():  # not of NaN
+            return Equilibrium(theta, where, u, phi)
+    if steps is None:
+        words = state.vjm.arm.words(q[np.argmin(step <= TOLERANCE)])
+        raise NoEquilibrium(f"no static equilibrium at q = {words}: too soft for its load, or buckled")
+    return Equilibrium(theta, chain(state.vjm, q, theta), u, phi)
+
+
+def _start(state: State, q: Array, loads: Sequence[Load]) -> tuple[Array, Array, Array]:
+    """Virtual joints but for the springs, (runs, n_theta), the load of the straight arm, and phi."""
+    arm, theta = state.vjm.arm, np.tile(state.theta_0, (len(q), 1))
+    u, first = loads_at(state, chain(state.vjm, q, theta), loads), arm.n_theta - arm.n_joints
     phi = basis(state.errors, arm, q, u[first:], state.torque_scale)
-    rest[:, first:] += np.einsum("jkr,jk->rj", phi, state.n)
-    for _ in range(LOAD_STEPS):
-        bent = chain(state.vjm, q, rest + (state.C_theta @ u).T)
-        u = loads(bent, state.weights, wrench, point)
-    return Told(chain(state.vjm, q, rest + (state.C_theta @ u).T), u, phi)
+    theta[:, first:] += np.einsum("jkr,jk->rj", phi, state.n)
+    return theta, u, phi
 
 
-def targets(told: Told, mount: Mount) -> Array:
+def loads_at(state: State, where: Chain, loads: Sequence[Load]) -> Array:
+    """Load u of every virtual joint: own weight and all loads, (n_theta, runs) [N, N m]."""
+    return own_weight(where, state.weights) + on_joints(where, loads)
+
+
+def unbent(state: State, q: Array, loads: Sequence[Load]) -> Array:
+    """Virtual joints but for the springs: theta_0, and the joints' errors Phi(q) n, (runs, n_theta)."""
+    if not state.errors.size:
+        return np.tile(state.theta_0, (len(q), 1))
+    return _start(state, q, loads)[0]
+
+
+def loads_of(series: Series) -> list[Load]:
+    """What hangs in every row beside own weight; none where nothing does."""
+    return [Load(series.wrench, series.point)] if series.wrench.any() else []
+
+
+def forward(state: State, series: Series) -> Equilibrium:
+    """Where the tool is in every row of a series, in base axes, after `LOAD_STEPS` steps."""
+    return equilibrium(state, series.q, loads_of(series), LOAD_STEPS)
+
+
+def targets(where: Chain, mount: Mount) -> Array:
     """Targets in base axes, (runs, m, 3) [m]."""
-    return np.asarray(
-        told.where.position[:, None] + np.einsum("rxy,my->rmx", told.where.rotation, mount.points)
-    )
+    return np.asarray(where.position[:, None] + np.einsum("rxy,my->rmx", where.rotation, mount.points))
 
 
 def in_batches(series: Series) -> Iterator[Series]:
@@ -119,7 +163,8 @@ def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Arra
     total, rows = np.zeros(vjm.arm.n_joints), 0
     for one in series:
         for some in in_batches(one):
-            u = loads(chain(vjm, some.q), weights, some.wrench, some.point)[-vjm.arm.n_joints :]
+            where = chain(vjm, some.q)
+            u = (own_weight(where, weights) + on_joints(where, loads_of(some)))[-vjm.arm.n_joints :]
             total, rows = total + (u**2).sum(axis=1), rows + some.rows
     scale = np.sqrt(total / rows)
     return np.where(scale > 1e-6 * scale.max(initial=0), scale, 0.0)

@@ -8,7 +8,7 @@ harder than a large one (Huber). The arm is taken as straight, which costs a tho
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,15 +29,24 @@ BATCH = 1000  #: Poses whose columns of all virtual joints are in memory at a ti
 
 
 @dataclass(frozen=True)
-class _Fit:
-    p: Array  #: Parameters of all bodies but the base, (4 (bodies - 1),) [kg, kg m].
-    limited: Mask  #: Bodies of which one is at its limit, (bodies - 1,).
-    before: float  #: Scatter that the masses of rigid.xml leave, root mean square over joints [N m, N].
+class MassFit:
+    """Masses by joint torques, and how well these are explained."""
+
+    weights: Weights  #: Fitted; those that were given where weight does not explain the torques.
+    poses: int  #: Poses whose torques were read.
+    motors: bool  #: Whether torques are the motors' against the weight, or the weight's on the joints.
+    before: float  #: Scatter that the given masses leave, root mean square over joints [N m, N].
     rest: float  #: Scatter that is left [N m, N].
     spread: float  #: Scatter of the torques without the wrenches' [N m, N].
+    limited: tuple[str, ...]  #: Links and tool of which a number is as far from the given one as it may be.
+
+    @property
+    def explained(self) -> bool:
+        """Whether the torques are those of the weight."""
+        return self.rest <= EXPLAINED * self.spread
 
 
-def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> tuple[Weights, str]:
+def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassFit | None:
     """Masses that explain the torques of all series that have some.
 
     Args:
@@ -46,32 +55,35 @@ def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> tuple
         series: Readings; torques may have either sign, and a constant offset a joint.
 
     Returns:
-        The masses, and in a sentence what they are from: those of rigid.xml where no torques are, or where
-        weight does not explain them.
+        The masses, and what they are from; None without torques.
     """
     parts = list(_rows(vjm, series))
     if not parts:
-        return weights, "masses are rigid.xml's: no torques were read"
+        return None
     A, known, torque = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
     carries, carried = (_fit(weights, A, sign * torque - known) for sign in (1, -1))
     best = min(carries, carried, key=lambda fit: fit.rest)
-    if best.rest > EXPLAINED * best.spread:
-        return weights, (
-            f"masses are rigid.xml's: weight leaves {best.rest:.3g} of {best.spread:.3g} N m of scatter "
-            "in the torques (order of joints, unit or payload?)"
-        )
     mass, moment = np.split(np.vstack([weights.parameters[:1], best.p.reshape(-1, 4)]), [1], axis=1)
-    whose = "the weight's on the joints" if best is carries else "the motors' against the weight"
-    note = (
-        f"masses are fitted to {torque.shape[1]} poses' torques, taken as {whose}: scatter of "
-        f"{best.before:.3g} N m with rigid.xml's masses, {best.rest:.3g} N m with these, of "
-        f"{best.spread:.3g} N m"
+    names = [*(link.name for link in vjm.arm.links[1:]), vjm.arm.tool]
+    found = MassFit(
+        weights=Weights(mass[:, 0], moment / np.where(mass > 0, mass, 1)),
+        poses=torque.shape[1],
+        motors=best is carried,
+        before=best.before,
+        rest=best.rest,
+        spread=best.spread,
+        limited=tuple(name for name, on in zip(names, best.limited, strict=True) if on),
     )
-    if best.limited.any():
-        names = [*(link.name for link in vjm.arm.links[1:]), vjm.arm.tool]
-        where = ", ".join(name for name, on in zip(names, best.limited, strict=True) if on)
-        note += f"; as far from rigid.xml as is allowed: {where}"
-    return Weights(mass[:, 0], moment / np.where(mass > 0, mass, 1)), note
+    return found if found.explained else replace(found, weights=weights, limited=())
+
+
+@dataclass(frozen=True)
+class _Fit:
+    p: Array  #: Parameters of all bodies but the base, (4 (bodies - 1),) [kg, kg m].
+    limited: Mask  #: Bodies of which one is at its limit, (bodies - 1,).
+    before: float
+    rest: float
+    spread: float
 
 
 def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, Array]]:

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from testbench.errors import Array
-from testbench.plant.import_robot.chain import Chain, Shape, seen
+from testbench.plant.import_robot.robot import Chain, Shape, seen
 
 COINCIDE = 0.02  #: Joints closer than this share of the reach coincide [1].
 PARALLEL = 0.1  #: Sine of the angle below which two directions are one [1].
@@ -16,13 +17,17 @@ INNER = 0.1, 0.9  #: They stand at this share of its length, clear of the flange
 FEWEST = 6  #: Cuts that must meet the surface: a third of the link is drawn at least.
 
 
+Runs = Literal["to the next joint", "to the tool", "along the next joint", "along the flange"]
+"""Where the beam of a link runs; along an axis where joints, or joint and tool, are in one point."""
+
+
 @dataclass(frozen=True, eq=False)
 class Beam:
     """The line of a link in its part's frame."""
 
     frame: Array  #: Axes x (along), y, z as columns, (3, 3) [1].
     distance: float  #: From the link's joint to the next one, or to the tool [m].
-    runs: str  #: In words, where it runs.
+    runs: Runs  #: Where to.
 
 
 def ends(chain: Chain, tool: Array) -> list[Array]:
@@ -52,15 +57,15 @@ def _beam(chain: Chain, k: int, end: Array, long: float) -> Beam:
     distance = float(np.linalg.norm(offset))
     own, after = chain.parts[k].joint, None if last else chain.parts[k + 1].joint
     following = None if after is None else end[:3, :3] @ after.axis
+    runs: Runs = "to the tool" if last else "to the next joint"
     if distance > COINCIDE * long:
-        x, runs = offset / distance, "to the tool" if last else "to the next joint"
+        x = offset / distance
     elif following is not None:
-        x, runs = _outward(chain, k, following), "along the next joint's axis: both joints in one point"
+        x, runs = _outward(chain, k, following), "along the next joint"
     else:
         part = chain.parts[k]
         assert own is not None  # the last part has a joint
-        x = flange_axis(own.axis, part.pose, end, part.com, COINCIDE * long)
-        runs = "along the flange's axis: joint and tool in one point"
+        x, runs = flange_axis(own.axis, part.pose, end, part.com, COINCIDE * long), "along the flange"
     axes = [following, None if own is None else own.axis]
     return Beam(_frame(x, [axis for axis in axes if axis is not None]), distance, runs)
 
@@ -109,7 +114,7 @@ def _frame(x: Array, along: list[Array]) -> Array:
 def triangles(shapes: Sequence[Shape]) -> Array:
     """Triangles of a part's drawn shapes, of those that collide where none is drawn, (f, 3, 3) [m]."""
     bearing = seen([s for s in shapes if s.bears])
-    return np.concatenate([np.empty((0, 3, 3)), *(s.vertices[s.faces] for s in bearing)])
+    return np.concatenate([np.empty((0, 3, 3)), *(s.surface[0][s.surface[1]] for s in bearing)])
 
 
 def extent(surface: Array, axis: Array) -> tuple[float, float]:

@@ -1,119 +1,260 @@
-"""The serial chain that a robot's file is reduced to: parts, joints, masses and surfaces, in SI."""
+"""A stranger's robot file, URDF or MJCF, as one serial chain: what is fixed goes with its carrier.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+MuJoCo's compiler fuses fixed bodies too, but those below the base into the world, and tells no names.
+"""
+
+import re
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
-from testbench.errors import Array
+from testbench.errors import Array, InputError
+from testbench.plant.import_robot.compiled import compiled
+from testbench.plant.import_robot.mjcf import clean_mjcf
+from testbench.plant.import_robot.robot import Body, Chain, Note, Robot, Shape, Site, moved
+from testbench.plant.import_robot.solids import combined
+from testbench.plant.import_robot.source import read_xml
+from testbench.plant.import_robot.tip import Tip, named_tips, path_to, usual_tip
+from testbench.plant.import_robot.urdf import clean_urdf
+from testbench.plant.import_robot.weigh import weigh
+
+FEWEST, MOST = 3, 9  #: Moving joints of an arm.
+LONGEST = 50.0  #: Farthest of a body from the body before [m].
+HEAVIEST = 1e5  #: Of a body [kg].
+LONGEST_NAME = 40  #: Characters of a name: room for what is put behind it.
+RESERVED = ("world",)
+SPECK = 1e-6  #: Mass of a part of which the file says nothing [kg].
+CLEANERS = {"robot": clean_urdf, "mujoco": clean_mjcf}
 
 
-@dataclass(frozen=True, eq=False)
-class Solid:
-    """A primitive of the file."""
+def read_robot(file: Path) -> Robot:
+    """All bodies of a URDF, or of an MJCF with the files that it names.
 
-    kind: Literal["box", "sphere", "cylinder", "capsule", "ellipsoid"]  #: As MuJoCo names it.
-    size: tuple[float, ...]  #: As MuJoCo counts it: half sizes, radius, radius and half length [m].
+    Raises:
+        InputError: Names the file, the place and what was expected.
+    """
+    root = read_xml(file)
+    if root.tag not in CLEANERS:
+        raise InputError(file, "", f"expected URDF (<robot>) or MJCF (<mujoco>) at the top, got <{root.tag}>")
+    name = root.get("name" if root.tag == "robot" else "model") or file.stem
+    return compiled(file, name, CLEANERS[root.tag](file, root))
+
+
+def read_chain(file: Path, tip: str | None = None) -> Chain:
+    """The arm that a robot's file describes, from its first body to the tip.
+
+    Args:
+        file: URDF or MJCF.
+        tip: The link, body or site that carries the tool; None for the end of the longest chain.
+
+    Raises:
+        InputError: Names the file, the place and what was expected.
+    """
+    robot = read_robot(file)
+    end = usual_tip(robot) if tip is None else _named(file, robot, tip)
+    path = path_to(robot, end.body)
+    _check_joints(file, robot, path)
+    _check_sizes(file, robot)
+    bodies, notes = weigh(file, robot.bodies, _belonging(robot, path[0]))
+    carriers = [k for k in path if bodies[k].joint is not None]
+    carriers.insert(0, path[path.index(carriers[0]) - 1])
+    placed = _place(bodies, path, carriers)
+    rods = _rods(bodies, path, carriers, placed)
+    parts = tuple(_part(bodies, placed, part, k, rods) for part, k in enumerate(carriers))
+    parts = (replace(parts[0], pose=_in_world(bodies, carriers[0])), *parts[1:])
+    became = _became(bodies, placed, path, parts, rods)
+    site = Site(end.site.name, placed[end.body].pose @ end.site.pose)
+    return _fit(Chain(robot.name, parts, site, (*robot.notes, *notes, *became)))
+
+
+def _named(file: Path, robot: Robot, name: str) -> Tip:
+    tips = named_tips(robot)
+    found = [tip for tip in tips if tip.site.name == name]
+    if not found:
+        names = ", ".join(sorted({tip.site.name for tip in tips}))
+        raise InputError(file, "", f"no link, body or site {name!r} for the tip; there are {names}")
+    return found[0]
+
+
+def _check_joints(file: Path, robot: Robot, path: list[int]) -> None:
+    """Three to nine joints that turn or slide, each by itself."""
+    for body in (robot.bodies[k] for k in path):
+        if body.odd:
+            name = f"joint {body.joint.name!r}" if body.joint else f"the joint of {body.name!r}"
+            problem = f"{name} {body.odd}; an arm's joints turn or slide, each by itself"
+            raise InputError(file, "", problem)
+    names = [joint.name for k in path if (joint := robot.bodies[k].joint)]
+    if not FEWEST <= len(names) <= MOST:
+        there, end = ", ".join(names) or "none", robot.bodies[path[-1]].name
+        wanted = f"expected {FEWEST} to {MOST} moving joints up to {end!r}"
+        raise InputError(file, "", f"{wanted}, got {len(names)}: {there}; --tip names another end")
+
+
+def _check_sizes(file: Path, robot: Robot) -> None:
+    for body in robot.bodies:
+        far = max(np.abs(body.pose[:3, 3]).max(), np.abs(body.com).max())
+        inertia = np.abs(body.inertia).max()
+        for value, most, what in (
+            (far, LONGEST, "m"),
+            (body.mass, HEAVIEST, "kg"),
+            (inertia, HEAVIEST * LONGEST, "kg m^2"),
+        ):
+            if not value <= most:
+                raise InputError(file, body.name, f"expected at most {most:g} {what}, got {value:.3g}")
+
+
+def _belonging(robot: Robot, first: int) -> list[bool]:
+    """Which bodies hang on the first one of the arm."""
+    belongs = [k == first for k in range(len(robot.bodies))]
+    for k, body in enumerate(robot.bodies):
+        belongs[k] |= body.parent >= 0 and belongs[body.parent]
+    return belongs
+
+
+class Placed(NamedTuple):
+    """Where a body has gone."""
+
+    part: int  #: Index of its part.
     pose: Array  #: In the part's frame, (4, 4) [m].
 
 
-@dataclass(frozen=True, eq=False)
-class Shape:
-    """A triangle surface fixed in a part; a primitive of the file is one too."""
-
-    vertices: Array  #: Corners in the part's frame, (v, 3) [m].
-    faces: npt.NDArray[np.int_]  #: Three corners a triangle, (f, 3).
-    rgba: Array  #: Colour, (4,) [1].
-    visual: bool  #: It is drawn.
-    collides: bool  #: It keeps others out.
-    solid: Solid | None = None  #: The primitive that the surface stands for, where it is one.
-    bears: bool = True  #: It is of the link, not of a rod beside it.
-    outer: Array | None = None  #: Those of its corners that its hull needs, (h, 3) [m]; None for all.
-
-    @property
-    def cloud(self) -> Array:
-        """Corners whose hull is that of the shape, (h, 3) [m]."""
-        return self.vertices if self.outer is None else self.outer
+def _place(bodies: Sequence[Body], path: list[int], carriers: list[int]) -> dict[int, Placed]:
+    """The part of every body of the arm, and its pose there; branches stand at zero."""
+    placed: dict[int, Placed] = {}
+    backwards = np.eye(4)
+    for k in reversed(path[: path.index(carriers[1])]):
+        placed[k] = Placed(0, backwards)
+        backwards = backwards @ np.linalg.inv(bodies[k].pose)
+    for k in [*path, *range(len(bodies))]:
+        before = placed.get(bodies[k].parent)
+        if k in carriers[1:]:
+            placed[k] = Placed(carriers.index(k), np.eye(4))
+        elif k not in placed and before is not None:
+            placed[k] = Placed(before.part, before.pose @ bodies[k].pose)
+    return placed
 
 
-def seen(shapes: Sequence[Shape]) -> list[Shape]:
-    """Those that are drawn; where none is, those that collide."""
-    return [s for s in shapes if s.visual] or [s for s in shapes if s.collides]
-
-
-@dataclass(frozen=True, eq=False)
-class Site:
-    """A frame that the file names on a part: a flange, a tool's centre point, a site."""
-
-    name: str  #: As the file says it.
-    position: Array  #: In the part's frame, (3,) [m].
-    rotation: Array  #: Part from site, (3, 3) [1].
-
-
-@dataclass(frozen=True, eq=False)
-class JointOf:
-    """The joint that moves a part; its axis leads through the part's origin."""
-
-    name: str  #: As the file says it.
-    axis: Array  #: Unit axis in the part's frame, (3,) [1].
-    prismatic: bool  #: It slides along the axis; else it turns about it.
-    lower: float  #: Lower limit [rad or m].
-    upper: float  #: Upper limit [rad or m].
-    limits_from: Literal["file", "none"]  #: "none": the file has no limits, ours stand in for them.
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """One rigid body of the chain, with all that is fixed to it."""
-
-    name: str  #: Its link or body in the file.
-    joint: JointOf | None  #: What moves it against the part before; None for the base.
-    pose: Array  #: In the part before at q = 0, (4, 4) [m]; the identity for the base.
-    mass: float  #: Of all that is fixed to it [kg].
-    com: Array  #: Centre of mass in the part's frame, (3,) [m].
-    inertia: Array  #: About the centre of mass in the part's axes, (3, 3) [kg m^2].
-    inertia_from: Literal["file", "geometry"]  #: "geometry": estimated, the file has no masses.
-    shapes: tuple[Shape, ...]  #: Its surfaces.
-    sites: tuple[Site, ...]  #: Frames that the file names on it.
-
-
-@dataclass(frozen=True, eq=False)
-class Chain:
-    """A serial arm as a stranger's file describes it."""
-
-    name: str  #: The robot's name in the file.
-    parts: tuple[Part, ...]  #: From the base to the last link, n + 1.
-    tip: Array  #: Pose of the tool in the last part, (4, 4) [m].
-    tip_name: str  #: The link, body or site that the tool is.
-    base: Array  #: Pose of the base part in the world, (4, 4) [m].
-    notes: tuple[str, ...]  #: What was understood, merged, frozen or estimated, a sentence each.
-
-    @property
-    def n_joints(self) -> int:
-        """Number of moving joints, n."""
-        return len(self.parts) - 1
-
-    @property
-    def mass(self) -> float:
-        """Of the whole arm, the base with it [kg]."""
-        return sum(part.mass for part in self.parts)
-
-
-def pose_of(rotation: Array, position: Array) -> Array:
-    """A pose, (4, 4), from its rotation, (3, 3), and its position, (3,)."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation, position
+def _in_world(bodies: Sequence[Body], k: int) -> Array:
+    """Pose of a body in the world at q = 0, (4, 4) [m]."""
+    pose = bodies[k].pose
+    while (k := bodies[k].parent) >= 0:
+        pose = bodies[k].pose @ pose
     return pose
 
 
-def moved(points: Array, pose: Array) -> Array:
-    """Points of a body, (n, 3) [m], in the frame that its pose is in."""
-    return np.asarray(points @ pose[:3, :3].T + pose[:3, 3])
+def _rods(
+    bodies: Sequence[Body], path: list[int], carriers: list[int], placed: dict[int, Placed]
+) -> set[int]:
+    """Bodies behind joints off the arm, but for those on its last part: rods drawn where they are not."""
+    found: set[int] = set()
+    last = len(carriers) - 1
+    for k, body in enumerate(bodies):  # parents first
+        if k in placed and k not in path and placed[k].part < last and (body.moves or body.parent in found):
+            found.add(k)
+    return found
 
 
-def turned(rpy: Array) -> Array:
-    """Rotation by roll, pitch, yaw [rad] about the fixed x, then y, then z, as URDF's rpy, (3, 3)."""
-    return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())
+def _part(
+    bodies: Sequence[Body], placed: dict[int, Placed], part: int, carrier: int, rods: Collection[int]
+) -> Body:
+    """All bodies of a part as one; rods neither touch nor bear."""
+    body, own = bodies[carrier], [k for k in placed if placed[k].part == part]
+    pose = np.eye(4)
+    if part:
+        pose = placed[body.parent].pose @ body.pose
+    mass, com, inertia = combined([_weighed(bodies[k], placed[k].pose) for k in own])
+    stated = sum(bodies[k].mass for k in own if bodies[k].weighed)
+    return Body(
+        name=body.name,
+        parent=part - 1,
+        pose=pose,
+        joint=body.joint,
+        mass=mass or SPECK,
+        com=com,
+        inertia=inertia,
+        weighed=2 * stated > mass,
+        shapes=tuple(_shape(s, placed[k].pose, rod=k in rods) for k in own for s in bodies[k].shapes),
+        sites=tuple(Site(s.name, placed[k].pose @ s.pose) for k in own for s in bodies[k].sites),
+    )
+
+
+def _weighed(body: Body, pose: Array) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and inertia about it of a body in the frame of its part."""
+    R = pose[:3, :3]
+    return body.mass, moved(body.com, pose), R @ body.inertia @ R.T
+
+
+def _shape(shape: Shape, pose: Array, *, rod: bool) -> Shape:
+    """A shape of a body in the frame of its part."""
+    shape = replace(shape, pose=pose @ shape.pose)
+    return replace(shape, collides=False, bears=False) if rod else shape
+
+
+def _became(
+    bodies: Sequence[Body],
+    placed: dict[int, Placed],
+    path: list[int],
+    parts: Sequence[Body],
+    rods: Collection[int],
+) -> list[Note]:
+    """What was merged, frozen, left out or stood in for."""
+    notes = []
+    for index, part in enumerate(parts):
+        own = [bodies[k] for k in placed if placed[k].part == index and bodies[k].name != part.name]
+        notes.append(Note("merged", (part.name, *(body.name for body in own if body.mass > 0))))
+    notes = [note for note in notes if len(note.names) > 1]
+    frozen = [k for k, body in enumerate(bodies) if k in placed and k not in path and body.moves]
+    named = {
+        "frozen": [joint.name if (joint := bodies[k].joint) else bodies[k].name for k in frozen],
+        "rods": [bodies[k].name for k in sorted(rods) if bodies[k].shapes],
+        "outside": [body.name for k, body in enumerate(bodies) if k not in placed],
+    }
+    notes += [Note(kind, tuple(names)) for kind, names in named.items() if names]
+    for joint in (part.joint for part in parts if part.joint and not part.joint.limited):
+        kind = "no limits of a slide" if joint.prismatic else "no limits"
+        notes.append(Note(kind, (joint.name,), (joint.lower, joint.upper)))
+    if specks := [part.name for part in parts if part.mass == SPECK and not part.weighed]:
+        notes.append(Note("specks", tuple(specks), (SPECK,)))
+    return notes
+
+
+def _fit(chain: Chain) -> Chain:
+    """The chain with names of letters, digits, `_` and `-` that differ in more than upper and lower case."""
+    parts = chain.parts
+    links = fit_names(part.name for part in parts)
+    joints = iter(fit_names(joint.name for joint in chain.joints))
+    renamed = tuple(
+        replace(
+            part,
+            name=name,
+            joint=part.joint and replace(part.joint, name=next(joints)),
+            sites=tuple(
+                site._replace(name=fit)
+                for site, fit in zip(part.sites, fit_names(s.name for s in part.sites), strict=True)
+            ),
+        )
+        for part, name in zip(parts, links, strict=True)
+    )
+    named = [(old.name, new.name) for old, new in zip(parts, renamed, strict=True)]
+    moving = [part.joint for part in renamed if part.joint]
+    named += [(old.name, new.name) for old, new in zip(chain.joints, moving, strict=True)]
+    changed = [f"{old!r} is {new}" for old, new in named if old != new]
+    notes = (*chain.notes, Note("renamed", tuple(changed))) if changed else chain.notes
+    [name] = fit_names([chain.name])
+    return replace(chain, name=name, parts=renamed, notes=notes)
+
+
+def fit_names(names: Iterable[str]) -> list[str]:
+    """Names of letters, digits, `_` and `-`, each different from all others."""
+    found: list[str] = []
+    for name in names:
+        fit = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")[:LONGEST_NAME] or "x"
+        plain, k = fit, 2
+        taken = {other.lower() for other in (*found, *RESERVED)}
+        while fit.lower() in taken:
+            fit, k = f"{plain}_{k}", k + 1
+        found.append(fit)
+    return found

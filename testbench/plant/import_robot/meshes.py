@@ -2,18 +2,17 @@
 
 import io
 import logging
-import struct
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from testbench.errors import Array
 from testbench.plant.import_robot.mesh_door import MAX_FACES, MeshError, check_count, mesh_bytes
+from testbench.plant.import_robot.robot import Faces, Mesh, Note, Surface
 from testbench.plant.import_robot.solids import outermost
 
 MAX_TOTAL = 100_000_000  #: Of all mesh files of a robot.
@@ -21,21 +20,6 @@ MAX_ALL_FACES = 1_000_000  #: Triangles of a robot, those of a mesh as often as 
 MAX_ALL_CORNERS = 600_000  #: Of the same, those in one place once.
 LARGEST = 30.0  #: Of a mesh; more is a slip of units [m].
 CELLS = 2**20 - 1  #: Corners are in one place where they are on a grid of so many cells from the origin.
-TOLD = 4  #: Meshes that a note names; the others it counts.
-
-Faces = npt.NDArray[np.int_]
-Surface = tuple[Array, Faces]
-"""Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """Triangles of a file, in its own unit."""
-
-    vertices: Array  #: (v, 3)
-    faces: Faces  #: (f, 3)
-    outer: Array  #: The corners that its hull needs, (h, 3)
-    rgba: Array | None  #: Its colour where the file has one, (4,) [1].
 
 
 @dataclass(eq=False)
@@ -77,13 +61,10 @@ class Meshes:
         check_count("triangles in all shapes", self.faces, MAX_ALL_FACES)
         check_count("corners in all shapes", self.corners, MAX_ALL_CORNERS)
 
-    def notes(self) -> list[str]:
+    def notes(self) -> list[Note]:
         """Which meshes the arm goes without, and why."""
-        if not self.failed:
-            return []
-        told = [f"{name} ({why})" for name, why in list(self.failed.items())[:TOLD]]
-        rest = [f"and {len(self.failed) - TOLD} more"] if len(self.failed) > TOLD else []
-        return [f"meshes not read, so other shapes of their links stand in, if any: {', '.join(told + rest)}"]
+        names = tuple(f"{name} ({why})" for name, why in self.failed.items())
+        return [Note("meshes", names)] if names else []
 
 
 def _parsed(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
@@ -114,16 +95,13 @@ def _triangles(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
     parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
     if not parts:
         raise MeshError(f"no triangles in this {kind}")
-    scale = _metre(data) if kind == "dae" else 1.0
-    vertices, faces = joined([(np.asarray(p.vertices, dtype=float), np.asarray(p.faces)) for p in parts])
-    return vertices * scale, faces, _main_colour(parts)
+    vertices, faces = joined([(p.vertices, p.faces) for p in parts])
+    return vertices * _metres(scene.units), faces, _main_colour(parts)
 
 
-def _metre(data: bytes) -> float:
-    """Metres in a unit of COLLADA; its up axis is ignored, as by every robot's viewer."""
-    import collada
-
-    return float(collada.Collada(io.BytesIO(data)).assetInfo.unitmeter or 1.0)
+def _metres(units: str | None) -> float:
+    """Metres in a unit of a file, as COLLADA states it; its up axis is ignored, as by robots' viewers."""
+    return float(units.partition(" ")[0]) if units and "*" in units else 1.0
 
 
 def _main_colour(parts: Sequence[object]) -> Array | None:
@@ -165,9 +143,10 @@ def distinct(cells: npt.NDArray[np.number]) -> tuple[Faces, Faces]:
 
 def joined(surfaces: Sequence[Surface]) -> Surface:
     """Several surfaces as one."""
-    first = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
-    faces = [own.astype(int) + first[k] for k, (_, own) in enumerate(surfaces)]
-    return np.concatenate([vertices for vertices, _ in surfaces]), np.concatenate(faces)
+    import trimesh
+
+    vertices, faces = trimesh.util.append_faces([v for v, _ in surfaces], [f for _, f in surfaces])
+    return np.asarray(vertices, dtype=float), np.asarray(faces, dtype=int)
 
 
 def with_area(faces: Faces) -> Faces:
@@ -183,11 +162,7 @@ def check_size(vertices: Array) -> None:
         raise MeshError(f"{size:.3g} m large; is a scale of 0.001 missing?")
 
 
-if TYPE_CHECKING:  # they read meshes by libraries that take long to import
-    from testbench.plant.import_robot.meshes import Faces, Surface
-
-
-def decimated(vertices: Array, faces: "Faces", most: int) -> "Surface":
+def decimated(vertices: Array, faces: Faces, most: int) -> Surface:
     """A surface of at most about so many triangles: trimesh's own way of thinning is this package too."""
     if len(faces) <= most:
         return vertices, faces
@@ -203,10 +178,6 @@ def decimated(vertices: Array, faces: "Faces", most: int) -> "Surface":
 
 def stl_bytes(vertices: Array, faces: Faces) -> bytes:
     """A surface as a binary STL file."""
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    size = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = normals / np.where(size > 0, size, 1)
-    rows = np.zeros(len(faces), dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("spare", "<u2")])
-    rows["n"], rows["v"] = normals, corners
-    return bytes(80) + struct.pack("<I", len(faces)) + rows.tobytes()
+    import trimesh
+
+    return bytes(trimesh.exchange.stl.export_stl(trimesh.Trimesh(vertices, faces, process=False)))

@@ -9,8 +9,8 @@ import numpy as np
 
 from testbench.arm.decimal import WRITTEN, read_decimals
 from testbench.arm.document import parse_xml
+from testbench.arm.lines import xml_place
 from testbench.errors import Array, InputError, read_text, word
-from testbench.plant.import_robot.chain import pose_of, turned
 
 MAX_BYTES = 16_000_000
 MAX_ELEMENTS = 20_000
@@ -48,47 +48,32 @@ def check_shapes(file: Path, root: ET.Element, tag: str) -> None:
         raise InputError(file, f"<{tag}>", f"expected at most {MAX_SHAPES} shapes, got {count}")
 
 
-def where(e: ET.Element) -> str:
-    """An element, for a message."""
-    return f"<{e.tag} name={e.get('name')!r}>" if e.get("name") else f"<{e.tag}>"
-
-
-def read_numbers(file: Path, e: ET.Element, key: str, default: str, count: int) -> Array:
+def read_numbers(file: Path, e: ET.Element, key: str, count: int) -> Array:
     """An attribute as so many numbers, (count,).
 
     Raises:
         InputError: When it is something else.
     """
-    text = e.get(key, default)
+    text = e.get(key, "")
     try:
         values = read_decimals(text.split())
     except ValueError:
         values = []
     if len(values) != count or not all(abs(x) <= LARGEST for x in values):
-        problem = f"{key}: expected {count} number(s) up to {LARGEST:g}, got {text[:80]!r}"
-        raise InputError(file, where(e), problem)
+        problem = f"{key}: expected {count} number(s) up to {LARGEST:g}, {WRITTEN}, got {text[:80]!r}"
+        raise InputError(file, xml_place(file, e), problem)
     return np.array(values)
 
 
-def check_numbers(file: Path, e: ET.Element, key: str) -> None:
-    """Refuse an attribute that Python reads as numbers if one of them is no decimal, or too large."""
-    text = e.get(key, "")
-    try:
-        list(map(float, text.split()))
-    except ValueError:
-        return  # words
-    try:
-        sound = all(abs(x) <= LARGEST for x in read_decimals(text.split()))
-    except ValueError:
-        sound = False
-    if not sound:
-        problem = f"{key}: expected numbers up to {LARGEST:g}, {WRITTEN}, got {text[:80]!r}"
-        raise InputError(file, where(e), problem)
-
-
-def read_number(file: Path, e: ET.Element, key: str, default: float) -> float:
-    """An attribute as a number; the default where it is missing."""
-    return float(read_numbers(file, e, key, repr(default), 1)[0])
+def check_numbers(file: Path, root: ET.Element) -> None:
+    """Refuse attributes that Python reads as numbers if one of them is no decimal, or too large."""
+    for e in root.iter():
+        for key, text in e.attrib.items():
+            try:
+                list(map(float, text.split()))
+            except ValueError:  # words
+                continue
+            read_numbers(file, e, key, len(text.split()))
 
 
 def need(file: Path, e: ET.Element, key: str) -> str:
@@ -99,17 +84,8 @@ def need(file: Path, e: ET.Element, key: str) -> str:
     """
     text = e.get(key, "")
     if not text.strip():
-        raise InputError(file, where(e), f"expected an attribute {key}")
+        raise InputError(file, xml_place(file, e), f"expected an attribute {key}")
     return text
-
-
-def read_origin(file: Path, e: ET.Element) -> Array:
-    """The pose of an element's <origin>, (4, 4) [m]; the identity where it has none."""
-    origin = e.find("origin")
-    if origin is None:
-        return np.eye(4)
-    rpy = read_numbers(file, origin, "rpy", "0 0 0", 3)
-    return pose_of(turned(rpy), read_numbers(file, origin, "xyz", "0 0 0", 3))
 
 
 def inside(folder: Path, file: Path) -> Path | None:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.errors import Array
-from testbench.plant.import_robot.chain import Part, Shape, Solid, seen
-from testbench.plant.import_robot.meshes import Faces, Surface, decimated, distinct, joined, with_area
+from testbench.plant.import_robot.meshes import decimated, distinct, joined, with_area
+from testbench.plant.import_robot.robot import Body, Faces, Shape, Surface, seen
 from testbench.plant.import_robot.solids import VISIBLE, hull_of, outermost
 
 DRAWN_FACES = 1500  #: Of the mesh that shows a part.
@@ -25,33 +25,33 @@ class Surfaces:
     """What a part looks like, and what of it others run into."""
 
     drawn: Surface | None  #: One mesh for all meshes of the file.
-    drawn_solids: tuple[tuple[Solid, Array], ...]  #: With their colours.
+    drawn_solids: list[Shape]  #: Primitives.
     rgba: Array  #: Of the mesh, that of its largest piece, (4,) [1].
-    hulls: tuple[Surface, ...]
-    solids: tuple[Solid, ...]  #: Those that collide.
+    hulls: list[Surface]
+    solids: list[Shape]  #: Primitives that collide.
 
 
-def surfaces(part: Part) -> Surfaces:
+def surfaces(part: Body) -> Surfaces:
     """What is written of a part's shapes.
 
     Where nothing is drawn, what collides is drawn; where nothing collides, the hull of what is drawn does.
     """
-    drawn = seen(part.shapes)
-    meshes = [s for s in drawn if s.solid is None]
-    hard = [s for s in part.shapes if s.collides]
-    largest = max(meshes, key=lambda s: float(_areas(s).sum()), default=None)
+    drawn, hard = seen(part.shapes), [s for s in part.shapes if s.collides]
+    meshes = [s for s in drawn if s.kind == "mesh"]
+    found = [s.surface for s in meshes]
+    areas = [_area(*surface) for surface in found]
     return Surfaces(
-        drawn=_small(joined([(s.vertices, s.faces) for s in meshes]), DRAWN_FACES) if meshes else None,
-        drawn_solids=tuple((s.solid, s.rgba) for s in drawn if s.solid),
-        rgba=VISIBLE if largest is None else largest.rgba,
-        hulls=tuple(_hulls([s for s in hard if s.solid is None] if hard else drawn)),
-        solids=tuple(s.solid for s in hard if s.solid),
+        drawn=_small(joined(found), DRAWN_FACES) if found else None,
+        drawn_solids=[s for s in drawn if s.kind != "mesh"],
+        rgba=meshes[int(np.argmax(areas))].rgba if meshes else VISIBLE,
+        hulls=_hulls([s for s in hard if s.kind == "mesh"] if hard else drawn),
+        solids=[s for s in hard if s.kind != "mesh"],
     )
 
 
-def _areas(shape: Shape) -> Array:
-    t = shape.vertices[shape.faces]
-    return np.asarray(np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2)
+def _area(vertices: Array, faces: Faces) -> float:
+    a, b, c = vertices[faces].swapaxes(0, 1)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
 def _small(surface: Surface, most: int) -> Surface:

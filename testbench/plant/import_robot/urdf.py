@@ -1,186 +1,308 @@
-"""URDF as a tree of bodies."""
+"""URDF before MuJoCo compiles it: only what an arm's statics needs, joints checked, meshes read by us.
 
-import math
+MuJoCo would take two trees for one, mimic joints for free ones, limits of 0 to 0 for none, a torus for
+nothing; refuse joints that float; and name no joint whose link is missing. It reads neither COLLADA nor PLY,
+nor large meshes: it gets boxes for all.
+"""
+
+import os
 import xml.etree.ElementTree as ET
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from urllib.parse import unquote, urlparse
 
+import mujoco
 import numpy as np
 
-from testbench.errors import Array, InputError
-from testbench.plant.import_robot.chain import JointOf
-from testbench.plant.import_robot.meshes import Meshes
-from testbench.plant.import_robot.source import (
-    check_shapes,
-    need,
-    read_number,
-    read_numbers,
-    read_origin,
-    where,
-)
-from testbench.plant.import_robot.tree import ARM_JOINTS, Body, Tree
-from testbench.plant.import_robot.urdf_shapes import link_shapes
+from testbench.arm.document import parse_xml
+from testbench.arm.lines import xml_place
+from testbench.errors import InputError, read_text
+from testbench.plant.import_robot.compiled import Cleaned
+from testbench.plant.import_robot.mesh_door import MeshError
+from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size, stl_bytes
+from testbench.plant.import_robot.robot import Mesh, Note
+from testbench.plant.import_robot.solids import VISIBLE, plausible, primitive
+from testbench.plant.import_robot.source import check_numbers, check_shapes, inside, need, read_numbers
+from testbench.plant.import_robot.tip import ARM_JOINTS
+from testbench.plant.shapes import VISUAL_GROUPS
 
 MOVING = ("revolute", "continuous", "prismatic")
 ODD = {"floating": "floats free", "planar": "is planar", "spherical": "is a ball joint"}
-UNLIMITED = 2 * math.pi  #: Of a turning joint without limits, each way [rad].
+KEPT = frozenset(
+    "robot link inertial mass inertia origin visual collision geometry mesh box sphere".split()
+    + "cylinder capsule material color joint parent child axis limit".split()
+)
+FORMS = {
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+}
+"""Primitives, and how many numbers their attributes have."""
+THINNEST = 1e-6  #: What is thinner has no extent [m].
 ENDLESS = 1000.0  #: Limits beyond it mean none [rad, m].
-SLIDE = 1.0  #: Of a sliding joint without limits, each way [m].
+ROOT = "world link"  #: MuJoCo takes a link called world for the world itself.
+MAX_BYTES = 1_000_000  #: Of a package.xml.
+UP = 8  #: Folders above the URDF in which a package is looked for.
 
 
-def read_urdf(file: Path, root: ET.Element) -> Tree:
-    """The bodies of a URDF.
+def clean_urdf(file: Path, root: ET.Element) -> Cleaned:
+    """What MuJoCo is to compile.
 
     Args:
         file: The URDF, for messages and meshes.
-        root: Its root element.
+        root: Its root element; it is changed.
 
     Raises:
         InputError: When links or joints are wrong.
     """
     check_shapes(file, root, "geometry")
-    links = _by_name(file, root.findall("link"))
-    joints = list(_by_name(file, root.findall("joint")).values())
-    if not links:
-        raise InputError(file, "<robot>", "expected links, got none")
-    parents = _parents(file, links, joints)
-    meshes = Meshes()
-    colours = _colours(file, root)
-    index: dict[str, int] = {}
-    bodies: list[Body] = []
-    locked = _locked(file, joints)
-    for name in _from_the_root(file, links, parents):
-        e, joint = links[name], parents.get(name)
-        body = replace(_link(file, e, name), shapes=link_shapes(file, e, colours, meshes))
-        index[name] = len(bodies)
-        if joint is not None:
-            body = replace(body, parent=index[_end(file, joint, "parent")], pose=read_origin(file, joint))
-            body = body if joint.get("name") in locked else _jointed(file, joint, body)
-        bodies.append(body)
-    notes = [f"limits of 0 to 0, so held at zero: {', '.join(locked)}"] if locked else []
-    return Tree(root.get("name") or file.stem, tuple(bodies), (*notes, *meshes.notes()))
+    links, joints = root.findall("link"), root.findall("joint")
+    _check_tree(file, links, joints)
+    mimics = {
+        e.get("name", ""): mimic.get("joint", "") for e in joints if (mimic := e.find("mimic")) is not None
+    }
+    _keep(root)
+    check_numbers(file, root)
+    odd = {_end(file, e, "child"): why for e in joints if (why := ODD.get(e.get("type", "")))}
+    locked = _hold(file, joints)
+    meshes, surfaces = Meshes(), dict[str, Mesh]()
+    for link in links:
+        _check_inertial(file, link)
+    _shapes(file, root, meshes, surfaces)
+    for e in root.iter():
+        for key in [key for key, text in e.attrib.items() if key in ("name", "link") and text == "world"]:
+            e.set(key, ROOT)
+    options = {
+        "fusestatic": "false",
+        "discardvisual": "false",
+        "inertiafromgeom": "false",
+        "strippath": "false",
+    }
+    bounds = {"balanceinertia": "true", "boundmass": "1e-14", "boundinertia": "1e-14"}
+    ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", {**options, **bounds})
+    box = primitive("box", np.ones(3))
+    assets = dict.fromkeys((f"{name}.stl" for name in surfaces), stl_bytes(box.vertices, box.faces))
+    notes = [Note("locked", tuple(locked))] if locked else []
+    text = ET.tostring(root, encoding="unicode")
+    return Cleaned(text, assets, (*notes, *meshes.notes()), _prepare, surfaces, odd, mimics)
 
 
-def _by_name(file: Path, elements: list[ET.Element]) -> dict[str, ET.Element]:
-    found: dict[str, ET.Element] = {}
-    for e in elements:
-        name = need(file, e, "name")
-        if name in found:
-            raise InputError(file, where(e), "the name stands twice")
-        found[name] = e
-    return found
+def _check_tree(file: Path, links: Sequence[ET.Element], joints: Sequence[ET.Element]) -> None:
+    """One tree of links with names of their own."""
+    for elements in (links, joints):
+        names = [need(file, e, "name") for e in elements]
+        if twice := [e for k, e in enumerate(elements) if names[k] in names[:k]]:
+            raise InputError(file, xml_place(file, twice[0]), "the name stands twice")
+    parents: dict[str, str] = {}
+    every = [e.get("name", "") for e in links]
+    for joint in joints:
+        parent, child = _end(file, joint, "parent"), _end(file, joint, "child")
+        problem = f"link {child!r} is the child of another joint already" if child in parents else ""
+        for which, end in (("child", child), ("parent", parent)):
+            problem = problem if end in every else f"{which}: there is no link {end!r}"
+        if problem:
+            raise InputError(file, xml_place(file, joint), problem)
+        parents[child] = parent
+    roots = [name for name in every if name not in parents]
+    if len(roots) != 1:
+        got = ", ".join(roots) or ("a circle of joints" if every else "no links")
+        raise InputError(file, "<robot>", f"expected one link without a parent, got {got}")
+    reached = {*roots}
+    while more := {child for child, parent in parents.items() if parent in reached} - reached:
+        reached |= more
+    if circle := sorted(set(every) - reached):
+        raise InputError(file, "<robot>", f"these links stand in a circle of joints: {', '.join(circle)}")
 
 
 def _end(file: Path, joint: ET.Element, which: str) -> str:
     end = joint.find(which)
     if end is None:
-        raise InputError(file, where(joint), f"expected a <{which}>")
+        raise InputError(file, xml_place(file, joint), f"expected a <{which}>")
     return need(file, end, "link")
 
 
-def _parents(file: Path, links: dict[str, ET.Element], joints: list[ET.Element]) -> dict[str, ET.Element]:
-    """The joint before every link but the root."""
-    parents: dict[str, ET.Element] = {}
-    for joint in joints:
-        for which in ("parent", "child"):
-            if (end := _end(file, joint, which)) not in links:
-                raise InputError(file, where(joint), f"{which}: there is no link {end!r}")
-        child = _end(file, joint, "child")
-        if child in parents:
-            first = parents[child].get("name")
-            raise InputError(file, where(joint), f"link {child!r} is the child of {first!r} already")
-        parents[child] = joint
-    return parents
+def _keep(root: ET.Element) -> None:
+    """Take out what is not on the list, and of limits all but the two."""
+    for parent in list(root.iter()):
+        for child in [e for e in parent if e.tag not in KEPT and parent.tag != "geometry"]:
+            parent.remove(child)
+    for limit in root.iter("limit"):
+        for key in set(limit.attrib) - {"lower", "upper"}:
+            del limit.attrib[key]
 
 
-def _from_the_root(file: Path, links: dict[str, ET.Element], parents: dict[str, ET.Element]) -> list[str]:
-    """Links, every parent before its children."""
-    roots = [name for name in links if name not in parents]
-    if len(roots) != 1:
-        got = ", ".join(roots) or "a circle of joints"
-        raise InputError(file, "<robot>", f"expected one link without a parent, got {got}")
-    children: dict[str, list[str]] = {name: [] for name in links}
-    for child, joint in parents.items():
-        children[_end(file, joint, "parent")].append(child)
-    order = roots
-    for name in order:
-        order += children[name]
-    if len(order) != len(links):
-        circle = ", ".join(sorted(set(links) - set(order)))
-        raise InputError(file, "<robot>", f"these links stand in a circle of joints: {circle}")
-    return order
+def _hold(file: Path, joints: Sequence[ET.Element]) -> list[str]:
+    """Joints as MuJoCo has them, without limits that mean none.
 
-
-def _link(file: Path, e: ET.Element, name: str) -> Body:
-    """A link with its mass, at no joint yet."""
-    inertial = e.find("inertial")
-    mass = None if inertial is None else inertial.find("mass")
-    kilograms = 0.0 if mass is None else read_number(file, mass, "value", 0.0)
-    if inertial is None or kilograms == 0:
-        return Body(name, -1, np.eye(4), weighed=False)
-    if kilograms < 0:
-        raise InputError(file, where(e), f"mass: expected more than 0 kg, got {kilograms}")
-    pose, tensor = read_origin(file, inertial), np.zeros((3, 3))
-    if (inertia := inertial.find("inertia")) is not None:
-        xx, xy, xz, yy, yz, zz = (
-            read_number(file, inertia, key, 0.0) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        )
-        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    R = pose[:3, :3]
-    return Body(name, -1, np.eye(4), mass=kilograms, com=pose[:3, 3], inertia=R @ tensor @ R.T)
-
-
-def _jointed(file: Path, e: ET.Element, body: Body) -> Body:
-    """The link behind its joint."""
-    kind, name = e.get("type", ""), e.get("name", "")
-    if kind == "fixed":
-        return body
-    if kind in ODD:
-        return replace(body, odd=ODD[kind])
-    if kind not in MOVING:
-        raise InputError(file, where(e), f"type: expected {', '.join(MOVING)} or fixed, got {kind!r}")
-    axis_e = e.find("axis")
-    axis = np.array([1.0, 0, 0]) if axis_e is None else read_numbers(file, axis_e, "xyz", "1 0 0", 3)
-    length = float(np.linalg.norm(axis))
-    if length < 1e-6:
-        raise InputError(file, where(e), "axis: expected a direction, got zero")
-    lower, upper, stated = _limits(file, e, kind)
-    joint = JointOf(name, axis / length, kind == "prismatic", lower, upper, "file" if stated else "none")
-    if (mimic := e.find("mimic")) is None:
-        return replace(body, joint=joint)
-    follows = mimic.get("joint", "")
-    return replace(body, joint=joint, odd=f"follows {follows!r} (mimic)", follows=follows)
-
-
-def _locked(file: Path, joints: list[ET.Element]) -> list[str]:
-    """Joints that limits of 0 to 0 lock; none where no arm would be left: its exporter knew no limits."""
+    Returns:
+        Those that limits of 0 to 0 lock; none where no arm would be left: their exporter knew no limits.
+    """
     moving = [e for e in joints if e.get("type") in MOVING]
-    zero = [e for e in moving if e.get("type") != "continuous" and _stated(file, e) == (0, 0)]
-    return [e.get("name", "") for e in zero] if len(moving) - len(zero) >= ARM_JOINTS else []
+    zero = [e for e in moving if _limits(file, e) == (0, 0)]
+    locked = zero if len(moving) - len(zero) >= ARM_JOINTS else []
+    for e in joints:
+        kind = e.get("type", "")
+        if kind in ODD or e in locked:
+            e.set("type", "fixed")
+        elif kind not in (*MOVING, "fixed"):
+            problem = f"type: expected {', '.join(MOVING)} or fixed, got {kind!r}"
+            raise InputError(file, xml_place(file, e), problem)
+    return [e.get("name", "") for e in locked]
 
 
-def _stated(file: Path, e: ET.Element) -> tuple[float, float] | None:
-    """The limits that a joint states [rad, m]; None where it states none."""
-    limit = e.find("limit")
-    if limit is None or not {"lower", "upper"} & set(limit.attrib):
+def _limits(file: Path, e: ET.Element) -> tuple[float, float] | None:
+    """The limits that a joint states [rad, m]; None, and no <limit>, where it states none that bounds."""
+    if (limit := e.find("limit")) is None:
         return None
-    return read_number(file, limit, "lower", 0.0), read_number(file, limit, "upper", 0.0)
+    lower, upper = (
+        float(read_numbers(file, limit, key, 1)[0]) if key in limit.attrib else 0.0 for key in KEYS
+    )
+    bounds = bool(limit.attrib) and e.get("type") != "continuous" and max(abs(lower), abs(upper)) <= ENDLESS
+    if bounds and not lower < upper and (lower or upper):
+        problem = f"limit: expected lower < upper, got {lower:g} and {upper:g}"
+        raise InputError(file, xml_place(file, e), problem)
+    if not bounds or lower == upper:
+        e.remove(limit)
+    return (lower, upper) if bounds else None
 
 
-def _limits(file: Path, e: ET.Element, kind: str) -> tuple[float, float, bool]:
-    """Lower and upper limit [rad, m], and whether the file states them."""
-    ours, stated = SLIDE if kind == "prismatic" else UNLIMITED, _stated(file, e)
-    if kind == "continuous" or stated is None:
-        return -ours, ours, False
-    lower, upper = stated
-    if lower == upper == 0 or max(abs(lower), abs(upper)) > ENDLESS:
-        return -ours, ours, False
-    if not lower < upper:
-        raise InputError(file, where(e), f"limit: expected lower < upper, got {lower:g} and {upper:g}")
-    return lower, upper, True
+KEYS = "lower", "upper"
 
 
-def _colours(file: Path, root: ET.Element) -> dict[str, Array]:
-    """The robot's materials by name."""
-    found = {m.get("name", ""): m.find("color") for m in root.findall("material")}
-    return {name: read_numbers(file, e, "rgba", "", 4) for name, e in found.items() if e is not None}
+def _check_inertial(file: Path, link: ET.Element) -> None:
+    """A link of a mass above zero, or of none."""
+    for inertial in link.findall("inertial"):
+        mass = inertial.find("mass")
+        kilograms = 0.0 if mass is None else float(read_numbers(file, mass, "value", 1)[0])
+        if kilograms < 0:
+            raise InputError(file, xml_place(file, link), f"mass: expected more than 0 kg, got {kilograms}")
+        if kilograms == 0:
+            link.remove(inertial)
+        elif inertial.find("inertia") is None:
+            ET.SubElement(inertial, "inertia", dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "0"))
+
+
+def _shapes(file: Path, root: ET.Element, meshes: Meshes, surfaces: dict[str, Mesh]) -> None:
+    """Take out shapes without extent, or that cannot be read, which is noted; each other has one colour."""
+    colours = {m.get("name", ""): m.find("color") for m in root.findall("material")}
+    for link in root.findall("link"):
+        shown = link.findall("visual")
+        for e in [*shown, *link.findall("collision")]:
+            form = next(iter(e.findall("geometry/*")), None)
+            if form is None or not _is_there(file, form, meshes, surfaces):
+                link.remove(e)
+                continue
+            mesh, rgba = surfaces.get(form.get("filename", "").removesuffix(".stl")), VISIBLE
+            if (colour := _colour(e, colours)) is not None:
+                rgba = read_numbers(file, colour, "rgba", 4)
+            elif mesh is not None and mesh.rgba is not None:
+                rgba = mesh.rgba
+            for material in e.findall("material"):
+                e.remove(material)
+            look = ET.SubElement(e, "material", name=f"{id(e)}")
+            ET.SubElement(look, "color", rgba=" ".join(map(repr, rgba.tolist())))
+        if shown and link.find("visual") is None:  # none that can be read
+            for e in link.findall("collision"):
+                ET.SubElement(link, "visual").extend(e)
+    for material in root.findall("material"):
+        root.remove(material)
+
+
+def _colour(e: ET.Element, colours: Mapping[str, ET.Element | None]) -> ET.Element | None:
+    """Of the element's own material, or of the robot's of that name."""
+    material = e.find("material")
+    if material is None:
+        return None
+    own = material.find("color")
+    return colours.get(material.get("name", "")) if own is None else own
+
+
+def _is_there(file: Path, form: ET.Element, meshes: Meshes, surfaces: dict[str, Mesh]) -> bool:
+    """Whether a shape has an extent; a mesh is read."""
+    if form.tag == "mesh":
+        return _is_read(file, form, meshes, surfaces)
+    if form.tag not in FORMS:
+        raise InputError(file, xml_place(file, form), f"expected {', '.join(FORMS)} or mesh as a <geometry>")
+    sizes = np.concatenate([read_numbers(file, form, key, count) for key, count in FORMS[form.tag].items()])
+    if not 0 <= min(sizes) <= max(sizes) <= LARGEST:
+        raise InputError(
+            file, xml_place(file, form), f"expected sizes of 0 to {LARGEST:g} m, got {sizes.tolist()}"
+        )
+    return bool(min(sizes) > THINNEST)
+
+
+def _is_read(file: Path, form: ET.Element, meshes: Meshes, surfaces: dict[str, Mesh]) -> bool:
+    """Whether a mesh can be read; MuJoCo has a box in its place, of a name of its own at each scale."""
+    name = need(file, form, "filename")
+    scale = read_numbers(file, form, "scale", 3) if "scale" in form.attrib else np.ones(3)
+    try:
+        mesh = meshes.load(find_mesh(file, name))
+        check_size(mesh.vertices * scale)
+    except MeshError as err:
+        meshes.failed[name.rpartition("/")[2]] = str(err)
+        return False
+    faces = mesh.faces if np.prod(scale) > 0 else mesh.faces[:, ::-1]  # a mirrored surface turns inside out
+    form.attrib = {"filename": f"{len(surfaces)}.stl"}
+    surfaces[f"{len(surfaces)}"] = Mesh(mesh.vertices * scale, faces, mesh.outer * scale, mesh.rgba)
+    return True
+
+
+def _prepare(spec: mujoco.MjSpec) -> None:
+    """What collides is not drawn, and inertias are such as bodies can have."""
+    for geom in spec.geoms:
+        geom.group = VISUAL_GROUPS if geom.contype else 0
+    for body in spec.bodies:
+        if body.explicitinertial:
+            xx, yy, zz, xy, xz, yz = body.fullinertia
+            tensor = plausible(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+            body.fullinertia = tensor[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
+
+
+def find_mesh(urdf: Path, name: str) -> Path:
+    """The file of a mesh.
+
+    Args:
+        urdf: The URDF that names it.
+        name: As it stands there.
+
+    Raises:
+        MeshError: When there is none.
+    """
+    scheme, _, rest = name.strip().replace("\\", "/").partition("://")
+    folder = Path(os.path.realpath(urdf)).parent
+    if scheme == "file" and rest:
+        return Path(unquote(urlparse(name.strip()).path))
+    if rest and scheme not in ("package", "model"):
+        raise MeshError(f"{scheme}:// is not known; package:// and file:// are")
+    package, _, path = rest.partition("/")
+    if not rest:
+        roots, path = [folder], scheme
+    elif not (roots := _packages(folder, package)):
+        raise MeshError(f"no package {package!r} beside the file or in {UP} folders above it")
+    root = next((root for root in roots if (root / path).exists()), roots[0])
+    found = inside(root if rest else folder.parent, root / path)
+    if found is None:
+        raise MeshError(f"lies outside of {root if rest else folder.parent}")
+    if rest and not found.exists():
+        raise MeshError(f"not in the package {root}")
+    return found
+
+
+def _packages(folder: Path, name: str) -> list[Path]:
+    """Folders of a package: of that name, or with a package.xml that says so, from the URDF upwards."""
+    if name in ("", ".", ".."):
+        return []
+    found = []
+    for above in [folder, *folder.parents][:UP]:
+        found += [root for root in (above, above / name) if root.name == name and root.is_dir()]
+        if _package_name(above / "package.xml") == name:
+            found.append(above)
+    return found
+
+
+def _package_name(file: Path) -> str:
+    try:
+        return (parse_xml(file, read_text(file, MAX_BYTES)).findtext("name") or "").strip()
+    except InputError:  # there is none, or it is none
+        return ""

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from testbench.errors import Array, InputError
-from testbench.plant.import_robot.chain import Shape
-from testbench.plant.import_robot.solids import combined, hull_of, volume_integrals
-from testbench.plant.import_robot.tree import Body
+from testbench.errors import InputError
+from testbench.plant.import_robot.robot import Body, Note, Shape
+from testbench.plant.import_robot.solids import Weighed, combined, hull_of, integrals
 
 DENSITY = 1200.0
 """Mass of an arm over the volume of the convex hulls of what collides [kg/m^3].
@@ -18,7 +17,7 @@ PLAUSIBLE = 300.0, 4000.0  #: The same of a file that states masses; beyond it t
 PLACEHOLDERS = 4  #: So many links of one and the same mass were never weighed.
 
 
-def weigh(file: Path, bodies: tuple[Body, ...], of_arm: Sequence[bool]) -> tuple[tuple[Body, ...], list[str]]:
+def weigh(file: Path, bodies: Sequence[Body], of_arm: Sequence[bool]) -> tuple[list[Body], list[Note]]:
     """The bodies, those without a mass weighed by their geometry.
 
     Args:
@@ -36,7 +35,7 @@ def weigh(file: Path, bodies: tuple[Body, ...], of_arm: Sequence[bool]) -> tuple
     weighed, notes = list(bodies), []
     masses = [bodies[k].mass for k in own if bodies[k].weighed and bodies[k].mass > 0]
     if len(masses) >= PLACEHOLDERS and min(masses) == max(masses):
-        notes.append(f"every link weighs {masses[0]:g} kg in the file, which no arm does: not used")
+        notes.append(Note("placeholders", (), (masses[0],)))
         for k in own:
             weighed[k] = replace(bodies[k], weighed=False, mass=0.0 if bodies[k].shapes else bodies[k].mass)
     some = any(weighed[k].mass > 0 for k in own)
@@ -48,13 +47,12 @@ def weigh(file: Path, bodies: tuple[Body, ...], of_arm: Sequence[bool]) -> tuple
         volume, centre, inertia = _integrals(bodies[k].shapes)
         weighed[k] = replace(weighed[k], mass=DENSITY * volume, com=centre, inertia=DENSITY * inertia)
     if missing:
-        names, total = ", ".join(bodies[k].name for k in missing), sum(weighed[k].mass for k in missing)
-        said = f"{DENSITY:g} kg/m^3 inside of the shapes stand in, {total:.4g} kg in all"
-        notes.append(f"no mass in the file: {said}: {names}")
+        names, total = tuple(bodies[k].name for k in missing), sum(weighed[k].mass for k in missing)
+        notes.append(Note("no masses", names, (DENSITY, total)))
     rest = [weighed[k] for k in own if k not in missing]
     if drawn := [body.name for body in rest if not body.weighed and body.mass > 0]:
-        notes.append(f"no <inertial> in the file, so MuJoCo weighs the geoms: {', '.join(drawn)}")
-    return tuple(weighed), notes + _doubt(rest)
+        notes.append(Note("geoms weigh", tuple(drawn)))
+    return weighed, notes + _doubt(rest)
 
 
 def _is_missing(body: Body, some: bool, seen: bool) -> bool:
@@ -68,20 +66,17 @@ def _is_missing(body: Body, some: bool, seen: bool) -> bool:
     return not body.weighed and body.mass == 0 and bool(body.shapes) and not (fixed and frame)
 
 
-def _doubt(bodies: Sequence[Body]) -> list[str]:
-    """A word on stated masses that do not fit the shapes."""
+def _doubt(bodies: Sequence[Body]) -> list[Note]:
+    """Stated masses that do not fit the shapes."""
     known = [b for b in bodies if b.mass > 0 and b.shapes]
     volume, mass = sum(_integrals(b.shapes)[0] for b in known), sum(b.mass for b in known)
     low, high = PLAUSIBLE
     if volume == 0 or low <= mass / volume <= high:
         return []
-    return [
-        f"{mass:.4g} kg in the file are {mass / volume:.0f} kg/m^3 inside of the shapes: check the masses"
-    ]
+    return [Note("density", (), (mass, mass / volume))]
 
 
-def _integrals(shapes: Sequence[Shape]) -> tuple[float, Array, Array]:
+def _integrals(shapes: Sequence[Shape]) -> Weighed:
     """Volume, centroid and inertia of unit density of the hulls of what collides, else of what is drawn."""
-    chosen = [s for s in shapes if s.collides] or list(shapes)
-    found = [volume_integrals(*hull) for s in chosen if (hull := hull_of(s.cloud))]
-    return combined(found)
+    chosen = [s for s in shapes if s.collides] or shapes
+    return combined([integrals(hull) for s in chosen if (hull := hull_of(s.cloud))])

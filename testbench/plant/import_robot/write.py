@@ -1,10 +1,7 @@
-"""The arm's folder of a stranger's robot: rigid.xml in the strict dialect, elastic.toml, and meshes."""
+"""The rigid.xml of a stranger's robot in the strict dialect, and its meshes."""
 
-import re
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -14,65 +11,59 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError
 from testbench.plant.build import REFUSED, check_geoms
 from testbench.plant.feasible import collide
-from testbench.plant.import_robot.chain import Chain, JointOf, Part, Solid, pose_of
-from testbench.plant.import_robot.meshes import Surface, stl_bytes
-from testbench.plant.import_robot.propose import Proposal, propose
+from testbench.plant.import_robot.meshes import stl_bytes
+from testbench.plant.import_robot.propose import Proposal
+from testbench.plant.import_robot.robot import Body, Chain, Joint, Shape, Surface, pose_of
+from testbench.plant.import_robot.solids import plausible
 from testbench.plant.import_robot.surface import Surfaces, surfaces
-from testbench.plant.import_robot.wishes import Wishes
 
-LEAST_INERTIA = 1e-9  #: Of a body about any axis [kg m^2].
+Pair = tuple[str, str]
+SIZES = {
+    "sphere": 1,
+    "capsule": 2,
+    "cylinder": 2,
+}  #: How many numbers MuJoCo has for the size of a primitive.
 BALL = 0.008  #: Radius of a marker as drawn, over the arm's reach [1].
 MARKER, LOAD = "0.835 0.369 0 1", "0.1 0.1 0.1 1"
 POSES = 300
 MOST = 0.5  #: Share of random poses in which two parts of a sound arm touch at most [1].
 
 
-@dataclass(frozen=True, eq=False)
-class Rigid:
-    """What is written of an arm's kinematics."""
-
-    xml: str  #: Text of rigid.xml.
-    meshes: dict[str, bytes]  #: Binary STL by the file's name in the folder `meshes`.
-
-
-def rigid_mjcf(
-    chain: Chain,
-    looks: Sequence[Surfaces],
-    proposal: Proposal,
-    excluded: tuple[tuple[str, str], ...] = (),
-) -> Rigid:
+def rigid_mjcf(chain: Chain, proposal: Proposal) -> tuple[ET.Element, dict[str, bytes], list[Pair]]:
     """The arm's rigid.xml.
 
     Args:
         chain: The arm.
-        looks: The surfaces of its parts.
         proposal: Its tool, load point and markers.
-        excluded: Pairs of parts that may touch.
+
+    Returns:
+        Its root, binary STL by the file's name in the folder `meshes`, and pairs of parts that touch in most
+        poses and so may.
+
+    Raises:
+        BenchError: When MuJoCo refuses the arm.
     """
     root = ET.Element("mujoco", model=chain.name)
-    zero = f"{chain.n_joints} joints; origins lie on their axes, and q = 0 is the zero of the robot's file"
-    for note in (zero, *chain.notes):
-        root.append(ET.Comment(f" {re.sub('-(?=-)', '- ', note)} "))  # no comment may hold two hyphens
     angles = {"angle": "radian", "autolimits": "true"}
     compiler = ET.SubElement(root, "compiler", {**angles, "inertiafromgeom": "false", "meshdir": "meshes"})
     ET.SubElement(root, "option", gravity=f"0 0 -{GRAVITY}", jacobian="dense")
     _defaults(root)
-    asset, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
+    asset, parent = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
     meshes: dict[str, bytes] = {}
-    parent, pose = world, chain.base
-    for part, found in zip(chain.parts, looks, strict=True):
-        parent = _body(parent, part.name, pose if part.joint is None else part.pose)
+    for part in chain.parts:
+        parent = _body(parent, part.name, part.pose)
         _filled(parent, part)
-        meshes |= _shaped(parent, asset, part.name, found)
+        meshes |= _shaped(parent, asset, part.name, surfaces(part))
     _tool(parent, chain, proposal)
     if not meshes:
         root.remove(asset)
         del compiler.attrib["meshdir"]
     contact = ET.SubElement(root, "contact")
-    for one, other in (chain.parts[0].name, chain.parts[1].name), *excluded:
+    ET.SubElement(contact, "exclude", body1=chain.parts[0].name, body2=chain.parts[1].name)
+    touching = _always_touching(chain, ET.tostring(root, encoding="unicode"), meshes)
+    for one, other in touching:
         ET.SubElement(contact, "exclude", body1=one, body2=other)
-    ET.indent(root)
-    return Rigid(ET.tostring(root, encoding="unicode") + "\n", meshes)
+    return root, meshes, touching
 
 
 def _defaults(root: ET.Element) -> None:
@@ -102,11 +93,11 @@ def numbers_text(values: Array) -> str:
     return " ".join(f"{round(float(x), 12) + 0.0:.12g}" for x in values)
 
 
-def _filled(body: ET.Element, part: Part) -> None:
+def _filled(body: ET.Element, part: Body) -> None:
     """The joint and the mass of a part."""
     if part.joint is not None:
         ET.SubElement(body, "joint", _joint(part.joint))
-    inertia = _plausible(part.inertia)
+    inertia = plausible(part.inertia)
     stated = {"pos": numbers_text(part.com), "mass": f"{part.mass:.9g}"}
     if np.abs(inertia - np.diag(np.diag(inertia))).max() < 1e-9 * inertia.max():
         stated["diaginertia"] = _digits(np.diag(inertia))
@@ -115,7 +106,7 @@ def _filled(body: ET.Element, part: Part) -> None:
     ET.SubElement(body, "inertial", stated)
 
 
-def _joint(joint: JointOf) -> dict[str, str]:
+def _joint(joint: Joint) -> dict[str, str]:
     return {
         "name": joint.name,
         "type": "slide" if joint.prismatic else "hinge",
@@ -126,14 +117,6 @@ def _joint(joint: JointOf) -> dict[str, str]:
 
 def _digits(values: Array) -> str:
     return " ".join(f"{x:.9g}" for x in values)
-
-
-def _plausible(inertia: Array) -> Array:
-    """The nearest inertia that a body can have: no moment exceeds the sum of the others."""
-    moments, axes = np.linalg.eigh((inertia + inertia.T) / 2)
-    least = max(LEAST_INERTIA, 1e-6 * float(np.abs(moments).max()))
-    second = np.maximum(moments.sum() / 2 - moments, least / 2)  # integrals of x^2, y^2, z^2
-    return np.asarray(axes @ np.diag(second.sum() - second) @ axes.T)
 
 
 def _shaped(body: ET.Element, asset: ET.Element, part: str, found: Surfaces) -> dict[str, bytes]:
@@ -148,8 +131,8 @@ def _shaped(body: ET.Element, asset: ET.Element, part: str, found: Surfaces) -> 
 
     if found.drawn:
         mesh(part, found.drawn, {"class": "visual", "rgba": _colour(found.rgba)})
-    for solid, rgba in found.drawn_solids:
-        ET.SubElement(body, "geom", {"class": "visual", **_solid(solid), "rgba": _colour(rgba)})
+    for solid in found.drawn_solids:
+        ET.SubElement(body, "geom", {"class": "visual", **_solid(solid), "rgba": _colour(solid.rgba)})
     for k, hull in enumerate(found.hulls):
         mesh(f"{part}.hull" + (f"_{k + 1}" if k else ""), hull, {"class": "collision"})
     for solid in found.solids:
@@ -157,8 +140,9 @@ def _shaped(body: ET.Element, asset: ET.Element, part: str, found: Surfaces) -> 
     return meshes
 
 
-def _solid(solid: Solid) -> dict[str, str]:
-    return {"type": solid.kind, "size": numbers_text(np.array(solid.size)), **_placed(solid.pose)}
+def _solid(solid: Shape) -> dict[str, str]:
+    size = solid.size[: SIZES.get(solid.kind, 3)]
+    return {"type": solid.kind, "size": numbers_text(size), **_placed(solid.pose)}
 
 
 def _colour(rgba: Array) -> str:
@@ -167,69 +151,32 @@ def _colour(rgba: Array) -> str:
 
 def _tool(last: ET.Element, chain: Chain, proposal: Proposal) -> None:
     """The tool with its load point and markers."""
-    reach = sum(float(np.linalg.norm(part.pose[:3, 3])) for part in chain.parts)
+    reach = sum(float(np.linalg.norm(part.pose[:3, 3])) for part in chain.parts[1:])
     radius = f"{BALL * max(reach, 0.1):.2g}"
     tool = _body(last, proposal.tool_name, proposal.tool)
     colours = [MARKER] * len(proposal.markers) + [LOAD]
-    places = [*proposal.markers, (proposal.load_name, proposal.load)]
+    places = [*proposal.markers, proposal.load]
     for (name, position), rgba in zip(places, colours, strict=True):
         pose = pose_of(np.eye(3), position)
         looks = {"class": "visual", "type": "sphere", "size": radius, "rgba": rgba}
         ET.SubElement(_body(tool, name, pose), "geom", looks)
 
 
-def always_touching(chain: Chain, rigid: Rigid) -> tuple[tuple[str, str], ...]:
-    """Pairs of parts that touch in more than half of all poses.
-
-    Raises:
-        BenchError: When MuJoCo refuses the arm.
-    """
+def _always_touching(chain: Chain, xml: str, meshes: dict[str, bytes]) -> list[Pair]:
+    """Pairs of parts that touch in more than half of all poses."""
     try:
-        model = mujoco.MjModel.from_xml_string(rigid.xml, rigid.meshes)
+        model = mujoco.MjModel.from_xml_string(xml, meshes)
     except REFUSED as err:
         raise BenchError(f"{chain.name}: " + " ".join(f"MuJoCo refuses the arm: {err}".split())) from err
     file = Path(chain.name)
     check_geoms(file, model)
     data, seen = mujoco.MjData(model), Counter[tuple[str, str]]()
-    joints = [part.joint for part in chain.parts if part.joint]
-    lower, upper = np.array([j.lower for j in joints]), np.array([j.upper for j in joints])
-    for q in np.random.default_rng(0).uniform(lower, upper, (POSES, len(joints))):
+    lower, upper = np.array([(joint.lower, joint.upper) for joint in chain.joints]).T
+    for q in np.random.default_rng(0).uniform(lower, upper, (POSES, chain.n_joints)):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         collide(file, model, data)
         pairs = model.geom_bodyid[data.contact.geom[data.contact.dist < 0]]
         seen.update({(model.body(int(a)).name, model.body(int(b)).name) for a, b in np.sort(pairs, axis=1)})
-    return tuple(sorted(pair for pair, count in seen.items() if count > MOST * POSES))
-
-
-def write_arm(chain: Chain, wishes: Wishes, folder: Path) -> tuple[str, ...]:
-    """Write everything of an arm's folder.
-
-    Args:
-        chain: The robot, as its file has it.
-        wishes: What the engineer said of it.
-        folder: An empty one.
-
-    Returns:
-        What was understood and done, a sentence each; rigid.xml says it too.
-
-    Raises:
-        BenchError: When MuJoCo refuses the arm.
-        OSError: When the folder cannot be written.
-    """
-    proposal, looks = propose(chain, wishes), [surfaces(part) for part in chain.parts]
-    rigid = rigid_mjcf(chain, looks, proposal)
-    touching = always_touching(chain, rigid)
-    if touching:
-        pairs = ", ".join(f"{one} and {other}" for one, other in touching)
-        note = f"hulls that touch in most poses, so their collisions do not count: {pairs}"
-        chain = replace(chain, notes=(*chain.notes, note))
-        rigid = rigid_mjcf(chain, looks, proposal, touching)
-    (folder / "rigid.xml").write_text(rigid.xml, encoding="utf-8")
-    (folder / "elastic.toml").write_text(proposal.elastic, encoding="utf-8")
-    if rigid.meshes:
-        (folder / "meshes").mkdir()
-    for name, data in rigid.meshes.items():
-        (folder / "meshes" / name).write_bytes(data)
-    return chain.notes
+    return sorted(pair for pair, count in seen.items() if count > MOST * POSES)

@@ -9,6 +9,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.rows import UM
 from testbench.errors import Array
+from testbench.report.badge import of_rivals
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, find, number, paired
@@ -71,10 +72,7 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
         arms=arms,
         featured=asked.featured,
         true_arms={name: words for name, (words, _) in s.TRUE_ARMS.items()},
-        gains=[
-            _gains(arm, trials.where(arm=arm, poses=asked.featured, true_arm=s.REAL, campaign=s.ABSOLUTE))
-            for arm in arms
-        ],
+        gains=[_gains(arm, _featured(trials, asked.featured).where(arm=arm)) for arm in arms],
         models=sorted(rows, key=lambda row: [places[name].index(row[name]) for name in BY]),
         dataset=Row(runs=asked.featured, points=asked.featured, sigma_um=UM * s.TRUE_ARMS[s.REAL][1].sigma),
     )
@@ -101,7 +99,13 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
         numbers=f,
         tables=_tables(f),
         body=["short", "models", OF_MODELS, "cases", OF_CASES],
+        badge=of_rivals(_featured(trials, asked.featured), s.CHOSEN, [s.INCUMBENT, s.GEOMETRY], "error_mm"),
     )
+
+
+def _featured(trials: Trials, poses: int) -> Trials:
+    """What answers: real arms, measured absolutely in the featured poses."""
+    return trials.where(poses=poses, true_arm=s.REAL, campaign=s.ABSOLUTE)
 
 
 def _gains(arm: str, own: Trials) -> Row:

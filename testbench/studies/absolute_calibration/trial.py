@@ -12,10 +12,10 @@ from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, Truth,
 from testbench.campaign.campaign import Cell, build_cell, clear_poses, stream
 from testbench.campaign.perturbed_prior import wrong_prior
 from testbench.campaign.rows import MM, UM
+from testbench.campaign.tracker import Tracker, read_positions
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Mask
 from testbench.data.series import Series
-from testbench.data.tracker import Tracker, read_positions
 from testbench.data.write import series_text
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.fit import Calibration, explain, gather

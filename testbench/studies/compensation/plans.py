@@ -12,13 +12,12 @@ from testbench.campaign.campaign import Cell, build_cell, stream
 from testbench.campaign.candidates import Checks, Conditions, build_checks, feasible, find
 from testbench.campaign.models import MODELS
 from testbench.campaign.perturbed_prior import UNCERTAINTY, wrong_prior
+from testbench.campaign.station import Station
 from testbench.correct.inverse import joints_along
 from testbench.correct.process import process_wrench
-from testbench.data.station import Station
 from testbench.design.planning import make_plan
 from testbench.design.refine import Reach
-from testbench.design.rows import Experiment
-from testbench.design.specification import Specification, Tasks
+from testbench.design.rows import Experiment, Specification, Tasks
 from testbench.errors import Array, BenchError
 from testbench.identify.metric import metric
 from testbench.model.load import Load, weight

@@ -12,6 +12,7 @@ from testbench.campaign.true_arms import CALLED, FAMILY, TRUTH_WORDS, TRUTHS, me
 from testbench.errors import Array
 from testbench.plant import settle
 from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.report.badge import of_rivals
 from testbench.report.columns import columns
 from testbench.report.report import Report, say
 from testbench.report.table import Row, Trials, find, paired
@@ -149,6 +150,7 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
         numbers=f,
         tables=_tables(f),
         body=[READING, "both", "truths", OF_TABLES],
+        badge=of_rivals(left, DEFAULT, [*rivals.values()], "left_mm"),
     )
 
 

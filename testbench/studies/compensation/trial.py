@@ -30,7 +30,7 @@ from testbench.correct.compensated import Compensated, compensate
 from testbench.correct.newton import Aim
 from testbench.data.dataset import Dataset, Ids
 from testbench.data.write import csv_text
-from testbench.design.specification import Tasks
+from testbench.design.rows import Tasks
 from testbench.errors import Array, NoEquilibrium
 from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import About, ArmModel, bending, of_compliances, of_estimate

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.errors import Array, BenchError, check_array
-from testbench.identify.conic import optima, sensitivity_units
+from testbench.identify.conic import by_clarabel, scale_program, sensitivity_units
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.least_squares import completed, solve_all
 from testbench.identify.posterior import Intervals, check_confidence, linearise
@@ -50,7 +50,7 @@ def bootstrap(
 def _refits(regressions: Sequence[Regression], constraint: Constraint) -> Array:
     """Parameters, (datasets, n), of datasets that differ in their readings alone."""
     if constraint == "psd":
-        return optima(regressions)
+        return np.array([by_clarabel(r, scale_program(r)).pi for r in regressions])
     if constraint == "free":
         return np.array([completed(r).pi for r in regressions])
     return solve_all(regressions)

@@ -21,7 +21,7 @@ from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.metric import Belief, Case, Metric, whitened
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Ids, Regression, f_m
-from testbench.identify.regularised import answer, words
+from testbench.identify.solve import answer
 
 UNCERTAINTIES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.0)
 """Relative uncertainties of a prior that cross-validation tries [1]."""
@@ -44,7 +44,6 @@ def gco_stein(regression: Regression, metric: Metric, strength: Strength) -> Est
         pi[0],
         method="GCO with log-det prior",
         constraint="psd",
-        advice=(words(case.belief),),
     )
     status = "solved" if left[0] <= DECREMENT else f"not solved: {MAX_STEPS} Newton steps were not enough"
     return replace(estimate, belief=case.belief, status=status)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+from testbench.report.badge import of_models
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials
@@ -87,6 +88,7 @@ class OneFactor:
             numbers=f,
             tables={"errors": compare.errors(cells, "name", self.factor, title)},
             body=["errors"],
+            badge=of_models(trials.where(**at), here, self.ours, compare.ERROR),
         )
 
     def _where(self, level: float) -> str:

@@ -20,8 +20,8 @@ from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import Model, equal_fit, named_models
 from testbench.campaign.perturbed_prior import with_wrong_prior, wrong_prior
 from testbench.campaign.rows import UM, DatasetRow, ErrorRow, dataset_row, error_row, fit_row
+from testbench.campaign.tracker import Tracker, read_orientations, read_positions
 from testbench.data.dataset import Dataset
-from testbench.data.tracker import Tracker, read_orientations, read_positions
 from testbench.data.write import csv_text
 from testbench.identify import Constraint, Estimate
 from testbench.identify.evaluate import Score, all_deflections, score

@@ -9,7 +9,7 @@ from testbench.campaign.evaluation import CampaignRow
 from testbench.campaign.model_selection import DEFAULT
 from testbench.campaign.models import JOINTS
 from testbench.campaign.true_arms import CALLED, FAMILY, member, true_cell
-from testbench.report import campaigns
+from testbench.report import badge, campaigns
 from testbench.report.campaigns import NOT_OF_A_MODEL, TRUE, best, distinct
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
@@ -52,8 +52,14 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     """Medians and spreads of every model, and which is best where."""
     f = _numbers(asked, seeds, trials)
     told = distinct(f.models)
+    own = badge.of_models(trials, told, DEFAULT, TRUE)
+    mark = own.winner if own else DEFAULT
+    f["map"] = campaigns.error_map(
+        trials.where(name={m.name for m in told}),
+        badge.drawn(own, trials["name"], best(told, "none", prior=False)),
+    )
     arms = [row for row in f.by_arm if row.name in {m.name for m in told}]
-    by_arm = Table((), arms, "RMS error over the workspace by true arm, mm", DEFAULT)
+    by_arm = Table((), arms, "RMS error over the workspace by true arm, mm", mark)
     return Report(
         scenario=STUDY.name,
         question=say("{arm} under {payload_kg:g} kg: which stiffness model predicts its sag best?", f),
@@ -72,11 +78,12 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         claims=list(_claims(f)),
         numbers=f,
         tables={
-            "short": Table(columns(SHORT, paper=False), told, bold=DEFAULT, headline=TRUE),
-            "models": Table(columns(MODELS), f.models, bold=DEFAULT),
+            "short": Table(columns(SHORT, paper=False), told, bold=mark, headline=TRUE),
+            "models": Table(columns(MODELS), f.models, bold=mark),
             "by_arm": campaigns.arm_table(by_arm, KNOWN[TRUE]),
         },
         body=["models", READING, "by_arm"],
+        badge=own,
     )
 
 
@@ -107,7 +114,6 @@ def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
         take=DEFAULT,
         gains=campaigns.pairs(trials, duels),
         by_arm=campaigns.by_arm(trials, TRUE),
-        map=campaigns.error_map(trials.where(name={m.name for m in told}), (least_squares, JOINTS, DEFAULT)),
     )
 
 
@@ -137,13 +143,13 @@ def _claims(f: Row) -> Iterator[Markdown]:
     """What else there is to say, what matters most first."""
     if "best" in f.gains:
         yield say(
-            "Marked: {ours}, the default of `testbench identify`. {theirs} is the conservative model of "
+            "{ours} is the default of `testbench identify`. {theirs} is the conservative model of "
             "least error: {it:more}.",
             f.gains.best,
             it=f.gains.best,
         )
     else:
-        yield say("Take {take}, marked: no other conservative model errs less over the workspace.", f)
+        yield say("Take {take}: no other conservative model errs less over the workspace.", f)
     yield say(
         "Least squares with the same prior errs {a.theirs_mm:~.3f} mm ({a.theirs}): {a:more}. Without a "
         "prior, GCO ({b.ours}) errs {b.ours_mm:~.3f} mm, joint stiffness only {b.theirs_mm:~.3f} mm, "
@@ -165,10 +171,10 @@ def figures(found: Report) -> dict[str, Figure]:
     paper = "; grey diamonds: the paper" if any(m.paper for m in f.models) else ""
     return {
         "models.png": forest(
-            Table(columns(MODELS), distinct(f.models), bold=DEFAULT),
+            Table(columns(MODELS), distinct(f.models), bold=found.tables["models"].bold),
             PANES,
             f"{f.arm} under {f.payload_kg:g} kg, RMS over the workspace: {campaigns.gains_told(f.gains)}",
-            f"RMS errors. {of_seeds(f.seed)}. Band: default; filled: prior; dotted: joint stiffness "
+            f"RMS errors. {of_seeds(f.seed)}. Band: winner; filled: prior; dotted: joint stiffness "
             f"only{paper}.",
             JOINTS,
         )

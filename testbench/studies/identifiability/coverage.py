@@ -21,11 +21,11 @@ from testbench.errors import Array, BenchError
 from testbench.identify import gco, intervals, reduce, with_prior
 from testbench.identify.conic import optimum
 from testbench.identify.least_squares import minimum_norm
-from testbench.identify.metric import Metric, metric
+from testbench.identify.metric import Belief, Metric, metric
 from testbench.identify.posterior import Intervals, linearise
 from testbench.identify.prior import Strength, aggregate, cad_prior
 from testbench.identify.regression import Regression
-from testbench.identify.regularised import gco_with, least_squares_with
+from testbench.identify.solve import METHODS, solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, observation
 from testbench.studies.estimators.bootstrap import bootstrap, resampler
@@ -127,8 +127,9 @@ def posterior(case: Case, k: int, strength: Strength = DRAWN) -> list[Covered]:
     pi = case.metric.L @ draw_conservative(case.metric, strength, rng)
     regression, truth = resampler(case.regression)(pi, rng), case.functionals @ pi
     found = []
-    for method, fit in (("least squares with prior", least_squares_with), ("GCO with prior", gco_with)):
-        seen = linearise(fit(regression, case.metric, strength)).intervals(case.functionals, CONFIDENCE)
+    for constraint, method in METHODS.items():
+        fit = solve(regression, constraint, Belief(case.metric, strength))
+        seen = linearise(fit).intervals(case.functionals, CONFIDENCE)
         found.append(_covered(f"{case.name}, {method}", "posterior", truth, seen))
     return found
 

@@ -8,6 +8,7 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.models import JOINTS
 from testbench.campaign.perturbed_prior import SCALE, SHAPE
+from testbench.report.badge import of_models
 from testbench.report.campaigns import distinct
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
@@ -102,6 +103,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         numbers=f,
         tables=_tables(f),
         body=["models", READING, "poses", "coverage", OF_COVERAGE],
+        badge=of_models(linear, distinct(models), best[0], compare.ERROR),
     )
 
 

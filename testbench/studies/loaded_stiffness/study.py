@@ -12,6 +12,7 @@ from testbench.arm.folder import load_arm
 from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import MM, UM
 from testbench.report import campaigns
+from testbench.report.badge import Badge, of_rivals
 from testbench.report.columns import ROUNDING_UM, columns
 from testbench.report.report import Report, say
 from testbench.report.table import Row, Trials
@@ -97,7 +98,19 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         numbers=f,
         tables={"by_load": replace(pivot(by_load, *BY_LOAD), looks=LOOKS)},
         body=["by_load", READING],
+        badge=_badge(trials, loads[-1]),
     )
+
+
+def _badge(trials: Trials, load: float) -> Badge | None:
+    """Pose by pose under the heaviest weight, without own weight: the best of Eq. (6) and (7)."""
+    own = trials.where(load_N=load, truth=LIGHT)
+    names = [f"{NAMES[method]}, {LIGHT}" for method in own["method"]]
+    error = np.linalg.norm(own["error_m"].tolist(), axis=1)
+    pose = [" ".join(map(str, both)) for both in zip(own["seed"], own["pose"], strict=True)]
+    own = own.keep("load_N").add(name=names, seed=pose, error_m=error)
+    first, *rivals = sorted(set(names), key=lambda name: float(np.sum(own.where(name=name)["error_m"] ** 2)))
+    return of_rivals(own, first, rivals, "error_m", "case")
 
 
 def _errors(own: Trials) -> Row:

@@ -14,13 +14,13 @@ from testbench.model.loaded import (
     displacement,
     geometric_stiffness,
     loaded_deflection,
-    loaded_equilibrium,
     secant,
 )
 from testbench.model.poses import WorkArea
 from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation
 from testbench.plant import Plant, settle, weightless
+from testbench.studies.loaded_stiffness.equilibrium import loaded_equilibrium
 
 FULL, QUICK = (7, 200), (4, 30)  #: How many weights, and poses a seed.
 WORKSPACE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))  #: Where the tool has to be.

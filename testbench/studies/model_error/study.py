@@ -9,6 +9,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.model_selection import DEFAULT, FILLED
 from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import UM
+from testbench.report.badge import of_models
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched, merged
@@ -84,6 +85,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         numbers=f,
         tables=(tables := _tables(f)),
         body=[*tables, HOW, _sizes(asked)],
+        badge=of_models(together, every, DEFAULT, ERROR),
     )
 
 

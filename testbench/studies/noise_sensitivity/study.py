@@ -8,6 +8,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.model_selection import DEFAULT
 from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import UM
+from testbench.report import badge
 from testbench.report.campaigns import distinct
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
@@ -52,7 +53,11 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             {part: len(own.values(TRIAL)) for (part,), own in trials.keep("part", TRIAL).groups("part")}
         ),
         sigmas_um=[UM * sigma for sigma in asked.sigmas],
-        **{key: Row({part: own[key] for part, own in parts.items()}) for key in parts["gravity"]},
+        **{
+            key: Row({part: own[key] for part, own in parts.items()})
+            for key in parts["gravity"]
+            if key != "badge"
+        },
         instruments=compare.cells(read.where(name=INSTRUMENT), "truth", "instrument", "distance_m"),
         near_m=NEAR,
         weighted_over_flat=compare.duels(
@@ -80,6 +85,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         numbers=f,
         tables=(tables := _tables(f)),
         body=[*tables, HOW],
+        badge=parts["gravity"].badge,
     )
 
 
@@ -90,7 +96,8 @@ def _of_part(part: str, trials: Trials) -> Row:
     sigma = min(noises, key=lambda level: abs(level - TRACKER_UM[part]))
     sweeps = compare.cells(_with_cost(own), "sigma_um", also=("um_per_um",))
     found = Row(sweeps=sweeps, tracker_um=sigma)
-    found["gains"] = compare.gains(own.where(sigma_um=sigma), _at_tracker(found))
+    at, models = own.where(sigma_um=sigma), _at_tracker(found)
+    found["gains"], found["badge"] = (compare.gains(at, models), badge.of_models(at, models, DEFAULT, ERROR))
     last = {row.name: row.rms_um for row in sweeps if row.sigma_um == max(noises)}
     return Row(
         found,

@@ -22,9 +22,9 @@ from testbench.campaign.models import JOINTS, Model
 from testbench.campaign.pose_campaign import FullPose
 from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.campaign.rows import UM
+from testbench.campaign.tracker import LaserTracker, precision, read_positions
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
-from testbench.data.tracker import Drift, LaserTracker, drifted, precision, read_positions, spoil
 from testbench.errors import BenchError
 from testbench.studies.factorial.trial import (
     Case,
@@ -35,6 +35,7 @@ from testbench.studies.factorial.trial import (
     reread,
     with_wrong_priors,
 )
+from testbench.studies.noise_sensitivity.spoiled import Drift, drifted, spoil
 
 LIGHT, HEAVY = "arm_6r", "kr500_l480"
 SIX_DOF = (JOINTS, "MLS32", "MLS56", "MGCO56", "MGCO69", "MGCO147")

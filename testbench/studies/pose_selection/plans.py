@@ -12,11 +12,11 @@ from testbench.campaign.campaign import Cell, build_cell, stream
 from testbench.campaign.candidates import Conditions, build_checks, feasible, find
 from testbench.campaign.perturbed_prior import wrong_prior
 from testbench.campaign.predicted_error import overall
-from testbench.data.station import Station
+from testbench.campaign.station import Station
 from testbench.design.observability import observability
 from testbench.design.planning import make_plan, promise
 from testbench.design.refine import Reach
-from testbench.design.specification import task_rows
+from testbench.design.rows import task_rows
 from testbench.plant import Payload
 from testbench.studies.pose_selection import settings as s
 from testbench.studies.pose_selection.settings import FITS, PLANNED, Settings

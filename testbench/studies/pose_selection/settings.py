@@ -14,7 +14,7 @@ from testbench.design.observability import Observability
 from testbench.model.poses import WorkArea
 
 NAME = "pose_selection"
-RANDOM = "random"  #: Poses without a plan, beside the criteria of planning.CRITERIA.
+RANDOM = "random"  #: Poses without a plan, beside the criteria of criteria.CRITERIA.
 Angles = tuple[tuple[float, ...], ...]  #: Joint angles, (poses, n) [rad].
 PLAIN = ("MGCO68", "MGCO56", JOINTS)
 FITS = (*(f"{name}{FILLED}" for name in PLAIN), *PLAIN)  #: How runs are identified.
@@ -59,7 +59,7 @@ class Scope:
     #: Numbers of poses, by the first criterion and at random.
     poses: tuple[int, ...] = (4, 6, 8, 12, 16, 20, 30, 40)
     fewer: tuple[int, ...] = (8, 12, 20)  #: Those of them by the other criteria.
-    criteria: tuple[str, ...] = ("test", "I", "D", "A", "E", "G")  #: Keys of planning.CRITERIA.
+    criteria: tuple[str, ...] = ("test", "I", "D", "A", "E", "G")  #: Keys of criteria.CRITERIA.
     candidates: int = 5000  #: Feasible poses to choose from.
     tasks: int = 20  #: Random poses of the work area where predictions are wanted.
     workspace: int = 200  #: Random poses all over the workspace.
@@ -87,7 +87,7 @@ class PlanRow:
 
     ground: str  #: Name of the ground that it is for.
     fit: str  #: Name of the fit that it is made for.
-    criterion: str  #: Key of planning.CRITERIA.
+    criterion: str  #: Key of criteria.CRITERIA.
     poses: int  #: How many.
     q_rad: tuple[float, ...]  #: Their joint angles, one pose after the other, (poses * n,) [rad].
     seconds: float  #: Wall time of planning.

@@ -22,8 +22,7 @@ from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
 from testbench.data.dataset import Dataset
 from testbench.data.write import csv_text
 from testbench.design.forecast import widened
-from testbench.design.rows import Experiment
-from testbench.design.specification import Specification, Tasks
+from testbench.design.rows import Experiment, Specification, Tasks
 from testbench.design.whole_arm import promise_on
 from testbench.errors import Array
 from testbench.identify import Estimate

@@ -10,6 +10,7 @@ from testbench.arm.folder import Joint
 from testbench.campaign.rows import MM, UM
 from testbench.data.series import Series
 from testbench.errors import Array
+from testbench.report.badge import Badge, decide
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, find, merged
@@ -134,7 +135,20 @@ def report(asked: trial.Settings, seeds: range, trials: Trials) -> Report:
             ),
         },
         body=["models", OF_MODELS, "joints", OF_JOINTS, "errors", OF_ERRORS],
+        badge=_badge(trials.where(split=trial.BLOCKS, judged=("A", "C"))),
     )
+
+
+def _badge(rows: Trials) -> Badge:
+    """Positions of the first trial's held-out blocks: with joint errors beside joint springs."""
+    rows = rows.where(seed=rows["seed"][0])
+    errors = [
+        np.linalg.norm(
+            np.concatenate([*map(np.array, rows.where(name=name)["left_um"])]).reshape(-1, 3), axis=1
+        )
+        for name in (trial.WAVES, trial.JOINTS)
+    ]
+    return decide((trial.WAVES, errors[0]), (trial.JOINTS, errors[1]), "position of one arm")
 
 
 def _series(series: Series) -> Row:

@@ -17,7 +17,7 @@ from testbench.identify.least_squares import completed, free_directions
 from testbench.identify.metric import Belief, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression, regression_of
-from testbench.identify.regularised import fit_each
+from testbench.identify.solve import solve
 from testbench.model.vjm import Vjm
 
 TAKEN = 0.05
@@ -46,9 +46,8 @@ class Compared:
 
 def without_prior(regressions: Sequence[Regression]) -> Compared:
     """Least squares, GCO, and least squares with other free directions."""
-    nothing = [None] * len(regressions)
-    gco = fit_each(regressions, "psd", nothing)
-    ls = fit_each([weighed_as(estimate) for estimate in gco], "none", nothing)
+    gco = [solve(regression, "psd") for regression in regressions]
+    ls = [solve(weighed_as(estimate), "none") for estimate in gco]
     pairs = list(zip(ls, gco, strict=True))
     return Compared(ls, gco, [_equal(*own) for own in pairs], [_lent(*own) for own in pairs])
 
@@ -56,8 +55,8 @@ def without_prior(regressions: Sequence[Regression]) -> Compared:
 def with_prior(vjm: Vjm, regressions: Sequence[Regression], prior: Prior, strength: Strength) -> Compared:
     """Both with the same prior, which leaves no direction free."""
     own = metric(prior, vjm, regressions[0].structure)
-    beliefs = [Belief(rescaled(own, regression), strength) for regression in regressions]
-    return Compared(*(fit_each(regressions, constraint, beliefs) for constraint in ("none", "psd")))
+    pairs = [(r, Belief(rescaled(own, r), strength)) for r in regressions]
+    return Compared(*([solve(r, constraint, own) for r, own in pairs] for constraint in ("none", "psd")))
 
 
 def weighed_as(gco: Estimate) -> Regression:

@@ -7,6 +7,7 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import CALLED
+from testbench.report.badge import of_rivals
 from testbench.report.campaigns import pairs
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
@@ -96,6 +97,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         numbers=f,
         tables=(tables := _tables(f)),
         body=[*tables, HOW],
+        badge=of_rivals(own, GCO, [SQUARES, JOINTS], compare.ERROR, "case"),
     )
 
 

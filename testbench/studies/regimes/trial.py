@@ -23,7 +23,7 @@ from testbench.identify import Estimate, reduce
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import RANK_TOLERANCE, Regression
-from testbench.identify.regularised import fit_each
+from testbench.identify.solve import solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
 from testbench.studies.factorial.trial import Case, FitRow, Fits, each_seed, judged, reread
@@ -184,7 +184,7 @@ def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[Method
         data = clean.read(grid)
         left = FEATURED if (kind, truth, seed) == ("gravity", truths[0], asked.first) else None
         alone = [reduce(cell.vjm, joints_only(cell.arm), runs) for runs in data]
-        joints = fit_each(alone, "none", [None] * len(data))
+        joints = [solve(regression, "none") for regression in alone]
         for structure in structures:
             own = [reduce(cell.vjm, structure, runs) for runs in data]
             found = {NONE: without_prior(own)}

@@ -10,6 +10,7 @@ from testbench.arm.folder import load_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.rows import UM
 from testbench.report import campaigns
+from testbench.report.badge import of_rivals
 from testbench.report.columns import columns
 from testbench.report.report import Report, say
 from testbench.report.table import Row, Trials, aligned, merged, nested
@@ -80,6 +81,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             "order": Table(columns(ORDER, paper=False), f.order, "The order m, Eq. (20)"),
         },
         body=["shape", OF_SHAPE, "errors", _of_errors(f), "claims", Markdown(paper.RULE), "order"],
+        badge=of_rivals(trials.where(m=0), GCO, [*OTHERS], POSITION),
     )
 
 

@@ -10,6 +10,7 @@ from testbench.campaign.models import JOINTS
 from testbench.campaign.perturbed_prior import PRIOR_WORDS, PRIORS, PRIORS_CALLED, RIGHT
 from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import CALLED, TRUTH_WORDS, TRUTHS
+from testbench.report.badge import of_models
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Cells, Row, Trials, find, matched, merged, number
@@ -89,6 +90,9 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         numbers=f,
         tables=(tables := _tables(f)),
         body=[*tables, HOW, _families()],
+        badge=of_models(
+            cases.where(poses=counts[0]), [m for m in family if m.poses == counts[0]], CHOSEN, ERROR, "case"
+        ),
     )
 
 

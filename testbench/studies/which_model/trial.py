@@ -22,7 +22,7 @@ from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array
 from testbench.identify import Estimate, intervals, least_squares
-from testbench.identify.contradiction import contradicted, unchecked
+from testbench.identify.diagnosis.prior_check import contradicted, unchecked
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.hierarchy import KIND
 from testbench.identify.metric import metric

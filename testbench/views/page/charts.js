@@ -221,7 +221,7 @@ function runChart(place, chart, names, choose) {
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": chart.title });
   const legend = make("div", { class: "bar" });
   for (const line of chart.lines) legend.append(swatch(line));
-  if (chart.limit !== null) legend.append(make("span", { class: "named" }, dashes(), "95 % of pure noise"));
+  if (chart.limit !== null) legend.append(make("span", { class: "named" }, dashes(), chart.limit_is));
   const sorted = make("button", { type: "button" }, "worst first");
   legend.append(sorted);
 

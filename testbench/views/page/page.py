@@ -136,7 +136,7 @@ def _environment() -> Environment:
 
 
 NAME = "report.html"
-MARKED, FACTS = ("answer", "worst", "statements"), ("question", "title")
+MARKED, FACTS = ("answer", "worst", "statements"), ("badge", "question", "title")
 """Blocks of Markdown, and those that are text."""
 MICRO = 1e4  #: Places are written as whole tenths of a millimetre, turns as whole parts of ten thousand.
 TRIANGLES = 500  #: Of a mesh at most: an arm turns smoothly on a phone.

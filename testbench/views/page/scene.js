@@ -1,6 +1,6 @@
 "use strict";
 
-const BENT = [213, 94, 0];
+const BENT = [159, 85, 8];
 const SHIFT = 40; // a body that bends by less than 4 mm is drawn once
 const CLEAR = 1.004; // what is nearer by less is as near: surfaces that nearly coincide would show as stripes
 
@@ -143,7 +143,7 @@ class Scene {
     this.blend(pen, width, height, Boolean(bent));
   }
 
-  /** The rigid arm in grey, and before it the bent one in vermillion, half seen through. */
+  /** The rigid arm in grey, and before it the bent one in rust, half seen through. */
   blend(pen, width, height, bent) {
     const [a, b] = this.rasters;
     const image = new ImageData(width, height), pixels = image.data;

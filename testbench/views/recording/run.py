@@ -17,7 +17,9 @@ from testbench.errors import Array
 from testbench.views.colours import (
     GCO,
     GREY,
+    JOINTS,
     LEAST_SQUARES,
+    LEAST_SQUARES_PRIOR,
     LOAD,
     MEASURED,
     NOMINAL,
@@ -33,15 +35,15 @@ WORST, POSE = "worst_first", "pose"
 """Timelines: the one that a reader lands on, and the order of the page, from 1."""
 HUES: Mapping[str, Colour] = {
     "sky blue": NOMINAL,
-    "vermillion": MEASURED,
+    "rust": MEASURED,
     "purple": LOAD,
     "grey": GREY,
     "olive": TASK,
     "orange": LEAST_SQUARES,
     "green": GCO,
-    "blue": (52, 98, 232),
-    "red": (190, 58, 80),
-    "brown": (154, 89, 16),
+    "blue": JOINTS,
+    "pink": LEAST_SQUARES_PRIOR,
+    "vermillion": (213, 94, 0),
     "teal": (0, 161, 154),
     "pale green": (150, 205, 190),
 }
@@ -113,7 +115,9 @@ def write_run(path: Path, header: Header, words: Told, seen: Seen, figures: Mapp
 
 def summary(words: Told) -> str:
     """What a recording says first."""
-    head = [f"### {words.block('question')}", f"#### **{words.block('answer')}**"]
+    badge = words.block("badge")
+    head = [f"## **{badge}**" if badge else "", f"### {words.block('question')}"]
+    head = [*filter(None, head), f"#### **{words.block('answer')}**"]
     return "\n\n".join([*head, *filter(None, map(words.block, ("worst", "statements")))])
 
 

@@ -214,7 +214,7 @@ def write_map(pen: Pen, found: PlaceMap, names: Sequence[str], size: float) -> N
             pen.names(f"{path}/worst", found.at[[k]] + [0, 0, 3 * BALL * size], [f"worst {own}"], SCALE[-1])
             said.append(f"- {as_markdown(line.name)}: {own}, {as_markdown(names[k])}, {place(found.at[k])}")
     key = ", ".join(f"{show(mm)}" for mm in scale.errors(np.linspace(0, 1, KEYS)))
-    said.append(f"\nFrom small and blue-grey by green to large and orange: {key} {scale.words}.")
+    said.append(f"\nFrom small and dark blue by grey to large and yellow: {key} {scale.words}.")
     rings = [f"Rings: {found.without}."] if found.without else []
     head = [f"{found.title}. Where each is largest:", "\n".join(said), *rings]
     pen.documents({WORDS: Markdown("\n\n".join(head))})

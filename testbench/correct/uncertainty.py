@@ -1,0 +1,233 @@
+"""How sure a model is of where it has the tool, and which part of it keeps it unsure.
+
+A position is linear in what is unknown as far as that is still open: its rows are those of the bent arm,
+Eq. (12) for compliances. What two poses share in them cancels in their difference.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.correct.batches import batches
+from testbench.correct.rest import rest
+from testbench.data.dataset import Ids
+from testbench.errors import Array, BenchError
+from testbench.identify.arm_model import ArmModel
+from testbench.identify.posterior import CONFIDENCE, check_confidence, conditional, quantile
+from testbench.model.joint_errors import basis
+from testbench.model.load import Load, on_joints
+from testbench.model.loaded import displacement
+from testbench.model.vjm import chain, parameter_rows, tool_pose, translation_rows
+from testbench.model.weights import own_weight
+
+LOOKED_AT = 60  #: Poses in which the part that leaves most open is looked for, evenly picked.
+MOST = 0.5  #: Share of the variance from which a part is named.
+LEAD = 1.2  #: Times the next one's share that it must have.
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses of the arm and what acts in them."""
+
+    q: Array  #: Joints as commanded, (poses, n) [rad, m].
+    loads: Sequence[Load] = ()
+    #: Whether own weight counts as one of the loads, to a model of compliances alone: deflections are then
+    #: from the arm as drawn.
+    heavy: bool = False
+
+    def __post_init__(self) -> None:
+        """Give every load a row a pose; BenchError where it has another number of them."""
+        object.__setattr__(self, "loads", [load.over(len(self.q)) for load in self.loads])
+
+    def of(self, some: slice | Ids) -> "Poses":
+        """Some of the poses."""
+        return Poses(self.q[some], [load.of(some) for load in self.loads], self.heavy)
+
+
+def half_widths(
+    model: ArmModel, end: Poses, start: Poses | None, points: Array, confidence: float = CONFIDENCE
+) -> Array:
+    """Half the interval of where points of the tool are, or of how far they are from where they were.
+
+    Args:
+        model: The arm.
+        end: Where the tool is.
+        start: Where it was, as many poses; None for positions in the world, of an absolute model.
+        points: In the tool's frame, (k, 3) [m].
+        confidence: Of each interval by itself.
+
+    Returns:
+        Along world x, y, z, (poses, k, 3) [m]; infinite where the model has not seen what decides.
+
+    Raises:
+        BenchError: When a model of compliances alone is asked for positions.
+        NoEquilibrium: When the arm cannot bear a load.
+    """
+    check_confidence(confidence)
+    if start is None and not model.absolute:
+        raise BenchError("intervals: expected an absolute model for positions; this one knows deflections")
+    scatter = quantile(math.inf, (1 + confidence) / 2) * model.scatter
+    found = []
+    for some in batches(len(end.q)):
+        before = None if start is None else start.of(some)
+        rows = rows_between(model, end.of(some), before, points)
+        half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1]), confidence).reshape(
+            rows.shape[:3]
+        )
+        if not model.absolute:
+            half = np.hypot(half, curvature(model, end.of(some), points))
+        elif start is None:
+            half = np.hypot(half, scatter)
+        found.append(half)
+    return np.concatenate(found)
+
+
+def fitted_half_widths(model: ArmModel, end: Poses, point: Array, confidence: float = CONFIDENCE) -> Array:
+    """Half intervals of where a point of the tool is, relative to its other places: a frame fitted to them.
+
+    Readings of a tracker do not tell where the base is from where its frame is: a calibrated arm knows places
+    better beside each other than in its base. What a work frame measured by the tool takes up is taken out
+    here: the rigid motion that fits all places best.
+
+    Args:
+        model: Absolute.
+        end: At least 3 poses, not all in one place.
+        point: In the tool's frame, (3,) [m].
+        confidence: Of each interval by itself.
+
+    Returns:
+        Along world x, y, z, (poses, 3) [m].
+    """
+    rows = rows_between(model, end, None, point[None])[:, 0]
+    x = rest(model.state, end.q, end.loads).at(point)
+    x = x - x.mean(axis=0)
+    turns = np.stack([np.cross(axis, x) for axis in np.eye(3)], axis=2)
+    F = np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2).reshape(-1, 6)
+    A = rows.reshape(len(F), -1)
+    A = A - F @ np.linalg.lstsq(F, A)[0]
+    half = model.posterior.half_widths(A, confidence).reshape(x.shape)
+    return np.asarray(np.hypot(half, quantile(math.inf, (1 + confidence) / 2) * model.scatter))
+
+
+def rows_between(model: ArmModel, end: Poses, start: Poses | None, points: Array) -> Array:
+    """Positions, or how far they are from where they were, per unit of every uncertain column.
+
+    Returns:
+        World x, y, z of every point, (poses, k, 3, c).
+    """
+    rows = _rows(model, end, points)
+    if start is None or not (model.absolute or start.loads or start.heavy):  # nothing bends the drawn arm
+        return rows
+    return rows - _rows(model, start, points)
+
+
+def _rows(model: ArmModel, poses: Poses, points: Array) -> Array:
+    """Positions per unit of every uncertain column, (poses, k, 3, c).
+
+    Of the bent arm; of a model of compliances alone as Eq. (12) identified it, of loads on the unbent arm.
+    There bending and own weight would mix a little of every direction into every other; of one that the data
+    have not seen that little would be infinite. What is left out is in `curvature`.
+    """
+    state, unknowns, loads = model.state, model.unknowns, poses.loads
+    where = chain(model.vjm, poses.q, rest(state, poses.q, loads).theta if model.absolute else None)
+    u = on_joints(where, loads)
+    if model.absolute or poses.heavy:
+        u = own_weight(where, state.weights) + u
+    J = translation_rows(where, points)
+    A = np.zeros((len(J), unknowns.size, len(poses.q)))
+    if model.absolute:
+        A[:, unknowns.columns("geometry")] = J[:, unknowns.inner]
+    if state.errors.size:
+        n = model.arm.n_joints
+        phi = basis(state.errors, model.arm, poses.q, u[-n:], state.torque_scale)
+        own = J[:, -n:, None] * phi
+        A[:, unknowns.columns("errors")] = own.reshape(len(J), -1, len(poses.q))
+    for row, line in zip(A, parameter_rows(model.structure, J, u), strict=True):
+        row[unknowns.columns("elastic")] = line
+    return A[:, model.columns].transpose(2, 0, 1).reshape(len(poses.q), len(points), 3, -1)
+
+
+def curvature(model: ArmModel, poses: Poses, points: Array) -> Array:
+    """What a linear model leaves out of deflections, (poses, k, 3) [m]: what its fit put elsewhere.
+
+    Compliances are identified by Eq. (12), which is linear; the equilibrium is not.
+    """
+    state, loads = model.state, poses.loads
+    where, after = chain(model.vjm, poses.q), rest(state, poses.q, loads)
+    u = on_joints(where, loads)
+    if poses.heavy:
+        (position, rotation), u = tool_pose(model.vjm, poses.q), u + own_weight(where, state.weights)
+    else:
+        before = rest(state, poses.q)
+        position, rotation = before.position, before.rotation
+    bent = np.einsum("rxy,py->rpx", after.rotation - rotation, points) + (after.position - position)[:, None]
+    return np.asarray(np.abs(bent - displacement(where, (state.C_theta @ u).T, points)))
+
+
+@dataclass(frozen=True)
+class Open:
+    """The part of a model that leaves most open."""
+
+    name: str  #: A link or a joint, "geometry" or "joint errors".
+    share: float  #: Of the variance of all positions, what knowing it would take away [1].
+    joint: bool  #: Whether it is the spring of a joint.
+
+
+def most_open(model: ArmModel, q: Array, loads: Sequence[Load], point: Array, absolute: bool) -> Open | None:
+    """The part whose knowledge would take most of what is open away; None where no single one stands out.
+
+    Args:
+        model: The arm.
+        q: Joints, (poses, n) [rad, m].
+        loads: What acts, each the same in all poses or with a row a pose.
+        point: Of the tool, in its frame, (3,) [m].
+        absolute: Whether positions count, or how far loads move them.
+    """
+    some = np.unique(np.linspace(0, len(q) - 1, min(LOOKED_AT, len(q))).round().astype(int))
+    end = Poses(q, loads, heavy=absolute).of(some)
+    rows = rows_between(model, end, None if absolute else Poses(q[some]), point[None])
+    rows = rows.reshape(-1, rows.shape[-1])
+    unseen = np.isinf(model.posterior.deviations(rows))
+    shares = _unbound(model, rows[unseen]) if unseen.any() else _taken_away(model, rows)
+    (best, share), (_, second) = sorted(((k, s) for k, s in shares.items()), key=lambda one: -one[1])[:2]
+    if share < MOST or share < LEAD * second:
+        return None
+    return Open(best, share, best in [joint.name for joint in model.arm.joints])
+
+
+def _taken_away(model: ArmModel, rows: Array) -> dict[str, float]:
+    """Share of the variance of functionals, rows (k, c), that is gone where a part is known."""
+    k, size = len(rows), np.linalg.norm(model.posterior.root, axis=0)
+    K = model.posterior.covariance(np.vstack([rows, np.diag(1 / np.where(size > 0, size, 1))]))
+    whole, every = float(np.trace(K[:k, :k])), np.arange(k)
+    return {
+        name: (whole - float(np.trace(conditional(K, every, k + columns)))) / (whole or 1.0)
+        for name, columns in _parts(model)
+        if len(columns)
+    }
+
+
+def _unbound(model: ArmModel, rows: Array) -> dict[str, float]:
+    """Share of functionals without bound, rows (k, c), that have one where a part is known."""
+    shares = {}
+    for name, columns in _parts(model):
+        rest = rows.copy()
+        rest[:, columns] = 0
+        shares[name] = float(np.isfinite(model.posterior.deviations(rest)).mean())
+    return shares
+
+
+def _parts(model: ArmModel) -> Iterator[tuple[str, Ids]]:
+    """Name of every part, and its columns among those that are uncertain."""
+    unknowns, structure = model.unknowns, model.structure
+    for key, name in (("geometry", "geometry"), ("errors", "joint errors")):
+        inside = np.arange(unknowns.size)[unknowns.columns(key)]
+        yield name, np.flatnonzero(np.isin(model.columns, inside))
+    first, links = unknowns.starts["elastic"], [link.name for link in model.arm.links]
+    names = [*np.repeat(links, 6), *(joint.name for joint in model.arm.joints)]
+    owner = np.array(names)[structure.a]
+    for name in dict.fromkeys(owner.tolist()):
+        inside = first + np.flatnonzero(owner == name)
+        yield name, np.flatnonzero(np.isin(model.columns, inside))

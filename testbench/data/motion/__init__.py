@@ -1,1 +1,0 @@
-"""Joint moves in the languages of robots' controllers: plain text files, one language a module."""

@@ -1,0 +1,1 @@
+"""What may be wrong with readings, pairs and absolute ones alike: hypotheses beside a fit, each tested."""

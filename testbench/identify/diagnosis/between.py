@@ -1,0 +1,99 @@
+"""Whether the tracker, or the targets on the tool, moved between two readings of deflection pairs.
+
+Pairs do not show it unless it falls between the two of a run. What shows it is the step that `calibrate`
+looks for: from one reading on all lie elsewhere than the arm says, by a move that no error of geometry,
+spring or slow joint error explains.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.data.dataset import Dataset, Ids, in_order
+from testbench.data.series import Series, select_rows, series_of
+from testbench.errors import BenchError, InputError
+from testbench.identify.absolute.fit import first_fit
+from testbench.identify.absolute.state import Mount, State, nominal, torque_scale
+from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.moves import FEWEST, doubted, places
+from testbench.identify.diagnosis.steps import lacking
+from testbench.identify.metric import metric
+from testbench.identify.prior import Prior
+from testbench.identify.registration import Frame
+from testbench.identify.weighed import marker_points
+from testbench.model.structure import all153, joints_only
+from testbench.model.vjm import Vjm
+from testbench.model.weights import Weights, read_weights
+
+ORDERS = 2  #: Periodic errors that may explain it: few poses tell no more.
+MOST = 600  #: Runs that are looked at, evenly out of more.
+TARGETS = 30  #: Targets that are looked at, evenly out of more.
+NAME = "targets"  #: Of the mount.
+
+
+def moved(vjm: Vjm, data: Dataset, prior: Prior) -> list[Finding]:
+    """Doubts about what moved between two readings, one a station at most; row 2 k is of run k, unloaded.
+
+    Args:
+        vjm: The arm, its targets where they are.
+        data: The runs in the base's frame, in order of time.
+        prior: What the arm's folder expects.
+    """
+    data = _fewer_targets(in_order(data, _evenly(data.runs, MOST)))
+    series = tuple(_in_time(data))
+    if not vjm.arm.joints or not any(len(places(one, FEWEST)) for one in series):
+        return []
+    try:
+        state, noise = first_fit(_start(vjm, series), series, metric(prior, vjm, joints_only(vjm.arm)))
+    except BenchError:  # too few readings for where arm and targets are: no step can be told
+        return []
+    return doubted(lacking(state, series, noise, metric(prior, vjm, all153(vjm.arm)), ORDERS), series)
+
+
+def _evenly(count: int, most: int) -> Ids:
+    """So many of some at most, the first and the last among them."""
+    return np.linspace(0, count - 1, min(most, count)).astype(int)
+
+
+def _fewer_targets(data: Dataset) -> Dataset:
+    """Some of very many targets: all of them move together, and each has a place to be found."""
+    some = _evenly(len(data.markers), TARGETS)
+    precision = None if data.precision is None else data.precision[:, some]
+    markers = tuple(data.markers[k] for k in some)
+    return replace(
+        data, markers=markers, before=data.before[:, some], after=data.after[:, some], precision=precision
+    )
+
+
+def _in_time(data: Dataset) -> Iterator[Series]:
+    """Readings of every station in order of time, numbered 2 run unloaded and 2 run + 1 loaded.
+
+    An unloaded reading that several loads share is one.
+    """
+    pose = dict(zip(data.run.tolist(), data.pose.tolist(), strict=True))
+    stations = 1 if data.station is None else len(np.unique(data.station))
+    for one in series_of(data, "station", NAME):
+        loaded = np.arange(one.rows) >= one.rows // 2
+        poses = np.array([pose[run] for run in one.row.tolist()])
+        read = np.column_stack(
+            [poses, loaded, np.where(loaded, one.pose, 0), one.position.reshape(one.rows, -1)]
+        )
+        first = np.unique(read, axis=0, return_index=True)[1]
+        first = first[np.argsort((2 * one.pose + loaded)[first])]
+        name = one.frame if stations > 1 else ""
+        yield select_rows(replace(one, name=name, row=2 * one.row + loaded, pose=poses), first)
+
+
+def _start(vjm: Vjm, series: tuple[Series, ...]) -> State:
+    """The arm as its folder has it, in the base's frame."""
+    try:
+        weights = read_weights(vjm.arm)
+    except InputError:  # nobody knows what it weighs
+        weights = Weights(np.zeros(vjm.arm.n_joints + 2), np.zeros((vjm.arm.n_joints + 2, 3)))
+    still, markers = Frame(np.eye(3), np.zeros(3)), series[0].markers
+    return replace(
+        nominal(vjm, weights, torque_scale(vjm, weights, series)),
+        frames={one.frame: still for one in series},
+        mounts={NAME: Mount(marker_points(vjm, markers), np.eye(3), markers)},
+    )

@@ -1,0 +1,140 @@
+"""Doubts about loads and deflections: the mistake that makes them fit the prior best."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.arm.mjcf import GRAVITY
+from testbench.data.dataset import Dataset
+from testbench.errors import BenchError
+from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.loads import Hypothesis, Learnt, hypotheses, learnt, other_loads
+from testbench.identify.fold import reduce
+from testbench.identify.metric import Metric
+from testbench.model.vjm import Vjm
+
+LEAST, ONE_OF_MANY = 7.0, 12.0
+"""Nats by which a mistake has to make the readings likelier to be a doubt; of a single run or level."""
+CLEAR = 20.0  #: The same where all readings are changed at once: a force along another axis, other levels.
+SINGLE = ("run_load", "run", "reading")  #: Kinds of mistakes of single runs.
+LARGE = {"force_offset": 0.045, "load_point": 0.05, "tracker_moved": 4e-4, "level": 0.08, "run_load": 0.4}
+"""Least sizes that are a doubt: sound arms, which stiffen, have play and compensators, look as wrong as this.
+Of the largest force [1]; [m]; [m, rad]; of the load [1]."""
+BUMP = 4e-4  #: The same of a single reading [m], and of SIGMAS standard deviations.
+SIGMAS = 8.0
+SCALES, HALF, LIGHT = 5.0, 4.5, 0.35
+"""Factors between prior and readings that are absurd, and that are with forces that are light as newtons,
+under LIGHT of the stated payload, and not as kilograms."""
+QUIET = 1.3, 2.5
+"""Misfit, and factor between prior and readings, up to which no mistake of all readings is looked for."""
+NOISE, SHARE_OF_MOVE = 8.0, 0.005
+"""Misfit, and share of the deflections, from which the stated noise is doubted: models leave that much."""
+SHARE = 0.5  #: What evidence for a single run counts against that for a mistake of all.
+
+
+def scale(vjm: Vjm, metric: Metric, data: Dataset) -> float:
+    """By what factor the readings want the prior's compliances, by least squares [1]."""
+    regression = reduce(vjm, metric.structure, data)
+    pi = metric.L @ metric.expected
+    rows = [(t.R @ pi, t.z) for t in regression.terms]
+    return float(sum(a @ z for a, z in rows) / sum(a @ a for a, _ in rows))
+
+
+def deflected(vjm: Vjm, metric: Metric, data: Dataset) -> list[Finding]:
+    """Doubts about loads and deflections, the likeliest first."""
+    factor = scale(vjm, metric, data)
+    try:
+        own = learnt(vjm, metric, data)
+    except BenchError:  # no compliance moves so: only other loads can
+        return _other(None, vjm, metric, data) or [_wild(factor, data)]
+    suspicious = own.misfit > QUIET[0] or not 1 / QUIET[1] < factor < QUIET[1]
+    found = [replace(one, nats=_nats(own, h, again=suspicious)) for h, one in _best(own)]
+    if suspicious:
+        found += _other(own.loss, vjm, metric, data)
+    found.sort(key=lambda one: -(one.nats or 0) * (SHARE if one.kind in SINGLE else 1))
+    found += _scale(vjm, data, factor)
+    typical = float(np.median(np.linalg.norm(data.deflection, axis=2)[data.seen]))
+    if not found and own.misfit > NOISE and own.misfit * data.sigma > SHARE_OF_MOVE * typical:
+        found.append(Finding("noise", beside={"factor": own.misfit, "sigma": data.sigma}))
+    return found
+
+
+def single(vjm: Vjm, metric: Metric, data: Dataset) -> list[Finding]:
+    """Doubts about single runs alone."""
+    try:
+        return [one for h, one in _best(learnt(vjm, metric, data), only=SINGLE)]
+    except BenchError:
+        return []
+
+
+def _best(own: Learnt, only: tuple[str, ...] = ()) -> list[tuple[Hypothesis, Finding]]:
+    """The likeliest mistake; and where it is of a single run, what else is of another single run."""
+    large = (h for h in hypotheses(own) if (not only or h.kind in only) and _large(own, h))
+    found: list[tuple[Hypothesis, Finding]] = []
+    runs: set[str] = set()
+    for h in sorted(large, key=lambda h: -float(h.tested.nats)):
+        if found and (found[0][0].kind not in SINGLE or h.kind not in SINGLE or h.where[0] in runs):
+            continue
+        runs.update(h.where[:1])
+        found.append((h, Finding(h.kind, h.where, h.size, nats=float(h.tested.nats))))
+    return found
+
+
+def _large(own: Learnt, h: Hypothesis) -> bool:
+    """Whether a mistake is likely, and larger than those of sound arms."""
+    if h.tested.nats <= (ONE_OF_MANY if h.kind in ("level", *SINGLE) else LEAST):
+        return False
+    size = h.size
+    if h.kind in ("run", "reading"):
+        return bool(np.linalg.norm(size) > max(BUMP, SIGMAS * own.data.sigma * own.misfit))
+    if h.kind == "force_offset":
+        size = size / np.linalg.norm(own.data.wrench[:, :3], axis=1).max()
+    return bool(np.abs(size).max() > LARGE[h.kind])
+
+
+def _nats(own: Learnt, h: Hypothesis, *, again: bool) -> float:
+    """How much likelier a mistake makes the readings [nats]; one of all runs is undone and learnt anew."""
+    nats = float(h.tested.nats)
+    if h.undo is None or not again:
+        return nats
+    try:
+        return max(nats, own.loss - learnt(own.vjm, own.metric, h.undo(own.data, h.tested.b)).loss)
+    except BenchError:  # undone by so much that targets move against the force
+        return nats
+
+
+def _other(loss: float | None, vjm: Vjm, metric: Metric, data: Dataset) -> list[Finding]:
+    """The mistake of all loads that explains the readings best, if one does; loss None if nothing so far."""
+    tried = []
+    for kind, where, other in other_loads(vjm, data):
+        try:
+            own = learnt(vjm, metric, other)
+        except BenchError:  # moves against the force
+            continue
+        nats = None if loss is None else loss - own.loss
+        tried.append((own.loss, own.misfit, Finding(kind, where, nats=nats)))
+    if not tried:
+        return []
+    least, misfit, found = min(tried, key=lambda x: x[0])
+    clear = misfit <= NOISE if loss is None else loss - least >= CLEAR
+    return [found] if clear else []
+
+
+def _wild(factor: float, data: Dataset) -> Finding:
+    """Deflections that are no arm's: a wild one may outweigh all others."""
+    size = np.where(data.seen, np.linalg.norm(data.deflection, axis=-1), 0)
+    (i, k), median = np.unravel_index(np.argmax(size), size.shape), float(np.median(size[data.seen]))
+    where = (data.markers[k], str(data.run[i]))
+    return Finding("scale", where, beside={"factor": factor, "largest": float(size[i, k]), "median": median})
+
+
+def _scale(vjm: Vjm, data: Dataset, factor: float) -> list[Finding]:
+    """Whether the factor between prior and readings is absurd."""
+    size = abs(math.log(max(abs(factor), 1e-12)))
+    force = float(np.linalg.norm(data.wrench[:, :3], axis=1).max())
+    payload = vjm.arm.payload
+    light = payload is not None and LIGHT * payload < force < LIGHT * payload * GRAVITY
+    if size <= math.log(SCALES) and not (light and factor > HALF):
+        return []
+    return [Finding("scale", beside={"factor": factor, "force": force}, nats=size**2 / 2)]

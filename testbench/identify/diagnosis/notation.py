@@ -1,0 +1,116 @@
+"""Mistakes in absolute readings that fit no frame: undone until they do, with orientations as targets."""
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from testbench.data.series import Series, select_rows
+from testbench.errors import Array, BenchError
+from testbench.identify.absolute.noise import Noise
+from testbench.identify.absolute.state import State
+from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.place import Free, Seen
+from testbench.identify.diagnosis.undone import CHOICE, PRECISE, Hypothesis, placed
+from testbench.model.vjm import Vjm
+
+ROWS = 300  #: First rows of a series that tell what is wrong, or which way the last joint turns.
+BETTER = 0.5  #: Scatter over that of the readings as they are, below which they were mistaken [1].
+ARM = 0.3  #: Distance of the targets that stand for an orientation from the one that has it [m].
+Axes = Literal["XYZ", "xyz", "ZYX", "zyx", "ZYZ", "zyz", "ZXZ", "zxz", ""]
+ANGLES: Mapping[str, Axes] = {
+    "intrinsic xyz": "XYZ",
+    "extrinsic xyz": "xyz",
+    "intrinsic zyx": "ZYX",
+    "extrinsic zyx": "zyx",
+    "intrinsic zyz": "ZYZ",
+    "extrinsic zyz": "zyz",
+    "intrinsic zxz": "ZXZ",
+    "extrinsic zxz": "zxz",
+    "vector": "",
+}
+"""Usual notations of an orientation by three angles, as a map names them and as SciPy does."""
+
+
+def check_last_joint(
+    vjm: Vjm, series: Sequence[Series], fitted: Callable[[tuple[Series, ...]], tuple[State, Noise]]
+) -> None:
+    """Refuse readings that fit much better with the last joint turned the other way, by BenchError.
+
+    With a target near its axis they fit a frame either way. Orientations tell.
+
+    Args:
+        vjm: The arm.
+        series: The readings.
+        fitted: A first fit of some series.
+    """
+    if any(one.rotation is not None for one in series):
+        return
+    thin = [select_rows(one, np.linspace(0, one.rows - 1, min(ROWS, one.rows)).astype(int)) for one in series]
+    sign = np.where(np.arange(vjm.arm.n_joints) == vjm.arm.n_joints - 1, -1.0, 1.0)
+    try:
+        other = fitted(tuple(replace(one, q=sign * one.q) for one in thin))[1].open_position
+    except BenchError:
+        return
+    own = fitted(tuple(thin))[1].open_position
+    if other < BETTER * own:
+        raise BenchError(
+            f"{series[0].name}: the readings fit this arm to {1e3 * own:.2g} mm along an axis; they would to "
+            f"{1e3 * other:.2g} mm if {vjm.arm.joints[-1].name} counted the other way"
+        )
+
+
+def unplaced(vjm: Vjm, series: Series) -> Finding | None:
+    """The mistake that keeps a series from fitting the arm in any frame, if one explains it."""
+    one = select_rows(series, np.arange(min(ROWS, series.rows)))
+    free = Free(frame=True, targets=True, lost=True)
+    notations = (
+        Hypothesis("notation", _seen(vjm, one, rotation), free, names, numbers=CHOICE)
+        for names, rotation in _notations(one)
+    )
+    return placed(_seen(vjm, one, one.rotation), free, "readings", notations).doubt
+
+
+def _notations(series: Series) -> Iterator[tuple[tuple[str, ...], Array]]:
+    """Orientations in other notations: what is meant, and as what it was read; all that are the same."""
+    if series.rotation is None:
+        return
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
+
+    some = np.where(series.turned[:, None, None], series.rotation, np.eye(3))
+    yield (), some.swapaxes(1, 2)
+    R, found = Rotation.from_matrix(some), dict[bytes, tuple[tuple[str, ...], Array]]()
+    for read, axes in ANGLES.items():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # two angles about one axis: any pair of them will do
+            numbers = R.as_euler(axes) if axes else R.as_rotvec()
+        for meant, order in ANGLES.items():
+            own = Rotation.from_euler(order, numbers) if order else Rotation.from_rotvec(numbers)
+            matrix = own.as_matrix()
+            same = (matrix.round(3) + 0.0).tobytes()
+            names, _ = found.get(same, ((), matrix))
+            if meant != read:
+                found[same] = (*names, meant, read), matrix
+    yield from found.values()
+
+
+def _seen(vjm: Vjm, series: Series, rotation: Array | None) -> Seen:
+    """A series with three more targets for an orientation, nothing known of where any of them is."""
+    read, there = series.position, series.seen
+    if rotation is not None:
+        turned = series.turned[:, None] & there[:, :1]
+        more = read[:, :1] + ARM * np.where(turned[..., None], rotation.swapaxes(1, 2), 0)
+        read, there = np.concatenate([read, more], axis=1), np.hstack([there, np.repeat(turned, 3, axis=1)])
+    return Seen(
+        vjm=vjm,
+        q=series.q,
+        markers=np.zeros((read.shape[1], 3)),
+        read=read,
+        there=there,
+        names=series.markers,
+        runs=series.row,
+        poses=series.pose,
+        scale=PRECISE * vjm.reach,
+    )

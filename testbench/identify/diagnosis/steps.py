@@ -1,0 +1,236 @@
+"""A step in the middle of a series: which row it is at, and how much it explains.
+
+From row k on a step b of up to six numbers is added to the model, in tool axes for the targets and in base
+axes for the tracker. Beside it stands all that the model may still lack: geometry, low periodic errors of the
+joints and compliances, each with its prior. What these explain as well is no step (`finding`: P is of these).
+A row or pose that is off alone is another hypothesis, of the same columns.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.special import fdtrc
+
+from testbench.data.series import Series, select_rows
+from testbench.errors import Array
+from testbench.identify.absolute.choose import GEOMETRY
+from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, prior, usual
+from testbench.identify.absolute.noise import Noise, lengths, plan_of, roots
+from testbench.identify.absolute.rows import rows_of
+from testbench.identify.absolute.state import State
+from testbench.identify.absolute.unknowns import unknowns_of
+from testbench.identify.diagnosis.finding import Tested, test
+from testbench.identify.metric import Metric
+from testbench.identify.robust_loss import READINGS
+from testbench.model.joint_errors import JointErrors
+from testbench.model.structure import Ids
+
+ORDERS = 8  #: Periodic errors beside a step: those that the poses of a part of a series may share.
+LACKING = 3.0  #: Size of errors beside a step, over the usual one: what part of them is left is not known.
+BATCH = 3_000_000  #: Numbers of the equations that are in memory at a time.
+FREE = 6
+"""Independent equations of a pose at most: its targets and loads share what the model leaves open there."""
+ALIKE = 10.0  #: Difference of gains below which two steps explain the readings alike.
+
+What = Literal["target", "tracker"]
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Where readings are linear, and what the model may lack."""
+
+    own: Choice  #: What may be lacking.
+    prior: Array  #: Its precision, compliances in the metric, (c, c).
+    state: State  #: The arm.
+    noise: Noise  #: How readings scatter about it.
+
+
+def lacking(
+    state: State, series: tuple[Series, ...], noise: Noise, elastic: Metric, orders: int = ORDERS
+) -> Linear:
+    """Residuals of series, and what else may explain them.
+
+    Args:
+        state: The arm without joint errors.
+        series: The readings.
+        noise: How they scatter.
+        elastic: Prior of all compliances that there may be.
+        orders: Highest order of periodic errors that there may be.
+    """
+    errors = JointErrors(tuple(range(1, orders + 1)))
+    state = replace(state, errors=errors, n=np.zeros((state.vjm.arm.n_joints, errors.size)))
+    unknowns = unknowns_of(state.vjm, series, errors, elastic.structure)
+    own, size = choice(unknowns, GEOMETRY | {"harmonics"}, elastic), usual(unknowns, len(noise.factor))
+    P, _ = prior(own, Learnt(LACKING * size.deviation, size.factor), LOOSE)
+    return Linear(own, P, state, noise)
+
+
+@dataclass(frozen=True)
+class Step:
+    """The step of greatest gain."""
+
+    place: int  #: First row behind it.
+    what: What  #: What moved.
+    alike: bool  #: Whether the other explains the readings as well.
+    b: Array  #: How far it moved and turned, (3 or 6,) [m, rad].
+    gain: float  #: Sum of squares that it takes away, over the variance of what is left [1].
+    share: float  #: Share of the sum of squares that it takes away [1].
+    free: float  #: Independent equations that nothing spends.
+
+    @property
+    def chance(self) -> float:
+        """Chance of a step at that place that is as clear, in readings without one."""
+        z = len(self.b)
+        return float(fdtrc(z, self.free, self.gain / z))
+
+
+def best(at: Linear, series: Series, steps: Ids) -> Step:
+    """The step of greatest gain, of those with these first rows behind them, rising, (steps,)."""
+    sums = _sums(at, series, steps)
+    return _greatest(_rest(at, (series,), [sums]), sums, steps, turns=True)
+
+
+def likeliest(at: Linear, series: Sequence[Series], places: Sequence[Ids]) -> Iterator[tuple[Series, Step]]:
+    """Of every series the step that chance explains least, which may turn what moves or not.
+
+    A single row or pose that is off alone may explain the readings better: then there is none.
+
+    Args:
+        at: What else the model may lack.
+        series: The readings, in order of time; all tell of the arm.
+        places: Of every series the first rows behind the steps that are tried, rising.
+    """
+    sums = [_sums(at, one, np.arange(1, one.rows)) for one in series]
+    rest = _rest(at, series, sums)
+    for one, own, steps in zip(series, sums, places, strict=True):
+        if not len(steps):
+            continue
+        step = min((_greatest(rest, own, steps, turns=t) for t in (False, True)), key=lambda s: s.chance)
+        poses = np.unique(one.pose, return_inverse=True)[1]
+        together = np.zeros((poses.max() + 1, *own.Z.shape[1:]))
+        np.add.at(together, poses, own.Z)
+        alone = [t for Z in (own.Z, together) for t in rest.tested(Z, turns=len(step.b) == 6)]
+        if max(t.gain.max() for t in alone) < step.share * rest.before:
+            yield one, step
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Whitened sums over rows: A is what may be lacking, Z both steps, e the residuals."""
+
+    AA: Array  #: Over all rows, (c + 1, c + 1), e last.
+    Z: Array  #: Over the rows of every cell between two edges, (cells, z, c + 1 + z): Z A, Z e, Z Z.
+    edges: Ids  #: First rows of all cells but the first.
+    count: int  #: Equations that were read.
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """What nothing else explains, 1 - P."""
+
+    L: Array  #: Root of the precision of what may be lacking, of unit diagonal, (c, c).
+    size: Array  #: Roots of its diagonal, (c,).
+    e: Array  #: What of the residuals it explains, (c,).
+    before: float  #: Sum of squares that it leaves.
+    count: float  #: Equations that nothing spends.
+    shared: float  #: How many of them say the same.
+
+    def tested(self, Z: Array, *, turns: bool) -> tuple[Tested, Tested]:
+        """Moves of the targets and of the tracker in a batch of rows, (batch, z, c + 1 + z)."""
+        c = len(self.e)
+        half = solve_triangular(self.L, (Z[:, :, :c] / self.size).reshape(-1, c).T, lower=True)
+        K = half.T.reshape(*Z.shape[:2], c)
+        g, M = Z[:, :, c] - K @ self.e, Z[:, :, c + 1 :] - K @ K.swapaxes(1, 2)
+        z = g.shape[1] - 6
+        target, tracker = slice(z if turns else 3), slice(z, None if turns else z + 3)
+        return test(g[:, target], M[:, target, target]), test(g[:, tracker], M[:, tracker, tracker])
+
+
+def _rest(at: Linear, series: Sequence[Series], sums: Sequence[_Sums]) -> _Rest:
+    AA, c = np.sum([one.AA for one in sums], axis=0), len(at.own.columns)
+    H = AA[:c, :c] + at.prior
+    size = np.sqrt(np.diag(H))
+    L = cholesky(H / size / size[:, None], lower=True)
+    spent = c - float(np.trace(cho_solve((L, True), at.prior / size / size[:, None])))
+    e, count = solve_triangular(L, AA[:c, c] / size, lower=True), sum(one.count for one in sums)
+    poses = sum(len(np.unique(one.pose)) for one in series)
+    shared = max(1.0, count / (FREE * poses))
+    return _Rest(L, size, e, float(AA[c, c] - e @ e), max(count - spent, 1.0), shared)
+
+
+def _greatest(rest: _Rest, sums: _Sums, steps: Ids, *, turns: bool) -> Step:
+    behind = np.cumsum(sums.Z[:0:-1], axis=0)[::-1][np.searchsorted(sums.edges, steps)]
+    target, tracker = rest.tested(behind, turns=turns)
+    slipped = target.gain.max() > tracker.gain.max()
+    own, other = (target, tracker) if slipped else (tracker, target)
+    k = int(own.gain.argmax())
+    gain = float(own.gain[k])
+    s2 = max(rest.before - gain, 1e-300) / rest.count
+    return Step(
+        place=int(steps[k]),
+        what="target" if slipped else "tracker",
+        alike=bool(gain - other.gain[max(0, k - 2) : k + 3].max() < ALIKE * s2),
+        b=own.b[k],
+        gain=gain / s2 / rest.shared,
+        share=gain / rest.before,
+        free=rest.count / rest.shared,
+    )
+
+
+def _sums(at: Linear, series: Series, steps: Ids) -> _Sums:
+    edges = np.r_[0, steps, series.rows]
+    cells, AA = [], 0.0
+    for part in _batches(at, series, edges):
+        A, Z = _equations(at, select_rows(series, np.arange(edges[part[0]], edges[part[-1] + 1])))
+        AA = AA + np.einsum("ar,br->ab", A, A, optimize=True)
+        each = A.shape[1] // (edges[part[-1] + 1] - edges[part[0]])
+        for a, b in zip(edges[part] - edges[part[0]], edges[part + 1] - edges[part[0]], strict=True):
+            own = slice(each * a, each * b)
+            cells.append(Z[:, own] @ np.vstack([A[:, own], Z[:, own]]).T)
+    return _Sums(np.asarray(AA), np.array(cells), steps, 3 * int(series.seen.sum() + series.turned.sum()))
+
+
+def _batches(at: Linear, series: Series, edges: Ids) -> Iterator[Ids]:
+    """Places of cells that are in memory together."""
+    numbers = 3 * series.rows * (len(series.markers) + 1) * at.own.unknowns.size
+    yield from np.array_split(np.arange(len(edges) - 1), min(len(edges) - 1, 1 + numbers // BATCH))
+
+
+def _equations(at: Linear, series: Series) -> tuple[Array, Array]:
+    """Whitened [A e], (c + 1, equations), and Z, (z, equations); those of a row follow one another."""
+    own, rows = at.own, rows_of(at.own.unknowns, at.state, series)
+    alone = replace(series, pose=np.arange(series.rows))
+    W, _ = roots(alone, at.noise, plan_of(alone), at.state.frame(series).rotation)
+    pull = READINGS.pull(lengths(np.einsum("srxy,syr->sxr", W, rows.left)))
+    W = W * np.sqrt(pull)[..., None, None]
+    A = np.concatenate([rows.A[:, :, own.columns], rows.left[:, :, None]], axis=2)
+    Z = np.concatenate([steps_of(at, series, rows.A, what) for what in ("target", "tracker")], axis=2)
+    both = np.einsum("srxy,sycr->crsx", W, np.concatenate([A, Z], axis=2))
+    if own.elastic is not None:
+        e = slice(own.rigid, len(own.columns))
+        both[e] = np.tensordot(own.elastic.L.T, both[e], 1)
+    lines = both.reshape(len(both), -1)
+    return lines[: A.shape[2]], lines[A.shape[2] :]
+
+
+def steps_of(at: Linear, series: Series, A: Array, what: str) -> Array:
+    """Columns of a step of the tracker or of the targets, rigid, (s, 3, 3 or 6, runs), from those of all."""
+    if what == "tracker":
+        return A[:, :, at.own.unknowns.columns(f"frame {series.frame}")]
+    mount = A[:, :, at.own.unknowns.columns(f"mount {series.target}")]
+    points = at.state.mount(series).points
+    T = np.zeros((mount.shape[2], 6))
+    for k, point in enumerate(points):
+        T[3 * k : 3 * k + 3] = np.column_stack([np.eye(3), np.cross(np.eye(3), point).T])
+    T[3 * len(points) :, 3:] = np.eye(3)[: max(0, len(T) - 3 * len(points))]
+    return np.asarray(np.einsum("sxcr,cz->sxzr", mount, T[:, : 3 if len(T) == 3 else 6]))
+
+
+def moves(at: Linear, series: Series, step: Step) -> float:
+    """How far a step moved the targets where they were read, root mean square [m]."""
+    Z = steps_of(at, series, rows_of(at.own.unknowns, at.state, series).A, step.what)
+    d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.b)], step.b)[: len(series.markers)]
+    return float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))

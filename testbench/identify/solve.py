@@ -1,0 +1,90 @@
+"""The one solve: least squares or GCO of a reduced dataset, with a prior or without.
+
+With a prior both minimise chi^2 + |x - s e|^2 / u^2 in its metric, x the compliance in units of what was
+expected, e its expectation, u the relative uncertainty; GCO keeps every block positive semi-definite. The
+scale s common to all compliances is left to the data: a CAD model that is wrong by one factor costs nothing.
+"""
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.errors import Array
+from testbench.identify import cone
+from testbench.identify.conic import optimum
+from testbench.identify.estimate import Constraint, Estimate, make_estimate
+from testbench.identify.least_squares import completed, minimum_norm
+from testbench.identify.metric import Belief, Case, with_prior_rows
+from testbench.identify.projected import least_squares
+from testbench.identify.regression import Regression
+
+NEAR = 1e-8
+"""Distance from the least half of chi squared and penalty within which an answer is proven to be: then it is
+within 1.5e-4 standard deviations of the optimum in every direction."""
+DIGITS = 1e-12  #: The same as a share of the cost: what rounding leaves of a misfit.
+METHODS: dict[Constraint, str] = {"none": "least squares with prior", "psd": "GCO with prior"}
+
+
+def solve(regression: Regression, constraint: Constraint, belief: Belief | None = None) -> Estimate:
+    """Least squares or GCO, with a prior or without.
+
+    Args:
+        regression: The reduced dataset.
+        constraint: "none" for least squares, "psd" for GCO, "free" for least squares whose free directions
+            make it conservative, which takes no prior.
+        belief: The prior, and how firmly it is believed; None for none.
+
+    Returns:
+        The estimate; its status says whether it is proven to be the optimum.
+
+    Raises:
+        BenchError: When GCO gets a structure that is not symmetric.
+    """
+    if belief is None:
+        return {"psd": optimum, "free": completed}.get(constraint, minimum_norm)(regression)
+    own = answer(constraint, Case(regression, belief))
+    estimate = make_estimate(regression, own.pi, method=METHODS[constraint], constraint=constraint)
+    return replace(estimate, belief=belief, status=own.status, solver_seconds=own.seconds)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a solver found."""
+
+    pi: Array  #: Parameters, (n,).
+    seconds: float  #: Time inside the solver.
+    status: str  #: "solved", or what went wrong.
+    own: bool  #: Whether our own method found it.
+
+
+def answer(constraint: Constraint, case: Case) -> Answer:
+    """Newton's answer with a prior; an independent solver's where it is not proven."""
+    start, metric = time.perf_counter(), case.belief.metric
+    M, r = with_prior_rows(case.regression, metric, case.belief.strength)
+    x, gap = least_squares(M, r, metric.sizes if constraint == "psd" else ())
+    cost = float(np.sum((M @ x - r) ** 2)) / 2
+    if not gap <= NEAR + DIGITS * cost:
+        return referee(constraint, case)
+    return Answer(metric.L @ x, time.perf_counter() - start, "solved", own=True)
+
+
+def referee(constraint: Constraint, case: Case) -> Answer:
+    """The answer of LAPACK to least squares with a prior, of Clarabel to GCO with one."""
+    start, metric = time.perf_counter(), case.belief.metric
+    M, r = with_prior_rows(case.regression, metric, case.belief.strength)
+    if constraint == "none":
+        pi = metric.L @ np.linalg.lstsq(M, r, rcond=None)[0]
+        return Answer(pi, time.perf_counter() - start, "solved", own=False)
+    n = metric.structure.n
+    R: Array = np.asarray(np.linalg.qr(np.c_[M, r], mode="r"))
+    unit = max(1.0, abs(R[n, n]))
+    residual = np.c_[np.zeros(n + 1), R[:, :n] / unit]
+    solution = cone.solve(
+        cone.Problem(
+            cost=np.r_[1.0, np.zeros(n)],
+            blocks=(cone.free_block(0, 1), *cone.psd_blocks(1, metric.sizes)),
+            rows=(cone.norm_below(0, residual, R[:, n] / unit),),
+        )
+    )
+    return Answer(metric.L @ metric.project(solution.x[1:]), solution.seconds, solution.status, own=False)

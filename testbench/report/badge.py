@@ -1,0 +1,178 @@
+"""One badge a run: who wins beside the strongest rival of its class, by how much, and whether that holds."""
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.special import bdtr
+
+from testbench.campaign.models import JOINTS
+from testbench.errors import Array
+from testbench.report.table import MODEL, Row, Trials, aligned
+from testbench.views.gains import ratio
+from testbench.views.markdown import Markdown, as_markdown, counted
+from testbench.views.schema import ALIKE
+
+FEWEST = 6  #: Pairs from which on a sign test can tell at 95 %: all of fewer are alike in 1 of 16 by chance.
+DRAWS = 2000  #: Of a bootstrap.
+MOST = 1000.0  #: Errors below the largest one over this are rounding.
+TAIL = 0.025  #: Share of an interval's chances on each side.
+PLACES = "place_mm"  #: Column of errors pose by pose in the rows of a first trial.
+POSES = "pose of one arm"  #: What is counted where a run has one trial.
+
+Verdict = Literal["holds", "tie", "do not use"]
+
+
+@dataclass(frozen=True)
+class Badge:
+    """The answer in one line; `words` are the same wherever they are read."""
+
+    winner: str  #: What is drawn foremost in every picture.
+    rival: str  #: The strongest of those that ask for no more than the winner.
+    factor: float | None  #: The rival's error over the winner's; None where no pair was judged [1].
+    interval: tuple[float, float] | None  #: The same, 95 %; None of too few pairs [1].
+    n: int  #: Pairs: trials, poses, runs or points.
+    verdict: Verdict
+    each: str = "trial"  #: What a pair is.
+    what: str = "error"  #: What is compared.
+    why: str = ""  #: What speaks against the winner, whatever its error is.
+
+    @property
+    def words(self) -> Markdown:
+        """The verdict, who wins, by how much, over how many."""
+        winner, rival = as_markdown(self.winner), as_markdown(self.rival)
+        if self.why:
+            return Markdown(f"Do not use {winner}: {as_markdown(self.why)}.")
+        if self.factor is None:
+            return Markdown(f"Tie: nothing compares {winner} with {rival}.")
+        shown = ratio(max(self.factor, 1 / self.factor))
+        side = "smaller" if self.factor >= 1 else "larger"
+        size = f"the {self.what} of {winner} is {shown} times {side}"
+        times = f"{size} than that of {rival}"
+        first, _, of = self.each.partition(" ")
+        pairs = " ".join(filter(None, [counted(self.n, first), of]))
+        if self.interval is None and abs(self.factor - 1) <= ALIKE:
+            return Markdown(f"Tie: {winner} and {rival} are alike in {pairs}; it takes {FEWEST} to tell.")
+        if self.interval is None:
+            return Markdown(f"Tie: {times}, but {pairs} cannot tell; it takes {FEWEST}.")
+        low, high = self.interval
+        seen = f"{pairs}, 95 % interval {{}} to {{}}"
+        if self.verdict == "tie":
+            over = f"{self.what} of {rival} over that of {winner} {self.factor:.2f}"
+            return Markdown(f"Tie: {over} ({seen.format(f'{low:.2f}', f'{high:.2f}')}).")
+        head = f"Holds: {times}" if self.verdict == "holds" else f"Do not use {rival}: {size}"
+        return Markdown(f"{head} ({seen.format(ratio(low), ratio(high))}).")
+
+    def json(self) -> dict[str, object]:
+        """For report.json, where scripts read it."""
+        return {**asdict(self), "words": self.words}
+
+
+def decide(
+    ours: tuple[str, Sequence[float] | Array],
+    theirs: tuple[str, Sequence[float] | Array],
+    each: str = "trial",
+    why: str = "",
+) -> Badge:
+    """Two in the same trials, by name and errors, both (n,).
+
+    Of trials the factor is the median of their ratios, its interval that of the sign test. Of poses, runs or
+    points of one trial it is the ratio of the RMS errors that tables show, by a bootstrap over them.
+
+    Args:
+        ours: What is asked about; it stays the winner of a tie, of too few pairs that of less error.
+        theirs: Its rival.
+        each: What a pair is; "trial" or "case" of several, all else is of one.
+        why: What speaks against ours, whatever the errors are.
+    """
+    a, b = (np.asarray(errors, dtype=float) for _, errors in (ours, theirs))
+    known = np.isfinite(a) & np.isfinite(b)
+    a, b = a[known], b[known]
+    if not len(a):
+        return Badge(ours[0], theirs[0], None, None, 0, "do not use" if why else "tie", each, why=why)
+    least = max(a.max(), b.max()) / MOST or 1.0  # nothing over nothing is 1
+    a, b = np.maximum(a, least), np.maximum(b, least)
+    factor, ends = _of_ratios(b / a) if each in ("trial", "case") else _of_one(a, b)
+    names, verdict = (ours[0], theirs[0]), "tie"
+    if ends is None and factor < 1 and not why:
+        names, factor = names[::-1], 1 / factor
+    if ends is not None and (ends[0] > 1 < factor - ALIKE):
+        verdict = "holds"
+    elif ends is not None and ends[1] < 1 < 1 / factor - ALIKE and not why:
+        names, verdict, factor, ends = names[::-1], "do not use", 1 / factor, (1 / ends[1], 1 / ends[0])
+    return Badge(*names, factor, ends, len(a), "do not use" if why else verdict, each, why=why)  # type: ignore[arg-type]
+
+
+def _of_ratios(times: Array) -> tuple[float, tuple[float, float] | None]:
+    """Median of ratios, (n,), and its interval by order statistics: exact whatever their distribution is."""
+    own, n = np.sort(times), len(times)
+    outside = int(np.count_nonzero(bdtr(np.arange(n // 2 + 1), n, 0.5) <= TAIL))  # of the sign test
+    ends = (float(own[outside - 1]), float(own[n - outside])) if outside else None
+    return float(np.median(own)), ends
+
+
+def _of_one(a: Array, b: Array) -> tuple[float, tuple[float, float] | None]:
+    """Ratio of two RMS errors over the same poses, (n,) both, and its interval; the same each time."""
+    n = len(a)
+    times = float(np.sqrt((b**2).sum() / (a**2).sum()))
+    if n < FEWEST:
+        return times, None
+    count = np.random.default_rng(0).multinomial(n, np.full(n, 1 / n), size=DRAWS)
+    low, high = np.quantile(np.sqrt((count @ b**2) / (count @ a**2)), (TAIL, 1 - TAIL)).tolist()
+    return times, (low, high)
+
+
+def incumbents(models: Iterable[Row], ours: str) -> list[str]:
+    """Rivals of a model's class: least squares and joint stiffness, with a prior only where it has one."""
+    known = {m.name: m for m in models}
+    prior = bool(known[ours].prior)
+    return [
+        name
+        for name, m in known.items()
+        if name != ours and (m.constraint == "none" or m.structure == JOINTS) and bool(m.prior) <= prior
+    ]
+
+
+def of_models(
+    trials: Trials, models: Sequence[Row], ours: str, value: str, each: str = "trial"
+) -> Badge | None:
+    """A model beside the strongest incumbent of its class; None without one.
+
+    Args:
+        trials: A row a model and trial.
+        models: What the names are: structure, constraint, prior.
+        ours: Which of them is asked about.
+        value: Column of the error.
+        each: What a trial is.
+    """
+    there = set(trials.values(MODEL))
+    rivals = [name for name in incumbents(models, ours) if name in there]
+    return of_rivals(trials, ours, rivals, value, each)
+
+
+def of_rivals(
+    trials: Trials, ours: str, rivals: Sequence[str], value: str, each: str = "trial"
+) -> Badge | None:
+    """The same beside the strongest of some rivals, that of least median error; of one trial pose by pose."""
+    pairs = {name: aligned(trials, (ours, name), value) for name in rivals}
+    pairs = {name: own for name, own in pairs.items() if len(own)}
+    if not pairs:
+        return None
+    rival = min(pairs, key=lambda name: float(np.median(pairs[name][:, 1])))
+    a, b = pairs[rival].T
+    if len(a) == 1 and PLACES in trials:
+        found = [trials.where(**{MODEL: name})[PLACES][0] for name in (ours, rival)]
+        a, b, each = *map(np.array, found), POSES
+    return decide((ours, a), (rival, b), each)
+
+
+def drawn(badge: Badge | None, known: Collection[str], *others: str) -> list[str]:
+    """Models of every picture, that are there, in the order in which they are drawn.
+
+    Others first, then the rival and joint stiffness alone, the winner last: on top, and by it poses are
+    ordered. Table, chart, map and arm of a run show these.
+    """
+    names = [*others, *([badge.rival, JOINTS, badge.winner] if badge else [JOINTS])]
+    last = {name: None for name in reversed(names) if name in known}
+    return list(last)[::-1]

@@ -1,0 +1,163 @@
+"""The badge: who wins beside the strongest rival of its class, by how much, and whether it holds."""
+
+import json
+
+import numpy as np
+import pytest
+from checks import MOST_WORDS, sentences
+
+from testbench.report import badge
+from testbench.report.badge import Badge, decide, drawn, incumbents, of_models
+from testbench.report.report import read
+from testbench.report.table import Row, Trials
+
+RNG = np.random.default_rng(3)
+NOISE = np.exp(RNG.normal(0, 0.3, 40))
+MODELS = [
+    Row(name="Joints", structure="Joints", constraint="none", prior=False),
+    Row(name="MLS56", structure="MLS56", constraint="none", prior=False),
+    Row(name="MGCO56", structure="MGCO56", constraint="psd", prior=False),
+    Row(name="MLS56 + prior", structure="MLS56", constraint="none", prior=True),
+    Row(name="ALL153 + prior", structure="ALL153", constraint="psd", prior=True),
+]
+
+
+def test_a_better_one_holds_by_the_median_of_the_ratios_trial_by_trial():
+    own = decide(("ours", NOISE), ("theirs", 2 * NOISE))
+    assert (own.winner, own.rival, own.n, own.verdict) == ("ours", "theirs", 40, "holds")
+    assert own.factor == pytest.approx(2)
+    assert own.interval == (pytest.approx(2), pytest.approx(2))
+    sizes = "2.0 times smaller than that of theirs (40 trials, 95 % interval 2.0 to 2.0)."
+    assert own.words == f"Holds: the error of ours is {sizes}"
+
+
+def test_a_worse_one_is_not_to_be_used_and_the_rival_is_the_winner():
+    own = decide(("ours", 2 * NOISE), ("theirs", NOISE))
+    assert (own.winner, own.rival, own.verdict) == ("theirs", "ours", "do not use")
+    assert own.factor == pytest.approx(2)
+    assert own.interval[0] <= own.factor <= own.interval[1]
+    assert own.words.startswith("Do not use ours: the error of theirs is 2.0 times smaller (40 trials")
+
+
+def test_what_an_interval_covers_is_a_tie():
+    other = NOISE[RNG.permutation(len(NOISE))]
+    own = decide(("ours", NOISE), ("theirs", other))
+    assert (own.verdict, own.winner) == ("tie", "ours")
+    assert own.interval[0] < 1 < own.interval[1]
+    assert own.words.startswith("Tie: error of theirs over that of ours ")
+
+
+def test_differences_within_two_percent_are_a_tie_however_sure():
+    assert decide(("ours", NOISE), ("theirs", 1.01 * NOISE)).verdict == "tie"
+    assert decide(("ours", 1.01 * NOISE), ("theirs", NOISE)).verdict == "tie"
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_few_pairs_cannot_tell_and_the_less_error_is_named_first(n):
+    own = decide(("ours", 3 * NOISE[:n]), ("theirs", NOISE[:n]))
+    assert (own.verdict, own.interval, own.winner, own.n) == ("tie", None, "theirs", n)
+    assert "cannot tell; it takes 6." in own.words
+
+
+def test_six_of_six_are_enough_and_five_of_six_are_not():
+    times = np.array([1.1, 1.2, 1.3, 1.4, 1.5, 1.6])
+    assert decide(("a", np.ones(6)), ("b", times)).verdict == "holds"
+    assert decide(("a", np.ones(6)), ("b", np.r_[0.9, times[1:]])).verdict == "tie"
+
+
+@pytest.mark.parametrize("n", [8, 25, 60])
+def test_the_interval_of_the_median_covers_at_least_95_percent(n):
+    rng, inside = np.random.default_rng(n), 0
+    for _ in range(600):
+        low, high = decide(("a", np.ones(n)), ("b", np.exp(rng.standard_t(3, n)))).interval
+        inside += low <= 1 <= high
+    assert inside / 600 > 0.93
+
+
+def test_poses_of_one_arm_are_compared_by_the_ratio_of_the_rms_errors_of_tables():
+    a, b = NOISE, 1.5 * NOISE[::-1]
+    own = decide(("a", a), ("b", b), badge.POSES)
+    assert own.factor == pytest.approx(np.sqrt((b**2).mean() / (a**2).mean()))
+    assert own == decide(("a", a), ("b", b), badge.POSES)  # no chance in it
+    rng, inside = np.random.default_rng(5), 0
+    for _ in range(300):
+        low, high = decide(("a", rng.rayleigh(size=60)), ("b", rng.rayleigh(size=60)), badge.POSES).interval
+        inside += low <= 1 <= high
+    assert 0.9 < inside / 300 <= 1
+
+
+def test_no_pairs_are_a_tie_and_a_reason_is_no_use_whatever_the_numbers():
+    assert decide(("a", []), ("b", [])).words == "Tie: nothing compares a with b."
+    own = decide(("a", NOISE), ("b", 9 * NOISE), why="see the doubt")
+    assert (own.winner, own.verdict, own.words) == (
+        "a",
+        "do not use",
+        "Do not use a: see the doubt.",
+    )
+    assert decide(("a", [np.inf, np.nan]), ("b", [1.0, 1.0])).n == 0
+
+
+def test_a_class_is_least_squares_and_joints_with_a_prior_only_where_the_model_has_one():
+    assert incumbents(MODELS, "ALL153 + prior") == ["Joints", "MLS56", "MLS56 + prior"]
+    assert incumbents(MODELS, "MGCO56") == ["Joints", "MLS56"]
+
+
+def table(**errors):
+    """Trials of models by their errors."""
+    rows = [(name, k, mm) for name, own in errors.items() for k, mm in enumerate(own)]
+    names, seeds, mm = zip(*rows, strict=True)
+    names = [name.replace("_", " + ") for name in names]
+    return Trials.holding({"name": np.array(names, dtype=object), "seed": seeds, "mm": mm})
+
+
+def test_the_rival_is_the_strongest_of_its_class_in_the_same_trials():
+    trials = table(
+        Joints=3 * NOISE, MLS56=9 * NOISE, MLS56_prior=2 * NOISE, ALL153_prior=NOISE, MGCO56=0.5 * NOISE
+    )
+    own = of_models(trials, MODELS, "ALL153 + prior", "mm")
+    assert (own.rival, own.verdict) == ("MLS56 + prior", "holds")
+    assert own.factor == pytest.approx(2)
+    assert of_models(trials, MODELS, "MGCO56", "mm").rival == "Joints"
+    assert of_models(table(MGCO56=NOISE), MODELS, "MGCO56", "mm") is None
+
+
+def test_every_picture_has_the_rival_joint_stiffness_and_on_top_the_winner():
+    names = [m.name for m in MODELS]
+    own = decide(("ALL153 + prior", NOISE), ("MLS56 + prior", 2 * NOISE))
+    assert drawn(own, names, "MLS56") == ["MLS56", "MLS56 + prior", "Joints", "ALL153 + prior"]
+    lost = decide(("ALL153 + prior", 2 * NOISE), ("Joints", NOISE))
+    assert drawn(lost, names, "MLS56") == ["MLS56", "ALL153 + prior", "Joints"]
+    assert drawn(None, names, "MLS56") == ["MLS56", "Joints"]
+
+
+def test_report_json_holds_the_badge_and_every_view_its_words(tmp_path):
+    from dataclasses import replace
+
+    from made_up_run import REPORT
+
+    own = decide(("one", NOISE), ("other", 2 * NOISE))
+    said = replace(REPORT, badge=own)
+    data = json.loads(json.dumps(said.json()))
+    assert {key: data["badge"][key] for key in ("winner", "rival", "n", "verdict", "words")} == {
+        "winner": "one", "rival": "other", "n": 40, "verdict": "holds", "words": own.words,
+    }  # fmt: skip
+    again = read(data)
+    assert again.badge == own
+    assert again.whole() == said.whole()
+    assert said.whole().index(own.words) < said.whole().index(said.answer)
+    assert read({**data, "badge": None}).badge is None
+
+
+@pytest.mark.parametrize(
+    "own",
+    [
+        decide(("ALL153 + prior", NOISE), ("MLS56 + prior", k * NOISE), each)
+        for k in (0.2, 0.99, 1, 3.7, 1e6)
+        for each in ("trial", badge.POSES)
+    ]
+    + [Badge("a", "b", None, None, 0, "tie"), decide(("a", [1]), ("b", [2]))],
+)
+def test_the_words_are_one_short_sentence_that_begins_with_the_verdict(own):
+    assert own.words.lower().startswith(own.verdict)
+    [one] = sentences(own.words)
+    assert len(one.split()) <= MOST_WORDS + 6
