@@ -14,8 +14,7 @@ from testbench.campaign.campaign import Cell, build_cell
 from testbench.errors import Array
 from testbench.plant import Equilibrium, settle
 from testbench.plant.elastic import DAMPING
-from testbench.plant.equilibrium import hold
-from testbench.plant.newton import STEP_TOLERANCE
+from testbench.plant.equilibrium import STEP_TOLERANCE, hold
 from testbench.plant.state import evaluate, open_row
 
 POSES = 1000

@@ -3,11 +3,14 @@
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
+from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from chromium import DESKTOP, PHONE, Opened
+
+from testbench.views.markdown import as_plain
 
 
 def check_page(open_page: Callable[..., Opened], page: Path, told: Sequence[str]) -> Opened:
@@ -45,3 +48,36 @@ def layer_of(group: Mapping[str, Any], name: str) -> tuple[np.ndarray, np.ndarra
 def times_of(title: str) -> list[float]:
     """The magnifications that a title says, in its order."""
     return [float(number) for number in re.findall(r"x (\d[\de.+]*?)(?=[,;. ]|$)", title)]
+
+
+def names_drawn(page: Path) -> dict[str, str]:
+    """What a page names in each of its views: every group of arms, map, charts, the first table."""
+    drawn = drawn_in(page)
+    groups = drawn["scene"]["groups"] if drawn["scene"] else []
+    errors = [group for group in groups if any("error" in own["name"] for own in group["layers"])]
+    found = {
+        group["name"]: [group["name"], *(own["name"] for own in group["layers"])]
+        for group in errors or groups[:1]
+    }
+    if drawn["map"]:
+        found["map"] = [line["name"] for line in drawn["map"]["lines"]]
+    found |= {chart["title"]: [line["name"] for line in chart["lines"]] for chart in drawn["runs"]}
+    for table in drawn["tables"][:1]:
+        rows = [row["cells"][0]["text"] for row in table["rows"]]
+        found["table"] = [table["title"], *(head["title"] for head in table["head"]), *rows]
+    return {view: " | ".join(names) for view, names in found.items()}
+
+
+def check_winner(out: Path) -> None:
+    """The badge of a run says the same everywhere, and its winner is drawn in every view of it."""
+    badge = json.loads((out / "report.json").read_text())["badge"]
+    if badge is None:  # nothing to compare: no incumbent was fitted
+        return
+    assert list(badge)[:6] == ["winner", "rival", "factor", "interval", "n", "verdict"]
+    views = names_drawn(out / "report.html")
+    missing = [view for view, names in views.items() if badge["winner"] not in names]
+    assert views, out
+    assert missing == [], (badge, views)
+    words = as_plain(badge["words"])
+    assert f"> {badge['words']}" in (out / "report.md").read_text()
+    assert escape(words, quote=False) in (out / "report.html").read_text().replace("&#39;", "'")

@@ -111,25 +111,17 @@ def _check_values(path: Path, elastic: Elastic) -> None:
         raise InputError(
             path, toml_place(path, ["to_confirm"]), f"expected some of {points}, got {unknown[0]!r}"
         )
-    _check_payload(path, elastic)
-    low, high = COMPLIANCE_RANGE
-    for index, joint in enumerate(elastic.joint):
-        if not low <= joint.compliance.value <= high:
-            got = f"{joint.compliance.unit}, got {joint.compliance.value}"
-            problem = f"expected {low:g} to {high:g} {got}"
-            raise InputError(
-                path, f"{toml_place(path, ['joint', index, 'compliance'])} ({joint.name})", problem
-            )
+    if (payload := elastic.payload) is not None:
+        _check_range(path, toml_place(path, ["payload"]), payload.value, payload.unit, PAYLOAD_RANGE)
+    for k, joint in enumerate(elastic.joint):
+        own, place = joint.compliance, f"{toml_place(path, ['joint', k, 'compliance'])} ({joint.name})"
+        _check_range(path, place, own.value, own.unit, COMPLIANCE_RANGE)
 
 
-def _check_payload(path: Path, elastic: Elastic) -> None:
-    low, high = PAYLOAD_RANGE
-    if elastic.payload is not None and not low <= elastic.payload.value <= high:
-        raise InputError(
-            path,
-            toml_place(path, ["payload"]),
-            f"expected {low:g} to {high:g} kg, got {elastic.payload.value}",
-        )
+def _check_range(path: Path, place: str, value: float, unit: str, span: tuple[float, float]) -> None:
+    low, high = span
+    if not low <= value <= high:
+        raise InputError(path, place, f"expected {low:g} to {high:g} {unit}, got {value}")
 
 
 def link_place(path: Path, index: int, link: LinkEntry, *keys: str) -> str:

@@ -84,14 +84,19 @@ def _check_attributes(path: Path, e: ET.Element) -> None:
 
 
 def _check_numbers(path: Path, e: ET.Element, key: str, text: str) -> None:
-    most, count = LARGEST_OF.get(key, LARGEST), MOST_NUMBERS if e.tag != "mesh" else MAX_BYTES
+    most, largest = MAX_BYTES if e.tag == "mesh" else MOST_NUMBERS, LARGEST_OF.get(key, LARGEST)
+    if _read(text, most, largest) is None:
+        problem = f"expected finite numbers up to {largest:g}, {WRITTEN}, got {_short(text)}"
+        raise InputError(path, xml_place(path, e), f"{key}: {problem}")
+
+
+def _read(text: str, count: int, largest: float) -> list[float] | None:
+    """So many numbers at most, none of them larger; None where it is something else."""
     try:
         values = read_decimals(text.split(maxsplit=count))
     except ValueError:
-        values = [math.nan]
-    if len(values) > count or not all(abs(x) <= most for x in values):
-        problem = f"expected finite numbers up to {most:g}, {WRITTEN}, got {_short(text)}"
-        raise InputError(path, xml_place(path, e), f"{key}: {problem}")
+        return None
+    return values if len(values) <= count and all(abs(x) <= largest for x in values) else None
 
 
 def _short(text: str) -> str:
@@ -163,11 +168,8 @@ def numbers(path: Path, e: ET.Element, key: str, count: int) -> list[float]:
     text = e.get(key)
     if text is None:
         raise InputError(path, xml_place(path, e), f"expected an attribute {key} of {count} number(s)")
-    try:
-        values = read_decimals(text.split())
-    except ValueError:
-        values = []
-    if len(values) != count or not all(abs(x) <= LARGEST for x in values):
+    values = _read(text, count, LARGEST)
+    if values is None or len(values) != count:
         problem = f"expected {count} number(s) up to {LARGEST:g}, got {_short(text)}"
         raise InputError(path, xml_place(path, e), f"{key}: {problem}")
     return values

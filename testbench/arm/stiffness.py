@@ -20,6 +20,19 @@ TUBE_RANGES = {"length": (1e-3, 100.0), "outer_diameter": (1e-3, 100.0), "youngs
 
 
 @dataclass(frozen=True)
+class Material:
+    """An elastic material."""
+
+    E: float  #: Young's modulus [Pa].
+    nu: float  #: Poisson's ratio [1].
+
+    @property
+    def G(self) -> float:
+        """Shear modulus [Pa]."""
+        return self.E / (2 * (1 + self.nu))
+
+
+@dataclass(frozen=True)
 class Tube:
     """A straight hollow circular beam, the equivalent of a link."""
 
@@ -55,7 +68,7 @@ def tube_compliance(tube: Tube) -> Array:
     D, d = tube.outer_diameter, tube.inner_diameter
     area = np.pi * (D**2 - d**2) / 4
     inertia = np.pi * (D**4 - d**4) / 64
-    G = E / (2 * (1 + tube.poissons_ratio))
+    G = Material(E, tube.poissons_ratio).G
     bending = L / (E * inertia)
     across = bending * L**2 / 3
     C = np.diag([L / (E * area), across, across, L / (G * 2 * inertia), bending, bending])

@@ -218,7 +218,7 @@ def _sags(arm: Looked) -> Iterator[str]:
 
 def _payloads(arm: Looked) -> Iterator[str]:
     """A payload that somebody has stated."""
-    from testbench.plant.import_robot.propose import PAYLOAD_OFF
+    from testbench.campaign.propose import PAYLOAD_OFF
 
     payload = arm.elastic.payload
     if payload is not None and payload.origin == "estimated":
@@ -228,7 +228,7 @@ def _payloads(arm: Looked) -> Iterator[str]:
 
 def _behind(arm: Looked) -> Iterator[str]:
     """Tool beyond the last link as drawn; load point and markers beyond its end, or the tool in it."""
-    from testbench.plant.import_robot.beam import COINCIDE, flange_axis
+    from testbench.campaign.beam import COINCIDE, flange_axis
 
     vjm, links = arm.vjm, arm.cell.arm.links
     if len(links) == 1:
@@ -250,7 +250,7 @@ def _behind(arm: Looked) -> Iterator[str]:
 
 def _points(arm: Looked) -> Iterator[str]:
     """Load point and markers near the tool, markers not on a line."""
-    from testbench.plant.import_robot.propose import on_a_line
+    from testbench.campaign.propose import on_a_line
 
     vjm, names = arm.vjm, arm.cell.arm.markers
     for name, place in zip((arm.cell.arm.load, *names), (vjm.load, *vjm.markers), strict=True):

@@ -76,9 +76,9 @@ def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> Score:
 def _judged(cell: Cell, found: Found, many: Many) -> Found:
     """Models judged on very many runs; of these those that are looked at, the worst among them."""
     best = next(k for k, m in enumerate(found.models) if m.name == found.taken.name)
-    used = judge(cell.vjm, found.estimates, many.every, many.used, best)
+    used, worst = judge(cell.vjm, found.estimates, many.every, many.used, best)
     held = None if many.used.all() else judge(cell.vjm, found.estimates, many.every, ~many.used, best)
-    worst = used.worst if held is None else np.union1d(used.worst, held.worst)
+    worst = worst if held is None else np.union1d(worst, held[1])
     every, fitted, held_back = many.looked_at(worst)
     note = (
         f"all {many.every.runs} runs are fitted and judged; doubts, intervals, tables and pictures are of "
@@ -86,5 +86,5 @@ def _judged(cell: Cell, found: Found, many: Many) -> Found:
     )
     notes = (*found.runs.notes, note)
     shown = replace(found.runs, every=every, used=fitted, check=held_back, notes=notes)
-    check = [None] * len(found.models) if held is None else held.scores
-    return replace(found, runs=shown, used=used.scores, check=check)
+    check = [None] * len(found.models) if held is None else held[0]
+    return replace(found, runs=shown, used=used, check=check)

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from testbench.arm.folder import COMPLIANCE_UNIT
+from testbench.campaign.beam import reach
+from testbench.campaign.propose import ALUMINIUM, LinkProposal, Proposal, Wishes, in_wrist, propose
 from testbench.errors import Array
-from testbench.plant.import_robot.beam import reach
-from testbench.plant.import_robot.propose import ALUMINIUM, LinkProposal, Proposal, Wishes, in_wrist, propose
 from testbench.plant.import_robot.robot import Chain, Note
 from testbench.plant.import_robot.write import rigid_mjcf
 
@@ -81,7 +81,7 @@ def write_arm(chain: Chain, wishes: Wishes, folder: Path) -> list[str]:
         OSError: When the folder cannot be written.
     """
     proposal = propose(chain, wishes)
-    root, meshes, touching = rigid_mjcf(chain, proposal)
+    root, meshes, touching = rigid_mjcf(chain, proposal.tool, [*proposal.markers, proposal.load])
     pairs = tuple(f"{one} and {other}" for one, other in touching)
     notes = [sentence(note) for note in (*chain.notes, *([Note("touching", pairs)] if pairs else []))]
     zero = f"{chain.n_joints} joints; origins lie on their axes, and q = 0 is the zero of the robot's file"
@@ -106,14 +106,14 @@ def elastic_toml(chain: Chain, wishes: Wishes, proposal: Proposal) -> str:
             no = "masses" if len(bare) == chain.n_joints else f"mass of {', '.join(bare)}"
             note += f", the file has no {no}"
         payload = _quantity(proposal.payload, "kg", note)
-    names = {"tool": [proposal.tool_name], "load": [proposal.load[0]]}
+    names = {"tool": [proposal.tool.name], "load": [proposal.load[0]]}
     names["markers"] = names["sites"] = [name for name, _ in proposal.markers]
     proposed = [note._replace(names=(chain.tip.name,)) for note in proposal.proposed]
     text = [
         *_to_confirm(chain.name, proposal, note, [sentence(one) for one in proposed]),
         "format = 1",
         f"title = {_word(chain.name)}",
-        f"tool = {_word(proposal.tool_name)}",
+        f"tool = {_word(proposal.tool.name)}",
         f"load = {_word(proposal.load[0])}",
         f"markers = {_words(names['markers'])}",
         f"to_confirm = {_words([name for note in proposed for name in names[note.kind]])}",

@@ -10,10 +10,10 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.arm.cast import cast_link
 from testbench.arm.folder import Arm, Link
 from testbench.arm.stiffness import check_compliance, turned
 from testbench.campaign.campaign import Cell, stream
+from testbench.campaign.cast import cast_link
 from testbench.errors import Array, BenchError
 from testbench.model.structure import TEMPLATE
 

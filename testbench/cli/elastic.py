@@ -8,9 +8,9 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.cli.arguments import ArmName
+from testbench.commands.elastic import write_elastic
 from testbench.errors import word
 from testbench.output.place import Kind, claim_file
-from testbench.plant import write_elastic
 from testbench.shell.options import Force
 from testbench.views.terminal import plain_console
 

@@ -99,7 +99,7 @@ def _tables(f: Row) -> dict[str, Table]:
     found = [Row(row, what=row.name) for row in (*f.compliances, *f.geometry)]
     by_series = columns("series after.n before.mean_mm after.mean_mm after.max_mm")
     spectrum = "joint rms_urad largest.order largest.amplitude_urad largest.deviation_urad significant"
-    title = "What improves held-out readings"
+    title = "What improves held-out readings, calibrated"
     return {
         "steps": Table(
             columns("tried verdict after_mm series_after_mm"), tried, title, headline="after_mm", looks=kept

@@ -62,7 +62,7 @@ def report(runs: Sequence[Finished]) -> Report:
         tables[f"{pair.b}_numbers"] = _numbers(pair)
     whole = not f.inputs and all(pair.same for pair in beside)
     every = listed(list(named))
-    alike = f"{every} are alike: nothing differs, neither inputs nor numbers."
+    alike = f"Nothing differs between {every}, neither inputs nor numbers."
     answers = [say("{letter} says: {answer}", run) for run in f.runs if run.answer]
     return Report(
         scenario="compare",
@@ -148,7 +148,7 @@ def _led(pair: Row) -> list[Row]:
 def _better(pair: Row, row: Row) -> Markdown:
     """Which of two runs errs less, and by how much."""
     if not apart(row):
-        return Markdown(f"{pair.a} and {pair.b} err alike")
+        return Markdown(f"No clear difference between {pair.a} and {pair.b}")
     ours, theirs = (pair.b, pair.a) if row.verdict == "less" else (pair.a, pair.b)
     if row.ratio is None or not TIMES[0] < middle(row.ratio) < TIMES[1]:
         return Markdown(f"{ours} errs less")
@@ -176,10 +176,12 @@ def _counted(pair: Row) -> Markdown:
     """How many numbers differ."""
     both, n = f"{pair.a} and {pair.b}", pair.counts
     if pair.same:
-        return Markdown(f"{both} are alike: no number differs.")
+        return Markdown(f"No number differs between {both}.")
     every = counted(n.every, "number")
     if not n.beyond + n.unsure:
-        return Markdown(f"{both} are alike: of {every} none differs by more than its spread or 2 %.")
+        return Markdown(
+            f"No clear difference between {both}: of {every} none differs by more than its spread or 2 %."
+        )
     apart = f"{n.beyond} by more than their spread, {n.unsure} by more than 2 % without one"
     return Markdown(f"{both} differ in {n.beyond + n.unsure} of {every}: {apart}.")
 
@@ -195,7 +197,7 @@ def _why(pair: Row) -> Markdown:
     if own.by == "one":
         side = "on a side" if isinstance(own.a, Spread) or isinstance(own.b, Spread) else "each"
         return Markdown(f"One number {side}: no spread tells whether that is chance.")
-    do = "overlap" if own.verdict == "alike" else "do not overlap"
+    do = "overlap" if own.verdict == "tie" else "do not overlap"
     return Markdown(f"Their intervals over the seeds {do}.")
 
 
@@ -246,7 +248,7 @@ def _of_models(pair: Row) -> Iterator[Markdown]:
         ahead, behind = verdicts.count("less"), verdicts.count("more")
         yield Markdown(
             f"Of {counted(len(verdicts), 'model')} {ahead} err{'s' * (ahead == 1)} less in {pair.b}, "
-            f"{behind} more, {len(verdicts) - ahead - behind} alike."
+            f"{behind} more, {len(verdicts) - ahead - behind} show no clear difference."
         )
     if only := [name for own in pair.only for name in own]:
         more = f"; and {len(only) - ONLY} more" if len(only) > ONLY else ""

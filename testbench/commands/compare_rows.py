@@ -13,6 +13,7 @@ from testbench.report.report import Report, number
 from testbench.report.table import Row, finite
 from testbench.trials.spread import SAME, Number, Spread, ends, middle, spread, triple, wins
 from testbench.trials.store import WHOLE
+from testbench.views.gains import median_interval
 from testbench.views.schema import ALIKE, Column, Table
 
 KINDS = {
@@ -29,8 +30,8 @@ KEPT = 200  #: Numbers of tables that are kept.
 ROUNDING = 1e-12  #: Numbers below, in the shown unit, are rounding of 0.
 FEWEST = 2  #: Pairs that have a spread.
 
-Verdict = Literal["same", "alike", "less", "more"]
-"""Of the second number beside the first one; alike are those within 2 %, or that the spread covers."""
+Verdict = Literal["same", "tie", "less", "more"]
+"""Of the second number beside the first one; a tie is within 2 %, or where its interval holds both."""
 BySeed = Mapping[int, float]
 ALONE: BySeed = {}  #: Of a run of one seed.
 
@@ -49,18 +50,19 @@ def differ(a: Number, b: Number, ours: BySeed = ALONE, theirs: BySeed = ALONE) -
         times = spread(known)
         x, y = ([own[seed] for seed in ours] for own in (ours, theirs))
         told = {"by": "pairs", "pairs": len(x), "smaller": wins(y, x), "larger": wins(x, y)}
-        return Row(a=a, b=b, difference=difference, ratio=times, verdict=_paired(times), **told)
+        return Row(a=a, b=b, difference=difference, ratio=times, verdict=_paired(times, known), **told)
     by = "spreads" if isinstance(a, Spread) and isinstance(b, Spread) else "one"
     ratio = finite(second / first) if first > 0 else None
     return Row(a=a, b=b, difference=difference, ratio=ratio, verdict=_verdict(a, b), by=by)
 
 
-def _paired(ratio: Spread) -> Verdict:
+def _paired(ratio: Spread, ratios: Sequence[float]) -> Verdict:
     if np.allclose(triple(ratio), 1, rtol=0, atol=SAME):
         return "same"
     low, high = ratio.ends
-    if low <= 1 <= high or max(abs(low - 1), abs(high - 1)) <= ALIKE:
-        return "alike"
+    within = median_interval(np.array(ratios)) or (low, high)
+    if within[0] <= 1 <= within[1] or max(abs(low - 1), abs(high - 1)) <= ALIKE:
+        return "tie"
     return "less" if ratio.median < 1 else "more"
 
 
@@ -69,7 +71,7 @@ def _verdict(a: Number, b: Number) -> Verdict:
     if np.allclose(triple(a), triple(b), rtol=SAME, atol=0, equal_nan=True):
         return "same"
     if (low <= most and least <= high) or size(a, b) < math.log1p(ALIKE):
-        return "alike"
+        return "tie"
     return "less" if middle(b) < middle(a) else "more"
 
 
@@ -82,7 +84,7 @@ def size(a: Number, b: Number) -> float:
 
 
 def apart(row: Row) -> bool:
-    """Whether two numbers are not alike."""
+    """Whether two numbers differ clearly."""
     return row.verdict in ("less", "more")
 
 
@@ -90,8 +92,8 @@ def told(row: Row) -> str:
     """What the second number is beside the first one."""
     if row.verdict == "same":
         return "the same"
-    if row.verdict == "alike":
-        return "within 2 %" if size(row.a, row.b) < ALIKE else "within the spread"
+    if row.verdict == "tie":
+        return "within 2 %" if size(row.a, row.b) < ALIKE else "no clear difference"
     words = ("smaller", "larger") if min(*triple(row.a), *triple(row.b)) >= 0 else ("lower", "higher")
     return words[row.verdict == "more"] + (", no spread" if row.by == "one" else "")
 
@@ -158,7 +160,8 @@ def badge_of(lead: Row, a: tuple[str, Finished], b: tuple[str, Finished]) -> Bad
     )
     if not x or x.keys() != y.keys():
         x, y = ({0: middle(own)} for own in (lead.a, lead.b))
-    return decide((b[0], [y[seed] for seed in x]), (a[0], [*x.values()]))
+    each = "trial" if x.keys() == y.keys() and len(x) > 1 else "pair of runs"
+    return decide((b[0], [y[seed] for seed in x]), (a[0], [*x.values()]), each)
 
 
 def _trials(run: Finished) -> Mapping[tuple[str, str], Sequence[BySeed]]:

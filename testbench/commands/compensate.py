@@ -164,7 +164,7 @@ def _tables(f: Row) -> dict[str, Table]:
     """How far the tool is off, and the points that are not corrected, then those of the largest error."""
     errors = {BEFORE: f.before_mm, AFTER: f.half_95_mm}
     off = [
-        Row({f"{key}_mm": mm for key, mm in own.items()}, what=name) for name, own in errors.items() if own
+        Row({f"{key}_mm": mm for key, mm in (own or {}).items()}, what=name) for name, own in errors.items()
     ]
     sizes_of = columns(f"what median_mm {'p95_mm' if f.loaded >= ENOUGH else ''} max_mm")
     turn, reason = "turn_left_mrad" if f.turned else "", "reason" if f.corrected < f.points else ""

@@ -157,7 +157,7 @@ def badge_of(f: Row) -> Badge | None:
         np.array([row[key] for row in loaded], dtype=float) for key in ("before_mm", "half_95_mm")
     )
     why = "the model does not know enough to promise an improvement" if f.harmful else ""
-    if f.tolerance and f.tolerance.failed:
+    if not why and f.tolerance and f.tolerance.failed:
         why = f"{counted(f.tolerance.failed, 'point')} may be off by more than {f.tolerance.mm:g} mm"
     return decide((CORRECTED, half), (BEFORE, before), "point", why)
 

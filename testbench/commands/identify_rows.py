@@ -12,9 +12,10 @@ from testbench.campaign.rows import MM
 from testbench.campaign.stiffness_model import weights_known
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, kept_mm, places_at
 from testbench.correct.predicted import predict
+from testbench.data.dataset import Dataset
 from testbench.errors import Array, NoEquilibrium, PoseError
 from testbench.identify.arm_model import of_estimate
-from testbench.identify.evaluate import all_deflections, noise_limit
+from testbench.identify.evaluate import all_deflections
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose
@@ -62,7 +63,7 @@ def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array
         recommended=fits.recommended,
         why=fits.why,
         models=[_model(own, found, places) for own in fits.models],
-        noise_p95_mm=MM * noise_limit(found.runs.every),
+        noise_p95_mm=MM * _noise_limit(found.runs.every),
         residuals=_residuals(found, left),
         seen=_seen(cell, found),
         badge=_badge(found, left),
@@ -221,3 +222,12 @@ def _certainty(half: Array) -> Mapping[str, float | None]:
     known = half[np.isfinite(half)]
     low, middle, most = np.quantile(known, (0, 0.5, 0.95)).tolist() if known.size else (None,) * 3
     return {"without_bound": len(half) - known.size, "least_mm": low, "median_mm": middle, "p95_mm": most}
+
+
+def _noise_limit(data: Dataset) -> float:
+    """95th percentile of the largest of m noisy deflections, each of three normal components [m]."""
+    from scipy.special import gammaincinv  # here: importing it takes longer than most fits
+
+    share = 0.95 ** (1 / len(data.markers))
+    squared = 2 * gammaincinv(3 / 2, share)  # quantile of chi squared
+    return float(data.sigma * np.sqrt(2 * squared))

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from testbench.arm.decimal import read_decimals
 from testbench.arm.elastic import PAYLOAD_RANGE
+from testbench.campaign.propose import Wishes
 from testbench.errors import Array, BenchError, check_array
-from testbench.plant.import_robot.propose import Wishes
 from testbench.plant.import_robot.robot import pose_of
 
 LARGEST = 10.0  #: Farthest point from the tip that can be meant in metres [m].

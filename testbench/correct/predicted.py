@@ -1,7 +1,7 @@
 """Where the tool goes under its loads, and how sure that is."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -78,9 +78,9 @@ def predict(  # noqa: PLR0913 - all but two have defaults
 
 def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool, confidence: float) -> Prediction:
     """The same of few poses."""
-    q = loaded.q
-    half = half_widths(model, loaded, Poses(q), points, confidence)
-    before, after = rest(model.state, q), rest(model.state, q, loaded.loads)
+    before, after = rest(model.state, loaded.q), loaded.at_rest(model.state)
+    loaded, free = replace(loaded, rest=after), Poses(loaded.q, rest=before)
+    half = half_widths(model, loaded, free, points, confidence)
     (deflection, turn), straight = _moved(before, after, points), _linear(model, loaded, points)
     apart = np.linalg.norm(deflection[:, 0] - straight[0][:, 0], axis=1)
     start = _places(before, points)

@@ -86,8 +86,10 @@ def give_halves(model: ArmModel, q: Array, tool: Stiffness, force: float) -> Arr
         The widest along world x, y, z, (poses, 3) [m]; infinite where the model has not seen what gives.
     """
     found, origin = np.empty((len(q), 3)), np.zeros(3)
-    for k in range(3):
-        wrench = np.hstack([force * tool.axes[:, :, k], np.zeros((len(q), 3))])
-        pushed = Poses(q, [Load(wrench, origin)])
-        found[:, k] = half_widths(model, pushed, Poses(q), origin[None])[:, 0].max(axis=1)
+    for some in batches(len(q)):
+        free = Poses(q[some], rest=rest(model.state, q[some]))
+        for k in range(3):
+            push = force * tool.axes[some, :, k]
+            pushed = Poses(q[some], [Load(np.hstack([push, 0 * push]), origin)])
+            found[some, k] = half_widths(model, pushed, free, origin[None])[:, 0].max(axis=1)
     return found

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.correct.batches import batches
-from testbench.correct.rest import rest
+from testbench.correct.batches import at, batches
+from testbench.correct.rest import Rest, rest
 from testbench.data.dataset import Ids
 from testbench.errors import Array, BenchError
+from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.posterior import CONFIDENCE, check_confidence, conditional, quantile
 from testbench.model.joint_errors import basis
@@ -36,6 +37,7 @@ class Poses:
     #: Whether own weight counts as one of the loads, to a model of compliances alone: deflections are then
     #: from the arm as drawn.
     heavy: bool = False
+    rest: Rest | None = None  #: The tool under these loads, where that is known already.
 
     def __post_init__(self) -> None:
         """Give every load a row a pose; BenchError where it has another number of them."""
@@ -43,7 +45,12 @@ class Poses:
 
     def of(self, some: slice | Ids) -> "Poses":
         """Some of the poses."""
-        return Poses(self.q[some], [load.of(some) for load in self.loads], self.heavy)
+        known = None if self.rest is None else at(self.rest, some)
+        return Poses(self.q[some], [load.of(some) for load in self.loads], self.heavy, known)
+
+    def at_rest(self, state: State) -> Rest:
+        """The tool under these loads; NoEquilibrium where the arm cannot bear them."""
+        return self.rest or rest(state, self.q, self.loads)
 
 
 def half_widths(
@@ -84,8 +91,8 @@ def half_widths(
     return np.concatenate(found)
 
 
-def fitted_half_widths(model: ArmModel, end: Poses, point: Array, confidence: float = CONFIDENCE) -> Array:
-    """Half intervals of where a point of the tool is, relative to its other places: a frame fitted to them.
+def fitted_half_widths(model: ArmModel, end: Poses, point: Array) -> Array:
+    """Half 95 % intervals of where a point of the tool is, relative to its others: a frame fitted to them.
 
     Readings of a tracker do not tell where the base is from where its frame is: a calibrated arm knows places
     better beside each other than in its base. What a work frame measured by the tool takes up is taken out
@@ -95,20 +102,19 @@ def fitted_half_widths(model: ArmModel, end: Poses, point: Array, confidence: fl
         model: Absolute.
         end: At least 3 poses, not all in one place.
         point: In the tool's frame, (3,) [m].
-        confidence: Of each interval by itself.
 
     Returns:
         Along world x, y, z, (poses, 3) [m].
     """
     rows = rows_between(model, end, None, point[None])[:, 0]
-    x = rest(model.state, end.q, end.loads).at(point)
+    x = end.at_rest(model.state).at(point)
     x = x - x.mean(axis=0)
     turns = np.stack([np.cross(axis, x) for axis in np.eye(3)], axis=2)
     F = np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2).reshape(-1, 6)
     A = rows.reshape(len(F), -1)
     A = A - F @ np.linalg.lstsq(F, A)[0]
-    half = model.posterior.half_widths(A, confidence).reshape(x.shape)
-    return np.asarray(np.hypot(half, quantile(math.inf, (1 + confidence) / 2) * model.scatter))
+    half = model.posterior.half_widths(A).reshape(x.shape)
+    return np.asarray(np.hypot(half, quantile(math.inf, (1 + CONFIDENCE) / 2) * model.scatter))
 
 
 def rows_between(model: ArmModel, end: Poses, start: Poses | None, points: Array) -> Array:
@@ -131,7 +137,7 @@ def _rows(model: ArmModel, poses: Poses, points: Array) -> Array:
     have not seen that little would be infinite. What is left out is in `curvature`.
     """
     state, unknowns, loads = model.state, model.unknowns, poses.loads
-    where = chain(model.vjm, poses.q, rest(state, poses.q, loads).theta if model.absolute else None)
+    where = chain(model.vjm, poses.q, poses.at_rest(state).theta if model.absolute else None)
     u = on_joints(where, loads)
     if model.absolute or poses.heavy:
         u = own_weight(where, state.weights) + u
@@ -155,7 +161,7 @@ def curvature(model: ArmModel, poses: Poses, points: Array) -> Array:
     Compliances are identified by Eq. (12), which is linear; the equilibrium is not.
     """
     state, loads = model.state, poses.loads
-    where, after = chain(model.vjm, poses.q), rest(state, poses.q, loads)
+    where, after = chain(model.vjm, poses.q), poses.at_rest(state)
     u = on_joints(where, loads)
     if poses.heavy:
         (position, rotation), u = tool_pose(model.vjm, poses.q), u + own_weight(where, state.weights)

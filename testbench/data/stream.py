@@ -20,7 +20,7 @@ from testbench.data.lines import MAX_BYTES, Line, letters
 from testbench.data.mapping import Names
 from testbench.data.names import Slot, What
 from testbench.data.spool import Held
-from testbench.data.table import Kinds, read_numbers, release, table_of
+from testbench.data.table import ID_CELL, NUMBER_CELL, WORD_CELL, read_numbers, release, table_of
 from testbench.errors import InputError, open_file
 
 LEAST, MOST = 16_000_000, 20_000_000_000
@@ -164,9 +164,8 @@ class _Reader(Generic[Read]):
             settled["skip"] = table.header - 1
         self.layout = own.model_copy(update=settled)
         self.above = b"".join(content.splitlines(keepends=True)[: self.start])
-        numbers = [c.index for c in columns.found.values() if c.unit]
-        words = [c.index for c in columns.found.values() if c.index not in (*numbers, *self.ids)]
-        self.kinds = Kinds(numbers, self.ids, words)
+        self.kinds = {c.index: NUMBER_CELL if c.unit else WORD_CELL for c in columns.found.values()}
+        self.kinds |= dict.fromkeys(self.ids, ID_CELL)
         self.plain = not (self.names.lost or self.names.loads)
 
     def _whole_keys(self, content: bytes) -> int:

@@ -230,13 +230,8 @@ def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool],
     )
 
 
-@dataclass(frozen=True)
-class Kinds:
-    """What plain cells of the columns of a table hold."""
-
-    numbers: Sequence[int]  #: A finite number, or nothing.
-    ids: Sequence[int]  #: An integer.
-    words: Sequence[int]  #: Anything.
+NUMBER_CELL, ID_CELL, WORD_CELL = pa.float64(), pa.int64(), pa.string()
+"""What plain cells of a column hold: a finite number or nothing, an integer, anything."""
 
 
 def release() -> None:
@@ -244,14 +239,16 @@ def release() -> None:
     pa.default_memory_pool().release_unused()
 
 
-def read_numbers(table: Table, content: bytes, number: int, kinds: Kinds) -> Table | None:
+def read_numbers(
+    table: Table, content: bytes, number: int, kinds: Mapping[int, "pa.DataType"]
+) -> Table | None:
     """More rows of a table, told apart by one byte, their columns read at once; no others are looked at.
 
     Args:
         table: The rows before.
         content: Whole lines.
         number: How many lines there are in the file before them.
-        kinds: The columns that are read.
+        kinds: The columns that are read, and what their cells hold.
 
     Returns:
         None for anything that has to be looked at line by line: comments, quotes, blank lines, cells that are
@@ -261,13 +258,11 @@ def read_numbers(table: Table, content: bytes, number: int, kinds: Kinds) -> Tab
         return None
     if any(mark in content for mark in (b'"', b"#", b"//", b"\r", b"\0")):
         return None
-    types = dict.fromkeys(kinds.words, pa.string()) | dict.fromkeys(kinds.numbers, pa.float64())
-    types |= dict.fromkeys(kinds.ids, pa.int64())
     try:
         found = _cells(
             content,
             len(table.names),
-            types,
+            kinds,
             csv.ParseOptions(delimiter=table.delimiter, quote_char=False, ignore_empty_lines=False),
             table.decimal or ".",
         )
@@ -275,9 +270,12 @@ def read_numbers(table: Table, content: bytes, number: int, kinds: Kinds) -> Tab
         return None
     rows = content.count(b"\n") + (not content.endswith(b"\n"))
     cells = [found.get(k, pa.nulls(rows)) for k in range(len(table.names))]
-    sound = all(pc.all(pc.is_finite(cells[k])).as_py() is not False for k in kinds.numbers)
-    if any(len(own) != rows for own in cells) or not sound or any(cells[k].null_count for k in kinds.ids):
+    if any(len(own) != rows for own in cells):
         return None
+    for k, kind in kinds.items():
+        endless = kind is NUMBER_CELL and pc.all(pc.is_finite(cells[k])).as_py() is False
+        if endless or (kind is ID_CELL and cells[k].null_count):
+            return None
     return replace(table, lines=number + 1 + np.arange(rows), cells=cells)
 
 

@@ -84,7 +84,7 @@ def optimum(regression: Regression) -> Estimate:
     certificate, reached = _judged(regression, program, pi, answer.dual)
     if not reached:
         other = by_squares(regression, program)
-        proof, better = _judged(regression, program, other, answer.dual)
+        proof, better = _judged(regression, program, other, gradient_dual(regression, other))
         if better or proof.duality_gap < certificate.duality_gap:
             pi, certificate, reached = other, proof, better
     left = f_m(regression, pi)
@@ -100,12 +100,10 @@ def optimum(regression: Regression) -> Estimate:
 
 
 def _judged(regression: Regression, program: Program, pi: Array, dual: Dual) -> tuple[Certificate, bool]:
-    """The better of two proofs of parameters, and whether it proves them to be the optimum."""
-    proofs = [bound(regression, pi, own) for own in (dual, gradient_dual(regression, pi))]
-    best = min(proofs, key=lambda proof: proof.duality_gap)
-    left = f_m(regression, pi)
-    over = min(best.duality_gap, left)  # F_M cannot be negative
-    return best, over <= GAP_TOLERANCE * left + DATA_TOLERANCE * program.unit
+    """What a dual proves of parameters, and whether they are so near the optimum that they are solved."""
+    certificate, left = bound(regression, pi, dual), f_m(regression, pi)
+    over = min(certificate.duality_gap, left)  # F_M cannot be negative
+    return certificate, over <= GAP_TOLERANCE * left + DATA_TOLERANCE * program.unit
 
 
 def by_squares(regression: Regression, program: Program) -> Array:

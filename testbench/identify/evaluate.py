@@ -92,24 +92,9 @@ def score(predicted: Array, reference: Array) -> Score:
     )
 
 
-def noise_limit(data: Dataset) -> float:
-    """95th percentile of the largest of m noisy deflections, each of three normal components [m]."""
-    from scipy.special import gammaincinv  # here: importing it takes longer than most fits
-
-    share = 0.95 ** (1 / len(data.markers))
-    squared = 2 * gammaincinv(3 / 2, share)  # quantile of chi squared
-    return float(data.sigma * np.sqrt(2 * squared))
-
-
-@dataclass(frozen=True)
-class Judged:
-    """Models on some runs."""
-
-    scores: tuple[Score, ...]  #: Of every model.
-    worst: Ids  #: Indices of the runs of which one of the models leaves most, in rising order.
-
-
-def judge(vjm: Vjm, estimates: Sequence[Estimate], blocks: Blocks, which: Mask, taken: int) -> Judged:
+def judge(
+    vjm: Vjm, estimates: Sequence[Estimate], blocks: Blocks, which: Mask, taken: int
+) -> tuple[tuple[Score, ...], Ids]:
     """Errors of models on runs.
 
     Args:
@@ -118,6 +103,9 @@ def judge(vjm: Vjm, estimates: Sequence[Estimate], blocks: Blocks, which: Mask, 
         blocks: The runs.
         which: Those that count, (runs,).
         taken: Which model's largest errors are remembered.
+
+    Returns:
+        Scores of every model, and the runs of which one of them leaves most, by index in rising order.
     """
 
     def work(share: Sequence[int]) -> _Sums:
@@ -131,7 +119,7 @@ def judge(vjm: Vjm, estimates: Sequence[Estimate], blocks: Blocks, which: Mask, 
     one, *more = in_threads(blocks, work)
     for other in more:
         one.join(other)
-    return Judged(tuple(map(one.score, range(len(estimates)))), np.sort(one.worst))
+    return tuple(map(one.score, range(len(estimates)))), np.sort(one.worst)
 
 
 class _Sums:

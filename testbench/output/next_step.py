@@ -24,6 +24,7 @@ COMMANDS = {
     "plan": [
         "simulate {arm} {run}/plan.csv{flags} --out rehearsal.csv",
         "data check {arm} MEASURED.csv --out {beside}data",
+        "identify {arm} MEASURED.csv{fit} --out {beside}model",
     ],
     "plan absolute": [
         "simulate {arm} {run}/plan.csv{flags} --out rehearsal.csv",
@@ -65,6 +66,7 @@ def next_lines(run: Path, **known: str | Path) -> list[str]:
         "beside": "" if run.parent == Path() else f"{word(run.parent)}/",
         "readings": "in the tracker's frame" if absolute else "without and with the load",
         "flags": _rehearsal(asked) if absolute else "",
+        "fit": _fit(asked),
         "arm": named,
         "model": named,
         "data": shown(data) if isinstance(data, str) else "MEASURED.csv",
@@ -86,3 +88,10 @@ def _rehearsal(asked: Mapping[str, JsonValue]) -> str:
     masses = [kg for kg in loads if isinstance(kg, float)] if isinstance(loads, list) else []
     flags += " --orientations" if asked.get("orientations") else ""
     return flags + (f" --loads {','.join(f'{kg:g}' for kg in masses)}" if len(masses) > 1 else "")
+
+
+def _fit(asked: Mapping[str, JsonValue]) -> str:
+    """Flags of `identify` that fit the model that a plan was made for."""
+    model = asked.get("model")
+    named = f" --model {shown(model)}" if isinstance(model, str) else ""
+    return named + (" --no-prior" if asked.get("uncertainty_percent") is None else "")

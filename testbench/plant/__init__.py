@@ -17,7 +17,7 @@ from testbench.plant.compensator import (
 )
 from testbench.plant.disturbance import TYPICAL, Disturbances, GeometryErrors
 from testbench.plant.disturbed import DisturbedPlant, disturb, settle_disturbed, settle_pair, true_angles
-from testbench.plant.elastic import elastic_mjcf, write_elastic
+from testbench.plant.elastic import elastic_mjcf
 from testbench.plant.equilibrium import Equilibrium, part_of, settle, unloaded
 from testbench.plant.feasible import Room, build_room, check_poses, collisions, has_surroundings
 from testbench.plant.gear import GearErrors, Gears, gear_error
@@ -65,5 +65,4 @@ __all__ = [
     "unloaded",
     "weightless",
     "with_markers",
-    "write_elastic",
 ]

@@ -50,6 +50,11 @@ class Plant:
     K: Array  #: Stiffness of MuJoCo's springs, (nv, nv) [N/m, N m/rad].
     carries: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
 
+    @property
+    def hinges(self) -> Index:
+        """Address of the sprung joint beside each actuated one, (n,)."""
+        return self.theta[6 * len(self.arm.links) :]
+
 
 def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:
     """A MuJoCo model from MJCF text whose meshes lie in the folder of `path`.

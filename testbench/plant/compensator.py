@@ -10,7 +10,6 @@ Joint 2 sees the equivalent stiffness K_eq = stiffness s'^2 + F s'', primes bein
 q_2: it vanishes nearly where the strut points at the axis and is largest where it stands square on its lever.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,6 +38,11 @@ class Compensator:
         for name in ("rate", "rest_length", "stiffness"):
             value = getattr(self, name)
             check_least(0.0 if value is None else value, f"{name} of the compensator")
+
+    @property
+    def slope(self) -> float:
+        """Change of force over change of length as the arm deflects [N/m]."""
+        return self.rate if self.stiffness is None else self.stiffness
 
 
 KR500_COMPENSATOR = Compensator(
@@ -70,13 +74,13 @@ radian would take 400 times the torque of the arm's own weight.
 
 @dataclass(frozen=True)
 class Strut:
-    """The compensator in some poses, told by their indices."""
+    """The compensator in some poses; `some` are indices of them."""
 
-    #: Its generalised force where the arm is, (some, nv) [N, N m].
-    force: Callable[[State, Index], Array]
-    #: Applies the inverse of C (C^-1 + stiffness g g^T), by Sherman and Morrison, with g = ds / dqpos in the
-    #: held pose, to steps, (some, nv): how far it stiffens the arm.
-    stiffen: Callable[[Array, Index], Array]
+    spring: Compensator
+    ends: tuple[int, int]  #: Ids of the bodies that it is hinged on.
+    held: Array  #: Its length in the held poses, theta = 0, (poses,) [m].
+    C_g: Array  #: C g with g = ds / dqpos in the held poses, (poses, nv).
+    share: Array  #: k g / (1 + k g C_g), k its slope, (poses, nv).
 
 
 def attached(plant: Plant) -> tuple[int, int]:
@@ -98,42 +102,50 @@ def attached(plant: Plant) -> tuple[int, int]:
 
 
 def strut(compensator: Compensator, plant: Plant, state: State) -> Strut:
-    """The compensator in some poses.
-
-    Args:
-        compensator: The spring.
-        plant: The elastic arm.
-        state: Its held poses, theta = 0.
-    """
-    lower, upper = attached(plant)
-    foot, head = np.array(compensator.foot), np.array(compensator.head)
-    stiffness = compensator.rate if compensator.stiffness is None else compensator.stiffness
-
-    def pull(state: State, start: Array, end: Array, force: Array) -> Array:
-        along = (force / _distance(start, end))[:, None] * (end - start)
-        at_foot, at_head = (np.concatenate([f, np.zeros_like(f)], axis=1) for f in (along, -along))
-        on_lower = generalised_force(plant, state, lower, at_foot, start)
-        return on_lower + generalised_force(plant, state, upper, at_head, end)
-
-    def ends(state: State) -> tuple[Array, Array]:
-        return place(state, lower, foot), place(state, upper, head)
-
-    held = _distance(*ends(state))
-    g = pull(state, *ends(state), np.full(len(held), -1.0))
+    """The compensator in held poses, theta = 0."""
+    ends = attached(plant)
+    hinges = _hinges(compensator, ends, state)
+    held = _length(hinges)
+    g = _pull(plant, ends, state, hinges, np.full(len(held), -1.0))
     C_g = np.matvec(plant.C, g)
-    share = stiffness / (1 + stiffness * np.vecdot(g, C_g))
-
-    def force(state: State, some: Index) -> Array:
-        preload = compensator.rate * (held[some] - compensator.rest_length)
-        start, end = ends(state)
-        return pull(state, start, end, preload + stiffness * (_distance(start, end) - held[some]))
-
-    def stiffen(step: Array, some: Index) -> Array:
-        along = share[some] * np.vecdot(g[some], step)
-        return np.asarray(step - along[:, None] * C_g[some])
-
-    return Strut(force, stiffen)
+    k = compensator.slope
+    share = (k / (1 + k * np.vecdot(g, C_g)))[:, None] * g
+    return Strut(compensator, ends, held, C_g, share)
 
 
-def _distance(start: Array, end: Array) -> Array:
-    return np.asarray(np.linalg.norm(end - start, axis=1))
+def strut_force(strut: Strut, plant: Plant, state: State, some: Index) -> Array:
+    """Its generalised force where the arm is, (some, nv) [N, N m]."""
+    spring, held = strut.spring, strut.held[some]
+    hinges = _hinges(spring, strut.ends, state)
+    force = spring.rate * (held - spring.rest_length) + spring.slope * (_length(hinges) - held)
+    return _pull(plant, strut.ends, state, hinges, force)
+
+
+def stiffen(strut: Strut, step: Array, some: Index) -> Array:
+    """Steps of the arm's own springs, (some, nv), as the strut lets them be.
+
+    It applies the inverse of C (C^-1 + k g g^T) of the held pose, by Sherman and Morrison.
+    """
+    along = np.vecdot(strut.share[some], step)
+    return np.asarray(step - along[:, None] * strut.C_g[some])
+
+
+def _hinges(spring: Compensator, ends: tuple[int, int], state: State) -> tuple[Array, Array]:
+    """Foot and head in the world, (poses, 3) [m]."""
+    return place(state, ends[0], np.array(spring.foot)), place(state, ends[1], np.array(spring.head))
+
+
+def _length(hinges: tuple[Array, Array]) -> Array:
+    return np.asarray(np.linalg.norm(hinges[1] - hinges[0], axis=1))
+
+
+def _pull(
+    plant: Plant, ends: tuple[int, int], state: State, hinges: tuple[Array, Array], force: Array
+) -> Array:
+    """Generalised force of a pull of both ends towards each other, (poses, nv) [N, N m]."""
+    along = (force / _length(hinges))[:, None] * (hinges[1] - hinges[0])
+    Q = np.zeros(state.weight.shape)
+    for body, point, pulled in zip(ends, hinges, (along, -along), strict=True):
+        wrench = np.concatenate([pulled, np.zeros_like(pulled)], axis=1)
+        Q += generalised_force(plant, state, body, wrench, point)
+    return Q

@@ -6,8 +6,7 @@ compensator and joint laws the forces and springs of its equilibrium. The nomina
 
 import copy
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -15,20 +14,13 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import find_body
 from testbench.errors import Array, check_array
-from testbench.plant.build import Index, Plant, compile_mjcf, plant_of, weightless, with_model
-from testbench.plant.compensator import attached, strut
+from testbench.plant.build import Plant, compile_mjcf, plant_of, weightless, with_model
+from testbench.plant.compensator import attached
 from testbench.plant.disturbance import FOUNDATION, Disturbances, GeometryErrors
 from testbench.plant.elastic import AXES, elastic_mjcf, insert_carrier
-from testbench.plant.equilibrium import (
-    Equilibrium,
-    linear_statics,
-    settle,
-    settle_by,
-)
+from testbench.plant.equilibrium import Equilibrium, Springs, settle
 from testbench.plant.gear import Gears, draw_gears, gear_error
-from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
-from testbench.plant.newton import Poses, Statics
-from testbench.plant.state import Row, evaluate
+from testbench.plant.joint_law import JointLaw
 
 
 @dataclass(frozen=True)
@@ -166,13 +158,16 @@ def settle_disturbed(
     if before is not None:
         check_array(before.theta, (len(q), plant.arm.n_theta), "theta before [m, rad]")
     q = true_angles(disturbed, q)
-    if not (changes.compensator or changes.stiffening or changes.backlash or changes.hysteresis):
-        return settle(plant, q, wrench, point)
-
-    def statics(poses: Poses, row: Row) -> Statics:
-        return _disturbed(changes, _law(changes, before, poses), poses, row)
-
-    return settle_by(statics, plant, q, wrench, point)
+    law = None
+    if changes.stiffening or changes.backlash or changes.hysteresis:
+        law = JointLaw(
+            compliance=np.array([joint.compliance for joint in plant.arm.joints]),
+            stiffening=changes.stiffening,
+            backlash=changes.backlash,
+            hysteresis=changes.hysteresis,
+            before=None if before is None else before.theta[:, 6 * len(plant.arm.links) :],
+        )
+    return settle(plant, q, wrench, point, Springs(law, changes.compensator))
 
 
 def settle_pair(
@@ -181,49 +176,3 @@ def settle_pair(
     """The disturbed arm unloaded, and then loaded from there."""
     unloaded = settle_disturbed(disturbed, q)
     return unloaded, settle_disturbed(disturbed, q, wrench, point, before=unloaded)
-
-
-def _law(changes: Disturbances, before: Equilibrium | None, poses: Poses) -> Callable[[Index], JointLaw]:
-    """How the joints give way, by pose."""
-    arm = poses.plant.arm
-    came_from = None if before is None else before.theta[poses.run, 6 * len(arm.links) :]
-    law = JointLaw(
-        compliance=np.array([joint.compliance for joint in arm.joints]),
-        stiffening=changes.stiffening,
-        backlash=changes.backlash,
-        hysteresis=changes.hysteresis,
-    )
-    return lambda some: law if came_from is None else replace(law, before=came_from[some])
-
-
-def _disturbed(changes: Disturbances, law: Callable[[Index], JointLaw], poses: Poses, row: Row) -> Statics:
-    """Forces and springs of poses with compensator and joint laws."""
-    plant, linear = poses.plant, linear_statics(poses, row)
-    hinges: Index = plant.theta[6 * len(plant.arm.links) :]
-
-    def deflect(Q: Array, some: Index) -> Array:
-        deflection = linear.deflect(Q, some)
-        deflection[:, hinges] = turn(law(some), Q[:, hinges])
-        return deflection
-
-    def compliance(Q: Array, some: Index) -> Array:
-        C = linear.compliance(Q, some).copy()
-        C[:, hinges, hinges] = slope(law(some), Q[:, hinges])
-        return C
-
-    def springs(qpos: Array, Q: Array, some: Index) -> Array:
-        forces = linear.springs(qpos, Q, some)  # MuJoCo's own hinges are linear
-        forces[:, hinges] = -spring_torque(law(some), qpos[:, hinges], Q[:, hinges])
-        return forces
-
-    bent = replace(linear, deflect=deflect, compliance=compliance, springs=springs)
-    if changes.compensator is None:
-        return bent
-    ends = attached(plant)
-    spring = strut(changes.compensator, plant, evaluate(row, poses.held, ends))
-    return replace(
-        bent,
-        bodies=(*linear.bodies, *ends),
-        force=lambda state, some: linear.force(state, some) + spring.force(state, some),
-        start=spring.stiffen,
-    )

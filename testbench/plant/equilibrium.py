@@ -1,16 +1,29 @@
-"""Static equilibrium of the elastic arm, many poses at once."""
+"""Static equilibrium of the elastic arm, many poses at once, by Newton on MuJoCo's generalised forces.
+
+With the actuated joints held, theta is at rest where K_theta theta = Q(theta), Q the generalised force of
+the arm's own weight and of what acts on it. Newton's matrix is K_theta - K_w (Eq. 7). K_w is small for
+an arm that can carry its load, so K_theta alone serves until it does not: theta <- C_theta Q(theta) gains two
+digits a step. Where it gains less than a factor four, the pose's tangent is taken by finite differences.
+
+What a pose comes to does not depend on those beside it: it takes its own steps and stops by itself, and
+matrices meet its vectors alone, since how BLAS rounds a product of two matrices depends on their sizes.
+"""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from testbench.errors import Array, check_array
+from testbench.errors import Array, NoEquilibrium, check_array
 from testbench.plant.build import Index, Plant
-from testbench.plant.newton import Poses, Statics, newton
+from testbench.plant.compensator import Compensator, Strut, attached, stiffen, strut, strut_force
+from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
 from testbench.plant.state import Row, State, evaluate, generalised_force, open_row, place
 
 TOGETHER = 512  #: Poses that take their Newton steps together: enough for numpy, few for memory.
+STEP_TOLERANCE = 1e-9  #: A pose is in equilibrium when the last Newton step is below this [m, rad].
+MAX_ITERATIONS = 50
+MAX_SAG = 0.5  #: A virtual joint beyond this [m, rad] is no longer an elastic deflection.
 
 
 @dataclass(frozen=True)
@@ -26,34 +39,67 @@ class Equilibrium:
     iterations: Index  #: Newton steps taken, (runs,).
 
 
-PoseStatics = Callable[[Poses, Row], Statics]
-"""Forces and springs of some poses."""
+@dataclass(frozen=True)
+class Springs:
+    """What else holds the arm than linear springs."""
+
+    law: JointLaw | None = None  #: How the joints give way, `before` by run; None for linearly.
+    compensator: Compensator | None = None  #: From link 1 to link 2.
 
 
-def settle(plant: Plant, q: Array, wrench: Array | None = None, point: Array | None = None) -> Equilibrium:
+@dataclass(frozen=True)
+class Poses:
+    """Poses that take their Newton steps together; `some` are indices, repeated where a pose is varied."""
+
+    plant: Plant
+    held: Array  #: Configuration with the actuated joints where they are held and theta = 0, (poses, nv).
+    wrench: Array  #: Force and moment, world axes, (poses, 6) [N, N m].
+    point: Array  #: Where it acts, in the tool's frame, (poses, 3) [m].
+    law: JointLaw | None = None  #: How the joints give way; None for MuJoCo's linear springs.
+    strut: Strut | None = None  #: A gravity compensator.
+
+    @property
+    def bodies(self) -> tuple[int, ...]:
+        """Ids of the bodies that forces act on, their own weight apart."""
+        tool = (self.plant.tool,) if self.wrench.any() else ()
+        return tool if self.strut is None else (*tool, *self.strut.ends)
+
+
+def settle(
+    plant: Plant,
+    q: Array,
+    wrench: Array | None = None,
+    point: Array | None = None,
+    springs: Springs | None = None,
+) -> Equilibrium:
     """Static equilibrium of every pose under the arm's own weight and a wrench at the tool.
 
     The wrench keeps its direction in the world and acts at a point fixed in the tool, as a hung weight
     does; without one the arm's own weight is left, without a point it acts at the tool's origin.
 
+    Args:
+        plant: The arm.
+        q: Actuated joints, (runs, n) [rad, m].
+        wrench: Force and moment, world axes, (runs, 6) [N, N m].
+        point: Where it acts, in the tool's frame, (runs, 3) [m].
+        springs: What else holds the arm than MuJoCo's linear springs.
+
     Raises:
         NoEquilibrium: When the arm is too soft for its load; names the pose.
     """
-    return settle_by(linear_statics, plant, q, wrench, point)
-
-
-def settle_by(
-    statics: PoseStatics, plant: Plant, q: Array, wrench: Array | None, point: Array | None
-) -> Equilibrium:
-    """Static equilibrium of every pose, as `settle`, under the forces and springs of `statics`."""
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     runs = len(q)
     wrench = np.zeros((runs, 6)) if wrench is None else check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = np.zeros((runs, 3)) if point is None else check_array(point, (runs, 3), "point [m]")
 
-    def settled(run: slice, row: Row) -> Equilibrium:
-        poses = Poses(plant, run, hold(plant, q[run]), wrench[run], point[run])
-        return _settle(statics(poses, row), poses, row)
+    def settled(some: slice, row: Row) -> Equilibrium:
+        poses = Poses(plant, hold(plant, q[some]), wrench[some], point[some])
+        if springs is not None:
+            poses = replace(poses, law=springs.law and springs.law.of(some))
+        if springs is not None and springs.compensator is not None:
+            state = evaluate(row, poses.held, attached(plant))
+            poses = replace(poses, strut=strut(springs.compensator, plant, state))
+        return _settle(poses, row)
 
     return in_parts(plant, runs, settled)
 
@@ -89,14 +135,17 @@ def unloaded(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, 
     return [(state.position[body], state.rotation[body]) for body in bodies]
 
 
-def _settle(statics: Statics, poses: Poses, row: Row) -> Equilibrium:
+def _settle(poses: Poses, row: Row) -> Equilibrium:
     """Equilibrium of poses that take their Newton steps together."""
     plant, markers = poses.plant, poses.plant.markers.tolist()
-    qpos, step, iterations = newton(statics, poses, row)
+    qpos, step, iterations = _newton(poses, row)
     every = np.arange(len(qpos))
-    state = evaluate(row, qpos, {*statics.bodies, plant.tool, *markers})
-    Q = statics.force(state, every)
-    unbalanced = Q + statics.springs(qpos, Q, every)
+    state = evaluate(row, qpos, {*poses.bodies, plant.tool, *markers})
+    Q = _force(poses, state, every)
+    unbalanced = Q - np.matvec(plant.K, qpos)
+    if law := poses.law:  # MuJoCo's own hinges are linear
+        hinges = plant.hinges
+        unbalanced[:, hinges] = Q[:, hinges] - spring_torque(law, qpos[:, hinges], Q[:, hinges])
     free = np.setdiff1d(np.arange(plant.model.nv), plant.joints)
     return Equilibrium(
         theta=qpos[:, plant.theta],
@@ -109,20 +158,91 @@ def _settle(statics: Statics, poses: Poses, row: Row) -> Equilibrium:
     )
 
 
-def linear_statics(poses: Poses, _: Row) -> Statics:
-    """The plant's own weight and linear springs, and a wrench at a point of its tool."""
-    plant, loaded = poses.plant, bool(poses.wrench.any())
-
-    def force(state: State, some: Index) -> Array:
-        if not loaded:
-            return state.weight
+def _force(poses: Poses, state: State, some: Index) -> Array:
+    """Generalised force Q where MuJoCo finds the arm, springs apart, (some, nv) [N, N m]."""
+    plant, Q = poses.plant, state.weight
+    if poses.wrench.any():
         at = place(state, plant.tool, poses.point[some])
-        return state.weight + generalised_force(plant, state, plant.tool, poses.wrench[some], at)
+        Q = Q + generalised_force(plant, state, plant.tool, poses.wrench[some], at)
+    return Q if poses.strut is None else Q + strut_force(poses.strut, plant, state, some)
 
-    return Statics(
-        force=force,
-        deflect=lambda Q, _: np.matvec(plant.C, Q),
-        compliance=lambda Q, _: np.broadcast_to(plant.C, (len(Q), *plant.C.shape)),
-        springs=lambda qpos, _, __: -np.matvec(plant.K, qpos),
-        bodies=(plant.tool,) if loaded else (),
-    )
+
+def _deflect(poses: Poses, Q: Array, some: Index) -> Array:
+    """Deflection under a generalised force, zero at the actuated joints, (some, nv) [m, rad]."""
+    deflection, hinges = np.matvec(poses.plant.C, Q), poses.plant.hinges
+    if poses.law:
+        deflection[:, hinges] = turn(poses.law.of(some), Q[:, hinges])
+    return np.asarray(deflection)
+
+
+def _newton(poses: Poses, row: Row) -> tuple[Array, Array, Index]:
+    """Move the virtual joints from `held` to rest. A pose at rest, or lost, takes no further steps.
+
+    Returns:
+        Configurations (poses, nv), last steps (poses,) [m, rad], and numbers of steps (poses,).
+
+    Raises:
+        NoEquilibrium: When a pose has none; names the first.
+    """
+    held, active = poses.held, np.arange(len(poses.held))
+    qpos, steps = held.copy(), np.zeros_like(active)
+    size: Array = np.full(len(held), np.inf)
+    inverses: dict[int, Array] = {}
+    lost: dict[int, str] = {}
+    for k in range(1, MAX_ITERATIONS + 1):
+        at, last = qpos[active], size[active]
+        Q = _force(poses, evaluate(row, at, poses.bodies), active)
+        step = _corrected(poses, inverses, held[active] + _deflect(poses, Q, active) - at, active)
+        now = np.sqrt(np.vecdot(step, step))
+        qpos[active], size[active], steps[active] = at + step, now, k
+        done, going = now < STEP_TOLERANCE, (now >= STEP_TOLERANCE) & (now < MAX_SAG)
+        for i in active[~done & ~going].tolist():
+            lost[i] = _not_found(k, size[i])
+        for i in active[going & (now > last / 4)].tolist():
+            inverses[i] = np.asarray(np.linalg.inv(tangent(poses, row, qpos[i], i)), dtype=float)
+        for i in inverses.keys() & set(active[done].tolist()):
+            if _unstable(tangent(poses, row, qpos[i], i)):
+                lost[i] = f"only an unstable equilibrium after {k} Newton steps, it buckles"
+        active = active[going]
+        if not active.size:
+            break
+    lost |= {i: _not_found(MAX_ITERATIONS, size[i]) for i in active.tolist()}
+    for i in sorted(lost):
+        q, wrench = poses.plant.arm.words(held[i, poses.plant.joints]), poses.wrench[i].round(1).tolist()
+        where = f"q = {q} under wrench {wrench} N, N m"
+        raise NoEquilibrium(f"{lost[i]} at {where}: too soft for its load, or buckled")
+    return qpos, size, steps
+
+
+def _corrected(poses: Poses, inverses: dict[int, Array], step: Array, some: Index) -> Array:
+    """Newton's steps from those of the springs alone: by a pose's own tangent, or the strut's first guess."""
+    corrected = step if poses.strut is None else stiffen(poses.strut, step, some)
+    for i in inverses.keys() & set(some.tolist()):
+        (j,) = np.flatnonzero(some == i)
+        corrected[j] = inverses[i] @ step[j]
+    return corrected
+
+
+def tangent(poses: Poses, row: Row, qpos: Array, pose: int) -> Array:
+    """I - C dQ/dqpos = C (K_theta - K_w) of Eq. (7) of one pose, by central differences, (nv, nv)."""
+    h, unit, hinges = 1e-6, np.eye(len(qpos)), poses.plant.hinges
+    around = np.concatenate([qpos[None], qpos + h * unit, qpos - h * unit])
+    Q = _force(poses, evaluate(row, around, poses.bodies), np.full(len(around), pose))
+    ahead, behind = Q[1 : len(unit) + 1], Q[len(unit) + 1 :]
+    C = poses.plant.C.copy()
+    if poses.law:
+        C[hinges, hinges] = slope(poses.law.of(slice(pose, pose + 1)), Q[:1, hinges])
+    return np.asarray(unit - C @ (ahead - behind).T / (2 * h))
+
+
+def _unstable(C_K: Array) -> bool:
+    """Whether K_theta - K_w has an eigenvalue not above zero: those of C (K_theta - K_w) share the signs.
+
+    Asked only where Newton needed the tangent: theta <- C Q(theta) moves away from an unstable point, unless
+    the arm is so symmetric that nothing pushes it.
+    """
+    return bool(np.linalg.eigvals(C_K).real.min() <= 0)
+
+
+def _not_found(steps: int, size: float) -> str:
+    return f"no static equilibrium in {steps} Newton steps, the last one {size:.3g} m or rad"

@@ -12,9 +12,10 @@ With x = tau / k_0 the turn of a linear joint under the torque tau, three effect
 A slide has forces for torques and metres for radians.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from testbench.errors import Array
 
@@ -31,6 +32,10 @@ class JointLaw:
     hysteresis: float  #: Half-width of the loop h [rad].
     #: Turns that the joints come from, (..., n) [rad]; None where friction has been shaken off.
     before: Array | None = None
+
+    def of(self, some: npt.NDArray[np.int_] | slice) -> "JointLaw":
+        """That of some runs."""
+        return self if self.before is None else replace(self, before=self.before[some])
 
 
 def turn(law: JointLaw, torque: Array) -> Array:

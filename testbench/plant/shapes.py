@@ -7,6 +7,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array, check_array
 from testbench.plant.build import Plant
@@ -178,23 +179,8 @@ def _matrix(quaternion: Array) -> Array:
 
 
 def quaternions(R: Array) -> Array:
-    """Rotations (..., 3, 3) as quaternions x, y, z, w, (..., 4).
-
-    Every row of 4 q q^T is the quaternion but for its size; the one with the largest diagonal entry is taken.
-    """
-    x, y, z = (R[..., k, k] for k in range(3))
-    xy, yz, zx = (R[..., a, b] + R[..., b, a] for a, b in ((0, 1), (1, 2), (2, 0)))
-    xw, yw, zw = (R[..., a, b] - R[..., b, a] for a, b in ((2, 1), (0, 2), (1, 0)))
-    rows = [
-        [1 + x - y - z, xy, zx, xw],
-        [xy, 1 - x + y - z, yz, yw],
-        [zx, yz, 1 - x - y + z, zw],
-        [xw, yw, zw, 1 + x + y + z],
-    ]
-    square = np.moveaxis(np.array(rows), (0, 1), (-2, -1))
-    first = np.diagonal(square, axis1=-2, axis2=-1).argmax(axis=-1)
-    found = np.take_along_axis(square, first[..., None, None], axis=-2)[..., 0, :]
-    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
+    """Rotations (..., 3, 3) as quaternions x, y, z, w, (..., 4)."""
+    return np.asarray(Rotation.from_matrix(R).as_quat())
 
 
 def rigid_frames(room: Room, q: Array) -> Frames:

@@ -5,19 +5,17 @@ from dataclasses import asdict, dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.special import bdtr
 
 from testbench.campaign.models import JOINTS
 from testbench.errors import Array
 from testbench.report.table import MODEL, Row, Trials, aligned
-from testbench.views.gains import ratio
+from testbench.views.gains import TAIL, median_interval, ratio
 from testbench.views.markdown import Markdown, as_markdown, counted
 from testbench.views.schema import ALIKE
 
-FEWEST = 6  #: Pairs from which on a sign test can tell at 95 %: all of fewer are alike in 1 of 16 by chance.
+FEWEST = 6  #: Pairs from which on a sign test can tell at 95 %: five agree in 1 of 16 by chance.
 DRAWS = 2000  #: Of a bootstrap.
 MOST = 1000.0  #: Errors below the largest one over this are rounding.
-TAIL = 0.025  #: Share of an interval's chances on each side.
 PLACES = "place_mm"  #: Column of errors pose by pose in the rows of a first trial.
 POSES = "pose of one arm"  #: What is counted where a run has one trial.
 
@@ -53,7 +51,7 @@ class Badge:
         first, _, of = self.each.partition(" ")
         pairs = " ".join(filter(None, [counted(self.n, first), of]))
         if self.interval is None and abs(self.factor - 1) <= ALIKE:
-            return Markdown(f"Tie: {winner} and {rival} are alike in {pairs}; it takes {FEWEST} to tell.")
+            return Markdown(f"Tie: {winner} and {rival} err the same in {pairs}; it takes {FEWEST} to tell.")
         if self.interval is None:
             return Markdown(f"Tie: {times}, but {pairs} cannot tell; it takes {FEWEST}.")
         low, high = self.interval
@@ -93,7 +91,9 @@ def decide(
         return Badge(ours[0], theirs[0], None, None, 0, "do not use" if why else "tie", each, why=why)
     least = max(a.max(), b.max()) / MOST or 1.0  # nothing over nothing is 1
     a, b = np.maximum(a, least), np.maximum(b, least)
-    factor, ends = _of_ratios(b / a) if each in ("trial", "case") else _of_one(a, b)
+    factor, ends = _of_one(a, b)
+    if each in ("trial", "case"):
+        factor, ends = float(np.median(b / a)), median_interval(b / a)
     names, verdict = (ours[0], theirs[0]), "tie"
     if ends is None and factor < 1 and not why:
         names, factor = names[::-1], 1 / factor
@@ -102,14 +102,6 @@ def decide(
     elif ends is not None and ends[1] < 1 < 1 / factor - ALIKE and not why:
         names, verdict, factor, ends = names[::-1], "do not use", 1 / factor, (1 / ends[1], 1 / ends[0])
     return Badge(*names, factor, ends, len(a), "do not use" if why else verdict, each, why=why)  # type: ignore[arg-type]
-
-
-def _of_ratios(times: Array) -> tuple[float, tuple[float, float] | None]:
-    """Median of ratios, (n,), and its interval by order statistics: exact whatever their distribution is."""
-    own, n = np.sort(times), len(times)
-    outside = int(np.count_nonzero(bdtr(np.arange(n // 2 + 1), n, 0.5) <= TAIL))  # of the sign test
-    ends = (float(own[outside - 1]), float(own[n - outside])) if outside else None
-    return float(np.median(own)), ends
 
 
 def _of_one(a: Array, b: Array) -> tuple[float, tuple[float, float] | None]:

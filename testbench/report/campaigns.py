@@ -93,7 +93,7 @@ def pairs(trials: Trials, asked: Mapping[str, tuple[str, str]], value: str = TRU
     for name, (ours, theirs) in asked.items():
         if gain := paired(trials, ours, theirs, value, scale):
             a, b = aligned(trials, (ours, theirs), value).T
-            found[name] = Row(vars(gain), alike=gain.alike, won=wins(a, b) / len(a))
+            found[name] = Row(vars(gain), tie=gain.tie, won=wins(a, b) / len(a))
     return found
 
 

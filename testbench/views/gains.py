@@ -1,17 +1,23 @@
-"""How much less one model errs than another, and in words: 8.6 times smaller (3.0 to 20 in 90 %), or alike.
+"""How much less one model errs than another, and in words: 8.6 times smaller (3.0 to 20 in 90 %).
 
-Of fewer than 20 trials the range is said, with their number: 8.6 times smaller (3.0 to 20 in 3 seeds).
+Of fewer than 20 trials the range is said, with their number: 8.6 times smaller (3.0 to 20 in 3 seeds). Where
+trials differ in which is better, the interval of the median decides whether there is a clear difference.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from scipy.special import bdtr
+
+from testbench.errors import Array
 from testbench.trials.spread import ENOUGH, Number, Spread, ends, middle, spread
 from testbench.views.schema import ALIKE
 
 UNITS = {"mm": (1.0, ".3f"), "um": (1000.0, ".0f")}
 """So many times a number in mm, and its format, by unit."""
-SMALL = 0.04  #: Width of the ratios' interval that is not worth saying.
+SMALL = 0.04  #: Width of the ratios' spread that is not worth saying.
+TAIL = 0.025  #: Share of an interval's chances on each side.
 
 
 @dataclass(frozen=True)
@@ -27,12 +33,16 @@ class Gain:
     theirs_mm: Number
     times: Number  #: Their error over ours, trial by trial [1].
     trials: int
+    interval: tuple[float, float] | None = None  #: Of the median of the ratios, 95 %; None of below 6 trials.
 
     @property
-    def alike(self) -> bool:
-        """Whether neither is better: the ratio's spread holds 1, or is as good as 1."""
+    def tie(self) -> bool:
+        """Whether nothing tells which is better: the interval holds 1, or all is as good as 1."""
         low, high = ends(self.times)
-        return low <= 1 <= high or max(abs(low - 1), abs(high - 1)) <= ALIKE
+        if max(abs(low - 1), abs(high - 1)) <= ALIKE:
+            return True
+        low, high = self.interval or (low, high)
+        return low <= 1 <= high
 
     @property
     def less(self) -> bool:
@@ -46,7 +56,18 @@ def gained(ours: str, theirs: str, ours_mm: Sequence[float], theirs_mm: Sequence
     ours_, theirs_, ratio = (
         own[0] if all(x == own[0] for x in own) else spread(own) for own in (ours_mm, theirs_mm, times)
     )
-    return Gain(ours, theirs, ours_, theirs_, ratio, len(times))
+    return Gain(ours, theirs, ours_, theirs_, ratio, len(times), median_interval(np.array(times)))
+
+
+def median_interval(values: Array) -> tuple[float, float] | None:
+    """95 % interval of the median of values, (n,), by order statistics: exact whatever their distribution is.
+
+    Returns:
+        That of the sign test; None of so few values that it has none.
+    """
+    own, n = np.sort(values), len(values)
+    outside = int(np.count_nonzero(bdtr(np.arange(n // 2 + 1), n, 0.5) <= TAIL))
+    return (float(own[outside - 1]), float(own[n - outside])) if outside else None
 
 
 def less(gain: Gain, each: str = "") -> str:
@@ -57,14 +78,14 @@ def less(gain: Gain, each: str = "") -> str:
         each: What a trial is, such as "seed", where it is to be said that the ratio is that of each, and
             how far it spreads where neither is better.
     """
-    return _words(gain.times, gain.trials, each, alike=gain.alike)
+    return _words(gain, gain.times, gain.interval, each)
 
 
 def more(gain: Gain, each: str = "") -> str:
     """How theirs errs beside ours."""
     low, high = ends(gain.times)
-    times = Spread(1 / middle(gain.times), 1 / high, 1 / low)
-    return _words(times, gain.trials, each, alike=gain.alike)
+    interval = gain.interval and (1 / gain.interval[1], 1 / gain.interval[0])
+    return _words(gain, Spread(1 / middle(gain.times), 1 / high, 1 / low), interval, each)
 
 
 def beside(gains: Mapping[str, Gain | None], unit: str = "mm") -> str:
@@ -78,21 +99,22 @@ def beside(gains: Mapping[str, Gain | None], unit: str = "mm") -> str:
     return "; ".join([*ours[:1], *theirs])
 
 
-def _words(times: Number, trials: int, each: str, *, alike: bool) -> str:
+def _words(gain: Gain, times: Number, interval: tuple[float, float] | None, each: str) -> str:
     """Of an error, by what it is smaller."""
-    (low, high), size = ends(times), middle(times)
+    (low, high), size, trials = ends(times), middle(times), gain.trials
     within = (f" in {trials} {each}s" if trials < ENOUGH else " in 90 %") if each else ""
-    if alike:
-        both = f", between {ratio(1 / low)} times larger and {ratio(high)} times smaller"
-        both += within if trials < ENOUGH else ""
-        return f"alike{both if each and low < 1 < high and high - low > SMALL else ''}"
-    side, value, between = "smaller", size, (low, high)
+    both = f"{ratio(low)} to {ratio(high)} times{within}" if low < 1 < high else ""
+    if gain.tie:
+        return f"no clear difference{f' ({both})' if both and each and high - low > SMALL else ''}"
+    side, value, between = "smaller", size, interval if both and interval else (low, high)
     if size < 1:
-        side, value, between = "larger", 1 / size, (1 / high, 1 / low)
+        side, value, between = "larger", 1 / size, (1 / between[1], 1 / between[0])
     ends_shown = [ratio(end) for end in between]
-    spread = f" ({' to '.join(ends_shown)}{within})" if ends_shown[0] != ends_shown[1] else ""
+    spread = "" if ends_shown[0] == ends_shown[1] else " to ".join(ends_shown)
+    if both:
+        return f"{ratio(value)} times {side} ({f'median {spread}; ' if spread else ''}{both})"
     by = f"{each} by {each} " if each and spread and trials >= ENOUGH else ""
-    return f"{by}{ratio(value)} times {side}{spread}"
+    return f"{by}{ratio(value)} times {side}{f' ({spread}{within})' if spread else ''}"
 
 
 def ratio(value: float) -> str:

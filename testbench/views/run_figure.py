@@ -170,7 +170,8 @@ def _chart(axes: Axes, chart: RunChart) -> None:
     at, few = np.arange(len(chart.labels)), len(chart.labels) <= BARS
     for line in chart.lines:
         style, size = "-" if chart.joined else "", 4 if few or not chart.joined else 0
-        axes.plot(at, line.values, linestyle=style, linewidth=1.2, label=line.name, **line.look.dots(size))
+        width = 2.2 if line is chart.lines[-1] else 1.2  # the winner is last
+        axes.plot(at, line.values, linestyle=style, linewidth=width, label=line.name, **line.look.dots(size))
         if line.ends:
             axes.fill_between(at, *line.ends, color=line.look.hex, alpha=0.15, linewidth=0)
     if chart.limit is not None and np.isfinite(chart.limit):
@@ -187,7 +188,7 @@ def _chart(axes: Axes, chart: RunChart) -> None:
 def error_map(found: PlaceMap, title: str) -> Figure:
     """A column a map: the places from the side and from above, the worst of each named; one has a number."""
     there = np.isfinite(found.at).all(axis=1)
-    at, lines = found.at[there], found.lines[:MAPS]
+    at, lines = found.at[there], found.lines[-MAPS:]
     values = {line.name: line.values[there] for line in lines}
     ends = _ends(at)
     sides, wide = ends[1] - ends[0], min(PANE, PANES / len(lines))

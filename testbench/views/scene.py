@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from testbench.campaign.campaign import Cell
+from testbench.campaign.models import JOINTS
 from testbench.data.dataset import Ids
 from testbench.errors import Array
 from testbench.plant.shapes import Frames, rigid_frames
@@ -99,6 +100,12 @@ class PlaceMap:
     lines: Sequence[Line]
     heading: str = "Where it errs"
     without: str = ""  #: What a ring means, a place without a value.
+
+    @property
+    def difference(self) -> tuple[Line, Line] | None:
+        """The last model, the winner, and joint stiffness beside it; None where one is not there."""
+        own = [line for line in self.lines[:-1] if line.name == JOINTS]
+        return (self.lines[-1], own[0]) if own else None
 
 
 @dataclass(frozen=True)

@@ -218,10 +218,10 @@ class Best:
 
     @property
     def words(self) -> str:
-        """The name; of several that they are alike."""
+        """The name; of several that nothing tells them apart."""
         if len(self.names) == 1:
             return self.names[0]
-        return f"{', '.join(self.names[:-1])} and {self.names[-1]} (alike)"
+        return f"{', '.join(self.names[:-1])} and {self.names[-1]} (equal to {100 * ALIKE:.0f} %)"
 
 
 ALIKE = 0.02  #: Share of the least value within which others are as good as the best.

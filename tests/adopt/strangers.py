@@ -139,11 +139,12 @@ def mounted_mjcf(folder: Path) -> Path:
             <geom type="capsule" fromto="0 0 0 0 0.02 {0.3 - k / 30}" size="0.05"/>"""
     file = folder / "mounted.xml"
     file.write_text(f"""<mujoco model="mounted"><compiler eulerseq="zyx"/><worldbody>
+        <body name="plinth" pos="0.1 0.2 0" euler="0 20 10"><geom type="box" size="0.3 0.3 0.1"/>
         <body name="mount" pos="0.3 -0.4 0.5" euler="30 40 50"><geom type="box" size="0.2 0.2 0.05" pos="0
             0 -0.1"/>
         <body name="base" pos="0 0 0.1" quat="1 0 0 1"><geom type="cylinder" size="0.08 0.05"/>{chain}
         <site name="attachment_site" pos="0 0.1 0" quat="-1 1 0 0"/>{"</body>" * 6}</body></body>
-        </worldbody></mujoco>""")
+        </body></worldbody></mujoco>""")
     return file
 
 

@@ -9,8 +9,8 @@ from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, slidin
 from testbench.arm.folder import load_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.new_arm import sentence, write_arm
+from testbench.campaign.propose import Wishes
 from testbench.plant.import_robot.chain import read_chain
-from testbench.plant.import_robot.propose import Wishes
 from testbench.plant.import_robot.surface import surfaces
 from testbench.plant.import_robot.weigh import DENSITY
 
@@ -62,8 +62,8 @@ def test_a_mount_belongs_to_the_base_where_it_stands(arms):
     model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    both = [model.body("mount").id, model.body("base").id]
-    com = model.body_mass[both] @ data.xipos[both] / model.body_mass[both].sum()
+    own = [model.body(name).id for name in ("plinth", "mount", "base")]
+    com = model.body_mass[own] @ data.xipos[own] / model.body_mass[own].sum()
     base = chain.parts[0]
     assert base.name == "base"
     assert (base.pose @ np.append(base.com, 1))[:3] == pytest.approx(com)
@@ -99,6 +99,15 @@ def test_what_is_drawn_stands_where_the_file_has_it_in_metres(arms):
     assert gap.max() < 1e-8
     assert shape.rgba == pytest.approx([1, 0.4, 0, 1])
     assert sum(p.stat().st_size for p in folder.rglob("*.*")) < 20_000
+
+
+def test_a_mirrored_mesh_is_not_inside_out(tmp_path):
+    file = light_urdf(tmp_path)
+    file.write_text(file.read_text().replace('scale="0.001 0.001 0.001"', 'scale="0.001 -0.001 0.001"'))
+    vertices, faces = read_chain(file).parts[1].shapes[0].surface
+    a, b, c = vertices[faces].transpose(1, 2, 0)
+    volume = np.vecdot(a.T, np.cross(b.T, c.T)).sum() / 6
+    assert volume == pytest.approx(0.1 * 0.06 * 0.2 / 6, rel=1e-6)
 
 
 def test_an_arm_without_masses_is_weighed_by_the_volume_of_its_boxes(arms):

@@ -239,7 +239,22 @@ WRONG = {
     ('xyz="0.35 0 0.4"', 'xyz="0.35 0 400"'): "link_2: expected at most 50 m",
     ('name="joint_a4" type="revolute"', 'name="joint_a4" type="fixed"'): "",
     ("</robot>", "<!-- <xacro:arm/> --></robot>"): "",
+    ("base_link", "world"): "",  # which is no link for MuJoCo
 }
+
+
+@pytest.mark.parametrize(
+    ("links", "kind", "said"),
+    [(200, "revolute", "at most 150 links in a row"), (600, "fixed", "<joint>: expected at most 500")],
+)
+def test_a_robot_of_more_links_than_any_has_is_one_line(tmp_path, links, kind, said):
+    """MuJoCo takes minutes for thousands in a row."""
+    text = "".join(f'<link name="l{k}"/>' for k in range(links + 1))
+    for k in range(links):
+        ends = f'<parent link="l{k}"/><child link="l{k + 1}"/>'
+        text += f'<joint name="j{k}" type="{kind}">{ends}</joint>'
+    (tmp_path / "long.urdf").write_text(f'<robot name="long">{text}</robot>')
+    assert said in refused(new(tmp_path / "mine", "--from", tmp_path / "long.urdf"))
 
 
 @pytest.mark.parametrize(("change", "said"), WRONG.items())

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.arm.cast import (
+from testbench.arm.stiffness import Material, Tube, eigenvalue_scale, tube_compliance, turned
+from testbench.campaign.cast import (
     CAST_IRON,
     Casting,
     Line,
@@ -14,8 +15,7 @@ from testbench.arm.cast import (
     cast_link,
     draw_casting,
 )
-from testbench.arm.section import Material, Sections, rib_thickness
-from testbench.arm.stiffness import Tube, eigenvalue_scale, tube_compliance, turned
+from testbench.campaign.section import Sections, rib_thickness
 
 STEEL = Material(2.1e11, 0.3)
 SEEDS = range(20)

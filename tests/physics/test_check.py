@@ -10,9 +10,9 @@ import pytest
 from testbench.campaign.arm_check import check
 from testbench.campaign.arm_doubts import sag
 from testbench.campaign.new_arm import elastic_toml
+from testbench.campaign.propose import Wishes, propose
 from testbench.model.vjm import chain
 from testbench.plant.import_robot.chain import read_chain
-from testbench.plant.import_robot.propose import Wishes, propose
 
 MODELS = Path(__file__).parents[2] / "models"
 TOML, XML = "elastic.toml", "rigid.xml"

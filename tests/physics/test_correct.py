@@ -68,9 +68,11 @@ def test_loads_add_up(kr500, state):
 
 
 def test_an_arm_that_buckles_is_named(kr500, state):
-    q = np.array([kr500.arm.limits[0] * 0.3])
-    with pytest.raises(NoEquilibrium, match="no static equilibrium at q"):
-        rest(state, q, [Load(np.array([0, 0, -3e7, 0, 0, 0]), kr500.vjm.load)])
+    q = np.outer([0.2, 0.3], kr500.arm.limits[0])
+    wrench = np.array([[0.0] * 6, [0, 0, -3e7, 0, 0, 0]])
+    with pytest.raises(NoEquilibrium) as err:
+        rest(state, q, [Load(wrench, kr500.vjm.load)])
+    assert f"no static equilibrium at q = {kr500.arm.words(q[1])}" in str(err.value)
 
 
 def test_a_load_of_another_number_of_poses_is_refused(kr500, state):

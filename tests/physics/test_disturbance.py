@@ -24,8 +24,9 @@ from testbench.plant import (
     settle_linear,
     settle_pair,
 )
-from testbench.plant.compensator import attached, strut
+from testbench.plant.compensator import attached, stiffen, strut, strut_force
 from testbench.plant.disturbance import FOUNDATION
+from testbench.plant.equilibrium import Poses, hold, tangent
 from testbench.plant.joint_law import STIFFENING_ANGLE, JointLaw, slope, spring_torque, turn
 from testbench.plant.state import evaluate, open_row
 
@@ -84,7 +85,7 @@ def test_without_own_weight_an_unloaded_arm_does_not_bend(kr500, rng):
 
 @pytest.mark.parametrize("stiffness", [None, KR500_COMPENSATOR.stiffness])
 def test_force_of_the_compensator_is_minus_the_gradient_of_its_energy(kr500, rng, stiffness):
-    """All 54 coordinates, by central differences in a bent pose."""
+    """All 54 coordinates, by central differences in a bent pose; its stiffness in the held one."""
     spring = replace(KR500_COMPENSATOR, stiffness=stiffness)
     plant, model, data = kr500.plant, kr500.plant.model, mujoco.MjData(kr500.plant.model)
     data.qpos[plant.joints] = np.deg2rad([10.0, -40, 60, 20, 30, 0])
@@ -98,6 +99,18 @@ def test_force_of_the_compensator_is_minus_the_gradient_of_its_energy(kr500, rng
         ]
         return np.linalg.norm(ends[1] - ends[0])
 
+    def slopes(of):
+        """Derivatives of a function by all coordinates where they are, (nv,)."""
+        at, h, found = data.qpos.copy(), 1e-6, []
+        for unit in np.eye(model.nv):
+            ends = []
+            for sign in (1, -1):
+                data.qpos[:] = at + sign * h * unit
+                ends.append(of())
+            found.append((ends[0] - ends[1]) / (2 * h))
+        data.qpos[:] = at
+        return np.array(found)
+
     held, row = length(), open_row(plant)
     compensator = strut(spring, plant, evaluate(row, data.qpos[None], attached(plant)))
 
@@ -105,17 +118,26 @@ def test_force_of_the_compensator_is_minus_the_gradient_of_its_energy(kr500, rng
         stretch = length() - held
         return spring.rate * (held - spring.rest_length) * stretch + k * stretch**2 / 2
 
+    g, step = slopes(length), rng.standard_normal(model.nv)
+    (eased,) = stiffen(compensator, step[None], np.arange(1))
+    np.testing.assert_allclose(eased + k * (plant.C @ g) * (g @ eased), step, rtol=0, atol=1e-6)
     data.qpos[plant.theta] = 1e-4 * rng.standard_normal(len(plant.theta))
-    at, h = data.qpos.copy(), 1e-6
-    (Q,) = compensator.force(evaluate(row, at[None], attached(plant)), np.arange(1))
-    gradient = np.empty(model.nv)
-    for i in range(model.nv):
-        data.qpos[:] = at + h * (np.arange(model.nv) == i)
-        ahead = energy()
-        data.qpos[:] = at - h * (np.arange(model.nv) == i)
-        gradient[i] = (ahead - energy()) / (2 * h)
+    (Q,) = strut_force(compensator, plant, evaluate(row, data.qpos[None], attached(plant)), np.arange(1))
+    gradient = slopes(energy)
     # forces of 1e5 N: rounding of an energy of 1e2 J over 2e-6 m is 1e-8, second order of the step 1e-7
     np.testing.assert_allclose(Q, -gradient, rtol=1e-5, atol=1e-7 * np.abs(Q).max())
+
+
+def test_newton_s_matrix_has_the_joints_as_soft_as_their_law_says(kr500, rng):
+    plant, row = kr500.plant, open_row(kr500.plant)
+    q = hold(plant, random_q(kr500, rng, 1))
+    poses = Poses(plant, q, np.array([[0, 0, -5000.0, 0, 0, 0]]), np.zeros((1, 3)))
+    twice = JointLaw(2 * plant.C[plant.hinges, plant.hinges], stiffening=0, backlash=0, hysteresis=0)
+    linear, soft = (np.eye(q.size) - tangent(p, row, q[0], 0) for p in (poses, replace(poses, law=twice)))
+    expected = linear.copy()
+    expected[plant.hinges] *= 2
+    assert np.abs(linear[plant.hinges]).max() > 1e-3
+    np.testing.assert_allclose(soft, expected, rtol=0, atol=1e-15)
 
 
 def equivalent_stiffness(compensator, plant, q):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mistakes import MISTAKES, named
 from scipy.spatial.transform import Rotation
+from scipy.stats import multivariate_normal
 from sound_sets import sound
 
 from testbench.campaign import pose_campaign
@@ -15,7 +16,10 @@ from testbench.campaign.campaign import Scenario, simulate, stream
 from testbench.campaign.doubt import said
 from testbench.data.dataset import Dataset, select
 from testbench.identify.diagnosis.find import AT_A_TIME, HandedIn, doubts
+from testbench.identify.diagnosis.finding import test as score
 from testbench.identify.diagnosis.loads import allowed, learnt
+from testbench.identify.diagnosis.place import Free, Seen
+from testbench.identify.diagnosis.undone import placed
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.identify.registered import Registered, registered
@@ -112,9 +116,42 @@ def test_sizes_are_told(sets):
     assert force == pytest.approx(-300, abs=60)
     words = said("pressed", lambda data: replace(data, point=data.point - np.array([0.3, 0, 0])))
     assert 100 < float(words.split("(")[1].split(",")[0]) < 500  # in part it looks like softer links
+    shift = np.array([2e-3, -1e-3, 2e-3])
+    words = said("pressed", lambda data: replace(data, after=data.after + shift))
+    moved = [float(x) for x in words.split("moved by (")[1].split(")")[0].split(",")]
+    assert moved == pytest.approx(1e3 * shift, abs=0.3)
     words = said("levels", turned)
     assert "zero of joint_3" in words
     assert float(words.split("off by ")[1].split()[0]) == pytest.approx(2, abs=0.2)
+
+
+def test_a_link_that_is_longer_is_told_in_its_own_axes(arm_6r):
+    """Its beam frame is another one: no axis of it is an axis of the link."""
+    frame = Rotation.from_rotvec((0.3, -0.7, 0.5)).as_matrix()
+    links = [replace(link, frame=frame) for link in arm_6r.arm.links]
+    vjm = replace(arm_6r.vjm, arm=replace(arm_6r.arm, links=tuple(links)))
+    q, step = np.random.default_rng(2).uniform(-1, 1, (20, 6)), np.array([0.06, 0.02, -0.04])
+    placements = vjm.placements.copy()
+    placements[2, :3, 3] += step
+    p, R = tool_pose(replace(vjm, placements=placements), q)
+    read = p[:, None] + vjm.markers @ R.transpose(0, 2, 1)
+    ids, there = np.arange(20), np.ones(read.shape[:2], dtype=bool)
+    seen = Seen(vjm, q, vjm.markers, read, there, arm_6r.arm.markers, ids, ids, 3e-3)
+    found = placed(seen, Free()).doubt
+    assert (found.kind, found.where[1]) == ("link", vjm.arm.links[2].name)
+    np.testing.assert_allclose(found.size, step, atol=1e-6)
+
+
+def test_the_score_test_is_the_logarithm_of_a_bayes_factor():
+    """Of residuals N(0, 1) and N(0, 1 + Z Z^T), by the densities; b is the mean of what explains them."""
+    rng = np.random.default_rng(1)
+    Z, e = rng.standard_normal((3, 20, 4)), rng.standard_normal((3, 20))
+    found = score(np.einsum("krz,kr->kz", Z, e), Z.swapaxes(1, 2) @ Z)
+    for k in range(3):
+        S = np.eye(20) + Z[k] @ Z[k].T
+        wide, narrow = (multivariate_normal(np.zeros(20), C).logpdf(e[k]) for C in (S, np.eye(20)))
+        assert found.nats[k] == pytest.approx(wide - narrow)
+        np.testing.assert_allclose(found.b[k], Z[k].T @ np.linalg.solve(S, e[k]))
 
 
 def test_runs_under_moments_alone_are_looked_at(arm_6r):

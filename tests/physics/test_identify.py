@@ -124,6 +124,14 @@ def test_predictions_at_unseen_poses_are_recovered_where_the_data_see_all(arm_6r
         assert np.abs(deflections(arm_6r.vjm, estimate, unseen) - unseen.deflection).max() < 1e-9
 
 
+def test_of_a_fit_that_the_data_determine_there_is_nothing_to_say(arm_6r, rng):
+    data = axis_loads(arm_6r, rng)
+    for estimator in (least_squares, gco):
+        estimate = estimator(arm_6r.vjm, Structure.of(arm_6r.arm, links=["link_3"]), data)
+        assert estimate.regression.rank == 21
+        assert not [said for said in advice(estimate) if "filled" in said or "free" in said]
+
+
 @pytest.mark.parametrize("factor", [1e-6, 1e6])
 def test_gco_is_not_called_solved_unless_it_is_when_deflections_do_not_fit_their_sigma(kr500, factor):
     """Deflections a million times smaller or larger at the same sigma: F_M scales with them."""

@@ -180,6 +180,8 @@ def test_intervals_have_names_and_the_units_of_people(arms):
     arm, C = own.state.vjm.arm, own.state.C_theta
     shift = by_name["geometry", "link_2 shift y"]
     assert (shift.unit, shift.value) == ("mm", pytest.approx(1e3 * own.state.theta_0[13]))
+    at = own.own.columns.tolist().index(own.own.unknowns.starts["geometry"] + 13 - 6)
+    assert shift.half == pytest.approx(1e3 * Z * np.linalg.norm(posterior_of(own).root[:, at]))
     turned = by_name["joint errors", "joint_3 cos 2"]
     assert (turned.unit, turned.value) == ("urad", pytest.approx(1e6 * own.state.n[2, 5]))
     soft, axis = by_name["joint compliances", "joint_2"], own.state.vjm.beam_axes[1]

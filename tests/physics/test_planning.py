@@ -151,11 +151,6 @@ def test_without_prior_nothing_but_the_readings_counts(kr500, spec, poses):
         assert criterion.information(information(problem, chosen)) == pytest.approx(exact, rel=0.02)
 
 
-def test_promise_of_the_plan_is_that_of_its_poses(spec, plan):
-    again = promise_of(spec, plan.q, plan.load)
-    assert again.overall == pytest.approx(promise(plan, task_rows(spec)).overall, rel=1e-3)
-
-
 @pytest.mark.parametrize("name", CRITERIA)
 def test_every_criterion_makes_a_plan_with_a_certificate(kr500, spec, poses, name):
     few = replace(spec, poses=4)

@@ -5,16 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import rerun as rr
-from made_up_run import REPORT, made_up_run
+from made_up_run import LOOK, REPORT, made_up_run
 from PIL import Image
 from read_back import chunks_of, columns, document, on, rerun, series, sound, views
 from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
-from testbench.views.colours import SCALE
+from testbench.views.colours import SCALE, look
+from testbench.views.page.page import seen_plain
 from testbench.views.recording.run import write_run
 from testbench.views.recording.stream import Header
-from testbench.views.scene import Seen
+from testbench.views.scene import Line, Seen
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,11 @@ def test_equal_runs_are_equal_recordings(file, seen, chart, tmp_path):
 def test_it_is_whole_and_every_view_has_data_where_the_reader_lands(file):
     sound(file, "It is 3.000 mm off.")
     names = {name for _, _, name in views(file)}
-    assert {"Runs (m): Errors x 10.", "Left (mm), by run", "Error (mm), by pose"} <= names
+    assert {
+        "Runs (m): Errors x 10.",
+        "Left (mm), by run, the worst first",
+        "Error (mm), by pose, the worst first",
+    } <= names
 
 
 def test_the_arm_and_its_ghost_stand_in_every_pose_worst_first(chunks, seen):
@@ -140,6 +145,26 @@ def test_a_map_has_a_ball_a_place_the_larger_and_brighter_the_more(chunks, seen)
     assert f"- one: 5.000 mm, E, x {x:.2f}, y {y:.2f}, z {z:.2f} m" in document(chunks, "/map_words")
     shown = series(chunks, "/charts/places/error_mm/one")
     assert np.array(shown, float) == pytest.approx(mm, nan_ok=True)
+
+
+def test_the_winner_less_joint_stiffness_has_the_colour_of_the_one_that_errs_less(seen, tmp_path):
+    mm = seen.map.lines[0].values
+    joints, ours = Line("Joints", look("Joints", "none"), mm), Line("one", LOOK, 0.5 * mm)
+    ours.values[1] = 3 * mm[1]
+    both = replace(seen.map, lines=[joints, ours])
+    assert seen.map.difference is None
+    assert both.difference == (ours, joints)
+    chunks = sound(written(tmp_path / "a.rrd", replace(seen, map=both)), "It is 3.000 mm off.")
+    known = np.isfinite(mm)
+    off = (ours.values - mm)[known]
+    data = columns(chunks, "/world/map/difference/field")
+    colours = [(c >> 24, c >> 16 & 255, c >> 8 & 255) for c in data["Points3D:colors"][0]]
+    assert colours == [LOOK.colour if x < 0 else joints.look.colour for x in off]
+    assert np.argmax(data["Points3D:radii"][0]) == np.argmax(np.abs(off))
+    errs = f"one errs less in {len(off) - 1} of {len(off)} places, by {np.abs(off).max():.3f} mm at most"
+    assert errs in document(chunks, "/map_words")
+    drawn = seen_plain(replace(seen, map=both))["map"]
+    assert [drawn["lines"][k]["name"] for k in drawn["difference"]] == ["one", "Joints"]
 
 
 def test_lines_have_the_colour_of_their_model_and_a_cross_where_it_has_a_prior(chunks, seen):

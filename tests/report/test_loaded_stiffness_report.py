@@ -67,7 +67,7 @@ def test_words_name_the_method_of_least_error_whichever_it_is(winner):
 def test_what_is_rounding_is_exact_in_words_and_tables():
     found, _ = made(secant=1e-5, integrated=1e-6)
     assert found.numbers["best"][TRUTHS[0]] == ("secant", "integrated")
-    assert "Eq. (7) once and Eq. (7) integrated (alike), exact to rounding." in found.answer
+    assert "Eq. (7) once and Eq. (7) integrated (equal to 2 %), exact to rounding." in found.answer
     assert grid(found.tables["by_load"]).count("| exact |") == 2
 
 

@@ -108,7 +108,7 @@ def test_the_answer_is_that_with_noise_and_all_disturbances():
     )
     assert found.claims[1] == (
         "The cone by itself: MGCO56 beats MLS56 in 0 % of 5 trials. With the prior it does in 0 %, and they "
-        "err alike in 100 %."
+        "err the same in 100 %."
     )
 
 

@@ -12,12 +12,14 @@ from unittest import mock
 
 import pytest
 from checks import check_markdown
+from page_checks import check_winner
 from pyarrow import parquet
-from read_back import sound
+from read_back import document, sound
 
 from testbench import files
 from testbench.shell import command
 from testbench.studies import run
+from testbench.views.markdown import as_plain
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = {
@@ -106,7 +108,11 @@ def check_files(quick, *figures, data="dataset.csv"):
     text = (out / "report.md").read_text()
     check_markdown(text)
     answer = next(part for part in text.split("\n\n") if part.startswith("**")).strip("*")
-    sound(out / "recording.rrd", answer)
+    chunks = sound(out / "recording.rrd", answer)
+    check_winner(out)
+    badge = json.loads((out / "report.json").read_text())["badge"]["words"]
+    assert badge in document(chunks, "/summary")
+    assert " ".join(as_plain(badge).split()) in " ".join(done.stdout.split())
 
 
 def check_refused(app, out, flags, said):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from checks import at, tables_of
-from page_checks import check_page, drawn_in, layer_of, said, times_of
+from page_checks import check_page, check_winner, drawn_in, layer_of, said, times_of
 from read_back import series, sound
 from reports import check
 from run_here import here
@@ -340,6 +340,7 @@ def test_the_page_shows_what_was_tried_and_opens_at_the_worst_reading_of_all(
     made, report, open_page, blank_panes
 ):
     told = [f"{row['after_mm']:.3f}" for row in report["steps"]]
+    check_winner(made[0])
     shown = check_page(open_page, made[0] / "report.html", told)
     assert f"{report['total_after']['max_mm']:.3f} mm calibrated" in said(shown)
     assert blank_panes(made[0] / "recording.rrd") == []

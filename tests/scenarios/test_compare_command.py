@@ -10,6 +10,7 @@ import pytest
 import read_back
 from checks import check_words
 from made_up_run import REPORT
+from page_checks import check_winner
 from read_back import document
 from run_here import here
 
@@ -125,10 +126,11 @@ def said(tmp_path, *runs):
 
 def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path):
     text, report = said(tmp_path, many, many)
-    assert "A and B are alike: nothing differs, neither inputs nor numbers." in text
+    assert "Nothing differs between A and B, neither inputs nor numbers." in text
     assert "Inputs are the same: settings, arms, seeds, versions, commit." in text
     assert (report["inputs"], report["beside"][0]["equal"]) == ([], True)
     assert {own["verdict"] for own in report["beside"][0]["models"]} == {"same"}
+    check_winner(tmp_path / "out")
     made = {path.name for path in (tmp_path / "out").iterdir()}
     assert set(json.loads((tmp_path / "out" / "manifest.json").read_text())["files"]) == made
 
@@ -146,7 +148,7 @@ def test_a_difference_far_below_the_spread_is_seen_in_pairs_of_equal_seeds(many,
         done = compare(*runs, "--out", tmp_path / "out", "--force", "--fail-if-worse")
         assert (done.returncode, done.stderr) == (code, "")
     assert "A errs less in 20 of 20 seeds." in text
-    assert "Of 5 models 0 err less in B, 5 more, 0 alike." in text
+    assert "Of 5 models 0 err less in B, 5 more, 0 show no clear difference." in text
     assert "Inputs differ: noise of a reading 50 and 100 um." in text
     assert report["inputs"] == [{"what": "noise of a reading", "values": ["50", "100"], "unit": "um"}]
     [own] = [p for p in report["beside"][0]["models"] if (p["name"], p["kind"]) == ("MLS56", "workspace")]
@@ -160,7 +162,7 @@ def test_a_difference_far_below_the_spread_is_seen_in_pairs_of_equal_seeds(many,
 def test_the_same_difference_between_other_seeds_is_within_the_spread(many, folder, tmp_path):
     other = calibration(folder / "other", range(101, 121), 1.25)
     text, report = said(tmp_path, many, other)
-    assert "A and B err alike. ALL153 + prior over the workspace" in text
+    assert "No clear difference between A and B. ALL153 + prior over the workspace" in text
     assert "Their intervals over the seeds overlap." in text
     by = {own["by"] for own in report["beside"][0]["models"] if own["kind"] == "workspace"}
     assert by == {"spreads"}
@@ -175,10 +177,10 @@ def test_a_planted_number_is_found_and_one_seed_has_no_spread(one, tmp_path):
 
     planted = changed(one, tmp_path / "planted", "report.json", plant)
     text, report = said(tmp_path, one, planted)
-    assert "A and B err alike. ALL153 + prior over the workspace" in text
+    assert "No clear difference between A and B. ALL153 + prior over the workspace" in text
     assert "Farthest apart: MGCO56," in text
     assert "Inputs are the same" in text
-    assert "Of 5 models 0 err less in B, 1 more, 4 alike." in text
+    assert "Of 5 models 0 err less in B, 1 more, 4 show no clear difference." in text
     [own] = [p for p in report["beside"][0]["models"] if p["verdict"] != "same"]
     assert (own["name"], own["kind"], own["by"]) == ("MGCO56", "workspace", "one")
 
@@ -199,7 +201,7 @@ def test_files_of_the_arm_versions_and_commit_are_told_apart(one, tmp_path):
         "version, numpy": "1.0",
         "commit": "ffffffffff, changed",
     }
-    assert "A and B are alike: no number differs." in text
+    assert "No number differs between A and B." in text
 
 
 def test_folders_of_arms_are_compared_in_their_order_whatever_they_are_called(one, tmp_path):
@@ -263,7 +265,9 @@ def test_a_file_of_readings_is_one_input_by_its_name_and_checksum(one, tmp_path)
 
 def test_three_runs_stand_beside_the_first(one, many, tmp_path):
     text, report = said(tmp_path, one, one, many, "--anyway")
-    start = "A and B are alike: no number differs. A and C err alike (ALL153 + prior, no spread)."
+    start = (
+        "No number differs between A and B. No clear difference between A and C (ALL153 + prior, no spread)."
+    )
     assert start in text
     assert [run["letter"] for run in report["runs"]] == ["A", "B", "C"]
 
@@ -376,14 +380,14 @@ WIDE, LOW = Spread(1.0, 0.5, 2.0), Spread(0.3, 0.2, 0.4)
     ("a", "b", "verdict", "by"),
     [
         (1.0, 1.0 + 1e-9, "same", "one"),
-        (1.0, 1.01, "alike", "one"),
+        (1.0, 1.01, "tie", "one"),
         (1.0, 0.9, "less", "one"),
         (-1.0, 1.0, "more", "one"),
         (0.0, 0.0, "same", "one"),
-        (WIDE, Spread(1.9, 1.5, 3.0), "alike", "spreads"),
+        (WIDE, Spread(1.9, 1.5, 3.0), "tie", "spreads"),
         (WIDE, LOW, "less", "spreads"),
         (LOW, WIDE, "more", "spreads"),
-        (WIDE, 1.5, "alike", "one"),
+        (WIDE, 1.5, "tie", "one"),
         (WIDE, 3.0, "more", "one"),
     ],
 )
@@ -396,7 +400,7 @@ def test_pairs_whose_ratios_lie_on_both_sides_are_alike_and_one_pair_is_none():
     ours = dict.fromkeys(range(10), 1.0)
     theirs = {seed: 0.8 if seed % 2 else 1.1 for seed in ours}
     found = differ(1.0, 1.0, ours, theirs)
-    assert (found.verdict, found.by, found.smaller, found.larger) == ("alike", "pairs", 5, 5)
+    assert (found.verdict, found.by, found.smaller, found.larger) == ("tie", "pairs", 5, 5)
     assert differ(1.0, 2.0, {1: 1.0}, {1: 2.0}).by == "one"
     assert differ(WIDE, LOW, {1: 1.0, 2: 1.0}, {1: 2.0, 3: 1.0}).by == "spreads"
 

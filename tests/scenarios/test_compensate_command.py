@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from page_checks import check_page, drawn_in, said, times_of
+from page_checks import check_page, check_winner, drawn_in, said, times_of
 from read_back import columns, document, on, series, sound
 from reports import check
 from run_here import here
@@ -274,6 +274,7 @@ def test_the_page_opens_at_the_point_farthest_off_and_no_pane_is_blank(corrected
     assert blank_panes(folder / "recording.rrd") == []
     report = json.loads((folder / "report.json").read_text())
     told = [f"{report['before_mm'][key]:.3f}" for key in ("median", "max")]
+    check_winner(folder)
     words = said(check_page(open_page, folder / "report.html", told))
     assert words.startswith(f"Point {report['worst']['label']}, line {report['worst']['line']}.")
     assert f"{report['worst']['before_mm']:.3f} mm off as programmed" in words

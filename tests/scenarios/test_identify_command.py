@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from page_checks import check_page, drawn_in, layer_of, said, times_of
+from page_checks import check_page, check_winner, drawn_in, layer_of, said, times_of
 from read_back import chunks_of, columns, document, series, sound
 from run_here import here
 
@@ -178,6 +178,7 @@ def test_the_page_shows_the_models_the_runs_and_the_arm_in_the_worst_of_them(
     assert blank_panes(made[0] / "recording.rrd") == []
     told = [f"{model['check']['rms_mm']:.3f}" for model in report["models"]]
     told += [f"{row['taken_mm']:.3f}" for row in report["residuals"]]
+    check_winner(made[0])
     shown = check_page(open_page, made[0] / "report.html", told)
     worst = max(report["residuals"], key=lambda row: row["taken_mm"])
     assert said(shown).startswith(f"Run {worst['run']}")

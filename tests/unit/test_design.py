@@ -11,7 +11,7 @@ from testbench.design.forecast import forecast
 from testbench.design.observability import observability
 from testbench.design.order import joint_travel, round_trip, shortest_path
 from testbench.design.refine import Reach, Search, ascend, refine
-from testbench.design.relaxation import relax, sensitivity
+from testbench.design.relaxation import relax
 from testbench.design.rows import Problem, information
 
 R, K = 5, 2
@@ -111,18 +111,6 @@ def test_relaxed_design_of_a_parabola_is_the_textbook_one(criterion, weights):
     assert relaxed.bound <= 1.002 * relaxed.value
 
 
-def test_exchange_never_loses_and_beats_greedy_at_least_once():
-    better = 0
-    for seed in range(10):
-        problem, criterion = random_problem(60, seed), A_OPTIMAL
-        start = greedy(problem, criterion, problem.rows, 5)
-        end = exchange(problem, criterion, problem.rows, start)
-        a, b = (criterion.information(information(problem, plan)) for plan in (start, end))
-        assert b >= a * (1 - 1e-12)
-        better += b > a * (1 + 1e-6)
-    assert better > 0
-
-
 def by_trying_everything(problem, criterion, plan, poses):
     """The best candidate in a place: of an incomplete plan the next one, of a complete one every place's."""
     every, plan = range(len(problem.rows)), list(plan)
@@ -151,25 +139,13 @@ def test_bounds_and_updates_exchange_what_trying_everything_does(criterion, prio
         assert found.tolist() == by_trying_everything(problem, criterion, start, 6)
 
 
-@pytest.mark.parametrize(
-    ("criterion", "prior"),
-    [(Determinant(), 0.1), (Determinant(), 1e-9), (A_OPTIMAL, 0.1)],  # next to no prior: updates lose digits
-    ids=["D", "D, next to no prior", "A"],
-)
-def test_greedy_takes_the_best_next_one(criterion, prior):
-    problem, plan = random_problem(50, 7, prior), []
+@pytest.mark.parametrize("prior", [0.1, 1e-9], ids=["prior", "next to none"])
+def test_greedy_takes_the_best_next_one(prior):
+    criterion, problem, plan = Determinant(), random_problem(50, 7, prior), []
     for best in greedy(problem, criterion, problem.rows, 12):
         phi = [criterion.information(information(problem, [*plan, j])) for j in range(50)]
         assert phi[best] == pytest.approx(max(phi), rel=1e-9)
         plan.append(best)
-
-
-def test_bound_is_that_of_the_most_useful_candidate():
-    problem, Z = random_problem(), positive(3)
-    relaxed = relax(problem, A_OPTIMAL, 4)
-    useful = max(np.trace(F @ relaxed.dual @ F.T) for F in problem.rows)
-    assert relaxed.bound == pytest.approx((relaxed.dual * problem.prior).sum() + 4 * useful)
-    assert sensitivity(problem.rows, Z)[7] == pytest.approx(np.trace(problem.rows[7] @ Z @ problem.rows[7].T))
 
 
 def test_forecast_is_the_spread_of_least_squares():

@@ -8,7 +8,7 @@ from testbench.cli import program
 from testbench.errors import BenchError
 from testbench.output.next_step import COMMANDS, MISSING, next_lines
 
-PLAN = {"absolute": False, "loads_kg": [460.3]}
+PLAN = {"absolute": False, "loads_kg": [460.3], "model": "MGCO56", "uncertainty_percent": None}
 ABSOLUTE = {"absolute": True, "loads_kg": [0.0, 5.0], "orientations": True, "gear_urad": 30.0}
 ABSOLUTE |= {"geometry_mm": 1.5}
 
@@ -24,6 +24,11 @@ def run_of(folder, command, scenario=None, arm="my arm"):
     ("command", "scenario", "expected"),
     [
         ("testbench plan", PLAN, "data check ../arms/a MEASURED.csv --out runs/data"),
+        (
+            "testbench plan",
+            PLAN,
+            "identify ../arms/a MEASURED.csv --model MGCO56 --no-prior --out runs/model",
+        ),
         (
             "testbench plan",
             ABSOLUTE,

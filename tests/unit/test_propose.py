@@ -5,17 +5,17 @@ import tomllib
 import numpy as np
 import pytest
 
+from testbench.campaign.beam import outer_diameter, triangles
 from testbench.campaign.new_arm import SPREAD, elastic_toml
-from testbench.commands.new import read_wishes
-from testbench.errors import BenchError
-from testbench.plant.import_robot.beam import outer_diameter, triangles
-from testbench.plant.import_robot.propose import (
+from testbench.campaign.propose import (
     PAYLOAD_OFF,
     Wishes,
     estimated_payload,
     joint_compliance,
     propose,
 )
+from testbench.commands.new import read_wishes
+from testbench.errors import BenchError
 from testbench.plant.import_robot.robot import Body, Chain, Joint, Mesh, Shape, Site, pose_of
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -198,8 +198,8 @@ def test_sites_of_the_tool_are_markers_unless_they_lie_on_a_line():
 def test_flags_are_taken_as_they_are_said():
     wishes = read_wishes(7.0, "0,0,0.2,90,0,0", ["A=0,0,0", "B=0.1,0,0", "C=0,0.1,0"], "0,0,0.05")
     proposal = propose(chain_of(part("one", (0, 0, 0.4)), part("two", (0.5, 0, 0))), wishes)
-    np.testing.assert_allclose(proposal.tool[:3, 3], [0, 0, 0.3])
-    np.testing.assert_allclose(proposal.tool[:3, 2], [0, -1, 0], atol=1e-15)  # the tip's z turned about its x
+    np.testing.assert_allclose(proposal.tool.pose[:3, 3], [0, 0, 0.3])
+    np.testing.assert_allclose(proposal.tool.pose[:3, 2], [0, -1, 0], atol=1e-15)  # turned about its x
     np.testing.assert_array_equal(proposal.load[1], [0, 0, 0.05])
     assert [name for name, _ in proposal.markers] == ["A", "B", "C"]
 

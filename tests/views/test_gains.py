@@ -5,7 +5,7 @@ import pytest
 from checks import word_faults
 
 from testbench.trials.spread import Spread
-from testbench.views.gains import beside, gained, less, more
+from testbench.views.gains import beside, gained, less, median_interval, more
 from testbench.views.markdown import place
 from testbench.views.schema import plain, show, written_out
 
@@ -35,25 +35,45 @@ def test_of_fewer_than_twenty_trials_the_range_is_told_and_their_number():
 def test_the_title_of_a_figure_says_how_much_more_the_others_err():
     gain = gained("ours", "theirs", [0.1, 1.0, 4.0], [1.0, 4.0, 8.0])
     known = {"least squares": gain, "joints alone": None, "both": gained("ours", "same", [0.2], [0.2])}
-    told = "ours 1.000 mm; least squares 4.000 mm, 4.0 times larger (2.0 to 10); both 0.200 mm, alike"
+    told = "ours 1.000 mm; least squares 4.000 mm, 4.0 times larger (2.0 to 10); "
+    told += "both 0.200 mm, no clear difference"
     assert beside(known) == told
     assert beside({"least squares": gain}, "um").startswith("ours 1000 um; least squares 4000 um, ")
     assert beside({"joints alone": None}) == ""
 
 
-def test_models_are_alike_where_the_spread_holds_both():
+def test_there_is_no_clear_difference_where_the_interval_of_the_median_holds_1():
     gain = gained("ours", "theirs", [1.0, 1.0, 1.0], [0.5, 1.2, 2.0])
-    assert gain.alike
-    assert less(gain) == more(gain) == "alike"
-    assert less(gain, "seed") == "alike, between 2.0 times larger and 2.0 times smaller in 3 seeds"
-    assert more(gain, "seed") == "alike, between 2.0 times larger and 2.0 times smaller in 3 seeds"
+    assert gain.tie
+    assert less(gain) == more(gain) == "no clear difference"
+    told = "no clear difference (0.50 to 2.0 times in 3 seeds)"
+    assert less(gain, "seed") == more(gain, "seed") == told
     same = gained("ours", "theirs", [1.0, 2.0], [1.001, 2.002])
-    assert less(same, "seed") == "alike"
+    assert less(same, "seed") == "no clear difference"
+
+
+def test_the_interval_of_the_median_decides_where_trials_differ_in_which_is_better():
+    """Of 100 ratios 80 are 2 and 20 are 0.8: the sign test is clear, though 90 % of them hold 1."""
+    gain = gained("ours", "theirs", [1.0] * 100, [2.0] * 80 + [0.8] * 20)
+    assert gain.interval == (2.0, 2.0)
+    assert not gain.tie
+    assert less(gain, "seed") == "2.0 times smaller (0.80 to 2.0 times in 90 %)"
+    assert more(gain, "seed") == "2.0 times larger (0.50 to 1.2 times in 90 %)"
+    half = gained("ours", "theirs", [1.0] * 100, [2.0] * 55 + [0.8] * 45)
+    assert half.tie
+
+
+def test_the_interval_of_a_median_is_that_of_the_sign_test():
+    """Of 100 values the 40th and the 61st: 39 or fewer of 100 tosses are heads in 1.8 %."""
+    values = np.random.default_rng(0).permutation(100.0 + np.arange(100))
+    assert median_interval(values) == (139.0, 160.0)
+    assert median_interval(np.arange(5.0)) is None
+    assert median_interval(np.arange(6.0)) == (0.0, 5.0)
 
 
 @pytest.mark.parametrize(
     ("ours", "theirs", "words"),
-    [(0.11, 0.944, "8.6 times smaller"), (0.4, 0.1, "4.0 times larger"), (1.0, 1.01, "alike")],
+    [(0.11, 0.944, "8.6 times smaller"), (0.4, 0.1, "4.0 times larger"), (1.0, 1.01, "no clear difference")],
 )
 def test_of_one_seed_the_ratio_is_plain(ours, theirs, words):
     assert less(gained("ours", "theirs", [ours], [theirs]), "seed") == words

@@ -1,15 +1,19 @@
 """Pages in a headless Chromium."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from chromium import DESKTOP, PHONE
+from made_up_run import REPORT, made_up_run
 from scipy.spatial.transform import Rotation
 
 from testbench.plant.shapes import Frames
-from testbench.views.page.page import FOLDER, SCRIPTS
+from testbench.report.badge import decide
+from testbench.views.page.page import FOLDER, SCRIPTS, write_page
 from testbench.views.page.page import frames_plain as _frames
+from testbench.views.schema import Column, Table
 
 FITS = '<meta name="viewport" content="width=device-width">'
 PAGE = f"""<!doctype html><meta charset="utf-8">{FITS}<title>A page</title>
@@ -306,3 +310,27 @@ def test_a_pose_shows_its_own_layers_and_words_and_those_that_are_ticked_alone(o
     for name in ("on", "off"):
         page.get_by_label(name, exact=True).click()
     assert shown() == [False, False, True]
+
+
+@pytest.mark.look
+def test_a_page_is_printed_on_one_sheet_with_badge_picture_table_settings_and_versions(
+    open_page, arm_6r, tmp_path
+):
+    badge = decide(("one", [1.0] * 8), ("other", [2.0] * 8))
+    seen = made_up_run(arm_6r)
+    table = Table(
+        (Column("name", "model"), Column("mm", "error", "mm")), [{"name": "one", "mm": 1.0}], "Models"
+    )
+    write_page(tmp_path, "made up", replace(REPORT, badge=badge), replace(seen, tables=[table, table]))
+    page = open_page(tmp_path / "report.html", dark=True).page
+    sheet = {"width": 703, "height": 1032}  # A4 without margins of 12 mm, 96 to the inch
+    page.set_viewport_size(sheet)
+    page.emulate_media(media="print", color_scheme="dark")
+    assert page.evaluate("document.documentElement.scrollHeight") <= sheet["height"]
+    shown = page.evaluate("document.body.innerText")
+    for words in (badge.words, REPORT.answer, "Models", REPORT.title, "mujoco"):
+        assert words in shown
+    assert page.locator("#scene canvas").bounding_box()["height"] > 150
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    assert page.locator("table:visible").count() == 1
+    assert page.locator("#map, .runs, .bar, button").locator("visible=true").count() == 0

@@ -228,13 +228,13 @@ def alike(series: Sequence[Series]) -> tuple[tuple[Series, ...], tuple[str, ...]
         lost = [name for name in one.markers if name not in read]
         if lost:
             notes.append(f"{one.name}: {', '.join(lost)} was never read and is left out")
-        found.append(_with_targets(one, tuple(name for name in every if name in read)))
+        found.append(with_targets(one, tuple(name for name in every if name in read)))
     return tuple(found), tuple(notes)
 
 
 def read_only(series: Series) -> Series:
     """A series without the targets that it never read; as it is where it read none."""
-    return _with_targets(series, _read(series) or series.markers)
+    return with_targets(series, _read(series) or series.markers)
 
 
 def _read(series: Series) -> tuple[str, ...]:
@@ -242,7 +242,7 @@ def _read(series: Series) -> tuple[str, ...]:
     return tuple(name for name, seen in zip(series.markers, series.seen.T, strict=True) if seen.any())
 
 
-def _with_targets(series: Series, markers: tuple[str, ...]) -> Series:
+def with_targets(series: Series, markers: tuple[str, ...]) -> Series:
     """A series with these targets in this order, lost where it has none of the name."""
     if markers == series.markers:
         return series

@@ -10,9 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, in_order
+from testbench.data.dataset import Dataset, in_order
 from testbench.data.series import Series, select_rows, series_of
+from testbench.data.spool import some
 from testbench.errors import BenchError, InputError
+from testbench.identify.absolute.align import with_targets
 from testbench.identify.absolute.fit import first_fit
 from testbench.identify.absolute.state import Mount, State, nominal, torque_scale
 from testbench.identify.diagnosis.finding import Finding
@@ -27,8 +29,8 @@ from testbench.model.vjm import Vjm
 from testbench.model.weights import Weights, read_weights
 
 ORDERS = 2  #: Periodic errors that may explain it: few poses tell no more.
-MOST = 600  #: Runs that are looked at, evenly out of more.
-TARGETS = 30  #: Targets that are looked at, evenly out of more.
+TARGETS = 30
+"""Targets that are looked at, evenly out of more: all of them move together, each has a place to be found."""
 NAME = "targets"  #: Of the mount.
 
 
@@ -40,8 +42,7 @@ def moved(vjm: Vjm, data: Dataset, prior: Prior) -> list[Finding]:
         data: The runs in the base's frame, in order of time.
         prior: What the arm's folder expects.
     """
-    data = _fewer_targets(in_order(data, _evenly(data.runs, MOST)))
-    series = tuple(_in_time(data))
+    series = tuple(_in_time(in_order(data, some(np.arange(data.runs)))))
     if not vjm.arm.joints or not any(len(places(one, FEWEST)) for one in series):
         return []
     try:
@@ -51,21 +52,6 @@ def moved(vjm: Vjm, data: Dataset, prior: Prior) -> list[Finding]:
     return doubted(lacking(state, series, noise, metric(prior, vjm, all153(vjm.arm)), ORDERS), series)
 
 
-def _evenly(count: int, most: int) -> Ids:
-    """So many of some at most, the first and the last among them."""
-    return np.linspace(0, count - 1, min(most, count)).astype(int)
-
-
-def _fewer_targets(data: Dataset) -> Dataset:
-    """Some of very many targets: all of them move together, and each has a place to be found."""
-    some = _evenly(len(data.markers), TARGETS)
-    precision = None if data.precision is None else data.precision[:, some]
-    markers = tuple(data.markers[k] for k in some)
-    return replace(
-        data, markers=markers, before=data.before[:, some], after=data.after[:, some], precision=precision
-    )
-
-
 def _in_time(data: Dataset) -> Iterator[Series]:
     """Readings of every station in order of time, numbered 2 run unloaded and 2 run + 1 loaded.
 
@@ -73,7 +59,8 @@ def _in_time(data: Dataset) -> Iterator[Series]:
     """
     pose = dict(zip(data.run.tolist(), data.pose.tolist(), strict=True))
     stations = 1 if data.station is None else len(np.unique(data.station))
-    for one in series_of(data, "station", NAME):
+    for every in series_of(data, "station", NAME):
+        one = with_targets(every, every.markers[:: -(-len(every.markers) // TARGETS)])
         loaded = np.arange(one.rows) >= one.rows // 2
         poses = np.array([pose[run] for run in one.row.tolist()])
         read = np.column_stack(

@@ -1,7 +1,6 @@
 """Doubts about loads and deflections: the mistake that makes them fit the prior best."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +8,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify.diagnosis.finding import Finding
-from testbench.identify.diagnosis.loads import Hypothesis, Learnt, hypotheses, learnt, other_loads
+from testbench.identify.diagnosis.loads import Learnt, hypotheses, learnt, other_loads
 from testbench.identify.fold import reduce
 from testbench.identify.metric import Metric
 from testbench.model.vjm import Vjm
@@ -49,7 +48,7 @@ def deflected(vjm: Vjm, metric: Metric, data: Dataset) -> list[Finding]:
     except BenchError:  # no compliance moves so: only other loads can
         return _other(None, vjm, metric, data) or [_wild(factor, data)]
     suspicious = own.misfit > QUIET[0] or not 1 / QUIET[1] < factor < QUIET[1]
-    found = [replace(one, nats=_nats(own, h, again=suspicious)) for h, one in _best(own)]
+    found = _best(own)
     if suspicious:
         found += _other(own.loss, vjm, metric, data)
     found.sort(key=lambda one: -(one.nats or 0) * (SHARE if one.kind in SINGLE else 1))
@@ -60,48 +59,28 @@ def deflected(vjm: Vjm, metric: Metric, data: Dataset) -> list[Finding]:
     return found
 
 
-def single(vjm: Vjm, metric: Metric, data: Dataset) -> list[Finding]:
-    """Doubts about single runs alone."""
-    try:
-        return [one for h, one in _best(learnt(vjm, metric, data), only=SINGLE)]
-    except BenchError:
-        return []
-
-
-def _best(own: Learnt, only: tuple[str, ...] = ()) -> list[tuple[Hypothesis, Finding]]:
+def _best(own: Learnt) -> list[Finding]:
     """The likeliest mistake; and where it is of a single run, what else is of another single run."""
-    large = (h for h in hypotheses(own) if (not only or h.kind in only) and _large(own, h))
-    found: list[tuple[Hypothesis, Finding]] = []
-    runs: set[str] = set()
-    for h in sorted(large, key=lambda h: -float(h.tested.nats)):
-        if found and (found[0][0].kind not in SINGLE or h.kind not in SINGLE or h.where[0] in runs):
-            continue
-        runs.update(h.where[:1])
-        found.append((h, Finding(h.kind, h.where, h.size, nats=float(h.tested.nats))))
+    found: list[Finding] = []
+    for one in sorted(
+        filter(lambda one: _large(own, one), hypotheses(own)), key=lambda one: -(one.nats or 0)
+    ):
+        runs = {other.where[0] for other in found if other.kind in SINGLE}
+        if not found or (runs and one.kind in SINGLE and one.where[0] not in runs):
+            found.append(one)
     return found
 
 
-def _large(own: Learnt, h: Hypothesis) -> bool:
+def _large(own: Learnt, one: Finding) -> bool:
     """Whether a mistake is likely, and larger than those of sound arms."""
-    if h.tested.nats <= (ONE_OF_MANY if h.kind in ("level", *SINGLE) else LEAST):
+    if (one.nats or 0) <= (ONE_OF_MANY if one.kind in ("level", *SINGLE) else LEAST):
         return False
-    size = h.size
-    if h.kind in ("run", "reading"):
+    size = np.abs(one.size)
+    if one.kind in ("run", "reading"):
         return bool(np.linalg.norm(size) > max(BUMP, SIGMAS * own.data.sigma * own.misfit))
-    if h.kind == "force_offset":
+    if one.kind == "force_offset":
         size = size / np.linalg.norm(own.data.wrench[:, :3], axis=1).max()
-    return bool(np.abs(size).max() > LARGE[h.kind])
-
-
-def _nats(own: Learnt, h: Hypothesis, *, again: bool) -> float:
-    """How much likelier a mistake makes the readings [nats]; one of all runs is undone and learnt anew."""
-    nats = float(h.tested.nats)
-    if h.undo is None or not again:
-        return nats
-    try:
-        return max(nats, own.loss - learnt(own.vjm, own.metric, h.undo(own.data, h.tested.b)).loss)
-    except BenchError:  # undone by so much that targets move against the force
-        return nats
+    return bool(size.max() > LARGE[one.kind])
 
 
 def _other(loss: float | None, vjm: Vjm, metric: Metric, data: Dataset) -> list[Finding]:

@@ -2,14 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 
 from testbench.data.dataset import Dataset, Ids, select
 from testbench.errors import Array
 from testbench.identify.diagnosis.between import moved
-from testbench.identify.diagnosis.deflected import SINGLE, deflected, single
+from testbench.identify.diagnosis.deflected import SINGLE, deflected
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.place import Fit, Free, Seen, fit
 from testbench.identify.diagnosis.sanity import moved_against, sanity_checks
@@ -90,10 +89,10 @@ def _loads(vjm: Vjm, data: Dataset, prior: Prior) -> list[Finding]:
     parts = max(1, -(-data.runs // max(1, min(AT_A_TIME, MOST_READINGS // each))))
     chunks = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, PARTS))]
     found = deflected(vjm, model, chunks[0])
-    if all(doubt.kind in SINGLE for doubt in found):
-        found += chain.from_iterable(single(vjm, model, chunk) for chunk in chunks[1:])
-        found.sort(key=lambda doubt: -(doubt.nats or 0))
-    return found
+    if any(doubt.kind not in SINGLE for doubt in found):
+        return found
+    more = (doubt for chunk in chunks[1:] for doubt in deflected(vjm, model, chunk) if doubt.kind in SINGLE)
+    return sorted([*found, *more], key=lambda doubt: -(doubt.nats or 0))
 
 
 def _places(given: HandedIn) -> tuple[list[Finding], Fit, Seen]:

@@ -1,18 +1,18 @@
 """Which single mistake in the loads, or between the two readings, would make the deflections fit the prior.
 
 The model is linear with a prior that learns from the readings (`hierarchy`): y ~ N(A s e, S). A mistake b
-adds Z b to what is expected, Z by differences of the residual under changed data where it changes all runs.
+adds Z b to what is expected; Z is the difference of the residuals where it changes all runs.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise, permutations
+from itertools import permutations
 
 import numpy as np
 
 from testbench.data.dataset import Dataset, Mask, read_by
 from testbench.errors import Array
-from testbench.identify.diagnosis.finding import Tested, test
+from testbench.identify.diagnosis.finding import Finding, test
 from testbench.identify.evidence import greatest, posterior
 from testbench.identify.fold import reduce
 from testbench.identify.hierarchy import evidence
@@ -21,13 +21,10 @@ from testbench.identify.registered import station, unloaded
 from testbench.identify.weighed import Readings, marker_points, one_by_one, white
 from testbench.model.vjm import Vjm, chain, generalised_load, tool_pose, translation_rows
 
-Change = Callable[[Dataset, Array], Dataset]
-"""A dataset with a mistake of a size undone, (z,)."""
 PLAY, STIFFER = 6e-5, 200.0
 """Half width of a joint's play or friction [rad, m], and the share by which it turns less, a radian [1/rad].
 
 Typical sizes, as of `plant.TYPICAL`, and a little more."""
-STEP = 1e-3  #: Of a mistake, for derivatives: mistakes enter almost linearly [1].
 FORCE, POINT, SHIFT, FACTOR = 0.1, 0.1, 1e-3, 0.3
 """Sizes that are expected of a constant force over the largest, of a load point's error [m], of a tracker's
 move [m, rad] and of a wrong load [1]."""
@@ -101,30 +98,25 @@ def allowed(vjm: Vjm, data: Dataset, C: Array) -> Array:
     return np.array(columns).reshape(len(columns), -1).T
 
 
-@dataclass(frozen=True)
-class Hypothesis:
-    """A mistake, and how much likelier it makes the readings."""
-
-    kind: str
-    where: tuple[str, ...]  #: Run, target, station or level [N].
-    tested: Tested
-    unit: float  #: Of its size, SI.
-    undo: Change | None = None  #: Undoes it in all runs; None for a mistake of single runs.
-
-    @property
-    def size(self) -> Array:
-        """How large it looks, SI."""
-        return self.unit * self.tested.b
-
-
-def hypotheses(own: Learnt) -> Iterator[Hypothesis]:
+def hypotheses(own: Learnt) -> Iterator[Finding]:
     """Every mistake whose size enters linearly."""
     start = _left(own, own.data)
-    for kind, where, z, unit, undo in _of_all(own.data):
-        ends = (_left(own, undo(own.data, STEP * e)) for e in np.eye(z))
-        Z = np.column_stack([(start - end) / STEP for end in ends])
-        yield Hypothesis(kind, where, _tested(own, Z), unit, undo)
-    yield from _single(own)
+    for found, unit, undone in _of_all(own.data):
+        Z = np.column_stack([start - _left(own, data) for data in undone])
+        yield _tested(own, found, unit, Z)
+    read = own.read
+    expected, size = (read.A @ own.pi).ravel(), BUMP / np.repeat(read.unit, 3)
+    for r, name in enumerate(map(str, own.data.run)):
+        first, end = np.searchsorted(read.run, [r, r + 1])
+        if first == end:
+            continue
+        every = slice(3 * first, 3 * end)
+        yield _tested(own, Finding("run_load", (name,)), FACTOR, FACTOR * expected[every, None], every)
+        yield _tested(own, Finding("run", (name,)), BUMP, np.diag(size[every]), every)
+        for k in range(first, end):
+            one, target = slice(3 * k, 3 * k + 3), read.marker[k]
+            label = own.data.markers[target] if target >= 0 else "the tool's turn"
+            yield _tested(own, Finding("reading", (name, label)), BUMP, np.diag(size[one]), one)
 
 
 def _left(own: Learnt, data: Dataset) -> Array:
@@ -133,56 +125,34 @@ def _left(own: Learnt, data: Dataset) -> Array:
     return np.asarray((read.y - read.A @ own.pi).ravel())
 
 
-def _tested(own: Learnt, Z: Array, rows: slice = slice(None)) -> Tested:
-    """A mistake that adds Z b, (rows, z) [standard deviations], to what is expected of some rows."""
+def _tested(own: Learnt, found: Finding, unit: float, Z: Array, rows: slice = slice(None)) -> Finding:
+    """A mistake that adds Z b, (rows, z) [standard deviations a unit], to what is expected of some rows."""
     shared = own.shared[rows].T @ Z
-    return test(Z.T @ own.surprise[rows], Z.T @ Z / own.misfit**2 - shared.T @ shared)
+    tested = test(Z.T @ own.surprise[rows], Z.T @ Z / own.misfit**2 - shared.T @ shared)
+    return replace(found, size=unit * tested.b, nats=float(tested.nats))
 
 
-def _of_all(data: Dataset) -> Iterator[tuple[str, tuple[str, ...], int, float, Change]]:
-    """Mistakes of all runs, of a station or of a level: kind, where, numbers, unit, and what undoes them."""
-    force, centre = (
-        float(np.linalg.norm(data.wrench[:, :3], axis=1).max()),
-        data.after[data.seen].mean(axis=0),
-    )
-    if force > 0:
-        size = FORCE * force
-        yield "force_offset", (), 3, size, lambda d, b: pushed(d, d.wrench + np.pad(size * b, (0, 3)))
-    yield "load_point", (), 3, POINT, lambda d, b: replace(d, point=d.point + POINT * b)
+def _of_all(data: Dataset) -> Iterator[tuple[Finding, float, list[Dataset]]]:
+    """Mistakes of all runs, of a station or of a level: the unit of their size, data with one unit undone."""
+    axes, y, w = np.eye(3), data.after, data.wrench
+    size = FORCE * float(np.linalg.norm(w[:, :3], axis=1).max())
+    if size > 0:
+        yield (
+            Finding("force_offset"),
+            size,
+            [replace(data, wrench=w + np.r_[size * e, 0, 0, 0]) for e in axes],
+        )
+    yield Finding("load_point"), POINT, [replace(data, point=data.point + POINT * e) for e in axes]
+    moves = [*axes, *(np.cross(e, y - y[data.seen].mean(axis=0)) for e in axes)]
     for name in (station(one.frame) for one in unloaded(data)):
-        own = read_by(data, name)[:, None, None]
-
-        def still(d: Dataset, b: Array, own: Mask = own) -> Dataset:
-            moved = SHIFT * (b[:3] + np.cross(b[3:], d.after - centre))
-            return replace(d, after=np.where(own, d.after - moved, d.after))
-
-        yield "tracker_moved", () if data.station is None else (str(name),), 6, SHIFT, still
+        own = SHIFT * read_by(data, name)[:, None, None]
+        where = () if data.station is None else (str(name),)
+        yield Finding("tracker_moved", where), SHIFT, [replace(data, after=y - own * move) for move in moves]
     groups = levels(data)
     for mask in groups if len(groups) > 1 else ():
-        load = np.linalg.norm(data.wrench[mask, :3], axis=1).mean()
-
-        def weighed(d: Dataset, b: Array, mask: Mask = mask) -> Dataset:
-            return pushed(d, d.wrench * np.where(mask, 1 + FACTOR * b[0], 1)[:, None])
-
-        yield "level", (f"{load:.4g} N",), 1, FACTOR, weighed
-
-
-def _single(own: Learnt) -> Iterator[Hypothesis]:
-    """Single runs with another load, single runs and single readings that are of anything."""
-    read, data = own.read, own.data
-    expected = (read.A @ own.pi).ravel()
-    size = BUMP / np.repeat(read.unit, 3)
-    ends = np.searchsorted(read.run, np.arange(data.runs + 1))
-    for r, (first, end) in enumerate(pairwise(ends)):
-        if first == end:
-            continue
-        name, every = str(data.run[r]), slice(3 * first, 3 * end)
-        yield Hypothesis("run_load", (name,), _tested(own, FACTOR * expected[every, None], every), FACTOR)
-        yield Hypothesis("run", (name,), _tested(own, np.diag(size[every]), every), BUMP)
-        for k in range(first, end):
-            one, target = slice(3 * k, 3 * k + 3), read.marker[k]
-            label = data.markers[target] if target >= 0 else "the tool's turn"
-            yield Hypothesis("reading", (name, label), _tested(own, np.diag(size[one]), one), BUMP)
+        load = np.linalg.norm(w[mask, :3], axis=1).mean()
+        heavier = replace(data, wrench=w * (1 + FACTOR * mask)[:, None])
+        yield Finding("level", (f"{load:.4g} N",)), FACTOR, [heavier]
 
 
 def levels(data: Dataset) -> list[Mask]:
@@ -198,20 +168,15 @@ def levels(data: Dataset) -> list[Mask]:
     return found if often and force.min() > 0 else []
 
 
-def pushed(data: Dataset, wrench: Array) -> Dataset:
-    """The dataset with other loads, (runs, 6) [N, N m]."""
-    return replace(data, wrench=wrench)
-
-
 def other_loads(vjm: Vjm, data: Dataset) -> Iterator[tuple[str, tuple[str, ...], Dataset]]:
     """Mistakes of all loads that have no size: kind, what the loads are in truth, the data without it."""
     w, rotation = data.wrench.reshape(-1, 2, 3), tool_pose(vjm, data.q)[1]
     turned = np.einsum("rxy,rky->rkx", rotation, w)
-    yield "force_axes", ("tool",), pushed(data, turned.reshape(-1, 6))
+    yield "force_axes", ("tool",), replace(data, wrench=turned.reshape(-1, 6))
     for order in list(permutations(range(3)))[1:]:
         for sign, said in ((1, "+"), (-1, "-")):
             axes = "".join("xyz"[k] for k in order)
-            yield "force_axes", (axes, said), pushed(data, sign * w[:, :, list(order)].reshape(-1, 6))
+            yield "force_axes", (axes, said), replace(data, wrench=sign * w[:, :, list(order)].reshape(-1, 6))
     groups = levels(data)
     sizes = [np.linalg.norm(data.wrench[own, :3], axis=1).mean() for own in groups]
     shifted = [np.roll(sizes, -k) for k in range(1, len(sizes))]
@@ -220,4 +185,4 @@ def other_loads(vjm: Vjm, data: Dataset) -> Iterator[tuple[str, tuple[str, ...],
         for own, size, value in zip(groups, sizes, values, strict=True):
             factor[own] = value / size
         named = ("reversed",) if place == len(shifted) else ()
-        yield "levels", named, pushed(data, data.wrench * factor[:, None])
+        yield "levels", named, replace(data, wrench=data.wrench * factor[:, None])

@@ -178,9 +178,8 @@ def _size(own: Hypothesis, found: Fit) -> Array:
         off = found.markers - own.seen.markers
         return np.asarray(off[np.argmax(np.linalg.norm(off, axis=1))])
     if own.kind == "link":
-        k = own.free.theta[0] // 6
-        frame = np.reshape(own.seen.vjm.arm.links[k].frame, (3, 3))
-        return np.asarray(frame @ found.theta[list(own.free.theta)])
+        beam = own.seen.vjm.arm.links[own.free.theta[0] // 6].frame
+        return np.asarray(beam @ found.theta[list(own.free.theta)])
     return np.array([own.size + found.theta.sum()])
 
 

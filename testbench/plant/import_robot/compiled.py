@@ -22,6 +22,7 @@ NO_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
 SLIDES = int(mujoco.mjtJoint.mjJNT_SLIDE)
 UNLIMITED = 2 * math.pi  #: Of a turning joint without limits, each way [rad].
 SLIDE = 1.0  #: Of a sliding joint without limits, each way [m].
+ROOT = "world link"  #: Stands for "world", which MuJoCo takes for the world itself.
 NOTHING = 1e-14  #: Of a body without a mass, which must move in MuJoCo [kg].
 
 
@@ -116,6 +117,8 @@ def _surfaces(file: Path, model: mujoco.MjModel, own: Mapping[str, Mesh]) -> lis
 
 def _marked(body: Body, cleaned: Cleaned) -> Body:
     """The body, told why its joint cannot be one of an arm."""
+    if body.name == ROOT:
+        return replace(body, name="world")
     if odd := cleaned.odd.get(body.name):
         return replace(body, odd=odd)
     if body.joint is None or body.joint.name not in cleaned.follows:

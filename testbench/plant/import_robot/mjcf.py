@@ -19,9 +19,11 @@ from testbench.plant.import_robot.meshes import Meshes, check_size, decimated, s
 from testbench.plant.import_robot.robot import Note
 from testbench.plant.import_robot.solids import hull_of
 from testbench.plant.import_robot.source import (
+    MAX_BODIES,
     MAX_ELEMENTS,
+    MAX_SHAPES,
+    check_count,
     check_numbers,
-    check_shapes,
     inside,
     need,
     read_numbers,
@@ -67,7 +69,8 @@ def clean_mjcf(file: Path, root: ET.Element) -> Cleaned:
         raise InputError(
             file, xml_place(file, refused[0]), "not read; save the compiled model as one MJCF file first"
         )
-    check_shapes(file, root, "geom")
+    check_count(file, root, "geom", MAX_SHAPES)
+    check_count(file, root, "body", MAX_BODIES)
     folder = _mesh_folder(file, root)
     left_out = _keep(root)
     check_numbers(file, root)

@@ -15,6 +15,10 @@ Surface = tuple[Array, Faces]
 """Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
 
 
+Point = tuple[str, Array]
+"""Name and position in the tool's frame, (3,) [m]."""
+
+
 class Note(NamedTuple):
     """What became of something in the file; `testbench.campaign.new_arm` has the words."""
 

@@ -16,6 +16,7 @@ MAX_BYTES = 16_000_000
 MAX_ELEMENTS = 20_000
 MAX_DEPTH = 150
 MAX_SHAPES = 2000  #: Of a robot: every <geometry> of URDF, every <geom> of MJCF.
+MAX_BODIES = 500  #: Of a robot: the time that MuJoCo takes grows with the cube of those in a row.
 LARGEST = 1e9  #: Of any number that is read; what an arm can have is checked on the whole tree.
 
 
@@ -41,11 +42,11 @@ def read_xml(file: Path) -> ET.Element:
     return root
 
 
-def check_shapes(file: Path, root: ET.Element, tag: str) -> None:
-    """Refuse a robot of more shapes than any has with an InputError."""
+def check_count(file: Path, root: ET.Element, tag: str, most: int) -> None:
+    """Refuse a robot of more shapes or joints than any has with an InputError."""
     count = sum(1 for _ in root.iter(tag))
-    if count > MAX_SHAPES:
-        raise InputError(file, f"<{tag}>", f"expected at most {MAX_SHAPES} shapes, got {count}")
+    if count > most:
+        raise InputError(file, f"<{tag}>", f"expected at most {most} in a robot, got {count}")
 
 
 def read_numbers(file: Path, e: ET.Element, key: str, count: int) -> Array:

@@ -5,6 +5,7 @@ nothing; refuse joints that float; and name no joint whose link is missing. It r
 nor large meshes: it gets boxes for all.
 """
 
+import copy
 import os
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -16,13 +17,22 @@ import numpy as np
 
 from testbench.arm.document import parse_xml
 from testbench.arm.lines import xml_place
-from testbench.errors import InputError, read_text
-from testbench.plant.import_robot.compiled import Cleaned
+from testbench.errors import Array, InputError, read_text
+from testbench.plant.import_robot.compiled import ROOT, Cleaned
 from testbench.plant.import_robot.mesh_door import MeshError
 from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size, stl_bytes
 from testbench.plant.import_robot.robot import Mesh, Note
 from testbench.plant.import_robot.solids import VISIBLE, plausible, primitive
-from testbench.plant.import_robot.source import check_numbers, check_shapes, inside, need, read_numbers
+from testbench.plant.import_robot.source import (
+    MAX_BODIES,
+    MAX_DEPTH,
+    MAX_SHAPES,
+    check_count,
+    check_numbers,
+    inside,
+    need,
+    read_numbers,
+)
 from testbench.plant.import_robot.tip import ARM_JOINTS
 from testbench.plant.shapes import VISUAL_GROUPS
 
@@ -41,7 +51,6 @@ FORMS = {
 """Primitives, and how many numbers their attributes have."""
 THINNEST = 1e-6  #: What is thinner has no extent [m].
 ENDLESS = 1000.0  #: Limits beyond it mean none [rad, m].
-ROOT = "world link"  #: MuJoCo takes a link called world for the world itself.
 MAX_BYTES = 1_000_000  #: Of a package.xml.
 UP = 8  #: Folders above the URDF in which a package is looked for.
 
@@ -56,7 +65,8 @@ def clean_urdf(file: Path, root: ET.Element) -> Cleaned:
     Raises:
         InputError: When links or joints are wrong.
     """
-    check_shapes(file, root, "geometry")
+    check_count(file, root, "geometry", MAX_SHAPES)
+    check_count(file, root, "joint", MAX_BODIES)
     links, joints = root.findall("link"), root.findall("joint")
     _check_tree(file, links, joints)
     mimics = {
@@ -81,38 +91,43 @@ def clean_urdf(file: Path, root: ET.Element) -> Cleaned:
     }
     bounds = {"balanceinertia": "true", "boundmass": "1e-14", "boundinertia": "1e-14"}
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", {**options, **bounds})
-    box = primitive("box", np.ones(3))
-    assets = dict.fromkeys((f"{name}.stl" for name in surfaces), stl_bytes(box.vertices, box.faces))
+    box = primitive("box", np.array([1.0, 2.0, 3.0]))
+    assets = dict.fromkeys((f"{name}.stl" for name in surfaces), stl_bytes(box.vertices + 1, box.faces))
     notes = [Note("locked", tuple(locked))] if locked else []
     text = ET.tostring(root, encoding="unicode")
     return Cleaned(text, assets, (*notes, *meshes.notes()), _prepare, surfaces, odd, mimics)
 
 
 def _check_tree(file: Path, links: Sequence[ET.Element], joints: Sequence[ET.Element]) -> None:
-    """One tree of links with names of their own."""
+    """One tree of links with names of their own, not too deep for MuJoCo."""
     for elements in (links, joints):
-        names = [need(file, e, "name") for e in elements]
-        if twice := [e for k, e in enumerate(elements) if names[k] in names[:k]]:
+        first = {need(file, e, "name"): e for e in reversed(elements)}
+        if twice := [e for e in elements if first[e.get("name", "")] is not e]:
             raise InputError(file, xml_place(file, twice[0]), "the name stands twice")
-    parents: dict[str, str] = {}
-    every = [e.get("name", "") for e in links]
+    children: dict[str, list[str]] = {e.get("name", ""): [] for e in links}
+    roots = dict.fromkeys(children)
     for joint in joints:
         parent, child = _end(file, joint, "parent"), _end(file, joint, "child")
-        problem = f"link {child!r} is the child of another joint already" if child in parents else ""
-        for which, end in (("child", child), ("parent", parent)):
-            problem = problem if end in every else f"{which}: there is no link {end!r}"
-        if problem:
+        for which, end in (("parent", parent), ("child", child)):
+            if end not in children:
+                raise InputError(file, xml_place(file, joint), f"{which}: there is no link {end!r}")
+        if child not in roots:
+            problem = f"link {child!r} is the child of another joint already"
             raise InputError(file, xml_place(file, joint), problem)
-        parents[child] = parent
-    roots = [name for name in every if name not in parents]
+        del roots[child]
+        children[parent].append(child)
     if len(roots) != 1:
-        got = ", ".join(roots) or ("a circle of joints" if every else "no links")
+        got = ", ".join(roots) or ("a circle of joints" if links else "no links")
         raise InputError(file, "<robot>", f"expected one link without a parent, got {got}")
-    reached = {*roots}
-    while more := {child for child, parent in parents.items() if parent in reached} - reached:
-        reached |= more
-    if circle := sorted(set(every) - reached):
-        raise InputError(file, "<robot>", f"these links stand in a circle of joints: {', '.join(circle)}")
+    left, level = set(children), list(roots)
+    for _ in range(MAX_DEPTH):
+        left -= set(level)
+        level = [child for link in level for child in children[link]]
+    if left:
+        problem = f"these links stand in a circle of joints: {', '.join(sorted(left))}"
+        raise InputError(
+            file, "<robot>", f"expected at most {MAX_DEPTH} links in a row" if level else problem
+        )
 
 
 def _end(file: Path, joint: ET.Element, which: str) -> str:
@@ -155,19 +170,15 @@ def _limits(file: Path, e: ET.Element) -> tuple[float, float] | None:
     """The limits that a joint states [rad, m]; None, and no <limit>, where it states none that bounds."""
     if (limit := e.find("limit")) is None:
         return None
-    lower, upper = (
-        float(read_numbers(file, limit, key, 1)[0]) if key in limit.attrib else 0.0 for key in KEYS
-    )
-    bounds = bool(limit.attrib) and e.get("type") != "continuous" and max(abs(lower), abs(upper)) <= ENDLESS
+    found = {key: float(read_numbers(file, limit, key, 1)[0]) for key in limit.attrib}
+    lower, upper = found.get("lower", 0.0), found.get("upper", 0.0)
+    bounds = bool(found) and e.get("type") != "continuous" and max(abs(lower), abs(upper)) <= ENDLESS
     if bounds and not lower < upper and (lower or upper):
         problem = f"limit: expected lower < upper, got {lower:g} and {upper:g}"
         raise InputError(file, xml_place(file, e), problem)
     if not bounds or lower == upper:
         e.remove(limit)
     return (lower, upper) if bounds else None
-
-
-KEYS = "lower", "upper"
 
 
 def _check_inertial(file: Path, link: ET.Element) -> None:
@@ -192,30 +203,29 @@ def _shapes(file: Path, root: ET.Element, meshes: Meshes, surfaces: dict[str, Me
             form = next(iter(e.findall("geometry/*")), None)
             if form is None or not _is_there(file, form, meshes, surfaces):
                 link.remove(e)
-                continue
-            mesh, rgba = surfaces.get(form.get("filename", "").removesuffix(".stl")), VISIBLE
-            if (colour := _colour(e, colours)) is not None:
-                rgba = read_numbers(file, colour, "rgba", 4)
-            elif mesh is not None and mesh.rgba is not None:
-                rgba = mesh.rgba
-            for material in e.findall("material"):
-                e.remove(material)
-            look = ET.SubElement(e, "material", name=f"{id(e)}")
-            ET.SubElement(look, "color", rgba=" ".join(map(repr, rgba.tolist())))
+            else:
+                rgba = _colour(file, e, colours, surfaces.get(form.get("filename", "").removesuffix(".stl")))
+                for material in e.findall("material"):
+                    e.remove(material)
+                ET.SubElement(ET.SubElement(e, "material"), "color", rgba=" ".join(map(repr, rgba.tolist())))
         if shown and link.find("visual") is None:  # none that can be read
             for e in link.findall("collision"):
-                ET.SubElement(link, "visual").extend(e)
+                link.append(copy.deepcopy(e))
+                link[-1].tag = "visual"
     for material in root.findall("material"):
         root.remove(material)
+    for k, look in enumerate(root.iter("material")):  # for MuJoCo a name has the colour that it had first
+        look.set("name", f"{k}")
 
 
-def _colour(e: ET.Element, colours: Mapping[str, ET.Element | None]) -> ET.Element | None:
-    """Of the element's own material, or of the robot's of that name."""
-    material = e.find("material")
-    if material is None:
-        return None
-    own = material.find("color")
-    return colours.get(material.get("name", "")) if own is None else own
+def _colour(file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None], mesh: Mesh | None) -> Array:
+    """Of the element's own material, of the robot's of that name, of its mesh, or ours, (4,) [1]."""
+    colour, material = e.find("material/color"), e.find("material")
+    if colour is None and material is not None:
+        colour = colours.get(material.get("name", ""))
+    if colour is not None:
+        return read_numbers(file, colour, "rgba", 4)
+    return VISIBLE if mesh is None or mesh.rgba is None else mesh.rgba
 
 
 def _is_there(file: Path, form: ET.Element, meshes: Meshes, surfaces: dict[str, Mesh]) -> bool:
@@ -251,7 +261,8 @@ def _is_read(file: Path, form: ET.Element, meshes: Meshes, surfaces: dict[str, M
 def _prepare(spec: mujoco.MjSpec) -> None:
     """What collides is not drawn, and inertias are such as bodies can have."""
     for geom in spec.geoms:
-        geom.group = VISUAL_GROUPS if geom.contype else 0
+        if geom.contype:
+            geom.group, geom.rgba = VISUAL_GROUPS, VISIBLE
     for body in spec.bodies:
         if body.explicitinertial:
             xx, yy, zz, xy, xz, yz = body.fullinertia

@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
@@ -12,8 +13,7 @@ from testbench.errors import Array, BenchError
 from testbench.plant.build import REFUSED, check_geoms
 from testbench.plant.feasible import collide
 from testbench.plant.import_robot.meshes import stl_bytes
-from testbench.plant.import_robot.propose import Proposal
-from testbench.plant.import_robot.robot import Body, Chain, Joint, Shape, Surface, pose_of
+from testbench.plant.import_robot.robot import Body, Chain, Joint, Point, Shape, Site, Surface, pose_of
 from testbench.plant.import_robot.solids import plausible
 from testbench.plant.import_robot.surface import Surfaces, surfaces
 
@@ -29,12 +29,15 @@ POSES = 300
 MOST = 0.5  #: Share of random poses in which two parts of a sound arm touch at most [1].
 
 
-def rigid_mjcf(chain: Chain, proposal: Proposal) -> tuple[ET.Element, dict[str, bytes], list[Pair]]:
+def rigid_mjcf(
+    chain: Chain, tool: Site, points: Sequence[Point]
+) -> tuple[ET.Element, dict[str, bytes], list[Pair]]:
     """The arm's rigid.xml.
 
     Args:
         chain: The arm.
-        proposal: Its tool, load point and markers.
+        tool: Its tool, in the last part.
+        points: Markers, and the load point last.
 
     Returns:
         Its root, binary STL by the file's name in the folder `meshes`, and pairs of parts that touch in most
@@ -54,7 +57,7 @@ def rigid_mjcf(chain: Chain, proposal: Proposal) -> tuple[ET.Element, dict[str, 
         parent = _body(parent, part.name, part.pose)
         _filled(parent, part)
         meshes |= _shaped(parent, asset, part.name, surfaces(part))
-    _tool(parent, chain, proposal)
+    _tool(parent, chain, tool, points)
     if not meshes:
         root.remove(asset)
         del compiler.attrib["meshdir"]
@@ -149,17 +152,14 @@ def _colour(rgba: Array) -> str:
     return " ".join(f"{x:.3g}" for x in np.clip(rgba, 0, 1))
 
 
-def _tool(last: ET.Element, chain: Chain, proposal: Proposal) -> None:
-    """The tool with its load point and markers."""
+def _tool(last: ET.Element, chain: Chain, tool: Site, points: Sequence[Point]) -> None:
+    """The tool with its markers and load point."""
     reach = sum(float(np.linalg.norm(part.pose[:3, 3])) for part in chain.parts[1:])
-    radius = f"{BALL * max(reach, 0.1):.2g}"
-    tool = _body(last, proposal.tool_name, proposal.tool)
-    colours = [MARKER] * len(proposal.markers) + [LOAD]
-    places = [*proposal.markers, proposal.load]
-    for (name, position), rgba in zip(places, colours, strict=True):
-        pose = pose_of(np.eye(3), position)
-        looks = {"class": "visual", "type": "sphere", "size": radius, "rgba": rgba}
-        ET.SubElement(_body(tool, name, pose), "geom", looks)
+    body = _body(last, tool.name, tool.pose)
+    for k, (name, position) in enumerate(points, start=1):
+        rgba = LOAD if k == len(points) else MARKER
+        looks = {"class": "visual", "type": "sphere", "size": f"{BALL * max(reach, 0.1):.2g}", "rgba": rgba}
+        ET.SubElement(_body(body, name, pose_of(np.eye(3), position)), "geom", looks)
 
 
 def _always_touching(chain: Chain, xml: str, meshes: dict[str, bytes]) -> list[Pair]:

@@ -144,10 +144,10 @@ def by_cone(where: str, found: Sequence[Row]) -> Markdown:
         found: Its duels.
     """
     plain, filled = (next(d for d in found if (d.ours, d.theirs) == pair) for pair in BY_CONE)
-    alike = ", and they err alike in {tied:yes}" if filled.tied else ""
+    same = ", and they err the same in {tied:yes}" if filled.tied else ""
     return say(
         "The cone by itself{where}: {plain.ours} beats {plain.theirs} in {plain.won:yes} of {trials} trials. "
-        f"With the prior it does in {{won:yes}}{alike}.",
+        f"With the prior it does in {{won:yes}}{same}.",
         filled,
         plain=plain,
         where=where,

@@ -295,11 +295,11 @@ def write(run: Run[Settings]) -> Seen:
     force = np.tile([0.0, 0.0, -GRAVITY * asked.scope.payload], (n, 1))
     named = {f"Run {k}": f"{cell.arm.words(own)}." for k, own in enumerate(q, start=1)}
     rest = [f"Error {mm:.3f} mm. {cell.arm.words(own)}." for own, mm in zip(places, left, strict=True)]
-    plan = world.poses(ORDER, named, q, world.measured(q, force))
+    plan = world.poses(f"{ORDER}: test", named, q, world.measured(q, force))
     over = "Error of the predicted deflection, median over the trials (mm)"
     return Seen(
         scene=Scene(cell, UNSCALED, [plan, world.all_over(places, rest, int(left.argmax()))]),
-        map=PlaceMap(over, 1, at[3], [Line(PLANNED, OURS, left)]),
+        map=PlaceMap(over, 1, at[3], [Line(f"{PLANNED}, poses by test", OURS, left)]),
     )
 
 

@@ -10,6 +10,7 @@ class Maps {
     this.camera = Camera.around([0, 0, 0, ...data.at.filter((at) => at).flat()]);
     const panes = make("div", { class: "panes" });
     for (const line of data.lines) panes.append(this.pane(line));
+    if (data.difference) panes.append(this.difference(...data.difference.map((k) => data.lines[k])));
     place.append(panes, this.key());
   }
 
@@ -40,6 +41,21 @@ class Maps {
     return make("div", { class: "pane" }, head, canvas, make("div", { class: "bar" }, button, make("span", {}, `at ${where} m`)));
   }
 
+  /** One model minus another: a ball in the colour of the one that errs less, larger for more. */
+  difference(ours, theirs) {
+    const name = `${ours.name} minus ${theirs.name}`;
+    const values = ours.values.map((x, k) => (x === null || theirs.values[k] === null ? null : x - theirs.values[k]));
+    const known = values.filter((x) => x !== null), most = Math.max(...known.map(Math.abs));
+    const canvas = make("canvas", { "aria-label": `Errors of ${name} over the workspace` });
+    const pane = { canvas, line: { name, values }, worst: -1, look: (x) => [x <= 0 ? ours.colour : theirs.colour, most ? Math.abs(x) / most : 0] };
+    this.panes.push(pane);
+    turnable(canvas, this.camera, () => this.panes.forEach((own) => this.ask(own)), (event) => this.pick(pane, event));
+    new ResizeObserver(() => this.ask(pane)).observe(canvas);
+    const less = known.filter((x) => x < 0).length;
+    const words = `${ours.name} errs less in ${less} of ${known.length} places; the largest ball: ${plain(most)} mm`;
+    return make("div", { class: "pane" }, make("h3", {}, name), canvas, make("div", { class: "bar" }, swatch(ours), swatch(theirs), make("span", { class: "wraps" }, words)));
+  }
+
   ask(pane) {
     if (pane.asked) return;
     pane.asked = true;
@@ -61,11 +77,12 @@ class Maps {
     const order = [...line.values.keys()].filter((k) => this.data.at[k]).sort((a, b) => places[3 * b + 2] - places[3 * a + 2]);
     for (const k of order) {
       const [x, y, depth] = places.slice(3 * k, 3 * k + 3), value = line.values[k];
-      const radius = ((0.9 * this.camera.home.distance) / depth) * ratio * (value === null ? 3 : 3 + 6 * this.share(value));
+      const [colour, share] = value === null ? ["", 0] : pane.look ? pane.look(value) : [this.colour(this.share(value)), this.share(value)];
+      const radius = ((0.9 * this.camera.home.distance) / depth) * ratio * (3 + 6 * share);
       pen.beginPath();
       pen.arc(x, y, radius, 0, 7);
       if (value === null) (pen.strokeStyle = "#8a8f94", pen.lineWidth = 1.5 * ratio, pen.stroke());
-      else (pen.fillStyle = this.colour(this.share(value)), pen.fill());
+      else (pen.fillStyle = colour, pen.fill());
     }
     this.foot(pen, project, ratio);
     if (worst >= 0) this.ring(pen, places, worst, ratio);

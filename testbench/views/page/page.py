@@ -167,8 +167,17 @@ def seen_plain(seen: Seen) -> Json:
         "solids": [_solid(solid(shape)) for shape in visual_shapes(seen.scene.cell.room)],
         "groups": [_group(own) for own in seen.scene.groups],
     }
-    parts = {"map": plain(seen.map), "runs": plain(seen.runs), "tables": [grid(own) for own in seen.tables]}
+    parts = {"map": _map(seen), "runs": plain(seen.runs), "tables": [grid(own) for own in seen.tables]}
     return {"scene": scene, **parts, "ramp": SCALE}
+
+
+def _map(seen: Seen) -> Json | None:
+    """The map, with the places in its lines of the two whose difference is drawn."""
+    if seen.map is None:
+        return None
+    both = seen.map.difference
+    lines = list(seen.map.lines)
+    return {**plain(seen.map), "difference": both and [lines.index(own) for own in both]}
 
 
 def _group(own: Poses) -> Json:

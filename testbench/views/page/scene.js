@@ -13,25 +13,41 @@ class Scene {
     this.rasters = [new Raster(), new Raster()];
     this.picture = document.createElement("canvas");
     this.hidden = new Set(data.groups.flatMap((group) => group.layers.filter((layer) => !layer.shown).map((layer) => layer.name)));
-    this.camera = this.framed(data.groups[0]);
+    this.camera = this.framed(data.groups[0], data.groups[0].first);
     this.controls(place);
     turnable(this.canvas, this.camera, () => this.ask());
     new ResizeObserver(() => this.ask()).observe(this.canvas);
     this.show(0, data.groups[0].first);
   }
 
-  /** A camera that sees a group in all of its poses, or what it is to be near to. */
-  framed(own) {
-    if (own.near) return Camera.around(own.near.at.flat(), own.near.yaw, own.near.pitch);
+  /** All that is drawn of a pose, or what the eye is to be near to; x, y, z one after the other. */
+  points(own, pose) {
+    if (own.near) return own.near.at.flat();
     const points = [];
-    const add = (parts) => parts.forEach((part) => part !== null && points.push(part / 1e4));
-    for (const frames of [own.rigid, own.bent]) {
-      if (!frames) continue;
-      for (const solid of this.solids) for (const x of moved(solid.v, frames[own.first], 7 * solid.body)) points.push(x);
-      for (const bodies of frames) for (let k = 7; k < bodies.length; k += 7) add(bodies.slice(k, k + 3));
+    for (const frames of [own.rigid, own.bent])
+      if (frames) for (const solid of this.solids) for (const x of moved(solid.v, frames[pose], 7 * solid.body)) points.push(x);
+    for (const layer of own.layers) {
+      if (layer.kind === "specks") continue;
+      for (const rows of [layer.at, layer.to]) if (rows) for (const part of ofPose(rows, pose)) if (part !== null) points.push(part / 1e4);
     }
-    for (const layer of own.layers) for (const rows of [layer.at, layer.to]) if (rows) rows.forEach(add);
-    return Camera.around(points);
+    return points;
+  }
+
+  /** A camera that sees a pose of a group from an angle. */
+  framed(own, pose, { yaw, pitch } = {}) {
+    return Camera.around(this.points(own, pose), own.near && yaw === undefined ? own.near.yaw : yaw, own.near && pitch === undefined ? own.near.pitch : pitch);
+  }
+
+  /** Whether a pose is in view as the camera stands. */
+  sees(own, pose) {
+    const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight], out = new Float32Array(3);
+    if (!width || !height) return false;
+    const points = this.points(own, pose), project = this.camera.projector(width, height);
+    for (let k = 0; k < points.length; k += 3) {
+      project(points[k], points[k + 1], points[k + 2], out, 0);
+      if (out[0] < 0 || out[0] > width || out[1] < 0 || out[1] > height) return false;
+    }
+    return true;
   }
 
   controls(place) {
@@ -56,8 +72,12 @@ class Scene {
       this.legend.replaceChildren(...own.layers.map((layer) => this.toggle(layer)));
       this.slider.max = own.names.length - 1;
       if (this.select) this.select.value = group;
-      const { target, distance, home } = this.framed(own);
+      const { target, distance, home } = this.framed(own, pose);
       Object.assign(this.camera, { target, distance, home }, own.near ? home : {});
+    } else if (!this.sees(own, pose)) {
+      const { target, distance } = this.framed(own, pose, this.camera);
+      Object.assign(this.camera, { target, distance });
+      this.camera.home.distance = distance;
     }
     [this.group, this.pose] = [group, pose];
     this.slider.value = pose;

@@ -28,7 +28,16 @@ from testbench.views.colours import (
 )
 from testbench.views.markdown import Told, as_markdown, grid
 from testbench.views.recording.stream import Header, Pen, layout, recording, snake, text_view
-from testbench.views.recording.world import frame, map_tab, orbit, reach, write_arm, write_layer, write_map
+from testbench.views.recording.world import (
+    SIDE,
+    frame,
+    map_tab,
+    orbit,
+    reach,
+    write_arm,
+    write_layer,
+    write_map,
+)
 from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen
 
 WORST, POSE = "worst_first", "pose"
@@ -48,6 +57,7 @@ HUES: Mapping[str, Colour] = {
     "pale green": (150, 205, 190),
 }
 """Colours by name."""
+STEEP = 0.8  #: How steeply a path is looked down on, over how far the eye is ahead and aside [1].
 NEAR = 0.16  #: Room around what is in view, over its size [1].
 
 
@@ -172,7 +182,10 @@ def _write_scene(pen: Pen, cell: Cell, groups: Sequence[_Group]) -> None:
             write_layer(rows, f"world/{own.name}/{snake(layer.name)}", layer, own.size)
         for chart in own.charts:
             for line in chart.lines:
-                _write_line(rows, own.path(chart, line.name), line)
+                _write_line(rows, own.path(chart, line.name), line, lead=line is chart.lines[-1])
+            if chart.limit is not None and np.isfinite(chart.limit):
+                level = np.full(len(own.poses.names), chart.limit)
+                rows.line(own.path(chart, chart.limit_is), chart.limit_is, None, level)
 
 
 def _colours(layers: Sequence[Layer]) -> str:
@@ -187,9 +200,9 @@ def _hue(colour: Colour) -> str:
     return min(apart, key=apart.__getitem__)
 
 
-def _write_line(rows: Pen, path: str, line: Line) -> None:
+def _write_line(rows: Pen, path: str, line: Line, *, lead: bool) -> None:
     """A number a pose with its interval; what is not known leaves a gap."""
-    rows.line(path, line.name, line.look, line.values)
+    rows.line(path, line.name, line.look, line.values, lead=lead)
     for name, values in zip(("lower", "upper"), line.ends or (), strict=False):
         if np.isfinite(values).any():
             rows.line(f"{path}_{name}", f"{line.name}, {name} end", None, values)
@@ -200,8 +213,9 @@ def _tab(scene: Scene, own: _Group, *, first: bool) -> rrb.Container:
     charts = [
         rrb.TimeSeriesView(
             origin=own.path(chart),
-            name=f"{chart.title}, by {chart.across}",
+            name=f"{chart.title}, by {chart.across}, the worst first",
             axis_x=_beyond(len(own.poses.names)),
+            axis_y=_from_zero(chart),
             plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
         )
         for chart in own.charts
@@ -221,6 +235,15 @@ def _tab(scene: Scene, own: _Group, *, first: bool) -> rrb.Container:
     here = text_view(f"here/{own.name}", "What is shown")
     main = rrb.Vertical(world, here, row_shares=[6, 1], name=own.poses.name)
     return _beside(main, *charts, name=own.poses.name, summary=first)
+
+
+def _from_zero(chart: RunChart) -> rrb.archetypes.ScalarAxis:
+    """All numbers and ends of intervals, from 0: a difference looks as large as it is."""
+    parts = [own for line in chart.lines for own in (line.values, *(line.ends or ()))]
+    every = np.concatenate([*parts, np.ravel(chart.limit if chart.limit is not None else [])])
+    every = every[np.isfinite(every)]
+    low, high = min(every.min(initial=0.0), 0.0), every.max(initial=0.0)
+    return rrb.archetypes.ScalarAxis(range=(float(low), float(low + 1.05 * (high - low) or 1.0)))
 
 
 def _beyond(count: int) -> rrb.archetypes.TimeAxis:
@@ -251,4 +274,11 @@ def _eye(own: _Group) -> tuple[Array, Array]:
         points = np.vstack([poses.rigid.positions[k, 1:], *bent, *moved])
         points = points[np.isfinite(points).all(axis=1)]
     tool = poses.rigid.positions[k, -1, :2]
-    return frame(points, np.full(len(points), NEAR * own.size), tool)
+    if poses.near is not None:  # from the broad side
+        along = np.linalg.svd(points[:, :2] - points[:, :2].mean(axis=0))[2][0]
+        across = np.array([-along[1], along[0]])
+        across = across if across @ tool > 0 else -across
+        turn = np.arctan2(SIDE[1], SIDE[0])
+        tool = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ across
+    above = SIDE[2] if poses.near is None else STEEP
+    return frame(points, np.full(len(points), NEAR * own.size), tool, above=above)

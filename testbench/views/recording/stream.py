@@ -73,9 +73,9 @@ class Pen:
         """Markdown, one a time."""
         self.rows(path, rr.TextDocument.columns(text=texts, media_type=[MARKDOWN] * len(texts)))
 
-    def line(self, path: str, name: str, look: Look | None, values: Array) -> None:
+    def line(self, path: str, name: str, look: Look | None, values: Array, *, lead: bool = False) -> None:
         """A line of a plot, a value a time, NaN for none; without a look it is thin and grey."""
-        colour, width = (look.colour, 2.0) if look else (GREY, 1.0)
+        colour, width = (look.colour, 3.5 if lead else 2.0) if look else (GREY, 1.0)
         self.still(path, rr.SeriesLines(colors=colour, widths=width, names=name))
         if look is not None:
             shape = MarkerShape.Cross if look.prior else SHAPES[look.place % len(SHAPES)]

@@ -151,7 +151,9 @@ def orbit(eye: Array, target: Array) -> rrb.EyeControls3D:
     return rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0, 0, 1))
 
 
-def frame(points: Array, radii: Array, tool: Array, aspect: float = ASPECT) -> tuple[Array, Array]:
+def frame(
+    points: Array, radii: Array, tool: Array, aspect: float = ASPECT, above: float = SIDE[2]
+) -> tuple[Array, Array]:
     """Eye and target, each (3,) [m]: as near as it can be with all spheres in view.
 
     Args:
@@ -159,10 +161,11 @@ def frame(points: Array, radii: Array, tool: Array, aspect: float = ASPECT) -> t
         radii: Of the spheres, (points,) [m].
         tool: Where the arm reaches, seen from above, (2,) [m].
         aspect: Width over height of the pane [1].
+        above: How steeply the eye looks down, over how far it is ahead and aside [1].
     """
     length = float(np.linalg.norm(tool))
     x, y = tool / length if length > 0 else (1.0, 0.0)
-    ahead, aside, above = SIDE
+    ahead, aside, _ = SIDE
     back = np.array([aside * y + ahead * x, -aside * x + ahead * y, above])
     back /= np.linalg.norm(back)
     right = np.array([-back[1], back[0], 0]) / np.hypot(back[0], back[1])
@@ -176,11 +179,11 @@ def frame(points: Array, radii: Array, tool: Array, aspect: float = ASPECT) -> t
     return target + distance * back, target
 
 
-MOST = 4  #: Maps side by side at most.
+MOST, ROW = 4, 3  #: Maps at most, and side by side.
 BALL = 0.02  #: Radius of the largest ball of a map over the size of what is in view [1].
 SMALLEST = 0.4  #: Size of the ball of least error over that of the greatest [1]: colour is never alone.
 KEYS = 5  #: Errors of which the words say the colour.
-ROOT, WORDS = "world/map", "map_words"
+ROOT, WORDS, DIFFERENCE = "world/map", "map_words", "difference"
 
 
 def shades(share: Array) -> npt.NDArray[np.uint8]:
@@ -201,7 +204,7 @@ def write_map(pen: Pen, found: PlaceMap, names: Sequence[str], size: float) -> N
     What is in view has this size [m].
     """
     scale, there, said = _scale(found), np.isfinite(found.at).all(axis=1), []
-    for line in found.lines[:MOST]:
+    for line in found.lines[-MOST:]:
         path, known = f"{ROOT}/{snake(line.name)}", there & np.isfinite(line.values)
         share = scale.shares(line.values[known])
         balls = rr.Points3D(found.at[known], colors=shades(share), radii=BALL * size * sizes(share))
@@ -213,11 +216,27 @@ def write_map(pen: Pen, found: PlaceMap, names: Sequence[str], size: float) -> N
             own = f"{show(float(line.values[k]))} mm"
             pen.names(f"{path}/worst", found.at[[k]] + [0, 0, 3 * BALL * size], [f"worst {own}"], SCALE[-1])
             said.append(f"- {as_markdown(line.name)}: {own}, {as_markdown(names[k])}, {place(found.at[k])}")
+    if found.difference:
+        said.append(_write_difference(pen, found, size))
     key = ", ".join(f"{show(mm)}" for mm in scale.errors(np.linspace(0, 1, KEYS)))
     said.append(f"\nFrom small and dark blue by grey to large and yellow: {key} {scale.words}.")
     rings = [f"Rings: {found.without}."] if found.without else []
     head = [f"{found.title}. Where each is largest:", "\n".join(said), *rings]
     pen.documents({WORDS: Markdown("\n\n".join(head))})
+
+
+def _write_difference(pen: Pen, found: PlaceMap, size: float) -> str:
+    """The winner minus joint stiffness: balls in the colour of the one that errs less; the words for it."""
+    assert found.difference
+    ours, theirs = found.difference
+    known = np.isfinite(found.at).all(axis=1) & np.isfinite(ours.values) & np.isfinite(theirs.values)
+    off = (ours.values - theirs.values)[known]
+    most = float(np.abs(off).max(initial=0.0)) or 1.0
+    colours = np.where((off <= 0)[:, None], ours.look.colour, theirs.look.colour).astype(np.uint8)
+    balls = rr.Points3D(found.at[known], colors=colours, radii=BALL * size * sizes(np.abs(off) / most))
+    pen.still(f"{ROOT}/{DIFFERENCE}/field", balls)
+    less, a, b = int((off < 0).sum()), as_markdown(ours.name), as_markdown(theirs.name)
+    return f"- {a} minus {b}: {a} errs less in {less} of {len(off)} places, by {show(most)} mm at most"
 
 
 def _write_rings(pen: Pen, path: str, centres: Array, radius: float) -> None:
@@ -228,14 +247,14 @@ def _write_rings(pen: Pen, path: str, centres: Array, radius: float) -> None:
 
 
 def _scale(found: PlaceMap) -> Scale:
-    return scale_of(*(line.values for line in found.lines[:MOST]))
+    return scale_of(*(line.values for line in found.lines[-MOST:]))
 
 
 def map_tab(found: PlaceMap, arm: str, body: Array, size: float) -> rrb.Container:
     """The maps side by side with an arm, its points (n, 3) [m], and words; all in view has this size [m]."""
     at = found.at[np.isfinite(found.at).all(axis=1)]
     points = np.vstack([at, body])
-    eye = orbit(*frame(points, np.full(len(points), 0.1 * size), at[0, :2], aspect=1.1))
+    eye = orbit(*frame(points, np.full(len(points), 0.04 * size), at[0, :2], aspect=1.1))
     views = [
         rrb.Spatial3DView(
             origin="world",
@@ -243,10 +262,23 @@ def map_tab(found: PlaceMap, arm: str, body: Array, size: float) -> rrb.Containe
             contents=[f"+ $origin/map/{snake(line.name)}/**", *([f"+ $origin/{arm}/**"] if arm else [])],
             eye_controls=eye,
         )
-        for line in found.lines[:MOST]
+        for line in found.lines[-MOST:]
     ]
-    parts = rrb.Horizontal(*views), text_view(WORDS, found.heading)
-    return rrb.Vertical(*parts, row_shares=[13, 3], name=found.heading)
+    if found.difference:
+        ours, theirs = found.difference
+        views.append(
+            rrb.Spatial3DView(
+                origin="world",
+                name=f"{ours.name} minus {theirs.name}: colour of the one that errs less, axes (m)",
+                contents=[f"+ $origin/map/{DIFFERENCE}/**", *([f"+ $origin/{arm}/**"] if arm else [])],
+                eye_controls=eye,
+            )
+        )
+    across = len(views) if len(views) <= ROW else -(-len(views) // 2)
+    words = text_view(WORDS, found.heading)
+    if len(views) % across:
+        return rrb.Grid(*views, words, grid_columns=across, name=found.heading)
+    return rrb.Vertical(rrb.Grid(*views, grid_columns=across), words, row_shares=[13, 3], name=found.heading)
 
 
 def _typical(values: Array) -> str:

@@ -13,11 +13,10 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.elastic import PAYLOAD_RANGE
-from testbench.arm.section import Material
-from testbench.arm.stiffness import Tube
+from testbench.arm.stiffness import Material, Tube
+from testbench.campaign.beam import COINCIDE, Beam, beams, extent, outer_diameter, reach, triangles
 from testbench.errors import Array, BenchError
-from testbench.plant.import_robot.beam import COINCIDE, Beam, beams, extent, outer_diameter, reach, triangles
-from testbench.plant.import_robot.robot import Body, Chain, Note
+from testbench.plant.import_robot.robot import Body, Chain, Note, Point, Site
 
 ARM_COMPLIANCE = 0.33e-6  #: Of a joint that carries 1000 kg m [rad/(N m)].
 POWER = 0.75  #: Compliance falls with this power of payload times reach [1].
@@ -36,10 +35,6 @@ AROUND = 0.1  #: Distance of the proposed markers from the tool over the reach [
 BEYOND = 0.05  #: Distance of the proposed load point from the tool, along its axis, over the reach [1].
 FLAT = 0.05  #: Markers on a line: their spread across it is less than this share of that along it [1].
 MILLIMETRE = 3  #: Digits of a proposed position in metres.
-
-Point = tuple[str, Array]
-"""Name and position in the tool's frame, (3,) [m]."""
-
 
 ToldBy = Literal["shape", "none", "pieces", "part"]
 """What tells an outer diameter: the link's shape; or payload and reach, where there is no shape, one in
@@ -71,8 +66,7 @@ class LinkProposal:
 class Proposal:
     """What `testbench new` writes beside the robot's kinematics."""
 
-    tool: Array  #: Pose of the tool in the last part, (4, 4) [m].
-    tool_name: str  #: Of its body: "tool", or with underscores where the robot has one of that name.
+    tool: Site  #: In the last part; called "tool", or with underscores where the robot has one of that name.
     load: Point
     markers: tuple[Point, ...]
     payload: float  #: Rated or estimated [kg].
@@ -121,8 +115,7 @@ def propose(chain: Chain, wishes: Wishes) -> Proposal:
     }
     n, joints = chain.n_joints, enumerate(chain.joints)
     return Proposal(
-        tool=tool,
-        tool_name=tool_name,
+        tool=Site(tool_name, tool),
         load=(load_name, load),
         markers=tuple(markers),
         payload=payload,

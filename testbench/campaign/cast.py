@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.folder import Link
-from testbench.arm.section import Material, Sections, rib_thickness
-from testbench.arm.stiffness import check_compliance
+from testbench.arm.stiffness import Material, check_compliance
+from testbench.campaign.section import Sections, rib_thickness
 from testbench.errors import Array
 
 CAST_IRON = Material(1.1e11, 0.26)  #: Grey cast iron.

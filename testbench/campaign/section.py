@@ -10,25 +10,13 @@ from functools import cached_property
 
 import numpy as np
 
+from testbench.arm.stiffness import Material
 from testbench.errors import Array
 
 BEND = np.array([0.5, 0.5]), np.array([0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)])
 """Gauss's weights and places on a wall, exact for the squares of distances."""
 FLOW = np.array([5, 8, 5]) / 18, np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
 """The same for the squares of flows, which are parabolas."""
-
-
-@dataclass(frozen=True)
-class Material:
-    """An elastic material."""
-
-    E: float  #: Young's modulus [Pa].
-    nu: float  #: Poisson's ratio [1].
-
-    @property
-    def G(self) -> float:
-        """Shear modulus [Pa]."""
-        return self.E / (2 * (1 + self.nu))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,52 @@
+"""What a calibration does without: rows on the way, columns of errors that are not tried."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.identify.absolute.fit import LEAST_OF_ONE, ON_THE_WAY, Options, gather, thinned
+from testbench.identify.prior import cad_prior
+
+
+@pytest.fixture(scope="module")
+def series(kr500):
+    """30 poses under two loads."""
+    return simulate_series(kr500, AbsoluteCampaign(poses=30, masses=(0.0, 230.0)), seed=5)[0]
+
+
+def test_steps_on_the_way_take_few_rows_all_of_a_pose_and_enough_of_every_series(series):
+    [one] = series
+    long = 40
+    tiled = {
+        name: np.concatenate([getattr(one, name)] * long) for name in ("q", "wrench", "point", "position")
+    }
+    rows = long * one.rows
+    many = replace(one, row=np.arange(rows), pose=np.arange(rows) // 2, **tiled)
+    few, short = thinned((replace(many, name="many"), one))
+    assert short is one
+    assert ON_THE_WAY / 2 < few.rows <= ON_THE_WAY or few.rows == rows
+    _, count = np.unique(few.pose, return_counts=True)
+    assert (count == 2).all()
+    huge = {name: np.concatenate([values] * 5) for name, values in tiled.items()}
+    ids = np.arange(5 * rows)
+    few, short = thinned((replace(one, row=ids, pose=ids // 2, **huge), many))
+    assert LEAST_OF_ONE <= short.rows < many.rows
+    assert few.rows + short.rows <= 1.05 * ON_THE_WAY
+    assert set(np.unique(few.pose)) < set(ids // 2)
+
+
+@pytest.mark.parametrize(
+    ("options", "kinds"),
+    [
+        (Options(orders=3), {"harmonics", "ratio", "play", "stiffening"}),
+        (Options(orders=3, without=frozenset({"joint errors", "play"})), {"ratio", "stiffening"}),
+        (Options(orders=3, only=frozenset({"joint errors"})), {"harmonics"}),
+        (Options(only=frozenset({"joint springs"})), set()),
+    ],
+)
+def test_errors_that_are_not_tried_have_no_columns(kr500, series, options, kinds):
+    found = gather(kr500.vjm, series, cad_prior(kr500.arm), options, None)
+    assert set(found.unknowns.errors.kinds) == kinds
+    assert found.state.n.shape == (6, found.unknowns.errors.size)
