@@ -110,8 +110,9 @@ def _of_one(a: Array, b: Array) -> tuple[float, tuple[float, float] | None]:
     times = float(np.sqrt((b**2).sum() / (a**2).sum()))
     if n < FEWEST:
         return times, None
-    count = np.random.default_rng(0).multinomial(n, np.full(n, 1 / n), size=DRAWS)
-    low, high = np.quantile(np.sqrt((count @ b**2) / (count @ a**2)), (TAIL, 1 - TAIL)).tolist()
+    rng, share, squares = np.random.default_rng(0), np.full(n, 1 / n), np.column_stack([a**2, b**2])
+    drawn = np.array([rng.multinomial(n, share) @ squares for _ in range(DRAWS)])  # one by one: n is large
+    low, high = np.quantile(np.sqrt(drawn[:, 1] / drawn[:, 0]), (TAIL, 1 - TAIL)).tolist()
     return times, (low, high)
 
 

@@ -341,6 +341,25 @@ def test_words_are_short_and_report_json_says_all_of_it_again(folder, bounded):
         check(report(correct_program(model, program, Aim())), ["worst"])
 
 
+def test_a_tolerance_judges_point_by_point_and_the_worst_comes_first(folder, bounded):
+    model = load_model(folder / "sure", None)
+    found = correct_program(model, read_program(bounded / "mill.csv", model.arm), Aim())
+    most = 1e3 * (np.linalg.norm(found.found.after, axis=1) + found.found.half.max(axis=1))
+    limit = float(np.median(most))
+    said = report(found, limit)
+    assert [row.verdict for row in said.numbers["rows"]] == ["pass" if mm <= limit else "fail" for mm in most]
+    fails = int((most > limit).sum())
+    assert 0 < fails < len(most)
+    assert f"{fails} of {len(most)} points fail once corrected" in said.claims[0]
+    assert said.badge.verdict == "do not use"
+    assert f"{fails} points may be off by more than" in said.badge.words
+    shown = [row.most_mm for row in said.tables["worst"].rows]
+    assert shown == sorted(shown, reverse=True)
+    assert shown[0] == pytest.approx(most.max())
+    check(said, ["worst"])
+    assert report(found, 2 * float(most.max())).numbers["tolerance"].failed == 0
+
+
 def test_tables_have_the_numbers_of_the_corrected_file(bounded):
     with (bounded / "right.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -112,6 +112,8 @@ def test_krl_and_rapid_give_back_every_joint_at_its_axis(tmp_path, kinds, order)
     axes = order.split()
     text, expected = written(tmp_path, "krl", kinds, WORST)
     found = read_krl(text)
+    assert "; point 1: a " in text
+    assert "; point 8" not in text
     assert all(set(point) == set(axes) for point in found)
     np.testing.assert_allclose([[p[a] for a in axes] for p in found], expected, rtol=0, atol=LEAST)
     text, expected = written(tmp_path, "rapid", kinds, WORST)

@@ -139,6 +139,18 @@ def test_what_we_write_is_read_back(tmp_path):
         write_series(path, ARM, replace(one, markers=("unknown",)))
 
 
+def test_deviations_by_axis_are_read_back(tmp_path):
+    every = full()
+    precision = np.zeros_like(every.precision)
+    precision[..., range(3), range(3)] = RNG.uniform(1e8, 4e8, (N, 3, 3))
+    precision[2, 1] = 0
+    one = replace(every, precision=precision)
+    write_series(tmp_path / "whole.csv", KR500, one)
+    assert ",sigma_x_m,sigma_y_m,sigma_z_m" in (tmp_path / "whole.csv").read_text(encoding="utf-8")
+    [back] = read_series(tmp_path / "whole.csv", KR500).series
+    check_alike(one, back)
+
+
 HEAD_A = "Timestamp;Goal x;" + ";".join(f"{x}_joint" for x in ("shoulder_pan", "shoulder_lift", "elbow"))
 HEAD_A += ";wrist_1_joint;wrist_2_joint;wrist_3_joint;measurement_temperature"
 DEVIATED = ";".join(f"measurement_{x};measurement_std_{x}" for x in ("x", "y", "z", "rx", "ry", "rz"))
