@@ -21,8 +21,11 @@ from scipy.linalg.lapack import dpotri
 from testbench.errors import Array
 from testbench.model.structure import Ids
 
-ENOUGH = 1e-9  #: By how much a further step of Newton's might raise the evidence, after which there is none.
+ENOUGH = 1e-4
+"""By how much a step of Newton's raises the evidence that is the last: the next would by its square."""
 MOST, HALVINGS = 100, 30  #: Steps, and times that one is halved.
+ALIKE, TAIL = 0.4, 4.0
+"""Scale and degrees of freedom of the Student distribution of logarithms of sizes that are mostly alike."""
 SHALLOW, FAR = 1e-3, 2.0  #: Least second derivative that a step counts with, and how far it goes at most.
 
 
@@ -39,6 +42,12 @@ class Hyperprior:
 def normal_density(z: Array) -> tuple[Array, Array, Array]:
     """Of standard deviation one, but for a constant."""
     return z**2 / 2, z, np.ones_like(z)
+
+
+def student_density(z: Array) -> tuple[Array, Array, Array]:
+    """Minus the logarithm of Student's of TAIL degrees of freedom, but for a constant, and derivatives."""
+    over = TAIL + z**2
+    return (TAIL + 1) / 2 * np.log(over / TAIL), (TAIL + 1) * z / over, (TAIL + 1) * (TAIL - z**2) / over**2
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +155,7 @@ def bends(problem: Problem, h: Array, own: Posterior) -> tuple[Array, Array]:
     pulls = (problem.gram @ np.r_[own.normal.x, -1.0])[:, :-1] / s2[:, None]
     U = 2 * a[:, None] * D + (w * own.mean)[:, None] * S + 2 * pulls.T @ K
     J = V @ U
-    shares = [V @ (gram[:-1, :-1] / own) for gram, own in zip(problem.gram, s2, strict=True)]
+    shares = _shares(problem, V, w, s2)
     N = w[:, None] * (np.array([(M * V).sum(axis=1) for M in shares]).T @ K)
     wD = w[:, None] * D
     traces = np.array([[np.vdot(M, other.T) for other in shares] for M in shares])
@@ -158,6 +167,15 @@ def bends(problem: Problem, h: Array, own: Posterior) -> tuple[Array, Array]:
         bend = prior.density(prior.rows @ h - prior.middle)[2]
         H += prior.rows.T @ (bend[:, None] * prior.rows)
     return H, J
+
+
+def _shares(problem: Problem, V: Array, w: Array, s2: Array) -> list[Array]:
+    """V A_k^T A_k / s_k^2 of every kind, (c, c); with V times all else in P they are one."""
+    found = [V @ (gram[:-1, :-1] / own) for gram, own in zip(problem.gram[:-1], s2, strict=False)]
+    last = np.eye(len(V)) - V * w - sum(found)
+    on = np.flatnonzero(problem.known[:-1].any(axis=1))
+    last[:, on] -= V[:, on] @ problem.known[np.ix_(on, on)]
+    return [*found, last]
 
 
 def greatest(problem: Problem, start: Array, held: int | None = None) -> Array:

@@ -15,18 +15,26 @@ import numpy as np
 
 from testbench.errors import Array, BenchError
 from testbench.identify.cone import triangle
-from testbench.identify.evidence import Hyperprior, Problem, bends, greatest, normal_density, posterior
+from testbench.identify.evidence import (
+    ALIKE,
+    TAIL,
+    Hyperprior,
+    Problem,
+    bends,
+    greatest,
+    normal_density,
+    posterior,
+    student_density,
+)
 from testbench.identify.metric import Belief, Metric, Scale, precision_root, rescaled, whitened
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression
 from testbench.model.structure import Ids
 
-SCATTER, TAIL = 0.4, 4.0
-"""Scale and degrees of freedom of the Student distribution of log s around the factor of its kind [1]."""
 GAP = 1.5  #: Standard deviation of the logarithm of the joints' factor over the links' [1].
 SHAPE = 0.5, 0.4  #: Median of u, and standard deviation of its logarithm [1].
 COUPLING = 0.15, 0.7  #: The same of c.
-ALONE = math.hypot(SCATTER, SHAPE[0])
+ALONE = math.hypot(ALIKE, SHAPE[0])
 """How far a joint's compliance is from a common scale where links are rigid [1]: its scale and its entry."""
 MISFIT = 0.7  #: Standard deviation of log kappa above zero [1].
 KIND = "joints"  #: Name of the scale of all joints beside the links.
@@ -90,14 +98,8 @@ def _priors(kind: Ids, m: int) -> tuple[Hyperprior, ...]:
     rows, medians = one[-3:] / widths[:, None], np.log([SHAPE[0], COUPLING[0], 1.0]) / widths
     if kind.any():
         rows, medians = np.vstack([rows, (one[K + 1] - one[K]) / GAP]), np.r_[medians, 0]
-    scales = (one[:K] - one[K + kind]) / SCATTER
+    scales = (one[:K] - one[K + kind]) / ALIKE
     return Hyperprior(rows, medians, normal_density), Hyperprior(scales, np.zeros(K), student_density)
-
-
-def student_density(z: Array) -> tuple[Array, Array, Array]:
-    """Minus the logarithm of Student's of TAIL degrees of freedom, but for a constant, and derivatives."""
-    over = TAIL + z**2
-    return (TAIL + 1) / 2 * np.log(over / TAIL), (TAIL + 1) * z / over, (TAIL + 1) * (TAIL - z**2) / over**2
 
 
 def squares(regression: Regression, metric: Metric) -> Array:
@@ -154,7 +156,7 @@ def _log_evidence(seen: Evidence, loss: float, values: Array) -> float:
     The densities of the hyperparameters are normalised by Laplace too, so that readings which say nothing
     of them weigh nothing; what all models share, such as powers of 2 pi, is left out.
     """
-    prior = seen.blocks * math.log((TAIL + 1) / TAIL / SCATTER**2) / 2
+    prior = seen.blocks * math.log((TAIL + 1) / TAIL / ALIKE**2) / 2
     prior -= math.log(GAP * SHAPE[1] * COUPLING[1])
     return prior - loss - float(np.log(values).sum()) / 2
 

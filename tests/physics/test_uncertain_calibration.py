@@ -19,6 +19,7 @@ from testbench.identify.absolute.scatter import scatter
 from testbench.identify.absolute.state import Mount, forward, nominal, targets
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.arm_model import About, ArmModel
+from testbench.identify.evidence import ALIKE, TAIL
 from testbench.identify.posterior import Posterior
 from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
@@ -79,17 +80,18 @@ def test_readings_of_a_pose_pull_no_harder_than_the_wildest_of_them(state, kr500
     for kind in (0, 2):
         np.testing.assert_allclose(held[kind], whole[kind])
     one = dict(equations(at, series, np.ones((1, 6))))
-    np.testing.assert_allclose(held[0], one[0] * np.tile([0.2, 0.9], 3))
+    np.testing.assert_allclose(held[0], one[0] * np.sqrt(np.tile([0.2, 0.9], 3)))
 
 
-def drawn_at_random(rng, free=2, small=6, large=50, equations=(90, 40)):
-    """A linear problem of two kinds of equations, and of two groups of unknowns beside free ones."""
-    count, play, ratio = free + small + large, sizes.USUAL["play"], sizes.USUAL["ratio"]
-    groups = [("play", free + np.arange(small)), ("ratio", free + small + np.arange(large))]
+def drawn_at_random(rng, free=2, small=6, large=50, equations=(120, 80)):
+    """A linear problem of two kinds of equations, and of three groups of unknowns beside free ones."""
+    count, play, band = free + small + 2 * large, sizes.USUAL["play"], sizes.USUAL["harmonics"]
+    groups = [("play", free + np.arange(small))]
+    groups += [("harmonics", free + small + k * large + np.arange(large)) for k in range(2)]
     unknowns = SimpleNamespace(groups=groups, size=count)
     own = SimpleNamespace(rigid=count, columns=np.arange(count), elastic=None, unknowns=unknowns)
-    unit = np.r_[np.ones(free), np.full(small, play), np.full(large, ratio)]
-    x = unit * rng.normal(size=count) * np.repeat([1, 3, 0.4], (free, small, large))
+    unit = np.r_[np.ones(free), np.full(small, play), np.full(2 * large, band)]
+    x = unit * rng.normal(size=count) * np.repeat([1, 3, 0.4, 1.5], (free, small, large, large))
     A = [rng.normal(size=(n, count)) / unit for n in equations]
     y = [a @ x + s * rng.normal(size=len(a)) for a, s in zip(A, (1.6, 0.7), strict=True)]
     return own, A, y
@@ -101,8 +103,7 @@ def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
     groups, counts = own.unknowns.groups, np.array([len(a) for a in A])
     lines = [np.column_stack(pair) for pair in zip(A, y, strict=True)]
     S, learnt = np.array([one.T @ one for one in lines]), sizes.usual(own.unknowns, 2)
-    for _ in range(10):
-        learnt = sizes.learn(own, S, counts, learnt)
+    learnt = sizes.learn(own, S, counts, learnt)
     a, b = np.vstack(A), np.concatenate(y)
 
     def loss(h):
@@ -114,6 +115,7 @@ def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
             usual = sizes.USUAL[kind] * (sizes.SHARE if large else 1.0)
             found += (1.0 if large else sizes.HELD) * (np.log(d) + usual**2 / (2 * d**2))
             deviation[at] = d
+        found += (TAIL + 1) / 2 * np.log1p((np.log(size[2] / size[1]) / ALIKE) ** 2 / TAIL)
         C = np.diag(np.repeat(factor**2, counts)) + a * deviation**2 @ a.T
         return found + np.linalg.slogdet(C)[1] / 2 + b @ np.linalg.solve(C, b) / 2
 
@@ -122,7 +124,7 @@ def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
     slope, bend = np.transpose(
         [
             ((loss(h + e) - loss(h - e)) / (2 * step), (loss(h + e) - 2 * loss(h) + loss(h - e)) / step**2)
-            for e in step * np.eye(4)
+            for e in step * np.eye(5)
         ]
     )
     assert (bend > 1).all()

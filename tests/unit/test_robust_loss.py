@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from testbench.identify.robust_loss import FRAMES, READINGS
+from testbench.identify.robust_loss import FRAMES, PAIRS, READINGS
 
-LOSSES = pytest.mark.parametrize("loss", [FRAMES, READINGS])
+LOSSES = pytest.mark.parametrize("loss", [PAIRS, FRAMES, READINGS])
 
 
 @LOSSES

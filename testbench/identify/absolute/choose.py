@@ -137,8 +137,7 @@ def _tried(own: Choice, reduced: Reduced, start: Learnt, unit: Array) -> _Tried:
     S = squares(own, reduced.gram)
     learnt = learn(own, S, reduced.counts, start)
     first = np.arange(np.searchsorted(own.columns, own.unknowns.starts["geometry"]))
-    whole = solve(own, S, learnt, LOOSE, columns=first).variance
-    assert whole is not None
+    whole = solve(own, S, learnt, LOOSE).variances(first)
     held = [_held_out(own, S, part, learnt, whole) for part in _foldable(reduced.parts)]
     places = sorted({part.series for part in reduced.parts})
     series = []
@@ -177,10 +176,9 @@ def _held_out(own: Choice, S: Array, part: Part, learnt: Learnt, whole: Array) -
         whole: Variances of frames and mounts by all readings, (k,).
     """
     T = squares(own, part.gram)
-    found = solve(own, S - T, learnt, LOOSE, columns=np.arange(len(whole)))
-    assert found.variance is not None
-    v = np.r_[found.x, -1.0]
-    v = _refitted(v, T, learnt, np.flatnonzero(found.variance > OPENED * whole))
+    found = solve(own, S - T, learnt, LOOSE)
+    opened = found.variances(np.arange(len(whole))) > OPENED * whole
+    v = _refitted(np.r_[found.x, -1.0], T, learnt, np.flatnonzero(opened))
     return T @ v @ v, part.counts
 
 

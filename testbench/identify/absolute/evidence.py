@@ -1,19 +1,20 @@
 """How large errors of every kind are, learnt from the readings: type-II maximum likelihood.
 
 Every group of unknowns, such as a band of the joints' harmonics, has a Gaussian prior of one standard
-deviation. It is the one of greatest evidence (MacKay 1992), held by a few imagined unknowns; so is the
-scatter of every kind of equations. A kind of error that is not there is drawn to nothing.
+deviation. It is the one of greatest `evidence`, held by a few imagined unknowns, and bands of harmonics are
+mostly as large as their neighbours; so is the scatter of every kind of equations. A kind of error that is not
+there is drawn to nothing.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
-from scipy.linalg.lapack import dpotri
 
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.evidence import ALIKE, Hyperprior, Normal, Problem, greatest, normal, student_density
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
 from testbench.model.structure import Ids
@@ -34,7 +35,6 @@ LARGE, SHARE = 40, 1 / 6
 large group tells its size, and orders that the joints lack are drawn to nothing however many are tried."""
 SPARE = 2.0
 """Imagined equations of every kind, scattered as expected: unknowns may spend all there are."""
-ROUNDS, SAME = 12, 1e-3
 LOOSE = Strength(3.0)
 """What is believed of compliances while the sizes of all other errors are learnt."""
 
@@ -111,46 +111,28 @@ def prior(own: Choice, learnt: Learnt, strength: Strength) -> tuple[Array, Array
     return P, b
 
 
-@dataclass(frozen=True)
-class Solution:
-    """The most likely unknowns."""
+def solve(own: Choice, S: Array, learnt: Learnt, strength: Strength) -> Normal:
+    """Most likely unknowns by `squares` S of the readings, compliances in the metric.
 
-    x: Array  #: Of the choice, compliances in the metric, (c,).
-    covariance: Array | None  #: (c, c), where it was asked for.
-    variance: Array | None = None  #: Of those columns for which it was asked, (k,).
+    Raises:
+        BenchError: When the readings leave a frame or target open.
+    """
+    H, (P, b) = np.tensordot(learnt.factor**-2.0, S, 1), prior(own, learnt, strength)
+    H[:-1, :-1] += P
+    H[:-1, -1] += b
+    with told():
+        return normal(H)
 
 
-def solve(  # noqa: PLR0913
-    own: Choice,
-    S: Array,
-    learnt: Learnt,
-    strength: Strength,
-    *,
-    covariance: bool = False,
-    columns: Ids | None = None,
-) -> Solution:
-    """Most likely unknowns by `squares` S of the readings; their covariance, or variances of some columns."""
-    H = np.tensordot(learnt.factor**-2.0, S, 1)
-    P, b = prior(own, learnt, strength)
-    P += H[:-1, :-1]
-    size = np.sqrt(np.diag(P))
-    if not (size > 0).all():
-        raise BenchError("calibration: the readings leave a frame or target open; expected more poses")
+@contextmanager
+def told() -> Iterator[None]:
+    """Say in one line that readings leave something open."""
     try:
-        root = cho_factor(P / size / size[:, None])
+        yield
     except np.linalg.LinAlgError:
         raise BenchError(
             "calibration: the readings leave a frame or target open; expected more poses"
         ) from None
-    x = cho_solve(root, (H[:-1, -1] + b) / size) / size
-    if columns is not None:
-        some = np.eye(len(size))[:, columns]
-        return Solution(x, None, (some * cho_solve(root, some)).sum(axis=0) / size[columns] ** 2)
-    if not covariance:
-        return Solution(x, None)
-    inverse = np.triu(dpotri(root[0], lower=0)[0])
-    inverse += np.triu(inverse, 1).T
-    return Solution(x, inverse / size / size[:, None])
 
 
 def learn(own: Choice, S: Array, counts: Array, start: Learnt) -> Learnt:
@@ -161,42 +143,54 @@ def learn(own: Choice, S: Array, counts: Array, start: Learnt) -> Learnt:
         S: Their `squares`.
         counts: Equations of every kind, (kinds,).
         start: Where to begin.
+
+    Raises:
+        BenchError: When the readings leave a frame or target open.
     """
-    learnt = start
-    for _ in range(ROUNDS):
-        found = solve(own, S, learnt, LOOSE, covariance=True)
-        assert found.covariance is not None
-        deviation = _sizes(own, found.x, found.covariance, learnt.deviation)
-        factor = _scatters(found, S, counts, learnt.factor)
-        moved = np.abs(np.log(factor / learnt.factor)).max()
-        learnt = Learnt(deviation, factor)
-        if moved < SAME:
-            break
-    return learnt
-
-
-def _sizes(own: Choice, x: Array, V: Array, deviation: Array) -> Array:
-    """Standard deviations that the unknowns of every group show, (size,)."""
-    deviation, place = deviation.copy(), np.full(own.unknowns.size, -1)
+    place = np.full(own.unknowns.size, -1)
     place[own.columns] = np.arange(len(own.columns))
-    for kind, columns in own.unknowns.groups:
-        at = place[columns]
-        if (at < 0).any():
-            continue
-        known = max(0.0, len(at) - V[at, at].sum() / deviation[columns[0]] ** 2)
-        held, size = (1.0, SHARE * USUAL[kind]) if len(at) > LARGE else (HELD, USUAL[kind])
-        deviation[columns] = min(
-            MOST * USUAL[kind], np.sqrt((x[at] @ x[at] + held * size**2) / (known + held))
-        )
-    return deviation
+    groups = [(kind, of) for kind, of in own.unknowns.groups if (place[of] >= 0).all()]
+    m, c = len(groups) + len(counts), len(own.columns)
+    drawn, known = np.zeros((c, m)), np.zeros((c + 1, c + 1))
+    for k, (_, of) in enumerate(groups):
+        drawn[place[of], k] = 1
+    if own.elastic is not None:
+        B = np.column_stack(precision_root(own.elastic, LOOSE))
+        known[own.rigid :, own.rigid :] = B.T @ B
+    most = [MOST * USUAL[kind] for kind, _ in groups] + [np.inf] * len(counts)
+    problem = Problem(
+        gram=S,
+        counts=counts,
+        known=known,
+        drawn=drawn,
+        expected=np.zeros(c),
+        scale=np.zeros((c, m)),
+        priors=_priors(groups, m),
+        bounds=np.stack([np.full(m, -np.inf), np.log(most)]),
+    )
+    deviation = start.deviation.copy()
+    with told():
+        h = greatest(problem, np.log(np.r_[[deviation[of[0]] for _, of in groups], start.factor]))
+    for (_, of), size in zip(groups, np.exp(h), strict=False):
+        deviation[of] = size
+    return Learnt(deviation, np.exp(h[len(groups) :]))
 
 
-def _scatters(found: Solution, S: Array, counts: Array, factor: Array) -> Array:
-    """Scatter of every kind of equations over what was expected, (kinds,)."""
-    assert found.covariance is not None
-    v, factor = np.r_[found.x, -1.0], factor.copy()
-    for kind in np.flatnonzero(counts):
-        spent = np.sum(found.covariance * S[kind, :-1, :-1]) / factor[kind] ** 2
-        left, free = max(float(v @ S[kind] @ v), 0.0), max(counts[kind] - spent, 0.0)
-        factor[kind] = np.sqrt((left + SPARE) / (free + SPARE))
-    return factor
+def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]:
+    """Densities of the sizes of groups, and of the scatter of the other kinds of equations."""
+    large = np.array([len(of) > LARGE for _, of in groups], dtype=bool)
+    count, usual_ = np.full(m, SPARE), np.ones(m)
+    count[: len(groups)] = np.where(large, 1.0, HELD)
+    usual_[: len(groups)] = np.where(large, SHARE, 1.0) * [USUAL[kind] for kind, _ in groups]
+
+    def imagined(z: Array) -> tuple[Array, Array, Array]:
+        """So many numbers of the usual size, beside one of e^z times it."""
+        over = np.exp(-2 * z)
+        return count * (z + over / 2), count * (1 - over), 2 * count * over
+
+    bands = np.eye(m)[[k for k, (kind, _) in enumerate(groups) if kind == "harmonics"]]
+    neighbours = (bands[1:] - bands[:-1]) / ALIKE
+    return (
+        Hyperprior(np.eye(m), np.log(usual_), imagined),
+        Hyperprior(neighbours, np.zeros(len(neighbours)), student_density),
+    )

@@ -181,7 +181,7 @@ def _whitened(model: ArmModel, state: State, series: Series) -> tuple[Array, Arr
     if series.sigma_rotation is not None:
         turn = np.hypot(series.sigma_rotation, noise.open_rotation) * noise.factor[1]
         deviation = np.concatenate([deviation, np.full((1, series.rows), turn)])
-    w = (pulls_of(state, series, noise) / deviation)[:, None]
+    w = (np.sqrt(pulls_of(state, series, noise)) / deviation)[:, None]
     lines = (A * w[:, :, None]).transpose(0, 1, 3, 2).reshape(-1, A.shape[2])
     return lines[:, :f], lines[:, f:], (left * w).ravel()
 

@@ -113,7 +113,7 @@ def equations(at: Point, series: Series, pull: Array) -> Iterator[tuple[int, Arr
     held = pull.copy()
     for group in plan.groups:
         held[:, group] = held[:, group].min(axis=2, keepdims=True)
-    W = W * held[..., None, None]
+    W = W * np.sqrt(held)[..., None, None]
     isotropic = series.precision is None
     A = A * W[:, None, None, :, 0, 0] if isotropic else np.einsum("srxy,sycr->sxcr", W, A)
     read = np.concatenate([series.seen.T, series.turned[None]])[: len(kinds)]

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 from testbench.errors import Array
-from testbench.identify.evidence import greatest, posterior
-from testbench.identify.hierarchy import SCATTER, Evidence, evidence, student_density
+from testbench.identify.evidence import ALIKE, greatest, posterior, student_density
+from testbench.identify.hierarchy import Evidence, evidence
 from testbench.identify.metric import Belief, Metric, Scale
 from testbench.identify.regression import Regression
 
@@ -59,5 +59,5 @@ def _loss_at(seen: Evidence, best: Array, k: int, size: float) -> float:
     start, kind = best.copy(), seen.blocks + seen.kind[k]
     start[k] = best[kind] + size
     h = greatest(seen.problem, start, held=k)
-    own, before = (float(student_density((x[k] - x[kind]) / SCATTER)[0]) for x in (h, best))
+    own, before = (float(student_density((x[k] - x[kind]) / ALIKE)[0]) for x in (h, best))
     return posterior(seen.problem, h).loss - posterior(seen.problem, best).loss - own + before

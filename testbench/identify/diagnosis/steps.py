@@ -204,7 +204,8 @@ def _equations(at: Linear, series: Series) -> tuple[Array, Array]:
     own, rows = at.own, rows_of(at.own.unknowns, at.state, series)
     alone = replace(series, pose=np.arange(series.rows))
     W, _ = roots(alone, at.noise, plan_of(alone), at.state.frame(series).rotation)
-    W = W * READINGS.pull(lengths(np.einsum("srxy,syr->sxr", W, rows.left)))[..., None, None]
+    pull = READINGS.pull(lengths(np.einsum("srxy,syr->sxr", W, rows.left)))
+    W = W * np.sqrt(pull)[..., None, None]
     A = np.concatenate([rows.A[:, :, own.columns], rows.left[:, :, None]], axis=2)
     Z = np.concatenate([steps_of(at, series, rows.A, what) for what in ("target", "tracker")], axis=2)
     both = np.einsum("srxy,sycr->crsx", W, np.concatenate([A, Z], axis=2))

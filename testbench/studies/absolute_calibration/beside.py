@@ -121,8 +121,7 @@ def optimum_mm(found: Gathered, truth: Truth, check: Series) -> float:
     for kind, columns in unknowns.groups:
         deviation[columns] = sizes[kind]
     known = Learnt(deviation, np.ones(len(reduced.kinds)))
-    V = solve(own, squares(own, reduced.gram), known, Strength(SHAPE), covariance=True).covariance
-    assert V is not None
+    V = solve(own, squares(own, reduced.gram), known, Strength(SHAPE)).covariance
     assert own.elastic is not None
     lines = rows_of(unknowns, true, check).A[:, :, own.columns].transpose(0, 1, 3, 2)
     A = lines.reshape(-1, len(own.columns))
