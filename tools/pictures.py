@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
+import opener
 import typer
 from PIL import Image
 
@@ -49,13 +50,8 @@ def main(
         shrink(png)
         made += 1
         print(f"{png}: {png.stat().st_size // 1024} KiB")
-    demo, gif = runs / "demo", out / "loading.gif"
-    if demo.is_dir():
-        shot.film(demo, gif, shot.Sight())
-        made += 1
-        print(f"{gif}: {gif.stat().st_size // 1024} KiB")
-    else:
-        print(f"{gif}: left out, no {demo}; make it with testbench demo --out {demo}")
+    opener.draw(gif := out / "loading.gif")
+    print(f"{gif}: {gif.stat().st_size // 1024} KiB")
     if not made:
         raise BenchError(f"no run in {runs}")
 
