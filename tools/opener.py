@@ -26,8 +26,8 @@ from testbench.campaign.model_selection import DEFAULT
 from testbench.campaign.models import JOINTS
 from testbench.cli.demo import Demo
 from testbench.errors import Array
-from testbench.output.whole import whole_file
 from testbench.model.vjm import chain, generalised_load
+from testbench.output.whole import whole_file
 from testbench.plant.shapes import elastic_frames, origins
 from testbench.shell import command
 from testbench.studies.gravity_calibration import trial
@@ -42,7 +42,7 @@ SHOWN: Mapping[str, tuple[str, Colour]] = {
 }
 """Models by name: in words, and their colour."""
 FRAMES, SIZE, DPI = 24, (8.0, 4.5), 100  #: Pictures of the film, and 800 by 450 pixels.
-ENLARGED = 100.0  #: Deflections [1].
+ENLARGED = 200.0  #: Deflections [1].
 MM = 1e3
 TRUTH = "0.72"  #: Grey of the ghost.
 
@@ -139,11 +139,12 @@ def _pictures(mass: Array, truth: Sag, models: Sequence[Sag]) -> Iterator[bytes]
                 left + 0.155, 0.815, name, size=14, weight="bold", ha="center", color=hexadecimal(colour)
             )
             last = k == len(mass) - 1 and own == best
-            _count(figure, left, sag.error_mm[k] / most, f"{sag.error_mm[k]:.2f} mm off", colour, best=last)
+            said = f"{sag.error_mm[k]:.2f} mm off{': best' if last else ''}"
+            _count(figure, left, sag.error_mm[k] / most, said, hexadecimal(colour))
         figure.text(
             0.5,
             0.02,
-            f"Grey: the true arm. Deflections enlarged {ENLARGED:.0f} times. A place that was never measured.",
+            f"Grey: the true arm. Deflections enlarged {ENLARGED:.0f} times, in a place never measured.",
             size=10.5,
             ha="center",
             color="0.3",
@@ -157,8 +158,8 @@ def _arm(axes: Axes, truth: Sag, model: Sag, k: int, colour: str) -> None:
     """The truth as a ghost, the model before it, and the weight."""
     axes.set(xticks=[], yticks=[])
     axes.axhline(0, color="0.85", lw=1.5)
-    axes.plot(*truth.bodies[k].T, color=TRUTH, lw=13, solid_capstyle="round", solid_joinstyle="round")
-    axes.plot(*model.bodies[k].T, color=colour, lw=4, solid_capstyle="round", solid_joinstyle="round")
+    axes.plot(*truth.bodies[k].T, color=TRUTH, lw=9, solid_capstyle="round", solid_joinstyle="round")
+    axes.plot(*model.bodies[k].T, color=colour, lw=3, solid_capstyle="round", solid_joinstyle="round")
     axes.plot(*truth.markers[k].T, "o", color=hexadecimal(GREY), ms=8)
     axes.plot(*model.markers[k].T, "o", color=colour, ms=6, mec="white")
     if k:
@@ -174,14 +175,13 @@ def _arm(axes: Axes, truth: Sag, model: Sag, k: int, colour: str) -> None:
         axes.arrow(x, z, 0.0, -size, **arrow)
 
 
-def _count(figure: Figure, left: float, share: float, words: str, colour: Colour, *, best: bool) -> None:
+def _count(figure: Figure, left: float, share: float, words: str, colour: str) -> None:
     """The error as a number and as a bar."""
     bar = figure.add_axes((left + 0.02, 0.105, 0.27, 0.028), frameon=False)
     bar.set(xlim=(0, 1), ylim=(-0.5, 0.5), xticks=[], yticks=[])
     bar.barh(0, 1, height=1, color="0.93")
-    bar.barh(0, share, height=1, color=hexadecimal(colour))
-    said = f"{words}: best" if best else words
-    figure.text(left + 0.155, 0.165, said, size=16, weight="bold", ha="center", color=hexadecimal(colour))
+    bar.barh(0, share, height=1, color=colour)
+    figure.text(left + 0.155, 0.165, words, size=16, weight="bold", ha="center", color=colour)
 
 
 if __name__ == "__main__":

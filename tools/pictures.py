@@ -51,6 +51,7 @@ def main(
         made += 1
         print(f"{png}: {png.stat().st_size // 1024} KiB")
     opener.draw(gif := out / "loading.gif")
+    made += 1
     print(f"{gif}: {gif.stat().st_size // 1024} KiB")
     if not made:
         raise BenchError(f"no run in {runs}")
