@@ -9,8 +9,11 @@ from agreement import APART, OFF, WORSE, compared, least_squares_off
 from programs import NASTY, random_regression, with_random_prior
 
 from testbench.campaign.campaign import Scenario, build_cell, simulate
+from testbench.data.dataset import in_order
 from testbench.identify import cone, conic, projected, reduce
-from testbench.identify.conic import by_clarabel, by_squares, optimum, scale_program
+from testbench.identify.certify import total_trace
+from testbench.identify.conic import by_clarabel, by_interior, by_squares, optimum, scale_program
+from testbench.identify.evaluate import deflections
 from testbench.identify.metric import Belief, Case, metric, rescaled
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import f_m
@@ -43,12 +46,40 @@ def test_without_a_prior_gco_is_proven_to_be_the_optimum(kind, rng):
         assert optimum(random_regression(kind, rng)).status == "solved"
 
 
+@pytest.mark.parametrize("kind", ["kind", *NASTY])
+def test_our_interior_points_cost_no_more_than_the_referees(kind, rng):
+    for _ in range(8):
+        regression = random_regression(kind, rng)
+        program = scale_program(regression)
+        own, referee = by_interior(regression, program), by_clarabel(regression, program)
+        if own is not None:
+            cost = [f_m(regression, a.pi) + traces(regression, program, a.pi) for a in (own, referee)]
+            assert cost[0] <= cost[1] + WORSE * program.unit
+
+
+def traces(regression, program, pi):
+    return program.trace_weight * total_trace(regression.structure, pi)
+
+
+def test_the_last_digits_of_readings_move_no_prediction(kr500, campaigns, rng):
+    """What no reading shows is held by the trace term alone: the referee lets it move by micrometres."""
+    for run in campaigns:
+        told = []
+        for k in range(4):
+            after = run.identification.after
+            after = after * (1 + 2e-16 * k * rng.standard_normal(after.shape))
+            estimate = optimum(reduce(kr500.vjm, all153(kr500.arm), replace(run.identification, after=after)))
+            told.append(deflections(kr500.vjm, estimate, run.truth))
+        assert np.ptp(told, axis=0).max() < 2e-7
+
+
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_campaigns_need_no_referee(kr500, campaigns, structure, monkeypatch):
     monkeypatch.setattr(cone, "solve", None)
     s = structure(kr500.arm)
     for run in campaigns:
         regression = reduce(kr500.vjm, s, run.identification)
+        assert optimum(regression).status == "solved"
         own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, s), regression)
         for u in (0.05, 0.3, 2.0):
             estimate = solve(regression, "psd", Belief(own, Strength(u)))
@@ -74,8 +105,9 @@ def test_without_noise_the_last_digits_of_readings_do_not_change_what_is_said(
         cell, Scenario(arm=name, workspace_poses=1, truth=truth, noise=False), seed
     ).identification
     for k in range(4):
-        after = data.after * (1 + 2e-16 * k * rng.standard_normal(data.after.shape))
-        found = optimum(reduce(cell.vjm, structure(cell.arm), replace(data, after=after)))
+        after = data.after * (1 + 1e-15) ** (k % 2) * (1 + 2e-16 * k * rng.standard_normal(data.after.shape))
+        changed = in_order(replace(data, after=after), rng.permutation(data.runs))
+        found = optimum(reduce(cell.vjm, structure(cell.arm), changed))
         assert found.status == "solved"
         unit = f_m(found.regression, np.zeros(found.structure.n))
         assert found.f_m < 1e-5 * unit
@@ -100,6 +132,7 @@ def test_what_is_not_near_enough_is_not_called_solved(kr500, campaigns, off, sta
     regression = reduce(kr500.vjm, mgco68(kr500.arm), campaigns[0].identification)
     own = by_clarabel(regression, scale_program(regression))
     far = replace(own, pi=(1 + off) * own.pi, failure="worse")
+    monkeypatch.setattr(conic, "by_interior", lambda *args: None)
     monkeypatch.setattr(conic, "by_clarabel", lambda *args: far)
     monkeypatch.setattr(conic, "by_squares", lambda *args: far.pi)
     assert optimum(regression).status == status
