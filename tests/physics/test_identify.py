@@ -9,7 +9,7 @@ from loads import SIGMA, SIGMA_ROTATION, axis_loads
 from testbench.campaign.advice import advice
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.errors import BenchError
-from testbench.identify import certify, cone, gco, least_squares, make_estimate, reduce
+from testbench.identify import certify, cone, gco, interior, least_squares, make_estimate, reduce
 from testbench.identify.certify import default_trace_bounds, gradient_dual
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.regression import RANK_TOLERANCE, f_m, rank
@@ -149,6 +149,7 @@ def test_gco_is_not_called_solved_when_the_solver_is_stopped_early(kr500, monkey
     settings = cone._settings(cone.TOLERANCE)
     settings.max_iter = 4
     monkeypatch.setattr(cone, "_settings", lambda _: settings)
+    monkeypatch.setattr(interior, "ITERATIONS", 4)  # and ours, which comes first
     stopped = gco(kr500.vjm, mgco68(kr500.arm), data)
     assert stopped.status.startswith("not solved: Clarabel says")
     assert stopped.conservative  # poor, but never unphysical
