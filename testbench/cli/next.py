@@ -28,8 +28,10 @@ class Options:
 def command(asked: Options) -> None:
     """Say what was done, what is missing, and the next command."""
     run = asked.run or _newest()
-    lines = next_lines(run) or ["nothing follows by itself: testbench --help lists the commands"]
     about = read_manifest(run)
+    if not about.command:
+        raise BenchError(f"{run}: expected the folder of a finished run, with {NAME}")
+    lines = next_lines(run) or ["nothing follows by itself: testbench --help lists the commands"]
     of = "".join(f" {shown(name)}" for name in about.models)
     plain_console().print(
         "\n".join([f"done       {shown(about.command)}{of}: {run}", *lines]), soft_wrap=True

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from pydantic import JsonValue
 
-from testbench.errors import BenchError, shown, word
-from testbench.output.manifest import NAME, read_manifest
+from testbench.errors import shown, word
+from testbench.output.manifest import read_manifest
 
 MISSING = {
     "check": "points to confirm in elastic.toml, poses of the work in a table",
@@ -50,12 +50,10 @@ def next_lines(run: Path, **known: str | Path) -> list[str]:
         run: Its folder.
         known: `arm`, `model` or `data` as the user named it; else the name that the run has.
 
-    Raises:
-        BenchError: When the folder is not that of a finished run.
+    Returns:
+        Lines; none of a folder that is not that of a finished run.
     """
     about = read_manifest(run)
-    if not about.command:
-        raise BenchError(f"{run}: expected the folder of a finished run, with {NAME}")
     name = about.command.removeprefix("testbench ")
     asked = about.scenario if isinstance(about.scenario, dict) else {}
     absolute = bool(asked.get("absolute"))

@@ -32,7 +32,7 @@ LONG = {
     "compare": "compare model again --out made",
     "demo": "demo --quick --seeds 2 --workers 1 --out made",
 }
-SILENT = {"score", "view"}  #: They write nothing.
+SILENT = {"next", "score", "view"}  #: They write nothing.
 ELSEWHERE = {"shot"}  #: Its viewer writes beside it: it writes by `whole_file`, as others here.
 ASKED = QUICK | LONG if os.environ.get("TESTBENCH_FULL_DISK") else QUICK
 
