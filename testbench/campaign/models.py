@@ -56,6 +56,8 @@ def _made(structure: Callable[[Arm], Structure], estimator: Estimator) -> Callab
 
 
 class _Named(dict[str, Callable[[Cell], Model]]):
+    """Models by name; a BenchError lists the names where there is no such model."""
+
     def __missing__(self, name: str) -> Callable[[Cell], Model]:
         raise BenchError(f"expected a model of {', '.join(self)}, got {name!r}")
 
