@@ -46,6 +46,38 @@ OF_COVERAGE = Markdown(
 
 def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     """Medians and spreads of all campaigns, shares of all datasets."""
+    f, linear, worst = _numbers(asked, seeds, trials)
+    return Report(
+        scenario=STUDY.name,
+        question=say("{arm}: what do poses not see, and what is a CAD prior worth?", f),
+        title=say(
+            "{arm} under {payload_kg:g} kg: {it.identification_runs} runs in {it.identification_poses} "
+            "poses, sigma {dataset.sigma_um:g} um, {n}. The prior is {prior.scale:g} times too soft and "
+            "{prior.shape_percent:g} % wrong in shape. RMS errors in {it.workspace_poses} poses never "
+            "measured: medians ({ends}).",
+            f,
+            it=asked.scenario,
+            n=counted(f.trials, "seed"),
+            ends=span(f.trials),
+        ),
+        answer=lines(["Over the workspace:", *compare.beside_rivals(f.gains, "seed")]),
+        worst=lines(
+            [
+                "With non-linear truth:",
+                *compare.beside_rivals(f.gains_nonlinear),
+                say("{name} errs {max_um:~.0f} um at its worst place.", find(f.nonlinear, name=worst)),
+            ]
+        ),
+        claims=list(_claims(f)),
+        numbers=f,
+        tables=_tables(f),
+        body=["models", READING, "poses", "coverage", OF_COVERAGE],
+        badge=of_models(linear, distinct(f.models), f.best[0], compare.ERROR),
+    )
+
+
+def _numbers(asked: Settings, seeds: range, trials: Trials) -> tuple[Row, Trials, str]:
+    """The report's numbers, the fits of the linear truth, and the best model with the other one."""
     roots = seeds[: asked.campaigns]
     fits = trials.inside("fit").add(seed=trials["seed"]).pick(trials["intervals.name"] == None)  # noqa: E711
     fits = _whole(fits, "parameters", "rank")
@@ -53,7 +85,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     models, nonlinear = (compare.contract(compare.cells(own, also=ALSO)) for own in (linear, bent))
     covered = [coverage(own) for (name,), own in trials.inside("intervals").groups("name") if name]
     best, worst = _best(models), _best(nonlinear)[0]
-    f = Row(
+    numbers = Row(
         compare.head(roots, fits),
         arm=asked.scenario.arm,
         payload_kg=asked.scenario.mass,
@@ -78,33 +110,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             if (m.constraint, m.filling) == ("psd", "none")
         ],
     )
-    return Report(
-        scenario=STUDY.name,
-        question=say("{arm}: what do poses not see, and what is a CAD prior worth?", f),
-        title=say(
-            "{arm} under {payload_kg:g} kg: {it.identification_runs} runs in {it.identification_poses} "
-            "poses, sigma {dataset.sigma_um:g} um, {n}. The prior is {prior.scale:g} times too soft and "
-            "{prior.shape_percent:g} % wrong in shape. RMS errors in {it.workspace_poses} poses never "
-            "measured: medians ({ends}).",
-            f,
-            it=asked.scenario,
-            n=counted(f.trials, "seed"),
-            ends=span(f.trials),
-        ),
-        answer=lines(["Over the workspace:", *compare.beside_rivals(f.gains, "seed")]),
-        worst=lines(
-            [
-                "With non-linear truth:",
-                *compare.beside_rivals(f.gains_nonlinear),
-                say("{name} errs {max_um:~.0f} um at its worst place.", find(nonlinear, name=worst)),
-            ]
-        ),
-        claims=list(_claims(f)),
-        numbers=f,
-        tables=_tables(f),
-        body=["models", READING, "poses", "coverage", OF_COVERAGE],
-        badge=of_models(linear, distinct(models), best[0], compare.ERROR),
-    )
+    return numbers, linear, worst
 
 
 def _whole(trials: Trials, *names: str) -> Trials:
