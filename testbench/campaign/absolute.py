@@ -15,12 +15,13 @@ from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.align import Misfit, far_off
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
 from testbench.identify.absolute.posterior import evenly, inside, known, place, predict
-from testbench.identify.absolute.scatter import outliers
+from testbench.identify.absolute.scatter import WILD, Outliers, outliers
 from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.diagnosis.notation import unplaced
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import POSES
+from testbench.identify.robust_loss import READINGS
 from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
 
@@ -105,8 +106,15 @@ def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequ
     with explained(vjm):
         found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
     wild = outliers(found.state, found.series, found.pulls)
-    moved = [doubt.said(move, vjm.arm).sentence for move in found.moves]
-    return Calibrated(found, found.series, (*said, *found.notes, *moved, *([wild.words] if wild else [])))
+    said += [*found.notes, *(doubt.said(move, vjm.arm).sentence for move in found.moves)]
+    return Calibrated(found, found.series, (*said, *([of_outliers(wild)] if wild else [])))
+
+
+def of_outliers(found: Outliers) -> str:
+    """How many positions are far off, in a sentence."""
+    worst = f"the worst is row {found.row} of {found.series}, by {1e3 * found.distance:.3g} mm"
+    far = f"{READINGS.bend / WILD:g} standard deviations"
+    return f"{found.count} of {found.of} positions are more than {far} off and count less than half; {worst}"
 
 
 def of_masses(found: MassFit) -> str:
