@@ -22,6 +22,7 @@ from testbench.data.dataset import Dataset, Ids, Mask, select, split
 from testbench.data.read_pairs import Export, read_campaign, read_export
 from testbench.data.spool import Campaign, some
 from testbench.errors import BenchError, InputError, read_text
+from testbench.identify.crossval import parts_of
 from testbench.identify.diagnosis.deflected import scale
 from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
 from testbench.identify.metric import metric
@@ -58,6 +59,11 @@ class Many:
     def poses(self) -> int:
         """How many poses those to fit are in."""
         return len(np.unique(self.every.pose[self.used]))
+
+    @property
+    def part(self) -> Ids:
+        """Of every run what is held out with it, (runs,), `crossval.parts_of`."""
+        return parts_of(self.every.pose, self.every.level, self.used)
 
     def looked_at(self, worst: Ids) -> tuple[Dataset, Dataset, Dataset | None]:
         """Runs that are looked at one by one, these worst among them: all, those to fit, those held back."""

@@ -7,9 +7,9 @@ from typing import Annotated
 import typer
 
 from testbench.arm.mjcf import GRAVITY
+from testbench.campaign.arm_models import load_model
 from testbench.campaign.plan_input import box, overloaded, payload_of
 from testbench.campaign.program import FORCE, predicted, read_asked
-from testbench.campaign.stiffness_model import load_model
 from testbench.cli.arguments import ArmCheck, Load, MapFile, plain
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
 from testbench.identify.arm_model import ArmModel
