@@ -15,7 +15,7 @@ from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
 from testbench.campaign.doubt import Doubt, said
-from testbench.campaign.plan_input import overloaded
+from testbench.campaign.plan_input import overloads
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.rows import MM, UM
 from testbench.data.dataset import Dataset, Ids, Mask, select, split
@@ -164,9 +164,8 @@ def look_at(
     except BenchError as err:
         raise InputError(asked.dataset, "", str(err)) from err
     masses = np.linalg.norm(export.data.wrench[:, :3], axis=1) / GRAVITY
-    heavy = overloaded(cell.arm, masses.tolist())
-    told = (said(one, cell.arm) for one in seen)
-    return (*told, *([] if heavy is None else [Doubt("payload", heavy)])), factor
+    heavy = (Doubt("payload", words) for words in overloads(cell.arm, masses.tolist()))
+    return (*(said(one, cell.arm) for one in seen), *heavy), factor
 
 
 def _said(export: Export, asked: Readings) -> str:
