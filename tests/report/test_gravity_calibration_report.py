@@ -75,7 +75,7 @@ def test_models_are_compared_seed_by_seed_by_their_true_errors_in_numbers_and_wo
         "Joints",
         "MLS56 + prior",
     )  # two seeds cannot tell
-    said = "True RMS error over the workspace: ALL153 + prior 1.500 mm, least squares 8.000 mm; "
+    said = "True workspace RMS error: ALL153 + prior 1.500 mm, least squares 8.000 mm; "
     assert found.answer.startswith(said)
     assert "Joint stiffness only 3.000 mm, " in found.answer
     assert "Worst with cast links, medians: ALL153 + prior errs 2.000 mm, joint stiffness" in found.worst

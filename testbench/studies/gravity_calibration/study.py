@@ -73,7 +73,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             arms=[CALLED[arm] for arm in f.true_arms],
             seeds=campaigns.seeds_told(f.seed),
         ),
-        answer=campaigns.beside_rivals("True RMS error over the workspace", f.gains),
+        answer=campaigns.beside_rivals("True workspace RMS error", f.gains),
         worst=lines(_worst(f)),
         claims=list(_claims(f)),
         numbers=f,
