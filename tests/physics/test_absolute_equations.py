@@ -14,7 +14,7 @@ from testbench.identify.absolute.evidence import Learnt, choice, learn, usual
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import eliminate
 from testbench.identify.absolute.noise import Noise, repeated, roots
-from testbench.identify.absolute.posterior import posterior_of, registered
+from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.absolute.scatter import single
 from testbench.identify.absolute.state import equilibrium, nominal
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
@@ -27,6 +27,7 @@ from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
+from testbench.studies.absolute_calibration.beside import registered
 
 PAIRS = AbsoluteCampaign(
     poses=25, masses=(0.0, 230.0, 460.0), orientations=True, sigma_rotation=1e-4, disturbances=REAL_ARM

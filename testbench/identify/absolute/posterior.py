@@ -20,7 +20,6 @@ from testbench.identify.absolute.state import BATCH, State
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.posterior import Posterior
-from testbench.identify.registration import POSES
 from testbench.identify.rows import rows_of
 from testbench.model.structure import Ids, joints_only
 
@@ -71,17 +70,6 @@ def model_of(calibration: "Calibration") -> ArmModel:
     return replace(model, columns=np.concatenate([own.columns[f : own.rigid] - first, elastic]))
 
 
-def evenly(series: Series, poses: int) -> Ids:
-    """Places of evenly spaced rows, of those that were read."""
-    seen = np.flatnonzero(series.seen.any(axis=1))
-    if len(seen) < poses or poses < POSES:
-        raise BenchError(
-            f"{series.name}: expected at least {max(POSES, poses)} rows for its frame and target, got "
-            f"{min(len(seen), poses)}"
-        )
-    return np.asarray(seen[np.unique(np.linspace(0, len(seen) - 1, poses).round().astype(int))])
-
-
 def place(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
     """Frame and mount of a series by some of its rows, by Gauss-Newton; all else is held.
 
@@ -110,19 +98,6 @@ def known(model: ArmModel, series: Series) -> RegisteredSeries:
     some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(BATCH, len(seen))).astype(int)])
     F, M, _ = _whitened(model, model.state, some)
     return RegisteredSeries(model.state, np.zeros(0, dtype=int), _joint(model, _root(F, some), F.T @ M))
-
-
-def registered(calibration: "Calibration", series: Series) -> RegisteredSeries:
-    """Frame and mount of a series as the calibration left them, with all that it left open between them."""
-    own, every = calibration.own, np.arange(calibration.own.unknowns.size)
-    calibration.state.frame(series), calibration.state.mount(series)
-    names = f"frame {series.frame}", f"mount {series.target}"
-    at = np.concatenate([every[own.unknowns.columns(name)] for name in names])  # all frames and mounts are on
-    at = np.r_[at, np.flatnonzero(own.columns >= own.unknowns.starts["geometry"])]
-    whole = posterior_of(calibration)
-    return RegisteredSeries(
-        calibration.state, np.zeros(0, dtype=int), Posterior.normal(whole.x[at], whole.root[:, at])
-    )
 
 
 def without(state: State, series: Series) -> State:
