@@ -69,7 +69,14 @@ PLACES = {
     "flag": (lambda lab, odd: None, "plan arm --task tasks.csv --tracker 4,-1,{}", "--tracker"),
 }
 EVERY = {"size of a geom": ODD, "mass of a robot's link": ODD, "place of a target": ODD}
-EVERY |= {"diameter": OF_TOML, "task": SOME, "map": SOME, "flag": SOME, "force": ("hex", "beyond")}
+EVERY |= {
+    "run": ("Arabic", "underscore"),
+    "diameter": OF_TOML,
+    "task": SOME,
+    "map": SOME,
+    "flag": SOME,
+    "force": ("hex", "beyond"),
+}
 """Places where several odd numbers are tried; of the others each has one of them."""
 CROSSED = [
     (place, odd) for k, place in enumerate(PLACES) for odd in EVERY.get(place, [list(ODD)[k % len(ODD)]])
