@@ -94,20 +94,7 @@ class Solution:
 
 def solve(problem: Problem, *, tolerance: float = TOLERANCE) -> Solution:
     """Solve a conic program; a solver that stalls has found what it found, and the status says so."""
-    return _solution(_set_up(problem, _settings(tolerance)), problem)
-
-
-def prepare(problem: Problem, *, tolerance: float = TOLERANCE) -> Callable[[Array], Solution]:
-    """The same program, set up once, as a function of its cost c, (n,); the program's own is not used."""
-    settings = _settings(tolerance)
-    settings.presolve_enable = False  # or the cost could not be changed
-    solver = _set_up(problem, settings)
-
-    def solve_for(cost: Array) -> Solution:
-        solver.update(q=cost)
-        return _solution(solver, problem)
-
-    return solve_for
+    return solved(set_up(problem, settings(tolerance)), problem)
 
 
 def psd_block(first: int, size: int) -> Block:
@@ -131,11 +118,6 @@ def norm_below(column: int, R: Array, z: Array) -> Rows:
     head = np.zeros((1, R.shape[1]))
     head[0, column] = -1
     return Rows("second order", np.vstack([head, R]), np.r_[0.0, z])
-
-
-def norm_within(R: Array, z: Array, radius: float) -> Rows:
-    """|R v - z| <= radius."""
-    return Rows("second order", np.vstack([np.zeros((1, R.shape[1])), R]), np.r_[radius, z])
 
 
 def triangle(size: int) -> int:
@@ -202,16 +184,18 @@ def psd_part(X: Array) -> Array:
     return np.asarray((Q * np.maximum(values, 0)[..., None, :]) @ Q.swapaxes(-1, -2))
 
 
-def _settings(tolerance: float) -> clarabel.DefaultSettings:
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.direct_solve_method = "qdldl"  # a fifth faster here than the default, with the same digits
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-    return settings
+def settings(tolerance: float) -> clarabel.DefaultSettings:
+    """Of Clarabel."""
+    own = clarabel.DefaultSettings()
+    own.verbose = False
+    own.max_threads = 1
+    own.direct_solve_method = "qdldl"  # a fifth faster here than the default, with the same digits
+    own.tol_gap_abs = own.tol_gap_rel = own.tol_feas = tolerance
+    return own
 
 
-def _set_up(problem: Problem, settings: clarabel.DefaultSettings) -> clarabel.DefaultSolver:
+def set_up(problem: Problem, own: clarabel.DefaultSettings) -> clarabel.DefaultSolver:
+    """Clarabel with a program."""
     n = len(problem.cost)
     P = sparse.csc_matrix((n, n)) if problem.quadratic is None else problem.quadratic
     entries, b, cones, first = [], [], [], 0
@@ -231,7 +215,7 @@ def _set_up(problem: Problem, settings: clarabel.DefaultSettings) -> clarabel.De
             first += size
     i, k, value = (np.concatenate(part) for part in zip(*entries, strict=True))
     A = sparse.csc_matrix((value, (i, k)), shape=(first, n))
-    return clarabel.DefaultSolver(P, problem.cost, A, np.concatenate(b), cones, settings)
+    return clarabel.DefaultSolver(P, problem.cost, A, np.concatenate(b), cones, own)
 
 
 def _entries(A: Array | sparse.csc_matrix, first: int) -> tuple[Ids, Ids, Array]:
@@ -243,7 +227,8 @@ def _entries(A: Array | sparse.csc_matrix, first: int) -> tuple[Ids, Ids, Array]
     return first + np.asarray(coo.row, int), np.asarray(coo.col, int), np.asarray(coo.data, float)
 
 
-def _solution(solver: clarabel.DefaultSolver, problem: Problem) -> Solution:
+def solved(solver: clarabel.DefaultSolver, problem: Problem) -> Solution:
+    """What Clarabel finds of a program that it was set up with."""
     found = solver.solve()
     sizes = [len(row.b) for row in problem.rows] + [triangle(b.size) for b in problem.blocks if b.size]
     ends = np.cumsum(sizes)[:-1]

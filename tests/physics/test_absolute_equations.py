@@ -15,12 +15,13 @@ from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import eliminate
 from testbench.identify.absolute.noise import Noise, plan_of, roots
 from testbench.identify.absolute.posterior import posterior_of, registered
-from testbench.identify.absolute.reduced import Point, Weighting, reduce
 from testbench.identify.absolute.scatter import single
 from testbench.identify.absolute.state import equilibrium, nominal
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.fold import Point, reduce_series
 from testbench.identify.metric import metric
 from testbench.identify.prior import Strength, cad_prior
+from testbench.identify.robust_loss import SQUARE
 from testbench.model.joint_errors import JointErrors
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
@@ -44,23 +45,20 @@ def reduced(kr500, series):
     """Their equations about the drawn arm, in all unknowns there might be, and these."""
     state = aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), series)
     unknowns = unknowns_of(kr500.vjm, series, JointErrors(), all153(kr500.arm))
-    one = series[0]
-    weighting = [Weighting(np.ones((len(one.markers) + 1, one.rows)), np.zeros(one.rows, dtype=int))]
-    return reduce(Point(unknowns, state, Noise(S, S)), series, weighting), unknowns
+    point = Point(unknowns, state, Noise(S, S), SQUARE)
+    return reduce_series(point, series, [np.zeros(series[0].rows, dtype=int)]), unknowns
 
 
 def test_blocks_and_series_add_up_to_all_equations(kr500, series, reduced):
     """A part of few rows keeps them as they are, one of many its triangle; poses are never parted."""
     whole, unknowns = reduced
     one, state = series[0], aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), series)
-    every = np.ones((len(one.markers) + 1, one.rows))
     first = np.unique(one.pose, return_inverse=True)[1] < 3
     block = np.where(first, 0, 1 + one.pose % 2)
     rows = [np.flatnonzero(block == k) for k in range(3)]
     halves = [np.concatenate(rows[:2]), rows[2]]  # as two series of the same frame and mount
-    point, cut = Point(unknowns, state, Noise(S, S)), [select_rows(one, own) for own in halves]
-    weights = [Weighting(every[:, own], block[own]) for own in halves]
-    parts = reduce(point, cut, weights)
+    point, cut = Point(unknowns, state, Noise(S, S), SQUARE), [select_rows(one, own) for own in halves]
+    parts = reduce_series(point, cut, [block[own] for own in halves])
     assert [part.series for part in parts.parts] == [0, 0, 1]
     size = np.sqrt(np.maximum(np.diag(whole.gram.sum(axis=0)), 1e-300))
 
@@ -72,7 +70,7 @@ def test_blocks_and_series_add_up_to_all_equations(kr500, series, reduced):
     check_same(np.array([T.T @ T for T in parts.factors.values()]), whole.gram)
     np.testing.assert_array_equal(parts.counts, whole.counts)
     for part, own in zip(parts.parts, rows, strict=True):
-        alone = reduce(point, [select_rows(one, own)], [Weighting(every[:, own], np.zeros(len(own), int))])
+        alone = reduce_series(point, [select_rows(one, own)], [np.zeros(len(own), dtype=int)])
         check_same(part.gram, alone.gram)
         np.testing.assert_array_equal(part.counts, alone.counts)
 

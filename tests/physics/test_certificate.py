@@ -22,7 +22,7 @@ from testbench.identify.certify import (
     total_trace,
     trace_weight,
 )
-from testbench.identify.conic import f_m_norms, optimum, psd_blocks, scale_program
+from testbench.identify.conic import norms_below, optimum, psd_blocks, scale_program
 from testbench.identify.estimate import Dual
 from testbench.identify.fold import reduce
 from testbench.identify.regression import Term, f_m, regression_of
@@ -77,23 +77,21 @@ def against_the_proof(structure, dual, regression, t):
 def best_within(regression, t):
     """The model of least F_M within traces: another program, without a trace weight, by another solver."""
     program = scale_program(regression)
-    s, terms, count = program.structure, regression.terms, len(regression.terms)
+    s, count = program.structure, len(regression.terms)
     of_block = {tuple(block): most for block, most in zip(regression.structure.blocks, t, strict=True)}
     room = np.zeros((len(s.blocks), count + s.n))
     for k, block in enumerate(s.blocks):
         own = np.flatnonzero((s.a == s.b) & np.isin(s.a, block))
         room[k, count + own] = program.scale[own] / scaled_units(s)[s.a[own]] ** 2 / of_block[tuple(block)]
-    rows = [term.R[:, program.columns] * (program.scale / program.unit) for term in terms]
+    norms = norms_below(program.R, program.z, program.rest)
     found = cone.solve(
         cone.Problem(
             cost=np.r_[np.ones(count), np.zeros(s.n)],
             blocks=(cone.free_block(0, count), *psd_blocks(s, count)),
-            rows=(*f_m_norms(terms, rows, program.unit), cone.Rows("nonnegative", room, np.ones(len(room)))),
+            rows=(*norms, cone.Rows("nonnegative", room, np.ones(len(room)))),
         )
     )
-    pi = np.zeros(regression.structure.n)
-    pi[program.columns] = program.scale * found.x[count:]
-    return pi
+    return program.parameters(found.x[count:], regression.structure.n)
 
 
 def refuted(regression, certificate, cost, pi):

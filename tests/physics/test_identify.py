@@ -146,9 +146,9 @@ def test_gco_is_not_called_solved_unless_it_is_when_deflections_do_not_fit_their
 def test_gco_is_not_called_solved_when_the_solver_is_stopped_early(kr500, monkeypatch):
     data = gravity_data(kr500, 4).identification
     solved = gco(kr500.vjm, mgco68(kr500.arm), data)
-    settings = cone._settings(cone.TOLERANCE)
+    settings = cone.settings(cone.TOLERANCE)
     settings.max_iter = 4
-    monkeypatch.setattr(cone, "_settings", lambda _: settings)
+    monkeypatch.setattr(cone, "settings", lambda _: settings)
     monkeypatch.setattr(interior, "ITERATIONS", 4)  # and ours, which comes first
     stopped = gco(kr500.vjm, mgco68(kr500.arm), data)
     assert stopped.status.startswith("not solved: Clarabel says")

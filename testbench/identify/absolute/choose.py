@@ -12,8 +12,8 @@ import numpy as np
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, learn, solve, squares, usual
-from testbench.identify.absolute.reduced import Part, Reduced, total
 from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.fold import Part, Reduced, total
 from testbench.identify.metric import Metric
 from testbench.model.structure import Ids
 

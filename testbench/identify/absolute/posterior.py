@@ -15,13 +15,13 @@ from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.inner import moved_frame, moved_mount
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import pulls_of, residuals
 from testbench.identify.absolute.state import BATCH, State
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.posterior import Posterior
 from testbench.identify.registration import POSES
+from testbench.identify.rows import rows_of
 from testbench.model.structure import Ids, joints_only
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ def _columns(model: ArmModel, state: State, series: Series) -> tuple[Array, Arra
     """Columns of frame, mount and the arm's unknowns, (s, 3, f + a, rows), and what is left, (s, 3, rows)."""
     unknowns = unknowns_of(model.vjm, (series,), state.errors, model.structure)
     rows, f = rows_of(unknowns, state, series), unknowns.starts["geometry"]
-    return rows.A[:, :, np.r_[:f, f + model.columns]], rows.left
+    return rows[:, :, np.r_[:f, f + model.columns]], rows[:, :, -1]
 
 
 def _whitened(model: ArmModel, state: State, series: Series) -> tuple[Array, Array, Array]:

@@ -8,9 +8,9 @@ import numpy as np
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.noise import KINDS, Noise, lengths, multiplicity, plan_of, roots
-from testbench.identify.absolute.rows import left_over
 from testbench.identify.absolute.state import State, forward, in_batches
 from testbench.identify.robust_loss import READINGS
+from testbench.identify.rows import left_over
 
 
 def residuals(state: State, series: Series) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 
 from testbench.errors import Array
 from testbench.identify import cone
-from testbench.identify.conic import EXACT, f_m_norms, optimum
+from testbench.identify.conic import EXACT, norms_below, optimum
 from testbench.identify.crossval import Fold
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.metric import Belief, Case, Metric, whitened
@@ -145,7 +145,8 @@ def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
     n, count = metric.structure.n, len(regression.terms)
     allowed = (1 + SLACK) * max(best, EXACT * f_m(regression, np.zeros(n)))
     total = cone.Rows("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
-    norms = f_m_norms(regression.terms, [term.R @ metric.L / allowed for term in regression.terms], allowed)
+    parts = [(term.R @ metric.L, term.z, math.sqrt(term.rest)) for term in regression.terms]
+    norms = norms_below(*(np.array(part) / allowed for part in zip(*parts, strict=True)))
     solution = cone.solve(
         cone.Problem(
             cost=np.r_[np.zeros(count), metric.expected],
