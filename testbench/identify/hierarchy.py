@@ -37,6 +37,7 @@ COUPLING = 0.15, 0.7  #: The same of c.
 ALONE = math.hypot(ALIKE, SHAPE[0])
 """How far a joint's compliance is from a common scale where links are rigid [1]: its scale and its entry."""
 MISFIT = 0.7  #: Standard deviation of log kappa above zero [1].
+LAW = 0.5, 0.8
 KIND = "joints"  #: Name of the scale of all joints beside the links.
 FURTHEST, NOISIEST = 6.0, 30.0
 """Largest logarithm of a scale, a factor of 400, and of kappa: misfits have no end."""
@@ -71,7 +72,7 @@ def evidence(regression: Regression, metric: Metric) -> Evidence:
     size = math.sqrt(gram.diagonal()[:-1].max())
     if size == 0:
         raise BenchError(f"prior {metric.prior}: expected runs under load, none moves the model")
-    K, kind = len(metric.sizes), np.unique(metric.joints, return_inverse=True)[1]
+    K, kind = len(metric.sizes), np.unique(metric.kinds, return_inverse=True)[1]
     block = np.repeat(np.arange(K), [triangle(n) for n in metric.sizes])
     m = K + kind.max() + 4
     start, scale, drawn = np.zeros(m), np.eye(m)[block], np.eye(m)[np.where(metric.couplings, m - 2, m - 3)]
@@ -98,6 +99,8 @@ def _priors(kind: Ids, m: int) -> tuple[Hyperprior, ...]:
     rows, medians = one[-3:] / widths[:, None], np.log([SHAPE[0], COUPLING[0], 1.0]) / widths
     if kind.any():
         rows, medians = np.vstack([rows, (one[K + 1] - one[K]) / GAP]), np.r_[medians, 0]
+    for k in range(2, kind.max() + 1):
+        rows, medians = np.vstack([rows, one[K + k] / LAW[1]]), np.r_[medians, math.log(LAW[0]) / LAW[1]]
     scales = (one[:K] - one[K + kind]) / ALIKE
     return Hyperprior(rows, medians, normal_density), Hyperprior(scales, np.zeros(K), student_density)
 
@@ -134,7 +137,7 @@ def learn(regression: Regression, metric: Metric, *, widths: bool = True) -> Bel
         strength=Strength(float(u / kappa), 0.0, coupling=float(c / kappa)),
         misfit=float(kappa),
     )
-    both = 0 < metric.joints.sum() < len(metric.joints)
+    both = 0 < (metric.kinds == 1).sum() < len(metric.kinds)
     if not (both or widths):
         return belief
     at, m = posterior(seen.problem, h), len(h) - 1  # kappa stays where it is best
@@ -157,7 +160,7 @@ def _log_evidence(seen: Evidence, loss: float, values: Array) -> float:
     of them weigh nothing; what all models share, such as powers of 2 pi, is left out.
     """
     prior = seen.blocks * math.log((TAIL + 1) / TAIL / ALIKE**2) / 2
-    prior -= math.log(GAP * SHAPE[1] * COUPLING[1])
+    prior -= math.log(GAP * SHAPE[1] * COUPLING[1]) + max(0, seen.kind.max() - 1) * math.log(LAW[1])
     return prior - loss - float(np.log(values).sum()) / 2
 
 

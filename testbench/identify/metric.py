@@ -46,6 +46,14 @@ class Metric:
         """Which blocks are joints, (blocks,)."""
         return np.array([block[0] >= 6 * self.structure.links for block in self.structure.blocks])
 
+    @cached_property
+    def kinds(self) -> Array:
+        """Kind of every block: 0 links, 1 joints, then what joints do beyond a spring, (blocks,)."""
+        s = self.structure
+        first, n = 6 * s.links, s.links - 1
+        row = np.array([block[0] for block in s.blocks])
+        return np.where(row < first, 0, 1 + (row - first) // max(n, 1))
+
     @property
     def names(self) -> tuple[str, ...]:
         """Of every block: its link or joint, or its first row where a link has several blocks."""
@@ -122,7 +130,9 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
             the structure lacks entries inside a block.
     """
     check_symmetric(structure)
-    P = check_array(prior.C_theta, (structure.n_theta,) * 2, f"prior {prior.name} [m/N, rad/(N m)]")
+    plain = structure.n_theta - structure.laws
+    P = np.eye(structure.n_theta)
+    P[:plain, :plain] = check_array(prior.C_theta, (plain,) * 2, f"prior {prior.name} [m/N, rad/(N m)]")
     sizes = tuple(len(block) for block in structure.blocks)
     if not structure.whole:
         raise BenchError(
@@ -174,15 +184,18 @@ def rescaled(metric: Metric, regression: Regression) -> Metric:
     Raises:
         BenchError: When the data want a scale that is not above 0.
     """
-    A, y = whitened(regression, metric)
-    moved = A @ metric.expected
+    law = np.array(metric.structure.triangles[0]) >= metric.structure.n_theta - metric.structure.laws
+    expected = metric.L @ np.where(law, 0, metric.expected)
+    weights = [math.sqrt(term.equations / 3) for term in regression.terms]
+    moved = np.concatenate([w * term.R @ expected for w, term in zip(weights, regression.terms, strict=True)])
+    y = np.concatenate([w * term.z for w, term in zip(weights, regression.terms, strict=True)])
     size = float(moved @ moved)
     scale = float(moved @ y) / size if size > 0 else 1.0
     if not scale > 0:
         raise BenchError(
             f"prior {metric.prior}: expected data that move with the load, its best scale is {scale:.3g}"
         )
-    return replace(metric, L=scale * metric.L)
+    return replace(metric, L=np.where(law, 1, scale) * metric.L)
 
 
 def _root(P: Array, prior: Prior, structure: Structure) -> Array:

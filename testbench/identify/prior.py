@@ -82,7 +82,7 @@ def distorted(prior: Prior, *, scale: float, shape: float, rng: np.random.Genera
 def aggregate(C: Array, vjm: Vjm, structure: Structure) -> Array:
     """C_theta, (n_theta, n_theta), the joints that a structure leaves out put into the links before them."""
     C, first = C.copy(), 6 * len(vjm.arm.links)
-    out = np.flatnonzero(structure.block_of[first:] < 0)
+    out = np.flatnonzero(structure.block_of[first : first + vjm.arm.n_joints] < 0)
     slides = np.array([joint.prismatic for joint in vjm.arm.joints], dtype=bool)[out]
     rows = 6 * out[:, None] + np.where(slides, 0, 3)[:, None] + np.arange(3)  # that the joint moves
     axis = vjm.beam_axes[out]

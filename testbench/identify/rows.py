@@ -98,7 +98,7 @@ def straight(vjm: Vjm, q: Array, loads: list[Load]) -> Equilibrium:
     """The arm as drawn in poses, (runs, n) [rad, m], and what loads do to every virtual joint, Eq. (5)."""
     where = chain(vjm, q)
     nothing = np.zeros((vjm.arm.n_joints, 0, len(q)))
-    return Equilibrium(np.zeros((len(q), vjm.arm.n_theta)), where, on_joints(where, loads), nothing)
+    return Equilibrium(np.zeros((len(q), vjm.n_theta)), where, on_joints(where, loads), nothing)
 
 
 def pair_rows(unknowns: Unknowns, told: Equilibrium, data: Dataset, runs: Ids) -> tuple[Array, Ids]:

@@ -60,6 +60,7 @@ class Structure(Displayed):
     labels: tuple[str, ...] = field(repr=False)
     #: Whether a parameter is C_theta[b, a] as well; otherwise that is another one, or zero.
     symmetric: bool = True
+    laws: int = 0  #: Virtual joints of joints' laws, the last ones.
 
     def about(self) -> dict[str, object]:
         """Name and number of unknowns."""
@@ -112,9 +113,14 @@ class Structure(Displayed):
         return len(self.a)
 
     @property
+    def plain(self) -> int:
+        """Virtual joints of links and joints; those of the joints' laws come after them."""
+        return self.n_theta - self.laws
+
+    @property
     def links(self) -> int:
         """Links of the arm: six virtual joints each, and one joint less than links."""
-        return (self.n_theta + 1) // 7
+        return (self.plain + 1) // 7
 
     @cached_property
     def mirrored(self) -> npt.NDArray[np.bool_]:

@@ -8,6 +8,7 @@ runs at once. Where nothing else is said virtual joints are at zero: the model i
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -15,6 +16,15 @@ from testbench.arm.folder import Arm
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array
 from testbench.model.structure import Structure
+
+
+class Laws(Protocol):
+    """What joints do beyond a linear spring: virtual joints of their own, in series with each joint's."""
+
+    kinds: tuple[str, ...]  #: What they do; a virtual joint of every kind for every joint.
+
+    def load(self, where: "Chain", u: Array) -> Array:
+        """By how much each turns per unit of its size, (kinds n, runs) [rad, m], joints loaded by u, (n, runs)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,6 +38,12 @@ class Vjm(Displayed):
     tool: Array  #: Pose of the tool in the last link's body, (4, 4) [m].
     load: Array  #: Load point in the tool's frame, (3,) [m].
     markers: Array  #: Marker positions in the tool's frame, (m, 3) [m].
+    laws: Laws | None = None  #: What joints do beyond a linear spring; None for nothing.
+
+    @property
+    def n_theta(self) -> int:
+        """Number of virtual joints, those of the laws last."""
+        return self.arm.n_theta + (len(self.laws.kinds) * self.arm.n_joints if self.laws else 0)
 
     def about(self) -> dict[str, object]:
         """The arm, and how many virtual joints it has."""
@@ -81,6 +97,7 @@ class Chain:
     rotation: Array  #: Tool orientation, world from tool, (runs, 3, 3).
     #: Of the links' bodies from the base on and of the tool: origin, (3, runs) [m], and axes, (3, 3, runs).
     bodies: tuple[tuple[Array, Array], ...]
+    laws: Laws | None = None  #: As of the model.
 
 
 def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
@@ -95,8 +112,8 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")
     runs, n = len(q), vjm.arm.n_joints
     links = 6 * (n + 1)
-    bent = None if theta is None else check_array(theta, (runs, vjm.arm.n_theta), "theta [m, rad]")
-    moved = (q if bent is None else q + bent[:, links:]).T
+    bent = None if theta is None else check_array(theta, (runs, vjm.n_theta), "theta [m, rad]")
+    moved = (q if bent is None else q + bent[:, links:].reshape(runs, -1, n).sum(axis=1)).T
     sine, less = np.sin(moved), 1 - np.cos(moved)
     J = np.zeros((6, vjm.arm.n_theta, runs))
     origins = np.empty((3, vjm.arm.n_theta, runs))
@@ -125,7 +142,9 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
             J[3:, links + i] = of[:, 6]
             R = R + sine[i] * of[:, :3] + less[i] * of[:, 3:6]
     J[:3] += cross(J[3:], p[:, None] - origins)
-    return Chain(J, p.T, R.transpose(2, 0, 1), (*bodies, (p, R)))
+    if vjm.laws is not None:
+        J = np.concatenate([J, np.tile(J[:, links:], (1, len(vjm.laws.kinds), 1))], axis=1)
+    return Chain(J, p.T, R.transpose(2, 0, 1), (*bodies, (p, R)), vjm.laws)
 
 
 def tool_pose(vjm: Vjm, q: Array) -> tuple[Array, Array]:
@@ -235,7 +254,12 @@ def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
     point = check_array(point, (runs, 3), "point [m]")
     force, arm = wrench[:, :3].T, np.einsum("rxy,ry->xr", where.rotation, point)
     at_tool = np.concatenate([force, wrench[:, 3:].T + cross(arm, force)])
-    return np.asarray(np.einsum("xtr,xr->tr", where.J_theta, at_tool))
+    if where.laws is None:
+        return np.asarray(np.einsum("xtr,xr->tr", where.J_theta, at_tool))
+    n = len(where.bodies) - 2
+    plain = where.J_theta[:, : 7 * n + 6]
+    u = np.einsum("xtr,xr->tr", plain, at_tool)
+    return np.concatenate([u, where.laws.load(where, u[6 * (n + 1) :])])
 
 
 def observation(where: Chain, structure: Structure, wrench: Array, point: Array, targets: Array) -> Array:
