@@ -17,6 +17,14 @@ MAX_DOTS = 200
 PAYLOAD_RANGE = 1e-3, 1e4
 """Masses that can hang from an arm [kg]; beyond it a unit is wrong."""
 
+COMPENSATOR_RANGES = {
+    "foot": (-100.0, 100.0),
+    "head": (-100.0, 100.0),
+    "rate": (0.0, 1e9),
+    "rest_length": (0.0, 100.0),
+}
+"""Of what is said of a compensator [m, N/m]."""
+
 Origin = Literal["published", "inferred", "assumed", "estimated"]
 
 
@@ -64,6 +72,15 @@ class JointEntry(Strict):
     compliance: Quantity[float, Literal["rad/(N m)", "m/N"]]
 
 
+class CompensatorEntry(Strict):
+    """A spring that helps joint 2: gas or coils between points of link 1 and link 2."""
+
+    foot: Quantity[Vector, Literal["m"]]
+    head: Quantity[Vector, Literal["m"]]
+    rate: Quantity[float, Literal["N/m"]]
+    rest_length: Metre
+
+
 class Elastic(Strict):
     """The whole file."""
 
@@ -75,6 +92,7 @@ class Elastic(Strict):
     #: Which of tool, load point and markers are where nobody has confirmed them.
     to_confirm: list[Name] = Field(default_factory=list)
     payload: Quantity[float, Literal["kg"]] | None = None
+    compensator: CompensatorEntry | None = None
     link: list[LinkEntry] = Field(min_length=1)
     joint: list[JointEntry] = Field(default_factory=list)
 
@@ -113,6 +131,11 @@ def _check_values(path: Path, elastic: Elastic) -> None:
         )
     if (payload := elastic.payload) is not None:
         _check_range(path, toml_place(path, ["payload"]), payload.value, payload.unit, PAYLOAD_RANGE)
+    if (spring := elastic.compensator) is not None:
+        for name, span in COMPENSATOR_RANGES.items():
+            own, place = getattr(spring, name), toml_place(path, ["compensator", name])
+            for value in np.ravel(own.value).tolist():
+                _check_range(path, place, value, own.unit, span)
     for k, joint in enumerate(elastic.joint):
         own, place = joint.compliance, f"{toml_place(path, ['joint', k, 'compliance'])} ({joint.name})"
         _check_range(path, place, own.value, own.unit, COMPLIANCE_RANGE)

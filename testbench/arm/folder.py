@@ -14,7 +14,16 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.arm.elastic import Elastic, JointEntry, LinkEntry, beam_frame, link_place, read_elastic
+from testbench.arm.elastic import (
+    CompensatorEntry,
+    Elastic,
+    JointEntry,
+    LinkEntry,
+    beam_frame,
+    link_place,
+    read_elastic,
+)
+from testbench.arm.lines import toml_place
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.stiffness import Tube, check_compliance, tube_compliance
 from testbench.display import Displayed
@@ -66,6 +75,16 @@ class Joint:
         return 1e3 if self.prismatic else 180 / math.pi
 
 
+@dataclass(frozen=True, eq=False)
+class Compensator:
+    """A spring from link 1 to link 2 that helps joint 2 to carry the arm."""
+
+    foot: Array  #: Where it is hinged on link 1, in that body's axes, (3,) [m].
+    head: Array  #: Where it is hinged on link 2, in that body's axes, (3,) [m].
+    rate: float  #: Change of force over change of length as joint 2 turns [N/m].
+    rest_length: float  #: Length without force [m].
+
+
 @dataclass(frozen=True, repr=False)
 class Arm(Displayed):
     """A serial arm of n actuated joints and n + 1 elastic links."""
@@ -79,6 +98,7 @@ class Arm(Displayed):
     load: str  #: Body at whose origin a hung weight acts.
     markers: tuple[str, ...]  #: Bodies that the tracker reads.
     payload: float | None = None  #: Rated payload [kg]; None where elastic.toml states none.
+    compensator: Compensator | None = None  #: Beside joint 2; None where elastic.toml states none.
 
     def about(self) -> dict[str, object]:
         """Name, joints, markers and payload."""
@@ -161,10 +181,21 @@ def load_arm(folder: str | Path) -> Arm:
         load=elastic.load,
         markers=tuple(elastic.markers),
         payload=None if elastic.payload is None else elastic.payload.value,
+        compensator=_compensator(elastic.compensator),
     )
+    if arm.compensator is not None and (len(arm.links) < 3 or arm.joints[1].prismatic):
+        place = toml_place(toml_path, ["compensator"])
+        raise InputError(toml_path, place, "expected an arm whose link 1 and link 2 a hinge joins")
     _check_chain(rigid, root, arm)
     _check_lengths(toml_path, elastic, stretched(rigid, root, arm))
     return arm
+
+
+def _compensator(entry: CompensatorEntry | None) -> Compensator | None:
+    if entry is None:
+        return None
+    foot, head = np.array(entry.foot.value), np.array(entry.head.value)
+    return Compensator(foot, head, entry.rate.value, entry.rest_length.value)
 
 
 def _link(path: Path, index: int, link: LinkEntry) -> Link:

@@ -306,7 +306,7 @@ def _fit(cell: Cell, found: Found, k: int, widest: Dataset | None) -> Fitted:
 def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
     """Compliance of every joint; None where it is aggregated into the link before it."""
     first, block = 6 * len(cell.arm.links), estimate.structure.block_of
-    own = np.diag(estimate.C_theta)[first:].tolist()
+    own = np.diag(estimate.C_theta)[first : first + cell.arm.n_joints].tolist()
     aggregated = [
         bool(block[first + k] < 0 <= block[6 * k : 6 * k + 6].max()) for k in range(cell.arm.n_joints)
     ]

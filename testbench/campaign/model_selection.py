@@ -8,7 +8,7 @@ wrong in ways which nobody thought of: where they predict poses held out clearly
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from testbench.identify.crossval import (
 from testbench.identify.fold import Parts, reduce_parts
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression
+from testbench.model.laws import with_laws
 
 FILLED = " + prior"
 DEFAULT = f"ALL153{FILLED}"  #: Of an arm of six joints; of any arm `default_name`.
@@ -82,10 +83,15 @@ def _possible(cell: Cell, kinds: Sequence[str]) -> list[str]:
 
 def with_priors(models: Sequence[Model], prior: Prior, strength: Strength | None = None) -> list[Model]:
     """Models with a prior, named so."""
-    return [
-        replace(m, name=f"{m.name}{FILLED}", estimator=with_prior(m.estimator, prior, strength))
-        for m in models
-    ]
+    return [_with_prior(m, prior, strength) for m in models]
+
+
+def _with_prior(model: Model, prior: Prior, strength: Strength | None) -> Model:
+    """With a prior; where it is learnt the model of all links and joints has the joints' laws beside."""
+    method, s = with_prior(model.estimator, prior, strength), model.structure
+    whole = s.whole and len(s.blocks) == 2 * s.links - 1
+    structure = with_laws(s) if method.learns and whole else s
+    return Model(f"{model.name}{FILLED}", structure, method)
 
 
 def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
@@ -159,7 +165,10 @@ def _errors(cell: Cell, model: Model, runs: Folded) -> Array:
 
     def fits(regressions: Sequence[Regression]) -> Array:
         if isinstance(method, Method):
-            return np.array([e.pi for e in method.of(cell.vjm, regressions, widths=False)])
+            found = method.of(cell.vjm, regressions, widths=False)
+            return np.array(
+                [np.pad(e.pi, (0, model.structure.n - len(e.pi))) for e in found]
+            )  # laws are last
         kept = [select(runs.data, np.isin(runs.part, fold.kept)) for fold in held]
         return np.array([of_model(cell, model, some).pi for some in kept])
 

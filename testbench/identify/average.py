@@ -1,10 +1,10 @@
-"""Links and joints averaged with joints alone, each by its evidence.
+"""The default: joints alone, links and joints, and these with the joints' laws, averaged by evidence.
 
 Where links are so stiff that the readings hardly see them, their fitted compliances are noise: joints alone
-predict better. Errors held out of few poses are too noisy to tell; the evidence tells, and where it does not
-the mean of both models errs less than a choice: a choice by the same evidence loses twice as often to joints
-alone where links are 10 or 30 times stiffer than the folder's. A mean of positive semi-definite matrices is
-one.
+predict better. Where joints stiffen, stick or have play, a linear model errs. Errors held out of few poses
+are too noisy to tell; the evidence tells, and where it does not the mean of models errs less than a choice: a
+choice by the same evidence loses twice as often to joints alone where links are 10 or 30 times stiffer than
+the folder's. A mean of positive semi-definite matrices is one.
 """
 
 import math
@@ -15,72 +15,127 @@ import numpy as np
 
 from testbench.errors import BenchError
 from testbench.identify.estimate import Average, Constraint, Estimate, make_estimate
-from testbench.identify.hierarchy import log_evidence_alone
-from testbench.identify.metric import Belief, Metric
+from testbench.identify.hierarchy import learn, log_evidence_alone
+from testbench.identify.metric import Metric
 from testbench.identify.regression import Regression, regression_of, term_of, triangle
 from testbench.identify.solve import solve
-from testbench.model.structure import Ids
+from testbench.model.laws import without_laws as linear
+from testbench.model.structure import Ids, Structure
 
 ODDS = 3.0
 """Of joints alone beforehand: links count half where the readings make them three times likelier.
 
 Even odds lose to joints alone, by more than 5 %, in 8 % of arms whose links are 100 times stiffer than the
 folder's, these in 4 % (`kr500_l480`, seeds 1 to 30, 8 to 20 poses)."""
-NEGLIGIBLE = 0.01  #: Weight below which joints alone are left out.
+LINEAR = 10.0
+"""Odds of linear joints beforehand. On undisturbed arms of the family even odds lose more than 5 % in 18 % of
+arms, these in 5 %; disturbed ones do not mind (`kr500_l480`, seeds 1 to 40, 8 poses)."""
+NEGLIGIBLE = 0.01  #: Weight below which a model is left out.
 
 
 def averaged(
-    regressions: Sequence[Regression], constraint: Constraint, beliefs: Sequence[Belief], metric: Metric
+    regressions: Sequence[Regression], constraint: Constraint, prior: Metric, *, widths: bool
 ) -> list[Estimate]:
-    """Fit datasets with a learnt prior, and average each fit with joints alone.
+    """Fit datasets with a prior that is learnt from them, and average each fit with what is simpler.
 
     Args:
-        regressions: The reduced datasets.
+        regressions: The reduced datasets, all of a structure; one with laws has them averaged in.
         constraint: Least squares or GCO.
-        beliefs: The prior as each of them corrects it.
-        metric: The prior as it was.
+        prior: In the metric of the structure.
+        widths: Whether intervals or doubts are asked for.
+
+    Raises:
+        BenchError: When a dataset wants a common scale of the prior that is not above 0.
     """
-    found = [solve(r, constraint, own) for r, own in zip(regressions, beliefs, strict=True)]
-    joints = joint_columns(metric)
-    if len(joints) < metric.structure.links - 1 or len(joints) == metric.structure.n:
-        return found
-    return [_with_joints(estimate, metric, joints) for estimate in found]
+    plain = without_laws(prior)
+    return [_with_laws(r, constraint, prior, plain, widths) for r in regressions]
+
+
+def without_laws(metric: Metric) -> Metric:
+    """The metric of compliances alone."""
+    keep, s = np.flatnonzero(~metric.law), metric.structure
+    if len(keep) == s.n:
+        return metric
+    own = np.flatnonzero(s.a < s.plain)
+    return Metric(
+        metric.prior,
+        linear(s),
+        metric.L[np.ix_(own, keep)],
+        metric.expected[keep],
+        tuple(size for size, kind in zip(metric.sizes, metric.kinds, strict=True) if kind < 2),
+    )
+
+
+def _with_laws(r: Regression, constraint: Constraint, prior: Metric, plain: Metric, widths: bool) -> Estimate:
+    compliances = r if plain is prior else some_columns(r, plain.structure)
+    straight, log_evidence = _linear(compliances, constraint, plain, widths)
+    if plain is prior or log_evidence is None:
+        return straight
+    belief = learn(r, prior, widths=widths)
+    assert belief.log_evidence is not None
+    weight = _logistic(belief.log_evidence - log_evidence - math.log(LINEAR))
+    if weight < NEGLIGIBLE:
+        return straight
+    lawful = solve(r, constraint, belief)
+    if weight > 1 - NEGLIGIBLE:
+        return lawful
+    pi = weight * lawful.pi
+    pi[r.structure.a < r.structure.plain] += (1 - weight) * straight.pi
+    mean = make_estimate(r, pi, method=lawful.method, constraint=constraint)
+    own = straight.average or Average(0.0, straight)
+    return replace(
+        mean,
+        belief=belief if weight > 0.5 else own.whole.belief,
+        status=lawful.status if straight.status == "solved" else straight.status,
+        solver_seconds=straight.solver_seconds + lawful.solver_seconds,
+        average=replace(own, laws=weight, lawful=lawful),
+    )
+
+
+def _linear(
+    r: Regression, constraint: Constraint, prior: Metric, widths: bool
+) -> tuple[Estimate, float | None]:
+    """Links and joints, averaged with joints alone, and their evidence; None where it tells of neither."""
+    belief, joints = learn(r, prior, widths=widths), joint_columns(prior)
+    whole = solve(r, constraint, belief)
+    if len(joints) < prior.structure.links - 1 or len(joints) == prior.structure.n:
+        return whole, None
+    assert belief.log_evidence is not None
+    own = some_columns(r, prior.structure.keep(joints, "Joints"))
+    try:
+        log_evidence, alone = log_evidence_alone(own, _metric_of_joints(prior, own, joints))
+    except BenchError:  # no joint is loaded, or all turn against their loads: joints alone are no model
+        return whole, belief.log_evidence
+    odds = log_evidence - belief.log_evidence + math.log(ODDS)
+    weight = _logistic(odds)
+    together = belief.log_evidence + float(np.logaddexp(0, odds))
+    if weight < NEGLIGIBLE:
+        return whole, together
+    rigid = solve(own, constraint, alone)
+    pi = (1 - weight) * whole.pi
+    pi[joints] += weight * rigid.pi
+    mean = replace(
+        make_estimate(r, pi, method=whole.method, constraint=constraint),
+        belief=belief,
+        status=whole.status if whole.status != "solved" else rigid.status,
+        solver_seconds=whole.solver_seconds + rigid.solver_seconds,
+        average=Average(weight, whole),
+    )
+    return mean, together
 
 
 def joint_columns(metric: Metric) -> Ids:
     """Parameters that are joints of their own, (joints,)."""
     s = metric.structure
-    return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links))
+    return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.plain))
 
 
-def _with_joints(whole: Estimate, metric: Metric, joints: Ids) -> Estimate:
-    assert whole.belief is not None
-    assert whole.belief.log_evidence is not None
-    own = _of_joints(whole.regression, joints)
-    try:
-        log_evidence, belief = log_evidence_alone(own, _metric_of_joints(metric, own, joints))
-    except BenchError:  # no joint is loaded, or all turn against their loads: joints alone are no model
-        return whole
-    weight = _logistic(log_evidence - whole.belief.log_evidence + math.log(ODDS))
-    if weight < NEGLIGIBLE:
-        return whole
-    alone = solve(own, whole.constraint, belief)
-    pi = (1 - weight) * whole.pi
-    pi[joints] += weight * alone.pi
-    mean = make_estimate(whole.regression, pi, method=whole.method, constraint=whole.constraint)
-    return replace(
-        mean,
-        belief=whole.belief,
-        status=whole.status if whole.status != "solved" else alone.status,
-        solver_seconds=whole.solver_seconds + alone.solver_seconds,
-        average=Average(weight, whole),
-    )
-
-
-def _of_joints(regression: Regression, joints: Ids) -> Regression:
-    """The dataset with rigid links."""
-    structure = regression.structure.keep(joints, "Joints")
-    parts = ((triangle(np.c_[own.R[:, joints], own.z]), own) for own in regression.terms)
+def some_columns(regression: Regression, structure: Structure) -> Regression:
+    """The same readings with fewer unknowns, all else rigid."""
+    whole = regression.structure
+    place = {pair: k for k, pair in enumerate(zip(whole.a.tolist(), whole.b.tolist(), strict=True))}
+    columns = np.array([place[pair] for pair in zip(structure.a.tolist(), structure.b.tolist(), strict=True)])
+    parts = ((triangle(np.c_[own.R[:, columns], own.z]), own) for own in regression.terms)
     return regression_of(structure, tuple(term_of(T, own.rest, own.equations) for T, own in parts))
 
 

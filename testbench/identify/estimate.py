@@ -64,10 +64,12 @@ class Rejected:
 
 @dataclass(frozen=True)
 class Average:
-    """What an estimate is the mean of: links and joints, and joints alone."""
+    """What an estimate is the mean of: links and joints, joints alone, and links and joints with laws."""
 
-    weight: float  #: Of joints alone: their probability given the readings [1].
+    weight: float  #: Of joints alone, over both that are linear: their probability given the readings [1].
     whole: "Estimate"  #: Of links and joints.
+    laws: float = 0.0  #: Weight of the model with laws [1].
+    lawful: "Estimate | None" = None  #: That model; None where nobody asked for it.
 
 
 @dataclass(frozen=True, repr=False)

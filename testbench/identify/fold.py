@@ -35,6 +35,7 @@ from testbench.identify.regression import Regression, regression_of, term_of, tr
 from testbench.identify.robust_loss import READINGS, Loss
 from testbench.identify.rows import pair_rows, rows_of, straight
 from testbench.identify.weighed import check_runs
+from testbench.model.laws import model_of
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -187,7 +188,7 @@ def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Bloc
     widest = max(structures, key=lambda s: s.n)
     places = [_columns(s, widest) for s in structures]
     own = [widest, *(s for s, place in zip(structures, places, strict=True) if place is None)]
-    unknowns = [compliances(vjm, s) for s in own]
+    unknowns = [compliances(model_of(vjm, s), s) for s in own]
 
     def of(some: Iterable[tuple[Ids | slice, Dataset]]) -> list[Folded]:
         found = [Folded(s.n + 1) for s in own]
@@ -195,9 +196,10 @@ def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Bloc
             if isinstance(runs, Dataset) or part[at].max() >= 0:
                 check_runs(vjm, data)
                 for these in batches(part[at], np.arange(data.runs), BLOCK_RUNS):
-                    told = straight(vjm, data.q[these], [Load(data.wrench[these], data.point[these])])
+                    load = Load(data.wrench[these], data.point[these])
+                    told = {v: straight(v, data.q[these], [load]) for v in {one.vjm for one in unknowns}}
                     for one, folded in zip(unknowns, found, strict=True):
-                        folded.take(*pair_rows(one, told, data, these), part[at][these])
+                        folded.take(*pair_rows(one, told[one.vjm], data, these), part[at][these])
         return found
 
     if isinstance(runs, Dataset):
@@ -234,7 +236,7 @@ def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
         return slice(None)
     place = {pair: k for k, pair in enumerate(zip(widest.a.tolist(), widest.b.tolist(), strict=True))}
     pairs = list(zip(structure.a.tolist(), structure.b.tolist(), strict=True))
-    alike = (structure.symmetric, structure.n_theta) == (widest.symmetric, widest.n_theta)
+    alike = (structure.symmetric, structure.plain) == (widest.symmetric, widest.plain)
     if not alike or not place.keys() >= set(pairs):
         return None
     return np.array([*(place[pair] for pair in pairs), widest.n])

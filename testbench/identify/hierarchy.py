@@ -38,6 +38,7 @@ ALONE = math.hypot(ALIKE, SHAPE[0])
 """How far a joint's compliance is from a common scale where links are rigid [1]: its scale and its entry."""
 MISFIT = 0.7  #: Standard deviation of log kappa above zero [1].
 LAW = 0.5, 0.8
+"""Median of the sizes of a law of the joints, and standard deviation of its logarithm [1]."""
 KIND = "joints"  #: Name of the scale of all joints beside the links.
 FURTHEST, NOISIEST = 6.0, 30.0
 """Largest logarithm of a scale, a factor of 400, and of kappa: misfits have no end."""
@@ -160,7 +161,7 @@ def _log_evidence(seen: Evidence, loss: float, values: Array) -> float:
     of them weigh nothing; what all models share, such as powers of 2 pi, is left out.
     """
     prior = seen.blocks * math.log((TAIL + 1) / TAIL / ALIKE**2) / 2
-    prior -= math.log(GAP * SHAPE[1] * COUPLING[1]) + max(0, seen.kind.max() - 1) * math.log(LAW[1])
+    prior -= math.log(GAP * SHAPE[1] * COUPLING[1]) + max(0, int(seen.kind.max()) - 1) * math.log(LAW[1])
     return prior - loss - float(np.log(values).sum()) / 2
 
 
@@ -188,12 +189,13 @@ def log_evidence_alone(regression: Regression, metric: Metric) -> tuple[float, B
 
 
 def _scales(seen: Evidence, h: Array, covariance: Array) -> tuple[Scale, ...]:
-    """The factor of every block over the others of its kind, and that of the joints over the links."""
+    """The factor of every link or joint over others of its kind, and that of the joints over the links."""
     K, m = seen.blocks, len(h) - 1
-    rows, names = np.zeros((K, m)), list(seen.metric.names)
-    rows[range(K), range(K)] = 1
-    rows[range(K), K + seen.kind] = -1
-    if m > K + 3:
+    own = np.flatnonzero(seen.metric.kinds < 2)
+    rows, names = np.zeros((len(own), m)), [seen.metric.names[k] for k in own]
+    rows[range(len(own)), own] = 1
+    rows[range(len(own)), K + seen.kind[own]] = -1
+    if len(np.unique(seen.metric.kinds[own])) > 1:
         rows = np.vstack([rows, (np.arange(m) == K + 1) * 1.0 - (np.arange(m) == K)])
         names.append(KIND)
     deviations = np.sqrt(np.einsum("ki,ij,kj->k", rows, covariance, rows))

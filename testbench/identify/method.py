@@ -12,12 +12,12 @@ from testbench.errors import BenchError
 from testbench.identify.average import averaged
 from testbench.identify.estimate import Constraint, Estimate, Estimator
 from testbench.identify.fold import reduce
-from testbench.identify.hierarchy import learn
 from testbench.identify.huber import without_outliers
 from testbench.identify.metric import Belief, metric, rescaled
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression
 from testbench.identify.solve import solve
+from testbench.model.laws import without_laws
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -62,6 +62,7 @@ class Method:
 
     def each(self, vjm: Vjm, structure: Structure, datasets: Sequence[Dataset]) -> list[Estimate]:
         """The same of several datasets, their programs solved together."""
+        structure = structure if self.learns else without_laws(structure)
         regressions = [reduce(vjm, structure, data) for data in datasets]
         if self.loss == "plain":
             return self.of(vjm, regressions)
@@ -70,19 +71,19 @@ class Method:
 
     def of(self, vjm: Vjm, regressions: Sequence[Regression], *, widths: bool = True) -> list[Estimate]:
         """The same of datasets that were reduced before, outliers among them."""
-        beliefs = self.beliefs(vjm, regressions, widths=widths)
-        learnt = [belief for belief in beliefs if belief is not None and belief.log_evidence is not None]
-        if self.prior is None or len(learnt) < len(beliefs):
-            return [solve(r, self.constraint, own) for r, own in zip(regressions, beliefs, strict=True)]
-        own = metric(self.prior, vjm, regressions[0].structure)
-        return averaged(regressions, self.constraint, learnt, own)
+        if self.learns and self.prior is not None:
+            own = metric(self.prior, vjm, regressions[0].structure)
+            return averaged(regressions, self.constraint, own, widths=widths)
+        beliefs = self.beliefs(vjm, regressions)
+        return [solve(r, self.constraint, own) for r, own in zip(regressions, beliefs, strict=True)]
 
-    def beliefs(
-        self, vjm: Vjm, regressions: Sequence[Regression], *, widths: bool = True
-    ) -> Sequence[Belief | None]:
+    @property
+    def learns(self) -> bool:
+        """Whether the readings teach how firmly the prior is believed, and how much laws of joints count."""
+        return self.prior is not None and self.strength is None and self.loss == "plain"
+
+    def beliefs(self, vjm: Vjm, regressions: Sequence[Regression]) -> Sequence[Belief | None]:
         """The prior in the scale of each dataset, and how firmly it is believed; None without a prior.
-
-        A prior that is learnt is so with what intervals and doubts need, unless `widths` are not wanted.
 
         Raises:
             BenchError: When the prior does not fit the structure or the data.
@@ -90,10 +91,7 @@ class Method:
         if self.prior is None:
             return [None] * len(regressions)
         own = metric(self.prior, vjm, regressions[0].structure)
-        strength = Strength(ROBUST_UNCERTAINTY) if self.loss == "robust" else None
-        strength = self.strength or strength
-        if strength is None:
-            return [learn(regression, own, widths=widths) for regression in regressions]
+        strength = self.strength or Strength(ROBUST_UNCERTAINTY)
         return [Belief(rescaled(own, regression), strength) for regression in regressions]
 
 

@@ -16,7 +16,7 @@ from testbench.errors import Array, BenchError, check_array
 from testbench.identify import cone
 from testbench.identify.prior import Prior, Strength, aggregate
 from testbench.identify.regression import Regression, check_symmetric
-from testbench.model.structure import TEMPLATE, Structure
+from testbench.model.structure import TEMPLATE, Ids, Structure
 from testbench.model.vjm import Vjm
 
 METRICS = 32  #: How many metrics are remembered: many datasets are fitted with few.
@@ -42,17 +42,16 @@ class Metric:
         return np.asarray((row < 6 * self.structure.links) & ~beam)
 
     @cached_property
-    def joints(self) -> npt.NDArray[np.bool_]:
-        """Which blocks are joints, (blocks,)."""
-        return np.array([block[0] >= 6 * self.structure.links for block in self.structure.blocks])
+    def kinds(self) -> Ids:
+        """Kind of every block: 0 links, 1 joints, from 2 on the laws of joints in turn, (blocks,)."""
+        first, joints = 6 * self.structure.links, self.structure.links - 1
+        row = np.array([block[0] for block in self.structure.blocks])
+        return np.asarray(np.where(row < first, 0, 1 + (row - first) // max(joints, 1)))
 
     @cached_property
-    def kinds(self) -> Array:
-        """Kind of every block: 0 links, 1 joints, then what joints do beyond a spring, (blocks,)."""
-        s = self.structure
-        first, n = 6 * s.links, s.links - 1
-        row = np.array([block[0] for block in s.blocks])
-        return np.where(row < first, 0, 1 + (row - first) // max(n, 1))
+    def law(self) -> npt.NDArray[np.bool_]:
+        """Which entries of x are sizes of laws, (n,)."""
+        return np.asarray(self.structure.triangles[0] >= self.structure.plain)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -123,14 +122,14 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
     """A structure, every block with all its entries, in the metric of a prior; remembered for the next fit.
 
     A joint that the structure leaves out adds its compliance to the link before it, about its axis: the
-    paper's aggregation. A link that it leaves out is rigid.
+    paper's aggregation. A link that it leaves out is rigid. Laws of joints have the expected size one.
 
     Raises:
         BenchError: When the prior has another size, is not symmetric or not positive definite in a block, or
             the structure lacks entries inside a block.
     """
     check_symmetric(structure)
-    plain = structure.n_theta - structure.laws
+    plain = structure.plain
     P = np.eye(structure.n_theta)
     P[:plain, :plain] = check_array(prior.C_theta, (plain,) * 2, f"prior {prior.name} [m/N, rad/(N m)]")
     sizes = tuple(len(block) for block in structure.blocks)
@@ -184,18 +183,15 @@ def rescaled(metric: Metric, regression: Regression) -> Metric:
     Raises:
         BenchError: When the data want a scale that is not above 0.
     """
-    law = np.array(metric.structure.triangles[0]) >= metric.structure.n_theta - metric.structure.laws
-    expected = metric.L @ np.where(law, 0, metric.expected)
-    weights = [math.sqrt(term.equations / 3) for term in regression.terms]
-    moved = np.concatenate([w * term.R @ expected for w, term in zip(weights, regression.terms, strict=True)])
-    y = np.concatenate([w * term.z for w, term in zip(weights, regression.terms, strict=True)])
+    A, y = whitened(regression, metric)
+    moved = A @ np.where(metric.law, 0.0, metric.expected)
     size = float(moved @ moved)
     scale = float(moved @ y) / size if size > 0 else 1.0
     if not scale > 0:
         raise BenchError(
             f"prior {metric.prior}: expected data that move with the load, its best scale is {scale:.3g}"
         )
-    return replace(metric, L=np.where(law, 1, scale) * metric.L)
+    return replace(metric, L=np.where(metric.law, 1.0, scale) * metric.L)
 
 
 def _root(P: Array, prior: Prior, structure: Structure) -> Array:

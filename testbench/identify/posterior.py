@@ -17,6 +17,7 @@ from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Average, Estimate
 from testbench.identify.metric import Belief, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
+from testbench.model.laws import model_of
 from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.vjm import Vjm, chain, marker_points, observation
 
@@ -138,6 +139,7 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
     Raises:
         BenchError: When the confidence is outside (0, 1).
     """
+    vjm = model_of(vjm, estimate.structure)
     own, points = linearise(estimate), marker_points(vjm, data.markers)
     together, ends = max(1, TOGETHER // len(points)), []
     for first in range(0, data.runs, together):
@@ -207,13 +209,27 @@ def conditional(K: Array, own: Ids, known: Ids) -> Array:
 
 
 def _averaged(estimate: Estimate, average: Average) -> Posterior:
-    """The distribution of the model of links and joints, wider by how far the average lies from it.
+    """The mixture of the models: each wider by how far the mean lies from it.
 
-    Joints alone would count noise and nothing else, as if no link could bend.
+    Joints alone would count noise and nothing else, as if no link could bend: links and joints stand in.
     """
-    whole = linearise(average.whole)
-    root = np.vstack([whole.root, estimate.pi - whole.x])
-    return replace(whole, x=estimate.pi, root=root, heavy=whole.heavy + 1)
+    whole, pi = linearise(average.whole), estimate.pi
+    if average.lawful is None:
+        root = np.vstack([whole.root, pi - whole.x])
+        return replace(whole, x=pi, root=root, heavy=whole.heavy + 1)
+    lawful, w, s = linearise(average.lawful), average.laws, estimate.structure
+    plain = s.a < s.plain
+    straight = np.zeros((len(whole.root), s.n))
+    straight[:, plain] = whole.root
+    x, mean = np.zeros(s.n), (pi - w * lawful.x) / (1 - w)
+    x[plain] = whole.x
+    parts = [(np.sqrt(w) * lawful.root, lawful.heavy), (np.sqrt(1 - w) * straight, whole.heavy)]
+    apart = [np.sqrt(1 - w) * (mean - x), np.sqrt(w * (1 - w)) * (lawful.x - mean)]
+    noise = [root[: len(root) - heavy] for root, heavy in parts]
+    heavy = [*(root[len(root) - heavy :] for root, heavy in parts), np.array(apart)]
+    return replace(
+        lawful, x=pi, root=np.vstack([*noise, *heavy]), heavy=sum(map(len, heavy)), scale=lawful.scale
+    )
 
 
 def _split(rows: list[Array], back: Array, belief: Belief, L: Array) -> tuple[Array, int]:

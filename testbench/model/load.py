@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError, check_array
-from testbench.model.vjm import Chain, Vjm, generalised_load
+from testbench.model.vjm import Chain, Vjm, plain_load, with_laws
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def resultant(rotation: Array, loads: Sequence[Load]) -> Array:
 
 def on_joints(where: Chain, loads: Sequence[Load]) -> Array:
     """Sum of J_F^T w of every virtual joint, (n_theta, runs) [N, N m]; every load has a row a pose."""
-    u = np.zeros(where.J_theta.shape[1:])
+    u = np.zeros((7 * len(where.bodies) - 8, len(where.position)))
     for load in loads:
-        u += generalised_load(where, load.wrench, load.point)
-    return u
+        u += plain_load(where, load.wrench, load.point)
+    return with_laws(where, u)

@@ -19,12 +19,14 @@ from testbench.model.structure import Structure
 
 
 class Laws(Protocol):
-    """What joints do beyond a linear spring: virtual joints of their own, in series with each joint's."""
+    """What joints do beyond a linear spring: virtual joints in series with each joint's own (`laws.py`)."""
 
-    kinds: tuple[str, ...]  #: What they do; a virtual joint of every kind for every joint.
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What they do: a virtual joint of every kind for every joint."""
 
     def load(self, where: "Chain", u: Array) -> Array:
-        """By how much each turns per unit of its size, (kinds n, runs) [rad, m], joints loaded by u, (n, runs)."""
+        """Turn of each per unit of its size, (kinds n, runs) [rad, m], under torques u, (n, runs)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -248,18 +250,25 @@ def twist_rows(where: Chain) -> Array:
 
 
 def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
-    """Load J_F^T w of every virtual joint, (n_theta, runs) [N, N m]."""
-    runs = len(where.position)
+    """Load J_F^T w of every virtual joint, (n_theta, runs) [N, N m]; of laws what turns per unit of size."""
+    return with_laws(where, plain_load(where, wrench, point))
+
+
+def plain_load(where: Chain, wrench: Array, point: Array) -> Array:
+    """Load J_F^T w of the virtual joints of links and joints, (7 n + 6, runs) [N, N m]."""
+    runs, plain = len(where.position), 7 * len(where.bodies) - 8
     wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = check_array(point, (runs, 3), "point [m]")
     force, arm = wrench[:, :3].T, np.einsum("rxy,ry->xr", where.rotation, point)
     at_tool = np.concatenate([force, wrench[:, 3:].T + cross(arm, force)])
+    return np.asarray(np.einsum("xtr,xr->tr", where.J_theta[:, :plain], at_tool))
+
+
+def with_laws(where: Chain, u: Array) -> Array:
+    """Loads of all virtual joints, (n_theta, runs), from those of links and joints, (7 n + 6, runs)."""
     if where.laws is None:
-        return np.asarray(np.einsum("xtr,xr->tr", where.J_theta, at_tool))
-    n = len(where.bodies) - 2
-    plain = where.J_theta[:, : 7 * n + 6]
-    u = np.einsum("xtr,xr->tr", plain, at_tool)
-    return np.concatenate([u, where.laws.load(where, u[6 * (n + 1) :])])
+        return u
+    return np.concatenate([u, where.laws.load(where, u[6 * (len(where.bodies) - 1) :])])
 
 
 def observation(where: Chain, structure: Structure, wrench: Array, point: Array, targets: Array) -> Array:

@@ -135,7 +135,7 @@ def own_weight(where: Chain, weights: Weights) -> Array:
     virtual joint: its mass bends nothing.
     """
     _, n_theta, runs = where.J_theta.shape
-    load, mass, moment = np.empty((n_theta, runs)), 0.0, np.zeros((3, runs))
+    load, mass, moment = np.zeros((n_theta, runs)), 0.0, np.zeros((3, runs))
     for k in range(len(where.bodies) - 1, 0, -1):
         p, R = where.bodies[k]
         mass += weights.mass[k]

@@ -70,7 +70,7 @@ class State:
 
 def nominal(vjm: Vjm, weights: Weights, torque_scale: Array) -> State:
     """The arm as drawn: rigid, without errors."""
-    n = vjm.arm.n_theta
+    n = vjm.n_theta
     empty = np.zeros((vjm.arm.n_joints, 0))
     return State(vjm, weights, np.zeros(n), np.zeros((n, n)), JointErrors(), empty, torque_scale)
 
@@ -119,9 +119,9 @@ def equilibrium(state: State, q: Array, loads: Sequence[Load] = (), steps: int |
 def _start(state: State, q: Array, loads: Sequence[Load]) -> tuple[Array, Array, Array]:
     """Virtual joints but for the springs, (runs, n_theta), the load of the straight arm, and phi."""
     arm, theta = state.vjm.arm, np.tile(state.theta_0, (len(q), 1))
-    u, first = loads_at(state, chain(state.vjm, q, theta), loads), arm.n_theta - arm.n_joints
-    phi = basis(state.errors, arm, q, u[first:], state.torque_scale)
-    theta[:, first:] += np.einsum("jkr,jk->rj", phi, state.n)
+    u, joints = loads_at(state, chain(state.vjm, q, theta), loads), slice(6 * len(arm.links), arm.n_theta)
+    phi = basis(state.errors, arm, q, u[joints], state.torque_scale)
+    theta[:, joints] += np.einsum("jkr,jk->rj", phi, state.n)
     return theta, u, phi
 
 

@@ -46,7 +46,7 @@ def unchecked(regression: Regression, metric: Metric) -> Unchecked:
     """
     seen = evidence(regression, metric)
     best = greatest(seen.problem, seen.start)
-    whole = [k for k, size in enumerate(metric.sizes) if size == 6 or metric.joints[k]]
+    whole = [k for k, size in enumerate(metric.sizes) if size == 6 or metric.kinds[k] == 1]
     stiffer, softer = (
         tuple(metric.names[k] for k in whole if _loss_at(seen, best, k, sign * TENFOLD) < OPEN)
         for sign in (-1, 1)
