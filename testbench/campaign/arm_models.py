@@ -34,6 +34,7 @@ from testbench.identify.posterior import Posterior, linearise
 from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
 from testbench.model.kinematics import build_vjm
+from testbench.model.laws import model_of, with_laws
 from testbench.model.load import Load, resultant
 from testbench.model.structure import Structure, all153, joints_only, labels_of
 from testbench.model.vjm import Vjm, tool_pose
@@ -106,11 +107,14 @@ def _stiffness(
     )
     if spread.heavy_rows > len(root):
         raise ValueError(f"spread.heavy_rows: expected at most the {len(root)} rows of root")
-    return of_compliances(bending(build_vjm(arm), C, weights), structure, known, about)
+    vjm = model_of(build_vjm(arm), structure)
+    return of_compliances(bending(vjm, C, weights), structure, known, about)
 
 
 def _structure(found: StiffnessDocument, arm: Arm) -> Structure:
-    row, labels = found.structure, labels_of(arm)
+    row = found.structure
+    lawful = with_laws(all153(arm))
+    labels, compliances = lawful.labels, labels_of(arm)
     place = {label: k for k, label in enumerate(labels)}
     names = {name for entry in row.entries for name in (entry.row, entry.column)}
     if unknown := sorted(names - set(labels)):
@@ -120,7 +124,9 @@ def _structure(found: StiffnessDocument, arm: Arm) -> Structure:
     if not pairs or len(told) < len(pairs):
         raise ValueError("structure.entries: expected different ones, at least one")
     a, b = np.array(pairs).T
-    return Structure(row.name, arm.n_theta, a, b, labels, row.symmetric)
+    if b.max() < arm.n_theta:
+        return Structure(row.name, arm.n_theta, a, b, compliances, row.symmetric)
+    return Structure(row.name, lawful.n_theta, a, b, labels, row.symmetric, lawful.laws)
 
 
 def _check_blocks(found: StiffnessDocument, arm: Arm, structure: Structure, C: Array) -> None:
@@ -128,7 +134,7 @@ def _check_blocks(found: StiffnessDocument, arm: Arm, structure: Structure, C: A
     links = {link.name: C[6 * k : 6 * k + 6, 6 * k : 6 * k + 6].tolist() for k, link in enumerate(arm.links)}
     if found.links != links:
         raise ValueError("links: expected the blocks that structure.entries have")
-    own = np.diag(C)[6 * len(arm.links) :].tolist()
+    own = np.diag(C)[6 * len(arm.links) : arm.n_theta].tolist()
     said = [found.joints.get(joint.name, math.nan) for joint in arm.joints]
     if len(found.joints) != len(own) or any(x != (y or 0.0) for x, y in zip(own, said, strict=True)):
         raise ValueError("joints: expected the compliances that structure.entries have")

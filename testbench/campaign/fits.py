@@ -177,7 +177,8 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
     loads = (generalised_load(chain(cell.vjm, data.q[b]), data.wrench[b], data.point[b]) for b in blocks)
     u = np.max([np.abs(load).max(axis=1) for load in loads], axis=0)
     acts = u > ROUNDING * u.max()
-    moved = [m for m in models if acts[np.concatenate([m.structure.a, m.structure.b])].any()]
+    entries = [np.concatenate([m.structure.a, m.structure.b]) for m in models]
+    moved = [m for m, own in zip(models, entries, strict=True) if acts[own[own < len(acts)]].any()]
     still = [m.name for m in models if m not in moved]
     if not moved:
         raise BenchError(f"expected loads that bend a model, these bend none of {', '.join(still)}")

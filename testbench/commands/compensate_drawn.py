@@ -94,7 +94,8 @@ def _bent(found: CorrectedProgram, some: Ids) -> Array:
     """Virtual joints as programmed, less what the program knows of, (points, n_theta) [m, rad]."""
     state, q = found.model.state, found.found.start[some]
     loaded = rest(state, q, [load.of(some) for load in found.loads]).theta
-    return loaded if found.found.asked == "drawn" else loaded - rest(state, q).theta
+    own = loaded if found.found.asked == "drawn" else loaded - rest(state, q).theta
+    return turns(state.vjm, own)
 
 
 def _words(row: Row) -> str:

@@ -293,6 +293,7 @@ def _asked(made: Predicted, some: Ids, M: float, G: float) -> Poses:
     """The poses of the file, bent by what acts there."""
     found, state, q = made.found, made.model.state, made.asked.q[some]
     theta = rest(state, q, [load.of(some) for load in made.asked.loads]).theta - rest(state, q).theta
+    theta = turns(state.vjm, theta)
     deflection = found.deflection[some]
     start = found.position[some] - deflection
     end = start + M * deflection

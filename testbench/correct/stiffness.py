@@ -1,7 +1,7 @@
 """How stiff the loaded tool is in every direction: the compliance of Eq. (7) and its ellipsoid."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,8 @@ from testbench.correct.uncertainty import Poses, half_widths
 from testbench.errors import Array
 from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import ArmModel
-from testbench.model.load import Load
+from testbench.model.laws import tangent, turns
+from testbench.model.load import Load, on_joints
 from testbench.model.loaded import geometric_stiffness, loaded_compliance
 from testbench.model.vjm import chain
 
@@ -63,12 +64,13 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = ()) -> Stiffnes
 
 
 def _stiffness(state: State, poses: Poses) -> Stiffness:
-    theta = rest(state, poses.q, poses.loads).theta
-    where, n = chain(state.vjm, poses.q, theta), len(state.C_theta)
+    vjm, theta = state.vjm, rest(state, poses.q, poses.loads).theta
+    where, n = chain(replace(vjm, laws=None), poses.q, turns(vjm, theta)), vjm.arm.n_theta
     K_w = np.zeros((len(poses.q), n, n))
     for load in poses.loads:
         K_w += geometric_stiffness(where, load.wrench, load.point)
-    compliance = loaded_compliance(where.J_theta.transpose(2, 0, 1), state.C_theta, K_w)
+    C = tangent(vjm, state.C_theta, chain(vjm, poses.q, theta), on_joints(where, poses.loads))
+    compliance = loaded_compliance(where.J_theta.transpose(2, 0, 1), C, K_w)
     axes, give, _ = np.linalg.svd(compliance[:, :3, :3])
     return Stiffness(compliance, give, axes)
 

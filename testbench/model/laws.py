@@ -67,6 +67,15 @@ class JointLaws:
             found[1] += _carried(self.compensator, where, where.J_theta[3:, links + 1])
         return found
 
+    def slope(self, where: Chain, u: Array) -> Array:
+        """Change of these turns with the torques, (3 n, runs) [rad/(N m), m/N]."""
+        c, before = self.compliance[:, None], self.before(where)
+        x, end = c * before, c * (before + u)
+        stiffened = 1 / (1 + 3 * STIFFER * (_spring(end) / TURN) ** 2) - 1
+        taken = 1 - np.tanh(end / PLAY) ** 2
+        held = -1.0 * (np.abs(end - x) < STICK)
+        return np.concatenate([c * stiffened, c * taken, c * held])
+
 
 def _carried(spring: Compensator, where: Chain, axis: Array) -> Array:
     """Torque of a spring from link 1 to link 2 about joint 2, whose axis is (3, runs), (runs,) [N m]."""
@@ -102,6 +111,25 @@ def laws_of(arm: Arm) -> JointLaws:
 def model_of(vjm: Vjm, structure: Structure) -> Vjm:
     """The model that a structure is of: with laws where it has sizes of them."""
     return lawful(vjm) if structure.laws else vjm
+
+
+def tangent(vjm: Vjm, C_theta: Array, where: Chain, u: Array) -> Array:
+    """Compliance of links and joints for a small further load, one a run, (runs, 7 n + 6, 7 n + 6).
+
+    Args:
+        vjm: The model.
+        C_theta: Its compliances, and sizes of laws if it has some, (n_theta, n_theta).
+        where: The arm at rest.
+        u: Load of links and joints there, beside own weight, (7 n + 6, runs) [N, N m].
+    """
+    n, plain = vjm.arm.n_joints, vjm.arm.n_theta
+    C = np.tile(C_theta[:plain, :plain], (len(where.position), 1, 1))
+    if vjm.laws is not None:
+        more = np.diag(C_theta)[plain:, None] * vjm.laws.slope(where, u[plain - n :])
+        C[:, range(plain - n, plain), range(plain - n, plain)] += (
+            more.reshape(-1, n, C.shape[0]).sum(axis=0).T
+        )
+    return C
 
 
 def turns(vjm: Vjm, theta: Array) -> Array:

@@ -66,7 +66,7 @@ def loaded_compliance(J_theta: Array, C_theta: Array, K_w: Array) -> Array:
     """Cartesian compliance of the loaded arm, Eq. (7) as J (I - C_theta K_w)^-1 C_theta J^T.
 
     Equal to J (K_theta - K_w)^-1 J^T where K_theta exists. With J and K_w at the loaded equilibrium it is the
-    tangent there: d(twist) = C d(wrench). With K_w = 0 it is Eq. (6).
+    tangent there: d(twist) = C d(wrench). With K_w = 0 it is Eq. (6). C_theta may be one or one a run.
 
     Returns:
         (runs, 6, 6) [m/N, rad/N, rad/(N m)].
@@ -76,7 +76,8 @@ def loaded_compliance(J_theta: Array, C_theta: Array, K_w: Array) -> Array:
     """
     J = check_array(J_theta, (None, 6, None), "J_theta [1, m]")
     runs, _, n_theta = J.shape
-    C = check_array(C_theta, (n_theta, n_theta), "C_theta [m/N, rad/(N m)]")
+    C = np.broadcast_to(C_theta, (runs, *np.shape(C_theta)[-2:]))
+    C = check_array(C, (runs, n_theta, n_theta), "C_theta [m/N, rad/(N m)]")
     K_w = check_array(K_w, (runs, n_theta, n_theta), "K_w [N/m, N, N m]")
     return np.asarray(J @ solve_springs(C, K_w, C @ J.swapaxes(1, 2)))
 
@@ -84,7 +85,7 @@ def loaded_compliance(J_theta: Array, C_theta: Array, K_w: Array) -> Array:
 def solve_springs(C_theta: Array, K_w: Array, right: Array) -> Array:
     """(I - C_theta K_w)^-1 right, (runs, n_theta, columns)."""
     try:
-        return np.asarray(np.linalg.solve(np.eye(len(C_theta)) - C_theta @ K_w, right))
+        return np.asarray(np.linalg.solve(np.eye(C_theta.shape[-1]) - C_theta @ K_w, right))
     except np.linalg.LinAlgError:
         raise NoEquilibrium("K_theta - K_w is singular: the arm buckles under this load") from None
 

@@ -28,6 +28,9 @@ class Laws(Protocol):
     def load(self, where: "Chain", u: Array) -> Array:
         """Turn of each per unit of its size, (kinds n, runs) [rad, m], under torques u, (n, runs)."""
 
+    def slope(self, where: "Chain", u: Array) -> Array:
+        """Change of these with the torques, (kinds n, runs) [rad/(N m), m/N]."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Vjm(Displayed):
