@@ -34,7 +34,7 @@ from testbench.identify.posterior import Posterior, linearise
 from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors
 from testbench.model.kinematics import build_vjm
-from testbench.model.laws import model_of, with_laws
+from testbench.model.laws import vjm_of, with_laws
 from testbench.model.load import Load, resultant
 from testbench.model.structure import Structure, all153, joints_only, labels_of
 from testbench.model.vjm import Vjm, tool_pose
@@ -107,7 +107,7 @@ def _stiffness(
     )
     if spread.heavy_rows > len(root):
         raise ValueError(f"spread.heavy_rows: expected at most the {len(root)} rows of root")
-    vjm = model_of(build_vjm(arm), structure)
+    vjm = vjm_of(build_vjm(arm), structure)
     return of_compliances(bending(vjm, C, weights), structure, known, about)
 
 

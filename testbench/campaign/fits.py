@@ -24,6 +24,7 @@ from testbench.identify.fold import BLOCK_RUNS
 from testbench.identify.metric import metric
 from testbench.identify.regression import ROUNDING
 from testbench.identify.weighed import MOST_READINGS
+from testbench.model.laws import KINDS, UNIT_SIZES
 from testbench.model.vjm import chain, generalised_load
 
 Clock = Callable[[], float]  #: Wall time [s].
@@ -61,6 +62,9 @@ class Fitted(FitRow):
     #: Compliance of every joint; None where it is aggregated: counted in that of the link before it.
     joints: Mapping[str, float | None]
     units: str  #: Of both.
+    #: Half-widths of backlash and friction of every joint [rad, m], and the share by which it is stiffer when
+    #: its spring is turned by a milliradian (a slide: a millimetre) [1]; empty of a linear model.
+    laws: Mapping[str, Mapping[str, float]]
     rejected: tuple[Rejected, ...]  #: Readings that the fit does without.
 
 
@@ -300,6 +304,7 @@ def _fit(cell: Cell, found: Found, k: int, widest: Dataset | None) -> Fitted:
         links={link.name: C.tolist() for link, C in zip(cell.arm.links, blocks, strict=True)},
         joints=_joints(cell, estimate),
         units=UNITS,
+        laws=_laws(cell, estimate),
         rejected=estimate.rejected,
     )
 
@@ -315,6 +320,15 @@ def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
         joint.name: None if inside else compliance
         for joint, inside, compliance in zip(cell.arm.joints, aggregated, own, strict=True)
     }
+
+
+def _laws(cell: Cell, estimate: Estimate) -> dict[str, dict[str, float]]:
+    """What every joint does beyond a linear spring; nothing of a linear model."""
+    if not estimate.structure.laws:
+        return {}
+    sizes = np.diag(estimate.C_theta)[estimate.structure.plain :].reshape(len(KINDS), -1)
+    rows = zip(cell.arm.joints, (np.array(UNIT_SIZES)[:, None] * sizes).T.tolist(), strict=True)
+    return {joint.name: dict(zip(KINDS, row, strict=True)) for joint, row in rows}
 
 
 def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> IntervalsRow:

@@ -12,7 +12,7 @@ from testbench.campaign.workspace_errors import ErrorPlaces
 from testbench.commands.identify_rows import COUNTS, compared, longest
 from testbench.data.dataset import Ids
 from testbench.errors import Array
-from testbench.model.laws import model_of, turns
+from testbench.model.laws import turns, vjm_of
 from testbench.model.vjm import chain, generalised_load
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.table import Row, find
@@ -72,7 +72,7 @@ def _runs(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array], some
     M, A = arrow_scale(moved, MOVED * reach), arrow_scale(off[taken], LEFT * reach)
     before = data.before[some] + hidden
     at = before + M * moved
-    vjm = model_of(cell.vjm, found.taken.structure)
+    vjm = vjm_of(cell.vjm, found.taken.structure)
     load = generalised_load(chain(vjm, data.q[some]), data.wrench[some], data.point[some])
     theta = turns(vjm, (found.taken.C_theta @ load).T)  # Eq. (6)
     rows = [f.residuals[k] for k in some]

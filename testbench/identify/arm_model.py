@@ -11,7 +11,7 @@ from testbench.identify.absolute.state import State, nominal
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.estimate import Estimate
 from testbench.identify.posterior import Posterior, linearise
-from testbench.model.laws import model_of
+from testbench.model.laws import vjm_of
 from testbench.model.structure import Ids, Structure
 from testbench.model.vjm import Vjm
 from testbench.model.weights import Weights
@@ -75,7 +75,7 @@ def of_estimate(vjm: Vjm, estimate: Estimate, weights: Weights, about: About | N
         weights: What its links weigh, such as `read_weights`.
         about: Where it comes from; the method alone if not given.
     """
-    state = bending(model_of(vjm, estimate.structure), estimate.C_theta, weights)
+    state = bending(vjm_of(vjm, estimate.structure), estimate.C_theta, weights)
     return of_compliances(state, estimate.structure, linearise(estimate), about or About(estimate.method))
 
 

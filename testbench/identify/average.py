@@ -78,7 +78,7 @@ def _with_laws(r: Regression, constraint: Constraint, prior: Metric, plain: Metr
         return straight
     lawful = solve(r, constraint, belief)
     if weight > 1 - NEGLIGIBLE:
-        return lawful
+        weight = 1.0
     pi = weight * lawful.pi
     pi[r.structure.a < r.structure.plain] += (1 - weight) * straight.pi
     mean = make_estimate(r, pi, method=lawful.method, constraint=constraint)

@@ -9,7 +9,7 @@ from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.errors import Array, BenchError
 from testbench.identify.estimate import Estimate
 from testbench.identify.fold import BLOCK_RUNS, Blocks, in_threads
-from testbench.model.laws import model_of
+from testbench.model.laws import vjm_of
 from testbench.model.vjm import Vjm, chain, generalised_load, marker_points, translation_rows
 
 BINS, LEAST, DECADES = 30_000, 1e-12, 15
@@ -47,7 +47,7 @@ def deflections(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
 def all_deflections(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> Array:
     """The same by several models, (models, runs, m, 3) [m]: where the arm is, is worked out once."""
     widest = max((estimate.structure for estimate in estimates), key=lambda s: s.n_theta)
-    vjm, C = model_of(vjm, widest), np.zeros((len(estimates), widest.n_theta, widest.n_theta))
+    vjm, C = vjm_of(vjm, widest), np.zeros((len(estimates), widest.n_theta, widest.n_theta))
     for own, estimate in zip(C, estimates, strict=True):
         own[: len(estimate.C_theta), : len(estimate.C_theta)] = estimate.C_theta
     points = marker_points(vjm, data.markers)

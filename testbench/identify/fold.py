@@ -35,7 +35,7 @@ from testbench.identify.regression import Regression, regression_of, term_of, tr
 from testbench.identify.robust_loss import READINGS, Loss
 from testbench.identify.rows import pair_rows, rows_of, straight
 from testbench.identify.weighed import check_runs
-from testbench.model.laws import model_of
+from testbench.model.laws import vjm_of
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -188,7 +188,7 @@ def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Bloc
     widest = max(structures, key=lambda s: s.n)
     places = [_columns(s, widest) for s in structures]
     own = [widest, *(s for s, place in zip(structures, places, strict=True) if place is None)]
-    unknowns = [compliances(model_of(vjm, s), s) for s in own]
+    unknowns = [compliances(vjm_of(vjm, s), s) for s in own]
 
     def of(some: Iterable[tuple[Ids | slice, Dataset]]) -> list[Folded]:
         found = [Folded(s.n + 1) for s in own]

@@ -17,7 +17,7 @@ from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Average, Estimate
 from testbench.identify.metric import Belief, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
-from testbench.model.laws import model_of
+from testbench.model.laws import vjm_of
 from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.vjm import Vjm, chain, marker_points, observation
 
@@ -139,7 +139,7 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
     Raises:
         BenchError: When the confidence is outside (0, 1).
     """
-    vjm = model_of(vjm, estimate.structure)
+    vjm = vjm_of(vjm, estimate.structure)
     own, points = linearise(estimate), marker_points(vjm, data.markers)
     together, ends = max(1, TOGETHER // len(points)), []
     for first in range(0, data.runs, together):
@@ -218,6 +218,8 @@ def _averaged(estimate: Estimate, average: Average) -> Posterior:
         root = np.vstack([whole.root, pi - whole.x])
         return replace(whole, x=pi, root=root, heavy=whole.heavy + 1)
     lawful, w, s = linearise(average.lawful), average.laws, estimate.structure
+    if w == 1:
+        return lawful
     plain = s.a < s.plain
     straight = np.zeros((len(whole.root), s.n))
     straight[:, plain] = whole.root

@@ -9,7 +9,7 @@ from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.unknowns import compliances
 from testbench.identify.rows import pair_rows, straight
-from testbench.model.laws import model_of
+from testbench.model.laws import vjm_of
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -51,7 +51,7 @@ def one_by_one(vjm: Vjm, structure: Structure, data: Dataset) -> Readings:
     each = len(data.markers) + (data.sigma_rotation is not None)
     if data.runs * each > MOST_READINGS:
         raise BenchError(f"robust fit: expected at most {MOST_READINGS} readings, got {data.runs * each}")
-    vjm = model_of(vjm, structure)
+    vjm = vjm_of(vjm, structure)
     told = straight(vjm, data.q, [Load(data.wrench, data.point)])
     rows, kinds = pair_rows(compliances(vjm, structure), told, data, np.arange(data.runs))
     used = (kinds >= 0).T.ravel()

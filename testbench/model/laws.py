@@ -30,6 +30,7 @@ KINDS = ("stiffening", "backlash", "friction")
 TURN, STIFFER = 1e-3, 0.1
 """Turn phi [rad, m] and share beta [1] of a joint whose stiffening has the size one."""
 PLAY, STICK = 5e-5, 3e-5  #: Half-widths of backlash and of a loop of friction of size one [rad, m].
+UNIT_SIZES = STIFFER, PLAY, STICK  #: What a size of one means, in the order of `KINDS` [1, rad, rad].
 VJMS = 32  #: How many models with laws are remembered.
 
 
@@ -108,7 +109,7 @@ def laws_of(arm: Arm) -> JointLaws:
     return JointLaws(np.array([joint.compliance for joint in arm.joints]), weights, arm.compensator)
 
 
-def model_of(vjm: Vjm, structure: Structure) -> Vjm:
+def vjm_of(vjm: Vjm, structure: Structure) -> Vjm:
     """The model that a structure is of: with laws where it has sizes of them."""
     return lawful(vjm) if structure.laws else vjm
 

@@ -124,8 +124,8 @@ def weight_columns(where: Chain) -> Array:
 
 def _before(body: int, where: Chain) -> tuple[slice, slice]:
     """Virtual joints that carry a body, of links and of joints: a link's at its end, a joint's before it."""
-    links = 6 * (len(where.bodies) - 1)
-    return slice(0, 6 * body), slice(links, links + body)
+    links, joints = 6 * (len(where.bodies) - 1), len(where.bodies) - 2
+    return slice(0, 6 * body), slice(links, links + min(body, joints))
 
 
 def own_weight(where: Chain, weights: Weights) -> Array:
