@@ -25,7 +25,6 @@ from testbench.identify.certify import (
 from testbench.identify.estimate import Certificate, Dual, Estimate, make_estimate
 from testbench.identify.interior import TINY, least_norms
 from testbench.identify.interior import Program as Norms
-from testbench.identify.metric import clipped
 from testbench.identify.regression import Ids, Regression, check_symmetric, f_m
 from testbench.model.structure import Structure
 
@@ -226,7 +225,10 @@ def norms_below(R: Array, z: Array, rest: Array) -> tuple[cone.Rows, ...]:
 
 def clip(s: Structure, x: Array) -> Array:
     """Parameters with every block's negative eigenvalues set to zero."""
-    return s.entries(clipped(s, s.matrix(x)))
+    X = s.matrix(x)
+    for group in s.groups:
+        X[group.index] = cone.psd_part(X[group.index])
+    return s.entries(X)
 
 
 @lru_cache(maxsize=64)
