@@ -151,7 +151,8 @@ class _Sums:
 
     def score(self, k: int) -> Score:
         """Of a model; quantiles are the middle of their bin."""
-        (p95, share), moved = (_quantile(counts, 0.95) for counts in self.counts[:, k]), self.counts[1, k].any()
+        p95, share = (_quantile(counts, 0.95) for counts in self.counts[:, k])
+        moved = self.counts[1, k].any()
         return Score(
             rms=float(np.sqrt(self.square[k] / self.counts[0, k].sum())),
             p95=p95,
