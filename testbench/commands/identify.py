@@ -156,7 +156,9 @@ def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
     yield say("Why {recommended}: {why}", f, why=ended(f.why))
     yield from (say("Not certified: {name} ({status}).", m) for m in f.models if m.status != "solved")
     if taken.check is None:
-        yield Markdown("No pose was held back (--check-pose): how well a model fits is not how it predicts.")
+        yield Markdown(
+            "No pose was held back (--check-pose): a good fit alone does not show how well a model predicts."
+        )
     yield from _of_intervals(f, taken)
     yield from (say("{text}", text=ended(capital(text))) for text in f.notes)
     if f.scale is not None:
@@ -171,14 +173,12 @@ def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
 
 def _of_intervals(f: Row, taken: Row) -> Iterator[Markdown]:
     """What no reading checks, and what the intervals do not count."""
+    hidden = "These readings could not reveal a part ten times {how} than in the folder: {x:list}."
     if stiffer := f.unchecked.stiffer:
-        counts = " The intervals count on it." if taken.intervals and taken.learnt else ""
-        yield say(
-            f"The readings would not show ten times stiffer than in the folder: {{x:list}}.{counts}",
-            x=stiffer,
-        )
+        counts = " The intervals assume that there is none." if taken.intervals and taken.learnt else ""
+        yield say(hidden + counts, how="stiffer", x=stiffer)
     if softer := f.unchecked.softer:
-        yield say("The readings would not show ten times softer: {x:list}.", x=softer)
+        yield say(hidden, how="softer", x=softer)
     if held := [m.name for m in f.models if m.intervals and m.intervals.on_boundary]:
         yield say(
             "The intervals of {x:list} are not exact: the semi-definite condition holds the estimate.",
