@@ -107,7 +107,7 @@ def printed(said: Report) -> Table:
 
 
 def _beside(f: Row, taken: Row, name: str) -> Gain | None:
-    """The model to take beside another one in the runs held back; None where one was not judged there."""
+    """The model to take beside another one in the runs held out; None where one was not judged there."""
     errors = {m.name: m.check.rms_mm for m in f.models if m.check is not None}
     if name == taken.name or not {name, taken.name} <= errors.keys():
         return None
@@ -115,14 +115,14 @@ def _beside(f: Row, taken: Row, name: str) -> Gain | None:
 
 
 def _answer(f: Row, taken: Row) -> Iterator[Markdown]:
-    """What to take, beside least squares and joints alone in the runs held back."""
+    """What to take, beside least squares and joints alone in the runs held out."""
     wrong = any(doubt["name"] != "prior" for doubt in f.doubts)
     plain = [m for m in f.models if m.check and is_least_squares(m.structure, m.constraint, prior=m.prior)]
     best = min(plain, key=lambda m: m.check.rms_mm, default=None)
     ls = _beside(f, taken, best.name) if best and not wrong else None
     joints = _beside(f, taken, JOINTS)
     first = "First look at the runs, see the doubt below; if they are right, take" if wrong else "Take"
-    checked = ": {check.rms_mm:.3f} mm RMS in the runs held back" if taken.check else ""
+    checked = ": {check.rms_mm:.3f} mm RMS in the runs held out" if taken.check else ""
     beside = ", least squares {ls.theirs_mm:.3f} mm; {ls:less}" if ls else ""
     yield say(f"{first} {{name}}{checked}{beside}.", taken, ls=ls)
     half = bool(taken.intervals) and taken.intervals.half_width_mm is not None
@@ -157,7 +157,7 @@ def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
     yield from (say("Not certified: {name} ({status}).", m) for m in f.models if m.status != "solved")
     if taken.check is None:
         yield Markdown(
-            "No pose was held back (--check-pose): a good fit alone does not show how well a model predicts."
+            "No pose was held out (--check-pose): a good fit alone does not show how well a model predicts."
         )
     yield from _of_intervals(f, taken)
     yield from (say("{text}", text=ended(capital(text))) for text in f.notes)
