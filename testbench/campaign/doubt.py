@@ -125,7 +125,7 @@ def _pose(found: Finding, arm: Arm) -> str:
 
 
 def _reading(found: Finding, _: Arm) -> str:
-    run, target = found.where
+    run, target = (*found.where, "the tool's turn")[:2]
     if "off" in found.beside:
         return f"run {run}: {target} was read {length(found.beside['off'])} off, the others were not"
     off = f"{_distance(found):.2g} mm from where the others say"
@@ -178,7 +178,7 @@ def _moved(found: Finding, _: Arm) -> str:
     angle = float(np.linalg.norm(found.size[3:]))
     turn = f" and turned by {MM * angle:.2g} mrad" if angle > TURN else ""
     words = f"{both} moved by {MM * size['shift']:.2g} mm{turn} between"
-    if not size["pairs"]:
+    if not size.get("pairs"):
         new = "mounts" if what == "target" else "frames"
         ends = f"rows {size['before']} and {size['after']}"
         return f"{found.where[0]}: {words} {ends}: taken as two {new}"
@@ -193,8 +193,8 @@ def _moved(found: Finding, _: Arm) -> str:
 
 
 def _level(found: Finding, _: Arm) -> str:
-    factor = 1 + found.size[0]
-    return f"the load of {found.where[0]} acts as {factor:.2f} times that, beside the others: its mass?"
+    times = f"{1 + found.size[0]:.2f} times that"
+    return f"the load of {found.beside['force']:.4g} N acts as {times}, beside the others: its mass?"
 
 
 def _run_load(found: Finding, _: Arm) -> str:
@@ -280,6 +280,8 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
     ),
     "notation": _notation,
     "unshared": lambda f, _: f"{f.where[0]}: shared that {f.where[1]}, is taken to have its own",
-    "not_parted": lambda f, _: f"{f.where[0]}: not parted",
+    "not_parted": lambda f, _: (
+        f"{', '.join(f.where)}: not parted, its parts alone do not tell where their frames or mounts are"
+    ),
 }
 """The sentence of every kind of finding."""

@@ -315,7 +315,7 @@ def test_targets_that_were_lost_make_no_step_look_greater(kr500):
     found = gathered(kr500, replace(one, precision=precision, position=one.position * seen[..., None]))
     elastic = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
     at = lacking(found.state, found.series[:1], found.noise, elastic)
-    assert best(at, found.series[0], np.arange(10, 50)).gain < 25
+    assert best(at, found.series[0], np.arange(10, 50)).nats < 25 / 2
 
 
 def test_rows_without_orientation_count_by_their_position(ur10):

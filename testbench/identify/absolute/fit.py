@@ -138,17 +138,17 @@ def gather(
         return first_fit(aligned(bare, few), few, joints)
 
     check_last_joint(vjm, series, fitted)
-    start = settled(series, fitted, metric(prior, vjm, all153(vjm.arm)))
-    series, errors = start.series, _errors(start.series, options)
+    moves, series, (first, noise) = settled(series, fitted, metric(prior, vjm, all153(vjm.arm)))
+    errors = _errors(series, options)
     unknowns = unknowns_of(vjm, series, errors, _most(vjm, options))
-    state = replace(start.state, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
+    state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
     own, few = choice(unknowns, GEOMETRY | {"harmonics"}, joints), thinned(series)
-    state, share = _stepped(own, few, state, _judged(start.state, few, start.noise))
+    state, share = _stepped(own, few, state, _judged(first, few, noise))
     seen = _seen(state, series, share)
     blocks = _whole(series) if options.only is not None else blocks_of(series)
     weighting = [Weighting(p, b) for p, b in zip(seen.pulls, blocks, strict=True)]
     reduced = reduce(Point(unknowns, state, seen.noise), series, weighting)
-    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, notes, start.moves)
+    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, notes, tuple(moves))
 
 
 def explain(found: Gathered, options: Options) -> Calibration:
