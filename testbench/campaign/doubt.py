@@ -26,6 +26,7 @@ UNITS = {
     1e3: "1000 times too small: metres read as millimetres?",
 }
 """What readings have to be multiplied with, and what that means."""
+WHICH = {"unloaded": "unloaded readings", "loaded": "loaded readings", "all": "readings"}
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,9 @@ def said(found: Finding, arm: Arm) -> Doubt:
     words = WORDS[found.kind](found, arm)
     if "was" in found.beside:
         ends = length(found.beside["was"]), length(found.beside["now"])
-        words = f"the {found.where[0]} {words} (they lie {ends[0]} from the arm's kinematics, median; so "
+        words = (
+            f"the {WHICH[found.where[0]]} {words} (they lie {ends[0]} from the arm's kinematics, median; so "
+        )
         words += f"{ends[1]})"
     return Doubt(found.kind, words, found.nats)
 
@@ -249,8 +252,8 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
     ),
     "order": lambda f, _: f"are those of the pose {'before' if f.size[0] > 0 else 'after'}",
     "kinematics": lambda f, _: (
-        f"the {f.where[0]} lie {length(f.beside['now'])} (median) from the arm's kinematics, and no single "
-        "mistake explains it: is this the arm?"
+        f"the {WHICH[f.where[0]]} lie {length(f.beside['now'])} (median) from the arm's kinematics, and no "
+        "single mistake explains it: is this the arm?"
     ),
     "pose": _pose,
     "reading": _reading,
@@ -279,6 +282,7 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
         f"{1e6 * f.beside['sigma']:.3g} um: is it more, or does the arm do what springs do not?"
     ),
     "notation": _notation,
+    "never_read": lambda f, _: f"{f.where[0]}: {', '.join(f.where[1:])} was never read and is left out",
     "unshared": lambda f, _: f"{f.where[0]}: shared that {f.where[1]}, is taken to have its own",
     "not_parted": lambda f, _: (
         f"{', '.join(f.where)}: not parted, its parts alone do not tell where their frames or mounts are"

@@ -77,8 +77,7 @@ class Calibration:
     pulls: tuple[Array, ...]  #: Of every series, how much each reading counts, (s, rows) [1].
     step: float  #: How far the last linearisation moved targets, root mean square [m].
     series: tuple[Series, ...]  #: The readings, in parts where a target or a tracker moved.
-    notes: tuple[str, ...]  #: What was left out.
-    moves: tuple[Finding, ...]  #: What moved in mid-series.
+    found: tuple[Finding, ...]  #: Targets that were left out, and what moved in mid-series.
 
 
 @dataclass(frozen=True)
@@ -92,8 +91,7 @@ class Gathered:
     state: State  #: Where the equations are linear: with joint springs and periodic errors.
     noise: Noise  #: How far readings scatter about it.
     reduced: Reduced  #: The equations, in blocks of joint space.
-    notes: tuple[str, ...]  #: What was left out.
-    moves: tuple[Finding, ...]  #: What moved in mid-series.
+    found: tuple[Finding, ...]  #: Targets that were left out, and what moved in mid-series.
 
 
 def calibrate(
@@ -128,7 +126,7 @@ def gather(
     vjm: Vjm, series: Sequence[Series], prior: Prior, options: Options, weights: Weights | None = None
 ) -> Gathered:
     """The part of `calibrate` that is the same whatever errors are on; of links, if they may be."""
-    series, notes = alike(series)
+    series, lost = alike(series)
     weights = weights or read_weights(vjm.arm)
     bare = nominal(vjm, weights, torque_scale(vjm, weights, series))
     joints = metric(prior, vjm, joints_only(vjm.arm))
@@ -148,7 +146,7 @@ def gather(
     blocks = _whole(series) if options.only is not None else blocks_of(series)
     weighting = [Weighting(p, b) for p, b in zip(seen.pulls, blocks, strict=True)]
     reduced = reduce(Point(unknowns, state, seen.noise), series, weighting)
-    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, notes, tuple(moves))
+    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, (*lost, *moves))
 
 
 def explain(found: Gathered, options: Options) -> Calibration:
@@ -180,8 +178,7 @@ def explain(found: Gathered, options: Options) -> Calibration:
         pulls=pulls,
         step=step,
         series=series,
-        notes=found.notes,
-        moves=found.moves,
+        found=found.found,
     )
 
 

@@ -32,6 +32,7 @@ NOISE, SHARE_OF_MOVE = 8.0, 0.005
 """Misfit, and share of the deflections, from which the stated noise is doubted: models leave that much."""
 FALL, FEWEST = 0.5, 5
 """Misfit without a run over that with it, from which the run alone is wrong; runs of which one may be."""
+WORTH = 3.0  #: Nats from which a run is left out on trial: strong evidence (Kass and Raftery 1995).
 SHARE = 0.5  #: What evidence for a single run counts against that for a mistake of all.
 
 
@@ -70,7 +71,10 @@ def _without_worst(
     """
     if own.misfit <= QUIET[0] or data.runs < FEWEST:
         return None
-    worst = max(of_runs(own), key=_nats).where[0]
+    likeliest = max(of_runs(own), key=_nats)
+    if _nats(likeliest) < WORTH:
+        return None
+    worst = likeliest.where[0]
     others = data.run.astype(str) != worst
     rest = learnt(vjm, metric, select(data, others))
     if rest.misfit > FALL * own.misfit:
