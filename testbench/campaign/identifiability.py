@@ -13,6 +13,7 @@ import numpy as np
 
 from testbench.campaign.measurement_schemes import measured_otherwise, more_poses
 from testbench.data.dataset import Dataset, Ids
+from testbench.design.rows import marker_motion
 from testbench.errors import Array
 from testbench.identify.fold import reduce
 from testbench.identify.metric import Metric, metric, precision_root, whitened
@@ -27,9 +28,8 @@ from testbench.identify.observability import (
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior, Strength, aggregate
 from testbench.identify.regression import Regression, check_symmetric, generic_rows, rank
-from testbench.identify.weighed import marker_motion, marker_points
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm, chain, observation
+from testbench.model.vjm import Vjm, chain, marker_points, observation
 
 POSES = 60
 """Random poses under the loads of the data: what these do not see, no pose under these loads shows."""

@@ -9,8 +9,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify.fold import reduce
 from testbench.identify.regression import Regression
-from testbench.identify.weighed import marker_points
-from testbench.model.vjm import Vjm
+from testbench.model.vjm import Vjm, marker_points
 
 OFFSET = 0.3  #: Distance of a second load point or of one more marker [m].
 SIGMA_ROTATION = 250e-6

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from testbench.campaign.campaign import Cell, clear_poses, stream
-from testbench.campaign.plan_input import read_payload, read_pulls
+from testbench.campaign.plan_input import read_loads
 from testbench.campaign.program_words import refusal_words
 from testbench.correct.beyond import Extent, extent
 from testbench.correct.compensated import Compensated, compensate
@@ -184,7 +184,7 @@ def with_payload(
 
 def _of_plan(path: Path, model: ArmModel, mass: Callable[[], float]) -> Asked:
     """Poses that `testbench plan` wrote, in which a weight hangs or a force pulls."""
-    q, found, pulls = read_poses(path, model.arm), read_payload(path), read_pulls(path)
+    q, (found, pulls) = read_poses(path, model.arm), read_loads(path)
     hung = np.full(len(q), mass()) if found is None else found
     notes = (_no_load(model, hung[0]),) if found is None else ()
     labels = tuple(map(str, range(1, len(q) + 1)))

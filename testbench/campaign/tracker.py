@@ -7,7 +7,7 @@ own.
 
 import math
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -17,22 +17,6 @@ Quality = Literal["typical", "mpe"]
 
 LONGEST = 1e-2
 """Largest standard deviation of a reading, or drift of a frame, that an instrument can have [m, rad]."""
-
-
-class Instrument(Protocol):
-    """Whatever reads positions."""
-
-    def covariance(self, positions: Array) -> Array:
-        """Covariance of one reading's noise at positions, (..., 3) [m], world axes, (..., 3, 3) [m^2]."""
-        ...
-
-    def noise(self, positions: Array, rng: np.random.Generator) -> Array:
-        """Noise of that covariance, (..., 3) [m]: its symmetric root times standard normal numbers.
-
-        The root is unique and smooth in the position. One from a decomposition is not: where eigenvalues are
-        equal, the last digit of a position turns the axes.
-        """
-        ...
 
 
 @dataclass(frozen=True)
@@ -93,7 +77,11 @@ class LaserTracker:
         return np.asarray(transverse**2 * (np.eye(3) - along) + radial**2 * along)
 
     def noise(self, positions: Array, rng: np.random.Generator) -> Array:
-        """(transverse (I - u u^T) + radial u u^T) times normal numbers, (..., 3) [m]."""
+        """(transverse (I - u u^T) + radial u u^T) times normal numbers, (..., 3) [m].
+
+        The symmetric root of the covariance is unique and smooth in the position. One from a decomposition is
+        not: where eigenvalues are equal, the last digit of a position turns the axes.
+        """
         u, radial, transverse = self._beam(positions)
         normal = rng.standard_normal(positions.shape)
         along = (u * normal).sum(axis=-1, keepdims=True) * u
@@ -108,12 +96,12 @@ class LaserTracker:
         return beam / distance, radial, transverse
 
 
-def read_positions(tracker: Instrument, positions: Array, rng: np.random.Generator) -> Array:
+def read_positions(tracker: Tracker | LaserTracker, positions: Array, rng: np.random.Generator) -> Array:
     """One reading of every target, of its true position, (..., 3) [m]."""
     return positions + tracker.noise(positions, rng)
 
 
-def precision(tracker: Instrument, before: Array, after: Array) -> Array:
+def precision(tracker: Tracker | LaserTracker, before: Array, after: Array) -> Array:
     """Inverse covariance, (..., 3, 3) [1/m^2], of deflections between two readings, (..., 3) [m]."""
     return np.asarray(np.linalg.inv(tracker.covariance(before) + tracker.covariance(after)))
 

@@ -11,9 +11,8 @@ from testbench.errors import Array, BenchError
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
 from testbench.identify.regression import RANK_TOLERANCE
-from testbench.identify.weighed import marker_motion
 from testbench.model.load import Load, on_joints
-from testbench.model.vjm import Vjm, chain, parameter_rows, twist_rows
+from testbench.model.vjm import Vjm, chain, parameter_rows, skew, twist_rows
 
 Ids = npt.NDArray[np.int_]
 
@@ -127,6 +126,12 @@ def _rows(experiment: Experiment, q: Array, load: Load, motion: Array) -> Array:
     J = np.tensordot(motion, twist_rows(where), axes=1)
     L = experiment.metric.L
     return np.stack([A.T @ L for A in parameter_rows(experiment.metric.structure, J, u)], axis=1)
+
+
+def marker_motion(points: Array) -> Array:
+    """How markers at (m, 3) [m] move per unit twist of the tool, all in the tool's frame, (3 m, 6) [1, m]."""
+    turns = np.array([skew(point).T for point in points])
+    return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2).reshape(-1, 6)
 
 
 def times(rows: Array, X: Array) -> Array:

@@ -9,8 +9,7 @@ from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.errors import Array, BenchError
 from testbench.identify.estimate import Estimate
 from testbench.identify.fold import BLOCK_RUNS, Blocks, in_threads
-from testbench.identify.weighed import marker_points
-from testbench.model.vjm import Vjm, chain, generalised_load, translation_rows
+from testbench.model.vjm import Vjm, chain, generalised_load, marker_points, translation_rows
 
 BINS, LEAST, DECADES = 30_000, 1e-12, 15
 """Of the counts by which quantiles are found: each is 0.12 % wide."""

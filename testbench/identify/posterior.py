@@ -17,9 +17,8 @@ from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Average, Estimate
 from testbench.identify.metric import Belief, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
-from testbench.identify.weighed import marker_points
 from testbench.model.loaded import displacement, loaded_deflection, secant
-from testbench.model.vjm import Vjm, chain, observation
+from testbench.model.vjm import Vjm, chain, marker_points, observation
 
 UNSEEN = 1e-8
 """Share of a functional outside the seen directions from which it is unseen: rounding is 1e-11."""

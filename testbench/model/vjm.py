@@ -139,6 +139,15 @@ def tool_points(vjm: Vjm, q: Array, points: Array) -> Array:
     return np.asarray(position[:, None] + points @ rotation.transpose(0, 2, 1))
 
 
+def marker_points(vjm: Vjm, names: tuple[str, ...]) -> Array:
+    """Positions of these markers in the tool's frame, (m, 3) [m]; BenchError when the arm lacks one."""
+    have = vjm.arm.markers
+    for name in names:
+        if name not in have:
+            raise BenchError(f"no marker {name!r} in {vjm.arm.name}; markers are {', '.join(have)}")
+    return vjm.markers[[have.index(name) for name in names]]
+
+
 def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
     """Poses of the links' bodies from the base on and of the tool, each as of `tool_pose`, theta zero."""
     q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")

@@ -18,7 +18,6 @@ from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, bloc
 from testbench.identify.absolute.evidence import Choice, choice, learn, squares, usual
 from testbench.identify.absolute.inner import eliminate, moved
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.reduced import Point, Reduced, Weighting, reduce
 from testbench.identify.absolute.scatter import distance, pulls_of, scatter, single, units
 from testbench.identify.absolute.state import State, nominal, torque_scale
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
@@ -26,6 +25,7 @@ from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.moves import settled
 from testbench.identify.diagnosis.notation import check_last_joint
 from testbench.identify.estimate import Constraint, Estimate
+from testbench.identify.fold import Point, Reduced, reduce_series
 from testbench.identify.metric import Metric, metric
 from testbench.identify.prior import Prior, Strength
 from testbench.model.joint_errors import JointErrors
@@ -141,12 +141,11 @@ def gather(
     unknowns = unknowns_of(vjm, series, errors, _most(vjm, options))
     state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
     own, few = choice(unknowns, GEOMETRY | {"harmonics"}, joints), thinned(series)
-    state, share = _stepped(own, few, state, _judged(first, few, noise))
-    seen = _seen(state, series, share)
+    state, share = _stepped(own, few, state, noise)
+    noise = scatter(state, series, share)
     blocks = _whole(series) if options.only is not None else blocks_of(series)
-    weighting = [Weighting(p, b) for p, b in zip(seen.pulls, blocks, strict=True)]
-    reduced = reduce(Point(unknowns, state, seen.noise), series, weighting)
-    return Gathered(vjm, series, prior, unknowns, state, seen.noise, reduced, (*lost, *moves))
+    reduced = reduce_series(Point(unknowns, state, noise), series, blocks)
+    return Gathered(vjm, series, prior, unknowns, state, noise, reduced, (*lost, *moves))
 
 
 def explain(found: Gathered, options: Options) -> Calibration:
@@ -185,11 +184,11 @@ def explain(found: Gathered, options: Options) -> Calibration:
 def first_fit(state: State, series: tuple[Series, ...], joints: Metric) -> tuple[State, Noise]:
     """Geometry and joint springs from a state that has frames and mounts, and how readings scatter."""
     first = unknowns_of(state.vjm, series, JointErrors(), joints.structure)
-    own, seen = choice(first, GEOMETRY, joints), _seen(state, series, 1.0)
+    own, noise = choice(first, GEOMETRY, joints), scatter(state, series, 1.0)
     for _ in range(2):
-        state, share = _stepped(own, series, state, seen)
-        seen = _seen(state, series, share)
-    return state, seen.noise
+        state, share = _stepped(own, series, state, noise)
+        noise = scatter(state, series, share)
+    return state, noise
 
 
 def _errors(series: Sequence[Series], options: Options) -> JointErrors:
@@ -252,26 +251,9 @@ def thinned(series: Sequence[Series]) -> tuple[Series, ...]:
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """How readings scatter about a state."""
-
-    noise: Noise
-    pulls: tuple[Array, ...]  #: How much each counts, of every series (s, rows).
-
-
-def _seen(state: State, series: tuple[Series, ...], share: float) -> _Seen:
-    return _judged(state, series, scatter(state, series, share))
-
-
-def _judged(state: State, series: tuple[Series, ...], noise: Noise) -> _Seen:
-    return _Seen(noise, tuple(pulls_of(state, one, noise) for one in series))
-
-
-def _stepped(own: Choice, series: tuple[Series, ...], state: State, seen: _Seen) -> tuple[State, float]:
+def _stepped(own: Choice, series: tuple[Series, ...], state: State, noise: Noise) -> tuple[State, float]:
     """One Gauss-Newton step, and the share of equations that no unknown spends."""
-    weighting = [Weighting(p, b) for p, b in zip(seen.pulls, _whole(series), strict=True)]
-    reduced = reduce(Point(own.unknowns, state, seen.noise), series, weighting)
+    reduced = reduce_series(Point(own.unknowns, state, noise), series, _whole(series))
     S, counts = squares(own, reduced.gram), reduced.counts
     solved = eliminate(own, reduced, learn(own, S, counts, usual(own.unknowns, len(counts))))
     return moved(state, own, solved.x), max(0.1, 1 - solved.spent / counts.sum())

@@ -8,9 +8,9 @@ import numpy as np
 from testbench.data.dataset import Ids
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array
-from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.rows import rows_of
 
 POSES = 40  #: Further rows in which a joint is turned.
 AMPLE = 2  #: Equations of poses anywhere, over the number of unknowns.
@@ -74,7 +74,7 @@ def _anywhere(unknowns: Unknowns, series: Series, of: int, rng: np.random.Genera
 def information(unknowns: Unknowns, state: State, series: Series) -> Array:
     """What a series tells of the unknowns by its positions and orientations, no prior, (size, size)."""
     m = len(series.markers)
-    A = rows_of(unknowns, state, series).A
+    A = rows_of(unknowns, state, series)[:, :, :-1]
     A[:m] /= series.sigma
     if series.sigma_rotation is not None:
         A[m:] /= series.sigma_rotation

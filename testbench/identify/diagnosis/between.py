@@ -23,9 +23,8 @@ from testbench.identify.diagnosis.steps import lacking
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
 from testbench.identify.registration import Frame
-from testbench.identify.weighed import marker_points
 from testbench.model.structure import all153, joints_only
-from testbench.model.vjm import Vjm
+from testbench.model.vjm import Vjm, marker_points
 from testbench.model.weights import Weights, read_weights
 
 ORDERS = 2  #: Periodic errors that may explain it: few poses tell no more.

@@ -16,9 +16,9 @@ from testbench.identify.diagnosis.undone import PRECISE, apart, placed
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
 from testbench.identify.registered import Registered, with_markers
-from testbench.identify.weighed import MOST_READINGS, check_runs, marker_points
+from testbench.identify.weighed import MOST_READINGS, check_runs
 from testbench.model.structure import all153
-from testbench.model.vjm import Vjm
+from testbench.model.vjm import Vjm, marker_points
 
 HUGE = 20.0  #: Deflection over that distance from which loaded readings are of something else.
 AT_A_TIME, PARTS = 90, 12  #: Runs that are weighed together, and how often at most.

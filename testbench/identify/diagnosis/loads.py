@@ -18,8 +18,8 @@ from testbench.identify.fold import reduce
 from testbench.identify.hierarchy import evidence
 from testbench.identify.metric import Metric
 from testbench.identify.registered import station, unloaded
-from testbench.identify.weighed import Readings, marker_points, one_by_one, white
-from testbench.model.vjm import Vjm, chain, generalised_load, tool_pose, translation_rows
+from testbench.identify.weighed import Readings, one_by_one, white
+from testbench.model.vjm import Vjm, chain, generalised_load, marker_points, tool_pose, translation_rows
 
 PLAY, STIFFER = 6e-5, 200.0
 """Half width of a joint's play or friction [rad, m], and the share by which it turns less, a radian [1/rad].

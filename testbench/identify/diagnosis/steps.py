@@ -17,13 +17,12 @@ from testbench.data.series import Series, select_rows
 from testbench.errors import Array
 from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, prior, usual
-from testbench.identify.absolute.noise import Noise, lengths, plan_of, roots
-from testbench.identify.absolute.rows import rows_of
+from testbench.identify.absolute.noise import Noise, weights
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.diagnosis.finding import Finding, Tested, test
 from testbench.identify.metric import Metric
-from testbench.identify.robust_loss import READINGS
+from testbench.identify.rows import rows_of
 from testbench.model.joint_errors import JointErrors
 from testbench.model.structure import Ids
 
@@ -196,12 +195,10 @@ def _batches(at: Linear, series: Series, edges: Ids) -> Iterator[Ids]:
 def _equations(at: Linear, series: Series) -> tuple[Array, Array]:
     """Whitened [A e], (c + 1, equations), and Z, (z, equations); those of a row follow one another."""
     own, rows = at.own, rows_of(at.own.unknowns, at.state, series)
-    alone = replace(series, pose=np.arange(series.rows))
-    W, _ = roots(alone, at.noise, plan_of(alone), at.state.frame(series).rotation)
-    pull = READINGS.pull(lengths(np.einsum("srxy,syr->sxr", W, rows.left)))
+    W, pull = weights(series, at.noise, at.state.frame(series).rotation, rows[:, :, -1])
     W = W * np.sqrt(pull)[..., None, None]
-    A = np.concatenate([rows.A[:, :, own.columns], rows.left[:, :, None]], axis=2)
-    Z = np.concatenate([steps_of(at, series, rows.A, what) for what in ("target", "tracker")], axis=2)
+    A = rows[:, :, np.r_[own.columns, -1]]
+    Z = np.concatenate([steps_of(at, series, rows, what) for what in ("target", "tracker")], axis=2)
     both = np.einsum("srxy,sycr->crsx", W, np.concatenate([A, Z], axis=2))
     if own.elastic is not None:
         e = slice(own.rigid, len(own.columns))
@@ -226,7 +223,7 @@ def steps_of(at: Linear, series: Series, A: Array, what: str) -> Array:
 def with_shift(at: Linear, series: Series, step: Finding) -> Finding:
     """The step, beside it how far it moved the targets where they were read (`shift`), RMS [m]."""
     what = step.kind.removesuffix("_moved")
-    Z = steps_of(at, series, rows_of(at.own.unknowns, at.state, series).A, what)
+    Z = steps_of(at, series, rows_of(at.own.unknowns, at.state, series), what)
     d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.size)], step.size)[: len(series.markers)]
     shift = float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))
     return replace(step, beside={**step.beside, "shift": shift})
