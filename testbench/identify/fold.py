@@ -23,12 +23,11 @@ from testbench.errors import Array
 from testbench.identify.absolute.noise import (
     POSITIONS,
     Noise,
-    Plan,
     combine,
     kinds_of,
-    lengths,
-    plan_of,
+    repeated,
     roots,
+    weights,
 )
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import Unknowns, compliances
@@ -309,12 +308,11 @@ def equations(at: Point, series: Series) -> tuple[Array, Ids]:
     Rows of a pose are their mean and their differences. Kinds are -1 where nothing was read.
     """
     A, rotation = rows_of(at.unknowns, at.state, series), at.state.frame(series).rotation
-    alone, _ = roots(series, at.noise, Plan(()), rotation)
-    pull = at.loss.pull(lengths(np.einsum("srxy,syr->sxr", alone, A[:, :, -1])))
+    _, pull = weights(series, at.noise, rotation, A[:, :, -1], at.loss)
     A[:, :, -1] += np.einsum("sxcr,c->sxr", A[:, :, :-1], at.unknowns.current(at.state))
-    plan = plan_of(series)
-    A, (W, kinds) = combine(plan, A), roots(series, at.noise, plan, rotation)
-    for group in plan.groups:
+    groups = repeated(series)
+    A, (W, kinds) = combine(groups, A), roots(series, at.noise, rotation, groups)
+    for group in groups:
         pull[:, group] = pull[:, group].min(axis=2, keepdims=True)
     W = W * np.sqrt(pull)[..., None, None]
     isotropic = series.precision is None
