@@ -82,8 +82,7 @@ class Calibration:
     pulls: tuple[Array, ...]  #: Of every series, how much each reading counts, (s, rows) [1].
     step: float  #: How far the last linearisation moved targets, root mean square [m].
     series: tuple[Series, ...]  #: The readings, in parts where a target or a tracker moved.
-    notes: tuple[str, ...]  #: What was left out.
-    moves: tuple[Finding, ...]  #: What moved in mid-series.
+    found: tuple[Finding, ...]  #: Targets that were left out, and what moved in mid-series.
 
 
 @dataclass(frozen=True)
@@ -96,8 +95,7 @@ class Gathered:
     state: State  #: Where the equations are linear: with joint springs and periodic errors.
     noise: Noise  #: How far readings scatter about it.
     reduced: Reduced  #: The equations, in blocks of joint space.
-    notes: tuple[str, ...]  #: What was left out.
-    moves: tuple[Finding, ...]  #: What moved in mid-series.
+    found: tuple[Finding, ...]  #: Targets that were left out, and what moved in mid-series.
 
 
 def calibrate(
@@ -132,7 +130,7 @@ def gather(
     vjm: Vjm, series: Sequence[Series], prior: Prior, options: Options, weights: Weights | None = None
 ) -> Gathered:
     """The part of `calibrate` that is the same whatever errors are on; of links, if they may be."""
-    series, notes = alike(series)
+    series, lost = alike(series)
     weights = weights or read_weights(vjm.arm)
     bare = nominal(vjm, weights, torque_scale(vjm, weights, series))
     joints = metric(prior, vjm, joints_only(vjm.arm))
@@ -142,17 +140,17 @@ def gather(
         return first_fit(aligned(bare, few), few, joints)
 
     check_last_joint(vjm, series, fitted)
-    start = settled(series, fitted, metric(prior, vjm, all153(vjm.arm)))
-    series, errors = start.series, _errors(start.series, options)
+    moves, series, (first, noise) = settled(series, fitted, metric(prior, vjm, all153(vjm.arm)))
+    errors = _errors(series, options)
     most = all153 if "links" in options.may else joints_only
     unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
-    state = replace(start.state, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
+    state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
     own, few = choice(unknowns, GEOMETRY | {"harmonics"}, joints), thinned(series)
-    state, share = _stepped(own, few, state, start.noise)
+    state, share = _stepped(own, few, state, noise)
     noise = scatter(state, series, share)
     blocks = blocks_of(series) if options.only is None else None
     reduced = reduce_series(Point(unknowns, state, noise), series, blocks)
-    return Gathered(series, prior, unknowns, state, noise, reduced, notes, start.moves)
+    return Gathered(series, prior, unknowns, state, noise, reduced, (*lost, *moves))
 
 
 def explain(found: Gathered, options: Options) -> Calibration:
@@ -181,8 +179,7 @@ def explain(found: Gathered, options: Options) -> Calibration:
         pulls=pulls,
         step=step,
         series=series,
-        notes=found.notes,
-        moves=found.moves,
+        found=found.found,
     )
 
 
