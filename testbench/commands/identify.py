@@ -5,11 +5,11 @@ from dataclasses import asdict
 from pathlib import Path
 
 from testbench import files
+from testbench.campaign.arm_models import write_stiffness
 from testbench.campaign.campaign import Cell
 from testbench.campaign.fits import Identified
 from testbench.campaign.model_folder import FITS
 from testbench.campaign.models import JOINTS, is_least_squares
-from testbench.campaign.stiffness_model import write_stiffness
 from testbench.commands.identify_drawn import seen
 from testbench.commands.identify_rows import COUNTS, left_by, numbers
 from testbench.report.columns import columns

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from testbench.campaign.arm_models import weights_known
 from testbench.campaign.campaign import Cell, clear_poses, stream
 from testbench.campaign.fits import Fitted, Identified
 from testbench.campaign.identifiability import told
 from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import MM
-from testbench.campaign.stiffness_model import weights_known
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, kept_mm, places_at
 from testbench.correct.predicted import predict
 from testbench.data.dataset import Dataset

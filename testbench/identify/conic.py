@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy import sparse
 
 from testbench.errors import Array
 from testbench.identify import cone
@@ -148,7 +147,7 @@ def by_squares(regression: Regression, program: Program) -> Array:
             cost=np.r_[np.zeros(k), program.trace],
             blocks=(cone.free_block(0, k), *psd_blocks(s, k)),
             rows=(cone.Rows("zero", np.c_[np.eye(k), -R], -SHARP * program.z.ravel()),),
-            quadratic=sparse.csc_matrix(sparse.block_diag([sparse.eye(k), sparse.csc_matrix((n, n))])),
+            quadratic=np.r_[np.ones(k), np.zeros(n)],
         )
     )
     return program.parameters(clip(s, solution.x[k:]), regression.structure.n)

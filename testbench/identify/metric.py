@@ -174,10 +174,8 @@ def rescaled(metric: Metric, regression: Regression) -> Metric:
     Raises:
         BenchError: When the data want a scale that is not above 0.
     """
-    expected = metric.L @ metric.expected
-    weights = [math.sqrt(term.equations / 3) for term in regression.terms]
-    moved = np.concatenate([w * term.R @ expected for w, term in zip(weights, regression.terms, strict=True)])
-    y = np.concatenate([w * term.z for w, term in zip(weights, regression.terms, strict=True)])
+    A, y = whitened(regression, metric)
+    moved = A @ metric.expected
     size = float(moved @ moved)
     scale = float(moved @ y) / size if size > 0 else 1.0
     if not scale > 0:

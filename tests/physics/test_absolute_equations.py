@@ -13,8 +13,8 @@ from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.evidence import Learnt, choice, learn, usual
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import eliminate
-from testbench.identify.absolute.noise import Noise, plan_of, roots
-from testbench.identify.absolute.posterior import posterior_of, registered
+from testbench.identify.absolute.noise import Noise, repeated, roots
+from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.absolute.scatter import single
 from testbench.identify.absolute.state import equilibrium, nominal
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
@@ -27,6 +27,7 @@ from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
+from testbench.studies.absolute_calibration.beside import registered
 
 PAIRS = AbsoluteCampaign(
     poses=25, masses=(0.0, 230.0, 460.0), orientations=True, sigma_rotation=1e-4, disturbances=REAL_ARM
@@ -46,7 +47,7 @@ def reduced(kr500, series):
     state = aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), series)
     unknowns = unknowns_of(kr500.vjm, series, JointErrors(), all153(kr500.arm))
     point = Point(unknowns, state, Noise(S, S), SQUARE)
-    return reduce_series(point, series, [np.zeros(series[0].rows, dtype=int)]), unknowns
+    return reduce_series(point, series), unknowns
 
 
 def test_blocks_and_series_add_up_to_all_equations(kr500, series, reduced):
@@ -70,18 +71,18 @@ def test_blocks_and_series_add_up_to_all_equations(kr500, series, reduced):
     check_same(np.array([T.T @ T for T in parts.factors.values()]), whole.gram)
     np.testing.assert_array_equal(parts.counts, whole.counts)
     for part, own in zip(parts.parts, rows, strict=True):
-        alone = reduce_series(point, [select_rows(one, own)], [np.zeros(len(own), dtype=int)])
+        alone = reduce_series(point, [select_rows(one, own)])
         check_same(part.gram, alone.gram)
         np.testing.assert_array_equal(part.counts, alone.counts)
 
 
 def test_what_a_model_leaves_open_is_common_to_the_readings_of_a_pose(series):
     """k readings have covariance sigma^2 + s^2 1 1^T: whitened means and differences have that of one."""
-    one, plan = series[0], plan_of(series[0])
-    [group] = plan.groups
+    one, groups = series[0], repeated(series[0])
+    [group] = groups
     k, m = group.shape[1], len(one.markers)
     assert k == 3
-    W, _ = roots(replace(one, sigma=SIGMA, sigma_rotation=TURN), Noise(S, 2 * S), plan, np.eye(3))
+    W, _ = roots(replace(one, sigma=SIGMA, sigma_rotation=TURN), Noise(S, 2 * S), np.eye(3), groups)
     H = helmert(k, full=True)
     for target, own, opened in ((0, SIGMA, S), (m, TURN, 2 * S)):
         of_readings = own**2 * np.eye(k) + opened**2

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from testbench.campaign.named_parameters import functionals
 from testbench.data.series import Series, select_rows
 from testbench.identify.absolute import evidence as sizes
-from testbench.identify.absolute.noise import Noise, plan_of, roots
+from testbench.identify.absolute.noise import Noise, repeated, roots
 from testbench.identify.absolute.posterior import deviations_root, known, place, predict
 from testbench.identify.absolute.scatter import scatter
 from testbench.identify.absolute.state import Mount, forward, nominal, targets
@@ -57,7 +57,7 @@ def test_readings_with_covariances_and_orientations_are_whitened_in_base_axes(rn
     pose = np.repeat(np.arange(poses), k)
     series = still(poses * k, rng, precision=np.linalg.inv(C), pose=pose, **turned)
     noise = Noise(OPEN, OPEN_TURN, np.array([1.1, 1.2, 1.3, 1.4]))
-    W, kinds = roots(series, noise, plan_of(series), R)
+    W, kinds = roots(series, noise, R, repeated(series))
     H = helmert(k, full=True)
     open_ = np.diag(H @ np.ones((k, k)) @ H.T)
     for p in range(poses):

@@ -123,7 +123,7 @@ def test_arrows_lead_from_where_markers_go_to_where_each_model_has_them_of_store
     table = table_of(range(1, 2), lambda seed: trials(asked, [seed])[0])
     found = report(asked, range(1, 2), table)
     true, campaign = calibrate(build_cell("kr500_l480"), asked, 1)
-    measured, over = runs_of(true, asked.scenario, table)
+    measured, over = runs_of(true, table)
     np.testing.assert_array_equal(measured.after, campaign.measured.after)
     seen = calibration_scene(
         SimpleNamespace(report=found, first=table, settings=asked), true, asked.scenario, 8

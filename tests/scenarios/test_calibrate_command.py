@@ -18,7 +18,7 @@ from run_here import here
 import testbench as tb
 from testbench.arm.folder import load_arm
 from testbench.campaign.absolute import read_all, score
-from testbench.campaign.absolute_model import read_model
+from testbench.campaign.arm_models import read_model
 from testbench.campaign.model_folder import sealed
 from testbench.cli.program import program
 from testbench.errors import InputError

@@ -185,7 +185,7 @@ def write(run: Run[Settings]) -> Seen:
     """dataset.csv of the first seed; what the page draws."""
     asked, seed = run.settings, run.seeds[0]
     cell = build_cell(find_arm(asked.arm))
-    write_runs(run, cell, asked.scenario)
+    write_runs(run, cell)
     true = true_cell(cell, member(asked.true_arm, seed), seed)
     return calibration_scene(run, true, asked.scenario, asked.scenario.identification_poses)
 
