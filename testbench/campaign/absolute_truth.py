@@ -29,12 +29,8 @@ from testbench.plant import (
     DisturbedPlant,
     GearErrors,
     Gears,
-    GeometryErrors,
-    Plant,
     disturb,
-    part_of,
     settle_disturbed,
-    unloaded,
 )
 
 MOST_POSES = 20_000
@@ -46,6 +42,8 @@ REAL_ARM = Disturbances(
 """What absolute readings show of an arm: own weight, typical errors of geometry and joint offsets, gears."""
 NEAREST, FARTHEST = 1.5, 3.0  #: How far from the base a tracker stands, over the arm's reach [1].
 LOWEST, HIGHEST = 0.8, 2.0  #: Its height over the base [m].
+MOUNT = 2e-3, 5e-3
+"""How far the mount of the targets is from where the arm's folder has it, standard deviations [m, rad]."""
 TILT = 0.02  #: How far from upright it stands, about each horizontal axis, standard deviation [rad].
 
 
@@ -58,8 +56,6 @@ class AbsoluteCampaign(BaseModel):
     poses: int = Field(default=200, ge=1, le=MOST_POSES)  #: Of each series.
     #: What hangs in a pose, one after the other, a row each [kg]; 0 for own weight alone.
     masses: tuple[Mass, ...] = Field(default=(0.0,), min_length=1)
-    #: How many poses of a series see all the masses, the first of them only the others; None for all.
-    loaded_poses: int | None = Field(default=None, ge=0)
     targets: int = Field(default=1, ge=1)  #: So many of the arm's markers are read.
     orientations: bool = False  #: Whether the orientation of the mount is read too.
     sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)  #: Of one position along one axis [m].
@@ -67,10 +63,6 @@ class AbsoluteCampaign(BaseModel):
     noise: bool = True  #: Whether readings are noisy.
     #: Where the trackers stand, a series each and then from the first again [m]; None for anywhere around.
     trackers: tuple[Place, ...] | None = Field(default=None, min_length=1)
-    #: How far the mount of the targets is from where the arm's folder has it, standard deviations.
-    mount: GeometryErrors = GeometryErrors(position=2e-3, angle=5e-3)
-    #: Whether each mount is turned about the last axis by a random multiple of 90 degrees.
-    quarter_turns: bool = False
     share_frame: bool = False  #: Whether all series have one tracker that stays where it is.
     share_target: bool = False  #: Whether all series have one mount that stays on the tool.
     #: Scatter of every joint's angle from one approach of a pose to the next, standard deviation [rad, m].
@@ -159,13 +151,13 @@ def simulate_series(
     _check(cell, asked)
     arm = disturb(cell.plant, asked.disturbances, stream(seed))
     chances = [stream(seed, 1 + k).spawn(6) for k in range(asked.series)]
-    turn = _turns(asked, asked.poses if q is None else len(q))
+    turn = np.tile(np.arange(len(asked.masses)), asked.poses if q is None else len(q))
     truth = Truth(
         arm=arm,
         stations=_of_all(
             [_station(cell, asked, k, own[0]) for k, own in enumerate(chances)], asked.share_frame
         ),
-        mounts=_of_all([_mount(cell.plant, asked, own[1]) for own in chances], asked.share_target),
+        mounts=_of_all([_mount(own[1]) for own in chances], asked.share_target),
         markers=cell.plant.model.body_pos[cell.plant.markers[: asked.targets]],
         outliers=tuple(own[2].random((len(turn), asked.targets)) < asked.outliers for own in chances),
     )
@@ -200,20 +192,10 @@ def _station(cell: Cell, asked: AbsoluteCampaign, k: int, rng: np.random.Generat
     return Frame(R, -R @ place)
 
 
-def _mount(plant: Plant, asked: AbsoluteCampaign, rng: np.random.Generator) -> Frame:
+def _mount(rng: np.random.Generator) -> Frame:
     """The mount of the targets in the tool's frame."""
-    shift, turn = asked.mount.position * rng.standard_normal(3), asked.mount.angle * rng.standard_normal(3)
-    quarters = rng.integers(4) if asked.quarter_turns else 0
-    R = Rotation.from_rotvec(np.pi / 2 * quarters * _last_axis(plant)) * Rotation.from_rotvec(turn)
-    return Frame(R.as_matrix(), shift)
-
-
-def _last_axis(plant: Plant) -> Array:
-    """Unit axis of the last joint in the tool's frame, (3,)."""
-    arm = plant.arm
-    (_, link), (_, tool) = unloaded(plant, np.zeros((1, arm.n_joints)), [arm.links[-1].name, arm.tool])
-    axis = plant.model.jnt_axis[plant.joints[-1]]  # hinges and slides only: joint and dof are counted alike
-    return np.asarray(tool[0].T @ link[0] @ axis)
+    shift, turn = (deviation * rng.standard_normal(3) for deviation in MOUNT)
+    return Frame(Rotation.from_rotvec(turn).as_matrix(), shift)
 
 
 def _check(cell: Cell, asked: AbsoluteCampaign) -> None:
@@ -224,13 +206,6 @@ def _check(cell: Cell, asked: AbsoluteCampaign) -> None:
         raise BenchError(f"{cell.arm.name}: expected an arm with joints")
 
 
-def _turns(asked: AbsoluteCampaign, poses: int) -> Ids:
-    """Which of the masses hangs in every row, (rows,): pose by pose, those of a pose one after the other."""
-    loaded = poses if asked.loaded_poses is None else asked.loaded_poses
-    rows = np.where(np.arange(poses) < loaded, len(asked.masses), 1)
-    return np.asarray(np.arange(rows.sum()) - np.repeat(np.cumsum(rows) - rows, rows))
-
-
 def _settled(arm: DisturbedPlant, rows: LoadedPoses, turn: Ids, off: Array) -> tuple[Array, Array]:
     """The tool of every row at rest in the world; in a pose each load is hung on the arm as the last left it.
 
@@ -238,10 +213,9 @@ def _settled(arm: DisturbedPlant, rows: LoadedPoses, turn: Ids, off: Array) -> t
     """
     tool, rotation, rest = np.empty((len(turn), 3)), np.empty((len(turn), 3, 3)), None
     for k in range(turn.max() + 1):
-        own = np.flatnonzero(turn == k)  # poses of several loads come first
-        before = None if rest is None else part_of(rest, slice(len(own)))
+        own = np.flatnonzero(turn == k)
         q = rows.q[own] + off[own]
-        rest = settle_disturbed(arm, q, rows.wrench[own], rows.point[own], before=before)
+        rest = settle_disturbed(arm, q, rows.wrench[own], rows.point[own], before=rest)
         tool[own], rotation[own] = rest.tool, rest.rotation
     return tool, rotation
 
