@@ -30,6 +30,7 @@ from testbench.plant import (
     GearErrors,
     Gears,
     disturb,
+    part_of,
     settle_disturbed,
 )
 
@@ -56,6 +57,8 @@ class AbsoluteCampaign(BaseModel):
     poses: int = Field(default=200, ge=1, le=MOST_POSES)  #: Of each series.
     #: What hangs in a pose, one after the other, a row each [kg]; 0 for own weight alone.
     masses: tuple[Mass, ...] = Field(default=(0.0,), min_length=1)
+    #: How many poses of a series see all the masses, the first of them only the others; None for all.
+    loaded_poses: int | None = Field(default=None, ge=0)
     targets: int = Field(default=1, ge=1)  #: So many of the arm's markers are read.
     orientations: bool = False  #: Whether the orientation of the mount is read too.
     sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)  #: Of one position along one axis [m].
@@ -151,7 +154,7 @@ def simulate_series(
     _check(cell, asked)
     arm = disturb(cell.plant, asked.disturbances, stream(seed))
     chances = [stream(seed, 1 + k).spawn(6) for k in range(asked.series)]
-    turn = np.tile(np.arange(len(asked.masses)), asked.poses if q is None else len(q))
+    turn = _turns(asked, asked.poses if q is None else len(q))
     truth = Truth(
         arm=arm,
         stations=_of_all(
@@ -206,6 +209,13 @@ def _check(cell: Cell, asked: AbsoluteCampaign) -> None:
         raise BenchError(f"{cell.arm.name}: expected an arm with joints")
 
 
+def _turns(asked: AbsoluteCampaign, poses: int) -> Ids:
+    """Which of the masses hangs in every row, (rows,): pose by pose, those of a pose one after the other."""
+    loaded = poses if asked.loaded_poses is None else asked.loaded_poses
+    rows = np.where(np.arange(poses) < loaded, len(asked.masses), 1)
+    return np.asarray(np.arange(rows.sum()) - np.repeat(np.cumsum(rows) - rows, rows))
+
+
 def _settled(arm: DisturbedPlant, rows: LoadedPoses, turn: Ids, off: Array) -> tuple[Array, Array]:
     """The tool of every row at rest in the world; in a pose each load is hung on the arm as the last left it.
 
@@ -213,9 +223,10 @@ def _settled(arm: DisturbedPlant, rows: LoadedPoses, turn: Ids, off: Array) -> t
     """
     tool, rotation, rest = np.empty((len(turn), 3)), np.empty((len(turn), 3, 3)), None
     for k in range(turn.max() + 1):
-        own = np.flatnonzero(turn == k)
+        own = np.flatnonzero(turn == k)  # poses of several loads come first
+        before = None if rest is None else part_of(rest, slice(len(own)))
         q = rows.q[own] + off[own]
-        rest = settle_disturbed(arm, q, rows.wrench[own], rows.point[own], before=rest)
+        rest = settle_disturbed(arm, q, rows.wrench[own], rows.point[own], before=before)
         tool[own], rotation[own] = rest.tool, rest.rotation
     return tool, rotation
 
