@@ -17,11 +17,11 @@ import numpy as np
 from testbench.correct.batches import at, batches, joined, put
 from testbench.correct.rest import rest
 from testbench.correct.step import Hold, solutions
-from testbench.correct.turn import turn_between, turn_of_axis
 from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.absolute.state import State, loads_at, unbent
 from testbench.model.load import Load
+from testbench.model.turn import turn_between, turn_of_axis
 from testbench.model.vjm import Chain, chain, cross, tool_pose
 
 Asked = Literal["unloaded", "drawn"]
