@@ -7,7 +7,7 @@ import pytest
 from loads import correct
 from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_everywhere
 
-from testbench.campaign.program_words import extrapolated
+from testbench.campaign.program import extrapolated
 from testbench.correct.beyond import extent
 from testbench.correct.compensated import compensate
 from testbench.correct.newton import Aim, asked
