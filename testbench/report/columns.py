@@ -85,8 +85,8 @@ EVERY = (
     *(
         Column(key, heading, unit, form, paper=key, short=short)
         for key, heading, unit, form, short in (
-            ("symmetric", "symmetric", "", "yes", "sym-\nmetric"),
-            ("negative_eigenvalue_matrix", "eigenvalue below 0", "", "yes", "eigen-\nvalue\nbelow 0"),
+            ("symmetric", "symmetric", "", "yes", "symmetric"),
+            ("negative_eigenvalue_matrix", "eigenvalue below 0", "", "yes", "eigenvalue\nbelow 0"),
             ("negative_eigenvalue", "of symmetric part below 0", "", "yes", "of sym.\npart"),
             ("matrix_eigenvalue_micro", "smallest eigenvalue", SI, ".3f", f"smallest\n{SI}"),
             ("symmetric_eigenvalue_micro", "smallest of symmetric part", SI, ".3f", f"of sym.\npart\n{SI}"),

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from textwrap import wrap
+from typing import Any
 
 from rich import box
 from rich.console import Console
@@ -20,6 +22,8 @@ from testbench.views.schema import Column, Table, brackets, narrowed
 BADGES = {"Holds": "bold green", "Tie": "bold yellow", "Do not": "bold red"}
 """Styles of a badge by its first words."""
 MORE = "under More in report.md"
+NARROW = 9  #: Letters of a heading's line, unless a word has more.
+WHOLE: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
 
 
 class PlainConsole(Console):
@@ -51,7 +55,8 @@ def grid(table: Table) -> RichTable:
     table = narrowed(table)
     found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)
     for k, column in enumerate(table.columns):
-        head = column.short or column.title.replace(", ", "\n").replace(" ", "\n")
+        parts = column.title.split(", ")
+        head = column.short or "\n".join(line for part in parts for line in wrap(part, NARROW, **WHOLE))
         found.add_column(head, justify="right" if k else "left", no_wrap=True)
     for row in table.rows:
         first, *others = (_end(column, row) for column in table.columns)
