@@ -13,7 +13,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.ticker import MaxNLocator
 
 from testbench.errors import Array
-from testbench.trials.spread import Spread, ends, middle
+from testbench.trials.spread import Spread, dotted, middle, reach
 from testbench.views.colours import hexadecimal
 from testbench.views.figure import (
     FAR,
@@ -30,7 +30,7 @@ from testbench.views.figure import (
 )
 from testbench.views.markdown import Told, as_plain, place
 from testbench.views.scene import Layer, PlaceMap, Poses, RunChart, Seen, scale_of
-from testbench.views.schema import Column, Table, brackets, looks, plain
+from testbench.views.schema import Column, Table, looks, plain
 
 SIDES = {"from the side": (0, 2), "from above": (0, 1)}
 """World axes to the right and up."""
@@ -121,7 +121,7 @@ def headline(tables: Sequence[Table]) -> tuple[Table, Column] | None:
         own = [row for row in table.rows if name.cell(row) in known]
         told = [column for column in others if column.key == table.headline] or others[::-1]
         for column in told:
-            sizes = [(name.cell(row) != table.bold, _size(column, row), k) for k, row in enumerate(own)]
+            sizes = [(not table.marks(row), _size(column, row), k) for k, row in enumerate(own)]
             order = [own[k] for *_, size, k in sorted(sizes) if np.isfinite(size)]
             if len({_size(column, row) for row in order}) > 1:
                 return replace(table, rows=order[:ROWS], looks=known), column
@@ -136,10 +136,9 @@ def _size(column: Column, row: object) -> float:
 
 
 def _forest(axes: Axes, table: Table, column: Column) -> None:
-    """A dot a model with the ends of its spread; the winner has a band."""
-    name = table.columns[0]
+    """A dot a trial and the median of every model; the winner has a band."""
     forest_pane(axes, table, column)
-    reached = np.array([ends(column.value(row)) for row in table.rows])
+    reached = np.array([end for row in table.rows for end in reach(column.value(row))])
     if column.key == "ratio":
         axes.axvline(1, color=SOFT, linewidth=1, linestyle=":")
         reached = np.append(reached, 1.0)
@@ -148,9 +147,8 @@ def _forest(axes: Axes, table: Table, column: Column) -> None:
     else:
         low = min(0.0, float(reached.min()))
         axes.set_xlim(low, low + 1.03 * (float(reached.max()) - low))
-    note = brackets(replace(table, columns=(name, column)))
-    title = table.title or "Models"
-    axes.set_title(f"{title}, lines: {note}" if note else title, fontsize="medium", loc="left")
+    title = "; ".join(filter(None, [table.title or "Models", dotted(map(column.value, table.rows))]))
+    axes.set_title(title, fontsize="medium", loc="left")
 
 
 def _key(axes: Axes, layers: Sequence[Layer]) -> None:

@@ -95,6 +95,17 @@ class Table:
     across: str = ""  #: What changes from column to column after the first; empty where these differ in kind.
     looks: Mapping[str, Look] = field(default_factory=dict)  #: Of rows, by the text of the first column.
 
+    def __post_init__(self) -> None:
+        """What is marked is first, unless several rows are."""
+        marked = [self.marks(row) for row in self.rows]
+        if sum(marked) == 1:
+            k = marked.index(True)
+            object.__setattr__(self, "rows", [self.rows[k], *self.rows[:k], *self.rows[k + 1 :]])
+
+    def marks(self, row: object) -> bool:
+        """Whether it is marked in every view."""
+        return bool(self.bold and self.columns) and self.columns[0].cell(row) == self.bold
+
 
 def brackets(table: Table) -> str:
     """What stands in brackets behind the medians of a table; empty where nothing does."""

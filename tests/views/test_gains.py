@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from checks import word_faults
 
-from testbench.trials.spread import Spread
-from testbench.views.gains import beside, gained, less, median_interval, more
+from testbench.trials.spread import Spread, median_interval
+from testbench.views.gains import beside, gained, less, more
 from testbench.views.markdown import place
 from testbench.views.schema import plain, show, written_out
 

@@ -17,7 +17,7 @@ from testbench.studies.solver_comparison.trial import ARM, SCENARIO, SHORT_GENER
 from testbench.studies.study import Study
 from testbench.trials.spread import middle
 from testbench.views.colours import GCO, SERIES, Look
-from testbench.views.figure import Figure, forest, of_seeds
+from testbench.views.figure import Figure, forest
 from testbench.views.gains import ratio
 from testbench.views.markdown import Markdown, counted
 from testbench.views.schema import Table
@@ -192,7 +192,7 @@ def figures(found: Report) -> dict[str, Figure]:
             PANES,
             f"To within 1 % of the least F_M the paper's optimiser takes {times(rows['a'])} the time of the "
             f"conic program with its proof; one local solve {times(rows['b'])}, without proof",
-            f"{f.model}, {f.arm}. {of_seeds(f.seed)}. " + "; ".join(row.solver for row in f.solvers),
+            f"{f.model}, {f.arm}. " + "; ".join(row.solver for row in f.solvers),
         )
     }
 

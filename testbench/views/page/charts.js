@@ -65,7 +65,8 @@ function dotChart(place, table) {
   const all = table.across && columns.length > 1;
   if (all) button(0, `by ${table.across}`);
   for (const k of columns) button(k, table.head[k].title);
-  if (table.title) place.append(make("p", { class: "note" }, table.title));
+  const about = [table.title, table.dots].filter(Boolean).join("; ");
+  if (about) place.append(make("p", { class: "note" }, about));
   place.append(heads, picture);
   const told = all && (stepsOf(table, columns).length > 1 || Object.keys(table.looks).length); // else dots are alike
   show(table.first > 0 ? table.first : told ? 0 : columns.at(-1));
@@ -173,7 +174,7 @@ function drawColumn(table, k, width) {
   const lines = names.map((own) => folded(own, most));
   const [line, top, right] = [lines.some((own) => own.length > 1) ? 30 : 21, 6, 74];
   const height = top + line * rows.length + 22;
-  const every = rows.flatMap((row) => ["v", "low", "high"].map((key) => row.cells[k][key]).filter((x) => x !== undefined));
+  const every = rows.flatMap((row) => ["v", "low", "high"].map((key) => row.cells[k][key]).concat(row.cells[k].dots).filter((x) => x !== undefined));
   if (table.head[k].ratio) every.push(1);
   const x = scale(every, left, width - right);
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": table.head[k].title });
@@ -190,11 +191,17 @@ function drawColumn(table, k, width) {
     const [cell, y, look] = [row.cells[k], top + line * (i + 0.5), table.looks[names[i]] || PLAIN];
     const weight = row.marked ? "700" : "400";
     svg.append(...named(lines[i], `${names[i]}: ${cell.text}`, { x: left - 10, y, "text-anchor": "end", "font-weight": weight }));
+    (cell.dots || []).forEach((value, n) => {
+      const aside = cell.few ? 0 : 0.5 * 21 * (((0.618 * n) % 1) - 0.5); // trials of one number do not hide each other
+      svg.append(cell.few ? dot(x.place(value), y, look, row.marked ? 6 : 4.5) : make("circle", { class: "trial", cx: x.place(value), cy: y + aside, r: 1.7, fill: look.colour, opacity: 0.4 }));
+    });
     if (cell.low !== undefined && cell.high > cell.low)
-      svg.append(make("line", { x1: x.place(cell.low), x2: x.place(cell.high), y1: y, y2: y, stroke: look.colour, "stroke-width": 2.5, opacity: 0.6 }));
-    const mark = dot(x.place(cell.v), y, look);
-    mark.append(make("title", {}, `${names[i]}: ${cell.text}`));
-    svg.append(mark);
+      svg.append(make("line", { x1: x.place(cell.low), x2: x.place(cell.high), y1: y, y2: y, stroke: look.colour, "stroke-width": 3 }));
+    if (!cell.few) {
+      const mark = dot(x.place(cell.v), y, look, row.marked ? 6 : 4.5);
+      mark.append(make("title", {}, `${names[i]}: ${cell.text}`));
+      svg.append(mark);
+    }
     const number = cell.text.split(" ")[0];
     svg.append(make("text", { x: width - right + 12, y: y + 4, "font-weight": weight }, number));
   });
