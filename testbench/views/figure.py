@@ -192,7 +192,7 @@ def forest_pane(axes: Axes, table: Table, value: Column, *, named: bool = True) 
     name = table.columns[0]
     for y, row in enumerate(table.rows):
         number, look = value.value(row), table.looks[name.cell(row)]
-        _distribution(axes, y, number, look, 6.5 + 1.5 * weight(name.cell(row), table.bold))
+        _distribution(axes, y, number, look, 6.5 + weight(name.cell(row), table.bold))
         if known := value.known(row):
             axes.plot(float(known), y, "D", color=SOFT, markersize=5)
         if table.marks(row):
@@ -210,7 +210,7 @@ def _distribution(axes: Axes, y: float, number: Number, look: Look, size: float)
     if isinstance(number, Spread) and number.values:
         k = np.arange(len(number.values))
         if number.few:
-            axes.plot(number.values, np.full(len(k), y), linestyle="", **look.dots(size))
+            axes.plot(number.values, np.full(len(k), y), linestyle="", **look.dots(0.7 * size))
             return
         apart = y + ASIDE * ((GOLDEN * k) % 1 - 0.5)  # trials of one number do not hide each other
         axes.plot(number.values, apart, ".", color=look.hex, markersize=3.5, alpha=0.35, markeredgewidth=0)

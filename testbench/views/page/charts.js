@@ -55,6 +55,7 @@ function dotChart(place, table) {
   const show = (k) => {
     for (const button of heads.children) button.setAttribute("aria-pressed", button.dataset.k === String(k));
     const draw = k === 0 ? drawAll : drawColumn;
+    note.textContent = [table.title, k && table.dots].filter(Boolean).join("; ");
     picture.replaceChildren(draw(table, k || columns, place.clientWidth || 600));
   };
   const button = (k, words) => {
@@ -65,8 +66,8 @@ function dotChart(place, table) {
   const all = table.across && columns.length > 1;
   if (all) button(0, `by ${table.across}`);
   for (const k of columns) button(k, table.head[k].title);
-  const about = [table.title, table.dots].filter(Boolean).join("; ");
-  if (about) place.append(make("p", { class: "note" }, about));
+  const note = make("p", { class: "note" });
+  if (table.title || table.dots) place.append(note);
   place.append(heads, picture);
   const told = all && (stepsOf(table, columns).length > 1 || Object.keys(table.looks).length); // else dots are alike
   show(table.first > 0 ? table.first : told ? 0 : columns.at(-1));
@@ -100,7 +101,8 @@ function drawAll(table, drawn, width) {
     svg.append(make("text", { class: "soft", ...place }, title));
   });
   const ends = apart(rows.map((row) => y.place(columns.map((k) => row.cells[k].v).findLast((x) => x !== undefined))), step, top + 6, height - bottom - 6);
-  rows.forEach((row, r) => svg.append(drawRow(row, table.looks[names[r]] || PLAIN, { columns, joined, at, y, end: ends[r], x: width - right + 14, lines: lines[r] })));
+  const order = [...rows.keys()].sort((a, b) => rows[a].marked - rows[b].marked); // the winner on top
+  order.forEach((r) => svg.append(drawRow(rows[r], table.looks[names[r]] || PLAIN, { columns, joined, at, y, end: ends[r], x: width - right + 14, lines: lines[r] })));
   return svg;
 }
 
@@ -109,11 +111,11 @@ function drawRow(row, look, { columns, joined, at, y, end, x, lines }) {
   const group = make("g", { class: "row" });
   const dots = columns.map((k, i) => [row.cells[k], at(i)]).filter(([cell]) => cell.v !== undefined);
   const path = dots.map(([cell, here]) => `${here} ${y.place(cell.v)}`).join("L");
-  if (joined && dots.length > 1) group.append(make("path", { d: `M${path}`, fill: "none", stroke: look.colour, "stroke-width": 1.5, opacity: 0.55 }));
+  if (joined && dots.length > 1) group.append(make("path", { d: `M${path}`, fill: "none", stroke: look.colour, "stroke-width": row.marked ? 3 : 1.5, opacity: row.marked ? 1 : 0.55 }));
   const last = dots.at(-1);
   group.append(make("line", { x1: last[1] + 8, y1: y.place(last[0].v), x2: x - 4, y2: end, stroke: "var(--line)" }));
   for (const [cell, here] of dots) {
-    const mark = dot(here, y.place(cell.v), look, 4.5);
+    const mark = dot(here, y.place(cell.v), look, row.marked ? 6 : 4.5);
     mark.append(make("title", {}, `${row.cells[0].text}: ${cell.text}`));
     group.append(mark);
   }
