@@ -210,7 +210,7 @@ def _distribution(axes: Axes, y: float, number: Number, look: Look, size: float)
     if isinstance(number, Spread) and number.values:
         k = np.arange(len(number.values))
         if number.few:
-            axes.plot(number.values, np.full(len(k), y), linestyle="", **look.dots(0.7 * size))
+            axes.plot(number.values, np.full(len(k), y), linestyle="", **look.dots(size))
             return
         apart = y + ASIDE * ((GOLDEN * k) % 1 - 0.5)  # trials of one number do not hide each other
         axes.plot(number.values, apart, ".", color=look.hex, markersize=3.5, alpha=0.35, markeredgewidth=0)

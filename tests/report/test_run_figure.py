@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up_run import REPORT, made_up_run
+from reports import check_forest
 
 from testbench.report.table import Row
 from testbench.trials.spread import spread
@@ -86,21 +87,28 @@ def test_models_are_dots_with_intervals_in_their_looks_and_the_winner_is_first(s
     assert names == ["MGCO56 + prior  0.300", "Joints  0.500", "MLS56  1.000"]
     assert (axes.get_xlabel(), axes.get_title("left")) == (
         "error [mm]",
-        "All models, lines: range of 3 trials",
+        "All models; dots: 3 trials",
     )
-    spans, dots = axes.get_lines()[::2], axes.get_lines()[1::2]
-    ends = [(0.2, 0.4), (0.5, 0.5), (0.9, 1.3)]
+    rows = [MODELS[k] for k in (1, 2, 0)]
     looks = [look("MGCO56", "psd", prior=True), look("Joints", "none"), look("MLS56", "none")]
-    for y, (line, dot, own, shade) in enumerate(zip(spans, dots, ends, looks, strict=True)):
-        assert tuple(line.get_xdata()) == pytest.approx(own)
-        assert (dot.get_marker(), dot.get_color(), dot.get_markerfacecolor()) == (
-            shade.mark,
-            shade.hex,
-            shade.face,
-        )
-        assert dot.get_ydata() == line.get_ydata()[:1] == [y]
-    [band] = axes.patches
-    assert (band.get_y(), band.get_height()) == (-0.5, 1.0)
+    check_forest(axes, [row.error for row in rows], looks)
+
+
+def test_of_twenty_trials_the_median_has_its_interval_and_more_than_a_hundred_are_not_drawn(seen):
+    rng = np.random.default_rng(5)
+    rows = [
+        model("MLS56", "MLS56", "none", spread(rng.uniform(1, 2, 20))),
+        model("MGCO56", "MGCO56", "psd", spread(rng.uniform(0.5, 1, 250))),
+    ]
+    table = Table(COLUMNS, rows, "", "MGCO56", "error")
+    [axes] = overview(REPORT, replace(seen, scene=None, runs=(), tables=[table])).axes
+    looks = [look("MGCO56", "psd"), look("MLS56", "none")]
+    check_forest(axes, [row.error for row in rows[::-1]], looks)
+    assert axes.get_title("left") == (
+        "Models; dots: the first 100 of 20 to 250 trials; line: 95 % interval of their median"
+    )
+    low, high = axes.get_xlim()
+    assert all(low <= x <= high for line in axes.get_lines() for x in np.ravel(line.get_xdata()))
 
 
 def test_without_models_there_is_no_forest(seen):

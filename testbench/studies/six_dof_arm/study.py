@@ -281,7 +281,8 @@ def figures(found: Report) -> dict[str, Figure]:
     f = Row(found.numbers)
     reading = "Errors of 95 % of the check runs. Dotted: joint stiffness only; diamonds: the paper's."
     answer = f"{f.arm}, section 5.2, true error of 95 % in the check runs: {campaigns.gains_told(f.gains)}"
-    return {"six_dof_arm.png": forest(Table(columns(TABLE_II), f.models), PANES, answer, reading, JOINTS)}
+    table = Table(columns(TABLE_II), f.models, bold=found.winner)
+    return {"six_dof_arm.png": forest(table, PANES, answer, reading, JOINTS)}
 
 
 def write(run: Run[Settings]) -> Seen:
