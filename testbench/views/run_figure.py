@@ -29,7 +29,7 @@ from testbench.views.figure import (
     short,
 )
 from testbench.views.markdown import Told, as_plain, place
-from testbench.views.scene import Layer, PlaceMap, Poses, RunChart, Seen, scale_of
+from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Seen, scale_of
 from testbench.views.schema import Column, Table, looks, plain
 
 SIDES = {"from the side": (0, 2), "from above": (0, 1)}
@@ -45,6 +45,7 @@ HEIGHT, PANES, PANE, MAPS = 2.0, 8.0, 2.9, 4
 """Of title and caption, the width that all maps share, that of one at most [in], and how many at most."""
 NARROW = 0.4
 """A drawn side over the longest one at least [1]: arms that move in a plane or not at all have panes too."""
+KEYED = 0.9  #: Height of what says which colour errs less, and of a second line of titles [in].
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
 FOREST, ROW, ROWS = 0.9, 0.27, 15
 """Height of a table of models without its rows, of a row [in]; rows at most."""
@@ -185,16 +186,19 @@ def _chart(axes: Axes, chart: RunChart) -> None:
 
 def error_map(found: PlaceMap, title: str) -> Figure:
     """A column a map: the places from the side and from above, the worst of each named; one has a number."""
-    there = np.isfinite(found.at).all(axis=1)
-    at, lines = found.at[there], found.lines[-MAPS:]
+    there, both = np.isfinite(found.at).all(axis=1), found.difference
+    at, lines = found.at[there], found.lines[-(MAPS - bool(both)) :]
     values = {line.name: line.values[there] for line in lines}
     ends = _ends(at)
-    sides, wide = ends[1] - ends[0], min(PANE, PANES / len(lines))
+    count = len(lines) + bool(both)
+    sides, wide = ends[1] - ends[0], min(PANE, PANES / count)
     rows = [wide * float(sides[plane[1]] / sides[0]) for plane in SIDES.values()]
-    figure = page(HEIGHT + sum(rows))
-    panes = figure.subplots(2, len(lines), sharex="col", sharey="row", height_ratios=rows, squeeze=False)
+    figure = page(HEIGHT + KEYED * bool(both) + sum(rows))
+    panes = figure.subplots(2, count, sharex="col", sharey="row", height_ratios=rows, squeeze=False)
     scale = scale_of(*values.values())
-    for (name, mm), column in zip(values.items(), panes.T, strict=True):
+    if both:
+        _difference([*panes[:, -1]], *both, found.at)
+    for (name, mm), column in zip(values.items(), panes.T, strict=False):
         for axes, plane in zip(column, SIDES.values(), strict=True):
             _places(axes, at[:, plane], mm, scale.shares(mm))
             axes.update_datalim(ends[:, plane])
@@ -202,7 +206,7 @@ def error_map(found: PlaceMap, title: str) -> Figure:
                 axes.set_ylabel(f"{'xyz'[plane[1]]} [m]")
         known = mm[np.isfinite(mm)]
         size = f"median {np.median(known):.3f} mm" if known.size else found.without
-        column[0].set_title(f"{name}: {size}", fontsize="medium")
+        column[0].set_title(f"{name}:\n{size}" if count == MAPS else f"{name}: {size}", fontsize="medium")
         column[-1].set_xlabel("x [m]")
     norm = (LogNorm if scale.logarithmic else Normalize)(*scale.ends, clip=True)
     what, *_ = re.split(" (?:of|over|in) ", found.title)
@@ -218,6 +222,36 @@ def error_map(found: PlaceMap, title: str) -> Figure:
     reading = f"{found.title}. Circles, the worst place: {where}.{rings}"
     say(figure, f"{title}, {what.lower()}: at most {largest}", reading)
     return figure
+
+
+def _difference(column: Sequence[Axes], ours: Line, theirs: Line, at: Array) -> None:
+    """The error of ours minus that of theirs: a dot in the colour of the one that errs less, larger for more.
+
+    Args:
+        column: Both panes.
+        ours: The winner.
+        theirs: Joint stiffness.
+        at: Places, (n, 3) [m]; NaN where there is none.
+    """
+    mm = ours.values - theirs.values
+    known = np.isfinite(mm) & np.isfinite(at).all(axis=1)
+    order = np.flatnonzero(known)[np.argsort(np.abs(mm[known]))]  # the greatest on top
+    most = float(np.abs(mm[order]).max(initial=0.0)) or 1.0
+    sizes = DOT * (LEAST + (1 - LEAST) * np.abs(mm[order]) / most)
+    colours = [(ours if mm[k] <= 0 else theirs).look.hex for k in order]
+    for axes, plane in zip(column, SIDES.values(), strict=True):
+        x, y = at[order][:, plane].T
+        axes.scatter(x, y, s=sizes, c=colours, linewidths=0)
+        axes.set_aspect("equal")
+        quiet(axes)
+    less = int((mm[order] <= 0).sum())
+    column[0].set_title(
+        f"{ours.name} minus {theirs.name}:\nless in {less} of {len(order)}", fontsize="medium"
+    )
+    for own in (ours, theirs):
+        column[0].plot([], [], "o", color=own.look.hex, label=f"{own.name} errs less")
+    column[0].legend(frameon=False, fontsize=SMALL, loc="upper left", bbox_to_anchor=(0, -0.05))
+    column[-1].set_xlabel("x [m]")
 
 
 def _ends(at: Array) -> Array:

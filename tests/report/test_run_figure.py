@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up_run import REPORT, made_up_run
+from matplotlib.colors import to_hex
 from reports import check_forest
 
 from testbench.report.table import Row
@@ -156,6 +157,27 @@ def test_a_map_has_every_place_from_two_sides_in_one_scale_and_names_the_worst()
     x, y, z = AT[17]
     assert title.startswith("arm under 9 kg, error: at most MLS56 4.000 mm, MGCO56 0.0")
     assert f"MLS56 at x {x:.2f}, y {y:.2f}, z {z:.2f} m" in caption
+
+
+def test_the_last_pane_is_the_winner_less_joint_stiffness_in_the_colour_of_the_one_that_errs_less():
+    values = {
+        "MLS56": RNG.uniform(1, 2, 30), "Joints": RNG.uniform(0, 1, 30), "MGCO56": RNG.uniform(0, 1, 30)
+    }  # fmt: skip
+    figure = error_map(mapped(**values), "arm under 9 kg")
+    sides, joints, ours = [figure.axes[3], figure.axes[7]], *mapped(**values).difference[::-1]
+    less = values["MGCO56"] - values["Joints"]
+    order = np.argsort(np.abs(less))
+    for axes, shown in zip(sides, ([0, 2], [0, 1]), strict=True):
+        [dots] = axes.collections
+        np.testing.assert_allclose(dots.get_offsets(), AT[order][:, shown])
+        assert (np.diff(dots.get_sizes()) >= 0).all()
+        shades = [to_hex(colour).upper() for colour in dots.get_facecolors()]
+        assert shades == [(ours if less[k] <= 0 else joints).look.hex for k in order]
+    assert sides[0].get_title() == f"MGCO56 minus Joints:\nless in {(less <= 0).sum()} of 30"
+    assert [text.get_text() for text in sides[0].get_legend().get_texts()] == [
+        "MGCO56 errs less",
+        "Joints errs less",
+    ]
 
 
 def test_places_without_a_bound_are_rings_and_a_map_without_any_says_so():
