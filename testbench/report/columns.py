@@ -267,7 +267,35 @@ EVERY = (
     Column("pull", "counts", form=".2f"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
-KNOWN = {column.key: column for column in EVERY}
+NONE = {
+    "times_less": "itself",
+    "uncertainty_percent": "no prior",
+    "half_95_mm": "no bound",
+    "intervals.half_width_mm": "no bound",
+    "elsewhere.half_width_mm": "no bound",
+    "elsewhere.apart_mm": "itself",
+    "f_m_held_out": "not held out",
+    "check.rms_mm": "none held back",
+    "series_after_mm": "one series",
+    "gears_kept_percent": "no choice",
+    "links_kept_percent": "no choice",
+    "covered_percent": "no interval",
+    "unseen_percent": "no interval",
+    "efficiency_percent": "no plan",
+    "expected_tasks_mm": "no plan",
+    "evaluations": "none",
+    "local_solves": "none",
+    "local_solves_elsewhere": "none",
+    "draws": "all poses",
+    "correlation": "no error",
+    "told": "none is wrong",
+    "unchecked": "none is wrong",
+    "otherwise": "none is wrong",
+    "either": "none is wrong",
+    "place": "",
+}
+"""Why a cell has no number, where that is not that the model was not fitted."""
+KNOWN = {column.key: replace(column, none=NONE.get(column.key, column.none)) for column in EVERY}
 
 
 def columns(keys: str, *, paper: bool = True) -> tuple[Column, ...]:

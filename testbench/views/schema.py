@@ -27,6 +27,7 @@ class Column:
     scale: float = 1.0
     rounding: float = 0.0  #: Numbers below, in the shown unit, are rounding and shown as "exact".
     called: Mapping[str, str] = field(default_factory=dict)  #: Keys of a report by what readers call them.
+    none: str = "not fitted"  #: What a cell without a number says: why it has none.
 
     @property
     def title(self) -> str:
@@ -44,7 +45,8 @@ class Column:
             return "exact"
         if isinstance(value, str):
             return self.called.get(value, value)
-        return show(value, self.form)
+        nothing = value is None or (isinstance(value, float | Spread) and math.isnan(middle(value)))
+        return self.none if nothing else show(value, self.form)
 
     def cell(self, row: object) -> str:
         """What is shown of a row: the median with its spread, or the word."""
@@ -130,7 +132,9 @@ def pivot(table: Table, down: Column, across: Column, cell: Column, *last: Colum
         own[f"c{heads.index(across.cell(row))}"] = cell.value(row)
         own |= {column.key: column.value(row) for column in last}
     columns = [
-        Column(f"c{k}", head + unit, "", cell.form, exact=cell.exact, rounding=cell.rounding)
+        Column(
+            f"c{k}", head + unit, "", cell.form, exact=cell.exact, rounding=cell.rounding, none="not tried"
+        )
         for k, head in enumerate(heads)
     ]
     return Table(
