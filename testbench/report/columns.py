@@ -15,7 +15,7 @@ WORDS = """
 """
 COUNTS = "datasets seeds local_solves poses draws run task line pose seed cases trials readings row"
 """Keys of words and of counts that are their own headings."""
-EVERY = (
+DECLARED = (
     *(Column(key, key.replace("_", " ")) for key in WORDS.split()),
     *(Column(key, key.replace("_", " "), form="d") for key in COUNTS.split()),
     Column("name", "model"),
@@ -292,10 +292,11 @@ NONE = {
     "unchecked": "none is wrong",
     "otherwise": "none is wrong",
     "either": "none is wrong",
-    "place": "",
+    "place": "-",
 }
 """Why a cell has no number, where that is not that the model was not fitted."""
-KNOWN = {column.key: replace(column, none=NONE.get(column.key, column.none)) for column in EVERY}
+EVERY = tuple(replace(column, none=NONE.get(column.key, column.none)) for column in DECLARED)
+KNOWN = {column.key: column for column in EVERY}
 
 
 def columns(keys: str, *, paper: bool = True) -> tuple[Column, ...]:
