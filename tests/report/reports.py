@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from checks import check_spread, check_words, curves, unit_in
 from made_up import of_one_trial
+from page_checks import check_tables
 from rich.console import Console
 
 from testbench.campaign.evaluation import Measured
@@ -65,6 +66,7 @@ def check(report, printed):
     assert again.whole() == report.whole()
     for name, table in report.tables.items():
         assert json.dumps(html.grid(again.tables[name])) == json.dumps(html.grid(table)), name
+    check_tables([html.grid(own) for own in report.tables.values() if own.rows], report.winner)
     console = Console(width=WIDTH, record=True, file=io.StringIO())
     terminal.print_words(console, report, [report.tables[name] for name in printed])
     shown = console.export_text()

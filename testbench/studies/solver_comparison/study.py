@@ -91,7 +91,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         claims=list(_claims(f, rows)),
         numbers=f,
         tables={
-            "short": Table(columns(SHORT), solvers, bold="d", headline="seconds_to_1_percent", looks=LOOKS),
+            "short": Table(columns(SHORT), solvers, headline="seconds_to_1_percent", looks=LOOKS),
             "solvers": Table(columns(SOLVERS), solvers),
         },
         body=["solvers", READING],
@@ -188,7 +188,7 @@ def figures(found: Report) -> dict[str, Figure]:
     rows = {row.key: row for row in f.solvers}
     return {
         "solver_comparison.png": forest(
-            Table(columns(SHORT), f.solvers, bold="d", looks=LOOKS),
+            Table(columns(SHORT), f.solvers, bold=found.winner, looks=LOOKS),
             PANES,
             f"To within 1 % of the least F_M the paper's optimiser takes {times(rows['a'])} the time of the "
             f"conic program with its proof; one local solve {times(rows['b'])}, without proof",
