@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from made_up_run import REPORT, made_up_run
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 from reports import check_forest
 
 from testbench.report.table import Row
 from testbench.trials.spread import spread
 from testbench.views.colours import look
+from testbench.views.figure import log_ticks
 from testbench.views.run_figure import error_map, overview
 from testbench.views.scene import Line, PlaceMap, scale_of
 from testbench.views.schema import Column, Table
@@ -110,6 +112,28 @@ def test_of_twenty_trials_the_median_has_its_interval_and_more_than_a_hundred_ar
     )
     low, high = axes.get_xlim()
     assert all(low <= x <= high for line in axes.get_lines() for x in np.ravel(line.get_xdata()))
+
+
+@pytest.mark.parametrize("low", [1e-9, 3e-3, 0.7, 4.0, 150.0, 9e4])
+@pytest.mark.parametrize("times", [1.05, 1.7, 3.0, 21.0, 400.0, 1e4, 1e8, 1e13])
+@pytest.mark.parametrize("side", ["x", "y"])
+def test_a_logarithmic_axis_has_ticks_inside_it_each_with_its_number(low, times, side):
+    axes = Figure().subplots()
+    log_ticks(axes, side, low, low * times)
+    axis = axes.xaxis if side == "x" else axes.yaxis
+    ends = axes.get_xlim() if side == "x" else axes.get_ylim()
+    places, words = axis.get_majorticklocs(), [text.get_text() for text in axis.get_majorticklabels()]
+    assert len(places) >= 1 + (times > 10)
+    assert [number_of(text) for text in words] == pytest.approx(places)
+    assert all(ends[0] <= place <= ends[1] for place in places)
+    assert not len(axis.get_minorticklocs())
+
+
+def number_of(text):
+    """What a tick says."""
+    size, _, power = text.rpartition("10") if "⁻" in text or set(text) & set("⁰¹²³⁴⁵⁶⁷⁸⁹") else (text, "", "")
+    raised = power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
+    return float(size.rstrip("·") or 1) * 10.0 ** int(raised or 0)
 
 
 def test_without_models_there_is_no_forest(seen):

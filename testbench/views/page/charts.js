@@ -226,8 +226,8 @@ function runChart(place, chart, names, choose) {
   const every = chart.lines.flatMap((line) => [line.values, ...(line.ends || [])].flat()).filter((x) => x !== null);
   const y = scale(chart.limit === null ? every : [...every, chart.limit], height - bottom, 8);
   const at = (i) => left + ((width - left - 10) * (i + 0.5)) / n;
-  const tip = make("div", { class: "tip" }, "Point at a pose to read its numbers; click to see the arm there.");
-  const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": chart.title });
+  const tip = make("div", { class: "tip" }, "Point at a pose, or press arrows, to read its numbers; click, or press Enter, to see the arm there.");
+  const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", tabindex: 0, "aria-label": `${chart.title}; arrows read it, Enter shows the arm` });
   const legend = make("div", { class: "bar" });
   for (const line of chart.lines) legend.append(swatch(line));
   if (chart.limit !== null) legend.append(make("span", { class: "named" }, dashes(), chart.limit_is));
@@ -267,13 +267,20 @@ function runChart(place, chart, names, choose) {
     return Math.max(0, Math.min(n - 1, Math.floor(((x - left) / (width - left - 10)) * n)));
   };
   const cursor = make("line", { class: "chosen", y1: 4, y2: height - bottom });
-  svg.addEventListener("pointermove", (event) => {
-    const i = nearest(event), k = order[i];
-    const texts = chart.lines.map((line) => `${line.name} ${said(line, k)}`);
+  let pointed = -1;
+  const point = (i) => {
+    pointed = i;
+    const k = order[i], texts = chart.lines.map((line) => `${line.name} ${said(line, k)}`);
     tip.textContent = `${names[k]}: ${texts.join(", ")}`;
     cursor.setAttribute("x1", at(i));
     cursor.setAttribute("x2", at(i));
     svg.append(cursor);
+  };
+  svg.addEventListener("pointermove", (event) => point(nearest(event)));
+  svg.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: -1, ArrowRight: 1, Home: -n, End: n }[event.key];
+    if (step) (event.preventDefault(), point(Math.max(0, Math.min(n - 1, pointed + step))));
+    else if (event.key === "Enter" && pointed >= 0) choose(chart.group, order[pointed]);
   });
   svg.addEventListener("click", (event) => choose(chart.group, order[nearest(event)]));
   sorted.addEventListener("click", () => {
