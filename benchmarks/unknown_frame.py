@@ -17,8 +17,8 @@ import typer
 from measure import MODELS
 from scipy.spatial.transform import Rotation
 
+from testbench.campaign.absolute_truth import by_trackers
 from testbench.campaign.campaign import Cell, Scenario, build_cell, draw_poses, hanging, measure, stream
-from testbench.campaign.tracker_runs import by_trackers
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import gco, with_prior

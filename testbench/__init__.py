@@ -12,13 +12,13 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from testbench.arm.folder import load_arm as load_arm
+    from testbench.campaign.arm_models import load_model as load_model
     from testbench.campaign.campaign import Scenario as Scenario
     from testbench.campaign.campaign import build_cell as build_cell
     from testbench.campaign.campaign import simulate as simulate
     from testbench.campaign.models import MODELS as MODELS
     from testbench.campaign.plan import plan as plan
     from testbench.campaign.plan_settings import PlanSettings as PlanSettings
-    from testbench.campaign.stiffness_model import load_model as load_model
     from testbench.correct.compensated import compensate as compensate
     from testbench.correct.newton import Aim as Aim
     from testbench.correct.predicted import predict as predict
@@ -81,7 +81,7 @@ HOMES = {
     "read_program": "data.program",
     "write_program": "data.write",
     "stiffness": "correct.stiffness",
-    "load_model": "campaign.stiffness_model",
+    "load_model": "campaign.arm_models",
     "PlanSettings": "campaign.plan_settings",
     "plan": "campaign.plan",
     "BenchError": "errors",

@@ -159,18 +159,18 @@ def assets(path: Path, root: ET.Element) -> list[str]:
     return sorted(found)
 
 
-def numbers(path: Path, e: ET.Element, key: str, count: int) -> list[float]:
-    """An attribute of an element as so many numbers, finite and of a size that an arm can have.
+def numbers(path: Path, e: ET.Element, key: str, count: int, largest: float = LARGEST) -> list[float]:
+    """An attribute of an element as so many numbers, finite and up to a size, that of an arm.
 
     Raises:
-        InputError: When it is missing, is something else, or is larger than LARGEST.
+        InputError: When it is missing, is something else, or is larger.
     """
     text = e.get(key)
     if text is None:
         raise InputError(path, xml_place(path, e), f"expected an attribute {key} of {count} number(s)")
-    values = _read(text, count, LARGEST)
+    values = _read(text, count, largest)
     if values is None or len(values) != count:
-        problem = f"expected {count} number(s) up to {LARGEST:g}, got {_short(text)}"
+        problem = f"expected {count} number(s) up to {largest:g}, {WRITTEN}, got {_short(text)}"
         raise InputError(path, xml_place(path, e), f"{key}: {problem}")
     return values
 

@@ -9,18 +9,20 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.campaign import doubt
+from testbench.data.dataset import Ids
 from testbench.data.read_series import read_series
 from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.align import Misfit, far_off
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
-from testbench.identify.absolute.posterior import evenly, inside, known, place, predict
-from testbench.identify.absolute.scatter import outliers
+from testbench.identify.absolute.posterior import inside, known, place, predict
+from testbench.identify.absolute.scatter import WILD, Outliers, outliers
 from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.diagnosis.notation import unplaced
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import POSES
+from testbench.identify.robust_loss import READINGS
 from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
 
@@ -105,8 +107,15 @@ def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequ
     with explained(vjm):
         found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
     wild = outliers(found.state, found.series, found.pulls)
-    moved = [doubt.said(move, vjm.arm).sentence for move in found.moves]
-    return Calibrated(found, found.series, (*said, *found.notes, *moved, *([wild.words] if wild else [])))
+    words = (doubt.said(one, vjm.arm).sentence for one in found.found)
+    return Calibrated(found, found.series, (*said, *words, *([of_outliers(wild)] if wild else [])))
+
+
+def of_outliers(found: Outliers) -> str:
+    """How many positions are far off, in a sentence."""
+    worst = f"the worst is row {found.row} of {found.series}, by {1e3 * found.distance:.3g} mm"
+    far = f"{READINGS.bend / WILD:g} standard deviations"
+    return f"{found.count} of {found.of} positions are more than {far} off and count less than half; {worst}"
 
 
 def of_masses(found: MassFit) -> str:
@@ -123,6 +132,17 @@ def of_masses(found: MassFit) -> str:
         f"{found.before:.3g} N m with rigid.xml's masses, {found.rest:.3g} N m with these, of "
         f"{found.spread:.3g} N m{limited}"
     )
+
+
+def evenly(series: Series, poses: int) -> Ids:
+    """Places of evenly spaced rows, of those that were read."""
+    seen = np.flatnonzero(series.seen.any(axis=1))
+    if len(seen) < poses or poses < POSES:
+        raise BenchError(
+            f"{series.name}: expected at least {max(POSES, poses)} rows for its frame and target, got "
+            f"{min(len(seen), poses)}"
+        )
+    return np.asarray(seen[np.unique(np.linspace(0, len(seen) - 1, poses).round().astype(int))])
 
 
 def score(model: ArmModel, series: Sequence[Series], frame_poses: int | None) -> Score:

@@ -3,6 +3,7 @@
 Arm, geometry, gears and springs are MuJoCo's; nothing here is shared with the model that is fitted.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -12,8 +13,14 @@ from scipy.spatial.transform import Rotation
 
 from testbench.campaign.campaign import Cell, LoadedPoses, clear_poses, hanging, stream
 from testbench.campaign.plan_input import Place
-from testbench.campaign.tracker import Tracker, read_orientations, read_positions
-from testbench.data.dataset import Ids, Mask
+from testbench.campaign.tracker import (
+    LaserTracker,
+    Tracker,
+    precision,
+    read_orientations,
+    read_positions,
+)
+from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.data.series import Series
 from testbench.errors import Array, BenchError
 from testbench.plant import (
@@ -276,3 +283,30 @@ def _noisy(series: Series, rng: np.random.Generator) -> Series:
         return read
     turned = read_orientations(tracker, series.rotation, rng)
     return replace(read, rotation=Rotation.from_rotvec(turned).as_matrix())
+
+
+def by_trackers(clean: Dataset, trackers: Sequence[Place], seed: int) -> Dataset:
+    """Readings without noise, in world axes, as trackers at places (3,) [m] in turn read them, a pose each.
+
+    Positions are in the frame of the tracker that read them, which has its origin there, an upright z axis
+    and any direction, with the covariance of every deflection; stations from 1 where there are several.
+    """
+    pose = np.unique(clean.pose, return_inverse=True)[1].ravel()
+    station = pose % len(trackers)
+    rng, noise = stream(seed, 2), stream(seed, 1)
+    before, after = np.empty_like(clean.before), np.empty_like(clean.after)
+    for k, (place, angle) in enumerate(zip(trackers, rng.uniform(-np.pi, np.pi, len(trackers)), strict=True)):
+        R = Rotation.from_rotvec([0.0, 0.0, -angle]).as_matrix()
+        for own, true in ((before, clean.before), (after, clean.after)):
+            own[station == k] = (true[station == k] - np.array(place)) @ R.T
+    tracker = LaserTracker((0.0, 0.0, 0.0))
+    before, after = (read_positions(tracker, x, noise) for x in (before, after))
+    P = precision(tracker, before, after)
+    return replace(
+        clean,
+        before=before,
+        after=after,
+        sigma=float(np.sqrt(np.trace(np.linalg.inv(P), axis1=2, axis2=3).mean() / 6)),
+        precision=P,
+        station=station + 1 if len(trackers) > 1 else None,
+    )

@@ -1,21 +1,20 @@
 """Models identified from a campaign and judged, against its readings and by the truth; and as a row each."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.campaign.campaign import Campaign, Cell, Setup
+from testbench.campaign.campaign import Campaign, Cell
 from testbench.campaign.models import Model
 from testbench.campaign.rows import DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
-from testbench.campaign.workspace_errors import Places, kept_mm, places_of
+from testbench.campaign.workspace_errors import Places, kept_mm, places_of, rms
 from testbench.data.dataset import Dataset
+from testbench.data.write import csv_text
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method
 from testbench.identify.evaluate import Score, all_deflections, score
 from testbench.model.vjm import Vjm
-
-Flat = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,7 @@ class Result:
     @property
     def places(self) -> Array:
         """Errors against the true deflections run by run, RMS over the markers, (runs,) [m]."""
-        return np.asarray(np.sqrt(np.mean(np.sum(self.wrong**2, axis=-1), axis=-1)))
+        return rms(self.wrong)
 
 
 def identify(
@@ -117,28 +116,13 @@ def identify_each(cell: Cell, model: Model, datasets: Sequence[Dataset]) -> list
 
 
 @dataclass(frozen=True)
-class Runs:
-    """A dataset as the row of a trial holds it, its arrays flat."""
-
-    run: tuple[int, ...]
-    pose: tuple[int, ...]
-    q: Flat
-    wrench: Flat
-    point: Flat
-    before: Flat
-    after: Flat
-    rotation_before: Flat | None
-    rotation_after: Flat | None
-
-
-@dataclass(frozen=True)
 class Drawn:
     """What the pictures of the first seed are made of: nobody simulates it again."""
 
-    measured: Runs | None  #: All measured runs, in the row of the first model.
-    over: Runs | None  #: The same of the true deflections that models are judged by.
-    residuals_m: Flat  #: Readings minus predictions of all measured runs.
-    wrong_m: Flat  #: True minus predicted deflections.
+    measured: str | None  #: All measured runs as CSV, in the row of the first model.
+    over: str | None  #: The same of the true deflections that models are judged by.
+    residuals_m: tuple[float, ...]  #: Readings minus predictions of all measured runs.
+    wrong_m: tuple[float, ...]  #: True minus predicted deflections.
 
 
 @dataclass(frozen=True)
@@ -185,34 +169,17 @@ def campaign_rows(
             true_arm=true_arm,
             places=places_of(cell, campaign.truth) if placed else None,
             place_mm=kept_mm(result.places) if placed else None,
-            drawn=_drawn(campaign, result, whole=k == 0) if placed else None,
+            drawn=_drawn(cell, campaign, result, whole=k == 0) if placed else None,
         )
         found.append(own)
     return found
 
 
-def _drawn(campaign: Campaign, result: Result, *, whole: bool) -> Drawn:
+def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> Drawn:
     """What pictures need of a model; `whole` with the runs, once a campaign."""
-    measured, over = (_runs(data) if whole else None for data in (campaign.measured, campaign.truth))
+    data = (campaign.measured, campaign.truth) if whole else ()
+    measured, over = [csv_text(own, cell.arm) for own in data] or (None, None)
     return Drawn(measured, over, *(tuple(own.ravel().tolist()) for own in (result.residuals, result.wrong)))
-
-
-def _runs(data: Dataset) -> Runs:
-    """A dataset for a row: see `dataset_of`."""
-    arrays = (getattr(data, f.name) for f in fields(Runs))
-    flat = (None if own is None else tuple(own.ravel().tolist()) for own in arrays)
-    return Runs(*flat)  # type: ignore[arg-type]  # run and pose are whole numbers, and always there
-
-
-def dataset_of(cell: Cell, setup: Setup, runs: Runs) -> Dataset:
-    """The runs of a row as a dataset again, bit by bit."""
-    markers, (sigma, sigma_rotation), n = cell.arm.markers, setup.sigmas, len(runs.run)
-    shapes = {"run": (n,), "pose": (n,), "before": (n, len(markers), 3), "after": (n, len(markers), 3)}
-    arrays = {
-        key: None if own is None else np.reshape(own, shapes.get(key, (n, -1)))
-        for key, own in vars(runs).items()
-    }
-    return Dataset(markers, sigma=sigma, sigma_rotation=sigma_rotation, **arrays)  # type: ignore[arg-type]
 
 
 def measured(campaign: Campaign) -> Measured:

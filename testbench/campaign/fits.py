@@ -1,6 +1,6 @@
 """A user's runs fitted by several models, and which model to take: what models.json holds."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,23 +8,26 @@ from scipy.special import gammainc
 
 from testbench.campaign.campaign import Cell
 from testbench.campaign.doubt import Doubt, of_scale
-from testbench.campaign.evaluation import EstimatorFailed
-from testbench.campaign.fit_models import Clock, Found, fit_all
-from testbench.campaign.model_selection import default_name, why
+from testbench.campaign.evaluation import EstimatorFailed, of_model
+from testbench.campaign.identifiability import set_aside
+from testbench.campaign.model_selection import Recommendation, default_name, folded, recommend, why
 from testbench.campaign.models import Model
 from testbench.campaign.rows import MM, ErrorRow, FitRow, error_row, fit_row
-from testbench.campaign.runs import Runs
+from testbench.campaign.runs import Many, Runs
 from testbench.data.dataset import Dataset, in_order
 from testbench.data.spool import SHOWN, some
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.diagnosis.prior_check import Unchecked, contradicted, unchecked
 from testbench.identify.estimate import Rejected
+from testbench.identify.evaluate import Score, deflections, judge, score
 from testbench.identify.fold import BLOCK_RUNS
 from testbench.identify.metric import metric
 from testbench.identify.regression import ROUNDING
+from testbench.identify.weighed import MOST_READINGS
 from testbench.model.vjm import chain, generalised_load
 
+Clock = Callable[[], float]  #: Wall time [s].
 UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
 
 QUIET, CHANCE = 0.6, 1e-6
@@ -106,6 +109,19 @@ class Identified:
         return self.estimates[self.fits.recommended]
 
 
+@dataclass(frozen=True)
+class Found:
+    """Models fitted to runs; one entry a model."""
+
+    runs: Runs  #: Of very many those that are looked at one by one, the worst among them.
+    models: Sequence[Model]
+    estimates: Sequence[Estimate]
+    seconds: Sequence[float]  #: Of the fit; the runs were reduced for all models before.
+    used: Sequence[Score]  #: Errors on the runs that were fitted.
+    check: Sequence[Score | None]  #: On those held back.
+    taken: Recommendation
+
+
 def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths: bool = False) -> Identified:
     """Fit every model, judge it, and recommend one; `widths` asks for intervals of predicted deflections.
 
@@ -178,12 +194,61 @@ def _working(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock) -> t
     lost: list[Doubt] = []
     while True:
         try:
-            return fit_all(cell, models, runs, clock), lost
+            return _fit_all(cell, models, runs, clock), lost
         except EstimatorFailed as err:
             models = [model for model in models if model.name != err.model]
             lost.append(Doubt("estimator", f"left out: {err}"))
             if not models:
                 raise BenchError("; ".join(doubt.sentence for doubt in lost)) from err
+
+
+def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock) -> Found:
+    """Fit, judge and choose models; BenchError when a method cannot fit its structure."""
+    many, estimates, seconds = runs.many, [], []
+    if many is not None and not all(map(_plain, models)):
+        readings = many.every.runs
+        raise BenchError(f"robust fit: expected at most {MOST_READINGS} readings, got {readings} runs")
+    reduced = folded(cell, models, runs.used, many)
+    for model in models:
+        start = clock()
+        if plain := _plain(model):
+            estimates += plain.of(cell.vjm, [reduced.parts[model.structure.name].together()])
+        else:
+            estimates.append(of_model(cell, model, runs.used))
+        seconds.append(clock() - start)
+    found = Found(runs, models, estimates, seconds, (), (), recommend(cell, models, reduced))
+    if many is not None:
+        return _judged(cell, found, many)
+    used = [_errors(cell, own, runs.used) for own in estimates]
+    check = [None if runs.check is None else _errors(cell, own, runs.check) for own in estimates]
+    return replace(found, used=used, check=check)
+
+
+def _plain(model: Model) -> Method | None:
+    """Its method, where that needs no more than what the runs were reduced to."""
+    method = model.estimator
+    return method if isinstance(method, Method) and method.loss == "plain" else None
+
+
+def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> Score:
+    return score(deflections(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen])
+
+
+def _judged(cell: Cell, found: Found, many: Many) -> Found:
+    """Models judged on very many runs; of these those that are looked at, the worst among them."""
+    best = next(k for k, m in enumerate(found.models) if m.name == found.taken.name)
+    used, worst = judge(cell.vjm, found.estimates, many.every, many.used, best)
+    held = None if many.used.all() else judge(cell.vjm, found.estimates, many.every, ~many.used, best)
+    worst = worst if held is None else np.union1d(worst, held[1])
+    every, fitted, held_back = many.looked_at(worst)
+    note = (
+        f"all {many.every.runs} runs are fitted and judged; doubts, intervals, tables and pictures are of "
+        f"{every.runs} of them, evenly out of all and those of which most is left"
+    )
+    notes = (*found.runs.notes, note)
+    shown = replace(found.runs, every=every, used=fitted, check=held_back, notes=notes)
+    check = [None] * len(found.models) if held is None else held[0]
+    return replace(found, runs=shown, used=used, check=check)
 
 
 def _of_noise(found: Iterable[Estimate]) -> list[Doubt]:
@@ -241,15 +306,10 @@ def _fit(cell: Cell, found: Found, k: int, widest: Dataset | None) -> Fitted:
 
 def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
     """Compliance of every joint; None where it is aggregated into the link before it."""
-    first, block = 6 * len(cell.arm.links), estimate.structure.block_of
-    own = np.diag(estimate.C_theta)[first:].tolist()
-    aggregated = [
-        bool(block[first + k] < 0 <= block[6 * k : 6 * k + 6].max()) for k in range(cell.arm.n_joints)
-    ]
-    return {
-        joint.name: None if inside else compliance
-        for joint, inside, compliance in zip(cell.arm.joints, aggregated, own, strict=True)
-    }
+    own = np.diag(estimate.C_theta)[6 * len(cell.arm.links) :].tolist()
+    inside = set_aside(cell.vjm, estimate.structure)
+    pairs = zip(cell.arm.joints, own, strict=True)
+    return {joint.name: None if joint.name in inside else compliance for joint, compliance in pairs}
 
 
 def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> IntervalsRow:

@@ -71,12 +71,14 @@ class Document(Row):
     FORMATS: ClassVar[range]  #: Those that are read, the last one is written.
     SEALED: ClassVar[int]  #: The first of them that has checksums.
     COMMAND: ClassVar[str]  #: That writes it.
+    ARRAYS: ClassVar[tuple[str, ...]]  #: Of posterior.npz.
 
     kind: str
     format: int
     arm: Annotated[str, Field(max_length=NAME, pattern=PRINTED)]
     digests: dict[str, str]
     weights: WeightsRow
+    about: AboutRow | None = None  #: Null before `SEALED`.
     posterior: str | None = None  #: SHA-256 of posterior.npz.
     checksum: str | None = None  #: Of all the rest, see `model_folder.sealed`.
 
@@ -111,6 +113,7 @@ class StiffnessDocument(Document):
     """model.json of `testbench identify`; docs/formats.md says what `Free` parts hold."""
 
     KIND, FORMATS, SEALED, COMMAND = "stiffness", range(1, 2), 1, "testbench identify"
+    ARRAYS = ("pi", "root", "unseen", "scale")  # those of `Posterior`, pi its x
 
     format: Literal[1]
     kind: Literal["stiffness"]
@@ -168,6 +171,8 @@ class CalibrationDocument(Document):
     """model.json of `testbench calibrate`."""
 
     KIND, FORMATS, SEALED, COMMAND = "absolute calibration", range(1, 3), 2, "testbench calibrate"
+    #: Root of the precision, (a, a), and L of the metric of the compliances in it, (e, e).
+    ARRAYS = ("root", "L")
 
     format: Literal[1, 2]
     kind: Literal["absolute calibration"]
@@ -179,4 +184,3 @@ class CalibrationDocument(Document):
     columns: list[Few]
     frames: dict[str, FrameRow]
     mounts: dict[str, MountRow]
-    about: AboutRow | None = None  #: Null in format 1.

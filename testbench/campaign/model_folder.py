@@ -25,7 +25,7 @@ from testbench.arm.document import Strict
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mesh import MAX_BYTES as MESH_BYTES
 from testbench.arm.mjcf import assets, read_mjcf
-from testbench.campaign.model_document import AboutRow, Document, Head, WeightsRow
+from testbench.campaign.model_document import Document, Head
 from testbench.errors import Array, BenchError, InputError, check_array, open_file, read_bytes, read_text
 from testbench.identify.arm_model import About
 from testbench.model.weights import Weights
@@ -132,12 +132,29 @@ def numbers_of(folder: Path) -> Iterator[None]:
         raise InputError(folder / DOCUMENT, "", f"numbers do not belong together: {err}") from err
 
 
-def read_arm(folder: Path, found: Document, *, meshes: bool) -> Arm:
-    """The arm of a model, whose files, meshes too where it has them, must be those of its model.json."""
+def read_parts(
+    folder: Path, found: Document, arm: str | Path | None
+) -> tuple[Arm, Weights, About, tuple[Array, ...]]:
+    """Arm, weights, origin and arrays of a model, which must belong to its model.json, and to an `arm`."""
+    if arm is not None:
+        _check_arm(folder, found, arm)
     _check_same(folder, ARM, found)
-    if meshes:
+    if found.format >= found.SEALED:
         _check_same(folder, assets(folder / ARM[0], read_mjcf(folder / ARM[0])), found)
-    return replace(load_arm(folder), name=found.arm)
+    own = replace(load_arm(folder), name=found.arm)
+    arrays = read_arrays(folder, found)
+    with numbers_of(folder):
+        if (found.about is None) != (found.format < found.SEALED):
+            raise ValueError(f"about: expected from format {found.SEALED} on")
+        row, bodies = found.about, own.n_joints + 2
+        about = About(found.KIND)
+        if row is not None:
+            about = About(row.method, tuple(row.data), tuple(row.doubts), row.force_N, row.moment_Nm)
+        weights = Weights(
+            check_array(np.array(found.weights.mass_kg), (bodies,), "mass [kg]"),
+            check_array(np.array(found.weights.centre_m), (bodies, 3), "centre [m]"),
+        )
+    return own, weights, about, arrays
 
 
 def _check_same(folder: Path, names: Sequence[str], found: Document) -> None:
@@ -146,7 +163,7 @@ def _check_same(folder: Path, names: Sequence[str], found: Document) -> None:
             raise InputError(path, "", "is not the arm of the model; it has changed")
 
 
-def check_arm(folder: Path, found: Document, arm: str | Path) -> None:
+def _check_arm(folder: Path, found: Document, arm: str | Path) -> None:
     """Refuse a model of another arm than one in a folder, or of ours by its name."""
     place = find_arm(arm)
     for name in ARM:
@@ -157,21 +174,20 @@ def check_arm(folder: Path, found: Document, arm: str | Path) -> None:
 
 
 def write_parts(
-    kind: type[Document], arm: Arm, said: Mapping[str, object], folder: Path, **arrays: Array
+    kind: type[Document], arm: Arm, weights: Weights, said: Mapping[str, object], folder: Path, **own: Array
 ) -> None:
     """Copy an arm's files, write arrays as posterior.npz, and what is said as model.json with checksums."""
-    own = {"format": kind.FORMATS[-1], "kind": kind.KIND, "arm": arm.name, "digests": _copy_arm(arm, folder)}
-    document = kind.model_validate({**own, **said})
-    np.savez_compressed(folder / POSTERIOR, **arrays)  # type: ignore[arg-type]  # stubs: allow_pickle
+    said = {"format": kind.FORMATS[-1], "kind": kind.KIND, "arm": arm.name, **said}
+    said["weights"] = {"mass_kg": weights.mass.tolist(), "centre_m": weights.centre.tolist()}
+    document = kind.model_validate({"digests": _copy_arm(arm, folder), **said})
+    np.savez_compressed(folder / POSTERIOR, **own)  # type: ignore[arg-type]  # stubs: allow_pickle
     whole = sealed(document.model_dump(), (folder / POSTERIOR).read_bytes())
     files.write_json(whole, folder / DOCUMENT)
 
 
-def about_said(method: str, data: Mapping[str, str], doubts: Sequence[str], loads: Sequence[Array]) -> object:
-    """Where a model comes from, under which loads about the tool's origin, each (poses, 6) [N, N m]."""
-    force, moment = (
-        float(max(np.linalg.norm(own[:, k : k + 3], axis=1).max() for own in loads)) for k in (0, 3)
-    )
+def about_said(method: str, data: Mapping[str, str], doubts: Sequence[str], loads: Array) -> object:
+    """Where a model comes from, under which loads about the tool's origin, (rows, 6) [N, N m]."""
+    force, moment = np.linalg.norm(loads.reshape(-1, 2, 3), axis=2).max(axis=0).tolist()
     return {
         "method": method,
         "data": dict(data),
@@ -182,12 +198,7 @@ def about_said(method: str, data: Mapping[str, str], doubts: Sequence[str], load
     }
 
 
-def about_of(row: AboutRow) -> About:
-    """The same of a model that was read."""
-    return About(row.method, tuple(row.data), tuple(row.doubts), row.force_N, row.moment_Nm)
-
-
-def read_arrays(folder: Path, found: Document, names: Sequence[str]) -> tuple[Array, ...]:
+def read_arrays(folder: Path, found: Document) -> tuple[Array, ...]:
     """Arrays of posterior.npz, of any size, finite; InputError where it is not what the command wrote."""
     raw = read_bytes(path := folder / POSTERIOR, MAX_ROOT)
     if found.posterior not in (None, hashlib.sha256(raw).hexdigest()):
@@ -200,7 +211,7 @@ def read_arrays(folder: Path, found: Document, names: Sequence[str]) -> tuple[Ar
         if size > MAX_ROOT:
             raise BenchError(f"at most {MAX_ROOT} bytes when unpacked, got {size}")
         with np.load(io.BytesIO(raw), allow_pickle=False) as data:
-            return tuple(_numbers(data[name], name) for name in names)
+            return tuple(_numbers(data[name], name) for name in found.ARRAYS)
     except (
         Exception
     ) as err:  # of bytes that are no such file numpy, zipfile and lzma raise errors of 15 kinds
@@ -224,17 +235,3 @@ def _numbers(array: npt.NDArray[np.generic], name: str) -> Array:
     if np.abs(found).max(initial=0.0) > LARGEST_OF_ROOT:
         raise BenchError(f"{name}: expected numbers up to {LARGEST_OF_ROOT:g}")
     return found
-
-
-def weights_said(weights: Weights) -> object:
-    """Masses and centres of all bodies."""
-    return {"mass_kg": weights.mass.tolist(), "centre_m": weights.centre.tolist()}
-
-
-def weights_of(row: WeightsRow, arm: Arm) -> Weights:
-    """What the bodies weigh; BenchError for another number of them."""
-    bodies = arm.n_joints + 2
-    return Weights(
-        check_array(np.array(row.mass_kg), (bodies,), "mass [kg]"),
-        check_array(np.array(row.centre_m), (bodies, 3), "centre [m]"),
-    )

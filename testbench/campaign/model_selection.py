@@ -7,7 +7,7 @@ do not see add no noise. Beside it stand joints alone without a prior, as a guar
 wrong in ways which nobody thought of: where they predict poses held out clearly better, they are taken.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from testbench.campaign.advice import of_average
 from testbench.campaign.campaign import Cell
 from testbench.campaign.evaluation import of_model
 from testbench.campaign.models import EVERY, JOINTS, MODELS, Model, named_models, own_name, right_name
+from testbench.campaign.runs import Many
 from testbench.data.dataset import Dataset, Ids, select
 from testbench.errors import Array
 from testbench.identify import Estimate, Method, with_prior
@@ -28,10 +29,9 @@ from testbench.identify.crossval import (
     held_out_errors,
     unless_beaten,
 )
-from testbench.identify.fold import Blocks, Parts, reduce_parts
+from testbench.identify.fold import Parts, reduce_parts
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import Regression
-from testbench.model.vjm import Vjm
 
 FILLED = " + prior"
 DEFAULT = f"ALL153{FILLED}"  #: Of an arm of six joints; of any arm `default_name`.
@@ -102,38 +102,41 @@ def why(found: Recommendation, estimate: Estimate) -> str:
     return found.why if estimate.average is None else f"{of_average(estimate.average)}; {found.why}"
 
 
-def recommend(cell: Cell, models: Sequence[Model], data: Dataset) -> Recommendation:
+@dataclass(frozen=True)
+class Folded:
+    """Runs to fit, reduced once for all models, in parts of which some are held out in turn."""
+
+    data: Dataset  #: Those that are held, for estimators of one's own.
+    poses: int  #: All are in.
+    part: Ids  #: Of every run, `crossval.parts_of`.
+    parts: Mapping[str, Parts]  #: By the name of the structure.
+
+
+def folded(cell: Cell, models: Sequence[Model], data: Dataset, many: Many | None = None) -> Folded:
+    """Runs reduced for the structures of models: those that are held, or very many block by block."""
+    structures = {m.structure.name: m.structure for m in models}
+    poses, part = len(np.unique(data.pose)), divided(data) if many is None else many.part
+    runs = data if many is None else many.every
+    parts = reduce_parts(cell.vjm, list(structures.values()), runs, part)
+    return Folded(
+        data, poses if many is None else many.poses, part, dict(zip(structures, parts, strict=True))
+    )
+
+
+def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | Folded) -> Recommendation:
     """The default, or the model of fewest unknowns where it is not there, unless beaten on what is held out.
 
     The default can be beaten by joints alone only; what else was fitted stands beside it to compare. Outliers
     stay in, as every model has to face the same readings.
     """
-    part = divided(data)
-    reduced = by_structure(cell.vjm, models, data, part)
-
-    def errors(model: Model) -> Array:
-        return errors_of(cell, model, reduced[model.structure.name], (data, part))
-
-    return recommended(cell, models, len(np.unique(data.pose)), errors)
-
-
-def by_structure(vjm: Vjm, models: Sequence[Model], runs: Dataset | Blocks, part: Ids) -> Mapping[str, Parts]:
-    """Runs in parts, as `reduce_parts`, by the name of every model's structure."""
-    structures = {m.structure.name: m.structure for m in models}
-    return dict(zip(structures, reduce_parts(vjm, list(structures.values()), runs, part), strict=True))
-
-
-def recommended(
-    cell: Cell, models: Sequence[Model], poses: int, errors: Callable[[Model], Array]
-) -> Recommendation:
-    """The same by errors of a model on what is held out, (folds,) [1], of runs in so many poses."""
+    runs = runs if isinstance(runs, Folded) else folded(cell, models, runs)
     default = default_name(cell.arm)
     first = min(models, key=lambda m: (m.name != default, m.structure.n))
-    if poses < LEAST_POSES or len(models) == 1:
+    if runs.poses < LEAST_POSES or len(models) == 1:
         few = f"fewer than {LEAST_POSES} poses are too few to hold some out"
-        why = few if poses < LEAST_POSES else "no other model was fitted"
+        why = few if runs.poses < LEAST_POSES else "no other model was fitted"
         return Recommendation(first.name, why, ())
-    every = tuple(Candidate(m.name, errors(m)) for m in models)
+    every = tuple(Candidate(m.name, _errors(cell, m, runs)) for m in models)
     rivals = [c for c in every if first.name != default or c.name in (default, JOINTS)]
     duel = unless_beaten(rivals, first.name)
     return Recommendation(duel.name, _why(duel, first.name, default), every)
@@ -143,29 +146,21 @@ def _why(duel: Duel, first: str, default: str) -> str:
     """Why a model stays, or gives way."""
     taken = "the default" if first == default else "the one of fewest unknowns"
     if duel.name == first:
-        return f"{taken}: no rival predicts what is held out in turn better by more than chance"
+        return f"{taken}; in cross-validation no rival predicts better by more than chance"
     return (
-        f"on what is held out in turn its F_M is {-duel.difference:.2g} +- {duel.standard_error:.2g} less "
+        f"in cross-validation its F_M is {-duel.difference:.2g} +- {duel.standard_error:.2g} less "
         f"than that of {first}, {taken}"
     )
 
 
-def errors_of(cell: Cell, model: Model, parts: Parts, runs: tuple[Dataset, Ids]) -> Array:
-    """F_M on what is held out, (folds,) [1]; an estimator of one's own sees the other runs as they are.
-
-    Args:
-        cell: The cell.
-        model: What is fitted.
-        parts: Its structure on all runs.
-        runs: These, and the part of each.
-    """
-    held, method = folds(parts), model.estimator
+def _errors(cell: Cell, model: Model, runs: Folded) -> Array:
+    """F_M on what is held out, (folds,) [1]; an estimator of one's own sees the other runs as they are."""
+    held, method = folds(runs.parts[model.structure.name]), model.estimator
 
     def fits(regressions: Sequence[Regression]) -> Array:
         if isinstance(method, Method):
             return np.array([e.pi for e in method.of(cell.vjm, regressions, widths=False)])
-        data, part = runs
-        kept = [select(data, np.isin(part, fold.kept)) for fold in held]
+        kept = [select(runs.data, np.isin(runs.part, fold.kept)) for fold in held]
         return np.array([of_model(cell, model, some).pi for some in kept])
 
     return held_out_errors(held, fits)

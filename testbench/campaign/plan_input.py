@@ -33,39 +33,37 @@ MASSES = tuple(unit.name for unit in UNITS if unit.si in ("kg", "N"))
 QUANTITY = re.compile(r"\s*([-+.\d]+(?:[eE][-+]?\d+)?)\s*([^\d\s].*)?")
 
 
-def read_payload(path: Path) -> Array | None:
-    """Hung mass of every run of a plan, (runs,) [kg], 0 where it is pulled; None for poses without loads."""
-    table, pulls = read_table(path, _says_load), read_pulls(path)
-    if LOAD not in table.names and pulls is None:
-        return None
-    mass, (low, high) = _column(table, LOAD), LOAD_RANGE
-    pulled = np.zeros(table.rows, dtype=bool) if pulls is None else pulls.any(axis=1)
-    for row in np.flatnonzero(pulled & (np.nan_to_num(mass) != 0)).tolist():
-        raise table.error(row, LOAD, f"expected no mass beside a force, got {mass[row]:g} kg")
-    beside = "" if pulls is None else " where no force pulls"
-    for row in np.flatnonzero(~(pulled | ((mass >= low) & (mass <= high)))).tolist():
-        raise table.error(row, LOAD, f"expected {low:g} to {high:g}{beside}, got {mass[row]:g}")
-    return np.where(pulled, 0.0, mass)
+def read_loads(path: Path) -> tuple[Array | None, Array | None]:
+    """What hangs and what pulls at the load point in every run of a plan.
 
-
-def read_pulls(path: Path) -> Array | None:
-    """Force at the load point in every run of a plan, world axes, (runs, 3) [N], 0 where a weight hangs.
-
-    None for a plan without columns force_*_N.
+    Returns:
+        Masses, (runs,) [kg], 0 where a force pulls; None for poses without loads. Forces, world axes,
+        (runs, 3) [N], 0 where a weight hangs; None for a plan without columns force_*_N.
     """
     table = read_table(path, _says_load)
-    if not set(FORCE) & set(table.names):
-        return None
-    place = f"line {table.header}"
+    pulls = _read_pulls(table) if set(FORCE) & set(table.names) else None
+    if LOAD not in table.names and pulls is None:
+        return None, None
+    mass, (low, high) = _column(table, LOAD), LOAD_RANGE
+    pulled = np.zeros(table.rows, dtype=bool) if pulls is None else pulls.any(axis=1)
+    beside = pulled & (np.nan_to_num(mass) != 0)
+    table.refuse(beside, LOAD, lambda row: f"expected no mass beside a force, got {mass[row]:g} kg")
+    else_ = "" if pulls is None else " where no force pulls"
+    off = ~(pulled | ((mass >= low) & (mass <= high)))
+    table.refuse(off, LOAD, lambda row: f"expected {low:g} to {high:g}{else_}, got {mass[row]:g}")
+    return np.where(pulled, 0.0, mass), pulls
+
+
+def _read_pulls(table: Table) -> Array:
     if missing := [name for name in FORCE if name not in table.names]:
-        raise InputError(path, place, f"expected {', '.join(missing)} too")
+        raise table.header_error(f"expected {', '.join(missing)} too")
     if others := [name for name in table.names if name.startswith(("moment_", "point_"))]:
-        problem = f"expected forces alone, which act at the arm's load point, got {', '.join(others)}"
-        raise InputError(path, place, problem)
+        problem = "expected forces alone, which act at the arm's load point"
+        raise table.header_error(f"{problem}, got {', '.join(others)}")
     pulls = np.nan_to_num(np.column_stack([_column(table, name) for name in FORCE]))
     size, (low, high) = np.linalg.norm(pulls, axis=1), PULL_RANGE
-    for row in np.flatnonzero((size > 0) & ~((size >= low) & (size <= high))).tolist():
-        raise table.error(row, "", f"expected a force of {low:g} to {high:g} N, got {size[row]:g}")
+    off = (size > 0) & ~((size >= low) & (size <= high))
+    table.refuse(off, "", lambda row: f"expected a force of {low:g} to {high:g} N, got {size[row]:g}")
     return np.asarray(pulls)
 
 
@@ -92,9 +90,9 @@ def read_masses(text: str) -> list[float]:
     return masses
 
 
-def place(text: str, flag: str = "--tracker") -> Place:
-    """A place such as the tracker's, x,y,z [m]; BenchError for anything but three finite numbers."""
-    x, y, z = _numbers(text, 3, f"{flag} x,y,z [m]")
+def place(text: str, flag: str = "--tracker x,y,z [m]") -> Place:
+    """A place such as the tracker's, or a pull; BenchError for anything but three finite numbers."""
+    x, y, z = _numbers(text, 3, flag)
     return x, y, z
 
 
@@ -102,12 +100,6 @@ def joints_of(text: str, arm: Arm) -> Array:
     """Joints in the units that people read, --start a,b,c [deg, mm], (n,) [rad, m]; BenchError for others."""
     shown = np.array([joint.shown for joint in arm.joints])
     return np.asarray(_numbers(text, arm.n_joints, "--start [deg, mm]") / shown)
-
-
-def pull(text: str) -> Place:
-    """A force that pulls, fx,fy,fz [N]; BenchError for anything but three finite numbers."""
-    x, y, z = _numbers(text, 3, "--pull fx,fy,fz [N]")
-    return x, y, z
 
 
 def box(text: str) -> tuple[Place, Place]:
@@ -146,9 +138,8 @@ def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) 
     columns = find_columns(table, names, cell.arm)
     q = joint_coordinates(columns, cell.arm)
     if not 1 <= table.rows <= MAX_TASKS:
-        raise table.error(
-            min(table.rows, MAX_TASKS), "", f"expected 1 to {MAX_TASKS} tasks, got {table.rows}"
-        )
+        problem = f"expected 1 to {MAX_TASKS} tasks, got {table.rows}"
+        raise table.error(min(table.rows, MAX_TASKS), "", problem)
     for line, pair in zip(table.lines.tolist(), collisions(cell.room, q), strict=True):
         if pair:
             raise InputError(path, f"line {line}", f"{pair[0]} collides with {pair[1]} in this pose")
@@ -162,16 +153,11 @@ def _read_load(columns: Columns, hung: Load) -> Load:
     if force is None and moment is None:
         if point is None:
             return hung
-        raise InputError(
-            table.path,
-            f"line {table.header}",
-            "expected force_x_N, force_y_N, force_z_N where point_x_m, point_y_m, point_z_m are given",
-        )
+        given = "point_x_m, point_y_m, point_z_m are given"
+        raise table.header_error(f"expected force_x_N, force_y_N, force_z_N where {given}")
     none = np.zeros((table.rows, 3))
     wrench = np.hstack([none if part is None else part for part in (force, moment)])
-    idle = np.flatnonzero(~wrench.any(axis=1))
-    if len(idle):
-        raise table.error(idle[0], "", "expected a load, got zero force and moment")
+    table.refuse(np.asarray(~wrench.any(axis=1)), "", "expected a load, got zero force and moment")
     return Load(wrench, np.tile(hung.point, (table.rows, 1)) if point is None else point)
 
 
@@ -199,17 +185,10 @@ def payload_of(arm: Arm, asked: float | None, flag: str) -> float:
     return arm.payload
 
 
-def overloaded(arm: Arm, masses: Iterable[float]) -> str | None:
-    """A sentence where the largest of the masses [kg] is far more than the arm states, else None."""
-    mass = max(masses)
-    if arm.payload is None or mass <= OVERLOAD * arm.payload:
-        return None
-    return f"{mass:.4g} kg hang from an arm that states a payload of {arm.payload:g} kg"
-
-
-def overpulled(arm: Arm, pulls: Iterable[Sequence[float]]) -> str | None:
-    """The same of forces that pull at the load point, (3,) each [N]; None of none."""
-    force = max((math.hypot(*pull) for pull in pulls), default=0.0)
-    if arm.payload is None or force <= OVERLOAD * GRAVITY * arm.payload:
-        return None
-    return f"{force:.4g} N pull at an arm that states a payload of {arm.payload:g} kg"
+def overloads(arm: Arm, masses: Iterable[float], pulls: Iterable[Sequence[float]] = ()) -> list[str]:
+    """Sentences where masses [kg] or pulls, (3,) each [N], are far beyond the payload that the arm states."""
+    most = OVERLOAD * (np.inf if arm.payload is None else arm.payload)
+    mass, force = max(masses), max((math.hypot(*pull) for pull in pulls), default=0.0)
+    stated = f"an arm that states a payload of {arm.payload or 0:g} kg"
+    found = [f"{mass:.4g} kg hang from {stated}"] * (mass > most)
+    return found + [f"{force:.4g} N pull at {stated}"] * (force > GRAVITY * most)

@@ -15,13 +15,14 @@ from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
 from testbench.campaign.doubt import Doubt, said
-from testbench.campaign.plan_input import overloaded
+from testbench.campaign.plan_input import overloads
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.rows import MM, UM
 from testbench.data.dataset import Dataset, Ids, Mask, select, split
 from testbench.data.read_pairs import Export, read_campaign, read_export
 from testbench.data.spool import Campaign, some
 from testbench.errors import BenchError, InputError, read_text
+from testbench.identify.crossval import parts_of
 from testbench.identify.diagnosis.deflected import scale
 from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
 from testbench.identify.metric import metric
@@ -58,6 +59,11 @@ class Many:
     def poses(self) -> int:
         """How many poses those to fit are in."""
         return len(np.unique(self.every.pose[self.used]))
+
+    @property
+    def part(self) -> Ids:
+        """Of every run what is held out with it, (runs,), `crossval.parts_of`."""
+        return parts_of(self.every.pose, self.every.level, self.used)
 
     def looked_at(self, worst: Ids) -> tuple[Dataset, Dataset, Dataset | None]:
         """Runs that are looked at one by one, these worst among them: all, those to fit, those held back."""
@@ -158,9 +164,8 @@ def look_at(
     except BenchError as err:
         raise InputError(asked.dataset, "", str(err)) from err
     masses = np.linalg.norm(export.data.wrench[:, :3], axis=1) / GRAVITY
-    heavy = overloaded(cell.arm, masses.tolist())
-    told = (said(one, cell.arm) for one in seen)
-    return (*told, *([] if heavy is None else [Doubt("payload", heavy)])), factor
+    heavy = (Doubt("payload", words) for words in overloads(cell.arm, masses.tolist()))
+    return (*(said(one, cell.arm) for one in seen), *heavy), factor
 
 
 def _said(export: Export, asked: Readings) -> str:

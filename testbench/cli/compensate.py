@@ -7,10 +7,10 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from testbench.campaign.arm_models import load_model
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.plan_input import joints_of, payload_of, place
 from testbench.campaign.program import NAMED, CorrectedProgram, correct_program, with_payload
-from testbench.campaign.stiffness_model import load_model
 from testbench.cli.arguments import ArmCheck, Load, MapFile, plain
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked
@@ -124,7 +124,7 @@ def _aim(asked: Options) -> Aim:
     if asked.spindle not in AXES:
         raise InputError(Path("--spindle"), "", f"expected one of {', '.join(AXES)}, got {asked.spindle!r}")
     x, y, z = AXES[asked.spindle].tolist()
-    return Aim(asked.hold, asked.asked, place(asked.tip, "--tip"), (x, y, z))
+    return Aim(asked.hold, asked.asked, place(asked.tip, "--tip x,y,z [m]"), (x, y, z))
 
 
 def _unreached(asked: Options, found: CorrectedProgram) -> InputError:

@@ -10,8 +10,8 @@ import typer
 
 from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
+from testbench.campaign.arm_models import load_model
 from testbench.campaign.export import BEGINS, Exported, beside_of, draft_new, draft_own, export
-from testbench.campaign.stiffness_model import load_model
 from testbench.errors import BenchError, InputError
 from testbench.output.manifest import read_plain
 from testbench.output.place import HEAD, INSTEAD, Kind, claim_file, look

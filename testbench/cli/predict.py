@@ -7,9 +7,9 @@ from typing import Annotated
 import typer
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.plan_input import box, overloaded, payload_of
+from testbench.campaign.arm_models import load_model
+from testbench.campaign.plan_input import box, overloads, payload_of
 from testbench.campaign.program import FORCE, predicted, read_asked
-from testbench.campaign.stiffness_model import load_model
 from testbench.cli.arguments import ArmCheck, Load, MapFile, plain
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
 from testbench.identify.arm_model import ArmModel
@@ -60,9 +60,9 @@ def command(asked: Options) -> None:
             said, out = report(made), asked.out
             status.update("writing")
             write(made, said, plain(asked, "poses") | {"model": asked.model.name}, out)
-        heavy = overloaded(model.arm, poses.hung.tolist())
+        heavy = overloads(model.arm, poses.hung.tolist())
         lines = [
-            *([f"- {heavy}"] if heavy else []),
+            *(f"- {words}" for words in heavy),
             f"poses      {out / TABLE}",
             f"report     {out / 'report.md'}, {out / 'report.json'}, {out / PICTURE}",
             *looked_at(out, model=asked.model),

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from testbench.campaign.absolute import read_all, score
-from testbench.campaign.absolute_model import read_model
+from testbench.campaign.arm_models import read_model
 from testbench.cli.arguments import MapFile, SigmaUm
 from testbench.identify.registration import POSES
 from testbench.shell.options import takes

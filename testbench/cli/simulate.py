@@ -11,18 +11,10 @@ import typer
 from rich.console import Console
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.campaign.absolute_truth import AbsoluteCampaign, by_trackers, simulate_series
 from testbench.campaign.campaign import Cell, LoadedPoses, Scenario, build_cell, hanging, measure, stream
 from testbench.campaign.candidates import Conditions, build_checks, find
-from testbench.campaign.plan_input import (
-    overloaded,
-    overpulled,
-    payload_of,
-    read_masses,
-    read_payload,
-    read_pulls,
-)
-from testbench.campaign.tracker_runs import by_trackers, places
+from testbench.campaign.plan_input import Place, overloads, payload_of, place, read_loads, read_masses
 from testbench.cli.arguments import ArmName, MapFile, Noise, Orientations, absolute_alone, mass
 from testbench.data.program import read_poses
 from testbench.data.series import Series
@@ -34,6 +26,7 @@ from testbench.plant import check_poses
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb
 from testbench.plant.gear import GearErrors
+from testbench.plant.site import check_position
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import plain_console
 
@@ -156,7 +149,7 @@ def _campaign(cell: Cell, asked: Options, flags: Absolute, masses: Sequence[floa
         orientations=flags.orientations,
         sigma=asked.sigma_um / 1e6,
         sigma_rotation=asked.sigma_um / 1e6,
-        trackers=tuple(places(asked.tracker)) if asked.tracker else None,
+        trackers=tuple(_trackers(asked)) or None,
         disturbances=Disturbances(own_weight=True, geometry=geometry, gear=gear),
     )
 
@@ -178,9 +171,9 @@ def _write_readings(
 
 def _one_after_the_other(cell: Cell, asked: Options) -> tuple[float, ...]:
     """What hangs in every pose, nothing at first [kg]."""
-    if asked.file is not None and read_pulls(asked.file) is not None:
+    stated, pulls = (None, None) if asked.file is None else read_loads(asked.file)
+    if asked.file is not None and pulls is not None:
         raise InputError(asked.file, FORCES, "expected no forces with --absolute")
-    stated = None if asked.file is None else read_payload(asked.file)
     if stated is None and asked.loads is None and asked.payload_kg is None:
         return (0.0,)
     masses = _masses(cell, asked, 1)
@@ -195,12 +188,12 @@ def _read_deflections(cell: Cell, asked: Options) -> None:
     if q is None:
         q = find(build_checks(cell, Conditions()), asked.poses or 0, stream(asked.seed, 0)).q
     masses = _masses(cell, asked, len(q))
-    pulls = None if asked.file is None else read_pulls(asked.file)
+    pulls = None if asked.file is None else read_loads(asked.file)[1]
     scenario = Scenario(arm=cell.arm.name, payload=float(masses.max()) or None, sigma=asked.sigma_um / 1e6)
     if asked.geometry_mm:
         errors = Disturbances(own_weight=True, geometry=GeometryErrors(*[asked.geometry_mm / 1e3] * 2))
         cell = replace(cell, truth=disturb(cell.plant, errors, stream(asked.seed, 3)).plant)
-    trackers = places(asked.tracker or [])
+    trackers = _trackers(asked)
     loaded = _loaded(cell, q, masses, pulls)
     data = measure(cell, scenario, loaded, None if trackers else stream(asked.seed, 1))
     if trackers:
@@ -212,10 +205,18 @@ def _read_deflections(cell: Cell, asked: Options) -> None:
     console.print(text, soft_wrap=True)
 
 
+def _trackers(asked: Options) -> list[Place]:
+    """Where trackers stand, each in the world [m]; BenchError for what is far away."""
+    found = list(map(place, asked.tracker or []))
+    for own in found:
+        check_position(own)
+    return found
+
+
 def _say_overload(
     console: Console, cell: Cell, masses: Iterable[float], pulls: Iterable[Sequence[float]] = ()
 ) -> None:
-    for doubt in filter(None, (overloaded(cell.arm, masses), overpulled(cell.arm, pulls))):
+    for doubt in overloads(cell.arm, masses, pulls):
         console.print(f"Doubt: {doubt}", soft_wrap=True)
 
 
@@ -237,7 +238,7 @@ def _masses(cell: Cell, asked: Options, poses: int) -> Array:
     """What hangs in every pose, one after the other, (poses, loads) [kg]."""
     if asked.loads is not None and asked.payload_kg is not None:
         raise BenchError("--loads: expected no --payload-kg with it")
-    stated = None if asked.file is None else read_payload(asked.file)
+    stated = None if asked.file is None else read_loads(asked.file)[0]
     if stated is None:
         mass = payload_of(cell.arm, asked.payload_kg, "--payload-kg") if asked.loads is None else 0.0
         return np.tile([mass] if asked.loads is None else read_masses(asked.loads), (poses, 1))

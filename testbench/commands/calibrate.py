@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.campaign.absolute import Calibrated
-from testbench.campaign.absolute_model import write_model
+from testbench.campaign.arm_models import write_model
 from testbench.campaign.campaign import Cell
 from testbench.campaign.rows import MM
 from testbench.commands.calibrate_numbers import FAR, Left, numbers, unread

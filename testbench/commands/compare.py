@@ -152,11 +152,12 @@ def _better(pair: Row, row: Row) -> Markdown:
     ours, theirs = (pair.b, pair.a) if row.verdict == "less" else (pair.a, pair.b)
     if row.ratio is None or not TIMES[0] < middle(row.ratio) < TIMES[1]:
         return Markdown(f"{ours} errs less")
-    times = row.ratio
+    times, inside = row.ratio, row.get("interval")
     if row.verdict == "less":
+        inside = inside and (1 / inside[1], 1 / inside[0])
         value, low, high = triple(times)
         times = Spread(1 / value, 1 / high, 1 / low)
-    gain = Gain(ours, theirs, None, None, times, row.get("pairs") or 1)
+    gain = Gain(ours, theirs, None, None, times, row.get("pairs") or 1, inside)
     how = less(gain, "seed" if row.by == "pairs" else "")
     return Markdown(f"The error of {ours} is {how} than that of {theirs}")
 

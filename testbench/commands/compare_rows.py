@@ -59,6 +59,7 @@ def differ(a: Number, b: Number, ours: BySeed = ALONE, theirs: BySeed = ALONE) -
         times = spread(known)
         x, y = ([own[seed] for seed in ours] for own in (ours, theirs))
         told = {"by": "pairs", "pairs": len(x), "smaller": wins(y, x), "larger": wins(x, y)}
+        told["interval"] = median_interval(np.array(known))
         return Row(a=a, b=b, difference=difference, ratio=times, verdict=_paired(times, known), **told)
     by = "spreads" if isinstance(a, Spread) and isinstance(b, Spread) else "one"
     ratio = finite(second / first) if first > 0 else None

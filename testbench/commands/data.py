@@ -15,8 +15,7 @@ from testbench.data.names import What
 from testbench.data.read_pairs import Export
 from testbench.errors import Array
 from testbench.identify.registered import Registered
-from testbench.identify.weighed import marker_points
-from testbench.model.vjm import tool_points, tool_pose
+from testbench.model.vjm import marker_points, tool_points, tool_pose
 from testbench.plant.shapes import rigid_frames
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbench.campaign.arm_models import weights_known
 from testbench.campaign.campaign import Cell, clear_poses, stream
 from testbench.campaign.fits import Fitted, Identified
 from testbench.campaign.identifiability import told
 from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import MM
-from testbench.campaign.stiffness_model import weights_known
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, kept_mm, places_at
 from testbench.correct.predicted import predict
 from testbench.data.dataset import Dataset
@@ -78,7 +78,7 @@ def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array
 
 
 def _badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
-    """The model to take beside the strongest incumbent of its class, run by run of those held back."""
+    """The model to take beside the strongest incumbent of its class, run by run of those held out."""
     data, check, taken = found.runs.every, found.runs.check, found.fits.recommended
     held = np.isin(data.pose, [] if check is None else check.pose) & data.seen.any(axis=1)
     count = np.maximum(data.seen[held].sum(axis=1), 1)
@@ -89,7 +89,7 @@ def _badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
     rival = min(rivals, key=lambda name: float((rms[name] ** 2).sum()))
     wrong = any(doubt.name != "prior" for doubt in found.fits.doubts)
     why = "first look at the runs, see the doubt" if wrong else ""
-    own = decide((taken, rms[taken]), (rival, rms[rival]), "run held back", why)
+    own = decide((taken, rms[taken]), (rival, rms[rival]), "run held out", why)
     if own.interval is None and own.factor and own.winner != taken:  # all readings chose it, a few do not
         return replace(own, winner=taken, rival=rival, factor=1 / own.factor)
     return own
@@ -141,7 +141,7 @@ def _residuals(found: Identified, left: Mapping[str, Array]) -> list[Row]:
     return [
         Row(
             run=int(data.run[k]),
-            which_run=f"{data.run[k]}{' (held back)' if held[k] else ''}",
+            which_run=f"{data.run[k]}{' (held out)' if held[k] else ''}",
             pose=int(data.pose[k]),
             held_back=bool(held[k]),
             moved_mm=float(moved[k]),

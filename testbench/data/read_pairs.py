@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.columns import Columns, read_columns
+from testbench.data.columns import Columns, find_columns
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import read_map
@@ -16,8 +16,9 @@ from testbench.data.names import ENTRIES, Slot, columns_of
 from testbench.data.pair import HELD, Paired, pair
 from testbench.data.rows import Conditions, Readings, markers_only, read_conditions, read_readings
 from testbench.data.scatter import read_covariances, read_sigma
-from testbench.data.spool import Campaign, Spool, some, together
-from testbench.data.stream import Source, Whole, alike, in_blocks
+from testbench.data.spool import Campaign, Spool, some
+from testbench.data.stream import Source, Whole, alike, read_source
+from testbench.data.table import table_of
 from testbench.errors import Array, open_file
 
 
@@ -61,7 +62,15 @@ def read_export(path: Path, arm: Arm, mapping: Path | None = None, sigma: float 
     """
     with open_file(path, MAX_BYTES):  # all of it is held
         found = read_campaign(path, arm, mapping, sigma)
-    return found if found.every is None else replace(found, data=together(found.every.spool), every=None)
+    every = found.every
+    return found if every is None else replace(found, data=every.pick(np.arange(every.runs)), every=None)
+
+
+def from_text(text: str, arm: Arm) -> Dataset:
+    """Runs of an arm from what `write.csv_text` made of them."""
+    names = read_map(None, arm)
+    table = table_of(Path("runs"), (text, "utf-8"), lambda name: names.find(name) is not None, names.layout)
+    return runs_of(find_columns(table, names, arm), arm, None).data
 
 
 def read_campaign(path: Path, arm: Arm, mapping: Path | None = None, sigma: float | None = None) -> Export:
@@ -71,8 +80,7 @@ def read_campaign(path: Path, arm: Arm, mapping: Path | None = None, sigma: floa
     def compute(columns: Columns) -> Export:
         return runs_of(columns, arm, sigma)
 
-    source = Source(path, arm, names, _run_column, ("run", "pose", "station"), compute)
-    return in_blocks(source, _gathered) or compute(read_columns(path, names, arm))
+    return read_source(Source(path, arm, names, _run_column, ("run", "pose", "station"), compute), _gathered)
 
 
 def _run_column(columns: Columns) -> list[int]:
@@ -84,7 +92,7 @@ def _run_column(columns: Columns) -> list[int]:
 
 def _gathered(exports: Iterator[Export]) -> Export:
     """All runs in a file of their own, and some."""
-    spool, first = Spool[Dataset](), next(exports)
+    spool, first = Spool(), next(exports)
     run, pose, level = list[Ids](), list[Ids](), list[Array]()
     for export in chain([first], exports):
         data = alike(first.columns.table.path, first.data, export.data)

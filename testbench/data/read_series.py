@@ -3,7 +3,7 @@
 Those of several targets at one time are one row of a series.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.beside import read_temperature, read_time, read_torques
-from testbench.data.columns import Columns, read_columns
+from testbench.data.columns import Columns
 from testbench.data.dataset import Ids
 from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import read_map
@@ -33,8 +33,8 @@ from testbench.data.rows import (
 )
 from testbench.data.scatter import Scatter, read_scatter
 from testbench.data.series import Series, select_rows, series_of
-from testbench.data.spool import Spool, together
-from testbench.data.stream import Source, Whole, alike, in_blocks
+from testbench.data.spool import together
+from testbench.data.stream import Source, Whole, alike, read_source
 from testbench.errors import Array, open_file
 
 ALONE = "target"  #: Name of a file's only target where the arm has several.
@@ -49,18 +49,14 @@ NAMES: tuple[What, ...] = ("series", "station", "series_frame", "series_target")
 class SeriesExport:
     """A file of absolute readings that was read, and how it was understood."""
 
-    series: Sequence[Series]  #: One for every set-up that the file names, or its batches.
+    series: tuple[Series, ...]  #: One for every set-up that the file names.
     columns: Columns  #: Which column says what.
     notes: tuple[str, ...]  #: What was assumed, left out or numbered.
     lost: Ids  #: Lines of rows without a reading, which are left out.
 
 
 def read_series(
-    path: str | Path,
-    arm: Arm,
-    mapping: str | Path | None = None,
-    sigma: float | None = None,
-    sigma_rotation: float | None = None,
+    path: str | Path, arm: Arm, mapping: str | Path | None = None, sigma: float | None = None
 ) -> SeriesExport:
     """Read and check absolute readings of an arm; both readings of a deflection are one each.
 
@@ -69,7 +65,6 @@ def read_series(
         arm: The arm that was measured.
         mapping: A map of its names, TOML; None where it uses ours.
         sigma: Standard deviation of a position along an axis [m], where neither file nor map has one.
-        sigma_rotation: The same of an orientation about an axis [rad].
 
     Returns:
         A series for every set-up that the file names, and what was understood.
@@ -77,38 +72,15 @@ def read_series(
     Raises:
         InputError: Names line and column, or key of the map, and what was expected.
     """
-    with open_file(Path(path), MAX_BYTES):  # all of it is held
-        found = read_batches(path, arm, mapping, sigma, sigma_rotation)
-    if not isinstance(found.series, Spool):
-        return found
-    names = dict.fromkeys(batch.name for batch in found.series)
-    every = [together([batch for batch in found.series if batch.name == name]) for name in names]
-    return replace(found, series=tuple(every))
-
-
-def read_batches(
-    path: str | Path,
-    arm: Arm,
-    mapping: str | Path | None = None,
-    sigma: float | None = None,
-    sigma_rotation: float | None = None,
-) -> SeriesExport:
-    """The same, in batches where the file is large: memory does not grow with its rows.
-
-    `for batch in read_batches(path, arm).series` yields a `Series` of some thousand rows at a time, as often
-    as it is asked, from a file that ends with the process. Batches of one series share its name, frame,
-    target, markers and sigma, and a pose is in one of them: sums over batches are sums over the file. A file
-    below `stream.LEAST` bytes, or one whose rows of a pose stand apart, is one batch a series.
-    """
     path = Path(path)
     names = read_map(None if mapping is None else Path(mapping), arm, series_names)
     arm = replace(arm, markers=names.markers)
 
     def compute(columns: Columns) -> SeriesExport:
-        return series_of_columns(columns, arm, sigma, sigma_rotation)
+        return _series_of_columns(columns, arm, sigma)
 
-    source = Source(path, arm, names, _pose_columns, ("run", "pose"), compute)
-    found = in_blocks(source, _gathered) or compute(read_columns(path, names, arm))
+    with open_file(path, MAX_BYTES):  # all of it is held
+        found = read_source(Source(path, arm, names, _pose_columns, ("run", "pose"), compute), _gathered)
     if not len(found.lost):
         return found
     places = ", ".join(map(str, found.lost[:TOLD].tolist())) + ", ..." * (len(found.lost) > TOLD)
@@ -124,14 +96,15 @@ def _pose_columns(columns: Columns) -> list[int]:
 
 
 def _gathered(exports: Iterator[SeriesExport]) -> SeriesExport:
-    """All batches in a file of their own; a pose has one identifier, and stands in one batch."""
-    spool, first, known = Spool[Series](), dict[str, Series](), 0
+    """All blocks of a file; a pose has one identifier, and stands in one block."""
+    batches, known = dict[str, list[Series]](), 0
     met, lost, notes = dict[str, list[Ids]](), list[Ids](), dict[str, None]()
     for export in exports:
         named = export.columns.get(Slot("pose")) is not None
         for batch in export.series:
-            own = alike(export.columns.table.path, first.setdefault(batch.name, batch), batch)
-            spool.add(replace(own, pose=own.pose + known))
+            every = batches.setdefault(batch.name, [])
+            own = alike(export.columns.table.path, (every or [batch])[0], batch)
+            every.append(replace(own, pose=own.pose + known))
             _, row = np.unique(own.pose, return_index=True)
             met.setdefault(own.name, []).append(own.pose[row] if named else _marks(own.q[row]))
         known += 0 if named else max(int(batch.pose.max()) for batch in export.series)
@@ -140,7 +113,7 @@ def _gathered(exports: Iterator[SeriesExport]) -> SeriesExport:
     if any((np.diff(np.sort(np.concatenate(own))) == 0).any() for own in met.values()):
         raise Whole
     said = (*notes, *([] if named else [f"{POSES}: {known} of them"]))
-    return SeriesExport(spool, export.columns, said, np.concatenate(lost))
+    return SeriesExport(tuple(map(together, batches.values())), export.columns, said, np.concatenate(lost))
 
 
 def _marks(q: Array) -> Ids:
@@ -149,9 +122,7 @@ def _marks(q: Array) -> Ids:
     return digits @ np.random.default_rng(0).integers(2**62, size=q.shape[1])
 
 
-def series_of_columns(
-    columns: Columns, arm: Arm, sigma: float | None, sigma_rotation: float | None
-) -> SeriesExport:
+def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     """The absolute readings in a table of columns that were found."""
     if any(c.slot.when for c in columns.every("reading")):
         return _pairs(columns, arm, sigma)
@@ -165,7 +136,7 @@ def series_of_columns(
     read = read_readings(columns, arm, conditions.loaded)
     if alone:
         _check_alone(columns, conditions, read)
-    scatter = read_scatter(columns, sigma, sigma_rotation)
+    scatter = read_scatter(columns, sigma)
     whole, first, lost, more = _assembled(columns, arm, conditions, read, scatter)
     notes += [*conditions.notes, *scatter.notes, *more]
     if columns.names.frame == "base":

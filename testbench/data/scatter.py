@@ -29,7 +29,7 @@ class Scatter:
     notes: tuple[str, ...]  #: What was assumed.
 
 
-def read_scatter(columns: Columns, sigma: float | None, sigma_rotation: float | None) -> Scatter:
+def read_scatter(columns: Columns, sigma: float | None) -> Scatter:
     """How far positions and orientations scatter, by the file, the map or a flag [m, rad].
 
     Raises:
@@ -38,7 +38,7 @@ def read_scatter(columns: Columns, sigma: float | None, sigma_rotation: float | 
     deviations, notes = _deviations(columns, "deviation", LEAST[0], "m")
     turned, more = _deviations(columns, "turn_deviation", LEAST[1], "rad")
     own, said = read_sigma(columns, 0, sigma, deviations)
-    own_turn, said_turn = read_sigma(columns, 1, sigma_rotation, turned)
+    own_turn, said_turn = read_sigma(columns, 1, None, turned)
     covariance = read_covariances(columns, "spread")
     if covariance is None and deviations is not None:
         filled = np.where(np.isnan(deviations), own[:, None], deviations)

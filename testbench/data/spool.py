@@ -6,7 +6,7 @@ import tempfile
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar, overload
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,22 +19,22 @@ SHOWN = 600  #: Runs that are looked at one by one, evenly out of all.
 Held = TypeVar("Held", Dataset, Series)
 
 
-class Spool(Sequence[Held]):
-    """Blocks of runs, or of absolute readings, in the order in which they were added; for any thread."""
+class Spool:
+    """Blocks of runs in the order in which they were added; for any thread."""
 
     def __init__(self) -> None:
         """An empty one."""
         self._file = tempfile.TemporaryFile(prefix="testbench-runs-")  # noqa: SIM115
         weakref.finalize(self, self._file.close)
         #: Each without a row, and where each of its arrays begins and ends in the file.
-        self._blocks: list[tuple[Held, dict[str, tuple[int, int]]]] = []
+        self._blocks: list[tuple[Dataset, dict[str, tuple[int, int]]]] = []
         self._first = [0]
 
     def __len__(self) -> int:
         """How many blocks there are."""
         return len(self._blocks)
 
-    def add(self, block: Held) -> None:
+    def add(self, block: Dataset) -> None:
         """A block more; BenchError where the disk is full."""
         places: dict[str, tuple[int, int]] = {}
         for name, own in arrays(block).items():
@@ -49,14 +49,8 @@ class Spool(Sequence[Held]):
         self._blocks.append((in_order(block, np.array([], dtype=int)), places))
         self._first.append(self._first[-1] + len(block.q))
 
-    @overload
-    def __getitem__(self, k: int) -> Held: ...
-    @overload
-    def __getitem__(self, k: slice) -> list[Held]: ...
-    def __getitem__(self, k: int | slice) -> Held | list[Held]:
-        """A block as it was added, by its number; or several."""
-        if isinstance(k, slice):
-            return [self[one] for one in range(*k.indices(len(self)))]
+    def __getitem__(self, k: int) -> Dataset:
+        """A block as it was added, by its number."""
         (bare, places), file = self._blocks[k], self._file.fileno()
         found = {
             name: np.load(io.BytesIO(os.pread(file, end - begin, begin)))
@@ -73,7 +67,7 @@ class Spool(Sequence[Held]):
 class Campaign:
     """All runs of a file, block by block; what is held of each is whose it is and what acts."""
 
-    spool: Spool[Dataset]
+    spool: Spool
     run: Ids  #: Identifier of every run, (runs,).
     pose: Ids  #: Of its pose, (runs,).
     level: Array  #: Length of its force and moment, (runs, 2) [N, N m].

@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 
 from testbench.arm.decimal import is_decimal, is_integer
 from testbench.arm.folder import Arm
-from testbench.data.columns import Columns, find_columns
+from testbench.data.columns import Columns, find_columns, read_columns
 from testbench.data.dataset import Dataset, arrays, with_arrays
 from testbench.data.header import cells_in
 from testbench.data.lines import MAX_BYTES, Line, letters
@@ -33,7 +33,6 @@ BLANK = b" ;,|\t\r\n"
 FORM = "expected integers for run and pose, both readings in every row, the rows of a run together, UTF-8"
 
 Read = TypeVar("Read")
-Found = TypeVar("Found")
 
 
 class Whole(Exception):
@@ -57,34 +56,33 @@ class Source(Generic[Read]):
         return self.names.find(name) is not None
 
 
-def in_blocks(source: Source[Read], gather: Callable[[Iterator[Read]], Found]) -> Found | None:
-    """What is gathered from the blocks of a large file; None where it has to be read as a whole.
+def read_source(source: Source[Read], gather: Callable[[Iterator[Read]], Read]) -> Read:
+    """What a file says: gathered from the blocks of a large one, else read as a whole.
 
     Args:
         source: The file.
         gather: Makes one of what the blocks say; may raise `Whole`.
 
     Raises:
-        InputError: Names line and column, and what was expected, of a file too large to be read otherwise.
+        InputError: Names line and column, and what was expected.
     """
     try:
         status = source.path.stat()
+        large = stat.S_ISREG(status.st_mode) and LEAST <= status.st_size <= MOST
     except OSError:
-        return None
-    if not stat.S_ISREG(status.st_mode) or not LEAST <= status.st_size <= MOST:
-        return None
-    try:
-        found = gather(_Reader(source).blocks())
-    except Whole as err:
-        if status.st_size > MAX_BYTES:
-            raise InputError(source.path, "", f"more than {MAX_BYTES} bytes: {FORM}") from err
-        return None
-    except InputError:  # what is wrong in a block may be sound in the whole, as rows sorted by marker
-        if status.st_size > MAX_BYTES:
-            raise
-        return None
-    release()
-    return found
+        large = False
+    if large:
+        try:
+            found = gather(_Reader(source).blocks())
+            release()
+            return found
+        except Whole as err:
+            if status.st_size > MAX_BYTES:
+                raise InputError(source.path, "", f"more than {MAX_BYTES} bytes: {FORM}") from err
+        except InputError:  # what is wrong in a block may be sound in the whole, as rows sorted by marker
+            if status.st_size > MAX_BYTES:
+                raise
+    return source.compute(read_columns(source.path, source.names, source.arm))
 
 
 def alike(path: Path, first: Held, block: Held) -> Held:

@@ -142,11 +142,6 @@ def write_program(
         BenchError: When joints or columns are not one a point.
         InputError: When the program has a column of that name, or the file cannot be written.
     """
-    write_whole(program_text(program, q, more), Path(path))
-
-
-def program_text(program: Program, q: Array, more: Mapping[str, Array | Sequence[str]] | None = None) -> str:
-    """The same as text."""
     table, mark, arm = program.columns.table, program.columns.mark, program.arm
     q, more = check_array(q, (program.points, arm.n_joints), "q [rad, m]"), more or {}
     names = list(table.names)
@@ -170,7 +165,7 @@ def program_text(program: Program, q: Array, more: Mapping[str, Array | Sequence
         cells.append(list(map(as_cell, values)) if words else _numbers(np.asarray(values), mark=mark))
     rows = zip(*cells, strict=True)
     below = [units + [""] * (len(names) - len(units))] * any(units)
-    return _text(names, [*below, *rows], ";" if mark == "," else ",")
+    write_whole(_text(names, [*below, *rows], ";" if mark == "," else ","), Path(path))
 
 
 def _text(header: Iterable[str], rows: Iterable[Iterable[str]], delimiter: str = ",") -> str:

@@ -15,11 +15,11 @@ from testbench.data.series import Series
 from testbench.design.planning import CandidateSet
 from testbench.design.rows import SCALE_UNCERTAINTY, Problem
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.state import State, forward, targets
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
+from testbench.identify.rows import rows_of
 from testbench.model.vjm import chain, translation_rows
 
 BATCH = 250  #: Poses whose rows of all unknowns are in memory at a time.
@@ -89,7 +89,7 @@ def position_rows(union: Union, q: Array) -> Array:
     m = len(union.pose.markers)
 
     def rows(some: Array) -> Array:
-        A = rows_of(union.unknowns, union.state, at(union, some)).A[:m]
+        A = rows_of(union.unknowns, union.state, at(union, some))[:m, :, :-1]
         return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(some), -1, A.shape[2]) @ union.L)
 
     return np.concatenate([rows(some) for some in _batches(q)])
@@ -139,7 +139,7 @@ def _batches(q: Array) -> Iterator[Array]:
 def _whitened(union: Union, q: Array) -> Array:
     """Rows over the root of their covariance, (poses, k, size)."""
     one = union.pose
-    A = rows_of(union.unknowns, union.state, at(union, q)).A
+    A = rows_of(union.unknowns, union.state, at(union, q))[:, :, :-1]
     A = A.transpose(3, 0, 1, 2).reshape(len(q), -1, A.shape[2])
     sigma = np.full((union.loads, A.shape[1] // union.loads), one.sigma)
     sigma[:, 3 * len(one.markers) :] = one.sigma_rotation or one.sigma

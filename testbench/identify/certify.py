@@ -50,26 +50,21 @@ def scaled_units(structure: Structure) -> Array:
     return np.where((index < 6 * structure.links) & (index % 6 < 3), LENGTH, 1.0)
 
 
-def certify(
-    estimate: Estimate, trace_bounds: Array | None = None, *, dual: Dual | None = None
-) -> Certificate:
+def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
     """Bound how far a conservative estimate is from the best one.
 
     Args:
         estimate: Any conservative estimate, from any method.
-        trace_bounds: t_i, bound of the trace of each block in scaled units, (blocks,) [rad/(N m)]; None for
-            `default_trace_bounds`.
         dual: Proof of the bound, such as that of a better estimate; None for the estimate's own gradients,
             which prove much only near an optimum.
 
     Returns:
         How far F_M is at most above its least value, the same of F_M and the trace term, and the traces
-        within which that holds.
+        within which that holds, `default_trace_bounds`.
 
     Raises:
-        BenchError: When the estimate is not conservative (the bound would prove nothing), a trace bound is
-            negative, not finite or missing, or the dual has another shape, is not finite, or has a vector
-            longer than one by more than rounding.
+        BenchError: When the estimate is not conservative (the bound would prove nothing), or the dual has
+            another shape, is not finite, or has a vector longer than one by more than rounding.
     """
     if not estimate.conservative:
         raise BenchError(
@@ -78,7 +73,7 @@ def certify(
         )
     regression = estimate.regression
     dual = gradient_dual(regression, estimate.pi) if dual is None else _checked(regression, dual)
-    return bound(regression, estimate.pi, dual, trace_bounds)
+    return bound(regression, estimate.pi, dual)
 
 
 def _checked(regression: Regression, dual: Dual) -> Dual:
@@ -113,16 +108,11 @@ def gradient_dual(regression: Regression, pi: Array) -> Dual:
 def bound(regression: Regression, pi: Array, dual: Dual, trace_bounds: Array | None = None) -> Certificate:
     """How far a conservative pi, (n,), is at most above the lower bounds of a dual, none longer than one.
 
-    Raises:
-        BenchError: When a trace bound is negative, not finite or missing.
+    `trace_bounds` are t_i, of the trace of each block in scaled units, (blocks,) [rad/(N m)]; None for
+    `default_trace_bounds`.
     """
-    s = regression.structure
-    if trace_bounds is None:
-        t = default_trace_bounds(regression, pi)
-    else:
-        t = check_array(trace_bounds, (len(s.blocks),), "trace_bounds [rad/(N m)]")
-        if (t < 0).any():
-            raise BenchError(f"trace_bounds [rad/(N m)]: expected none below 0, got {t.min():g}")
+    s, t = regression.structure, trace_bounds
+    t = default_trace_bounds(regression, pi) if t is None else t
     g = np.zeros(s.n)
     constant = 0.0
     for term, y, rest in zip(regression.terms, dual.y, dual.y_rest, strict=True):

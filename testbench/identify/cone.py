@@ -45,12 +45,11 @@ class Block:
 
 @dataclass(frozen=True)
 class Rows:
-    """Constraints b - A v in a cone, or in several of one kind."""
+    """Constraints b - A v in a cone."""
 
     kind: Kind  #: Of the cone; "psd" holds svec of a matrix.
-    A: Array | sparse.csc_matrix  #: (rows, n), dense or sparse.
+    A: Array  #: (rows, n).
     b: Array  #: (rows,).
-    each: int = 0  #: Rows of each cone, where there are several; 0 for one cone of all rows.
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Problem:
     cost: Array  #: c, (n,).
     blocks: tuple[Block, ...]  #: The unknowns; their places fill 0 to n - 1.
     rows: tuple[Rows, ...] = ()  #: All constraints but those of the PSD blocks.
-    quadratic: sparse.csc_matrix | None = None  #: P, its upper triangle, (n, n); None for none.
+    quadratic: Array | None = None  #: Diagonal of P, (n,); None for none.
 
 
 @dataclass(frozen=True)
@@ -75,14 +74,9 @@ class Solution:
     seconds: float  #: Time inside the solver.
 
     @property
-    def gap(self) -> float:
-        """Distance between cost and bound."""
-        return abs(self.cost - self.bound)
-
-    @property
     def status(self) -> str:
         """Either "solved", where the cost lies within `GAP` of what the duals prove, or what went wrong."""
-        if self.gap <= GAP * max(1.0, abs(self.cost)):
+        if abs(self.cost - self.bound) <= GAP * max(1.0, abs(self.cost)):
             return "solved"
         return self.failure
 
@@ -94,20 +88,7 @@ class Solution:
 
 def solve(problem: Problem, *, tolerance: float = TOLERANCE) -> Solution:
     """Solve a conic program; a solver that stalls has found what it found, and the status says so."""
-    return _solution(_set_up(problem, _settings(tolerance)), problem)
-
-
-def prepare(problem: Problem, *, tolerance: float = TOLERANCE) -> Callable[[Array], Solution]:
-    """The same program, set up once, as a function of its cost c, (n,); the program's own is not used."""
-    settings = _settings(tolerance)
-    settings.presolve_enable = False  # or the cost could not be changed
-    solver = _set_up(problem, settings)
-
-    def solve_for(cost: Array) -> Solution:
-        solver.update(q=cost)
-        return _solution(solver, problem)
-
-    return solve_for
+    return solved(set_up(problem, settings(tolerance)), problem)
 
 
 def psd_block(first: int, size: int) -> Block:
@@ -131,11 +112,6 @@ def norm_below(column: int, R: Array, z: Array) -> Rows:
     head = np.zeros((1, R.shape[1]))
     head[0, column] = -1
     return Rows("second order", np.vstack([head, R]), np.r_[0.0, z])
-
-
-def norm_within(R: Array, z: Array, radius: float) -> Rows:
-    """|R v - z| <= radius."""
-    return Rows("second order", np.vstack([np.zeros((1, R.shape[1])), R]), np.r_[radius, z])
 
 
 def triangle(size: int) -> int:
@@ -202,48 +178,37 @@ def psd_part(X: Array) -> Array:
     return np.asarray((Q * np.maximum(values, 0)[..., None, :]) @ Q.swapaxes(-1, -2))
 
 
-def _settings(tolerance: float) -> clarabel.DefaultSettings:
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.direct_solve_method = "qdldl"  # a fifth faster here than the default, with the same digits
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-    return settings
+def settings(tolerance: float) -> clarabel.DefaultSettings:
+    """Of Clarabel."""
+    own = clarabel.DefaultSettings()
+    own.verbose = False
+    own.max_threads = 1
+    own.direct_solve_method = "qdldl"  # a fifth faster here than the default, with the same digits
+    own.tol_gap_abs = own.tol_gap_rel = own.tol_feas = tolerance
+    return own
 
 
-def _set_up(problem: Problem, settings: clarabel.DefaultSettings) -> clarabel.DefaultSolver:
-    n = len(problem.cost)
-    P = sparse.csc_matrix((n, n)) if problem.quadratic is None else problem.quadratic
-    entries, b, cones, first = [], [], [], 0
-    for row in problem.rows:
-        entries.append(_entries(row.A, first))
-        b.append(row.b)
-        each = row.each or len(row.b)
-        cones += [CONES[row.kind](each) for _ in range(len(row.b) // each)]
-        first += len(row.b)
+def set_up(problem: Problem, own: clarabel.DefaultSettings) -> clarabel.DefaultSolver:
+    """Clarabel with a program."""
+    n, rows = len(problem.cost), list(problem.rows)
     for block in problem.blocks:
         if block.size:
-            size = triangle(block.size)
-            i, k, value = _entries(np.eye(size) if block.svec is None else block.svec, first)
-            entries.append((i, block.at[k], -value))
-            b.append(np.zeros(size))
-            cones.append(CONES["psd"](size))
-            first += size
-    i, k, value = (np.concatenate(part) for part in zip(*entries, strict=True))
-    A = sparse.csc_matrix((value, (i, k)), shape=(first, n))
-    return clarabel.DefaultSolver(P, problem.cost, A, np.concatenate(b), cones, settings)
+            A = np.zeros((triangle(block.size), n))
+            A[:, block.at] = -np.eye(len(A)) if block.svec is None else -block.svec
+            rows.append(Rows("psd", A, np.zeros(len(A))))
+    P = np.zeros(n) if problem.quadratic is None else problem.quadratic
+    return clarabel.DefaultSolver(
+        sparse.csc_matrix(np.diag(P)),
+        problem.cost,
+        sparse.csc_matrix(np.vstack([row.A for row in rows])),
+        np.concatenate([row.b for row in rows]),
+        [CONES[row.kind](len(row.b)) for row in rows],
+        own,
+    )
 
 
-def _entries(A: Array | sparse.csc_matrix, first: int) -> tuple[Ids, Ids, Array]:
-    """Rows, columns and values of what is not zero, the rows counted on from this one."""
-    if isinstance(A, np.ndarray):
-        i, k = np.nonzero(A)
-        return first + i, k, A[i, k]
-    coo = A.tocoo()
-    return first + np.asarray(coo.row, int), np.asarray(coo.col, int), np.asarray(coo.data, float)
-
-
-def _solution(solver: clarabel.DefaultSolver, problem: Problem) -> Solution:
+def solved(solver: clarabel.DefaultSolver, problem: Problem) -> Solution:
+    """What Clarabel finds of a program that it was set up with."""
     found = solver.solve()
     sizes = [len(row.b) for row in problem.rows] + [triangle(b.size) for b in problem.blocks if b.size]
     ends = np.cumsum(sizes)[:-1]

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy import sparse
 
 from testbench.errors import Array
 from testbench.identify import cone
@@ -24,10 +23,9 @@ from testbench.identify.certify import (
     trace_weight,
 )
 from testbench.identify.estimate import Certificate, Dual, Estimate, make_estimate
-from testbench.identify.interior import TINY, Programs, least_norms
-from testbench.identify.interior import Term as Norm
-from testbench.identify.metric import clipped
-from testbench.identify.regression import Ids, Regression, Term, check_symmetric, f_m
+from testbench.identify.interior import TINY, interior
+from testbench.identify.interior import Program as Norms
+from testbench.identify.regression import Ids, Regression, check_symmetric, f_m
 from testbench.model.structure import Structure
 
 PENALTY_TOLD = 1e-4  #: Share of F_M that the trace term may cost before the advice tells of it.
@@ -41,6 +39,7 @@ what rounding changes in the trace does not.
 """
 EXACT = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
 PROVEN = 1e-9  #: Gap in the unit of F_M up to which the dense answer is taken; most are far nearer.
+SHARES = 0.9, 0.6  #: Shares of the way to the boundary that a step goes, of a first try and of a second one.
 SHARP = 100.0  #: Residuals in their squares, over the unit of F_M: so that squares decide, not the trace.
 UNSEEN_WEIGHT = 1e-3
 """Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
@@ -57,7 +56,16 @@ class Program:
     structure: Structure  #: Those blocks.
     unit: float  #: F_M at C = 0: the unit of F_M [1].
     scale: Array  #: pi[columns] = scale * x, (k,).
-    trace_weight: float  #: Weight of the total trace in scaled units beside F_M [N m/rad].
+    R: Array  #: Of every term of F_M in these units, (terms, n, k).
+    z: Array  #: The same, (terms, n).
+    rest: Array  #: The norm of what no parameter can explain, (terms,).
+    trace: Array  #: The trace term per unit of x, in the unit of F_M, (k,).
+
+    def parameters(self, x: Array, n: int) -> Array:
+        """All parameters, (n,)."""
+        pi = np.zeros(n)
+        pi[self.columns] = self.scale * x
+        return pi
 
 
 @dataclass(frozen=True)
@@ -92,14 +100,14 @@ def optimum(regression: Regression) -> Estimate:
         if better or proof.duality_gap < certificate.duality_gap:
             pi, certificate, reached = other, proof, better
     left = f_m(regression, pi)
-    held = left > EXACT * program.unit and _held(regression, program, pi)
+    cost = trace_weight(regression) * total_trace(regression.structure, pi)
     estimate = make_estimate(regression, pi, method="GCO (conic program)", constraint="psd")
     return replace(
         estimate,
         status="solved" if reached and estimate.conservative else answer.failure,
         certificate=certificate,
         solver_seconds=answer.seconds,
-        held_by_trace_weight=held,
+        held_by_trace_weight=bool(cost > PENALTY_TOLD * left > PENALTY_TOLD * EXACT * program.unit),
     )
 
 
@@ -111,72 +119,57 @@ def _judged(regression: Regression, program: Program, pi: Array, dual: Dual) -> 
 
 
 def by_interior(regression: Regression, program: Program) -> Answer | None:
-    """Our own answer; None where a block is not whole, nothing moves, or the answer is not proven."""
-    s, pi = program.structure, np.zeros(regression.structure.n)
-    if not s.whole or not len(program.columns) or f_m(regression, pi) == 0:
+    """Our own answer; None where a block is not whole, nothing moves, or no answer is proven."""
+    s, n = program.structure, regression.structure.n
+    if not s.whole or not len(program.columns) or f_m(regression, np.zeros(n)) == 0:
         return None
     start, order = time.perf_counter(), s.parameter
     unit = np.where(s.mirrored[order], math.sqrt(0.5), 1.0)  # parameters over svec
-    scale = program.scale[order] * unit
-    norms = tuple(_norm(term, program, scale) for term in regression.terms)
-    sizes = tuple(len(block) for block in s.blocks)
-    x, gap = least_norms(Programs(norms, (trace_cost(program)[order] * unit)[None], sizes), PROVEN)
-    if gap[0] > PROVEN:
-        return None
-    pi[program.columns[order]] = scale * x[0]
-    failure = f"proven to {gap[0]:.1g} of F_M without a model"
-    return Answer(pi, time.perf_counter() - start, failure, gradient_dual(regression, pi))
-
-
-def _norm(term: Term, program: Program, scale: Array) -> Norm:
-    """A term of F_M in coordinates of the blocks, over the unit of F_M, which cancels in its rows."""
-    R = (term.R[:, program.columns[program.structure.parameter]] * (scale / program.unit))[None]
-    rest = np.array([math.sqrt(term.rest) / program.unit])
-    return Norm(R, R.swapaxes(1, 2) @ R, term.z[None] / program.unit, rest)
+    sizes, x = tuple(len(block) for block in s.blocks), np.empty(len(order))
+    norms = Norms(program.R[:, :, order] * unit, program.z, program.rest, program.trace[order] * unit, sizes)
+    for bold in SHARES:
+        x[order] = unit * interior(norms, bold)
+        pi = program.parameters(x, n)
+        dual = gradient_dual(regression, pi)
+        gap = bound(regression, pi, dual).duality_gap / program.unit
+        if gap <= PROVEN:
+            failure = f"proven to {gap:.1g} of F_M without a model"
+            return Answer(pi, time.perf_counter() - start, failure, dual)
+    return None
 
 
 def by_squares(regression: Regression, program: Program) -> Array:
     """Parameters of least squares and trace term: without noise norms have no slope at their optimum."""
-    s, pi = program.structure, np.zeros(regression.structure.n)
-    R = np.vstack([term.R[:, program.columns] * (program.scale / program.unit) for term in regression.terms])
-    z = np.concatenate([term.z for term in regression.terms]) / program.unit
+    s = program.structure
+    R = SHARP * program.R.reshape(-1, len(program.scale))
     k, n = R.shape
     solution = cone.solve(
         cone.Problem(
-            cost=np.r_[np.zeros(k), trace_cost(program)],
+            cost=np.r_[np.zeros(k), program.trace],
             blocks=(cone.free_block(0, k), *psd_blocks(s, k)),
-            rows=(cone.Rows("zero", np.c_[np.eye(k), -SHARP * R], -SHARP * z),),
-            quadratic=sparse.csc_matrix(sparse.block_diag([sparse.eye(k), sparse.csc_matrix((n, n))])),
+            rows=(cone.Rows("zero", np.c_[np.eye(k), -R], -SHARP * program.z.ravel()),),
+            quadratic=np.r_[np.ones(k), np.zeros(n)],
         )
     )
-    pi[program.columns] = program.scale * clip(s, solution.x[k:])
-    return pi
+    return program.parameters(clip(s, solution.x[k:]), regression.structure.n)
 
 
 def by_clarabel(regression: Regression, program: Program) -> Answer:
     """Clarabel's answer and its own proof; where nothing moves, a rigid arm."""
-    s, terms, pi = program.structure, regression.terms, np.zeros(regression.structure.n)
-    if f_m(regression, pi) == 0:
-        return Answer(pi, 0.0, "", gradient_dual(regression, pi))
-    count = len(terms)
-    rows = [term.R[:, program.columns] * (program.scale / program.unit) for term in terms]
+    s, n, count = program.structure, regression.structure.n, len(program.z)
+    if f_m(regression, np.zeros(n)) == 0:
+        return Answer(np.zeros(n), 0.0, "", gradient_dual(regression, np.zeros(n)))
     solution = cone.solve(
         cone.Problem(
-            cost=np.r_[np.ones(count), trace_cost(program)],
+            cost=np.r_[np.ones(count), program.trace],
             blocks=(cone.free_block(0, count), *psd_blocks(s, count)),
-            rows=f_m_norms(terms, rows, program.unit),
+            rows=norms_below(program.R, program.z, program.rest),
         )
     )
-    pi[program.columns] = program.scale * clip(s, solution.x[count:])
+    pi = program.parameters(clip(s, solution.x[count:]), n)
     z = np.array(solution.duals[:count])
     z /= np.maximum(z[:, :1], TINY)  # a dual of the cone: zero where its head is
     return Answer(pi, solution.seconds, solution.failure, shortened(z[:, 1:-1], -z[:, -1]))
-
-
-def _held(regression: Regression, program: Program, pi: Array) -> bool:
-    """Whether the trace term costs so much that only its weight holds unseen compliance."""
-    cost = program.trace_weight * total_trace(regression.structure, pi)
-    return bool(cost > PENALTY_TOLD * f_m(regression, pi))  # which JSON can write
 
 
 def scale_program(regression: Regression) -> Program:
@@ -188,7 +181,17 @@ def scale_program(regression: Regression) -> Program:
     kept = _kept(s, columns.tobytes())
     unit = f_m(regression, np.zeros(s.n)) or 1.0
     scale = sensitivity_units(regression, unit)[columns]
-    return Program(columns, kept, unit, scale, trace_weight(regression))
+    trace = np.where(kept.a == kept.b, scale / scaled_units(kept)[kept.a] ** 2, 0.0)
+    return Program(
+        columns=columns,
+        structure=kept,
+        unit=unit,
+        scale=scale,
+        R=np.array([term.R[:, columns] for term in regression.terms]) * (scale / unit),
+        z=np.array([term.z for term in regression.terms]) / unit,
+        rest=np.sqrt([term.rest for term in regression.terms]) / unit,
+        trace=trace_weight(regression) * trace / unit,
+    )
 
 
 @lru_cache(maxsize=64)
@@ -208,30 +211,26 @@ def sensitivity_units(regression: Regression, unit: float = 1.0) -> Array:
     return np.asarray(unit * d[s.a] * d[s.b])
 
 
-def trace_cost(program: Program) -> Array:
-    """Trace term per unit of x, in the program's unit of F_M, (k,)."""
-    s = program.structure
-    trace = np.where(s.a == s.b, program.scale / scaled_units(s)[s.a] ** 2, 0.0)
-    return np.asarray(program.trace_weight * trace / program.unit)
+def norms_below(R: Array, z: Array, rest: Array) -> tuple[cone.Rows, ...]:
+    """|(R_k x - z_k, rest_k)| <= t_k for every k; the unknowns are all t_k, then x.
 
-
-def f_m_norms(terms: tuple[Term, ...], rows: list[Array], unit: float) -> tuple[cone.Rows, ...]:
-    """|(R x - z, sqrt(rest))| <= t_k for every term of F_M; the unknowns are all t_k, then x.
-
-    `rows` are R of each in units of x over that of F_M, (n, k); `unit` is that of F_M.
+    Args:
+        R: (terms, rows, n).
+        z: (terms, rows).
+        rest: (terms,).
     """
-    count = len(terms)
-    found = []
-    for k, (term, R) in enumerate(zip(terms, rows, strict=True)):
-        A = np.zeros((len(R) + 1, count + R.shape[1]))
-        A[:-1, count:] = R
-        found.append(cone.norm_below(k, A, np.r_[term.z, math.sqrt(term.rest)] / unit))
-    return tuple(found)
+    head = np.zeros((len(R), R.shape[1] + 1, len(R)))
+    body = np.concatenate([R, np.zeros((len(R), 1, R.shape[2]))], axis=1)
+    A, b = np.concatenate([head, body], axis=2), np.c_[z, rest]
+    return tuple(cone.norm_below(k, A[k], b[k]) for k in range(len(R)))
 
 
 def clip(s: Structure, x: Array) -> Array:
     """Parameters with every block's negative eigenvalues set to zero."""
-    return s.entries(clipped(s, s.matrix(x)))
+    X = s.matrix(x)
+    for group in s.groups:
+        X[group.index] = cone.psd_part(X[group.index])
+    return s.entries(X)
 
 
 @lru_cache(maxsize=64)

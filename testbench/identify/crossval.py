@@ -11,17 +11,12 @@ import numpy as np
 
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.errors import Array, BenchError
-from testbench.identify.fold import Parts, reduce_parts
+from testbench.identify.fold import Parts
 from testbench.identify.regression import Regression, f_m
-from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm
 
 FOLDS = 8
 CLEARLY = 2.0  #: Standard errors by which a model must be better to replace another.
 LEVEL_DIGITS = 1  #: Decimals of a force [N] or moment [N m] within which two loads are of one level.
-
-Fits = Callable[[Sequence[Regression]], Array]
-"""Parameters of many datasets of one structure, (datasets, n)."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +38,12 @@ class Candidate:
     @property
     def error(self) -> float:
         """Mean F_M over the poses held out [1]."""
-        return float(self.errors.mean())
+        return paired(self.errors)[0]
 
     @property
     def standard_error(self) -> float:
         """Standard error of that mean [1]."""
-        return float(self.errors.std(ddof=1) / np.sqrt(len(self.errors)))
+        return paired(self.errors)[1]
 
 
 def divided(data: Dataset) -> Ids:
@@ -73,13 +68,6 @@ def parts_of(pose: Ids, level: Array, used: Mask) -> Ids:
     return part
 
 
-def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
-    """The folds of `folds` of the runs with a reading."""
-    part = divided(data)
-    [parts] = reduce_parts(vjm, [structure], data, part)
-    return folds(parts)
-
-
 def folds(parts: Parts) -> list[Fold]:
     """Poses held out, two at least (BenchError), then load levels where there are several; of `parts_of`."""
     some = parts.every
@@ -91,10 +79,21 @@ def folds(parts: Parts) -> list[Fold]:
     return [Fold(kept, parts.together(kept), parts.together(out)) for kept, out in pairs]
 
 
-def held_out_errors(folds: Sequence[Fold], fits: Fits) -> Array:
-    """F_M on the poses held out, fitted to the others, (folds,) [1]."""
+def held_out_errors(folds: Sequence[Fold], fits: Callable[[Sequence[Regression]], Array]) -> Array:
+    """F_M on the poses held out, (folds,) [1], by parameters fitted to the others, (folds, n)."""
     found = fits([fold.fitted for fold in folds])
     return np.array([f_m(fold.held_out, pi) for fold, pi in zip(folds, found, strict=True)])
+
+
+def paired(difference: Array) -> tuple[float, float]:
+    """Mean and its standard error, infinite of one: fold by fold, as some are hard for all models.
+
+    Args:
+        difference: Of two models' errors, or the errors of one, of every fold, (folds,).
+    """
+    n = len(difference)
+    error = float(difference.std(ddof=1) / np.sqrt(n)) if n > 1 else np.inf
+    return float(difference.mean()) if n else 0.0, error
 
 
 @dataclass(frozen=True)
@@ -109,15 +108,9 @@ class Duel:
 def unless_beaten(candidates: Sequence[Candidate], first: str) -> Duel:
     """The first model, unless others predict what is held out better by more than CLEARLY standard errors.
 
-    Then it is the best of them. Errors are compared fold by fold, as a hard pose is hard for all.
+    Then it is the best of them.
     """
     [own] = [c for c in candidates if c.name == first]
-    duels = [_duel(c, own) for c in candidates if c is not own]
+    duels = [Duel(c.name, *paired(c.errors - own.errors)) for c in candidates if c is not own]
     better = [d for d in duels if d.difference < -CLEARLY * d.standard_error]
     return min(better, key=lambda d: d.difference, default=Duel(first, 0.0, 0.0))
-
-
-def _duel(one: Candidate, first: Candidate) -> Duel:
-    difference = one.errors - first.errors
-    error = float(difference.std(ddof=1) / np.sqrt(len(difference)))
-    return Duel(one.name, float(difference.mean()), error)

@@ -1,4 +1,4 @@
-"""Readings boiled down: rows of equations folded by QR into triangular factors, part by part; parts add up.
+"""Readings boiled down: rows [A | y] folded by QR into triangular factors, part by part; parts add up.
 
 A part is what is left out, or kept, together: runs whose pose is of one fold and whose load is of one fold, a
 block of joint space. Memory does not grow with the rows. Two threads share the blocks of a large file, always
@@ -7,26 +7,41 @@ in the same way: sums do not depend on chance.
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Protocol, TypeVar
 
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
 
-from testbench.data.dataset import Dataset, Ids
+from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.data.series import Series, select_rows
 from testbench.errors import Array
+from testbench.identify.absolute.noise import (
+    POSITIONS,
+    Noise,
+    combine,
+    kinds_of,
+    repeated,
+    roots,
+    weights,
+)
+from testbench.identify.absolute.state import State
+from testbench.identify.absolute.unknowns import Unknowns, compliances
 from testbench.identify.regression import Regression, regression_of, term_of, triangle
-from testbench.identify.weighed import check_runs, weigh
+from testbench.identify.robust_loss import READINGS, Loss
+from testbench.identify.rows import pair_rows, rows_of, straight
+from testbench.identify.weighed import check_runs
+from testbench.model.load import Load
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm, parameter_rows
+from testbench.model.vjm import Vjm
 
-BLOCK_RUNS = 384  #: Runs reduced at a time: long enough for LAPACK, short enough for the cache.
-SORTED = 32 * BLOCK_RUNS  #: Runs whose parts are brought together before.
+BLOCK_RUNS = 384  #: Pairs reduced at a time: long enough for LAPACK, short enough for the cache.
+BATCH = 3_000_000  #: Numbers of the equations of absolute readings that are in memory at a time.
 PANEL = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
-TOGETHER = 8  #: Parts that are added up at a time.
 THREADS = 2
 Found = TypeVar("Found")
 
@@ -39,15 +54,30 @@ class Folded:
         self.columns = columns
         #: (columns, columns) each, or all rows where they are fewer.
         self.factors: dict[tuple[int, int], Array] = {}
-        #: Of each the scalar equations, and the squared norm of what no unknown can make.
-        self.sums: defaultdict[tuple[int, int], Array] = defaultdict(lambda: np.zeros(2))
+        self.equations: defaultdict[tuple[int, int], int] = defaultdict(int)  #: Scalar ones of each.
+
+    def take(self, A: Array, kinds: Ids, parts: Ids) -> None:
+        """More readings.
+
+        Args:
+            A: Whitened [A | y], (s, 3, columns, runs).
+            kinds: Of every reading, (s, runs); -1 of those that were lost.
+            parts: Part of every run, (runs,).
+        """
+        lines = A.transpose(2, 1, 0, 3)
+        for part in np.unique(parts).tolist():
+            own = np.where(parts == part, kinds, -1)
+            for kind in np.unique(own[own >= 0]).tolist():
+                some = np.ascontiguousarray(lines[:, :, own == kind].reshape(self.columns, -1))
+                self.equations[kind, part] += some.shape[1]
+                self.add(kind, part, some)
 
     def add(self, kind: int, part: int, lines: Array) -> None:
         """More rows of a part, (columns, rows), whose memory is used up."""
         n, at = self.columns, (kind, part)
-        T = self.factors.get(at)
-        if T is None or len(T) < n:
-            lines = lines if T is None else np.concatenate([T.T, lines], axis=1)
+        T = self.factors.get(at, np.zeros((0, n)))
+        if len(T) < n:
+            lines = np.concatenate([T.T, lines], axis=1)
             if lines.shape[1] < n:
                 self.factors[at] = lines.T
                 return
@@ -55,38 +85,18 @@ class Folded:
         panel = min(PANEL, n)
         self.factors[at] = dtpqrt(0, panel, T, lines.T, overwrite_a=True, overwrite_b=True)[0]
 
-    def merge(self, kind: int, part: int, T: Array) -> None:
-        """The rows of a part elsewhere, by their factor."""
-        n, at = self.columns, (kind, part)
-        own = self.factors.get(at, T[:0])
-        if len(T) < n:
-            self.add(kind, part, T.T.copy())
-        elif len(own) < n:
-            self.factors[at] = T.copy(order="F")
-            if len(own):
-                self.add(kind, part, own.T.copy())
-        else:
-            more = T.copy(order="F")
-            self.factors[at] = dtpqrt(n, min(PANEL, n), own, more, overwrite_a=True, overwrite_b=True)[0]
-
     def join(self, other: "Folded") -> None:
         """The rows of another share."""
         for at, T in other.factors.items():
-            self.merge(*at, T)
-        for at, sums in other.sums.items():
-            self.sums[at] += sums
+            self.add(*at, T.T.copy())
+            self.equations[at] += other.equations[at]
 
     def factor(self, kind: int, parts: Sequence[int], columns: Ids | slice = slice(None)) -> Array:
         """Triangular factor of all rows of some parts, some columns of it, (columns, columns)."""
-        whole, few = Folded(len(np.arange(self.columns)[columns])), []
-        for T in (self.factors[kind, k] for k in parts if (kind, k) in self.factors):
-            if len(T) == self.columns and isinstance(columns, slice):
-                whole.merge(0, 0, T)
-            else:
-                few.append(T[:, columns])
-        for first in range(0, len(few), TOGETHER):
-            whole.add(0, 0, np.vstack(few[first : first + TOGETHER]).T.copy())
-        T = whole.factors.get((0, 0), np.zeros((0, whole.columns)))
+        rows = [self.factors[kind, k][:, columns] for k in parts if (kind, k) in self.factors]
+        whole = Folded(len(np.arange(self.columns)[columns]))
+        whole.add(0, 0, np.vstack([np.zeros((0, whole.columns)), *rows]).T.copy())
+        T = whole.factors[0, 0]
         return T if len(T) == whole.columns else triangle(T)
 
 
@@ -107,9 +117,9 @@ class Parts:
         """The regression of some parts, one at least, or all: rows over sqrt(N), as in F_M, Eq. (19)."""
         terms, some = [], (self.every if parts is None else parts).tolist()
         for kind in sorted({kind for kind, _ in self.folded.factors}):
-            equations, rest = np.sum([self.folded.sums[kind, k] for k in some], axis=0)
+            equations = sum(self.folded.equations[kind, k] for k in some)
             T = self.folded.factor(kind, some, self.columns) / math.sqrt(equations / 3)
-            terms.append(term_of(T, float(rest / (equations / 3)), int(equations)))
+            terms.append(term_of(T, 0.0, equations))
         return regression_of(self.structure, tuple(terms))
 
 
@@ -156,13 +166,17 @@ def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Bloc
     widest = max(structures, key=lambda s: s.n)
     places = [_columns(s, widest) for s in structures]
     own = [widest, *(s for s, place in zip(structures, places, strict=True) if place is None)]
+    unknowns = [compliances(vjm, s) for s in own]
 
     def of(some: Iterable[tuple[Ids | slice, Dataset]]) -> list[Folded]:
         found = [Folded(s.n + 1) for s in own]
         for at, data in some:
             if isinstance(runs, Dataset) or part[at].max() >= 0:
                 check_runs(vjm, data)
-                _add(vjm, list(zip(own, found, strict=True)), data, part[at])
+                for these in batches(part[at], np.arange(data.runs), BLOCK_RUNS):
+                    told = straight(vjm, data.q[these], [Load(data.wrench[these], data.point[these])])
+                    for one, folded in zip(unknowns, found, strict=True):
+                        folded.take(*pair_rows(one, told, data, these), part[at][these])
         return found
 
     if isinstance(runs, Dataset):
@@ -180,34 +194,17 @@ def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Bloc
     ]
 
 
-def _add(vjm: Vjm, found: Sequence[tuple[Structure, Folded]], data: Dataset, part: Ids) -> None:
-    """More runs, and the part of each, (runs,)."""
-    for many in range(0, data.runs, SORTED):
-        order = many + np.argsort(part[many : many + SORTED], kind="stable")
-        order = order[part[order] >= 0]
-        for first in range(0, len(order), BLOCK_RUNS):
-            runs = order[first : first + BLOCK_RUNS]
-            parts, begin = np.unique(part[runs], return_index=True)
-            spans = list(zip(parts.tolist(), pairwise([*begin.tolist(), len(runs)]), strict=True))
-            for kind in range(1 if data.rotation_before is None else 2):
-                _add_kind(vjm, found, (data, runs, spans), kind)
+def batches(part: Ids, pose: Ids, size: int) -> Iterator[Ids]:
+    """Places of rows in batches of about a size, part by part; the rows of a pose are never parted.
 
-
-def _add_kind(
-    vjm: Vjm,
-    found: Sequence[tuple[Structure, Folded]],
-    some: tuple[Dataset, Ids, list[tuple[int, tuple[int, int]]]],
-    kind: int,
-) -> None:
-    """Positions or rotations of some runs, those of a part from one place to another."""
-    data, runs, spans = some
-    read = weigh(vjm, data, runs, rotation=bool(kind))
-    for structure, folded in found:
-        for k, (a, b) in spans:
-            folded.sums[kind, k] += read.equations[a:b].sum(), read.rest[a:b].sum()
-        for A, z in zip(parameter_rows(structure, read.J, read.u), read.z, strict=True):
-            for k, (a, b) in spans:
-                folded.add(kind, k, np.concatenate([A[:, a:b], z[None, a:b]]))
+    Rows of part -1 are left out.
+    """
+    order = np.lexsort((pose, part))
+    order = order[part[order] >= 0]
+    poses = np.append(np.flatnonzero(np.r_[True, np.diff(pose[order]) != 0]), len(order))
+    wanted = np.append(np.arange(0, len(order), size), len(order))
+    for a, b in pairwise(np.unique(poses[np.searchsorted(poses, wanted)]).tolist()):
+        yield order[a:b]
 
 
 def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
@@ -220,3 +217,94 @@ def _columns(structure: Structure, widest: Structure) -> Ids | slice | None:
     if not alike or not place.keys() >= set(pairs):
         return None
     return np.array([*(place[pair] for pair in pairs), widest.n])
+
+
+@dataclass(frozen=True)
+class Part:
+    """The equations of one block of one series."""
+
+    series: int  #: Place of the series.
+    gram: Array  #: Sums of squares of [A | y] of every kind of equations, (kinds, size + 1, size + 1).
+    counts: Array  #: Scalar equations of every kind, (kinds,).
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """All equations of absolute readings."""
+
+    kinds: tuple[int, ...]  #: Kinds of equations that there are, as places of `KINDS`.
+    parts: tuple[Part, ...]  #: In blocks.
+    factors: Mapping[int, Array]  #: Triangular factor of [A | y] of every kind, (size + 1, size + 1).
+
+    @cached_property
+    def gram(self) -> Array:
+        """Of all parts."""
+        return total(self.parts)
+
+    @property
+    def positions(self) -> Mask:
+        """Which kinds are positions, (kinds,)."""
+        return np.isin(self.kinds, POSITIONS)
+
+    @property
+    def counts(self) -> Array:
+        """Of all parts."""
+        return np.asarray(sum(part.counts for part in self.parts))
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where equations are linear, and how they are weighted."""
+
+    unknowns: Unknowns
+    state: State
+    noise: Noise
+    loss: Loss = READINGS  #: By which a reading that is far off pulls less.
+
+
+def reduce_series(at: Point, series: Sequence[Series], blocks: Sequence[Ids] | None = None) -> Reduced:
+    """Fold all rows into triangular factors, those of every series and block by themselves first.
+
+    Args:
+        at: Where equations are linear.
+        series: The readings.
+        blocks: Of joint space, of every row of a series, (rows,) each, the same for all rows of a pose; None
+            for one a series.
+    """
+    blocks = [np.zeros(one.rows, dtype=int) for one in series] if blocks is None else blocks
+    kinds, parts, whole = kinds_of(series), [], Folded(at.unknowns.size + 1)
+    for place, (one, block) in enumerate(zip(series, blocks, strict=True)):
+        numbers = 3 * whole.columns * (len(one.markers) + (one.rotation is not None))
+        for own in np.unique(block):
+            part = Folded(whole.columns)
+            for some in batches(np.where(block == own, 0, -1), one.pose, max(16, BATCH // numbers)):
+                part.take(*equations(at, select_rows(one, some)), np.zeros(len(some), dtype=int))
+            factors = [part.factor(kind, [0]) for kind in kinds]
+            counts = np.array([part.equations[kind, 0] for kind in kinds])
+            parts.append(Part(place, np.array([T.T @ T for T in factors]), counts))
+            whole.join(part)
+    return Reduced(kinds, tuple(parts), {kind: whole.factor(kind, [0]) for kind in kinds})
+
+
+def equations(at: Point, series: Series) -> tuple[Array, Ids]:
+    """Whitened [A | y] of all unknowns, (s, 3, size + 1, rows), and the kind of every equation, (s, rows).
+
+    Rows of a pose are their mean and their differences. Kinds are -1 where nothing was read.
+    """
+    A, rotation = rows_of(at.unknowns, at.state, series), at.state.frame(series).rotation
+    _, pull = weights(series, at.noise, rotation, A[:, :, -1], at.loss)
+    A[:, :, -1] += np.einsum("sxcr,c->sxr", A[:, :, :-1], at.unknowns.current(at.state))
+    groups = repeated(series)
+    A, (W, kinds) = combine(groups, A), roots(series, at.noise, rotation, groups)
+    for group in groups:
+        pull[:, group] = pull[:, group].min(axis=2, keepdims=True)
+    W = W * np.sqrt(pull)[..., None, None]
+    isotropic = series.precision is None
+    A = A * W[:, None, None, :, 0, 0] if isotropic else np.einsum("srxy,sycr->sxcr", W, A)
+    read = np.concatenate([series.seen.T, series.turned[None]])[: len(kinds)]
+    return A, np.where(read, kinds, -1)
+
+
+def total(parts: Sequence[Part]) -> Array:
+    """Sums of squares of several parts, (kinds, size + 1, size + 1)."""
+    return np.asarray(sum(part.gram for part in parts))

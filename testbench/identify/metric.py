@@ -62,19 +62,10 @@ class Metric:
 
     def project(self, x: Array) -> Array:
         """X with the negative eigenvalues of every block, a solver's last digits, set to zero."""
-        s = self.structure
-        row, column = s.triangles
-        X = np.zeros((s.n_theta, s.n_theta))
-        X[row, column] = X[column, row] = x * np.where(row == column, 1, math.sqrt(0.5))
-        return np.asarray(clipped(s, X)[row, column] * np.where(row == column, 1, math.sqrt(2)))
-
-
-def clipped(structure: Structure, X: Array) -> Array:
-    """A matrix with the negative eigenvalues of every block set to zero, (n_theta, n_theta)."""
-    X = X.copy()
-    for group in structure.groups:
-        X[group.index] = cone.psd_part(X[group.index])
-    return X
+        found = x.copy()
+        for at in cone.groups_of(self.sizes):
+            found[at] = cone.svec(cone.psd_part(cone.smat(x[at])))
+        return found
 
 
 @dataclass(frozen=True)
@@ -174,10 +165,8 @@ def rescaled(metric: Metric, regression: Regression) -> Metric:
     Raises:
         BenchError: When the data want a scale that is not above 0.
     """
-    expected = metric.L @ metric.expected
-    weights = [math.sqrt(term.equations / 3) for term in regression.terms]
-    moved = np.concatenate([w * term.R @ expected for w, term in zip(weights, regression.terms, strict=True)])
-    y = np.concatenate([w * term.z for w, term in zip(weights, regression.terms, strict=True)])
+    A, y = whitened(regression, metric)
+    moved = A @ metric.expected
     size = float(moved @ moved)
     scale = float(moved @ y) / size if size > 0 else 1.0
     if not scale > 0:

@@ -10,17 +10,13 @@ left, were all else known, it hides: behind what, once known, would take most of
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array
 from testbench.identify.posterior import conditional
 from testbench.identify.regression import RANK_TOLERANCE, ROUNDING
-
-Ids = npt.NDArray[np.int_]
-Mask = npt.NDArray[np.bool_]
 
 SHARE = 0.15
 """A parameter takes part in a direction if it changes by this share of the one that changes most."""
@@ -173,13 +169,27 @@ def hidden(
     Returns:
         Each once: of those that hide behind each other the most open.
     """
+    H, names = np.vstack([one.H for one in quantities]) @ L, [one.name for one in quantities]
+    ends = np.cumsum([len(one.H) for one in quantities])
+    parts = [np.arange(end - len(one.H), end) for end, one in zip(ends, quantities, strict=True)]
     pins = PINNED * never @ never.T
+    K = H @ _covariance(M + pins) @ H.T
     after = [_covariance(M + extra + pins) for extra in further]
-    view = _View(quantities, L, M, _covariance(M + pins), never, after)
-    found = [view.look(k) for k, one in enumerate(quantities) if one.own]
+    found = []
+    for k, (one, at) in enumerate(zip(quantities, parts, strict=True)):
+        unit = _unit(H[at], never)
+        if not one.own or not len(unit) or (share := _mean(unit, K[np.ix_(at, at)])) < OPEN:
+            continue
+        helps, hides = _helps(unit @ H[at], after, share), _alone(one.H, L, M) < HIDES * share
+        behind, rest = _behind(K, parts, k, unit) if hides else ([], share)
+        if rest > HIDES * share:
+            found.append(Hidden(one.name, share=share, helps=helps))
+        else:
+            correlation = float(np.sqrt(max(0.0, 1 - rest / share)))
+            found.append(Hidden(one.name, tuple(names[i] for i in behind), share, correlation, helps))
     kept: dict[object, Hidden] = {}
-    for one in sorted((one for one in found if one), key=lambda one: (not one.behind, -one.share)):
-        kept.setdefault(frozenset((one.name, *one.behind)) if one.behind else one.name, one)
+    for left in sorted(found, key=lambda left: (not left.behind, -left.share)):
+        kept.setdefault(frozenset((left.name, *left.behind)) if left.behind else left.name, left)
     return tuple(kept.values())
 
 
@@ -187,85 +197,43 @@ def _covariance(M: Array) -> Array:
     return np.asarray(np.linalg.inv(np.eye(len(M)) + M))
 
 
-@dataclass(frozen=True)
-class _View:
-    """Unknowns in units of the prior, as the readings show them."""
+def _unit(H: Array, never: Array) -> Array:
+    """Combinations of a quantity's numbers of unit prior variance beside structural directions."""
+    free = H - (H @ never) @ never.T
+    values, V = np.linalg.eigh(free @ free.T)
+    own = values > FLAT * np.square(H).sum() / len(H)
+    return np.asarray((V[:, own] / np.sqrt(values[own])).T)
 
-    every: Sequence[Quantity]
-    L: Array  #: Unknowns per unit, (size, size).
-    M: Array  #: Information of the readings.
-    S: Array  #: Covariance after them, structural directions known.
-    never: Array  #: Those, orthonormal, (size, k).
-    after: Sequence[Array]  #: S after each joint was turned, and after all were; empty where not tried.
 
-    @cached_property
-    def parts(self) -> list[slice]:
-        """Rows of every quantity in `H`."""
-        ends = np.cumsum([len(one.H) for one in self.every]).tolist()
-        return [slice(end - len(one.H), end) for end, one in zip(ends, self.every, strict=True)]
+def _alone(H: Array, L: Array, M: Array) -> float:
+    """Share of a quantity's prior variance left, were all else known."""
+    move = np.linalg.solve(L + np.diag(np.where(np.diag(L) > 0, 0.0, 1.0)), H.T)
+    left, before = np.linalg.inv(move.T @ move + move.T @ M @ move), (H @ L) @ (H @ L).T
+    return float(np.trace(np.linalg.solve(before, left)) / len(H))
 
-    @cached_property
-    def H(self) -> Array:
-        """All quantities per unit."""
-        return np.vstack([one.H for one in self.every]) @ self.L
 
-    @cached_property
-    def K(self) -> Array:
-        """Their covariance after the readings."""
-        return self.H @ self.S @ self.H.T
+def _behind(K: Array, parts: Sequence[Ids], k: int, unit: Array) -> tuple[list[int], float]:
+    """What takes most away of quantity k, once known, and the share left then."""
+    found: list[int] = []
+    share = first = _mean(unit, K[np.ix_(parts[k], parts[k])])
+    while len(found) < MOST and share > (1 - ENOUGH) * first:
+        others = [i for i in range(len(parts)) if i != k and i not in found]
+        known = [np.concatenate([parts[j] for j in (*found, i)]) for i in others]
+        rest = [_mean(unit, conditional(K, parts[k], at)) for at in known]
+        best = int(np.argmin(rest))
+        found, share = [*found, others[best]], rest[best]
+    return found, share
 
-    def look(self, k: int) -> Hidden | None:
-        """What there is to say of a quantity, None if it is known."""
-        name, own, unit = self.every[k].name, self.parts[k], self._unit(k)
-        if not len(unit) or (share := _mean(unit, self.K[own, own])) < OPEN:
-            return None
-        helps = self._helps(unit @ self.H[own], share)
-        behind, rest = self._behind(k, unit) if self._alone(k) < HIDES * share else ((), share)
-        if rest > HIDES * share:
-            return Hidden(name, share=share, helps=helps)
-        return Hidden(name, behind, share, float(np.sqrt(max(0.0, 1 - rest / share))), helps)
 
-    def _unit(self, k: int) -> Array:
-        """Combinations of a quantity's numbers of unit prior variance beside structural directions."""
-        H = self.H[self.parts[k]]
-        free = H - (H @ self.never) @ self.never.T
-        values, V = np.linalg.eigh(free @ free.T)
-        own = values > FLAT * np.square(H).sum() / len(H)
-        return np.asarray((V[:, own] / np.sqrt(values[own])).T)
-
-    def _alone(self, k: int) -> float:
-        """Share of its prior variance left, were all else known."""
-        off = np.diag(np.where(np.diag(self.L) > 0, 0.0, 1.0))
-        H, move = self.H[self.parts[k]], np.linalg.solve(self.L + off, self.every[k].H.T)
-        left = np.linalg.inv(move.T @ move + move.T @ self.M @ move)
-        return float(np.trace(np.linalg.solve(H @ H.T, left)) / len(H))
-
-    def _behind(self, k: int, unit: Array) -> tuple[tuple[str, ...], float]:
-        """What takes most away, once known, and the share left then."""
-        rows = np.arange(len(self.H))
-
-        def left(known: list[int]) -> float:
-            at = np.concatenate([rows[self.parts[i]] for i in known])
-            return _mean(unit, conditional(self.K, rows[self.parts[k]], at))
-
-        found: list[int] = []
-        share = first = _mean(unit, self.K[self.parts[k], self.parts[k]])
-        while len(found) < MOST and share > (1 - ENOUGH) * first:
-            others = [i for i in range(len(self.every)) if i != k and i not in found]
-            rest = [left([*found, i]) for i in others]
-            best = int(np.argmin(rest))
-            found, share = [*found, others[best]], rest[best]
-        return tuple(self.every[i].name for i in found), share
-
-    def _helps(self, H: Array, share: float) -> int | None:
-        """Which joint to turn, by numbers of unit prior variance (k, size)."""
-        if not self.after:
-            return None
-        *each, everywhere = (float((H @ S * H).sum() / len(H)) for S in self.after)
-        best = int(np.argmin(each))
-        if each[best] < HELPS * share:
-            return best
-        return len(each) if everywhere < HELPS * share else -1
+def _helps(H: Array, after: Sequence[Array], share: float) -> int | None:
+    """Which joint to turn, by numbers of unit prior variance (k, size)."""
+    if not after:
+        return None
+    *each, everywhere = (float((H @ S * H).sum() / len(H)) for S in after)
+    best = int(np.argmin(each))
+    if each[best] < HELPS * share:
+        return best
+    return len(each) if everywhere < HELPS * share else -1
 
 
 def _mean(unit: Array, K: Array) -> float:

@@ -139,6 +139,15 @@ def tool_points(vjm: Vjm, q: Array, points: Array) -> Array:
     return np.asarray(position[:, None] + points @ rotation.transpose(0, 2, 1))
 
 
+def marker_points(vjm: Vjm, names: tuple[str, ...]) -> Array:
+    """Positions of these markers in the tool's frame, (m, 3) [m]; BenchError when the arm lacks one."""
+    have = vjm.arm.markers
+    for name in names:
+        if name not in have:
+            raise BenchError(f"no marker {name!r} in {vjm.arm.name}; markers are {', '.join(have)}")
+    return vjm.markers[[have.index(name) for name in names]]
+
+
 def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
     """Poses of the links' bodies from the base on and of the tool, each as of `tool_pose`, theta zero."""
     q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")
@@ -211,12 +220,6 @@ def translation_rows(where: Chain, points: Array) -> Array:
     v, omega = where.J_theta[:3], where.J_theta[3:]
     arms = [(where.rotation @ point).T[:, None] for point in points]
     return np.concatenate([v + cross(omega, arm) for arm in arms])
-
-
-def twist_rows(where: Chain) -> Array:
-    """J_theta at the tool's origin in the tool's own axes, (6, n_theta, runs) [1, m]."""
-    parts = where.J_theta[:3], where.J_theta[3:]
-    return np.concatenate([np.einsum("rxy,xtr->ytr", where.rotation, part) for part in parts])
 
 
 def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:

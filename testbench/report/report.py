@@ -16,7 +16,7 @@ from testbench.report.badge import Badge
 from testbench.report.table import DRAWN, SPREAD, Row, plain, rows
 from testbench.trials.spread import Spread, middle
 from testbench.views.colours import Look
-from testbench.views.gains import less, more, ratio
+from testbench.views.gains import less, more, ratio, share
 from testbench.views.markdown import MOST, Markdown, as_markdown, counted, ended, grid, listed, place
 from testbench.views.schema import Column, Table, looks, show, show_truth, written_out
 
@@ -26,6 +26,7 @@ FORMS = {
     "less": less,
     "more": more,
     "ratio": ratio,
+    "share": share,
     "place": place,
     "counted": counted,
 }
@@ -38,7 +39,8 @@ OWN = ("scenario", "badge", "said", "tables")  #: Keys of report.json that are n
 class _Sentence(Formatter):
     """{x:.3f} is a number with its spread, {x:~.3f} its median, {gain:less} a ratio; words are escaped.
 
-    {n:counted pose} is such as "1 pose" or "5,132 poses".
+    {n:counted pose} is such as "1 pose" or "5,132 poses", {won:share 100} a share of 100 trials
+    with its interval.
     """
 
     def format_field(self, value: Any, spec: str) -> str:

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.campaign.campaign import Cell, Setup, settle_both
-from testbench.campaign.evaluation import Runs, dataset_of
 from testbench.campaign.rows import MM
 from testbench.data.dataset import Dataset, in_order, split
+from testbench.data.read_pairs import from_text
 from testbench.data.write import write_csv
 from testbench.errors import Array
 from testbench.plant.shapes import elastic_frames, origins, rigid_frames
@@ -89,22 +89,20 @@ def amid_errors(
     return Seen(scene=Scene(cell, f"Errors x {scale:g}.", [drawn]), runs=[chart])
 
 
-def runs_of(cell: Cell, setup: Setup, first: Trials) -> tuple[Dataset, Dataset]:
+def runs_of(cell: Cell, first: Trials) -> tuple[Dataset, Dataset]:
     """All measured runs of the first seed, and the true ones that models are judged by.
 
     Args:
         cell: The arm.
-        setup: Sigmas of its readings.
         first: Rows of the seed, that of the first model first.
     """
-    kinds = [first.inside("drawn").inside(kind).columns.items() for kind in ("measured", "over")]
-    rows = [Runs(**{name: cells[0] for name, cells in own}) for own in kinds]
-    return dataset_of(cell, setup, rows[0]), dataset_of(cell, setup, rows[1])
+    own = first.inside("drawn")
+    return from_text(own["measured"][0], cell.arm), from_text(own["over"][0], cell.arm)
 
 
-def write_runs(run: AnyRun, cell: Cell, setup: Setup, poses: int | None = None) -> None:
+def write_runs(run: AnyRun, cell: Cell, poses: int | None = None) -> None:
     """dataset.csv of the first seed; of the first so many poses alone, None for all."""
-    measured, _ = runs_of(cell, setup, run.first)
+    measured, _ = runs_of(cell, run.first)
     own = measured if poses is None else split(measured, np.arange(poses) + 1)[0]
     write_csv(own, cell.arm, run.folder / "dataset.csv")
 
@@ -126,7 +124,7 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> See
         {name: -np.reshape(first[key][names.index(name)], (-1, len(cell.arm.markers), 3)) for name in shown}
         for key in ("drawn.wrong_m", "drawn.residuals_m")
     )
-    measured, over = runs_of(cell, setup, first)
+    measured, over = runs_of(cell, first)
     order = np.array([over.run.tolist().index(run) for run in f.map.run])
     over, wrong = in_order(over, order), {name: own[order] for name, own in wrong.items()}
     places = [f"Place {k} of {over.runs}" for k in range(1, over.runs + 1)]

@@ -1,9 +1,12 @@
-"""How much less one model errs than another, and in words: 8.6 times smaller (3.0 to 20 in 90 %).
+"""How much less one model errs than another: 8.6 times smaller (median 7.1 to 9.9; 3.0 to 20 in 90 %).
 
-Of fewer than 20 trials the range is said, with their number: 8.6 times smaller (3.0 to 20 in 3 seeds). Where
-trials differ in which is better, the interval of the median decides whether there is a clear difference.
+First the 95 % interval of the median, then 5 to 95 % of the trials. Of fewer than 20 trials the range is
+said, with their number: 8.6 times smaller (3.0 to 20 in 3 seeds). Where trials differ in which is better, the
+interval of the median decides whether there is a clear difference. A share has its interval by Wilson:
+79 % (70 to 86 %).
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -15,6 +18,7 @@ from testbench.views.schema import ALIKE
 UNITS = {"mm": (1.0, ".3f"), "um": (1000.0, ".0f")}
 """So many times a number in mm, and its format, by unit."""
 SMALL = 0.04  #: Width of the ratios' spread that is not worth saying.
+Z95 = 1.959964  #: Of the normal distribution, 97.5 %.
 
 
 @dataclass(frozen=True)
@@ -61,8 +65,8 @@ def less(gain: Gain, each: str = "") -> str:
 
     Args:
         gain: Both.
-        each: What a trial is, such as "seed", where it is to be said that the ratio is that of each, and
-            how far it spreads where neither is better.
+        each: What a trial is, such as "seed", where it is to be said what the spread is of, and how far it
+            spreads where neither is better.
     """
     return _words(gain, gain.times, gain.interval, each)
 
@@ -88,19 +92,49 @@ def beside(gains: Mapping[str, Gain | None], unit: str = "mm") -> str:
 def _words(gain: Gain, times: Number, interval: tuple[float, float] | None, each: str) -> str:
     """Of an error, by what it is smaller."""
     (low, high), size, trials = ends(times), middle(times), gain.trials
-    within = (f" in {trials} {each}s" if trials < ENOUGH else " in 90 %") if each else ""
-    both = f"{ratio(low)} to {ratio(high)} times{within}" if low < 1 < high else ""
+    of = (f" in {trials} {each}s" if trials < ENOUGH else " in 90 %") if each else ""
+    differ = low < 1 < high
+    inside, within = interval or (size, size), (low, high)
     if gain.tie:
-        return f"no clear difference{f' ({both})' if both and each and high - low > SMALL else ''}"
-    side, value, between = "smaller", size, interval if both and interval else (low, high)
+        spread = f"{_range(within)} times{of}" if differ and each and high - low > SMALL else ""
+        return f"no clear difference{_bracketed(_median(inside), spread) if spread else ''}"
+    side = "smaller"
     if size < 1:
-        side, value, between = "larger", 1 / size, (1 / between[1], 1 / between[0])
-    ends_shown = [ratio(end) for end in between]
-    spread = "" if ends_shown[0] == ends_shown[1] else " to ".join(ends_shown)
-    if both:
-        return f"{ratio(value)} times {side} ({f'median {spread}; ' if spread else ''}{both})"
-    by = f"{each} by {each} " if each and spread and trials >= ENOUGH else ""
-    return f"{by}{ratio(value)} times {side}{f' ({spread}{within})' if spread else ''}"
+        side, size, inside = "larger", 1 / size, (1 / inside[1], 1 / inside[0])
+        within = within if differ else (1 / high, 1 / low)
+    spread = (
+        f"{_range(within)}{' times' if differ else ''}{of}" if ratio(within[0]) != ratio(within[1]) else ""
+    )
+    return f"{ratio(size)} times {side}{_bracketed(_median(inside), spread)}"
+
+
+def _range(both: tuple[float, float]) -> str:
+    return " to ".join(map(ratio, both))
+
+
+def _median(interval: tuple[float, float]) -> str:
+    """Its interval; empty where both ends look the same."""
+    return f"median {_range(interval)}" if ratio(interval[0]) != ratio(interval[1]) else ""
+
+
+def _bracketed(*texts: str) -> str:
+    """Behind a number."""
+    shown = "; ".join(filter(None, texts))
+    return f" ({shown})" if shown else ""
+
+
+def wilson(share: float, n: int) -> tuple[float, float]:
+    """95 % interval of a share of n independent trials, by the score test (E. B. Wilson, 1927)."""
+    z2 = Z95**2
+    middle, half = share + z2 / (2 * n), Z95 * math.sqrt(share * (1 - share) / n + z2 / (4 * n**2))
+    return max((middle - half) / (1 + z2 / n), 0.0), min((middle + half) / (1 + z2 / n), 1.0)
+
+
+def share(value: float, trials: str) -> str:
+    """A share of so many independent trials, with its interval: 79 % (70 to 86 %)."""
+    low, high = wilson(float(value), int(trials))
+    form = ".0f" if value in (0, 1) or 0.01 <= value <= 0.99 else ".1f"
+    return f"{100 * value:{form}} % ({100 * low:{form}} to {100 * high:{form}} %)"
 
 
 def ratio(value: float) -> str:

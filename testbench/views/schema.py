@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, runtime_checkable
 
 from testbench.identify import Constraint
@@ -107,6 +107,18 @@ class Table:
     def marks(self, row: object) -> bool:
         """Whether it is marked in every view."""
         return bool(self.bold and self.columns) and self.columns[0].cell(row) == self.bold
+
+
+SHOWN = 6  #: Columns that a terminal or a study's page has room for.
+
+
+def narrowed(table: Table, most: int = SHOWN) -> Table:
+    """A table of at most so many columns: the first ones, and that of which the answer speaks."""
+    first, *others = table.columns
+    answer = table.headline or table.columns[-1].key
+    keep = [c for c in others if c.key == answer]
+    keep += [c for c in others if c not in keep][: most - 1 - len(keep)]
+    return replace(table, columns=(first, *(c for c in others if c in keep)))
 
 
 def brackets(table: Table) -> str:

@@ -13,6 +13,7 @@ from testbench.arm.folder import load_arm
 from testbench.campaign.arm_check import check
 from testbench.cli.program import program
 from testbench.model.vjm import body_poses
+from testbench.plant import build_room, collisions
 
 STRANGERS = light_urdf, heavy_urdf, classes_mjcf, mounted_mjcf, sliding_mjcf
 FUZZED = 25
@@ -78,6 +79,21 @@ def test_rods_that_follow_a_joint_do_not_cut_the_wrist_off_and_touch_nothing(tmp
     assert new(tmp_path / "bare", "--from", tmp_path / "heavy.urdf", "--payload-kg", 300).returncode == 0
     mine, bare = ((tmp_path / name / "elastic.toml").read_text() for name in ("mine", "bare"))
     assert mine.replace(f"'{flange}'", "'tool0'") == bare
+
+
+def test_rods_hinder_no_pose_of_a_robot_that_states_no_collision_shapes(tmp_path):
+    """Hulls of what is drawn collide there: those of rods, which stand where the arm goes, do not."""
+    files = with_rods(tmp_path, "tool0"), tmp_path / "heavy.urdf"
+    rooms = []
+    for file in files:
+        file.write_text(re.sub("<collision>.*?</collision>", "", file.read_text(), flags=re.DOTALL))
+        assert new(tmp_path / file.stem, "--from", file, "--payload-kg", 300).returncode == 0
+        rooms.append(build_room(load_arm(tmp_path / file.stem)))
+    lower, upper = rooms[0].arm.limits
+    q = np.random.default_rng(0).uniform(lower, upper, (50, 6))
+    mine, bare = (collisions(room, q) for room in rooms)
+    assert mine == bare
+    assert None in bare
 
 
 @pytest.mark.parametrize("limits", ['effort="0" velocity="2"', 'effort="0" velocity="0"', ""])

@@ -147,9 +147,9 @@ ARMS: dict[str, tuple[Spoil, str]] = {
     "STL as text": (mesh("a.stl", holds("solid a\nendsolid a\n" * 9)), "expected binary STL"),
     "a polygon without end": (
         mesh("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 500}\n")),
-        "up to 256 corners",
+        "at most 256 corners of a face",
     ),
-    "a line without end": (mesh("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 10**6}\n")), "expected lines of up to"),
+    "a line without end": (mesh("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 10**6}\n")), "bytes in a line"),
     "a million vertices": (mesh("a.obj", holds(OBJ * 200_000 + "f 1 2 3\n")), "at most 600000 vertices"),
     "vertices of 1e308 m": (
         mesh("a.obj", holds(f"{OBJ}v 1e308 0 0\nf 1 2 3\n")),

@@ -1,7 +1,6 @@
 """Numbers that only Python reads, or that no arm can have: in MJCF, URDF, TOML, tables and flags alike."""
 
-from collections.abc import Iterable
-from pathlib import Path
+import re
 
 import pytest
 
@@ -16,75 +15,79 @@ ODD = {
     "beyond": "1e308",
 }
 """What Python's int or float reads, or another program reads otherwise."""
+OF_TOML = ("Arabic", "hex float", "infinite", "none", "beyond")  #: It has its own underscores and hex.
+SOME = ("Arabic", "hex float", "beyond")
 
 
-URDF = {
-    "mass of a link": ('value="9"', 'value="{}"', "<mass>: value"),
-    "place of a joint": ('xyz="0 0 0.3"', 'xyz="0 0 {}"', "<origin>: xyz"),
-    "size of a box": ('size="0.1 0.1 0.2"', 'size="{} 0.1 0.2"', "<box>: size"),
-}
+def text(file, pattern):
+    """Another number in a text, at the first place of a pattern."""
+
+    def spoil(lab, odd):
+        old = (lab / file).read_text()
+        new = re.sub(pattern, odd, old, count=1)
+        assert new != old, pattern
+        (lab / file).write_text(new)
+
+    return spoil
 
 
-def crossed(places: Iterable[str]) -> list[tuple[str, str]]:
-    """The first place with every odd number, every other place with one of them."""
-    first, *others = places
-    names = list(ODD)
-    return [(first, odd) for odd in ODD] + [(other, names[k % len(names)]) for k, other in enumerate(others)]
+def cell(file, column):
+    """Another number in the first row of a table."""
+
+    def spoil(lab, odd):
+        head, first, *rest = (lab / file).read_text().splitlines()
+        cells = first.split(",")
+        cells[head.split(",").index(column) if column else 0] = odd
+        (lab / file).write_text("\n".join([head, ",".join(cells), *rest]))
+
+    return spoil
 
 
-def swap(file: Path, old: str, new: str) -> None:
-    text = file.read_text()
-    assert old in text, old
-    file.write_text(text.replace(old, new, 1))
+def mapped(lab, odd):
+    (lab / "map.toml").write_text(f"[values]\nsigma_um = {odd}\n")
 
 
+XML, TOML, ROBOT, DATA = "arm/rigid.xml", "arm/elastic.toml", "robot.urdf", "data.csv"
+CHECK, NEW, READ = "check arm", "new robot --from robot.urdf", "data check arm data.csv"
 PLACES = {
-    "size of a geom": ("arm/rigid.xml", 'size="0.0675"', 'size="{}"', "<geom>: size"),
-    "place of a body": ("arm/rigid.xml", 'pos="0 0 0.7"', 'pos="0 0 {}"', "<body name='link_1'>: pos"),
-    "mass of a link": ("arm/rigid.xml", 'mass="30"', 'mass="{}"', "<inertial>: mass"),
-    "limit of a joint": (
-        "arm/rigid.xml",
-        'range="-2.4 0.5"',
-        'range="-2.4 {}"',
-        "<joint name='joint_2'>: range",
-    ),
-    "gravity": ("arm/rigid.xml", "0 0 -9.81", "0 0 {}", "<option>: gravity"),
+    "size of a geom": (text(XML, '(?<=size=")0.0675(?=")'), CHECK, "rigid.xml: line ", "<geom>: size"),
+    "place of a body": (text(XML, '(?<=pos="0 0 )0.7(?=")'), CHECK, "rigid.xml: line ", "'link_1'>: pos"),
+    "mass of a link": (text(XML, '(?<=mass=")30(?=")'), CHECK, "rigid.xml: line ", "<inertial>: mass"),
+    "limit of a joint": (text(XML, '(?<="-2.4 )0.5(?=")'), CHECK, "rigid.xml: line ", "'joint_2'>: range"),
+    "gravity": (text(XML, "(?<=0 0 )-9.81"), CHECK, "rigid.xml: line ", "<option>: gravity"),
+    "mass of a robot's link": (text(ROBOT, '(?<=value=")9(?=")'), NEW, "robot.urdf", "<mass>: value"),
+    "place of a robot's joint": (text(ROBOT, '(?<="0 0 )0.3(?=")'), NEW, "robot.urdf", "<origin>: xyz"),
+    "size of a robot's box": (text(ROBOT, '(?<=size=")0.1'), NEW, "robot.urdf", "<box>: size"),
+    "diameter": (text(TOML, r"(?<=outer_diameter = \{ value = )[^,]+"), CHECK, "elastic.toml"),
+    "place of a target": (cell(DATA, "before_x_m"), READ, DATA),
+    "run": (cell(DATA, "run"), READ, DATA),
+    "joint": (cell(DATA, "joint_1_rad"), READ, DATA),
+    "force": (cell(DATA, "force_z_N"), READ, DATA),
+    "sigma": (cell(DATA, "sigma_m"), READ, DATA),
+    "task": (cell("tasks.csv", ""), "plan arm --task tasks.csv --poses 4", "tasks.csv: line 2"),
+    "map": (mapped, f"{READ} --map map.toml", "map.toml"),
+    "flag": (lambda lab, odd: None, "plan arm --task tasks.csv --tracker 4,-1,{}", "--tracker"),
 }
+EVERY = {"size of a geom": ODD, "mass of a robot's link": ODD, "place of a target": ODD}
+EVERY |= {
+    "run": ("Arabic", "underscore"),
+    "diameter": OF_TOML,
+    "task": SOME,
+    "map": SOME,
+    "flag": SOME,
+    "force": ("hex", "beyond"),
+}
+"""Places where several odd numbers are tried; of the others each has one of them."""
+CROSSED = [
+    (place, odd) for k, place in enumerate(PLACES) for odd in EVERY.get(place, [list(ODD)[k % len(ODD)]])
+]
 
 
-@pytest.mark.parametrize(("place", "odd"), crossed(PLACES))
-def test_in_mjcf(attack, lab, place, odd):
-    file, old, new, said = PLACES[place]
-    swap(lab / file, old, new.format(ODD[odd]))
-    attack(lab, "check", "arm").refused("rigid.xml: line ", said)
-
-
-@pytest.mark.parametrize(("place", "odd"), crossed(URDF))
-def test_in_urdf(attack, lab, place, odd):
-    old, new, said = URDF[place]
-    swap(lab / "robot.urdf", old, new.format(ODD[odd]))
-    attack(lab, "new", "robot", "--from", "robot.urdf").refused("robot.urdf", said)
-
-
-@pytest.mark.parametrize("odd", ["Arabic", "hex float", "infinite", "none", "beyond"])
-def test_in_toml_which_has_its_own_underscores_and_hex(attack, lab, odd):
-    text = (lab / "arm/elastic.toml").read_text()
-    at = text.index("outer_diameter")
-    value = text[text.index("value = ", at) :].split(",")[0]
-    swap(lab / "arm/elastic.toml", value, f"value = {ODD[odd]}")
-    attack(lab, "check", "arm").refused("elastic.toml")
-
-
-COLUMNS = ("before_x_m", "run", "joint_1_rad", "force_z_N", "sigma_m")
-
-
-@pytest.mark.parametrize(("column", "odd"), [*crossed(COLUMNS), ("force_z_N", "beyond")])
-def test_in_readings(attack, lab, column, odd):
-    head, first, *rest = (lab / "data.csv").read_text().splitlines()
-    cells = first.split(",")
-    cells[head.split(",").index(column)] = ODD[odd]
-    (lab / "data.csv").write_text("\n".join([head, ",".join(cells), *rest]))
-    attack(lab, "data", "check", "arm", "data.csv").refused("data.csv")
+@pytest.mark.parametrize(("place", "odd"), CROSSED)
+def test_an_odd_number_is_refused_where_it_stands(attack, lab, place, odd):
+    spoil, command, *said = PLACES[place]
+    spoil(lab, ODD[odd])
+    attack(lab, *command.format(ODD[odd]).split()).refused(*said)
 
 
 def test_a_force_next_to_none_is_refused(attack, lab):
@@ -94,57 +97,18 @@ def test_a_force_next_to_none_is_refused(attack, lab):
     attack(lab, *asked).refused("data.csv: line 2, column force_z_N: expected 0 or numbers of at least")
 
 
-@pytest.mark.parametrize("odd", ["Arabic", "hex float", "beyond"])
-def test_in_tasks(attack, lab, odd):
-    head, first, *rest = (lab / "tasks.csv").read_text().splitlines()
-    (lab / "tasks.csv").write_text("\n".join([head, ",".join([ODD[odd], *first.split(",")[1:]]), *rest]))
-    attack(lab, "plan", "arm", "--task", "tasks.csv", "--poses", "4").refused("tasks.csv: line 2")
-
-
-@pytest.mark.parametrize("odd", ["Arabic", "hex float", "beyond"])
-def test_in_a_map(attack, lab, odd):
-    (lab / "map.toml").write_text(f"[values]\nsigma_um = {ODD[odd]}\n")
-    attack(lab, "data", "check", "arm", "data.csv", "--map", "map.toml").refused("map.toml")
-
-
-@pytest.mark.parametrize("odd", ["Arabic", "hex float", "beyond"])
-def test_in_flags(attack, lab, odd):
-    attack(lab, "plan", "arm", "--task", "tasks.csv", "--tracker", f"4,-1,{ODD[odd]}").refused("--tracker")
-
-
-PLAN = ("plan", "arm", "--task", "tasks.csv", "--poses", "4")
+PLAN = "plan arm --task tasks.csv --poses 4 --candidates 5000"
+BOTH = "--load and --pull, times --candidates: expected"
 MORE = {
-    "poses of a file times loads": (
-        "simulate",
-        "arm",
-        "poses.csv",
-        "--loads",
-        "1,2,3,4,5,6",
-        "--out",
-        "o.csv",
-    ),
-    "random poses times loads": (
-        "simulate",
-        "arm",
-        "--poses",
-        "9999",
-        "--loads",
-        "1,2,3,4,5,6",
-        "--out",
-        "o.csv",
-    ),
-    "loads times candidates": (*PLAN, *(f"--load={1 + k}" for k in range(30)), "--candidates", "5000"),
-    "pulls times candidates": (*PLAN, *(f"--pull={1 + k},0,0" for k in range(30)), "--candidates", "5000"),
+    "simulate arm poses.csv --loads 1,2,3,4,5,6 --out o.csv": "expected at most 50000 runs",
+    "simulate arm --poses 9999 --loads 1,2,3,4,5,6 --out o.csv": "expected at most 50000 runs",
+    " ".join([PLAN, *(f"--load={1 + k}" for k in range(30))]): BOTH,
+    " ".join([PLAN, *(f"--pull={1 + k},0,0" for k in range(30))]): BOTH,
 }
 
 
-@pytest.mark.parametrize("asked", MORE)
+@pytest.mark.parametrize("asked", MORE, ids=["loads of a file", "loads", "candidates", "pulls"])
 def test_more_runs_than_are_worked_on(attack, lab, asked):
     head, first, *_ = (lab / "tasks.csv").read_text().splitlines()
     (lab / "poses.csv").write_text("\n".join([head, *[first] * 9999]))
-    said = (
-        "expected at most 50000 runs"
-        if "poses" in asked
-        else "--load and --pull, times --candidates: expected"
-    )
-    attack(lab, *MORE[asked]).refused(said)
+    attack(lab, *asked.split()).refused(MORE[asked])

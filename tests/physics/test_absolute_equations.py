@@ -13,19 +13,21 @@ from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.evidence import Learnt, choice, learn, usual
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import eliminate
-from testbench.identify.absolute.noise import Noise, plan_of, roots
-from testbench.identify.absolute.posterior import posterior_of, registered
-from testbench.identify.absolute.reduced import Point, Weighting, reduce
+from testbench.identify.absolute.noise import Noise, repeated, roots
+from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.absolute.scatter import single
 from testbench.identify.absolute.state import equilibrium, nominal
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.fold import Point, reduce_series
 from testbench.identify.metric import metric
 from testbench.identify.prior import Strength, cad_prior
+from testbench.identify.robust_loss import SQUARE
 from testbench.model.joint_errors import JointErrors
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
+from testbench.studies.absolute_calibration.beside import registered
 
 PAIRS = AbsoluteCampaign(
     poses=25, masses=(0.0, 230.0, 460.0), orientations=True, sigma_rotation=1e-4, disturbances=REAL_ARM
@@ -44,23 +46,20 @@ def reduced(kr500, series):
     """Their equations about the drawn arm, in all unknowns there might be, and these."""
     state = aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), series)
     unknowns = unknowns_of(kr500.vjm, series, JointErrors(), all153(kr500.arm))
-    one = series[0]
-    weighting = [Weighting(np.ones((len(one.markers) + 1, one.rows)), np.zeros(one.rows, dtype=int))]
-    return reduce(Point(unknowns, state, Noise(S, S)), series, weighting), unknowns
+    point = Point(unknowns, state, Noise(S, S), SQUARE)
+    return reduce_series(point, series), unknowns
 
 
 def test_blocks_and_series_add_up_to_all_equations(kr500, series, reduced):
     """A part of few rows keeps them as they are, one of many its triangle; poses are never parted."""
     whole, unknowns = reduced
     one, state = series[0], aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), series)
-    every = np.ones((len(one.markers) + 1, one.rows))
     first = np.unique(one.pose, return_inverse=True)[1] < 3
     block = np.where(first, 0, 1 + one.pose % 2)
     rows = [np.flatnonzero(block == k) for k in range(3)]
     halves = [np.concatenate(rows[:2]), rows[2]]  # as two series of the same frame and mount
-    point, cut = Point(unknowns, state, Noise(S, S)), [select_rows(one, own) for own in halves]
-    weights = [Weighting(every[:, own], block[own]) for own in halves]
-    parts = reduce(point, cut, weights)
+    point, cut = Point(unknowns, state, Noise(S, S), SQUARE), [select_rows(one, own) for own in halves]
+    parts = reduce_series(point, cut, [block[own] for own in halves])
     assert [part.series for part in parts.parts] == [0, 0, 1]
     size = np.sqrt(np.maximum(np.diag(whole.gram.sum(axis=0)), 1e-300))
 
@@ -72,18 +71,18 @@ def test_blocks_and_series_add_up_to_all_equations(kr500, series, reduced):
     check_same(np.array([T.T @ T for T in parts.factors.values()]), whole.gram)
     np.testing.assert_array_equal(parts.counts, whole.counts)
     for part, own in zip(parts.parts, rows, strict=True):
-        alone = reduce(point, [select_rows(one, own)], [Weighting(every[:, own], np.zeros(len(own), int))])
+        alone = reduce_series(point, [select_rows(one, own)])
         check_same(part.gram, alone.gram)
         np.testing.assert_array_equal(part.counts, alone.counts)
 
 
 def test_what_a_model_leaves_open_is_common_to_the_readings_of_a_pose(series):
     """k readings have covariance sigma^2 + s^2 1 1^T: whitened means and differences have that of one."""
-    one, plan = series[0], plan_of(series[0])
-    [group] = plan.groups
+    one, groups = series[0], repeated(series[0])
+    [group] = groups
     k, m = group.shape[1], len(one.markers)
     assert k == 3
-    W, _ = roots(replace(one, sigma=SIGMA, sigma_rotation=TURN), Noise(S, 2 * S), plan, np.eye(3))
+    W, _ = roots(replace(one, sigma=SIGMA, sigma_rotation=TURN), Noise(S, 2 * S), np.eye(3), groups)
     H = helmert(k, full=True)
     for target, own, opened in ((0, SIGMA, S), (m, TURN, 2 * S)):
         of_readings = own**2 * np.eye(k) + opened**2

@@ -9,7 +9,7 @@ from testbench import cad_prior, completed_least_squares, deflections, gco, leas
 from testbench.campaign.advice import advice
 from testbench.campaign.campaign import Scenario
 from testbench.campaign.campaign import simulate as calibrate
-from testbench.campaign.measurement_schemes import imagined
+from testbench.campaign.identifiability import imagined
 from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.errors import BenchError
 from testbench.identify.cone import psd_part

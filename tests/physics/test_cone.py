@@ -78,18 +78,6 @@ def test_a_block_that_lacks_entries_keeps_them_zero(rng):
     assert np.linalg.det(X[:2, :2]) == pytest.approx(0, abs=1e-6)  # on the boundary
 
 
-def test_a_prepared_program_takes_one_cost_after_another(rng):
-    """Over the unit ball the greatest a . x is the length of a."""
-    problem = cone.Problem(
-        np.zeros(5), (cone.free_block(0, 5),), (cone.norm_within(np.eye(5), np.zeros(5), 1),)
-    )
-    greatest = cone.prepare(problem)
-    for a in rng.standard_normal((3, 5)):
-        found = greatest(-a)
-        assert -found.bound == pytest.approx(np.linalg.norm(a), rel=1e-8)
-        np.testing.assert_allclose(found.x, a / np.linalg.norm(a), atol=1e-5)
-
-
 def test_what_cannot_be_is_not_called_solved():
     one = np.eye(1)
     apart = (

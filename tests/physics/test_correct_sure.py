@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_everywhere
 
-from testbench.campaign.program_words import extrapolated
+from testbench.campaign.program import extrapolated
 from testbench.correct.beyond import extent
 from testbench.correct.compensated import compensate
 from testbench.correct.newton import Aim, asked, correct

@@ -8,8 +8,7 @@ import pytest
 from loads import axis_loads
 
 from testbench.campaign.campaign import Scenario, simulate
-from testbench.campaign.identifiability import describe, tasks
-from testbench.campaign.measurement_schemes import REPEAT, imagined, more_poses
+from testbench.campaign.identifiability import REPEAT, describe, imagined, more_poses, tasks
 from testbench.commands.identifiability import report as said
 from testbench.errors import BenchError
 from testbench.identify.fold import reduce

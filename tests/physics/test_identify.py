@@ -9,8 +9,8 @@ from loads import SIGMA, SIGMA_ROTATION, axis_loads
 from testbench.campaign.advice import advice
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.errors import BenchError
-from testbench.identify import certify, cone, gco, interior, least_squares, make_estimate, reduce
-from testbench.identify.certify import default_trace_bounds, gradient_dual
+from testbench.identify import cone, gco, interior, least_squares, make_estimate, reduce
+from testbench.identify.certify import bound, default_trace_bounds, gradient_dual
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.regression import RANK_TOLERANCE, f_m, rank
 from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco69, mgco147, template56
@@ -146,15 +146,16 @@ def test_gco_is_not_called_solved_unless_it_is_when_deflections_do_not_fit_their
 def test_gco_is_not_called_solved_when_the_solver_is_stopped_early(kr500, monkeypatch):
     data = gravity_data(kr500, 4).identification
     solved = gco(kr500.vjm, mgco68(kr500.arm), data)
-    settings = cone._settings(cone.TOLERANCE)
+    settings = cone.settings(cone.TOLERANCE)
     settings.max_iter = 4
-    monkeypatch.setattr(cone, "_settings", lambda _: settings)
+    monkeypatch.setattr(cone, "settings", lambda _: settings)
     monkeypatch.setattr(interior, "ITERATIONS", 4)  # and ours, which comes first
     stopped = gco(kr500.vjm, mgco68(kr500.arm), data)
     assert stopped.status.startswith("not solved: Clarabel says")
     assert stopped.conservative  # poor, but never unphysical
     bounds = default_trace_bounds(solved.regression, solved.pi)
-    assert certify(stopped, bounds).f_m_excess_bound >= stopped.f_m - solved.f_m
+    proof = bound(stopped.regression, stopped.pi, gradient_dual(stopped.regression, stopped.pi), bounds)
+    assert proof.f_m_excess_bound >= stopped.f_m - solved.f_m
 
 
 def test_gco_survives_columns_that_no_load_touches(kr500):

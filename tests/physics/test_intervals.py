@@ -28,9 +28,8 @@ from testbench.identify.metric import Belief, metric
 from testbench.identify.posterior import Posterior, linearise
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.solve import solve
-from testbench.identify.weighed import marker_points
 from testbench.model.structure import all153, mgco68, template56
-from testbench.model.vjm import chain, observation
+from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant import GearErrors
 from testbench.studies.absolute_calibration.beside import judged, true_joints, true_state
 from testbench.studies.absolute_calibration.trial import check

@@ -8,8 +8,7 @@ import pytest
 import testbench as tb
 from testbench.campaign.advice import advice
 from testbench.campaign.fits import Runs, fit
-from testbench.campaign.identifiability import describe
-from testbench.campaign.measurement_schemes import imagined
+from testbench.campaign.identifiability import describe, imagined
 from testbench.identify.prior import Strength
 
 TRUE = np.array([3.0, 1.0, 2.0, 4.0, 5.0, 6.0]) * 1e-7  # rad/(N m)

@@ -12,7 +12,6 @@ from testbench.identify import gco, reduce, with_prior
 from testbench.identify.crossval import (
     Candidate,
     divided,
-    every_fold,
     held_out_errors,
     unless_beaten,
 )
@@ -27,6 +26,7 @@ from testbench.studies.estimators.stein import (
     SLACK,
     UNCERTAINTIES,
     choose_strength,
+    every_fold,
     gco_least_trace,
     gco_stein,
 )

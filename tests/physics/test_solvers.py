@@ -11,7 +11,7 @@ from programs import NASTY, random_regression, with_random_prior
 from testbench.campaign.campaign import Scenario, build_cell, simulate
 from testbench.data.dataset import in_order
 from testbench.identify import cone, conic, projected, reduce
-from testbench.identify.certify import total_trace
+from testbench.identify.certify import total_trace, trace_weight
 from testbench.identify.conic import by_clarabel, by_interior, by_squares, optimum, scale_program
 from testbench.identify.evaluate import deflections
 from testbench.identify.metric import Belief, Case, metric, rescaled
@@ -53,12 +53,12 @@ def test_our_interior_points_cost_no_more_than_the_referees(kind, rng):
         program = scale_program(regression)
         own, referee = by_interior(regression, program), by_clarabel(regression, program)
         if own is not None:
-            cost = [f_m(regression, a.pi) + traces(regression, program, a.pi) for a in (own, referee)]
+            cost = [f_m(regression, a.pi) + traces(regression, a.pi) for a in (own, referee)]
             assert cost[0] <= cost[1] + WORSE * program.unit
 
 
-def traces(regression, program, pi):
-    return program.trace_weight * total_trace(regression.structure, pi)
+def traces(regression, pi):
+    return trace_weight(regression) * total_trace(regression.structure, pi)
 
 
 def test_the_last_digits_of_readings_move_no_prediction(kr500, campaigns, rng):

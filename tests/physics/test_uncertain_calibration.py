@@ -11,17 +11,18 @@ from scipy.spatial.transform import Rotation
 from testbench.campaign.named_parameters import functionals
 from testbench.data.series import Series, select_rows
 from testbench.identify.absolute import evidence as sizes
-from testbench.identify.absolute.noise import Noise, plan_of, roots
+from testbench.identify.absolute.noise import Noise, repeated, roots
 from testbench.identify.absolute.posterior import deviations_root, known, place, predict
-from testbench.identify.absolute.reduced import Point, equations
-from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import scatter
 from testbench.identify.absolute.state import Mount, forward, nominal, targets
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.evidence import ALIKE, TAIL
+from testbench.identify.fold import Point, equations
 from testbench.identify.posterior import Posterior
 from testbench.identify.registration import Frame
+from testbench.identify.robust_loss import READINGS, SQUARE
+from testbench.identify.rows import rows_of
 from testbench.model.joint_errors import JointErrors
 from testbench.model.structure import all153, joints_only
 from testbench.model.weights import read_weights
@@ -56,7 +57,7 @@ def test_readings_with_covariances_and_orientations_are_whitened_in_base_axes(rn
     pose = np.repeat(np.arange(poses), k)
     series = still(poses * k, rng, precision=np.linalg.inv(C), pose=pose, **turned)
     noise = Noise(OPEN, OPEN_TURN, np.array([1.1, 1.2, 1.3, 1.4]))
-    W, kinds = roots(series, noise, plan_of(series), R)
+    W, kinds = roots(series, noise, R, repeated(series))
     H = helmert(k, full=True)
     open_ = np.diag(H @ np.ones((k, k)) @ H.T)
     for p in range(poses):
@@ -74,13 +75,14 @@ def test_readings_of_a_pose_pull_no_harder_than_the_wildest_of_them(state, kr500
     """Their mean and differences mix them: one that is hardly believed is in each of these."""
     series = read_by(state, still(6, rng, pose=np.repeat([0, 1], 3)))
     unknowns = unknowns_of(kr500.vjm, (series,), JointErrors(), joints_only(kr500.arm))
-    at = Point(unknowns, state, Noise(OPEN))
-    pull = np.array([[1.0, 0.2, 0.6, 0.9, 1.0, 1.0]])
-    held, whole = (dict(equations(at, series, own)) for own in (pull, np.repeat([[0.2, 0.9]], 3, axis=1)))
-    for kind in (0, 2):
-        np.testing.assert_allclose(held[kind], whole[kind])
-    one = dict(equations(at, series, np.ones((1, 6))))
-    np.testing.assert_allclose(held[0], one[0] * np.sqrt(np.tile([0.2, 0.9], 3)))
+    far = READINGS.bend * np.hypot(SIGMA, OPEN) / np.array([1.0, 0.2, 0.6, 0.9, 1.0, 1.0])
+    moved = far[:, None, None] * np.array([0.6, 0.0, 0.8])
+    series = replace(series, position=series.position + moved)
+    held, whole = (
+        equations(Point(unknowns, state, Noise(OPEN), loss), series) for loss in (READINGS, SQUARE)
+    )
+    np.testing.assert_array_equal(held[1], [[0, 2, 2, 0, 2, 2]])
+    np.testing.assert_allclose(held[0], whole[0] * np.sqrt(np.repeat([0.2, 0.9], 3)))
 
 
 def drawn_at_random(rng, free=2, small=6, large=50, equations=(120, 80)):
@@ -175,7 +177,7 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
     left, covariance = predict(model, placed, series)
     np.testing.assert_allclose(left, 0, atol=1e-9)
     every = unknowns_of(kr500.vjm, (series,), JointErrors(), structure)
-    A = rows_of(every, state, series).A[0].transpose(2, 0, 1)  # row, axis, unknown
+    A = rows_of(every, state, series)[0, :, :-1].transpose(2, 0, 1)  # row, axis, unknown
     F, M = A[:, :, :9], A[:, :, 9:] @ block_diag(np.eye(30), L)
     scatter = noise.factor[0] ** 2 * (SIGMA**2 + OPEN**2)
     G = np.linalg.pinv(F[told].reshape(-1, 9))

@@ -100,27 +100,7 @@ def check_loading(folder: Path, name: str, file: str, content: bytes) -> None:
     assert all(np.isfinite(1 / joint.compliance) for joint in arm.joints)
 
 
-@FUZZ
-@given(case=mutated(TOML))
-def test_no_mutation_of_elastic_toml_crashes_the_reader(folder: Path, case: tuple[str, bytes]) -> None:
-    name, content = case
-    check_loading(folder, name, "elastic.toml", content)
-
-
-@FUZZ
-@given(case=mutated(XML))
-def test_no_mutation_of_rigid_xml_crashes_the_reader(folder: Path, case: tuple[str, bytes]) -> None:
-    name, content = case
-    check_loading(folder, name, "rigid.xml", content)
-
-
 BYTES = st.one_of(st.binary(max_size=200), st.text(max_size=200).map(lambda s: s.encode("utf-8", "replace")))
-
-
-@FUZZ
-@given(content=BYTES)
-def test_no_bytes_crash_the_reader_of_elastic_toml(folder: Path, content: bytes) -> None:
-    check_loading(folder, "single_link", "elastic.toml", content)
 
 
 VALUES = st.recursive(
@@ -139,34 +119,37 @@ VALUES = st.recursive(
 )
 
 
-@FUZZ
-@given(
-    key=st.sampled_from(
-        ["format", "title", "tool", "load", "markers", "link", "joint", "name", "axis", "unit", "x"]
-    ),
-    value=VALUES,
-)
-def test_no_value_of_any_key_crashes_the_reader(folder: Path, key: str, value: str) -> None:
-    lines = TOML["single_link"].decode().splitlines()
-    kept = [line for line in lines if not line.startswith(f"{key} = ")]
-    place = (
-        0
-        if key not in ("name", "axis", "unit")
-        else next(
-            i
-            for i, line in enumerate(kept)
-            if line.startswith("[link.compliance]" if key == "unit" else "[[link]]")
-        )
-        + 1
-    )
-    kept.insert(place, f"{key} = {value}")
-    check_loading(folder, "single_link", "elastic.toml", "\n".join(kept).encode())
+@st.composite
+def with_value(draw):
+    """The single link with any value of a key, at the top, of its link or of a unit."""
+    key = draw(st.sampled_from("format title tool load markers link joint name axis unit x".split()))
+    lines = [line for line in TOML["single_link"].decode().splitlines() if not line.startswith(f"{key} = ")]
+    before = {"name": "[[link]]", "axis": "[[link]]", "unit": "[link.compliance]"}.get(key)
+    place = next((i + 1 for i, line in enumerate(lines) if before and line.startswith(before)), 0)
+    lines.insert(place, f"{key} = {draw(VALUES)}")
+    return "single_link", "\n".join(lines).encode()
 
 
+def single(content):
+    return content.map(lambda own: ("single_link", own))
+
+
+FILES = {
+    "TOML, mutated": ("elastic.toml", mutated(TOML)),
+    "TOML, any bytes": ("elastic.toml", single(BYTES)),
+    "TOML, any value": ("elastic.toml", with_value()),
+    "MJCF, mutated": ("rigid.xml", mutated(XML)),
+    "MJCF, any bytes": ("rigid.xml", single(BYTES | BYTES.map(lambda b: b"<mujoco>" + b + b"</mujoco>"))),
+}
+
+
+@pytest.mark.parametrize("kind", FILES)
 @FUZZ
-@given(content=st.one_of(BYTES, BYTES.map(lambda b: b"<mujoco>" + b + b"</mujoco>")))
-def test_no_bytes_crash_the_reader_of_rigid_xml(folder: Path, content: bytes) -> None:
-    check_loading(folder, "single_link", "rigid.xml", content)
+@given(data=st.data())
+def test_nothing_in_a_file_crashes_the_reader(folder, kind, data):
+    file, cases = FILES[kind]
+    name, content = data.draw(cases)
+    check_loading(folder, name, file, content)
 
 
 TAGS = "body joint inertial geom compiler option default mesh asset include plugin".split()

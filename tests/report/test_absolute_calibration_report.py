@@ -73,7 +73,7 @@ def test_the_sentences_are_of_the_rows_that_they_name():
 
     ours, springs, arm = of(s.CHOSEN), of(s.INCUMBENT), s.ARMS[1]
     said = [f"{own.error_mm.median:.3f} mm" for own in (ours, springs)]
-    chosen = "the model chosen by cross-validation errs"
+    chosen = "chosen by cross-validation"
     assert f"On {arm}, 200 poses: {chosen} {said[0]}, joint springs {said[1]}, " in found.answer
     loaded = [f"{own.loaded_mm.median:.3f} mm" for own in (ours, springs)]
     assert f"{arm} {loaded[0]}, joint springs {loaded[1]}" in found.worst

@@ -75,7 +75,7 @@ def test_models_are_compared_seed_by_seed_by_their_true_errors_in_numbers_and_wo
         "Joints",
         "MLS56 + prior",
     )  # two seeds cannot tell
-    said = "True RMS error over the workspace: ALL153 + prior 1.500 mm, least squares 8.000 mm; "
+    said = "True workspace RMS error: ALL153 + prior 1.500 mm, least squares 8.000 mm; "
     assert found.answer.startswith(said)
     assert "Joint stiffness only 3.000 mm, " in found.answer
     assert "Worst with cast links, medians: ALL153 + prior errs 2.000 mm, joint stiffness" in found.worst
@@ -124,7 +124,7 @@ def test_arrows_lead_from_where_markers_go_to_where_each_model_has_them_of_store
     table = table_of(range(1, 2), lambda seed: trials(asked, [seed])[0])
     found = report(asked, range(1, 2), table)
     true, campaign = calibrate(build_cell("kr500_l480"), asked, 1)
-    measured, over = runs_of(true, asked.scenario, table)
+    measured, over = runs_of(true, table)
     np.testing.assert_array_equal(measured.after, campaign.measured.after)
     seen = calibration_scene(
         SimpleNamespace(report=found, first=table, settings=asked), true, asked.scenario, 8

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from testbench.arm.folder import Joint
 from testbench.campaign.plan import Planned, plan_for
-from testbench.campaign.plan_input import FORCE, read_payload, read_pulls, read_tasks
+from testbench.campaign.plan_input import FORCE, read_loads, read_tasks
 from testbench.campaign.plan_settings import PlanSettings
 from testbench.campaign.predicted_error import Expected, Unshown
 from testbench.commands.plan import WORST, printed, report
@@ -222,8 +222,8 @@ def test_the_files_hold_the_numbers_of_the_report(f, tmp_path, sliding):
         for key in (*expected, *(key for key in ("travel_deg", "travel_mm") if key in cells)):
             assert float(cells[key]) == pytest.approx(row[key], abs=5e-3)
     assert [[float(cells[joint.column]) for joint in joints] for cells in runs] == [row.q for row in f.plan]
-    np.testing.assert_array_equal(read_payload(plan), [row.load_kg for row in f.plan])
-    np.testing.assert_array_equal(read_pulls(plan), [row.pull_N or [0, 0, 0] for row in f.plan])
+    np.testing.assert_array_equal(read_loads(plan)[0], [row.load_kg for row in f.plan])
+    np.testing.assert_array_equal(read_loads(plan)[1], [row.pull_N or [0, 0, 0] for row in f.plan])
     assert {cells[FORCE[0]] for cells in runs} <= {"", "-500.0"}
     write_poses(changed(f, pulls_n=()), joints, plan)
     assert not {*FORCE} & {*plan.read_text().splitlines()[0].split(",")}

@@ -16,7 +16,7 @@ from testbench.studies.pose_selection.settings import BARE, FITS, INCUMBENT, PLA
 from testbench.studies.pose_selection.study import LOOKS, figures, report
 from testbench.studies.pose_selection.trial import Row
 from testbench.trials.spread import ends, middle, spread
-from testbench.views.gains import ratio
+from testbench.views.gains import ratio, share
 from testbench.views.markdown import grid
 
 CRITERIA, POSES, SEEDS = ("test", "I", "D"), (8, 12), range(4, 7)
@@ -150,7 +150,7 @@ def test_promises_are_counted_case_by_case(both):
         assert row.over_promised == spread(error / 30)
     joints = trials.where(part="promise", fit="Joints")["tasks_mm"]
     assert found.numbers["kept_joints"].over_promised == spread(joints / 30)
-    assert f"holds in {kept[0].inside_90:.0%} of 12 cases".replace("%", " %") in found.claims[2]
+    assert f"holds in {share(kept[0].inside_90, '12')} of 12 cases" in found.claims[2]
 
 
 @pytest.mark.parametrize(("winner", "word"), [("test", "smaller"), ("random", "larger"), ("I", "")])

@@ -80,8 +80,8 @@ def test_methods_are_compared_draw_by_draw(found):
 
 def test_the_sentences_never_exchange_the_methods(found):
     assert found.answer == (
-        "Position error: GCO 20.0 um, least squares 40.0 um; 2.0 times smaller. Conservative in 100 % of 20 "
-        "draws with GCO, in 0 % with least squares of 36 free entries, in 50 % of 21 symmetric ones."
+        "Position error: GCO 20.0 um, least squares 40.0 um; 2.0 times smaller. Of 20 draws GCO is "
+        "conservative in 100 %, least squares in 0 %, with a symmetric matrix in 50 % (30 to 70 %)."
     )
     assert (
         found.worst

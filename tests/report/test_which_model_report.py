@@ -14,6 +14,7 @@ from testbench.studies.which_model.study import STUDY, figures, report
 from testbench.studies.which_model.trial import COVERED, POSES, Cover, Doubted, MethodRow, Settings, pairs
 from testbench.trials.spread import middle
 from testbench.views.colours import CHOICE, look
+from testbench.views.gains import share
 
 SEEDS = range(2, 14)
 DEFAULT = "default"
@@ -97,8 +98,8 @@ def test_the_worst_case_and_the_losses_are_those_of_the_default():
     found = made(lost)[1]
     assert found.worst.endswith(", 20 poses: 900 um, 1.80 times theirs.")
     assert found.claims[0] == (
-        "The default errs over 5 % more than joint stiffness only in 16.7 %, 16.7 % and 16.7 % of 72 cases "
-        "with 8, 12 and 20 poses."
+        "The default errs over 5 % more than joint stiffness only in 17 % (10 to 27 %), 17 % (10 to 27 "
+        "%) and 17 % (10 to 27 %) of 72 cases with 8, 12 and 20 poses."
     )
 
 
@@ -142,8 +143,10 @@ def test_intervals_and_doubts_are_counted_over_all_cases_and_over_parts(of_all):
     ours = promises["all", DEFAULT].covered_percent
     assert found.claims[1].startswith(f"Its 95 % intervals cover {ours:.1f} % of the true deflections; ")
     assert found.claims[1].endswith(f"count noise and nothing else, {joints:.0f} %.")
-    link, off = (100 * promises[f"prior {name}", DEFAULT].doubted for name in ("one link off", "joints off"))
-    said = f"one link off, in {link:.0f} % of cases; joints off, in {off:.0f} % of cases."
+    link, off = (
+        share(promises[f"prior {name}", DEFAULT].doubted, "36") for name in ("one link off", "joints off")
+    )
+    said = f"one link off, in {link} of 36 cases; joints off, in {off} of 36 cases."
     assert found.claims[2] == f"Readings raise a doubt of a prior ten times off: {said}"
 
 

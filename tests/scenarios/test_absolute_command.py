@@ -25,7 +25,7 @@ REFUSED = {
     ("--gear-urad", 5): "--gear-urad: expected --absolute with it",
     ("--series", 2): "--series: expected --absolute with it",
     ("--absolute", "--series", 2): "o_2.csv: expected a file of absolute readings where one is replaced",
-    ("--absolute", "--tracker", "1,2"): "--tracker: expected x,y,z in metres",
+    ("--absolute", "--tracker", "1,2"): "--tracker x,y,z [m]: expected 3 numbers with commas",
 }
 
 

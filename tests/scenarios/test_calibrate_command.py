@@ -18,17 +18,17 @@ from run_here import here
 import testbench as tb
 from testbench.arm.folder import load_arm
 from testbench.campaign.absolute import read_all, score
-from testbench.campaign.absolute_model import read_model
+from testbench.campaign.arm_models import read_model
 from testbench.campaign.model_folder import sealed
 from testbench.cli.program import program
 from testbench.errors import InputError
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.posterior import RegisteredSeries, predict, without
-from testbench.identify.absolute.rows import rows_of
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import nominal
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.posterior import Posterior
+from testbench.identify.rows import rows_of
 from testbench.plant import build_plant
 from testbench.report.report import read
 from testbench.views.markdown import grid
@@ -285,7 +285,7 @@ def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, 
     wanted = np.einsum("rmkk->rmk", predict(calm, placed, one)[1])
     unknowns = unknowns_of(model.vjm, (one,), held.errors, model.structure)
     first = unknowns.starts["geometry"]
-    rows = rows_of(unknowns, held, one).A[: len(one.markers), :, first + model.columns]
+    rows = rows_of(unknowns, held, one)[: len(one.markers), :, first + model.columns]
     found = model.posterior.deviations(rows.transpose(3, 0, 1, 2).reshape(-1, len(model.columns)))
     np.testing.assert_allclose(found.reshape(wanted.shape) ** 2, wanted, rtol=1e-6)
     assert np.array_equal(model.posterior.x, model.unknowns.current(model.state)[model.columns])

@@ -15,12 +15,12 @@ from run_here import here
 from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
+from testbench.campaign.arm_models import load_model, write_stiffness
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.program import correct_program
-from testbench.campaign.stiffness_model import load_model, write_stiffness
 from testbench.cli.program import program as app
 from testbench.commands.compensate import report
 from testbench.correct.compensated import Refusal

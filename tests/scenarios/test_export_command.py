@@ -10,7 +10,7 @@ from own_urdf import own_urdf
 from run_here import here
 
 from testbench import files
-from testbench.campaign.absolute_model import read_model
+from testbench.campaign.arm_models import read_model
 from testbench.cli.program import program
 
 ROOT = Path(__file__).resolve().parents[2]

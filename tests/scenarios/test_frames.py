@@ -9,10 +9,10 @@ import pytest
 from run_here import here
 from scipy.spatial.transform import Rotation
 
+from testbench.campaign.absolute_truth import by_trackers
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.runs import read_frames, registration_row, to_base
-from testbench.campaign.tracker_runs import by_trackers
 from testbench.cli.program import program
 from testbench.errors import InputError
 from testbench.identify.registered import registered

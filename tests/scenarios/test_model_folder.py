@@ -9,17 +9,16 @@ import pytest
 from run_here import here
 
 import testbench as tb
+from testbench.campaign.arm_models import write_stiffness
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_folder import sealed
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
-from testbench.campaign.stiffness_model import write_stiffness
 from testbench.cli.program import program
 from testbench.errors import InputError
 from testbench.identify.posterior import CURVED, curvature, linearise
-from testbench.identify.weighed import marker_points
-from testbench.model.vjm import chain, observation
+from testbench.model.vjm import chain, marker_points, observation
 
 ROOT = Path(__file__).resolve().parents[2]
 FORCE, LEVER = 460.3 * 9.81, 0.15  #: Of section 6 [N]; the load point is so far from the tool's origin [m].

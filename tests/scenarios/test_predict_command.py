@@ -15,12 +15,12 @@ from run_here import here
 
 import testbench as tb
 from testbench.arm.mjcf import GRAVITY
+from testbench.campaign.arm_models import write_stiffness
 from testbench.campaign.campaign import Scenario, settle_both, simulate
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
 from testbench.campaign.program import predicted, read_asked
-from testbench.campaign.stiffness_model import write_stiffness
 from testbench.cli.program import program
 from testbench.commands.predict import report
 from testbench.errors import InputError

@@ -7,7 +7,7 @@ import pytest
 
 from testbench.arm.folder import Joint
 from testbench.campaign.plan import nearest_turn
-from testbench.campaign.plan_input import box, place, read_payload, read_pulls, read_tasks
+from testbench.campaign.plan_input import box, place, read_loads, read_tasks
 from testbench.campaign.plan_settings import PlanSettings
 from testbench.data.program import read_poses
 from testbench.errors import BenchError, InputError
@@ -93,10 +93,10 @@ def plan_csv(path):
 def test_a_plan_is_read_like_any_poses_and_brings_its_loads(kr500, tmp_path):
     path = plan_csv(tmp_path / "plan.csv")
     np.testing.assert_array_equal(read_poses(path, kr500.arm), np.deg2rad(POSES))
-    np.testing.assert_array_equal(read_payload(path), [460.3, 460.3])
+    np.testing.assert_array_equal(read_loads(path)[0], [460.3, 460.3])
     degrees = write(tmp_path / "degrees.csv", DEG, POSES)
     np.testing.assert_array_equal(read_poses(degrees, kr500.arm), np.deg2rad(POSES))
-    assert read_payload(write(tmp_path / "poses.csv", RAD, np.deg2rad(POSES))) is None
+    assert read_loads(write(tmp_path / "poses.csv", RAD, np.deg2rad(POSES))) == (None, None)
 
 
 def test_a_slide_is_read_in_metres_or_millimetres(slides, tmp_path):
@@ -133,14 +133,15 @@ PULLS = [
 def test_a_run_has_a_mass_or_a_force_at_the_load_point(tmp_path, header, cells, text):
     path = write(tmp_path / "plan.csv", RAD + header, [[*np.deg2rad(POSES[0]), *cells]])
     with pytest.raises(InputError) as err:
-        read_payload(path)
+        read_loads(path)
     assert text in str(err.value)
 
 
 def test_forces_alone_are_read_without_a_column_of_masses(tmp_path):
     path = write(tmp_path / "plan.csv", RAD + FORCE, np.hstack([np.deg2rad(POSES), [[0, 5, 0], [7, 0, 0]]]))
-    np.testing.assert_array_equal(read_payload(path), [0, 0])
-    np.testing.assert_array_equal(read_pulls(path), [[0, 5, 0], [7, 0, 0]])
+    mass, pulls = read_loads(path)
+    np.testing.assert_array_equal(mass, [0, 0])
+    np.testing.assert_array_equal(pulls, [[0, 5, 0], [7, 0, 0]])
 
 
 @pytest.mark.parametrize("pulls", [((0.0, 0.0, 0.0),), ((0.0, 5.0, 0.0),) * 2, ((0.0, 1e6, 0.0),)])

@@ -90,15 +90,3 @@ def test_a_station_that_makes_no_sense_is_refused_in_one_line(wrong: dict[str, A
     with pytest.raises(BenchError, match=message) as err:
         Station(**{"position": HERE, **wrong})
     assert "\n" not in str(err.value)
-
-
-def test_facing_is_needed_with_an_acceptance_and_must_be_unit_vectors_of_every_target() -> None:
-    station = Station(HERE, acceptance=0.5)
-    with pytest.raises(BenchError, match="facing: expected unit vectors, as the station has an acceptance"):
-        out_of_view(station, at(3.0, 0.0))
-    with pytest.raises(BenchError, match="facing: expected unit vectors, got lengths from 0"):
-        out_of_view(station, at(3.0, 0.0), np.zeros((1, 1, 3)))
-    with pytest.raises(BenchError, match=r"facing \[1\]: expected shape \(1, 1, 3\), got \(1, 2, 3\)"):
-        out_of_view(station, at(3.0, 0.0), np.ones((1, 2, 3)))
-    with pytest.raises(BenchError, match=r"targets \[m\]: expected finite numbers"):
-        out_of_view(station, np.full((1, 1, 3), np.nan))

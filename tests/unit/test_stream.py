@@ -20,10 +20,11 @@ from testbench.data.series import Series, select_rows, series_of
 from testbench.data.spool import Campaign, Spool
 from testbench.data.write import write_csv, write_series
 from testbench.errors import InputError
-from testbench.identify.crossval import divided, every_fold, folds
+from testbench.identify.crossval import divided, folds
 from testbench.identify.fold import reduce, reduce_parts
 from testbench.identify.regression import f_m
 from testbench.model.vjm import chain, observation, tool_points
+from testbench.studies.estimators.stein import every_fold
 
 ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")
 CELL = build_cell("kr500_l480")

@@ -124,6 +124,7 @@ def check_pivot(table, rows, paths, unit="", called=({}, {})):
 
 MOST_WORDS, MOST_SENTENCES, MOST_STATEMENTS = 25, 2, 5
 """Of a sentence, of the answer, of the list below it."""
+INTERVAL = r"\([^()]*\d to \d[^()]*\)"  #: What stands behind a number; it is no word.
 FORBIDDEN = {
     "a goal": r"\b[Aa]ims?\b|\b[Bb]ars?\b|\b[Mm]issed\b|MISSED",
     "a power of ten": r"\d[eE][+-]?\d",
@@ -157,7 +158,7 @@ def word_faults(blocks, whole):
     found = [
         f"{n} words: {s}"
         for s in said
-        if (n := sum(bool(re.search(r"\w", word)) for word in s.split())) > MOST_WORDS
+        if (n := sum(bool(re.search(r"\w", word)) for word in re.sub(INTERVAL, "", s).split())) > MOST_WORDS
     ]
     if len(sentences(blocks["answer"])) > MOST_SENTENCES:
         found.append(f"more than {MOST_SENTENCES} sentences: {blocks['answer']}")

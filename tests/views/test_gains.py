@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from checks import word_faults
 
+from testbench.report.report import say
 from testbench.trials.spread import Spread, median_interval
-from testbench.views.gains import beside, gained, less, more
+from testbench.views.gains import beside, gained, less, more, share, wilson
 from testbench.views.markdown import place
 from testbench.views.schema import plain, show, written_out
 
@@ -19,17 +20,18 @@ def test_a_ratio_is_that_of_each_seed_and_not_of_the_medians():
 
 def test_of_fewer_than_twenty_trials_the_range_is_told_and_their_number():
     """Percentiles of three seeds are none: 19 seeds tell their range, 20 what lies between 5 and 95 %."""
-    for trials, words, plainly in (
-        (3, "(2.0 to 20 in 3 seeds)", "(2.0 to 20)"),
-        (19, "(2.0 to 20 in 19 seeds)", "(2.0 to 20)"),
-        (20, "(2.9 to 19 in 90 %)", "(2.9 to 19)"),
+    for trials, words in (
+        (3, "2.0 to 20{ in 3 seeds}"),
+        (19, "2.0 to 20{ in 19 seeds}"),
+        (20, "2.9 to 19{ in 90 %}"),
     ):
+        middle = {3: "", 19: "median 6.0 to 16; ", 20: "median 6.7 to 15; "}[trials]
         times = np.linspace(2.0, 20.0, trials)
         gain = gained("ours", "theirs", [1.0] * trials, times.tolist())
-        by = "seed by seed " if trials >= 20 else ""
-        assert less(gain, "seed") == f"{by}11 times smaller {words}"
-        assert less(gain) == f"11 times smaller {plainly}"
-        assert more(gain, "seed") == f"{by}11 times larger {words}"
+        told = f"({middle}{words.replace('{', '').replace('}', '')})"
+        assert less(gain, "seed") == f"11 times smaller {told}"
+        assert less(gain) == f"11 times smaller ({middle}{words.partition('{')[0]})"
+        assert more(gain, "seed") == f"11 times larger {told}"
 
 
 def test_the_title_of_a_figure_says_how_much_more_the_others_err():
@@ -133,3 +135,16 @@ def test_the_check_of_words_sees_every_fault(block, text, fault):
 
     assert faults(GOOD) == []
     assert any(fault in found for found in faults(GOOD | {block: text}))
+
+
+def test_a_share_has_the_interval_of_its_score_test():
+    """At the ends (p - s)^2 = z^2 s (1 - s) / n: what lies outside does not go with the trials."""
+    for won, n in ((0, 20), (79, 100), (612, 612)):
+        p = won / n
+        ends = wilson(p, n)
+        for s in ends:
+            assert (p - s) ** 2 == pytest.approx(1.959964**2 * s * (1 - s) / n, abs=1e-12)
+        assert 0 <= ends[0] <= p <= ends[1] <= 1
+    assert share(0.79, "100") == "79 % (70 to 86 %)"
+    assert share(1 / 612, "612") == "0.2 % (0.0 to 0.9 %)"
+    assert say("{won:share {n}} of {n}", won=1.0, n=20) == "100 % (84 to 100 %) of 20"

@@ -12,8 +12,9 @@ import numpy as np
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, learn, solve, squares, usual
-from testbench.identify.absolute.reduced import Part, Reduced, total
 from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.crossval import paired
+from testbench.identify.fold import Part, Reduced, total
 from testbench.identify.metric import Metric
 from testbench.model.structure import Ids
 
@@ -104,31 +105,29 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
     """
     kinds, elastic = GEOMETRY, None
     tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns, len(reduced.kinds)), unit)
-    steps: list[Step] = []
-    kept: list[Candidate] = []
+    steps: dict[str, Step] = {}
     for one in candidates:
         more = kinds | one.kinds, one.elastic or elastic
         other = _tried(choice(unknowns, *more), reduced, tried.learnt, unit)
-        step = _step(one, tried, other)
-        steps.append(step)
-        if step.kept:
-            tried, (kinds, elastic), kept = other, more, [*kept, one]
+        steps[one.name] = _step(one, tried, other)
+        if steps[one.name].kept:
+            tried, (kinds, elastic) = other, more
+    kept = [one for one in candidates if steps[one.name].kept]
     for one in kept[:-1]:  # the next one that was kept may explain the same
         if one.kinds and not one.sure:
-            fewer = kinds - one.kinds
-            other = _tried(choice(unknowns, fewer, elastic), reduced, tried.learnt, unit)
+            fewer = choice(unknowns, kinds - one.kinds, elastic)
+            other = _tried(fewer, reduced, tried.learnt, unit)
             again = _step(one, other, tried)
             if not again.kept:
-                tried, kinds = other, fewer
-                steps = [again if step.name == one.name else step for step in steps]
-    return Chosen(tried.own, tried.learnt, kinds, tuple(steps))
+                tried, kinds, steps[one.name] = other, kinds - one.kinds, again
+    return Chosen(tried.own, tried.learnt, kinds, tuple(steps.values()))
 
 
 @dataclass(frozen=True)
 class _Tried:
     own: Choice
     learnt: Learnt
-    #: Of every held-out block its equations and its sums of squares, whitened and in m^2, (blocks, 3).
+    #: Of every held-out block its positions and their sums of squares, whitened and in m^2, (blocks, 3).
     blocks: Array
     series: Array  #: The same of every series, (series, 3).
 
@@ -136,93 +135,62 @@ class _Tried:
 def _tried(own: Choice, reduced: Reduced, start: Learnt, unit: Array) -> _Tried:
     S = squares(own, reduced.gram)
     learnt = learn(own, S, reduced.counts, start)
-    first = np.arange(np.searchsorted(own.columns, own.unknowns.starts["geometry"]))
-    whole = solve(own, S, learnt, LOOSE).variances(first)
-    held = [_held_out(own, S, part, learnt, whole) for part in _foldable(reduced.parts)]
+    first = np.searchsorted(own.columns, own.unknowns.starts["geometry"])
+    whole = solve(own, S, learnt, LOOSE).variances(np.arange(first))
     places = sorted({part.series for part in reduced.parts})
-    series = []
-    for place in places if len(places) > 1 else []:
-        some = [part for part in reduced.parts if part.series == place]
-        if sum(part.counts.sum() for part in some) <= (1 - LEFT) * reduced.counts.sum():
-            series.append(_realigned(own, S, some, learnt))
-    return _Tried(own, learnt, _positions(reduced, held, unit), _positions(reduced, series, unit))
+    series = [[part for part in reduced.parts if part.series == place] for place in places]
+    most = (1 - LEFT) * reduced.counts.sum()
+    fair = [one for one in series if len(series) > 1 and sum(part.counts.sum() for part in one) <= most]
+    blocks = [[part] for one in series if len(one) > 1 for part in one]  # else nothing tells its frame
+
+    def left(held: Sequence[Sequence[Part]]) -> Array:
+        some, found = reduced.positions, []
+        for parts in held:
+            n = sum(part.counts[some].sum() for part in parts)
+            sums = _held_out(own, S, parts, learnt, whole)[some]
+            found.append((n, sums.sum(), unit[some] ** 2 @ sums))
+        return np.array(found).reshape(-1, 3)
+
+    return _Tried(own, learnt, left(blocks), left(fair))
 
 
-_Sums = tuple[Array, Array]
-"""Sum of squares of what was held out, of every kind of equations, and their numbers, (kinds,) each."""
-
-
-def _positions(reduced: Reduced, found: Sequence[_Sums], unit: Array) -> Array:
-    """Of all that was held out the numbers and sums of squares of positions, (held out, 3)."""
-    some = reduced.positions
-    every = [(n[some].sum(), sums[some].sum(), (unit[some] ** 2 * sums[some]).sum()) for sums, n in found]
-    return np.array(every).reshape(-1, 3)
-
-
-def _foldable(parts: Sequence[Part]) -> list[Part]:
-    """Blocks whose series has others: without these its frame would not be known."""
-    places = [part.series for part in parts]
-    return [part for part in parts if places.count(part.series) > 1]
-
-
-def _held_out(own: Choice, S: Array, part: Part, learnt: Learnt, whole: Array) -> _Sums:
-    """Of a block: frames and mounts that the other readings hardly tell are fitted to it, as to a series.
+def _held_out(own: Choice, S: Array, parts: Sequence[Part], learnt: Learnt, whole: Array) -> Array:
+    """Sums of squares of some parts by the others; frames and mounts that these hardly tell are fitted anew.
 
     Args:
         own: The unknowns.
         S: Squares of all readings.
-        part: The block.
+        parts: What is held out: a block, or a series.
         learnt: Sizes of errors.
         whole: Variances of frames and mounts by all readings, (k,).
     """
-    T = squares(own, part.gram)
-    found = solve(own, S - T, learnt, LOOSE)
-    opened = found.variances(np.arange(len(whole))) > OPENED * whole
-    v = _refitted(np.r_[found.x, -1.0], T, learnt, np.flatnonzero(opened))
-    return T @ v @ v, part.counts
-
-
-def _refitted(v: Array, T: Array, learnt: Learnt, open_: Ids) -> Array:
-    """Unknowns, less one for the readings, with some columns fitted to what was held out."""
+    T, k, every = squares(own, total(parts)), len(whole), np.arange(len(own.columns))
+    others = S - T
+    alone = np.flatnonzero(np.abs(others[:, : own.rigid, :k]).sum(axis=(0, 1)) == 0)
+    rest, at = np.delete(every, alone), np.delete(np.arange(len(every) + 1), alone)
+    if len(alone):
+        others = others[:, at][:, :, at]
+    found = solve(Choice(own.unknowns, own.columns[rest], own.elastic), others, learnt, LOOSE)
+    told = rest[rest < k]
+    opened = told[found.variances(np.arange(len(told))) > OPENED * whole[told]]
+    v, open_ = np.zeros(len(every) + 1), np.r_[alone, opened]
+    v[at] = np.r_[found.x, -1.0]
     if len(open_):
         H = np.tensordot(learnt.factor**-2.0, T, 1)
         v[open_] -= np.linalg.lstsq(H[np.ix_(open_, open_)], H[open_] @ v, rcond=None)[0]
-    return v
-
-
-def _realigned(own: Choice, S: Array, parts: Sequence[Part], learnt: Learnt) -> _Sums:
-    """Of a series: its frame and mount are fitted anew where nothing else tells them."""
-    T = squares(own, total(parts))
-    alone = np.flatnonzero(np.abs((S - T)[:, : own.rigid, : own.rigid]).sum(axis=(0, 1)) == 0)
-    alone = alone[alone < own.unknowns.starts["geometry"]]
-    rest = np.setdiff1d(np.arange(len(own.columns)), alone)
-    some = Choice(own.unknowns, own.columns[rest], own.elastic)
-    at = np.r_[rest, -1]
-    x = solve(some, (S - T)[np.ix_(range(len(S)), at, at)], learnt, LOOSE).x
-    v = np.zeros(len(own.columns) + 1)
-    v[rest], v[-1] = x, -1.0
-    v = _refitted(v, T, learnt, alone)
-    return T @ v @ v, np.asarray(sum(part.counts for part in parts))
+    return np.asarray(T @ v @ v)
 
 
 def _step(tried: Candidate, before: _Tried, after: _Tried) -> Step:
     count = max(before.blocks[:, 0].sum(), 1.0)
     saved = (before.blocks[:, 1] - after.blocks[:, 1]) / count
-    folds = len(saved)
-    deviation = float(np.sqrt(folds * saved.var(ddof=1))) if folds > 1 else np.inf
     old, new = (max(x.blocks[:, 1].sum(), 1e-300) / count for x in (before, after))
+    deviation = max(1, len(saved)) * paired(saved)[1] / old
     gain = 1 - after.series[:, 1].sum() / before.series[:, 1].sum() if len(before.series) else 0.0
     blocks = 1 - new / old
-    pays = (blocks > max(PAYS, deviation / old) or gain > PAYS) and min(blocks, gain) > -HURTS
-    return Step(
-        name=tried.name,
-        kept=bool(pays or tried.sure),
-        before=_rms(before.blocks),
-        after=_rms(after.blocks),
-        deviation=deviation / old,
-        series_before=_rms(before.series),
-        series_after=_rms(after.series),
-    )
+    pays = (blocks > max(PAYS, deviation) or gain > PAYS) and min(blocks, gain) > -HURTS
+    rms = [_rms(sums) for sums in (before.blocks, after.blocks, before.series, after.series)]
+    return Step(tried.name, bool(pays or tried.sure), rms[0], rms[1], deviation, rms[2], rms[3])
 
 
 def _rms(sums: Array) -> float:

@@ -11,9 +11,9 @@ from scipy.linalg import solve_triangular
 from testbench.errors import Array, BenchError
 from testbench.identify import hierarchy
 from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt
-from testbench.identify.absolute.reduced import Reduced
 from testbench.identify.absolute.state import Mount, State
 from testbench.identify.estimate import Constraint, Estimate
+from testbench.identify.fold import Reduced
 from testbench.identify.metric import Belief, Metric, precision_root, rescaled
 from testbench.identify.prior import Strength
 from testbench.identify.registration import Frame

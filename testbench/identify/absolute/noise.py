@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import helmert
 
 from testbench.data.series import Series
 from testbench.errors import Array
+from testbench.identify.robust_loss import READINGS, Loss
 from testbench.model.structure import Ids
 
 KINDS = ("position", "orientation", "position within a pose", "orientation within a pose")
@@ -30,75 +30,64 @@ class Noise:
     factor: Array = field(default_factory=lambda: np.ones(len(KINDS)))
 
 
-@dataclass(frozen=True)
-class Plan:
-    """How the rows of a series combine: groups of readings of one pose, of one size each."""
-
-    groups: tuple[Ids, ...]  #: Of every size k > 1 the rows, (groups, k).
-
-
-def plan_of(series: Series) -> Plan:
-    """Rows of a pose that read the same targets."""
+def repeated(series: Series) -> tuple[Ids, ...]:
+    """Rows of a pose that read the same targets, of every number k > 1 of them, (groups, k)."""
     read = np.column_stack([series.pose, series.seen, series.turned])
     code = np.unique(read, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(code, kind="stable")
     _, first, count = np.unique(code[order], return_index=True, return_counts=True)
     sizes = [k for k in np.unique(count) if k > 1]
-    return Plan(tuple(np.array([order[f : f + k] for f in first[count == k]]) for k in sizes))
+    return tuple(np.array([order[f : f + k] for f in first[count == k]]) for k in sizes)
 
 
 def kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
     """Kinds of equations that some series have."""
     turned = any(one.rotation is not None for one in series)
-    again = any(plan_of(one).groups for one in series)
+    again = any(repeated(one) for one in series)
     return tuple(k for k in range(len(KINDS)) if (turned or k in POSITIONS) and (again or k < 2))
 
 
-def combine(plan: Plan, rows: Array) -> Array:
-    """Rows of readings, (..., runs), poses read more than once as their mean and differences."""
-    if not plan.groups:
-        return rows
-    rows = rows.copy()
-    for group in plan.groups:
-        H = helmert(group.shape[1], full=True)
-        rows[..., group] = rows[..., group] @ H.T
+def combine(groups: Sequence[Ids], rows: Array) -> Array:
+    """Rows of readings, (..., runs), those of every group as their mean and differences."""
+    if groups:
+        rows = rows.copy()
+    for group in groups:
+        rows[..., group] = rows[..., group] @ helmert(group.shape[1], full=True).T
     return rows
 
 
-def multiplicity(plan: Plan, runs: int) -> Ids:
+def multiplicity(groups: Sequence[Ids], runs: int) -> Ids:
     """Readings behind the mean that a row stands for, (runs,); 0 of a difference."""
     found = np.ones(runs, dtype=int)
-    for group in plan.groups:
+    for group in groups:
         found[group[:, 0]], found[group[:, 1:]] = group.shape[1], 0
     return found
 
 
-def roots(series: Series, noise: Noise, plan: Plan, rotation: Array) -> tuple[Array, npt.NDArray[np.int_]]:
+def roots(series: Series, noise: Noise, rotation: Array, groups: Sequence[Ids] = ()) -> tuple[Array, Ids]:
     """Inverse roots of the covariances of combined rows, and their kinds.
 
     Args:
         series: The readings.
         noise: Their scatter.
-        plan: How they combine.
         rotation: Tracker from base, (3, 3).
+        groups: Rows that are combined; none where each stands alone.
 
     Returns:
         W with W left of variance 1, (s, runs, 3, 3) [1/m, 1/rad], base axes; kinds, (s, runs).
     """
-    m, times = len(series.markers), multiplicity(plan, series.rows)
+    m, times = len(series.markers), multiplicity(groups, series.rows)
     s = m + (series.rotation is not None)
     W = np.zeros((s, series.rows, 3, 3))
     kinds = np.where(times > 0, 0, 2) * np.ones((s, 1), dtype=int)
     kinds[m:] += 1
     opened = times * noise.open_position**2
     if series.precision is None:
-        deviation = np.sqrt(series.sigma**2 + opened)
-        W[:m] = np.eye(3) / deviation[:, None, None]
+        W[:m] = np.eye(3) / np.sqrt(series.sigma**2 + opened)[:, None, None]
     else:
-        lost = ~series.seen[..., None, None]
-        own = np.linalg.inv(np.where(lost, np.eye(3), series.precision))
+        own = np.linalg.inv(np.where(series.seen[..., None, None], series.precision, np.eye(3)))
         own = rotation.T @ own @ rotation
-        for group in plan.groups:
+        for group in groups:
             own[group] = own[group].mean(axis=1, keepdims=True)
         own = own + opened[:, None, None, None] * np.eye(3)
         W[:m] = np.linalg.inv(np.linalg.cholesky(own)).swapaxes(0, 1)
@@ -108,6 +97,12 @@ def roots(series: Series, noise: Noise, plan: Plan, rotation: Array) -> tuple[Ar
     return W / noise.factor[kinds][..., None, None], kinds
 
 
-def lengths(white: Array) -> Array:
-    """Lengths of whitened readings, (s, 3, runs) -> (s, runs) [1]."""
-    return np.asarray(np.linalg.norm(white, axis=1))
+def weights(
+    series: Series, noise: Noise, rotation: Array, left: Array, loss: Loss = READINGS
+) -> tuple[Array, Array]:
+    """`roots` of readings one by one, and how much each counts by its own residual, (s, runs) [1].
+
+    What is `left` of them is in base axes, (s, 3, runs) [m, rad].
+    """
+    W, _ = roots(series, noise, rotation)
+    return W, loss.pull(np.linalg.norm(np.einsum("srxy,syr->sxr", W, left), axis=1))

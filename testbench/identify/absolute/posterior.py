@@ -14,14 +14,13 @@ from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.inner import moved_frame, moved_mount
-from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.rows import rows_of
-from testbench.identify.absolute.scatter import pulls_of, residuals
+from testbench.identify.absolute.noise import Noise, roots, weights
+from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import BATCH, State
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.posterior import Posterior
-from testbench.identify.registration import POSES
+from testbench.identify.rows import rows_of
 from testbench.model.structure import Ids, joints_only
 
 if TYPE_CHECKING:
@@ -71,17 +70,6 @@ def model_of(calibration: "Calibration") -> ArmModel:
     return replace(model, columns=np.concatenate([own.columns[f : own.rigid] - first, elastic]))
 
 
-def evenly(series: Series, poses: int) -> Ids:
-    """Places of evenly spaced rows, of those that were read."""
-    seen = np.flatnonzero(series.seen.any(axis=1))
-    if len(seen) < poses or poses < POSES:
-        raise BenchError(
-            f"{series.name}: expected at least {max(POSES, poses)} rows for its frame and target, got "
-            f"{min(len(seen), poses)}"
-        )
-    return np.asarray(seen[np.unique(np.linspace(0, len(seen) - 1, poses).round().astype(int))])
-
-
 def place(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
     """Frame and mount of a series by some of its rows, by Gauss-Newton; all else is held.
 
@@ -112,19 +100,6 @@ def known(model: ArmModel, series: Series) -> RegisteredSeries:
     return RegisteredSeries(model.state, np.zeros(0, dtype=int), _joint(model, _root(F, some), F.T @ M))
 
 
-def registered(calibration: "Calibration", series: Series) -> RegisteredSeries:
-    """Frame and mount of a series as the calibration left them, with all that it left open between them."""
-    own, every = calibration.own, np.arange(calibration.own.unknowns.size)
-    calibration.state.frame(series), calibration.state.mount(series)
-    names = f"frame {series.frame}", f"mount {series.target}"
-    at = np.concatenate([every[own.unknowns.columns(name)] for name in names])  # all frames and mounts are on
-    at = np.r_[at, np.flatnonzero(own.columns >= own.unknowns.starts["geometry"])]
-    whole = posterior_of(calibration)
-    return RegisteredSeries(
-        calibration.state, np.zeros(0, dtype=int), Posterior.normal(whole.x[at], whole.root[:, at])
-    )
-
-
 def without(state: State, series: Series) -> State:
     """The state without the frame and the mount of a series."""
     frames = {key: one for key, one in state.frames.items() if key != series.frame}
@@ -142,7 +117,8 @@ def predict(model: ArmModel, placed: RegisteredSeries, series: Series) -> tuple[
     m, a = len(series.markers), len(model.columns)
     told = np.r_[: 6 + 3 * m, -a:0]  # positions do not depend on the turn of a target
     own = Posterior.normal(placed.posterior.x[told], placed.posterior.root[:, told])
-    covariance: Array = _scatter(model, series)
+    root = np.linalg.inv(roots(series, _noise(model), placed.state.frame(series).rotation)[0][:m])
+    covariance: Array = (root @ root.swapaxes(2, 3)).swapaxes(0, 1)
     for first in range(0, series.rows, BATCH):
         some = np.arange(first, min(first + BATCH, series.rows))
         A = _columns(model, placed.state, select_rows(series, some))[0][:m]
@@ -170,20 +146,18 @@ def _columns(model: ArmModel, state: State, series: Series) -> tuple[Array, Arra
     """Columns of frame, mount and the arm's unknowns, (s, 3, f + a, rows), and what is left, (s, 3, rows)."""
     unknowns = unknowns_of(model.vjm, (series,), state.errors, model.structure)
     rows, f = rows_of(unknowns, state, series), unknowns.starts["geometry"]
-    return rows.A[:, :, np.r_[:f, f + model.columns]], rows.left
+    return rows[:, :, np.r_[:f, f + model.columns]], rows[:, :, -1]
 
 
 def _whitened(model: ArmModel, state: State, series: Series) -> tuple[Array, Array, Array]:
     """Whitened equations: columns of frame and mount, (e, f), of the arm, (e, a), and what is left, (e,)."""
     A, left = _columns(model, state, series)
-    noise, f = _noise(model), A.shape[2] - len(model.columns)
-    deviation = np.sqrt(np.trace(_scatter(model, series), axis1=2, axis2=3) / 3).T
-    if series.sigma_rotation is not None:
-        turn = np.hypot(series.sigma_rotation, noise.open_rotation) * noise.factor[1]
-        deviation = np.concatenate([deviation, np.full((1, series.rows), turn)])
-    w = (np.sqrt(pulls_of(state, series, noise)) / deviation)[:, None]
-    lines = (A * w[:, :, None]).transpose(0, 1, 3, 2).reshape(-1, A.shape[2])
-    return lines[:, :f], lines[:, f:], (left * w).ravel()
+    W, pull = weights(series, _noise(model), state.frame(series).rotation, left)
+    W *= np.sqrt(pull)[..., None, None]
+    rows = np.concatenate([A, left[:, :, None]], axis=2)
+    lines = np.einsum("srxy,sycr->srxc", W, rows, optimize=True).reshape(-1, rows.shape[2])
+    F, M, y = np.split(lines, [A.shape[2] - len(model.columns), -1], axis=1)
+    return F, M, y[:, 0]
 
 
 def _root(F: Array, series: Series) -> Array:
@@ -199,13 +173,3 @@ def _noise(model: ArmModel) -> Noise:
     if model.noise is None:
         raise BenchError("model: expected one of absolute readings; this one knows deflections")
     return model.noise
-
-
-def _scatter(model: ArmModel, series: Series) -> Array:
-    """Covariance of a reading about the model, (rows, m, 3, 3) [m^2]."""
-    noise, own = _noise(model), np.full((series.rows, len(series.markers)), series.sigma**2)
-    if series.precision is not None:
-        precision = np.where(series.seen[..., None, None], series.precision, np.eye(3))
-        own = np.trace(np.linalg.inv(precision), axis1=2, axis2=3) / 3
-    variance = (own + noise.open_position**2) * noise.factor[0] ** 2
-    return np.asarray(variance[..., None, None] * np.eye(3))

@@ -1,16 +1,16 @@
 """How far readings are from a state, how they scatter about it, and which of them pull less."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from testbench.data.series import Series
 from testbench.errors import Array
-from testbench.identify.absolute.noise import KINDS, Noise, lengths, multiplicity, plan_of, roots
-from testbench.identify.absolute.rows import left_over
+from testbench.identify.absolute.noise import Noise, multiplicity, repeated, weights
 from testbench.identify.absolute.state import State, forward, in_batches
 from testbench.identify.robust_loss import READINGS
+from testbench.identify.rows import left_over
 
 
 def residuals(state: State, series: Series) -> Array:
@@ -23,9 +23,7 @@ def residuals(state: State, series: Series) -> Array:
 
 def pulls_of(state: State, series: Series, noise: Noise) -> Array:
     """How much every reading counts, by its own residual, (s, rows)."""
-    alone = replace(series, pose=np.arange(series.rows))
-    W, _ = roots(alone, noise, plan_of(alone), state.frame(series).rotation)
-    return READINGS.pull(lengths(np.einsum("srxy,syr->sxr", W, residuals(state, series))))
+    return weights(series, noise, state.frame(series).rotation, residuals(state, series))[1]
 
 
 def scatter(state: State, series: Sequence[Series], share: float) -> Noise:
@@ -36,24 +34,22 @@ def scatter(state: State, series: Sequence[Series], share: float) -> Noise:
         series: The readings.
         share: Equations less what unknowns spend, over all equations [1].
     """
-    position, rotation = [], []
+    none = np.zeros(0)
+    position, rotation = [(none, none)], [(none, none)]  # lengths of what is left, variances of readings
     for one in series:
-        left = residuals(state, one)
-        m = len(one.markers)
+        left, m, seen = np.linalg.norm(residuals(state, one), axis=1).T, len(one.markers), one.seen
         variance = np.full((one.rows, m), one.sigma**2)
         if one.precision is not None:
-            own = np.linalg.inv(np.where(one.seen[..., None, None], one.precision, np.eye(3)))
-            variance = np.trace(own, axis1=2, axis2=3) / 3
-        seen = one.seen
-        position.append((np.linalg.norm(left[:m], axis=1).T[seen], variance[seen]))
+            precision = np.where(seen[..., None, None], one.precision, np.eye(3))
+            variance = np.trace(np.linalg.inv(precision), axis1=2, axis2=3) / 3
+        position.append((left[:, :m][seen], variance[seen]))
         if one.sigma_rotation is not None:
-            turned = np.linalg.norm(left[m], axis=0)[one.turned]
-            rotation.append((turned, np.full(len(turned), one.sigma_rotation**2)))
+            rotation.append((left[one.turned, m], np.full(one.turned.sum(), one.sigma_rotation**2)))
     found = []
     for kind in (position, rotation):
-        length, own = (np.concatenate([part[k] for part in kind]) if kind else np.zeros(0) for k in (0, 1))
-        found.append(READINGS.spread(length[:, None], own[:, None], share))
-    return Noise(found[0], found[1], np.ones(len(KINDS)))
+        length, own = (np.concatenate(part)[:, None] for part in zip(*kind, strict=True))
+        found.append(READINGS.spread(length, own, share))
+    return Noise(found[0], found[1])
 
 
 def single(noise: Noise, series: Sequence[Series]) -> Noise:
@@ -73,7 +69,7 @@ def single(noise: Noise, series: Sequence[Series]) -> Noise:
 
 def _expected(series: Sequence[Series]) -> tuple[Array, float]:
     """Mean variance of positions and orientations, (2,) [m^2, rad^2], and readings behind a mean [1]."""
-    behind = [multiplicity(plan_of(one), one.rows) for one in series]
+    behind = [multiplicity(repeated(one), one.rows) for one in series]
     position = np.mean([one.sigma**2 for one in series])
     turns = [one.sigma_rotation**2 for one in series if one.sigma_rotation is not None]
     k = float(np.concatenate([x[x > 0] for x in behind]).mean())
@@ -109,15 +105,6 @@ class Outliers:
     series: str  #: Name of the series of the worst.
     row: int  #: Its identifier.
     distance: float  #: How far it is from the model [m].
-
-    @property
-    def words(self) -> str:
-        """A sentence."""
-        worst = f"the worst is row {self.row} of {self.series}, by {1e3 * self.distance:.3g} mm"
-        far = f"{READINGS.bend / WILD:g} standard deviations"
-        return (
-            f"{self.count} of {self.of} positions are more than {far} off and count less than half; {worst}"
-        )
 
 
 def outliers(state: State, series: Sequence[Series], pulls: Sequence[Array]) -> Outliers | None:

@@ -27,18 +27,19 @@ class Unknowns:
     mounts: Mapping[str, tuple[int, bool]]  #: Targets of every mount, and whether one has an orientation.
     errors: JointErrors  #: Errors of the joints.
     structure: Structure  #: Compliances.
+    geometry: bool = True  #: Whether geometry is unknown; it cancels in pairs.
 
     @cached_property
     def inner(self) -> slice:
         """Virtual joints whose constants are errors of geometry: those of all links but first and last."""
-        return slice(6, 6 * self.vjm.arm.n_joints)
+        return slice(6, 6 * self.vjm.arm.n_joints if self.geometry else 6)
 
     @cached_property
     def starts(self) -> dict[str, int]:
         """First column of every frame, of every mount, of geometry, errors, compliances, and the end."""
         sizes = {f"frame {name}": 6 for name in self.frames}
         sizes |= {f"mount {name}": 3 * m + 3 * turned for name, (m, turned) in self.mounts.items()}
-        sizes |= {"geometry": 6 * (self.vjm.arm.n_joints - 1)}
+        sizes |= {"geometry": self.inner.stop - self.inner.start}
         sizes |= {"errors": self.vjm.arm.n_joints * self.errors.size, "elastic": self.structure.n, "end": 0}
         ends = np.cumsum(list(sizes.values()))
         return {key: int(end - size) for (key, size), end in zip(sizes.items(), ends, strict=True)}
@@ -93,3 +94,8 @@ def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, struc
         turned = one.rotation is not None or mounts.get(one.target, (0, False))[1]
         mounts[one.target] = len(one.markers), turned
     return Unknowns(vjm, tuple(dict.fromkeys(one.frame for one in series)), mounts, errors, structure)
+
+
+def compliances(vjm: Vjm, structure: Structure) -> Unknowns:
+    """The unknowns of pairs: all others cancel."""
+    return Unknowns(vjm, (), {}, JointErrors(), structure, geometry=False)

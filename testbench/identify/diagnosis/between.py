@@ -23,9 +23,8 @@ from testbench.identify.diagnosis.steps import lacking
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
 from testbench.identify.registration import Frame
-from testbench.identify.weighed import marker_points
 from testbench.model.structure import all153, joints_only
-from testbench.model.vjm import Vjm
+from testbench.model.vjm import Vjm, marker_points
 from testbench.model.weights import Weights, read_weights
 
 ORDERS = 2  #: Periodic errors that may explain it: few poses tell no more.
@@ -49,7 +48,8 @@ def moved(vjm: Vjm, data: Dataset, prior: Prior) -> list[Finding]:
         state, noise = first_fit(_start(vjm, series), series, metric(prior, vjm, joints_only(vjm.arm)))
     except BenchError:  # too few readings for where arm and targets are: no step can be told
         return []
-    return doubted(lacking(state, series, noise, metric(prior, vjm, all153(vjm.arm)), ORDERS), series)
+    at = lacking(state, series, noise, metric(prior, vjm, all153(vjm.arm)), ORDERS)
+    return [replace(step, beside={**step.beside, "pairs": True}) for step in doubted(at, series)]
 
 
 def _in_time(data: Dataset) -> Iterator[Series]:

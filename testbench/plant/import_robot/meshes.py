@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from testbench.arm.mesh import MOST_FACES, MeshError, check_count, mesh_bytes
 from testbench.errors import Array
-from testbench.plant.import_robot.mesh_door import MAX_FACES, MeshError, check_count, mesh_bytes
 from testbench.plant.import_robot.robot import Faces, Mesh, Note, Surface
 from testbench.plant.import_robot.solids import outermost
 
@@ -79,7 +79,7 @@ def _parsed(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
         raise MeshError(f"not read as {kind}: {why}") from err
     if not np.isfinite(vertices).all():
         raise MeshError("expected finite numbers")
-    check_count("triangles", len(faces), MAX_FACES)
+    check_count("triangles", len(faces), MOST_FACES)
     vertices, faces = _welded(vertices, faces)
     if not len(faces):
         raise MeshError("no triangle has an area")

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.lines import xml_place
+from testbench.arm.mesh import MeshError
 from testbench.errors import InputError
 from testbench.plant.build import HULL_CORNERS
 from testbench.plant.import_robot.compiled import Cleaned
-from testbench.plant.import_robot.mesh_door import MeshError
 from testbench.plant.import_robot.meshes import Meshes, check_size, decimated, stl_bytes
 from testbench.plant.import_robot.robot import Note
 from testbench.plant.import_robot.solids import hull_of

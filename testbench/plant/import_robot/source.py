@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.decimal import WRITTEN, read_decimals
 from testbench.arm.document import parse_xml
 from testbench.arm.lines import xml_place
+from testbench.arm.mjcf import numbers
 from testbench.errors import Array, InputError, read_text, word
 
 MAX_BYTES = 16_000_000
@@ -55,15 +55,7 @@ def read_numbers(file: Path, e: ET.Element, key: str, count: int) -> Array:
     Raises:
         InputError: When it is something else.
     """
-    text = e.get(key, "")
-    try:
-        values = read_decimals(text.split())
-    except ValueError:
-        values = []
-    if len(values) != count or not all(abs(x) <= LARGEST for x in values):
-        problem = f"{key}: expected {count} number(s) up to {LARGEST:g}, {WRITTEN}, got {text[:80]!r}"
-        raise InputError(file, xml_place(file, e), problem)
-    return np.array(values)
+    return np.array(numbers(file, e, key, count, LARGEST))
 
 
 def check_numbers(file: Path, root: ET.Element) -> None:

@@ -35,6 +35,7 @@ def surfaces(part: Body) -> Surfaces:
     """What is written of a part's shapes.
 
     Where nothing is drawn, what collides is drawn; where nothing collides, the hull of what is drawn does.
+    Rods do not: held at zero, they stand where the arm goes.
     """
     drawn, hard = seen(part.shapes), [s for s in part.shapes if s.collides]
     meshes = [s for s in drawn if s.kind == "mesh"]
@@ -44,7 +45,7 @@ def surfaces(part: Body) -> Surfaces:
         drawn=_small(joined(found), DRAWN_FACES) if found else None,
         drawn_solids=[s for s in drawn if s.kind != "mesh"],
         rgba=meshes[int(np.argmax(areas))].rgba if meshes else VISIBLE,
-        hulls=_hulls([s for s in hard if s.kind == "mesh"] if hard else drawn),
+        hulls=_hulls([s for s in hard if s.kind == "mesh"] if hard else [s for s in drawn if s.bears]),
         solids=[s for s in hard if s.kind != "mesh"],
     )
 

@@ -17,9 +17,9 @@ import numpy as np
 
 from testbench.arm.document import parse_xml
 from testbench.arm.lines import xml_place
+from testbench.arm.mesh import MeshError
 from testbench.errors import Array, InputError, read_text
 from testbench.plant.import_robot.compiled import ROOT, Cleaned
-from testbench.plant.import_robot.mesh_door import MeshError
 from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size, stl_bytes
 from testbench.plant.import_robot.robot import Mesh, Note
 from testbench.plant.import_robot.solids import VISIBLE, plausible, primitive

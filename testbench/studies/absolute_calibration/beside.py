@@ -14,13 +14,15 @@ from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import Learnt, choice, solve, squares
 from testbench.identify.absolute.fit import Calibration, Gathered
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.posterior import posterior_of
-from testbench.identify.absolute.reduced import Point, Weighting, reduce
-from testbench.identify.absolute.rows import rows_of
+from testbench.identify.absolute.posterior import RegisteredSeries, posterior_of
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import unknowns_of
+from testbench.identify.fold import Point, reduce_series
 from testbench.identify.metric import metric
+from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior, Strength
+from testbench.identify.robust_loss import SQUARE
+from testbench.identify.rows import rows_of
 from testbench.model.joint_errors import JointErrors
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm
@@ -100,7 +102,7 @@ def optimum_mm(found: Gathered, truth: Truth, check: Series) -> float:
     It knows the standard deviations that geometry, joint errors and noise were drawn with, which orders the
     joint errors have, and compliances to SHAPE around the true ones, and has no other errors to look for.
     """
-    vjm, asked = found.vjm, truth.arm.disturbances
+    vjm, asked = found.state.vjm, truth.arm.disturbances
     assert asked.geometry is not None
     errors = JointErrors(tuple(range(1, 1 + (asked.gear.orders if asked.gear else 0))))
     unknowns = unknowns_of(vjm, found.series, errors, all153(vjm.arm))
@@ -108,10 +110,7 @@ def optimum_mm(found: Gathered, truth: Truth, check: Series) -> float:
     own = choice(unknowns, kinds, metric(Prior("truth", truth.C_theta), vjm, unknowns.structure))
     nothing = np.zeros((vjm.arm.n_joints, errors.size))
     true = true_state(replace(found.state, errors=errors, n=nothing), truth)
-    weighting = [
-        Weighting(np.ones((len(s.markers), s.rows)), np.zeros(s.rows, dtype=int)) for s in found.series
-    ]
-    reduced = reduce(Point(unknowns, true, Noise()), found.series, weighting)
+    reduced = reduce_series(Point(unknowns, true, Noise(), SQUARE), found.series)
     sizes = {
         "geometry shift": asked.geometry.position,
         "geometry turn": float(np.hypot(asked.geometry.angle, asked.sensor_offset / np.sqrt(3))),
@@ -123,7 +122,20 @@ def optimum_mm(found: Gathered, truth: Truth, check: Series) -> float:
     known = Learnt(deviation, np.ones(len(reduced.kinds)))
     V = solve(own, squares(own, reduced.gram), known, Strength(SHAPE)).covariance
     assert own.elastic is not None
-    lines = rows_of(unknowns, true, check).A[:, :, own.columns].transpose(0, 1, 3, 2)
+    lines = rows_of(unknowns, true, check)[:, :, own.columns].transpose(0, 1, 3, 2)
     A = lines.reshape(-1, len(own.columns))
     A = np.hstack([A[:, : own.rigid], A[:, own.rigid :] @ own.elastic.L])
     return MM * float(np.sqrt(3 * np.einsum("ec,cd,ed->e", A, V, A).mean()))
+
+
+def registered(calibration: Calibration, series: Series) -> RegisteredSeries:
+    """Frame and mount of a series as the calibration left them, with all that it left open between them."""
+    own, every = calibration.own, np.arange(calibration.own.unknowns.size)
+    calibration.state.frame(series), calibration.state.mount(series)
+    names = f"frame {series.frame}", f"mount {series.target}"
+    at = np.concatenate([every[own.unknowns.columns(name)] for name in names])  # all frames and mounts are on
+    at = np.r_[at, np.flatnonzero(own.columns >= own.unknowns.starts["geometry"])]
+    whole = posterior_of(calibration)
+    return RegisteredSeries(
+        calibration.state, np.zeros(0, dtype=int), Posterior.normal(whole.x[at], whole.root[:, at])
+    )

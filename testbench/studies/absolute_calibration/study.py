@@ -163,8 +163,8 @@ def _answer(f: Row) -> Iterator[str]:
     """What cross-validation chooses beside joint springs, arm by arm."""
     for gain in f.gains:
         yield say(
-            "On {arm}, {n} poses: the model chosen by cross-validation errs {it.ours_mm:~.3f} mm, joint "
-            "springs {it.theirs_mm:~.3f} mm, {it:less trial}.",
+            "On {arm}, {n} poses: chosen by cross-validation {it.ours_mm:~.3f} mm, joint springs "
+            "{it.theirs_mm:~.3f} mm, {it:less trial}.",
             gain,
             n=f.featured,
             it=gain.springs,

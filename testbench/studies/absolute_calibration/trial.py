@@ -20,10 +20,10 @@ from testbench.data.write import series_text
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.fit import Calibration, explain, gather
 from testbench.identify.absolute.fit import Options as Fit
-from testbench.identify.absolute.posterior import inside, model_of, posterior_of, predict, registered
+from testbench.identify.absolute.posterior import inside, model_of, posterior_of, predict
 from testbench.plant import GearErrors, build_plant
 from testbench.report.table import Row
-from testbench.studies.absolute_calibration.beside import Held, judged, optimum_mm, true_state
+from testbench.studies.absolute_calibration.beside import Held, judged, optimum_mm, registered, true_state
 
 NAME = "absolute_calibration"
 ARMS = ("ur10", "kr500_l480")  #: A seed each in turn.

@@ -14,6 +14,7 @@ prior's. Then every bound is finite.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,7 +108,7 @@ def bounds(models: FitSet, functionals: Array) -> Bounds:
     value, reached = np.full((k, 2), np.nan), np.full((k, 2, n), np.nan)
     status = [["empty"] * 2 for _ in range(k)]
     if not models.empty:
-        greatest = cone.prepare(_program(models), tolerance=TOLERANCE)
+        greatest = prepare(_program(models))
         for i, a in enumerate(functionals):
             size = float(np.linalg.norm(a))
             for side, sign in enumerate((-1, 1)):
@@ -119,13 +120,29 @@ def bounds(models: FitSet, functionals: Array) -> Bounds:
     return Bounds(value[:, 0], value[:, 1], reached, tuple((lower, upper) for lower, upper in status))
 
 
+def prepare(problem: cone.Problem) -> Callable[[Array], cone.Solution]:
+    """A program, set up once, as a function of its cost c, (n,); the program's own is not used."""
+    settings = cone.settings(TOLERANCE)
+    settings.presolve_enable = False  # or the cost could not be changed
+    solver = cone.set_up(problem, settings)
+
+    def solve_for(cost: Array) -> cone.Solution:
+        solver.update(q=cost)
+        return cone.solved(solver, problem)
+
+    return solve_for
+
+
 def _program(models: FitSet) -> cone.Problem:
     """The set as the constraints of a program whose cost is still open."""
     n, sizes = models.metric.structure.n, models.metric.sizes
     rows = tuple(_ceiling(sizes, 0, n, models.ceiling))
     if len(models.rows):
         Q, R = np.linalg.qr(models.rows / models.radius)  # the same ball of fewer entries: a seventh faster
-        ball = cone.norm_within(R, Q.T @ models.centre / models.radius, 1.0)
+        head = np.zeros((1, n))
+        ball = cone.Rows(
+            "second order", np.vstack([head, R]), np.r_[1.0, Q.T @ models.centre / models.radius]
+        )
         rows = (ball, *rows)
     return cone.Problem(np.zeros(n), cone.psd_blocks(0, sizes), rows)
 

@@ -102,9 +102,8 @@ def vectors(problem: Factorised, b: Array) -> Array:
 
 def parameters(problem: Factorised, b: Array) -> Array:
     """Parameters pi of the compliances that b generates, Eq. (16), (n,) [m/N, rad/(N m)]."""
-    pi = np.zeros(problem.regression.structure.n)
-    pi[problem.program.columns] = problem.program.scale * _gramians(problem, vectors(problem, b))
-    return pi
+    x = _gramians(problem, vectors(problem, b))
+    return problem.program.parameters(x, problem.regression.structure.n)
 
 
 def _gramians(problem: Factorised, V: Array) -> Array:

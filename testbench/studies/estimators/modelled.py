@@ -16,7 +16,7 @@ from scipy import sparse
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify.cone import psd_part
-from testbench.identify.conic import scale_program, trace_cost
+from testbench.identify.conic import scale_program
 from testbench.identify.estimate import Estimate, Estimator, make_estimate
 from testbench.identify.fold import reduce
 from testbench.identify.regression import Regression, check_symmetric
@@ -78,20 +78,17 @@ def solve_modelled(
     s = program.structure
     blocks = [cp.Variable((len(block), len(block)), PSD=True) for block in s.blocks]
     x = entries(s, blocks)
-    cost = trace_cost(program) @ x
-    for term in regression.terms:
-        R = term.R[:, program.columns] * (program.scale / program.unit)
-        rest = np.sqrt(term.rest) / program.unit
-        cost += cp.norm(cp.hstack([R @ x - term.z / program.unit, rest]))
+    cost = program.trace @ x
+    for R, z, rest in zip(program.R, program.z, program.rest, strict=True):
+        cost += cp.norm(cp.hstack([R @ x - z, rest]))
     problem = cp.Problem(cp.Minimize(cost))
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Solution may be inaccurate")  # the status tells
         problem.solve(solver=solver, **settings)
-    pi = np.zeros(regression.structure.n)
     C = np.zeros((s.n_theta, s.n_theta))
     for i, X in zip(s.blocks, blocks, strict=True):
         C[np.ix_(i, i)] = psd_part((X.value + X.value.T) / 2)
-    pi[program.columns] = program.scale * s.entries(C)
+    pi = program.parameters(s.entries(C), regression.structure.n)
     method, word = f"GCO (conic program, cvxpy with {solver})", str(problem.status)
     return replace(
         make_estimate(regression, pi, method=method, constraint="psd"),

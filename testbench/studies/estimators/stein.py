@@ -13,15 +13,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbench.data.dataset import Dataset
 from testbench.errors import Array
 from testbench.identify import cone
-from testbench.identify.conic import EXACT, f_m_norms, optimum
-from testbench.identify.crossval import Fold
+from testbench.identify.conic import EXACT, norms_below, optimum
+from testbench.identify.crossval import Fold, divided, folds
 from testbench.identify.estimate import Estimate, make_estimate
+from testbench.identify.fold import reduce_parts
 from testbench.identify.metric import Belief, Case, Metric, whitened
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Ids, Regression, f_m
 from testbench.identify.solve import answer
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
 
 UNCERTAINTIES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.0)
 """Relative uncertainties of a prior that cross-validation tries [1]."""
@@ -145,7 +149,8 @@ def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
     n, count = metric.structure.n, len(regression.terms)
     allowed = (1 + SLACK) * max(best, EXACT * f_m(regression, np.zeros(n)))
     total = cone.Rows("nonnegative", np.r_[np.ones(count), np.zeros(n)][None], np.array([1.0]))
-    norms = f_m_norms(regression.terms, [term.R @ metric.L / allowed for term in regression.terms], allowed)
+    parts = [(term.R @ metric.L, term.z, math.sqrt(term.rest)) for term in regression.terms]
+    norms = norms_below(*(np.array(part) / allowed for part in zip(*parts, strict=True)))
     solution = cone.solve(
         cone.Problem(
             cost=np.r_[np.zeros(count), metric.expected],
@@ -165,9 +170,15 @@ def gco_least_trace(regression: Regression, metric: Metric) -> Estimate:
     return replace(estimate, status=solution.status, solver_seconds=solution.seconds)
 
 
-def choose_strength(folds: Sequence[Fold], metric: Metric, fits: Regularised) -> Strength:
+def every_fold(vjm: Vjm, structure: Structure, data: Dataset) -> list[Fold]:
+    """The folds of the runs with a reading."""
+    [parts] = reduce_parts(vjm, [structure], data, divided(data))
+    return folds(parts)
+
+
+def choose_strength(held: Sequence[Fold], metric: Metric, fits: Regularised) -> Strength:
     """The uncertainty of a prior that predicts poses held out best, its scale left to the data."""
     tried = [Strength(u) for u in UNCERTAINTIES]
-    found = fits([Case(fold.fitted, Belief(metric, strength)) for strength in tried for fold in folds])
-    errors = [f_m(fold.held_out, pi) for fold, pi in zip(list(folds) * len(tried), found, strict=True)]
-    return tried[int(np.argmin(np.reshape(errors, (len(tried), len(folds))).mean(axis=1)))]
+    found = fits([Case(fold.fitted, Belief(metric, strength)) for strength in tried for fold in held])
+    errors = [f_m(fold.held_out, pi) for fold, pi in zip(list(held) * len(tried), found, strict=True)]
+    return tried[int(np.argmin(np.reshape(errors, (len(tried), len(held))).mean(axis=1)))]

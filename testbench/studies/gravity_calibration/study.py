@@ -73,7 +73,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             arms=[CALLED[arm] for arm in f.true_arms],
             seeds=campaigns.seeds_told(f.seed),
         ),
-        answer=campaigns.beside_rivals("True RMS error over the workspace", f.gains),
+        answer=campaigns.beside_rivals("True workspace RMS error", f.gains),
         worst=lines(_worst(f)),
         claims=list(_claims(f)),
         numbers=f,
@@ -184,7 +184,7 @@ def write(run: Run[Settings]) -> Seen:
     """dataset.csv of the first seed; what the page draws."""
     asked, seed = run.settings, run.seeds[0]
     cell = build_cell(find_arm(asked.arm))
-    write_runs(run, cell, asked.scenario)
+    write_runs(run, cell)
     true = true_cell(cell, member(asked.true_arm, seed), seed)
     return calibration_scene(run, true, asked.scenario, asked.scenario.identification_poses)
 

@@ -27,12 +27,17 @@ from testbench.campaign.models import JOINTS, Model, named_models
 from testbench.campaign.perturbed_prior import SCALE, wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
-from testbench.identify.crossval import every_fold
 from testbench.identify.metric import metric, rescaled
 from testbench.identify.prior import Prior
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
-from testbench.studies.estimators.stein import choose_strength, gco_least_trace, gco_stein, stein_parameters
+from testbench.studies.estimators.stein import (
+    choose_strength,
+    every_fold,
+    gco_least_trace,
+    gco_stein,
+    stein_parameters,
+)
 from testbench.studies.factorial.trial import Case, FitRow, each_seed, fitted, judged, plain_models
 from testbench.studies.identifiability import coverage
 from testbench.studies.identifiability.coverage import Covered

@@ -234,8 +234,8 @@ def _claims(f: Row, trials: int) -> Iterator[Markdown]:
         )
     yield say(lost, loses=loses, cases=len(f.grounds))
     yield say(
-        "Promises of `testbench plan`: the 90 % interval of the error holds in {inside_90:yes} of {count} "
-        "cases, the 95 % interval of a deflection in {inside_95:yes}.",
+        "Promises of `testbench plan`: the 90 % interval of the error holds in {inside_90:share {count}} of "
+        "{count} cases, the 95 % interval of a deflection in {inside_95:yes}.",
         f.kept[0],
     )
 

@@ -60,9 +60,9 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         title=_title(f),
         answer=say(
             "Position error: GCO {ours.position_rms_um:~.1f} um, least squares {ls.position_rms_um:~.1f} um; "
-            "{gain:less draw}. Conservative in {ours.conservative:yes} of {draws} draws with GCO, in "
-            "{ls.conservative:yes} with least squares of 36 free entries, in {symmetric.conservative:yes} of "
-            "21 symmetric ones.",
+            "{gain:less draw}. Of {draws} draws GCO is conservative in {ours.conservative:yes}, least "
+            "squares in {ls.conservative:yes}, with a symmetric matrix in "
+            "{symmetric.conservative:share {draws}}.",
             _named(f),
             gain=f.gains.least_squares,
             draws=f.draws,
@@ -75,7 +75,9 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         claims=list(_claims(f)),
         numbers=f,
         tables={
-            "shape": Table(columns(SHAPE), f.models, "What kind of matrix"),
+            "shape": Table(
+                columns(SHAPE), f.models, "What kind of matrix", headline="symmetric_eigenvalue_micro"
+            ),
             "errors": Table(columns(ERRORS), f.models, "How far off", headline=POSITION),
             "claims": Table(columns("claim verdict why"), f.claims, "The paper's statements"),
             "order": Table(columns(ORDER, paper=False), f.order, "The order m, Eq. (20)"),

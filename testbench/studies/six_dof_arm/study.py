@@ -289,7 +289,7 @@ def write(run: Run[Settings]) -> Seen:
     """dataset.csv of the first seed, linear truth; what the page draws."""
     asked = run.settings
     cell = build_cell(find_arm(asked.arm))
-    write_runs(run, cell, asked.scenario, asked.scenario.poses)
+    write_runs(run, cell, asked.scenario.poses)
     return calibration_scene(run, cell, asked.scenario, asked.scenario.poses)
 
 

@@ -22,6 +22,7 @@ from testbench.studies.which_model.trial import CHOSEN, RUNS, Options, Settings
 from testbench.trials.spread import span
 from testbench.views.colours import CHOICE, Look, look
 from testbench.views.figure import Figure, forest
+from testbench.views.gains import share
 from testbench.views.markdown import Markdown, counted, listed
 from testbench.views.schema import Table, pivot
 
@@ -185,7 +186,7 @@ def _claims(f: Row) -> Iterator[Markdown]:
         "The default errs over {margin_percent:g} % more than joint stiffness only in {shares:list} of "
         "{cases:,} cases with {which:list} poses.",
         f,
-        shares=[f"{100 * m.loses:.1f} %" for m in default],
+        shares=[share(m.loses, f.cases) for m in default],
         which=[str(m.poses) for m in default],
     )
     ours, joints = (find(f.promises, where=EVERY, name=name) for name in (CHOSEN, JOINTS))
@@ -202,7 +203,9 @@ def _claims(f: Row) -> Iterator[Markdown]:
     ]
     yield say(
         "Readings raise a doubt of a prior ten times off: {far}.",
-        far="; ".join(say("{prior}, in {doubted:yes} of cases", own, prior=name) for name, own in far),
+        far="; ".join(
+            say("{prior}, in {doubted:share {cases}} of {cases} cases", own, prior=name) for name, own in far
+        ),
     )
 
 

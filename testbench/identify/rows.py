@@ -1,0 +1,135 @@
+"""The one Jacobian, Eq. (3) and (12): how every unknown moves a reading, and what is left of it.
+
+A reading is a position of a target or an orientation, three numbers each in base axes. A pair is the
+difference of two readings of a pose: of its unknowns only compliances are left, Eq. (13).
+"""
+
+import math
+
+import numpy as np
+
+from testbench.data.dataset import Dataset, Ids, turn
+from testbench.data.series import Series
+from testbench.errors import Array
+from testbench.identify.absolute.state import Equilibrium, State, forward, targets
+from testbench.identify.absolute.unknowns import Unknowns
+from testbench.model.load import Load, on_joints
+from testbench.model.vjm import Vjm, chain, cross, marker_points, parameter_rows, translation_rows
+
+
+def jacobian(
+    unknowns: Unknowns,
+    told: Equilibrium,
+    points: Array,
+    series: Series | None = None,
+    *,
+    turned: bool,
+) -> Array:
+    """Change of readings with every unknown, and a last column that is left at zero, (s, 3, size + 1, runs).
+
+    Args:
+        unknowns: What is to be found.
+        told: Where the arm rests in every run.
+        points: Targets in the tool's frame, (m, 3) [m].
+        series: Whose frame and mount they are seen in; None where neither is unknown.
+        turned: Whether an orientation follows the targets.
+    """
+    where, m, runs = told.where, len(points), len(told.where.position)
+    A = np.zeros((m + turned, 3, unknowns.size + 1, runs))
+    J = translation_rows(where, points).reshape(m, 3, -1, runs)
+    if turned:
+        J = np.concatenate([J, where.J_theta[3:][None]])
+    if series is not None:
+        x = where.position[:, None] + points @ where.rotation.swapaxes(1, 2)
+        _add_frame(A[:, :, unknowns.columns(f"frame {series.frame}")], x, m)
+        _add_mount(A[:, :, unknowns.columns(f"mount {series.target}")], where.rotation)
+    A[:, :, unknowns.columns("geometry")] = J[:, :, unknowns.inner]
+    if unknowns.errors.size:
+        own = J[:, :, -unknowns.vjm.arm.n_joints :, None] * told.phi
+        A[:, :, unknowns.columns("errors")] = own.reshape(*A.shape[:2], -1, runs)
+    elastic = unknowns.columns("elastic")
+    lines = parameter_rows(unknowns.structure, J.reshape(-1, *J.shape[2:]), told.u)
+    for k, line in enumerate(lines):
+        A[k // 3, k % 3, elastic] = line
+    return A
+
+
+def _add_frame(A: Array, x: Array, m: int) -> None:
+    """Move and turn of the base frame: x + move + turn x x, (s, 3, 6, runs)."""
+    for k, axis in enumerate(np.eye(3)):
+        A[:m, k, k] = 1.0
+        A[:m, :, 3 + k] = cross(axis[:, None, None], x.transpose(2, 1, 0)).transpose(1, 0, 2)
+        A[m:, k, 3 + k] = 1.0
+
+
+def _add_mount(A: Array, R: Array) -> None:
+    """Moves of every target in the tool's axes, then the turn of the one with an orientation."""
+    for k in range(len(A)):
+        A[k, :, 3 * k : 3 * k + 3] = R.transpose(1, 2, 0)
+
+
+def rows_of(unknowns: Unknowns, state: State, series: Series) -> Array:
+    """[A | y] of a series, or of a part of one, y reading minus model, (s, 3, size + 1, runs) [m, rad]."""
+    told, m = forward(state, series), len(series.markers)
+    A = jacobian(unknowns, told, state.mount(series).points, series, turned=series.rotation is not None)
+    A[:m] *= series.seen.T[:, None, None]
+    A[m:] *= series.turned
+    A[:, :, -1] = left_over(state, series, told)
+    return A
+
+
+def left_over(state: State, series: Series, told: Equilibrium) -> Array:
+    """Readings minus model in base axes, (s, 3, runs) [m, rad]; zero where nothing was read."""
+    frame, mount = state.frame(series), state.mount(series)
+    x = targets(told.where, mount)
+    position = ((series.position - frame.translation) @ frame.rotation - x) * series.seen[..., None]
+    found = position.transpose(1, 2, 0)
+    if series.rotation is None:
+        return found
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
+
+    measured = np.where(series.turned[:, None, None], series.rotation, np.eye(3))
+    left = frame.rotation.T @ measured @ (told.where.rotation @ mount.rotation).swapaxes(1, 2)
+    vector = Rotation.from_matrix(left).as_rotvec() * series.turned[:, None]
+    return np.concatenate([found, vector.T[None]])
+
+
+def straight(vjm: Vjm, q: Array, loads: list[Load]) -> Equilibrium:
+    """The arm as drawn in poses, (runs, n) [rad, m], and what loads do to every virtual joint, Eq. (5)."""
+    where = chain(vjm, q)
+    nothing = np.zeros((vjm.arm.n_joints, 0, len(q)))
+    return Equilibrium(np.zeros((len(q), vjm.arm.n_theta)), where, on_joints(where, loads), nothing)
+
+
+def pair_rows(unknowns: Unknowns, told: Equilibrium, data: Dataset, runs: Ids) -> tuple[Array, Ids]:
+    """Eq. (13) of some pairs in standard deviations of a difference, [A | y] as `rows_of`.
+
+    Args:
+        unknowns: Compliances.
+        told: The arm in these runs, `straight`.
+        data: All pairs.
+        runs: Places of some of them, (runs,).
+
+    Returns:
+        [A | y], (s, 3, n + 1, runs) [1], and the kind of every reading, (s, runs): 0 a position, 1 an
+        orientation, -1 lost.
+    """
+    m = len(data.markers)
+    both = data.rotation_before is not None and data.rotation_after is not None
+    A = jacobian(unknowns, told, marker_points(unknowns.vjm, data.markers), turned=both)
+    A[:m, :, -1] = (data.after[runs] - data.before[runs]).transpose(1, 2, 0)
+    kinds = np.zeros((m + both, len(runs)), dtype=int)
+    if data.rotation_before is not None and data.rotation_after is not None:
+        assert data.sigma_rotation is not None
+        kinds[m:] = 1
+        A[m:, :, -1] = turn(data.rotation_before[runs], data.rotation_after[runs]).T
+        A[m:] /= math.sqrt(2) * data.sigma_rotation
+    if data.precision is None:
+        A[:m] /= math.sqrt(2) * data.sigma
+        return A, kinds
+    own = data.precision[runs].swapaxes(0, 1)
+    lost = np.asarray(~own.any(axis=(2, 3)))
+    root = np.linalg.cholesky(np.where(lost[..., None, None], np.eye(3), own))
+    A[:m] = np.einsum("srxy,sxcr->sycr", root, A[:m], optimize=True)
+    kinds[:m][lost] = -1
+    return A, kinds
