@@ -9,9 +9,9 @@ from testbench.correct.batches import at, replaced
 from testbench.correct.inverse import joints_along, settle
 from testbench.correct.newton import Target
 from testbench.correct.reach import THERE, reach
-from testbench.correct.turn import turn_between
 from testbench.model.kinematics import build_vjm
 from testbench.model.tool_motion import tool_motion
+from testbench.model.turn import turn_between
 from testbench.model.vjm import Vjm, chain, rotation, tool_pose
 
 ARMS = ("kr500_l480", "arm_6r", "ur10")
