@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, runtime_checkable
 
 from testbench.identify import Constraint
@@ -94,6 +94,18 @@ class Table:
     headline: str = ""  #: Key of the column that the answer speaks of; empty for the last one.
     across: str = ""  #: What changes from column to column after the first; empty where these differ in kind.
     looks: Mapping[str, Look] = field(default_factory=dict)  #: Of rows, by the text of the first column.
+
+
+SHOWN = 6  #: Columns that a terminal or a study's page has room for.
+
+
+def narrowed(table: Table, most: int = SHOWN) -> Table:
+    """A table of at most so many columns: the first ones, and that of which the answer speaks."""
+    first, *others = table.columns
+    answer = table.headline or table.columns[-1].key
+    keep = [c for c in others if c.key == answer]
+    keep += [c for c in others if c not in keep][: most - 1 - len(keep)]
+    return replace(table, columns=(first, *(c for c in others if c in keep)))
 
 
 def brackets(table: Table) -> str:

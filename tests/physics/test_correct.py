@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from loads import correct
 
 import testbench as tb
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import Aim, Target, asked, correct
+from testbench.correct.newton import Aim, Target, asked
 from testbench.correct.rest import rest
 from testbench.correct.step import SMALL
 from testbench.correct.uncertainty import Poses, half_widths

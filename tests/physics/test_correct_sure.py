@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from loads import correct
 from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_everywhere
 
 from testbench.campaign.program import extrapolated
 from testbench.correct.beyond import extent
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import Aim, asked, correct
+from testbench.correct.newton import Aim, asked
 from testbench.correct.rest import rest
 from testbench.correct.uncertainty import Poses, fitted_half_widths, half_widths, most_open, rows_between
 from testbench.errors import BenchError

@@ -9,8 +9,8 @@ from testbench.correct.batches import at, replaced
 from testbench.correct.inverse import joints_along, settle
 from testbench.correct.newton import Target
 from testbench.correct.reach import THERE, reach
-from testbench.correct.turn import turn_between
 from testbench.model.kinematics import build_vjm
+from testbench.model.turn import turn_between
 from testbench.model.vjm import Vjm, rotation, tool_pose
 
 ARMS = ("kr500_l480", "arm_6r", "ur10")

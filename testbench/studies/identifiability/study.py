@@ -27,7 +27,7 @@ from testbench.views.schema import Table, best_of
 
 VARIED = {"structure": "MGCO56", "constraint": "psd", "filling": "prior"}
 """Whose error by the prior's scale is said."""
-BENT = replace(RMS, key="nonlinear.rms_um", heading="non-linear truth", short="non-\nlinear\num")
+BENT = replace(RMS, key="nonlinear.rms_um", heading="non-linear truth", short="non-linear\num")
 ALSO = ("filling", "parameters", "rank", "uncertainty_percent")
 COVERAGE = "interval datasets covered_percent standard_error_percent width_um unbounded_percent"
 READING = Markdown(

@@ -75,7 +75,9 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         claims=list(_claims(f)),
         numbers=f,
         tables={
-            "shape": Table(columns(SHAPE), f.models, "What kind of matrix"),
+            "shape": Table(
+                columns(SHAPE), f.models, "What kind of matrix", headline="symmetric_eigenvalue_micro"
+            ),
             "errors": Table(columns(ERRORS), f.models, "How far off", headline=POSITION),
             "claims": Table(columns("claim verdict why"), f.claims, "The paper's statements"),
             "order": Table(columns(ORDER, paper=False), f.order, "The order m, Eq. (20)"),

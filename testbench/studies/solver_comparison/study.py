@@ -110,7 +110,8 @@ def _badge(trials: Trials) -> Badge | None:
 def _solvers(asked: Settings, trials: Trials) -> Iterator[Row]:
     """A row a solver; a time to 1 % is of those seeds in which it came there."""
     names = {
-        "a": f"genetic algorithm of up to {asked.generations} generations, then global search (the paper)",
+        "a": "the paper's: differential evolution in place of MATLAB's GA, up to "
+        f"{asked.generations} generations, then global search",
         "a'": f"the same with {SHORT_GENERATIONS} generations",
         "b": "one local solve over b, analytic gradient",
         "b'": "one local solve over b, finite differences",
@@ -166,9 +167,9 @@ def _claims(f: Row, rows: Mapping[str, Row]) -> Iterator[Markdown]:
     )
     b = rows["b"]
     yield say(
-        "Where (d) wins by little: to 1 % a short genetic algorithm (a') takes {short}, one local solve (b) "
-        "{local} as long. To its end (b) takes {whole:.3g} times the time of (d), and does not know how near "
-        "it is.",
+        "Where (d) wins by little: to 1 % a short differential evolution (a') takes {short}, one local solve "
+        "(b) {local} as long. To its end (b) takes {whole:.3g} times the time of (d), and does not know how "
+        "near it is.",
         short=times(rows["a'"]),
         local=times(b),
         whole=middle(b.whole_ratio_to_conic),
