@@ -76,6 +76,16 @@ def test_every_joint_frees_seven_directions_between_its_two_links(kr500, gravity
     assert pairs == []
 
 
+@pytest.mark.parametrize("structure", [mgco147, mgco69, mgco68, mgco47, template56])
+def test_losses_add_up(kr500, gravity, structure):
+    report = report_of(kr500, structure(kr500.arm), gravity)
+    lost = len(report.lost_to_structure) + len(report.lost_to_loads) + report.lost_to_poses
+    assert report.rank + lost == report.structure.n
+    assert len(report.lost_to_structure) + report.lost_to_experiment + report.rank == report.structure.n
+    # the spread is the diagonal of a projector: its trace is its dimension, up to rounding
+    assert report.spread.sum() == pytest.approx(report.lost_to_poses, abs=1e-9)
+
+
 def test_a_named_direction_is_really_not_seen(kr500, gravity):
     """Leaving one parameter of each structural direction out costs no rank."""
     structure = mgco68(kr500.arm)

@@ -11,9 +11,10 @@ from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.identify import reduce
 from testbench.identify.certify import total_trace, trace_weight
 from testbench.identify.evaluate import deflections
+from testbench.identify.least_squares import completed
 from testbench.identify.prior import aggregate
 from testbench.identify.solve import solve
-from testbench.model.structure import all153, template56
+from testbench.model.structure import all153, mgco68, template56
 from testbench.studies.factorial.trial import reread
 from testbench.studies.regimes import fits
 from testbench.studies.regimes.trial import Clean, Grid, expected
@@ -91,6 +92,34 @@ def test_gco_is_the_projection_of_least_squares_on_the_cone(request, make, measu
         taken = fits.added(ls, gco)
         assert errors[0] - errors[1] >= taken * ls.regression.rank - slack
         assert taken > 0
+
+
+def test_the_fit_of_least_squares_is_kept_and_the_free_directions_are_those_of_gco(kr500):
+    structure = all153(kr500.arm)
+    clean = hung(kr500, SEEDS[0], 8)
+    found = fits.without_prior([reduce(kr500.vjm, structure, noisy(clean, 50e-6))])
+    [ls], [gco], [lent] = found.ls, found.gco, found.lent
+    A, _ = rows_of(ls.regression)
+    assert ls.regression.rank < structure.n
+    np.testing.assert_allclose(A @ lent.pi, A @ ls.pi, atol=1e-9 * np.abs(A @ ls.pi).max())
+    # here a conservative model fits as well: GCO has the fit of least squares, and the rest from `lent`
+    assert not found.binds[0]
+    moved = [deflections(kr500.vjm, own, clean.judge) for own in (ls, gco, lent)]
+    size = np.abs(moved[1]).max()
+    assert np.abs(moved[2] - moved[1]).max() < 1e-3 * size
+    assert np.abs(moved[0] - moved[1]).max() > 0.1 * size
+
+
+def test_where_no_equal_fit_is_sought_there_is_none(kr500):
+    ls, taken = [], []
+    for structure, poses in ((mgco68(kr500.arm), (8, 12)), (all153(kr500.arm), (4, 12, 20))):
+        clean = [hung(kr500, seed, count) for seed in SEEDS for count in poses]
+        found = fits.without_prior([reduce(kr500.vjm, structure, noisy(own, 50e-6)) for own in clean])
+        ls += found.ls
+        taken += map(fits.added, found.ls, found.gco)
+    skipped = [own for own, share in zip(ls, taken, strict=True) if share > fits.TAKEN]
+    assert 3 < len(skipped) < len(ls) - 3
+    assert not any(completed(own.regression).conservative for own in skipped)
 
 
 def test_the_error_to_expect_is_what_noise_does_to_least_squares(kr500):

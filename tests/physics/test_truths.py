@@ -143,6 +143,27 @@ def test_priors_are_wrong_as_their_names_say(kr500, seed):
         assert distance_from_tubes(theirs) < 1e-12
 
 
+def test_priors_far_off_are_as_often_too_soft_as_too_stiff(kr500):
+    soft = [
+        np.diag(prior_of(kr500, "joints", seed).C_theta)[42] > np.diag(wrong_prior(kr500, seed).C_theta)[42]
+        for seed in range(100)
+    ]
+    assert 30 < sum(soft) < 70  # four standard deviations
+    hit = {
+        k
+        for seed in range(100)
+        for k, (a, b) in enumerate(
+            zip(
+                blocks(prior_of(kr500, "link", seed).C_theta),
+                blocks(wrong_prior(kr500, seed).C_theta),
+                strict=True,
+            )
+        )
+        if not np.allclose(a, b)
+    }
+    assert hit == set(range(7))
+
+
 def test_turning_a_beam_turns_its_compliance(rng):
     """About its own axis a tube does not change; there and back it is what it was."""
     scale = eigenvalue_scale(TUBE)
