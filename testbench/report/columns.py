@@ -15,7 +15,7 @@ WORDS = """
 """
 COUNTS = "datasets seeds local_solves poses draws run task line pose seed cases trials readings row"
 """Keys of words and of counts that are their own headings."""
-EVERY = (
+DECLARED = (
     *(Column(key, key.replace("_", " ")) for key in WORDS.split()),
     *(Column(key, key.replace("_", " "), form="d") for key in COUNTS.split()),
     Column("name", "model"),
@@ -267,6 +267,37 @@ EVERY = (
     Column("pull", "counts", form=".2f"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
+NONE = {
+    "times_less": "itself",
+    "uncertainty_percent": "no prior",
+    "half_95_mm": "no bound",
+    "intervals.half_width_mm": "no bound",
+    "elsewhere.half_width_mm": "no bound",
+    "elsewhere.apart_mm": "not compared",
+    "folder": "not in it",
+    "ratio": "no ratio",
+    "f_m_held_out": "not held out",
+    "check.rms_mm": "none held out",
+    "series_after_mm": "one series",
+    "gears_kept_percent": "no choice",
+    "links_kept_percent": "no choice",
+    "covered_percent": "no interval",
+    "unseen_percent": "no interval",
+    "efficiency_percent": "no plan",
+    "expected_tasks_mm": "no plan",
+    "evaluations": "none",
+    "local_solves": "none",
+    "local_solves_elsewhere": "none",
+    "draws": "all poses",
+    "correlation": "no error",
+    "told": "none is wrong",
+    "unchecked": "none is wrong",
+    "otherwise": "none is wrong",
+    "either": "none is wrong",
+    "place": "-",
+}
+"""Why a cell has no number, where that is not that the model was not fitted."""
+EVERY = tuple(replace(column, none=NONE.get(column.key, column.none)) for column in DECLARED)
 KNOWN = {column.key: column for column in EVERY}
 
 

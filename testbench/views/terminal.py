@@ -55,7 +55,7 @@ def grid(table: Table) -> RichTable:
         found.add_column(head, justify="right" if k else "left", no_wrap=True)
     for row in table.rows:
         first, *others = (_end(column, row) for column in table.columns)
-        marked = table.bold == first
+        marked = table.marks(row)
         found.add_row(f"* {first}" if marked else first, *others, style="bold green" if marked else "")
         spreads = [not (c.exact or table.across) and _spreads(c.value(row)) for c in table.columns]
         for end, name in enumerate(_ends_named(table, row)) if any(spreads) else ():

@@ -17,7 +17,6 @@ EXACT = AbsoluteCampaign(
     targets=3,
     orientations=True,
     noise=False,
-    quarter_turns=True,
     disturbances=Disturbances(own_weight=True),
 )
 
