@@ -16,15 +16,12 @@ from testbench.identify.absolute.align import read_only
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.state import State
 from testbench.identify.diagnosis.finding import Finding, one_by_one
-from testbench.identify.diagnosis.steps import Linear, best, chance, lacking, likeliest, with_shift
+from testbench.identify.diagnosis.steps import best, lacking, with_shift
 from testbench.identify.metric import Metric
 
 CELLS = 400  #: Steps that are tried at first.
 THIN = 1500  #: Rows that are looked at first.
-CHANCE = 0.05
-"""Chance of a step as clear anywhere in readings without one, from which it is no doubt."""
-FEWEST = 3  #: Poses before and behind a step that is doubted.
-LEAST = 6  #: The same of one that parts a series: fewer do not tell a frame or a mount.
+LEAST = 6  #: Poses before and behind a step that parts a series: fewer do not tell a frame or a mount.
 GAIN = 80.0
 """Sum of squares that such a step takes away at least, over the variance: sound simulated series reach 50,
 series of a robot whose frame drifts by 10 um 80."""
@@ -44,14 +41,6 @@ def _poses_so_far(pose: Ids) -> Ids:
     first = np.zeros(len(pose), dtype=int)
     first[np.unique(pose, return_index=True)[1]] = 1
     return np.cumsum(first)
-
-
-def doubted(at: Linear, series: Sequence[Series]) -> list[Finding]:
-    """Steps that chance does not explain, one a series at most; of series in order of time."""
-    steps = [places(one, FEWEST) for one in series]
-    tried = 2 * sum(map(len, steps))
-    found = likeliest(at, series, steps)
-    return [with_shift(at, one, step) for one, step in found if tried * chance(step) < CHANCE]
 
 
 def _clear(state: State, series: Series, noise: Noise, elastic: Metric) -> Finding | None:
