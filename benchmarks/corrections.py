@@ -5,7 +5,8 @@ from measure import Row, at_most, feasible_poses, interleave, note, spread
 
 from testbench.campaign.campaign import build_cell, simulate
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import asked, correct
+from testbench.correct.newton import Aim, Points, asked
+from testbench.correct.newton import solve as corrected
 from testbench.correct.rest import rest
 from testbench.errors import Array
 from testbench.identify import gco, with_prior
@@ -33,7 +34,8 @@ def correcting_ten_thousand_points() -> list[Row]:
     found = []
 
     def solve() -> None:
-        found.append(correct(state, q, [load], asked(state, q, "unloaded", np.zeros(3))))
+        target = asked(state, q, "unloaded", np.zeros(3))
+        found.append(corrected(Points(state, q, [load], target, Aim(), np.ones(q.shape))))
 
     def newton() -> None:
         loaded_equilibrium(cell.vjm, cell.arm.C_theta, q[:FEW], load.wrench[:FEW], load.point[:FEW])

@@ -14,7 +14,9 @@ PROGRAM = Path(sys.executable).with_name("testbench")
 project = "testbench"
 author = "the testbench authors"
 copyright = "2026, the testbench authors"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.coverage", "sphinx.ext.napoleon"]
+coverage_modules = ["testbench"]
+coverage_show_missing_items = True
 exclude_patterns = ["_build", "README.md"]
 html_theme = "furo"
 html_title = "testbench"
@@ -38,6 +40,7 @@ def write_help(_: object) -> None:
     commands = [
         "calibrate",
         "check",
+        "compare",
         "compensate",
         "data check",
         "demo",
@@ -46,6 +49,7 @@ def write_help(_: object) -> None:
         "identifiability",
         "identify",
         "new",
+        "next",
         "plan",
         "predict",
         "score",

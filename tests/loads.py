@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from testbench.correct.newton import Aim, Points, solve
 from testbench.data.dataset import Dataset
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, observation, rotation_observation
@@ -50,3 +51,9 @@ def axis_loads(cell, rng, *, noise=1.0, poses=18):
         rotation_after=(rotation_observation(*args) @ C)[:, 0] + again,
         sigma_rotation=SIGMA_ROTATION,
     )
+
+
+def correct(state, q, loads, target, aim=None):
+    """Joints for which the loaded tool is on its target, all of them free."""
+    every = [load.over(len(q)) for load in loads]
+    return solve(Points(state, q, every, target, aim or Aim(), np.ones(q.shape)))

@@ -24,7 +24,7 @@ from testbench.report import report
 from testbench.shell import command
 from testbench.trials.spread import Spread
 from testbench.views.markdown import capital, grid
-from testbench.views.schema import Column, Table
+from testbench.views.schema import Column, Table, narrowed
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES, README = ROOT / "docs" / "studies", ROOT / "README.md"
@@ -33,7 +33,7 @@ STUDIES = (
     "identifiability", "noise_sensitivity", "model_error", "pose_selection", "which_model",
     "regimes", "real_ur10", "absolute_calibration", "compensation",
 )  # fmt: skip
-ROWS, COLUMNS = 9, 6  #: Of the one table that a page shows, at most.
+ROWS = 9  #: Of the one table that a page shows, at most.
 FEWEST, WORDS = 3, 500  #: Rows that it keeps, and words of a page: longer ones have fewer rows.
 DEMO = re.compile(r"(<!-- demo -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -100,12 +100,8 @@ def _text(name: str, flags: str, found: report.Report, rows: int, links: list[st
 
 def _short(table: Table, most: int) -> str:
     """A table's first columns, the headline among them, and its first rows."""
-    answer = table.headline or table.columns[-1].key
-    keep = [c for c in table.columns[1:] if c.key == answer]
-    keep += [c for c in table.columns[1:] if c not in keep][: COLUMNS - 1 - len(keep)]
-    columns = tuple(c for c in table.columns if c is table.columns[0] or c in keep)
     rows = sorted(table.rows, key=lambda row: table.columns[0].cell(row) != table.bold)[:most]
-    short = replace(table, columns=columns, rows=[row for row in table.rows if row in rows])
+    short = replace(narrowed(table), rows=[row for row in table.rows if row in rows])
     left = len(table.rows) - len(rows)
     more = f"The CSV file has all {len(table.rows)} rows." if left else ""
     return "\n\n".join(filter(None, [f"## {capital(table.title)}" if table.title else "", grid(short), more]))

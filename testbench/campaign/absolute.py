@@ -107,8 +107,8 @@ def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequ
     with explained(vjm):
         found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
     wild = outliers(found.state, found.series, found.pulls)
-    said += [*found.notes, *(doubt.said(move, vjm.arm).sentence for move in found.moves)]
-    return Calibrated(found, found.series, (*said, *([of_outliers(wild)] if wild else [])))
+    words = (doubt.said(one, vjm.arm).sentence for one in found.found)
+    return Calibrated(found, found.series, (*said, *words, *([of_outliers(wild)] if wild else [])))
 
 
 def of_outliers(found: Outliers) -> str:

@@ -26,6 +26,7 @@ UNITS = {
     1e3: "1000 times too small: metres read as millimetres?",
 }
 """What readings have to be multiplied with, and what that means."""
+WHICH = {"unloaded": "unloaded readings", "loaded": "loaded readings", "all": "readings"}
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,9 @@ def said(found: Finding, arm: Arm) -> Doubt:
     words = WORDS[found.kind](found, arm)
     if "was" in found.beside:
         ends = length(found.beside["was"]), length(found.beside["now"])
-        words = f"the {found.where[0]} {words} (they lie {ends[0]} from the arm's kinematics, median; so "
+        words = (
+            f"the {WHICH[found.where[0]]} {words} (they lie {ends[0]} from the arm's kinematics, median; so "
+        )
         words += f"{ends[1]})"
     return Doubt(found.kind, words, found.nats)
 
@@ -125,7 +128,7 @@ def _pose(found: Finding, arm: Arm) -> str:
 
 
 def _reading(found: Finding, _: Arm) -> str:
-    run, target = found.where
+    run, target = (*found.where, "the tool's turn")[:2]
     if "off" in found.beside:
         return f"run {run}: {target} was read {length(found.beside['off'])} off, the others were not"
     off = f"{_distance(found):.2g} mm from where the others say"
@@ -178,7 +181,7 @@ def _moved(found: Finding, _: Arm) -> str:
     angle = float(np.linalg.norm(found.size[3:]))
     turn = f" and turned by {MM * angle:.2g} mrad" if angle > TURN else ""
     words = f"{both} moved by {MM * size['shift']:.2g} mm{turn} between"
-    if not size["pairs"]:
+    if not size.get("pairs"):
         new = "mounts" if what == "target" else "frames"
         ends = f"rows {size['before']} and {size['after']}"
         return f"{found.where[0]}: {words} {ends}: taken as two {new}"
@@ -193,8 +196,8 @@ def _moved(found: Finding, _: Arm) -> str:
 
 
 def _level(found: Finding, _: Arm) -> str:
-    factor = 1 + found.size[0]
-    return f"the load of {found.where[0]} acts as {factor:.2f} times that, beside the others: its mass?"
+    times = f"{1 + found.size[0]:.2f} times that"
+    return f"the load of {found.beside['force']:.4g} N acts as {times}, beside the others: its mass?"
 
 
 def _run_load(found: Finding, _: Arm) -> str:
@@ -249,8 +252,8 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
     ),
     "order": lambda f, _: f"are those of the pose {'before' if f.size[0] > 0 else 'after'}",
     "kinematics": lambda f, _: (
-        f"the {f.where[0]} lie {length(f.beside['now'])} (median) from the arm's kinematics, and no single "
-        "mistake explains it: is this the arm?"
+        f"the {WHICH[f.where[0]]} lie {length(f.beside['now'])} (median) from the arm's kinematics, and no "
+        "single mistake explains it: is this the arm?"
     ),
     "pose": _pose,
     "reading": _reading,
@@ -279,7 +282,10 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
         f"{1e6 * f.beside['sigma']:.3g} um: is it more, or does the arm do what springs do not?"
     ),
     "notation": _notation,
+    "never_read": lambda f, _: f"{f.where[0]}: {', '.join(f.where[1:])} was never read and is left out",
     "unshared": lambda f, _: f"{f.where[0]}: shared that {f.where[1]}, is taken to have its own",
-    "not_parted": lambda f, _: f"{f.where[0]}: not parted",
+    "not_parted": lambda f, _: (
+        f"{', '.join(f.where)}: not parted, its parts alone do not tell where their frames or mounts are"
+    ),
 }
 """The sentence of every kind of finding."""

@@ -8,7 +8,7 @@ import numpy as np
 from testbench.campaign.campaign import Campaign, Cell
 from testbench.campaign.models import Model
 from testbench.campaign.rows import DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
-from testbench.campaign.workspace_errors import Places, kept_mm, places_of
+from testbench.campaign.workspace_errors import Places, kept_mm, places_of, rms
 from testbench.data.dataset import Dataset
 from testbench.data.write import csv_text
 from testbench.errors import Array, BenchError
@@ -34,7 +34,7 @@ class Result:
     @property
     def places(self) -> Array:
         """Errors against the true deflections run by run, RMS over the markers, (runs,) [m]."""
-        return np.asarray(np.sqrt(np.mean(np.sum(self.wrong**2, axis=-1), axis=-1)))
+        return rms(self.wrong)
 
 
 def identify(

@@ -8,11 +8,10 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import BEGINS, BEGINS_NEW, with_origins
@@ -28,6 +27,7 @@ from testbench.campaign.export_geometry import (
 )
 from testbench.errors import Array, InputError, read_text
 from testbench.identify.absolute.state import State
+from testbench.model.kinematics import urdf_poses
 from testbench.model.vjm import rotation, skew
 from testbench.plant.import_robot.chain import fit_names
 from testbench.plant.import_robot.compiled import compiled
@@ -40,7 +40,6 @@ SAME = 1e-4
 """Most that a robot's own drawing differs from the arm's [m, rad]: a right angle of five digits does so."""
 STILL = 1e-12  #: Less than this is rounding [m, 1].
 SHAPES = ("visual", "collision")
-STEPS = 30  #: Of Gauss-Newton from each start.
 UNTOLD = 1e-4
 """Smallest singular value that counts, over the largest: rounding does not tell where parallel axes end."""
 
@@ -145,7 +144,8 @@ def place(own: Own, state: State) -> tuple[Frames, float]:
     links = [within(a, root @ u) for a, u in zip(model.bodies, rigid.bodies, strict=True)]
     tip = within(model.tool, links[-1] @ rigid.tool)
     q = random_joints(vjm)
-    far = apart(root @ _tips(rigid, axes, slides, q), tool_poses(vjm, q) @ tip)
+    theirs = urdf_poses(own.file, own.text, [joint.name for joint in own.joints], own.tip, q)
+    far = apart(root @ theirs, tool_poses(vjm, q) @ tip)
     if not max(far) <= SAME:
         problem = f"its tip is up to {1e3 * far[0]:.3g} mm and {1e3 * far[1]:.3g} mrad from that of"
         limits = f"{1e3 * SAME:g} mm and mrad"
@@ -159,19 +159,6 @@ def place(own: Own, state: State) -> tuple[Frames, float]:
     ]
     names = [own.root, *(own.bodies[k].name for k in own.moving), own.tip]
     return Frames(names, root, (links[0], *exact), within(model.tool, exact[-1] @ rigid.tool)), max(far)
-
-
-def _tips(rigid: Rigid, axes: Array, slides: list[bool], q: Array) -> Array:
-    """Poses of the tip in the first link, (poses, 4, 4) [m]."""
-    found = np.tile(np.eye(4), (len(q), 1, 1))
-    for step, axis, slide, x in zip(rigid.steps, axes, slides, q.T[:, :, None, None], strict=True):
-        move, W = np.tile(np.eye(4), (len(q), 1, 1)), skew(axis)
-        if slide:
-            move[:, :3, 3] = x[:, 0] * axis
-        else:
-            move[:, :3, :3] += np.sin(x) * W + (1 - np.cos(x)) * (W @ W)
-        found = found @ step @ move
-    return np.asarray(found @ rigid.tool)
 
 
 def own_urdf(own: Own, placed: Frames, geometry: Rigid) -> str:
@@ -208,38 +195,28 @@ def axis_lines(bodies: Sequence[Array], axes: Array, slides: Sequence[bool]) -> 
 def align(theirs: Array, ours: Array) -> Array:
     """The pose of their frame in ours that lays their twists (n, 6), see `axis_lines`, onto ours, (4, 4) [m].
 
-    Where axes leave it open, as the height of a base below parallel axes, it moves least.
+    The turn is that of least squares (Kabsch 1976) of the axes' directions and of the ways between the lines,
+    the shift then is linear. Where axes leave it open, as the height of a base below parallel axes, it moves
+    least.
     """
-    found = [_descend(theirs, ours, start) for start in Rotation.create_group("O").as_matrix()]
-    return min(found, key=lambda one: one[0])[1]
-
-
-def _descend(theirs: Array, ours: Array, R: Array) -> tuple[float, Array]:
-    """Gauss-Newton from a rotation: the sum of squares that is left, and the pose."""
-    t = np.zeros(3)
-    for _ in range(STEPS):
-        r, J = _residual(theirs, ours, R, t)
-        step = np.asarray(np.linalg.lstsq(J, -r, rcond=UNTOLD)[0], dtype=float)
-        angle = float(np.linalg.norm(step[:3]))
-        if angle > 0:
-            R = rotation(step[:3] / angle, angle) @ R
-        t = t + step[3:]
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = R, t
-    left = float(np.sum(_residual(theirs, ours, R, t)[0] ** 2))
-    return left if np.isfinite(left) else np.inf, pose
-
-
-def _residual(theirs: Array, ours: Array, R: Array, t: Array) -> tuple[Array, Array]:
-    """Differences of all twists, (6 n,), and their derivatives by a turn and a shift, (6 n, 6)."""
+    U, _, V = np.linalg.svd(STILL * np.eye(3) + _vectors(ours).T @ _vectors(theirs))
+    R = U @ np.diag([1, 1, np.linalg.det(U @ V)]) @ V
     turn, speed = theirs[:, :3] @ R.T, theirs[:, 3:] @ R.T
-    r = np.hstack([turn, speed + np.cross(t, turn)]) - ours
-    J = np.zeros((len(theirs), 6, 6))
-    for k, (w, v) in enumerate(zip(turn, speed, strict=True)):
-        J[k, :3, :3] = -skew(w)
-        J[k, 3:, :3] = -skew(v) - skew(t) @ skew(w)
-        J[k, 3:, 3:] = -skew(w)
-    return r.ravel(), J.reshape(-1, 6)
+    J = np.vstack([-skew(w) for w in turn])
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = R, np.linalg.lstsq(J, (ours[:, 3:] - speed).ravel(), rcond=UNTOLD)[0]
+    return pose
+
+
+def _vectors(lines: Array) -> Array:
+    """Directions of axes, and from line to line of those that turn the way across both, (k, 3) [1, m]."""
+    turns = np.asarray(lines[:, :3].any(axis=1))
+    d = np.where(turns[:, None], lines[:, :3], lines[:, 3:])
+    points, ways = np.cross(d, lines[:, 3:]), []  # of the lines, nearest to the origin
+    for i, j in combinations(np.nonzero(turns)[0].tolist(), 2):
+        both, way = d[[i, j]], points[j] - points[i]
+        ways.append(way - np.linalg.pinv(both, rcond=UNTOLD) @ (both @ way))
+    return np.vstack([d, *ways])
 
 
 def onto_axis(frame: Array, theirs: Array, ours: Array, *, slide: bool) -> Array:

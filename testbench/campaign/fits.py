@@ -9,6 +9,7 @@ from scipy.special import gammainc
 from testbench.campaign.campaign import Cell
 from testbench.campaign.doubt import Doubt, of_scale
 from testbench.campaign.evaluation import EstimatorFailed, of_model
+from testbench.campaign.identifiability import set_aside
 from testbench.campaign.model_selection import Recommendation, default_name, folded, recommend, why
 from testbench.campaign.models import Model
 from testbench.campaign.rows import MM, ErrorRow, FitRow, error_row, fit_row
@@ -311,15 +312,10 @@ def _fit(cell: Cell, found: Found, k: int, widest: Dataset | None) -> Fitted:
 
 def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
     """Compliance of every joint; None where it is aggregated into the link before it."""
-    first, block = 6 * len(cell.arm.links), estimate.structure.block_of
-    own = np.diag(estimate.C_theta)[first : first + cell.arm.n_joints].tolist()
-    aggregated = [
-        bool(block[first + k] < 0 <= block[6 * k : 6 * k + 6].max()) for k in range(cell.arm.n_joints)
-    ]
-    return {
-        joint.name: None if inside else compliance
-        for joint, inside, compliance in zip(cell.arm.joints, aggregated, own, strict=True)
-    }
+    own = np.diag(estimate.C_theta)[6 * len(cell.arm.links) : cell.arm.n_theta].tolist()
+    inside = set_aside(cell.vjm, estimate.structure)
+    pairs = zip(cell.arm.joints, own, strict=True)
+    return {joint.name: None if joint.name in inside else compliance for joint, compliance in pairs}
 
 
 def _laws(cell: Cell, estimate: Estimate) -> dict[str, dict[str, float]]:

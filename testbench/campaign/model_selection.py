@@ -152,9 +152,9 @@ def _why(duel: Duel, first: str, default: str) -> str:
     """Why a model stays, or gives way."""
     taken = "the default" if first == default else "the one of fewest unknowns"
     if duel.name == first:
-        return f"{taken}: no rival predicts what is held out in turn better by more than chance"
+        return f"{taken}; in cross-validation no rival predicts better by more than chance"
     return (
-        f"on what is held out in turn its F_M is {-duel.difference:.2g} +- {duel.standard_error:.2g} less "
+        f"in cross-validation its F_M is {-duel.difference:.2g} +- {duel.standard_error:.2g} less "
         f"than that of {first}, {taken}"
     )
 

@@ -90,9 +90,9 @@ def read_masses(text: str) -> list[float]:
     return masses
 
 
-def place(text: str, flag: str = "--tracker") -> Place:
-    """A place such as the tracker's, x,y,z [m]; BenchError for anything but three finite numbers."""
-    x, y, z = _numbers(text, 3, f"{flag} x,y,z [m]")
+def place(text: str, flag: str = "--tracker x,y,z [m]") -> Place:
+    """A place such as the tracker's, or a pull; BenchError for anything but three finite numbers."""
+    x, y, z = _numbers(text, 3, flag)
     return x, y, z
 
 
@@ -100,12 +100,6 @@ def joints_of(text: str, arm: Arm) -> Array:
     """Joints in the units that people read, --start a,b,c [deg, mm], (n,) [rad, m]; BenchError for others."""
     shown = np.array([joint.shown for joint in arm.joints])
     return np.asarray(_numbers(text, arm.n_joints, "--start [deg, mm]") / shown)
-
-
-def pull(text: str) -> Place:
-    """A force that pulls, fx,fy,fz [N]; BenchError for anything but three finite numbers."""
-    x, y, z = _numbers(text, 3, "--pull fx,fy,fz [N]")
-    return x, y, z
 
 
 def box(text: str) -> tuple[Place, Place]:

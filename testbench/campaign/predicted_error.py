@@ -10,7 +10,7 @@ from testbench.campaign.campaign import Cell
 from testbench.campaign.model_selection import FILLED
 from testbench.campaign.models import JOINTS, named_models, own_name
 from testbench.campaign.rows import MM
-from testbench.campaign.workspace_errors import ErrorPlaces, Meaning, bounded_mm, error_places, places_at
+from testbench.campaign.workspace_errors import ErrorPlaces, Meaning, bounded_mm, error_places, places_at, rms
 from testbench.data.dataset import Ids, Mask
 from testbench.design.forecast import BROAD, Forecast
 from testbench.design.planning import Plan
@@ -97,11 +97,6 @@ def error_map(cell: Cell, plan: Plan, own: Forecast) -> ErrorPlaces:
     moved = rms(deflection_rows(spec.experiment, q, load) @ spec.experiment.metric.expected)
     at = places_at(cell.arm, q, tool_pose(cell.vjm, q)[0], moved)
     return error_places(at, found, list(found), EXPECTED)
-
-
-def rms(deflection: Array) -> Array:
-    """RMS over the targets of every pose, (poses,), of deflections (poses, 3 m)."""
-    return np.asarray(np.sqrt((deflection**2).sum(axis=1) / (deflection.shape[1] / 3)))
 
 
 @dataclass(frozen=True)

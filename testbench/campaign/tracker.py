@@ -5,15 +5,11 @@ range is good to microns, its two angles cost microns a metre, so that every rea
 own.
 """
 
-import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from testbench.errors import Array, BenchError, check_least
-
-Quality = Literal["typical", "mpe"]
 
 LONGEST = 1e-2
 """Largest standard deviation of a reading, or drift of a frame, that an instrument can have [m, rad]."""
@@ -33,10 +29,6 @@ class Tracker:
             value = getattr(self, name)
             check_least(0.0 if value is None else value, name)
 
-    def covariance(self, positions: Array) -> Array:
-        """sigma^2 along every axis, (..., 3, 3) [m^2]."""
-        return np.broadcast_to(self.sigma**2 * np.eye(3), (*positions.shape, 3))
-
     def noise(self, positions: Array, rng: np.random.Generator) -> Array:
         """Of sigma along every axis, (..., 3) [m]."""
         return self.sigma * rng.standard_normal(positions.shape)
@@ -47,8 +39,7 @@ RADIAL, TRANSVERSE = (10e-6, 0.3e-6), (15e-6, 6e-6)
 
 Published by makers of laser trackers; taken from the project's list of numbers, no data sheet was at hand.
 """
-SHARE: dict[Quality, float] = {"typical": 0.5, "mpe": 1.0}
-"""Standard deviation over the maximum permissible error: typical results are half of it."""
+TYPICAL = 0.5  #: Standard deviation over the maximum permissible error: typical results are half of it.
 
 
 @dataclass(frozen=True)
@@ -56,18 +47,7 @@ class LaserTracker:
     """A spherical instrument: one distance and two angles, independent and normal."""
 
     station: tuple[float, float, float]  #: Where the beam leaves, world, (3,) [m].
-    #: Whether the standard deviation is half of the maximum permissible error or all of it.
-    quality: Quality = "typical"
-    repeats: int = 1  #: Readings that are averaged into one.
-
-    def __post_init__(self) -> None:
-        """Refuse by BenchError a quality or a station that cannot be, and an average of no readings."""
-        if self.quality not in SHARE:
-            raise BenchError(f"tracker: expected quality {' or '.join(SHARE)}, got {self.quality!r}")
-        if self.repeats < 1:
-            raise BenchError(f"tracker: expected at least 1 reading to average, got {self.repeats}")
-        if np.shape(self.station) != (3,) or not np.isfinite(self.station).all():
-            raise BenchError(f"tracker: expected a station x, y, z, got {self.station}")
+    share: float = TYPICAL  #: Standard deviation over the maximum permissible error [1].
 
     def covariance(self, positions: Array) -> Array:
         """transverse^2 (I - u u^T) + radial^2 u u^T along the beam u, (..., 3, 3) [m^2]."""
@@ -91,8 +71,7 @@ class LaserTracker:
         """Unit vector, (..., 3) [1], and standard deviations along and across it, (..., 1) [m]."""
         beam = positions - np.array(self.station)
         distance = np.linalg.norm(beam, axis=-1, keepdims=True)
-        share = SHARE[self.quality] / math.sqrt(self.repeats)
-        radial, transverse = (share * (base + slope * distance) for base, slope in (RADIAL, TRANSVERSE))
+        radial, transverse = (self.share * (base + slope * distance) for base, slope in (RADIAL, TRANSVERSE))
         return beam / distance, radial, transverse
 
 
@@ -101,7 +80,7 @@ def read_positions(tracker: Tracker | LaserTracker, positions: Array, rng: np.ra
     return positions + tracker.noise(positions, rng)
 
 
-def precision(tracker: Tracker | LaserTracker, before: Array, after: Array) -> Array:
+def precision(tracker: LaserTracker, before: Array, after: Array) -> Array:
     """Inverse covariance, (..., 3, 3) [1/m^2], of deflections between two readings, (..., 3) [m]."""
     return np.asarray(np.linalg.inv(tracker.covariance(before) + tracker.covariance(after)))
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from testbench.data.dataset import Ids
 from testbench.errors import Array
-from testbench.identify.absolute.pull import POSES, Pull
-from testbench.identify.absolute.structural import Structural, structural
+from testbench.identify.absolute.pull import POSES, Pull, Structural, structural
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.observability import Hidden, Quantity, hidden
 from testbench.model.structure import TEMPLATE

@@ -100,8 +100,14 @@ def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> Places:
 def places_of(cell: Cell, data: Dataset) -> Places:
     """Places of noise-free runs, the tool where the arm's kinematics have it."""
     position, _ = tool_pose(cell.vjm, data.q)
-    moved = np.sqrt(np.mean(np.sum(data.deflection**2, axis=-1), axis=-1))
-    return replace(places_at(cell.arm, data.q, position, moved), run=tuple(data.run.tolist()))
+    at = places_at(cell.arm, data.q, position, rms(data.deflection))
+    return replace(at, run=tuple(data.run.tolist()))
+
+
+def rms(moved: Array) -> Array:
+    """RMS over the markers of lengths, (runs,) [m], of vectors (runs, m, 3) or (runs, 3 m) [m]."""
+    vectors = moved.reshape(len(moved), -1, 3)
+    return np.asarray(np.sqrt(np.mean(np.sum(vectors**2, axis=-1), axis=-1)))
 
 
 def kept_mm(metres: Array) -> tuple[float, ...]:

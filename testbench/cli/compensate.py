@@ -124,7 +124,7 @@ def _aim(asked: Options) -> Aim:
     if asked.spindle not in AXES:
         raise InputError(Path("--spindle"), "", f"expected one of {', '.join(AXES)}, got {asked.spindle!r}")
     x, y, z = AXES[asked.spindle].tolist()
-    return Aim(asked.hold, asked.asked, place(asked.tip, "--tip"), (x, y, z))
+    return Aim(asked.hold, asked.asked, place(asked.tip, "--tip x,y,z [m]"), (x, y, z))
 
 
 def _unreached(asked: Options, found: CorrectedProgram) -> InputError:

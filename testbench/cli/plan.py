@@ -10,7 +10,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.models import EVERY, plain_name, right_name
 from testbench.campaign.plan import plan_absolute, plan_for
-from testbench.campaign.plan_input import box, overloads, payload_of, place, pull, read_tasks
+from testbench.campaign.plan_input import box, overloads, payload_of, place, read_tasks
 from testbench.campaign.plan_settings import PlanSettings, structure
 from testbench.cli.arguments import ArmName, MapFile, Noise, Orientations, absolute_alone, mass
 from testbench.commands.plan import COMMAND, printed, report, write
@@ -164,7 +164,7 @@ def _settings(cell: Cell, asked: Options, flags: Absolute) -> PlanSettings:
         criterion=criterion,
         poses=poses if asked.poses is None else asked.poses,
         loads_kg=tuple(loads),
-        pulls_n=tuple(map(pull, asked.pull or [])),
+        pulls_n=tuple(place(text, "--pull fx,fy,fz [N]") for text in asked.pull or []),
         sigma_um=asked.sigma_um,
         uncertainty_percent=None if asked.no_prior else percent,
         tracker_m=None if asked.tracker is None else place(asked.tracker),

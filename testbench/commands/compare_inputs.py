@@ -28,7 +28,7 @@ NAMES = {
     "least": ("least deflection", "mm", 1e3),
     "most": ("largest deflection", "mm", 1e3),
     "cone": ("half angle", "deg", 57.29577951308232),
-    "check_pose": ("poses held back", "", 1.0),
+    "check_pose": ("poses held out", "", 1.0),
     "dataset": ("file of readings", "", 1.0),
     "readings": ("file of readings", "", 1.0),
     "area": ("work area", "", 1.0),

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from testbench.campaign.program import CorrectedProgram
-from testbench.campaign.program_words import extrapolated
+from testbench.campaign.program import CorrectedProgram, extrapolated
 from testbench.campaign.rows import MM
 from testbench.correct import uncertainty
 from testbench.correct.beyond import extent

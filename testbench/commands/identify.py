@@ -107,7 +107,7 @@ def printed(said: Report) -> Table:
 
 
 def _beside(f: Row, taken: Row, name: str) -> Gain | None:
-    """The model to take beside another one in the runs held back; None where one was not judged there."""
+    """The model to take beside another one in the runs held out; None where one was not judged there."""
     errors = {m.name: m.check.rms_mm for m in f.models if m.check is not None}
     if name == taken.name or not {name, taken.name} <= errors.keys():
         return None
@@ -115,14 +115,14 @@ def _beside(f: Row, taken: Row, name: str) -> Gain | None:
 
 
 def _answer(f: Row, taken: Row) -> Iterator[Markdown]:
-    """What to take, beside least squares and joints alone in the runs held back."""
+    """What to take, beside least squares and joints alone in the runs held out."""
     wrong = any(doubt["name"] != "prior" for doubt in f.doubts)
     plain = [m for m in f.models if m.check and is_least_squares(m.structure, m.constraint, prior=m.prior)]
     best = min(plain, key=lambda m: m.check.rms_mm, default=None)
     ls = _beside(f, taken, best.name) if best and not wrong else None
     joints = _beside(f, taken, JOINTS)
     first = "First look at the runs, see the doubt below; if they are right, take" if wrong else "Take"
-    checked = ": {check.rms_mm:.3f} mm RMS in the runs held back" if taken.check else ""
+    checked = ": {check.rms_mm:.3f} mm RMS in the runs held out" if taken.check else ""
     beside = ", least squares {ls.theirs_mm:.3f} mm; {ls:less}" if ls else ""
     yield say(f"{first} {{name}}{checked}{beside}.", taken, ls=ls)
     half = bool(taken.intervals) and taken.intervals.half_width_mm is not None
@@ -156,7 +156,9 @@ def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
     yield say("Why {recommended}: {why}", f, why=ended(f.why))
     yield from (say("Not certified: {name} ({status}).", m) for m in f.models if m.status != "solved")
     if taken.check is None:
-        yield Markdown("No pose was held back (--check-pose): how well a model fits is not how it predicts.")
+        yield Markdown(
+            "No pose was held out (--check-pose): a good fit alone does not show how well a model predicts."
+        )
     yield from _of_intervals(f, taken)
     yield from (say("{text}", text=ended(capital(text))) for text in f.notes)
     if f.scale is not None:
@@ -171,14 +173,12 @@ def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
 
 def _of_intervals(f: Row, taken: Row) -> Iterator[Markdown]:
     """What no reading checks, and what the intervals do not count."""
+    hidden = "These readings could not reveal a part ten times {how} than in the folder: {x:list}."
     if stiffer := f.unchecked.stiffer:
-        counts = " The intervals count on it." if taken.intervals and taken.learnt else ""
-        yield say(
-            f"The readings would not show ten times stiffer than in the folder: {{x:list}}.{counts}",
-            x=stiffer,
-        )
+        counts = " The intervals assume that there is none." if taken.intervals and taken.learnt else ""
+        yield say(hidden + counts, how="stiffer", x=stiffer)
     if softer := f.unchecked.softer:
-        yield say("The readings would not show ten times softer: {x:list}.", x=softer)
+        yield say(hidden, how="softer", x=softer)
     if held := [m.name for m in f.models if m.intervals and m.intervals.on_boundary]:
         yield say(
             "The intervals of {x:list} are not exact: the semi-definite condition holds the estimate.",

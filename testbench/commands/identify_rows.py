@@ -1,6 +1,7 @@
 """What fits of a user's runs leave: errors run by run, certainty over the workspace, what the runs tell."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -77,7 +78,7 @@ def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array
 
 
 def _badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
-    """The model to take beside the strongest incumbent of its class, run by run of those held back."""
+    """The model to take beside the strongest incumbent of its class, run by run of those held out."""
     data, check, taken = found.runs.every, found.runs.check, found.fits.recommended
     held = np.isin(data.pose, [] if check is None else check.pose) & data.seen.any(axis=1)
     count = np.maximum(data.seen[held].sum(axis=1), 1)
@@ -88,7 +89,10 @@ def _badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
     rival = min(rivals, key=lambda name: float((rms[name] ** 2).sum()))
     wrong = any(doubt.name != "prior" for doubt in found.fits.doubts)
     why = "first look at the runs, see the doubt" if wrong else ""
-    return decide((taken, rms[taken]), (rival, rms[rival]), "run held back", why)
+    own = decide((taken, rms[taken]), (rival, rms[rival]), "run held out", why)
+    if own.interval is None and own.factor and own.winner != taken:  # all readings chose it, a few do not
+        return replace(own, winner=taken, rival=rival, factor=1 / own.factor)
+    return own
 
 
 def _model(own: Fitted, found: Identified, places: Row | None) -> Row:
@@ -137,7 +141,7 @@ def _residuals(found: Identified, left: Mapping[str, Array]) -> list[Row]:
     return [
         Row(
             run=int(data.run[k]),
-            which_run=f"{data.run[k]}{' (held back)' if held[k] else ''}",
+            which_run=f"{data.run[k]}{' (held out)' if held[k] else ''}",
             pose=int(data.pose[k]),
             held_back=bool(held[k]),
             moved_mm=float(moved[k]),

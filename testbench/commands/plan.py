@@ -220,17 +220,25 @@ def _spread(rows: Sequence[Row]) -> list[Row]:
 
 
 def printed(said: Report) -> Table:
-    """The poses for a terminal of 80 columns: with many joints, or pulls, without decimals and travel."""
+    """The poses for a terminal, joints in one cell; many of them, or pulls, without decimals and travel."""
     table, f = said.tables["poses"], Row(said.numbers)
     many = len(f.joints) > MANY or bool(f.pulls_n)
-    left = {"expected_deflection_mm", "travel_mm", *(["travel_deg"] if many else [])}
-    own = [column for column in table.columns if column.key not in left]
-    for k, column in enumerate(own):
-        if column.key.startswith("q_shown"):
-            own[k] = replace(column, form=".0f" if many else ".1f")
-        elif column.key == "error_there_mm":
-            own[k] = replace(column, exact=True, heading="error")
-    return replace(table, columns=tuple(own), title="")
+    left = {"expected_deflection_mm", "travel_mm", "way" * (not many), "travel_deg" * many}
+    first, *others = (c for c in table.columns if c.key not in left and not c.key.startswith("q_shown"))
+    own = [
+        replace(column, exact=True, heading="error") if column.key == "error_there_mm" else column
+        for column in others
+    ]
+    units = ", ".join(dict.fromkeys(f.units))
+    joints = Column("q_told", f"q1 to q{len(f.joints)}", units, short=f"q1 to q{len(f.joints)}\n{units}")
+    form = "5.0f" if many else "6.1f"
+    told = Column("q_shown", "")
+    rows = [
+        {**own, "q_told": " ".join(format(q, form) for q in told.value(own))}
+        for own in table.rows
+        if isinstance(own, Row)
+    ]
+    return replace(table, columns=(first, joints, *own), rows=rows, title="")
 
 
 def _about_poses(f: Row) -> Markdown:

@@ -18,12 +18,11 @@ from testbench.campaign.predicted_error import (
     half_widths,
     joints_alone,
     overall,
-    rms,
     unshown,
     within,
 )
 from testbench.campaign.rows import MM
-from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at
+from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at, rms
 from testbench.design import absolute
 from testbench.design.baselines import RANDOM, PriorInfluence, baselines, error_after, prior_influence
 from testbench.design.criteria import Linear, mean_square

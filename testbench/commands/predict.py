@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Joint
-from testbench.campaign.program import Predicted
-from testbench.campaign.program_words import direction_words, extrapolated
+from testbench.campaign.program import Predicted, direction_words, extrapolated
 from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at
 from testbench.correct.rest import rest

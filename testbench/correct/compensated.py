@@ -98,7 +98,7 @@ def compensate(
 def within_limits(
     model: ArmModel, q: Array, loads: Sequence[Load], target: Target, aim: Aim
 ) -> tuple[Corrected, Mask]:
-    """As `correct`; a joint that would pass its limit stays there, and the others do what they can.
+    """As `solve`; a joint that would pass its limit stays there, and the others do what they can.
 
     Returns:
         The joints, and which of them a limit stopped, (points, n).

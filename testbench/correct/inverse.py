@@ -11,9 +11,9 @@ import numpy as np
 from testbench.correct.batches import at, joined, replaced
 from testbench.correct.newton import Target
 from testbench.correct.reach import Reached, reach
-from testbench.correct.turn import turn_between
 from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array, BenchError, check_array
+from testbench.model.turn import turn_between
 from testbench.model.vjm import Vjm
 
 STRIDE, TURN = 0.1, 0.2

@@ -17,11 +17,11 @@ import numpy as np
 from testbench.correct.batches import at, batches, joined, put
 from testbench.correct.rest import rest
 from testbench.correct.step import Hold, solutions
-from testbench.correct.turn import turn_between, turn_of_axis
 from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.absolute.state import State, loads_at, unbent
 from testbench.model.load import Load
+from testbench.model.turn import turn_between, turn_of_axis
 from testbench.model.vjm import Chain, chain, cross, tool_pose
 
 Asked = Literal["unloaded", "drawn"]
@@ -99,32 +99,6 @@ class Corrected:
         return np.asarray(far <= TOLERANCE)
 
 
-def correct(
-    state: State, q: Array, loads: Sequence[Load], target: Target, aim: Aim | None = None
-) -> Corrected:
-    """Joints for which the loaded tool is on its target.
-
-    Args:
-        state: The arm.
-        q: Joints to start from, those of the program, (points, n) [rad, m].
-        loads: What acts, each in all points alike or with a row a point.
-        target: Where the tool point has to be.
-        aim: What is put right; the whole pose of the tool's origin if not given.
-
-    Returns:
-        Joints without regard to limits; `solved` says which points were reached.
-
-    Raises:
-        BenchError: When shapes do not fit.
-    """
-    arm = state.vjm.arm
-    q = check_array(q, (None, arm.n_joints), "q [rad, m]")
-    check_array(target.position, (len(q), 3), "target [m]")
-    check_array(target.rotation, (len(q), 3, 3), "target's rotation")
-    every = [load.over(len(q)) for load in loads]
-    return solve(Points(state, q, every, target, aim or Aim(), np.ones(q.shape)))
-
-
 @dataclass(frozen=True)
 class Points:
     """Points to be solved."""
@@ -172,10 +146,11 @@ def _turned(points: Points, rotation: Array) -> Array:
 
 
 def solve(points: Points) -> Corrected:
-    """As `correct`, where some joints may be held.
+    """Joints for which the loaded tool is on its target, without regard to limits; some may be held.
 
-    Points that take more than a few steps take them together, whatever batch they come from. Where the arm is
-    stretched, turns may keep the position from being met: there it is met alone.
+    `Corrected.solved` says which points were reached. Those that take more than a few steps take them
+    together, whatever batch they come from. Where the arm is stretched, turns may keep the position from
+    being met: there it is met alone.
     """
     found = _in_batches(points, FEW)
     late = np.flatnonzero(found.steps > FEW)

@@ -6,10 +6,10 @@ import numpy as np
 
 from testbench.correct.batches import at
 from testbench.correct.newton import Target
-from testbench.correct.turn import turn_between
 from testbench.data.dataset import Mask
 from testbench.errors import Array
 from testbench.model.tool_motion import tool_motion
+from testbench.model.turn import turn_between
 from testbench.model.vjm import Vjm
 
 THERE = 1e-9  #: A tool this close to its pose has reached it [m, rad].

@@ -23,9 +23,8 @@ from testbench.identify.certify import (
     trace_weight,
 )
 from testbench.identify.estimate import Certificate, Dual, Estimate, make_estimate
-from testbench.identify.interior import TINY, least_norms
+from testbench.identify.interior import TINY, interior
 from testbench.identify.interior import Program as Norms
-from testbench.identify.metric import clipped
 from testbench.identify.regression import Ids, Regression, check_symmetric, f_m
 from testbench.model.structure import Structure
 
@@ -40,6 +39,7 @@ what rounding changes in the trace does not.
 """
 EXACT = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
 PROVEN = 1e-9  #: Gap in the unit of F_M up to which the dense answer is taken; most are far nearer.
+SHARES = 0.9, 0.6  #: Shares of the way to the boundary that a step goes, of a first try and of a second one.
 SHARP = 100.0  #: Residuals in their squares, over the unit of F_M: so that squares decide, not the trace.
 UNSEEN_WEIGHT = 1e-3
 """Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
@@ -119,22 +119,23 @@ def _judged(regression: Regression, program: Program, pi: Array, dual: Dual) -> 
 
 
 def by_interior(regression: Regression, program: Program) -> Answer | None:
-    """Our own answer; None where a block is not whole, nothing moves, or the answer is not proven."""
+    """Our own answer; None where a block is not whole, nothing moves, or no answer is proven."""
     s, n = program.structure, regression.structure.n
     if not s.whole or not len(program.columns) or f_m(regression, np.zeros(n)) == 0:
         return None
     start, order = time.perf_counter(), s.parameter
     unit = np.where(s.mirrored[order], math.sqrt(0.5), 1.0)  # parameters over svec
-    sizes = tuple(len(block) for block in s.blocks)
+    sizes, x = tuple(len(block) for block in s.blocks), np.empty(len(order))
     norms = Norms(program.R[:, :, order] * unit, program.z, program.rest, program.trace[order] * unit, sizes)
-    x, gap = least_norms(norms, PROVEN)
-    if gap > PROVEN:
-        return None
-    own = np.empty(len(x))
-    own[order] = unit * x
-    pi = program.parameters(own, n)
-    failure = f"proven to {gap:.1g} of F_M without a model"
-    return Answer(pi, time.perf_counter() - start, failure, gradient_dual(regression, pi))
+    for bold in SHARES:
+        x[order] = unit * interior(norms, bold)
+        pi = program.parameters(x, n)
+        dual = gradient_dual(regression, pi)
+        gap = bound(regression, pi, dual).duality_gap / program.unit
+        if gap <= PROVEN:
+            failure = f"proven to {gap:.1g} of F_M without a model"
+            return Answer(pi, time.perf_counter() - start, failure, dual)
+    return None
 
 
 def by_squares(regression: Regression, program: Program) -> Array:
@@ -226,7 +227,10 @@ def norms_below(R: Array, z: Array, rest: Array) -> tuple[cone.Rows, ...]:
 
 def clip(s: Structure, x: Array) -> Array:
     """Parameters with every block's negative eigenvalues set to zero."""
-    return s.entries(clipped(s, s.matrix(x)))
+    X = s.matrix(x)
+    for group in s.groups:
+        X[group.index] = cone.psd_part(X[group.index])
+    return s.entries(X)
 
 
 @lru_cache(maxsize=64)

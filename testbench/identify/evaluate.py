@@ -45,23 +45,18 @@ def deflections(vjm: Vjm, estimate: Estimate, data: Dataset) -> Array:
 
 
 def all_deflections(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> Array:
-    """The same by several models, (models, runs, m, 3) [m]: where the arm is, is worked out once."""
-    widest = max((estimate.structure for estimate in estimates), key=lambda s: s.n_theta)
-    vjm, C = vjm_of(vjm, widest), np.zeros((len(estimates), widest.n_theta, widest.n_theta))
-    for own, estimate in zip(C, estimates, strict=True):
-        own[: len(estimate.C_theta), : len(estimate.C_theta)] = estimate.C_theta
-    points = marker_points(vjm, data.markers)
-    blocks = [slice(k, k + BLOCK_RUNS) for k in range(0, data.runs, BLOCK_RUNS)]
-    return np.concatenate([_deflections(vjm, C, data, b, points) for b in blocks], axis=1)
-
-
-def _deflections(vjm: Vjm, C: Array, data: Dataset, runs: slice, points: Array) -> Array:
-    """J_p C_theta J_F^T w of some runs, (models, runs, m, 3) [m]; memory does not grow with all of them."""
-    where = chain(vjm, data.q[runs])
-    load = generalised_load(where, data.wrench[runs], data.point[runs])
-    rows = translation_rows(where, points)
-    moved = [np.einsum("ptr,tr->rp", rows, C_theta @ load) for C_theta in C]
-    return np.array(moved).reshape(len(C), -1, len(points), 3)
+    """The same by several models, (models, runs, m, 3) [m]; J_p C_theta J_F^T w, block by block."""
+    points, found = marker_points(vjm, data.markers), []
+    vjm = vjm_of(vjm, max((own.structure for own in estimates), key=lambda s: s.n_theta))
+    for first in range(0, data.runs, BLOCK_RUNS):  # so that memory does not grow with the runs
+        runs = slice(first, first + BLOCK_RUNS)
+        where = chain(vjm, data.q[runs])
+        load = generalised_load(where, data.wrench[runs], data.point[runs])
+        rows = translation_rows(where, points)
+        turns = [own.C_theta @ load[: len(own.C_theta)] for own in estimates]
+        moved = [np.einsum("ptr,tr->rp", rows[:, : len(own)], own) for own in turns]
+        found.append(np.array(moved).reshape(len(moved), -1, len(points), 3))
+    return np.concatenate(found, axis=1)
 
 
 def score(predicted: Array, reference: Array) -> Score:
@@ -122,58 +117,50 @@ def judge(
     one, *more = in_threads(blocks, work)
     for other in more:
         one.join(other)
-    return tuple(map(one.score, range(len(estimates)))), np.sort(one.worst)
+    return tuple(map(one.score, range(len(estimates)))), np.sort(one.far[:, 1]).astype(int)
 
 
 class _Sums:
     """What is counted of errors, absolute [m] and relative [1], model by model."""
 
     def __init__(self, models: int) -> None:
-        self.points, self.square = 0, np.zeros(models)
-        self.most = np.zeros((2, models))
+        self.square, self.most = np.zeros(models), np.zeros((2, models))
         self.counts = np.zeros((2, models, BINS), dtype=np.int64)
-        self.worst, self.size = np.array([], dtype=int), np.array([])
+        self.far = np.zeros((0, 2))  #: Largest error of a run below zero, and its index: the FAR worst.
 
     def add(self, moved: Array, data: Dataset, counted: tuple[Ids, Mask], taken: int) -> None:
         """Deflections of a block by every model, (models, runs, m, 3) [m]; indices of runs, which count."""
         runs, use = counted
         seen = data.seen & use[:, None]
-        if not seen.any():
-            return
         left = np.linalg.norm(moved - data.deflection, axis=-1)
         size = np.linalg.norm(data.deflection, axis=-1)[seen]
-        largest = np.where(seen, left[taken], 0.0).max(axis=1)
-        far = np.argsort(-largest, kind="stable")[:FAR]
-        self._remember(runs[far[use[far]]], largest[far[use[far]]])
-        self.points += int(seen.sum())
+        self._remember(np.column_stack([-np.where(seen, left[taken], 0.0).max(axis=1), runs])[use])
         for k, own in enumerate(left[:, seen]):
             self.square[k] += (own**2).sum()
             for kind, values in enumerate((own, own[size > 0] / size[size > 0])):
-                if len(values):
-                    self.most[kind, k] = max(self.most[kind, k], values.max())
-                    self.counts[kind, k] += np.bincount(_bin(values), minlength=BINS)
+                self.most[kind, k] = max(self.most[kind, k], values.max(initial=0.0))
+                self.counts[kind, k] += np.bincount(_bin(values), minlength=BINS)
 
     def join(self, other: "_Sums") -> None:
         """What another thread counted."""
-        self.points += other.points
         self.square += other.square
         self.most = np.maximum(self.most, other.most)
         self.counts += other.counts
-        self._remember(other.worst, other.size)
+        self._remember(other.far)
 
-    def _remember(self, runs: Ids, size: Array) -> None:
-        runs, size = np.append(self.worst, runs), np.append(self.size, size)
-        order = np.lexsort([runs, -size])[:FAR]
-        self.worst, self.size = runs[order], size[order]
+    def _remember(self, far: Array) -> None:
+        both = np.vstack([self.far, far])
+        self.far = both[np.lexsort((both[:, 1], both[:, 0]))[:FAR]]
 
     def score(self, k: int) -> Score:
         """Of a model; quantiles are the middle of their bin."""
+        p95, share = (_quantile(counts, 0.95) for counts in self.counts[:, k])
         moved = self.counts[1, k].any()
         return Score(
-            rms=float(np.sqrt(self.square[k] / self.points)),
-            p95=_quantile(self.counts[0, k], 0.95),
+            rms=float(np.sqrt(self.square[k] / self.counts[0, k].sum())),
+            p95=p95,
             max=float(self.most[0, k]),
-            p95_relative=_quantile(self.counts[1, k], 0.95) if moved else None,
+            p95_relative=share if moved else None,
             max_relative=float(self.most[1, k]) if moved else None,
         )
 

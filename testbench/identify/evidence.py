@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotri
 
-from testbench.errors import Array
+from testbench.errors import Array, BenchError
 from testbench.model.structure import Ids
 
 ENOUGH = 1e-4
@@ -94,12 +94,15 @@ def normal(H: Array) -> Normal:
     """Most likely unknowns by sums of squares of [A | y], whitened, (c + 1, c + 1).
 
     Raises:
-        LinAlgError: When they leave an unknown open.
+        BenchError: When they leave an unknown open, as only frames and targets are without a prior.
     """
     size = np.sqrt(np.diag(H)[:-1])
-    if not (size > 0).all():
-        raise np.linalg.LinAlgError
-    root = cho_factor(H[:-1, :-1] / size / size[:, None])
+    try:
+        root = cho_factor(H[:-1, :-1] / np.where(size > 0, size, np.nan) / size[:, None])
+    except (np.linalg.LinAlgError, ValueError):  # not positive definite, or not finite
+        raise BenchError(
+            "calibration: the readings leave a frame or target open; expected more poses"
+        ) from None
     return Normal(cho_solve(root, H[:-1, -1] / size) / size, root, size)
 
 
@@ -121,7 +124,7 @@ def posterior(problem: Problem, h: Array) -> Posterior:
     """The most likely unknowns, and how likely the readings are.
 
     Raises:
-        LinAlgError: When the equations leave an unknown open, or rounding leaves P no root.
+        BenchError: When the equations leave an unknown open, or rounding leaves P no root.
     """
     kinds, D = len(problem.counts), problem.drawn
     d, s2 = np.where(D.any(axis=1), np.exp(D @ h), np.inf), np.exp(2 * h[-kinds:])
@@ -202,7 +205,7 @@ def _lower(problem: Problem, h: Array, own: Posterior, step: Array) -> tuple[Arr
         there = np.clip(h + step, *problem.bounds)
         try:
             found = posterior(problem, there)
-        except np.linalg.LinAlgError:
+        except BenchError:
             found = own
         if found.loss < own.loss:
             return there, found

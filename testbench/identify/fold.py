@@ -43,7 +43,6 @@ from testbench.model.vjm import Vjm
 BLOCK_RUNS = 384  #: Pairs reduced at a time: long enough for LAPACK, short enough for the cache.
 BATCH = 3_000_000  #: Numbers of the equations of absolute readings that are in memory at a time.
 PANEL = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
-TOGETHER = 8  #: Parts that are added up at a time.
 THREADS = 2
 Found = TypeVar("Found")
 
@@ -77,9 +76,9 @@ class Folded:
     def add(self, kind: int, part: int, lines: Array) -> None:
         """More rows of a part, (columns, rows), whose memory is used up."""
         n, at = self.columns, (kind, part)
-        T = self.factors.get(at)
-        if T is None or len(T) < n:
-            lines = lines if T is None else np.concatenate([T.T, lines], axis=1)
+        T = self.factors.get(at, np.zeros((0, n)))
+        if len(T) < n:
+            lines = np.concatenate([T.T, lines], axis=1)
             if lines.shape[1] < n:
                 self.factors[at] = lines.T
                 return
@@ -87,38 +86,18 @@ class Folded:
         panel = min(PANEL, n)
         self.factors[at] = dtpqrt(0, panel, T, lines.T, overwrite_a=True, overwrite_b=True)[0]
 
-    def merge(self, kind: int, part: int, T: Array) -> None:
-        """The rows of a part elsewhere, by their factor."""
-        n, at = self.columns, (kind, part)
-        own = self.factors.get(at, T[:0])
-        if len(T) < n:
-            self.add(kind, part, T.T.copy())
-        elif len(own) < n:
-            self.factors[at] = T.copy(order="F")
-            if len(own):
-                self.add(kind, part, own.T.copy())
-        else:
-            more = T.copy(order="F")
-            self.factors[at] = dtpqrt(n, min(PANEL, n), own, more, overwrite_a=True, overwrite_b=True)[0]
-
     def join(self, other: "Folded") -> None:
         """The rows of another share."""
         for at, T in other.factors.items():
-            self.merge(*at, T)
-        for at, count in other.equations.items():
-            self.equations[at] += count
+            self.add(*at, T.T.copy())
+            self.equations[at] += other.equations[at]
 
     def factor(self, kind: int, parts: Sequence[int], columns: Ids | slice = slice(None)) -> Array:
         """Triangular factor of all rows of some parts, some columns of it, (columns, columns)."""
-        whole, few = Folded(len(np.arange(self.columns)[columns])), []
-        for T in (self.factors[kind, k] for k in parts if (kind, k) in self.factors):
-            if len(T) == self.columns and isinstance(columns, slice):
-                whole.merge(0, 0, T)
-            else:
-                few.append(T[:, columns])
-        for first in range(0, len(few), TOGETHER):
-            whole.add(0, 0, np.vstack(few[first : first + TOGETHER]).T.copy())
-        T = whole.factors.get((0, 0), np.zeros((0, whole.columns)))
+        rows = [self.factors[kind, k][:, columns] for k in parts if (kind, k) in self.factors]
+        whole = Folded(len(np.arange(self.columns)[columns]))
+        whole.add(0, 0, np.vstack([np.zeros((0, whole.columns)), *rows]).T.copy())
+        T = whole.factors[0, 0]
         return T if len(T) == whole.columns else triangle(T)
 
 
@@ -285,11 +264,16 @@ class Point:
     loss: Loss = READINGS  #: By which a reading that is far off pulls less.
 
 
-def reduce_series(at: Point, series: Sequence[Series], blocks: Sequence[Ids]) -> Reduced:
+def reduce_series(at: Point, series: Sequence[Series], blocks: Sequence[Ids] | None = None) -> Reduced:
     """Fold all rows into triangular factors, those of every series and block by themselves first.
 
-    Blocks are of joint space, of every row of a series, the same for all rows of a pose, (rows,) each.
+    Args:
+        at: Where equations are linear.
+        series: The readings.
+        blocks: Of joint space, of every row of a series, (rows,) each, the same for all rows of a pose; None
+            for one a series.
     """
+    blocks = [np.zeros(one.rows, dtype=int) for one in series] if blocks is None else blocks
     kinds, parts, whole = kinds_of(series), [], Folded(at.unknowns.size + 1)
     for place, (one, block) in enumerate(zip(series, blocks, strict=True)):
         numbers = 3 * whole.columns * (len(one.markers) + (one.rotation is not None))

@@ -26,9 +26,6 @@ STUCK = 1e-6  #: Step length below which it ends.
 STALLED = 1e-7  #: Distance below which an iteration that gains less than half is the last.
 STEADY = 0.3  #: Relative change of the norms below which their tangent is trusted.
 LEAST = 1e-6  #: Least share of the gap that a step aims at.
-SHARES = 0.9, 0.6  #: Shares of the way to the boundary of a first try and of a second one.
-ROOM = 10.0  #: Traces within which answers are proven: so often those found and one that explains all data.
-ROUNDING = 1e-12  #: Share of a trace that an eigenvalue may lie below zero.
 TINY = 1e-300
 
 
@@ -70,37 +67,6 @@ class State:
     def left(self) -> float:
         """Gap and what the gradient is not yet the multipliers, times the length of x."""
         return float(self.x @ self.s + np.linalg.norm(self.x) * np.linalg.norm(self.missing))
-
-
-def least_norms(program: Program, enough: float) -> tuple[Array, float]:
-    """Minimise, twice where less is proven than asked.
-
-    Returns:
-        x, (n,), and what its cost is at most above the least: infinite where nothing is proven. The cost f is
-        convex, so that with S its gradient at x no model whose blocks have traces within t costs less than
-        f(x) - <S, x> - sum max(0, -lambda_min S_i) t_i; nor less than 0.
-    """
-    found, least = np.zeros(len(program.c)), np.inf
-    for bold in SHARES:
-        x = interior(program, bold)
-        if (gap := _gap(program, x)) < least:
-            found, least = x, gap
-        if least <= enough:
-            break
-    return found, least
-
-
-def _gap(program: Program, x: Array) -> float:
-    norms, pulls = program.at(x)
-    gradient = pulls.sum(axis=0) + program.c
-    gap = abs(float(x @ gradient))
-    for at in cone.groups_of(program.sizes):
-        X, S = cone.smat(x[at]), cone.smat(gradient[at])
-        trace = np.trace(X, axis1=1, axis2=2)
-        if not (np.linalg.eigvalsh(X)[:, 0] >= -ROUNDING * np.abs(trace)).all():
-            return np.inf
-        gap += ROOM * float(np.maximum(0, -np.linalg.eigvalsh(S)[:, 0]) @ (trace + X.shape[-1]))
-    return min(gap, float(norms.sum() + x @ program.c))
 
 
 def interior(program: Program, bold: float) -> Array:

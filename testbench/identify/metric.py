@@ -69,19 +69,10 @@ class Metric:
 
     def project(self, x: Array) -> Array:
         """X with the negative eigenvalues of every block, a solver's last digits, set to zero."""
-        s = self.structure
-        row, column = s.triangles
-        X = np.zeros((s.n_theta, s.n_theta))
-        X[row, column] = X[column, row] = x * np.where(row == column, 1, math.sqrt(0.5))
-        return np.asarray(clipped(s, X)[row, column] * np.where(row == column, 1, math.sqrt(2)))
-
-
-def clipped(structure: Structure, X: Array) -> Array:
-    """A matrix with the negative eigenvalues of every block set to zero, (n_theta, n_theta)."""
-    X = X.copy()
-    for group in structure.groups:
-        X[group.index] = cone.psd_part(X[group.index])
-    return X
+        found = x.copy()
+        for at in cone.groups_of(self.sizes):
+            found[at] = cone.svec(cone.psd_part(cone.smat(x[at])))
+        return found
 
 
 @dataclass(frozen=True)

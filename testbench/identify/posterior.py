@@ -171,27 +171,24 @@ def linearise(estimate: Estimate) -> Posterior:
         return _averaged(estimate, estimate.average)
     regression, belief = estimate.regression, estimate.belief
     L = np.diag(sensitivity_units(regression)) if belief is None else belief.metric.L
-    x = np.linalg.solve(L, estimate.pi)
-    weights = [math.sqrt(t.equations / 3) for t in regression.terms]
-    rows = [w * t.R @ L for w, t in zip(weights, regression.terms, strict=True)]
-    residuals = [B @ x - w * t.z for B, w, t in zip(rows, weights, regression.terms, strict=True)]
+    both = [math.sqrt(t.equations / 3) * np.c_[t.R @ L, t.z] for t in regression.terms]
     if belief is not None:
-        B, c = precision_root(belief.metric, belief.strength)
-        rows, residuals = [*rows, B], [*residuals, B @ x - c]
+        both.append(np.column_stack(precision_root(belief.metric, belief.strength)))
+    x, rows = np.r_[np.linalg.solve(L, estimate.pi), -1.0], [own[:, :-1] for own in both]
     back, unseen = _inverse(np.vstack(rows))
-    pull = _pull(estimate, [back @ (B.T @ e) for B, e in zip(rows, residuals, strict=True)], residuals)
-    found = Posterior(
+    pull = _pull(estimate, rows, back, [own @ x for own in both])
+    learnt = belief is not None and belief.moves is not None
+    root, heavy = _split(rows, back, belief, L) if belief is not None and learnt else (back @ L.T, 0)
+    return Posterior(
         x=estimate.pi,
-        root=back @ L.T,
+        root=root,
         unseen=unseen @ L.T,
         scale=np.linalg.norm(L, axis=1),
+        tail=HEAVY if learnt else math.inf,
+        heavy=heavy,
         pull=pull,
         on_boundary=estimate.conservative and pull > BINDS,
     )
-    if belief is None or belief.moves is None:
-        return found
-    root, heavy = _split(rows, back, belief, L)
-    return replace(found, root=root, heavy=heavy, tail=HEAVY)
 
 
 def _inverse(M: Array) -> tuple[Array, Array]:
@@ -249,11 +246,12 @@ def _split(rows: list[Array], back: Array, belief: Belief, L: Array) -> tuple[Ar
     return root, len(open_) + len(belief.moves)
 
 
-def _pull(estimate: Estimate, steps: list[Array], residuals: list[Array]) -> float:
+def _pull(estimate: Estimate, rows: list[Array], back: Array, residuals: list[Array]) -> float:
     """Length of the step to the optimum without a cone, Eq. (14) or (19), whichever is nearer.
 
-    Every term asks for a step along the seen directions; steps and residuals are in standard deviations.
+    Every term asks for a step along the seen directions; rows and residuals are in standard deviations.
     """
+    steps = [back @ (B.T @ e) for B, e in zip(rows, residuals, strict=True)]
     pull = float(np.linalg.norm(sum(steps)))
     if estimate.belief is None and len(steps) > 1:  # F_M weights its terms by their residuals
         terms = zip(steps, residuals, estimate.regression.terms, strict=True)

@@ -27,6 +27,7 @@ from testbench.identify.closed_form import (
     starts,
 )
 from testbench.identify.robust_loss import FRAMES
+from testbench.model.turn import turned
 from testbench.model.vjm import Vjm, skew, tool_pose
 
 STILL = 1e-3  #: A joint that moves less stands still [rad, m].
@@ -254,11 +255,9 @@ def _jacobian(seen: Means, at: Layout, free: Mask) -> Array:
 
 def _moved(at: Layout, free: Mask, step: Array) -> Layout:
     """Frames turned about their own axes and shifted, targets shifted, by a step of the free unknowns."""
-    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
-
     frames, targets = np.split(step, [6 * free.sum()])
     rotation, translation = at.rotation.copy(), at.translation.copy()
-    rotation[free] = rotation[free] @ Rotation.from_rotvec(frames.reshape(-1, 6)[:, :3]).as_matrix()
+    rotation[free] = rotation[free] @ turned(frames.reshape(-1, 6)[:, :3])
     translation[free] += frames.reshape(-1, 6)[:, 3:]
     return Layout(rotation, translation, at.targets + targets.reshape(-1, 3))
 

@@ -11,11 +11,13 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import qr
-from scipy.linalg.lapack import dgeqp3
 
 from testbench.errors import Array, BenchError
+from testbench.identify.absolute.unknowns import compliances
+from testbench.identify.rows import jacobian, straight
+from testbench.model.load import Load
 from testbench.model.structure import Structure
-from testbench.model.vjm import Vjm, chain, observation, rotation_observation
+from testbench.model.vjm import Vjm
 
 Ids = npt.NDArray[np.int_]
 
@@ -23,7 +25,6 @@ ROUNDING = 1e-12
 """A column below this share of the largest is the rounding of a zero: lever arms that cancel."""
 RANK_TOLERANCE = 1e-9
 """A singular value below this share of the largest is zero; structural zeros come out at 1e-16."""
-CLEAR = 1e3  #: How far from it a pivot has to be for the same verdict.
 
 
 @dataclass(frozen=True)
@@ -95,10 +96,7 @@ def check_symmetric(structure: Structure) -> None:
 
 
 def rank(A: Array) -> int:
-    """Rank of a matrix whose columns have unlike units: each is scaled to norm one first.
-
-    QR with pivoting says what singular values would; where one is near `RANK_TOLERANCE` they are asked.
-    """
+    """Rank of a matrix whose columns have unlike units: each is scaled to norm one first."""
     norm = np.linalg.norm(A, axis=0)
     seen = norm > ROUNDING * norm.max(initial=0)
     if not seen.any():
@@ -106,9 +104,7 @@ def rank(A: Array) -> int:
     A = A[:, seen] / norm[seen]
     length = np.linalg.norm(A, axis=1)  # of a few readings most rows of R are rounding
     A = A[length > ROUNDING * length.max()]
-    s = np.abs(np.diag(dgeqp3(A.T)[0]))
-    if ((s > RANK_TOLERANCE / CLEAR * s[0]) & (s < RANK_TOLERANCE * CLEAR * s[0])).any():
-        s = np.linalg.svd(A, compute_uv=False)
+    s = np.linalg.svd(A, compute_uv=False)
     return int((s > RANK_TOLERANCE * s[0]).sum())
 
 
@@ -135,9 +131,9 @@ def generic_rows(vjm: Vjm, structure: Structure) -> Array:
     lower, upper = vjm.arm.limits
     q = rng.uniform(lower, upper, (GENERIC_RUNS, vjm.arm.n_joints))
     wrench, point = rng.standard_normal((GENERIC_RUNS, 6)), rng.standard_normal((GENERIC_RUNS, 3))
-    args = (chain(vjm, q), structure, wrench, point)
-    moved, turned = observation(*args, vjm.markers), rotation_observation(*args)
-    return np.concatenate([rows.reshape(-1, structure.n) for rows in (moved, turned)])
+    told = straight(vjm, q, [Load(wrench, point)])
+    A = jacobian(compliances(vjm, structure), told, vjm.markers, turned=True)[:, :, :-1]
+    return np.concatenate([part.transpose(3, 0, 1, 2).reshape(-1, structure.n) for part in (A[:-1], A[-1:])])
 
 
 def non_redundant(vjm: Vjm, structure: Structure, *, name: str) -> Structure:

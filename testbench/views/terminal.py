@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
+from textwrap import wrap
 
 from rich import box
 from rich.console import Console
@@ -15,11 +17,12 @@ from testbench.output.next_step import next_lines
 from testbench.trials.spread import Spread
 from testbench.views.markdown import Told
 from testbench.views.markdown import as_plain as as_plain
-from testbench.views.schema import Column, Table, brackets
+from testbench.views.schema import Column, Table, brackets, narrowed
 
 BADGES = {"Holds": "bold green", "Tie": "bold yellow", "Do not": "bold red"}
 """Styles of a badge by its first words."""
 MORE = "under More in report.md"
+NARROW = 9  #: Letters of a heading's line, unless a word has more.
 
 
 class PlainConsole(Console):
@@ -42,21 +45,19 @@ def _lines(text: str) -> str:
     return "\n".join(map(shown, text.split("\n")))
 
 
-def grid(table: Table, *, broken: bool = True) -> RichTable:
+def grid(table: Table) -> RichTable:
     """A table without its title: medians; percentiles of several trials or their range, the paper's numbers.
 
-    Of a quantity over two factors only the medians: report.md and the page have its spread. Words of
-    headings are broken, where they may be, or whole.
+    Of a quantity over two factors only the medians: report.md and the page have its spread, and columns
+    beyond `SHOWN`.
     """
+    table = narrowed(table)
     found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)
     for k, column in enumerate(table.columns):
-        head = column.short or column.title.replace(", ", "\n").replace(" ", "\n")
-        found.add_column(
-            head if broken else head.replace("-\n", ""), justify="right" if k else "left", no_wrap=True
-        )
+        found.add_column(_head(column), justify="right" if k else "left", no_wrap=True)
     for row in table.rows:
         first, *others = (_end(column, row) for column in table.columns)
-        marked = table.bold == first
+        marked = table.marks(row)
         found.add_row(f"* {first}" if marked else first, *others, style="bold green" if marked else "")
         spreads = [not (c.exact or table.across) and _spreads(c.value(row)) for c in table.columns]
         for end, name in enumerate(_ends_named(table, row)) if any(spreads) else ():
@@ -68,14 +69,20 @@ def grid(table: Table, *, broken: bool = True) -> RichTable:
     return found
 
 
+def _head(column: Column) -> str:
+    """A heading in narrow lines of whole words."""
+    if column.short:
+        return column.short
+    parts = column.title.split(", ")
+    lines = (wrap(part, NARROW, break_long_words=False, break_on_hyphens=False) for part in parts)
+    return "\n".join(chain.from_iterable(lines))
+
+
 def print_table(console: Console, table: Table) -> None:
     """A table below its title, which may be wider."""
     if table.title:
         console.print(table.title, style="italic")
-    whole = grid(table, broken=False)
-    free = console.options.update(width=10 * console.width)  # else the measure is the console's width at most
-    fits = console.measure(whole, options=free).maximum <= console.width
-    console.print(whole if fits else grid(table))
+    console.print(grid(table))
 
 
 def _spreads(value: object) -> bool:

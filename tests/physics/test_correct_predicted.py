@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.program_words import direction_words, refusal_words
+from testbench.campaign.program import direction_words, refusal_words
 from testbench.correct.compensated import Refusal
 from testbench.correct.predicted import predict
 from testbench.correct.rest import rest

@@ -73,18 +73,18 @@ def test_what_was_not_asked_for_is_not_shown(f):
     head = [column.key for column in said.tables["models"].columns]
     assert head[-1] == "identification.rms_mm"
     page = said.whole()
-    assert "No pose was held back" in page
+    assert "No pose was held out" in page
     assert "+-" not in said.answer
-    assert "held back" not in said.answer
+    assert "held out" not in said.answer
     assert "No map: intervals were not asked for." in page
-    assert "No pose was held back" not in report(f).whole()
+    assert "No pose was held out" not in report(f).whole()
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_the_model_that_is_taken_is_named_marked_and_drawn_first_whichever_it_is(f, name):
     said = report(Row(f, recommended=name))
     own = next(m for m in f.models if m.name == name)
-    assert said.answer.startswith(f"Take {name}: {own.check.rms_mm:.3f} mm RMS in the runs held back")
+    assert said.answer.startswith(f"Take {name}: {own.check.rms_mm:.3f} mm RMS in the runs held out")
     assert f"+- {own.intervals.half_width_mm:.3f} mm (95 %, median)" in said.answer
     assert f"Why {name}: it is the default." in said.claims
     assert [line for line in said.whole().splitlines() if line.startswith(f"| **{name}** |")]
@@ -99,7 +99,7 @@ def test_the_answer_is_the_gain_over_least_squares_and_joints_in_the_runs_held_b
     for name, mm in {TAKEN: 0.1, "MLS56": 0.25, "Joints": 0.4, "MGCO56": 0.05}.items():
         f = changed(f, name, check=Row(rms_mm=mm))
     start = (
-        "Take ALL153 + prior: 0.100 mm RMS in the runs held back, least squares 0.250 mm; 2.5 times smaller. "
+        "Take ALL153 + prior: 0.100 mm RMS in the runs held out, least squares 0.250 mm; 2.5 times smaller. "
     )
     assert report(f).answer.startswith(
         f"{start}Joint stiffness only 0.400 mm, 4.0 times larger; a deflection "
@@ -120,8 +120,8 @@ def test_each_sentence_is_said_where_it_holds_and_nowhere_else(f):
     unseen = Row(f, unchecked=Row(stiffer=("link_1",), softer=("joint_1", "joint_2")))
     no_prior = changed(Row(f, recommended="MGCO56"), "MGCO56")
     cases = {
-        "not show ten times stiffer than in the folder: link_1. The intervals count on it.": unseen,
-        "not show ten times softer: joint_1 and joint_2.": unseen,
+        "not reveal a part ten times stiffer than in the folder: link_1. The intervals assume": unseen,
+        "not reveal a part ten times softer than in the folder: joint_1 and joint_2.": unseen,
         "Not certified: MLS56 (stalled).": changed(f, "MLS56", status="stalled"),
         "The intervals of ALL153 + prior are not exact": changed(
             f, TAKEN, intervals=Row(spread, on_boundary=True)
@@ -137,7 +137,7 @@ def test_each_sentence_is_said_where_it_holds_and_nowhere_else(f):
         assert words in report(own).whole()
         assert words not in plain
     learnt = changed(unseen, TAKEN, learnt=False)
-    assert "count on it" not in report(learnt).whole()
+    assert "The intervals assume" not in report(learnt).whole()
     assert plain.count("Seen.") == plain.count("Readings are in the base's frame.") == 1
 
 

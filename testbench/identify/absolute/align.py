@@ -14,8 +14,9 @@ from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import Mount, State
-from testbench.identify.closed_form import Layout, means, nearest_rotation, starts
+from testbench.identify.closed_form import Layout, means, nearest_rotation
 from testbench.identify.closed_form import residuals as left_by
+from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.registered import FAR
 from testbench.identify.registration import POSES, Frame, reach, register, turning
 from testbench.model.vjm import tool_pose
@@ -73,11 +74,10 @@ def align(state: State, series: Series) -> tuple[Frame, Mount]:
     if found is None or not found.fits:
         halves = np.array_split(np.argsort(series.row, kind="stable"), 2)
         parts = [select_rows(series, half) for half in halves if len(half) >= HALF]
-        placed = [_placed(state, part) for part in parts if _fits_roughly(state, part)]
-        if len(placed) < 2 or not all(part is not None and part.fits for part in placed):
+        placed = [part for half in parts if (part := _placed(state, half)) and part.fits]
+        if len(placed) < 2:
             raise _misfit(state, series, found)
         found = placed[0]
-    assert found is not None
     return found.frame, found.mount
 
 
@@ -97,22 +97,14 @@ class _Placed:
         return self.near and self.turn < TURNED
 
 
-def _placed(state: State, series: Series, *, rough: bool = False, shared: bool = False) -> _Placed | None:
-    """By MOST rows; in closed form alone where that will do, a hundred times faster. None if left open.
-
-    A shared frame or mount is that of the state.
-    """
+def _placed(state: State, series: Series, *, shared: bool = False) -> _Placed | None:
+    """By MOST rows; a shared frame or mount is that of the state. None if left open."""
     seen = np.flatnonzero(series.seen.any(axis=1))
     some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(MOST, len(seen))).astype(int)])
-    read, m = means(state.vjm, (some,)), len(series.markers)
-    if rough:
-        unknown = Layout(np.full((1, 3, 3), np.nan), np.full((1, 3), np.nan), np.full((m, 3), np.nan))
-        at = next(starts(read, unknown), None)
-    else:
-        at = _registered(state, some, shared=shared)
+    at = _registered(state, some, shared=shared)
     if at is None:
         return None
-    typical = float(np.median(np.linalg.norm(left_by(read, at), axis=1)))
+    typical = float(np.median(np.linalg.norm(left_by(means(state.vjm, (some,)), at), axis=1)))
     turns = _turns(state, some, at.rotation[0])
     mount = nearest_rotation(turns.sum(axis=0)) if len(turns) else np.eye(3)
     return _Placed(
@@ -150,11 +142,6 @@ def _typical_angle(R: Array) -> float:
     """Median angle of rotations, (n, 3, 3) [rad]."""
     cosine = (np.trace(R, axis1=1, axis2=2) - 1) / 2
     return float(np.median(np.arccos(np.clip(cosine, -1, 1))))
-
-
-def _fits_roughly(state: State, series: Series) -> bool:
-    found = _placed(state, series, rough=True)
-    return found is not None and found.fits
 
 
 def _poses(series: Series) -> int:
@@ -218,8 +205,8 @@ def _joined(known: Mount, more: Mount) -> Mount:
     return replace(known, points=np.concatenate([known.points, more.points[new]]), markers=markers)
 
 
-def alike(series: Sequence[Series]) -> tuple[tuple[Series, ...], tuple[str, ...]]:
-    """Series of one mount with the same targets in the same order, and notes on those that no one read."""
+def alike(series: Sequence[Series]) -> tuple[tuple[Series, ...], list[Finding]]:
+    """Series of one mount with the same targets in the same order, and those that no one read."""
     found, notes = [], []
     for one in series:
         mount = [other for other in series if other.target == one.target]
@@ -227,9 +214,9 @@ def alike(series: Sequence[Series]) -> tuple[tuple[Series, ...], tuple[str, ...]
         read = {name for other in mount for name in _read(other)} or set(every)
         lost = [name for name in one.markers if name not in read]
         if lost:
-            notes.append(f"{one.name}: {', '.join(lost)} was never read and is left out")
+            notes.append(Finding("never_read", (one.name, *lost)))
         found.append(with_targets(one, tuple(name for name in every if name in read)))
-    return tuple(found), tuple(notes)
+    return tuple(found), notes
 
 
 def read_only(series: Series) -> Series:

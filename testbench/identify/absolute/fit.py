@@ -18,7 +18,7 @@ from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, bloc
 from testbench.identify.absolute.evidence import Choice, choice, learn, squares, usual
 from testbench.identify.absolute.inner import eliminate, moved
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.scatter import distance, pulls_of, scatter, single, units
+from testbench.identify.absolute.scatter import distance, expected_of, pulls_of, scatter, single, units
 from testbench.identify.absolute.state import State, nominal, torque_scale
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.diagnosis.finding import Finding
@@ -29,7 +29,7 @@ from testbench.identify.fold import Point, Reduced, reduce_series
 from testbench.identify.metric import Metric, metric
 from testbench.identify.prior import Prior, Strength
 from testbench.model.joint_errors import JointErrors
-from testbench.model.structure import Ids, Structure, all153, joints_only
+from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm
 from testbench.model.weights import Weights, read_weights
 
@@ -61,6 +61,11 @@ class Options:
         if unknown:
             raise BenchError(f"no errors called {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
 
+    @property
+    def may(self) -> frozenset[str]:
+        """Names of errors that may be on."""
+        return frozenset(NAMES if self.only is None else self.only) - self.without
+
 
 @dataclass(frozen=True)
 class Calibration:
@@ -77,23 +82,20 @@ class Calibration:
     pulls: tuple[Array, ...]  #: Of every series, how much each reading counts, (s, rows) [1].
     step: float  #: How far the last linearisation moved targets, root mean square [m].
     series: tuple[Series, ...]  #: The readings, in parts where a target or a tracker moved.
-    notes: tuple[str, ...]  #: What was left out.
-    moves: tuple[Finding, ...]  #: What moved in mid-series.
+    found: tuple[Finding, ...]  #: Targets that were left out, and what moved in mid-series.
 
 
 @dataclass(frozen=True)
 class Gathered:
     """Readings boiled down once, to be explained by any of the errors that there might be."""
 
-    vjm: Vjm  #: The arm's nominal kinematics.
     series: tuple[Series, ...]  #: What was read, in parts where something moved.
     prior: Prior  #: Expected compliances.
     unknowns: Unknowns  #: All that there might be.
     state: State  #: Where the equations are linear: with joint springs and periodic errors.
     noise: Noise  #: How far readings scatter about it.
     reduced: Reduced  #: The equations, in blocks of joint space.
-    notes: tuple[str, ...]  #: What was left out.
-    moves: tuple[Finding, ...]  #: What moved in mid-series.
+    found: tuple[Finding, ...]  #: Targets that were left out, and what moved in mid-series.
 
 
 def calibrate(
@@ -128,7 +130,7 @@ def gather(
     vjm: Vjm, series: Sequence[Series], prior: Prior, options: Options, weights: Weights | None = None
 ) -> Gathered:
     """The part of `calibrate` that is the same whatever errors are on; of links, if they may be."""
-    series, notes = alike(series)
+    series, lost = alike(series)
     weights = weights or read_weights(vjm.arm)
     bare = nominal(vjm, weights, torque_scale(vjm, weights, series))
     joints = metric(prior, vjm, joints_only(vjm.arm))
@@ -138,16 +140,17 @@ def gather(
         return first_fit(aligned(bare, few), few, joints)
 
     check_last_joint(vjm, series, fitted)
-    start = settled(series, fitted, metric(prior, vjm, all153(vjm.arm)))
-    series, errors = start.series, _errors(start.series, options)
-    unknowns = unknowns_of(vjm, series, errors, _most(vjm, options))
-    state = replace(start.state, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
+    moves, series, (first, noise) = settled(series, fitted, metric(prior, vjm, all153(vjm.arm)))
+    errors = _errors(series, options)
+    most = all153 if "links" in options.may else joints_only
+    unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
+    state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
     own, few = choice(unknowns, GEOMETRY | {"harmonics"}, joints), thinned(series)
-    state, share = _stepped(own, few, state, start.noise)
+    state, share = _stepped(own, few, state, noise)
     noise = scatter(state, series, share)
-    blocks = _whole(series) if options.only is not None else blocks_of(series)
+    blocks = blocks_of(series) if options.only is None else None
     reduced = reduce_series(Point(unknowns, state, noise), series, blocks)
-    return Gathered(vjm, series, prior, unknowns, state, noise, reduced, notes, start.moves)
+    return Gathered(series, prior, unknowns, state, noise, reduced, (*lost, *moves))
 
 
 def explain(found: Gathered, options: Options) -> Calibration:
@@ -156,16 +159,14 @@ def explain(found: Gathered, options: Options) -> Calibration:
     Raises:
         BenchError: When the readings leave a frame or target open, or were gathered without the links.
     """
-    series, reduced, vjm = found.series, found.reduced, found.vjm
-    candidates = _candidates(vjm, found.prior, options)
-    chosen = _choose(
-        found.unknowns, reduced, candidates, options, units(series, found.noise)[list(reduced.kinds)]
-    )
+    series, reduced = found.series, found.reduced
+    expected = expected_of(series)
+    chosen = _choose(found, options, units(expected, found.noise)[list(reduced.kinds)])
     solved = eliminate(chosen.own, reduced, chosen.learnt, options.constraint, options.strength)
     after = moved(found.state, chosen.own, solved.x)
     factor = found.noise.factor.copy()
     factor[list(reduced.kinds)] = chosen.learnt.factor
-    noise = single(replace(found.noise, factor=factor), series)
+    noise = single(replace(found.noise, factor=factor), expected)
     step = distance(found.state, after, series)
     pulls = tuple(pulls_of(after, one, noise) for one in series)
     return Calibration(
@@ -179,8 +180,7 @@ def explain(found: Gathered, options: Options) -> Calibration:
         pulls=pulls,
         step=step,
         series=series,
-        notes=found.notes,
-        moves=found.moves,
+        found=found.found,
     )
 
 
@@ -196,52 +196,29 @@ def first_fit(state: State, series: tuple[Series, ...], joints: Metric) -> tuple
 
 def _errors(series: Sequence[Series], options: Options) -> JointErrors:
     """Errors of joints that may be on, periodic ones of as many orders as so many readings may tell."""
-    may = frozenset(NAMES if options.only is None else options.only) - options.without
-    orders = _orders(series, options) if "joint errors" in may else ()
-    return JointErrors(orders, ratio="ratio" in may, play="play" in may, stiffening="stiffening" in may)
-
-
-def _orders(series: Sequence[Series], options: Options) -> tuple[int, ...]:
-    """Orders of periodic errors that so many readings may tell."""
     readings = sum(3 * int(one.seen.sum() + one.turned.sum()) for one in series)
-    joints = series[0].q.shape[1]
-    most = int(MANY * readings / (2 * joints))
-    return tuple(range(1, max(1, min(options.orders, most)) + 1))
+    told = int(MANY * readings / (2 * series[0].q.shape[1]))
+    most = max(1, min(options.orders, told)) if "joint errors" in options.may else 0
+    return JointErrors(tuple(range(1, most + 1)), **{name: name in options.may for name in NAMES[3:]})
 
 
-def _most(vjm: Vjm, options: Options) -> Structure:
-    rigid = "links" in options.without or (options.only is not None and "links" not in options.only)
-    return joints_only(vjm.arm) if rigid else all153(vjm.arm)
-
-
-def _candidates(vjm: Vjm, prior: Prior, options: Options) -> list[Candidate]:
-    """What may be tried, in order; links bring their own joints with them."""
+def _choose(found: Gathered, options: Options, unit: Array) -> Chosen:
+    """What is tried, in order, or taken where it was asked for; links bring their own joints."""
+    unknowns, reduced, vjm = found.unknowns, found.reduced, found.state.vjm
+    joints, links = (metric(found.prior, vjm, most(vjm.arm)) for most in (joints_only, all153))
     every = {
-        "joint springs": Candidate(
-            "joint springs", elastic=metric(prior, vjm, joints_only(vjm.arm)), sure=True
-        ),
+        "joint springs": Candidate("joint springs", elastic=joints, sure=True),
         "joint errors": Candidate("joint errors", frozenset({"harmonics"})),
-        "links": Candidate("links", elastic=metric(prior, vjm, all153(vjm.arm))),
+        "links": Candidate("links", elastic=links),
     } | {name: Candidate(name, frozenset({name})) for name in NAMES[3:]}
-    return [every[name] for name in NAMES if name not in options.without]
-
-
-def _choose(
-    unknowns: Unknowns, reduced: Reduced, candidates: list[Candidate], options: Options, unit: Array
-) -> Chosen:
+    on = [every[name] for name in NAMES if name in options.may]
     if options.only is None:
-        return choose(unknowns, reduced, candidates, unit)
-    on = [one for one in candidates if one.name in options.only]
+        return choose(unknowns, reduced, on, unit)
     kinds = GEOMETRY.union(*(one.kinds for one in on))
     elastic = [one.elastic for one in on if one.elastic is not None]
     own = choice(unknowns, kinds, elastic[-1] if elastic else None)
     learnt = learn(own, squares(own, reduced.gram), reduced.counts, usual(unknowns, len(reduced.kinds)))
     return Chosen(own, learnt, kinds, ())
-
-
-def _whole(series: Sequence[Series]) -> list[Ids]:
-    """Every series as one block."""
-    return [np.zeros(one.rows, dtype=int) for one in series]
 
 
 def thinned(series: Sequence[Series]) -> tuple[Series, ...]:
@@ -256,7 +233,7 @@ def thinned(series: Sequence[Series]) -> tuple[Series, ...]:
 
 def _stepped(own: Choice, series: tuple[Series, ...], state: State, noise: Noise) -> tuple[State, float]:
     """One Gauss-Newton step, and the share of equations that no unknown spends."""
-    reduced = reduce_series(Point(own.unknowns, state, noise), series, _whole(series))
+    reduced = reduce_series(Point(own.unknowns, state, noise), series)
     S, counts = squares(own, reduced.gram), reduced.counts
     solved = eliminate(own, reduced, learn(own, S, counts, usual(own.unknowns, len(counts))))
     return moved(state, own, solved.x), max(0.1, 1 - solved.spent / counts.sum())

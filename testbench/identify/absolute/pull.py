@@ -1,4 +1,7 @@
-"""What poses that were not read would tell: each joint turned by itself, and all of them anywhere."""
+"""What poses that were not read would tell: each joint turned by itself, and all of them anywhere.
+
+Directions that no pose tells apart are structural: what changes along them moves no target.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,6 +17,10 @@ from testbench.identify.rows import rows_of
 
 POSES = 40  #: Further rows in which a joint is turned.
 AMPLE = 2  #: Equations of poses anywhere, over the number of unknowns.
+NEVER = 1e-3  #: Information of more poses than unknowns, over the prior's, that tells nothing [1].
+ROUNDING = 1e-10  #: Eigenvalue of information of unit diagonal below which there is none at all [1].
+OFF = 1.0  #: Information of what is taken to be zero: it is not structural.
+SAME = 0.1  #: Singular value below which two sets of directions have one in common.
 
 
 @dataclass(frozen=True)
@@ -41,34 +48,28 @@ def pull_of(
     """
     lower, upper = unknowns.vjm.arm.limits
     rng = np.random.Generator(np.random.Philox(0))
-    some = [(one, _spread(one.rows, -(-POSES // len(series)))) for one in series]
     told = tells or (lambda one: information(unknowns, state, one))
 
     def turned(j: int) -> Array:
         total = np.zeros((unknowns.size,) * 2)
-        for one, rows in some:
+        for one in series:
+            count = min(one.rows, -(-POSES // len(series)))
+            rows = np.linspace(0, one.rows - 1, count).round().astype(int)
             q = one.q[rows].copy()
-            q[:, j] = _stratified(len(q), rng) * (upper[j] - lower[j]) + lower[j]
+            stratified = (rng.permutation(count) + rng.random(count)) / count
+            q[:, j] = stratified * (upper[j] - lower[j]) + lower[j]
             total += told(_moved(one, rows, q))
         return total
 
-    everywhere = [_anywhere(unknowns, one, len(series), rng) for one in series]
-    drawn = replace(
-        state,
-        theta_0=np.zeros_like(state.theta_0),
-        C_theta=np.zeros_like(state.C_theta),
-        n=np.zeros_like(state.n),
-    )
-    rigid = np.sum([information(unknowns, drawn, one) for one in everywhere], axis=0)
+    everywhere = []
+    for one in series:
+        count = -(-AMPLE * unknowns.size // (3 * len(one.markers) * len(series)))
+        q = rng.uniform(lower, upper, (count, len(lower)))
+        everywhere.append(_moved(one, np.arange(count) % one.rows, q))
+    none = {name: np.zeros_like(getattr(state, name)) for name in ("theta_0", "C_theta", "n")}
+    rigid = [information(unknowns, replace(state, **none), one) for one in everywhere]
     every = np.stack([turned(j) for j in range(len(lower))])
-    return Pull(every, np.sum([told(one) for one in everywhere], axis=0), rigid)
-
-
-def _anywhere(unknowns: Unknowns, series: Series, of: int, rng: np.random.Generator) -> Series:
-    """A series of so many in poses all over, under its loads."""
-    lower, upper = unknowns.vjm.arm.limits
-    count = -(-AMPLE * unknowns.size // (3 * len(series.markers) * of))
-    return _moved(series, np.arange(count) % series.rows, rng.uniform(lower, upper, (count, len(lower))))
+    return Pull(every, np.sum([told(one) for one in everywhere], axis=0), np.sum(rigid, axis=0))
 
 
 def information(unknowns: Unknowns, state: State, series: Series) -> Array:
@@ -84,19 +85,61 @@ def information(unknowns: Unknowns, state: State, series: Series) -> Array:
 
 def _moved(series: Series, rows: Ids, q: Array) -> Series:
     """Rows of a series in other poses, every target read; (count,) places and (count, n) [rad, m]."""
-    plain = replace(
-        series,
-        precision=None,
-        rotation=None if series.rotation is None else np.tile(np.eye(3), (series.rows, 1, 1)),
+    rotation = None if series.rotation is None else np.tile(np.eye(3), (series.rows, 1, 1))
+    return replace(select_rows(replace(series, precision=None, rotation=rotation), rows), q=q)
+
+
+@dataclass(frozen=True)
+class Structural:
+    """What no pose shows under the loads there are."""
+
+    directions: Array  #: Orthonormal, in units of the prior, (size, k).
+    geometry: int  #: How many of geometry, frames and mounts move no target.
+    shared: tuple[int, ...]  #: Of these, how many lie between the links before and behind every joint.
+    idle: tuple[int, ...]  #: Joints whose errors move nothing, such as the last with a target on its axis.
+    elastic: int  #: Directions of compliance that no load there is brings out.
+
+
+def structural(unknowns: Unknowns, L: Array, pull: Pull) -> Structural:
+    """Structural directions; L is a root of the prior's covariance, (size, size)."""
+    M, drawn = L.T @ pull.everywhere @ L, L.T @ pull.rigid @ L
+    M, drawn = (part + np.diag(np.where(np.diag(L) > 0, 0.0, OFF)) for part in (M, drawn))
+    values, V = np.linalg.eigh(M)
+    geometry = np.arange(unknowns.starts["errors"])
+    never = np.zeros((len(M), _dimension(drawn, geometry)))
+    never[geometry] = np.linalg.eigh(drawn[np.ix_(geometry, geometry)])[1][:, : never.shape[1]]
+    U, s, _ = np.linalg.svd(np.hstack([V[:, values < NEVER], never]), full_matrices=False)
+    joints, first = range(unknowns.vjm.arm.n_joints), unknowns.starts["elastic"]
+    around = [_around(unknowns, k) for k in range(len(joints) + 1)]
+    own = [_dimension(drawn, columns) for columns in around]
+    size = unknowns.errors.size
+    of_joint = [unknowns.starts["errors"] + j * size + np.arange(size) for j in joints]
+    return Structural(
+        directions=U[:, s > SAME],
+        geometry=never.shape[1],
+        shared=tuple(
+            _dimension(drawn, np.concatenate(around[j : j + 2])) - sum(own[j : j + 2]) for j in joints
+        ),
+        idle=tuple(j for j in joints if size and _dimension(M, of_joint[j]) == size),
+        elastic=int((np.linalg.eigvalsh(M[first:, first:]) < NEVER).sum()),
     )
-    return replace(select_rows(plain, rows), q=q)
 
 
-def _spread(rows: int, count: int) -> Ids:
-    """So many places among rows, or all of them, evenly spaced."""
-    return np.linspace(0, rows - 1, min(rows, count)).round().astype(int)
+def _dimension(M: Array, columns: Ids) -> int:
+    """Directions of some columns in which there is no information."""
+    block = M[np.ix_(columns, columns)]
+    size = np.sqrt(np.diag(block))
+    told = size > ROUNDING * size.max(initial=0.0)
+    unit = block[np.ix_(told, told)] / np.outer(size[told], size[told])
+    return int((~told).sum() + (np.linalg.eigvalsh(unit) < ROUNDING).sum())
 
 
-def _stratified(count: int, rng: np.random.Generator) -> Array:
-    """Numbers from 0 to 1, one in each of so many equal parts, in random order, (count,)."""
-    return (rng.permutation(count) + rng.random(count)) / count
+def _around(unknowns: Unknowns, k: int) -> Ids:
+    """Columns of a link: of the first the frames, of the last the mounts."""
+    mounts = unknowns.columns(f"frame {unknowns.frames[-1]}").stop
+    first = unknowns.starts["geometry"]
+    if k == 0:
+        return np.arange(mounts)
+    if k == unknowns.vjm.arm.n_joints:
+        return np.arange(mounts, first)
+    return first + 6 * (k - 1) + np.arange(6)

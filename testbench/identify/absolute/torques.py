@@ -7,12 +7,11 @@ masses of rigid.xml are their prior. Friction of unknown direction counts as noi
 harder than a large one (Huber). The arm is taken as straight, which costs a thousandth of a torque.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import Mask
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.model.vjm import Vjm, chain, generalised_load
@@ -34,11 +33,13 @@ class MassFit:
 
     weights: Weights  #: Fitted; those that were given where weight does not explain the torques.
     poses: int  #: Poses whose torques were read.
-    motors: bool  #: Whether torques are the motors' against the weight, or the weight's on the joints.
     before: float  #: Scatter that the given masses leave, root mean square over joints [N m, N].
     rest: float  #: Scatter that is left [N m, N].
     spread: float  #: Scatter of the torques without the wrenches' [N m, N].
     limited: tuple[str, ...]  #: Links and tool of which a number is as far from the given one as it may be.
+    motors: bool = (
+        False  #: Whether torques are the motors' against the weight, or the weight's on the joints.
+    )
 
     @property
     def explained(self) -> bool:
@@ -61,29 +62,10 @@ def fit_weights(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> MassF
     if not parts:
         return None
     A, known, torque = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
-    carries, carried = (_fit(weights, A, sign * torque - known) for sign in (1, -1))
-    best = min(carries, carried, key=lambda fit: fit.rest)
-    mass, moment = np.split(np.vstack([weights.parameters[:1], best.p.reshape(-1, 4)]), [1], axis=1)
     names = [*(link.name for link in vjm.arm.links[1:]), vjm.arm.tool]
-    found = MassFit(
-        weights=Weights(mass[:, 0], moment / np.where(mass > 0, mass, 1)),
-        poses=torque.shape[1],
-        motors=best is carried,
-        before=best.before,
-        rest=best.rest,
-        spread=best.spread,
-        limited=tuple(name for name, on in zip(names, best.limited, strict=True) if on),
-    )
-    return found if found.explained else replace(found, weights=weights, limited=())
-
-
-@dataclass(frozen=True)
-class _Fit:
-    p: Array  #: Parameters of all bodies but the base, (4 (bodies - 1),) [kg, kg m].
-    limited: Mask  #: Bodies of which one is at its limit, (bodies - 1,).
-    before: float
-    rest: float
-    spread: float
+    carries, carried = (_fit(weights, names, A, sign * torque - known) for sign in (1, -1))
+    best = min(carries, replace(carried, motors=True), key=lambda fit: fit.rest)
+    return best if best.explained else replace(best, weights=weights, limited=())
 
 
 def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, Array]]:
@@ -98,11 +80,12 @@ def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, 
             yield columns.reshape(*columns.shape[:2], -1), known, torque[some].T
 
 
-def _fit(weights: Weights, A: Array, y: Array) -> _Fit:
+def _fit(weights: Weights, names: Sequence[str], A: Array, y: Array) -> MassFit:
     """Masses by least squares with a prior, reweighted; offsets are taken out as weighted means.
 
     Args:
         weights: The prior.
+        names: Of all bodies but the base.
         A: Load of every joint per unit of each parameter, (n, runs, 4 (bodies - 1)).
         y: Load of every joint under the weight, with an offset, (n, runs) [N m, N].
     """
@@ -119,7 +102,15 @@ def _fit(weights: Weights, A: Array, y: Array) -> _Fit:
         x = _step(_off_mean(A, w), _off_mean(y_0, w), w)
         left = _off_mean(y_0 - A @ x, w)
     limited = (np.abs(x) > LIMIT * (1 - 1e-9)).reshape(-1, 4).any(axis=1)
-    return _Fit(prior + sd * x, limited, _rms(before), _rms(_scatter(left)), _rms(spread))
+    p = np.vstack([weights.parameters[:1], (prior + sd * x).reshape(-1, 4)])
+    return MassFit(
+        weights=Weights(p[:, 0], p[:, 1:] / np.where(p[:, :1] > 0, p[:, :1], 1)),
+        poses=y.shape[1],
+        before=_rms(before),
+        rest=_rms(_scatter(left)),
+        spread=_rms(spread),
+        limited=tuple(name for name, on in zip(names, limited, strict=True) if on),
+    )
 
 
 def _step(A: Array, y: Array, w: Array) -> Array:

@@ -18,8 +18,8 @@ from testbench.identify.absolute.align import with_targets
 from testbench.identify.absolute.fit import first_fit
 from testbench.identify.absolute.state import Mount, State, nominal, torque_scale
 from testbench.identify.diagnosis.finding import Finding
-from testbench.identify.diagnosis.moves import FEWEST, doubted, places
-from testbench.identify.diagnosis.steps import lacking
+from testbench.identify.diagnosis.moves import places
+from testbench.identify.diagnosis.steps import chance, lacking, likeliest, with_shift
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
 from testbench.identify.registration import Frame
@@ -27,6 +27,9 @@ from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm, marker_points
 from testbench.model.weights import Weights, read_weights
 
+CHANCE = 0.05
+"""Chance of a step as clear anywhere in readings without one, from which it is no doubt."""
+FEWEST = 3  #: Poses before and behind a step that is doubted.
 ORDERS = 2  #: Periodic errors that may explain it: few poses tell no more.
 TARGETS = 30
 """Targets that are looked at, evenly out of more: all of them move together, each has a place to be found."""
@@ -42,13 +45,17 @@ def moved(vjm: Vjm, data: Dataset, prior: Prior) -> list[Finding]:
         prior: What the arm's folder expects.
     """
     series = tuple(_in_time(in_order(data, some(np.arange(data.runs)))))
-    if not vjm.arm.joints or not any(len(places(one, FEWEST)) for one in series):
+    steps = [places(one, FEWEST) for one in series]
+    if not vjm.arm.joints or not any(map(len, steps)):
         return []
     try:
         state, noise = first_fit(_start(vjm, series), series, metric(prior, vjm, joints_only(vjm.arm)))
     except BenchError:  # too few readings for where arm and targets are: no step can be told
         return []
-    return doubted(lacking(state, series, noise, metric(prior, vjm, all153(vjm.arm)), ORDERS), series)
+    at = lacking(state, series, noise, metric(prior, vjm, all153(vjm.arm)), ORDERS)
+    clear = CHANCE / (2 * sum(map(len, steps)))
+    found = [with_shift(at, *one) for one in likeliest(at, series, steps) if chance(one[1]) < clear]
+    return [replace(step, beside={**step.beside, "pairs": True}) for step in found]
 
 
 def _in_time(data: Dataset) -> Iterator[Series]:

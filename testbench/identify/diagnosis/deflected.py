@@ -1,14 +1,15 @@
 """Doubts about loads and deflections: the mistake that makes them fit the prior best."""
 
 import math
+from functools import partial
 
 import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, select
 from testbench.errors import BenchError
-from testbench.identify.diagnosis.finding import Finding
-from testbench.identify.diagnosis.loads import Learnt, hypotheses, learnt, other_loads
+from testbench.identify.diagnosis.finding import Finding, one_by_one
+from testbench.identify.diagnosis.loads import Learnt, learnt, of_all, of_runs, other_loads
 from testbench.identify.fold import reduce
 from testbench.identify.metric import Metric
 from testbench.model.vjm import Vjm
@@ -29,6 +30,9 @@ QUIET = 1.3, 2.5
 """Misfit, and factor between prior and readings, up to which no mistake of all readings is looked for."""
 NOISE, SHARE_OF_MOVE = 8.0, 0.005
 """Misfit, and share of the deflections, from which the stated noise is doubted: models leave that much."""
+FALL, FEWEST = 0.5, 5
+"""Misfit without a run over that with it, from which the run alone is wrong; runs of which one may be."""
+WORTH = 3.0  #: Nats from which a run is left out on trial: strong evidence (Kass and Raftery 1995).
 SHARE = 0.5  #: What evidence for a single run counts against that for a mistake of all.
 
 
@@ -44,13 +48,12 @@ def deflected(vjm: Vjm, metric: Metric, data: Dataset) -> list[Finding]:
     """Doubts about loads and deflections, the likeliest first."""
     factor = scale(vjm, metric, data)
     try:
-        own = learnt(vjm, metric, data)
+        found, kept, own = one_by_one(data, learnt(vjm, metric, data), partial(_without_worst, vjm, metric))
     except BenchError:  # no compliance moves so: only other loads can
         return _other(None, vjm, metric, data) or [_wild(factor, data)]
-    suspicious = own.misfit > QUIET[0] or not 1 / QUIET[1] < factor < QUIET[1]
-    found = _best(own)
-    if suspicious:
-        found += _other(own.loss, vjm, metric, data)
+    found += _best(own)
+    if own.misfit > QUIET[0] or not 1 / QUIET[1] < factor < QUIET[1]:
+        found += _other(own.loss, vjm, metric, kept)
     found.sort(key=lambda one: -(one.nats or 0) * (SHARE if one.kind in SINGLE else 1))
     found += _scale(vjm, data, factor)
     typical = float(np.median(np.linalg.norm(data.deflection, axis=2)[data.seen]))
@@ -59,12 +62,37 @@ def deflected(vjm: Vjm, metric: Metric, data: Dataset) -> list[Finding]:
     return found
 
 
+def _without_worst(
+    vjm: Vjm, metric: Metric, data: Dataset, own: Learnt
+) -> tuple[list[Finding], Dataset, Learnt] | None:
+    """The run that alone makes all others look noisy, and the others without it; None if none does.
+
+    It is weighed by what the others say of noise and prior: its own mistake would hide in theirs.
+    """
+    if own.misfit <= QUIET[0] or data.runs < FEWEST:
+        return None
+    likeliest = max(of_runs(own), key=_nats)
+    if _nats(likeliest) < WORTH:
+        return None
+    worst = likeliest.where[0]
+    others = data.run.astype(str) != worst
+    rest = learnt(vjm, metric, select(data, others))
+    if rest.misfit > FALL * own.misfit:
+        return None
+    seen = learnt(vjm, metric, data, rest.h)
+    found = [one for one in of_runs(seen) if one.where[0] == worst and _large(seen, one)]
+    return ([max(found, key=_nats)], rest.data, rest) if found else None
+
+
+def _nats(found: Finding) -> float:
+    return found.nats or 0.0
+
+
 def _best(own: Learnt) -> list[Finding]:
     """The likeliest mistake; and where it is of a single run, what else is of another single run."""
     found: list[Finding] = []
-    for one in sorted(
-        filter(lambda one: _large(own, one), hypotheses(own)), key=lambda one: -(one.nats or 0)
-    ):
+    large = [one for one in (*of_all(own), *of_runs(own)) if _large(own, one)]
+    for one in sorted(large, key=_nats, reverse=True):
         runs = {other.where[0] for other in found if other.kind in SINGLE}
         if not found or (runs and one.kind in SINGLE and one.where[0] not in runs):
             found.append(one)

@@ -1,7 +1,7 @@
 """Doubts about runs: first what is plain, then where the arm is, then what moves it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -66,9 +66,9 @@ def doubts(given: HandedIn, prior: Prior) -> list[Finding]:
     size = np.median(np.linalg.norm(data.deflection, axis=2)[data.seen])
     if vjm.arm.joints and size > HUGE * seen.scale:
         one = given.data if found.frame == "base" else _of_one_station(given.data)
-        loaded = placed(_seen(vjm, one, one.after), _free(found), "loaded readings")
-        if loaded.doubt is not None:
-            return [loaded.doubt, *said]
+        doubt, _ = placed(_seen(vjm, one, one.after), _free(found), "loaded")
+        if doubt is not None:
+            return [doubt, *said]
     if against := list(moved_against(data)):
         return [*said, *against]
     off = list(apart(seen, own))
@@ -101,14 +101,14 @@ def _places(given: HandedIn) -> tuple[list[Finding], Fit, Seen]:
     guessed = found.frame == "tracker" and not given.declared
     if found.frame == "base" or guessed:
         seen = _seen(given.filed, given.data, given.data.before)
-        raw = placed(seen, Free())
-        if found.registration is None and raw.doubt is not None and raw.doubt.kind == "kinematics":
-            raw = replace(raw, doubt=open_places(given.filed, given.data))
-        mistaken = raw.doubt is not None and raw.doubt.kind not in ("frame", "kinematics")
+        raw, own = placed(seen, Free())
+        if found.registration is None and raw is not None and raw.kind == "kinematics":
+            raw = open_places(given.filed, given.data)
+        mistaken = raw is not None and raw.kind not in ("frame", "kinematics")
         if found.frame == "base" or mistaken:
-            return ([] if raw.doubt is None else [raw.doubt]), raw.fit, seen
+            return ([] if raw is None else [raw]), own, seen
     one = _of_one_station(given.data)
-    doubt = placed(_seen(found.vjm, one, one.before), _free(found)).doubt
+    doubt, _ = placed(_seen(found.vjm, one, one.before), _free(found))
     seen = _seen(found.vjm, found.data, found.data.before)
     said = [doubt] if doubt else [*(_near(found) if guessed else ()), *_far_targets(found)]
     return said, fit(seen, Free()), seen
@@ -117,7 +117,7 @@ def _places(given: HandedIn) -> tuple[list[Finding], Fit, Seen]:
 def open_places(vjm: Vjm, data: Dataset) -> Finding | None:
     """The mistake that keeps readings from being brought into the base's frame, if one explains it."""
     one = _of_one_station(data)
-    return placed(_seen(vjm, one, one.before), Free(frame=True, targets=True)).doubt
+    return placed(_seen(vjm, one, one.before), Free(frame=True, targets=True))[0]
 
 
 def _near(found: Registered) -> Iterator[Finding]:

@@ -7,12 +7,17 @@ logarithm of a Bayes factor (Kass and Raftery 1995). What is not linear - units,
 fitted again, and its nats are the loss that this saves.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
 from testbench.errors import Array
+
+MOST = 5  #: Mistakes, or changes of several series at once, that are undone one after the other.
+Data = TypeVar("Data")
+Model = TypeVar("Model")
 
 
 @dataclass(frozen=True)
@@ -47,3 +52,32 @@ def test(g: Array, M: Array) -> Tested:
     b = np.asarray(np.linalg.solve(own, g[..., None])[..., 0])
     gain = np.asarray((b * g).sum(axis=-1))
     return Tested(b, gain, np.asarray((gain - np.linalg.slogdet(own)[1]) / 2))
+
+
+def one_by_one(
+    data: Data,
+    model: Model,
+    undo: Callable[[Data, Model], tuple[Sequence[Finding], Data, Model] | None],
+) -> tuple[list[Finding], Data, Model]:
+    """Find the worst mistake, undo it, fit again, look for the next.
+
+    Args:
+        data: What was read.
+        model: Fitted to it.
+        undo: The worst mistake, the data without it and the model fitted to these; None where there is none.
+            Data that are as they were end the search.
+
+    Returns:
+        The mistakes in the order in which they were found, data without them and the last model.
+    """
+    found: list[Finding] = []
+    for _ in range(MOST):
+        step = undo(data, model)
+        if step is None:
+            break
+        before = data
+        more, data, model = step
+        found += more
+        if data is before:
+            break
+    return found, data, model

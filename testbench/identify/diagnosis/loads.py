@@ -55,11 +55,11 @@ class Learnt:
         return float(np.exp(self.h[-1]))
 
 
-def learnt(vjm: Vjm, metric: Metric, data: Dataset) -> Learnt:
-    """Learn the prior from a dataset; its readings against it."""
+def learnt(vjm: Vjm, metric: Metric, data: Dataset, h: Array | None = None) -> Learnt:
+    """Learn the prior from a dataset, or take hyperparameters of others; its readings against it."""
     structure = metric.structure
     seen = evidence(reduce(vjm, structure, data), metric)
-    h = greatest(seen.problem, seen.start)
+    h = greatest(seen.problem, seen.start) if h is None else h
     read = one_by_one(vjm, structure, data)
     G = read.A.reshape(-1, structure.n) @ seen.metric.L
     s, kappa = np.exp(h[: seen.blocks])[seen.block], np.exp(h[-1])
@@ -98,12 +98,16 @@ def allowed(vjm: Vjm, data: Dataset, C: Array) -> Array:
     return np.array(columns).reshape(len(columns), -1).T
 
 
-def hypotheses(own: Learnt) -> Iterator[Finding]:
-    """Every mistake whose size enters linearly."""
+def of_all(own: Learnt) -> Iterator[Finding]:
+    """Every mistake of all runs, of a station or of a level, whose size enters linearly."""
     start = _left(own, own.data)
     for found, unit, undone in _of_all(own.data):
         Z = np.column_stack([start - _left(own, data) for data in undone])
         yield _tested(own, found, unit, Z)
+
+
+def of_runs(own: Learnt) -> Iterator[Finding]:
+    """Every mistake of a single run or reading whose size enters linearly."""
     read = own.read
     expected, size = (read.A @ own.pi).ravel(), BUMP / np.repeat(read.unit, 3)
     for r, name in enumerate(map(str, own.data.run)):
@@ -115,8 +119,8 @@ def hypotheses(own: Learnt) -> Iterator[Finding]:
         yield _tested(own, Finding("run", (name,)), BUMP, np.diag(size[every]), every)
         for k in range(first, end):
             one, target = slice(3 * k, 3 * k + 3), read.marker[k]
-            label = own.data.markers[target] if target >= 0 else "the tool's turn"
-            yield _tested(own, Finding("reading", (name, label)), BUMP, np.diag(size[one]), one)
+            label = (own.data.markers[target],) if target >= 0 else ()
+            yield _tested(own, Finding("reading", (name, *label)), BUMP, np.diag(size[one]), one)
 
 
 def _left(own: Learnt, data: Dataset) -> Array:
@@ -152,7 +156,7 @@ def _of_all(data: Dataset) -> Iterator[tuple[Finding, float, list[Dataset]]]:
     for mask in groups if len(groups) > 1 else ():
         load = np.linalg.norm(w[mask, :3], axis=1).mean()
         heavier = replace(data, wrench=w * (1 + FACTOR * mask)[:, None])
-        yield Finding("level", (f"{load:.4g} N",)), FACTOR, [heavier]
+        yield Finding("level", beside={"force": float(load)}), FACTOR, [heavier]
 
 
 def levels(data: Dataset) -> list[Mask]:

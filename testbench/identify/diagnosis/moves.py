@@ -5,7 +5,7 @@ behind it as a series with a mount or a frame of its own, fits again and looks a
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,21 +15,18 @@ from testbench.errors import BenchError
 from testbench.identify.absolute.align import read_only
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.state import State
-from testbench.identify.diagnosis.finding import Finding
-from testbench.identify.diagnosis.steps import Linear, Step, best, lacking, likeliest, moves
+from testbench.identify.diagnosis.finding import Finding, one_by_one
+from testbench.identify.diagnosis.steps import best, lacking, with_shift
 from testbench.identify.metric import Metric
 
 CELLS = 400  #: Steps that are tried at first.
 THIN = 1500  #: Rows that are looked at first.
-CHANCE = 0.05
-"""Chance of a step as clear anywhere in readings without one, from which it is no doubt."""
-FEWEST = 3  #: Poses before and behind a step that is doubted.
-LEAST = 6  #: The same of one that parts a series: fewer do not tell a frame or a mount.
+LEAST = 6  #: Poses before and behind a step that parts a series: fewer do not tell a frame or a mount.
 GAIN = 80.0
 """Sum of squares that such a step takes away at least, over the variance: sound simulated series reach 50,
 series of a robot whose frame drifts by 10 um 80."""
 SHARE = 0.05  #: Share of the sum of squares that it takes away at least: a robot's drift takes 1 %.
-MOST = 5  #: Changes that are looked for.
+BEHIND = " from row "  #: Ends the name of a series, before the first row of its part.
 
 
 def places(series: Series, least: int) -> Ids:
@@ -44,28 +41,6 @@ def _poses_so_far(pose: Ids) -> Ids:
     first = np.zeros(len(pose), dtype=int)
     first[np.unique(pose, return_index=True)[1]] = 1
     return np.cumsum(first)
-
-
-def doubted(at: Linear, series: Sequence[Series]) -> list[Finding]:
-    """Steps that chance does not explain, one a series at most; of series in order of time."""
-    steps = [places(one, FEWEST) for one in series]
-    tried = 2 * sum(map(len, steps))
-    found = likeliest(at, series, steps)
-    return [_finding(at, one, step, pairs=True) for one, step in found if tried * step.chance < CHANCE]
-
-
-def _finding(at: Linear, series: Series, step: Step, *, pairs: bool = False) -> Finding:
-    """A step as a doubt: its move and turn, how far the targets moved [m], between which rows."""
-    beside = {
-        "shift": moves(at, series, step),
-        "alike": step.alike,
-        "place": step.place,
-        "before": int(series.row[step.place - 1]),
-        "after": int(series.row[step.place]),
-        "pairs": pairs,
-        "across": bool(series.pose[step.place - 1] == series.pose[step.place]),
-    }
-    return Finding(f"{step.what}_moved", (series.name, series.frame), step.b, beside, step.gain / 2)
 
 
 def _clear(state: State, series: Series, noise: Noise, elastic: Metric) -> Finding | None:
@@ -87,14 +62,14 @@ def _clear(state: State, series: Series, noise: Noise, elastic: Metric) -> Findi
     if not len(place) or not _sure(found := best(at, select_rows(one, thin), place)):
         return None
     if len(tried) < len(steps) or len(thin) < one.rows:
-        middle = np.searchsorted(tried, thin[found.place])
+        middle = np.searchsorted(tried, thin[int(found.beside["place"])])
         low, high = tried[max(middle - 2, 0)], tried[min(middle + 2, len(tried) - 1)]
         found = best(at, one, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
-    return _finding(at, one, found) if _sure(found) else None
+    return with_shift(at, one, found) if _sure(found) else None
 
 
-def _sure(step: Step) -> bool:
-    return step.gain > GAIN and step.share > SHARE
+def _sure(step: Finding) -> bool:
+    return 2 * (step.nats or 0.0) > GAIN and step.beside["share"] > SHARE
 
 
 def in_time(series: Series) -> Series:
@@ -102,46 +77,38 @@ def in_time(series: Series) -> Series:
     return select_rows(series, np.argsort(series.row, kind="stable"))
 
 
-@dataclass(frozen=True)
-class Started:
-    """A first fit, of series in which nothing moved any more."""
-
-    series: tuple[Series, ...]  #: In parts where something moved.
-    state: State
-    noise: Noise
-    moves: tuple[Finding, ...]  #: What moved, and what that means for series that shared it.
-
-
-Parts = list[tuple[int, Series]]
-"""Parts of series, and which series each is of."""
+Parts = tuple[Series, ...]
+"""Series, in parts where something moved."""
+Fitted = tuple[State, Noise]
 
 
 def settled(
-    series: tuple[Series, ...], fitted: Callable[[tuple[Series, ...]], tuple[State, Noise]], elastic: Metric
-) -> Started:
+    series: Parts, fitted: Callable[[Parts], Fitted], elastic: Metric
+) -> tuple[list[Finding], Parts, Fitted]:
     """Fit, part where something moved, fit again.
 
     Args:
         series: The readings.
         fitted: A first fit of some series, without joint errors.
         elastic: Prior of all compliances that there may be.
+
+    Returns:
+        What moved, and what that means for series that shared it; series in which nothing moved any more, and
+        their fit.
     """
-    found: list[Finding] = []
-    parts: Parts = list(enumerate(series))
-    state, noise = fitted(series)
-    for _ in range(MOST):
-        steps = [_clear(state, one, noise, elastic) for _, one in parts]
-        if not any(steps):
-            break
-        found += filter(None, steps)
-        tried, own = _parted(parts, steps)
+
+    def undo(parts: Parts, now: Fitted) -> tuple[list[Finding], Parts, Fitted] | None:
+        steps = [_clear(now[0], one, now[1], elastic) for one in parts]
+        found = [step for step in steps if step]
+        if not found:
+            return None
+        apart, shared = _parted(parts, steps)
         try:
-            state, noise = fitted(tuple(one for _, one in tried))
-        except BenchError as why:
-            found.append(Finding("not_parted", (str(why),)))
-            break
-        parts, found = tried, found + own
-    return Started(tuple(one for _, one in parts), state, noise, tuple(found))
+            return found + shared, apart, fitted(apart)
+        except BenchError:
+            return [*found, Finding("not_parted", tuple(step.where[0] for step in found))], parts, now
+
+    return one_by_one(series, fitted(series), undo)
 
 
 def _parted(parts: Parts, steps: Sequence[Finding | None]) -> tuple[Parts, list[Finding]]:
@@ -150,27 +117,23 @@ def _parted(parts: Parts, steps: Sequence[Finding | None]) -> tuple[Parts, list[
     A mount or frame that moved in one series is shared with no other any more: which part that would share it
     with is not known. Findings say so.
     """
-    found: Parts = []
-    for (g, series), step in zip(parts, steps, strict=True):
-        found += [(g, part) for part in (_halves(series, step) if step else (series,))]
-    own: list[Finding] = []
-    names = {g: one.name for g, one in reversed(parts)}
-    for (g, series), step in zip(parts, steps, strict=True):
+    found = [part for one, step in zip(parts, steps, strict=True) for part in _halves(one, step)]
+    own: dict[tuple[str, str], Finding] = {}
+    for series, step in zip(parts, steps, strict=True):
         if step is None:
             continue
-        name = _shared(series, step)
-        for h in sorted({h for h, one in found if h != g and _shared(one, step) == name}):
-            found = [
-                (
-                    i,
-                    _named(one, step, f"{name} of {names[h]}")
-                    if i == h and _shared(one, step) == name
-                    else one,
-                )
-                for i, one in found
-            ]
-            own.append(Finding("unshared", (names[h], "mount" if step.kind == "target_moved" else "frame")))
-    return found, own
+        name, whole = _shared(series, step), _whole(series)
+        for k, one in enumerate(found):
+            if _shared(one, step) == name and _whole(one) != whole:
+                found[k] = _named(one, step, f"{name} of {_whole(one)}")
+                where = _whole(one), "mount" if step.kind == "target_moved" else "frame"
+                own[where] = Finding("unshared", where)
+    return tuple(found), list(own.values())
+
+
+def _whole(part: Series) -> str:
+    """Name of the series that a part is of."""
+    return part.name.partition(BEHIND)[0]
 
 
 def _shared(series: Series, step: Finding) -> str:
@@ -185,9 +148,11 @@ def _named(series: Series, step: Finding, name: str) -> Series:
     return replace(series, frame=name)
 
 
-def _halves(series: Series, step: Finding) -> tuple[Series, Series]:
-    """A series before and behind a step."""
-    one, words = in_time(series), f" from row {step.beside['after']}"
+def _halves(series: Series, step: Finding | None) -> Parts:
+    """A series before and behind a step, whole where there is none."""
+    if step is None:
+        return (series,)
+    one, words = in_time(series), f"{BEHIND}{step.beside['after']}"
     behind = np.arange(series.rows) >= step.beside["place"]
     second = _named(select_rows(one, behind), step, _shared(series, step) + words)
     return select_rows(one, ~behind), replace(second, name=series.name + words)

@@ -70,7 +70,7 @@ def unplaced(vjm: Vjm, series: Series) -> Finding | None:
         Hypothesis("notation", _seen(vjm, one, rotation), free, names, numbers=CHOICE)
         for names, rotation in _notations(one)
     )
-    return placed(_seen(vjm, one, one.rotation), free, "readings", notations).doubt
+    return placed(_seen(vjm, one, one.rotation), free, "all", notations)[0]
 
 
 def _notations(series: Series) -> Iterator[tuple[tuple[str, ...], Array]]:

@@ -13,7 +13,8 @@ from testbench.data.dataset import Ids, Mask
 from testbench.errors import Array
 from testbench.identify.closed_form import kabsch
 from testbench.identify.registration import Frame
-from testbench.model.vjm import Chain, Vjm, chain, rotation, translation_rows
+from testbench.model.turn import turned
+from testbench.model.vjm import Chain, Vjm, chain, translation_rows
 
 STILL = Frame(np.eye(3), np.zeros(3))
 PENALTY = 4.0  #: Nats that a free number has to earn.
@@ -112,11 +113,11 @@ def _judged(seen: Seen, where: Chain, now: Fit) -> Fit:
 
 def _refined(seen: Seen, free: Free, where: Chain, now: Fit) -> Fit:
     """One weighted Gauss-Newton step of all that is free."""
-    turned = now.residual - now.frame.translation + seen.read  # the targets about the frame's origin
+    about = now.residual - now.frame.translation + seen.read  # the targets about the frame's origin
     columns: list[Array] = []
     if free.frame:
-        columns += [np.broadcast_to(e, turned.shape) for e in np.eye(3)]
-        columns += [np.cross(e, turned) for e in np.eye(3)]
+        columns += [np.broadcast_to(e, about.shape) for e in np.eye(3)]
+        columns += [np.cross(e, about) for e in np.eye(3)]
     if free.theta:
         J = translation_rows(where, now.markers)[:, free.theta].reshape(*seen.markers.shape, -1, len(seen.q))
         columns += list(np.einsum("mxcp,yx->cpmy", J, now.frame.rotation))
@@ -138,11 +139,5 @@ def _refined(seen: Seen, free: Free, where: Chain, now: Fit) -> Fit:
     frame, theta = now.frame, now.theta.copy()
     theta[list(free.theta)] += step[len(step) - len(free.theta) :]
     if free.frame:
-        frame = Frame(turned_by(step[3:6]) @ frame.rotation, frame.translation + step[:3])
+        frame = Frame(turned(step[None, 3:6])[0] @ frame.rotation, frame.translation + step[:3])
     return replace(now, frame=frame, theta=theta, markers=now.markers + held)
-
-
-def turned_by(vector: Array) -> Array:
-    """Rotation matrix of a rotation vector, (3,) [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    return np.eye(3) if angle < 1e-15 else rotation(vector / angle, angle)

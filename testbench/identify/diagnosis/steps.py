@@ -8,7 +8,6 @@ A row or pose that is off alone is another hypothesis, of the same columns.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
@@ -21,7 +20,7 @@ from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, 
 from testbench.identify.absolute.noise import Noise, weights
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import unknowns_of
-from testbench.identify.diagnosis.finding import Tested, test
+from testbench.identify.diagnosis.finding import Finding, Tested, test
 from testbench.identify.metric import Metric
 from testbench.identify.rows import rows_of
 from testbench.model.joint_errors import JointErrors
@@ -33,8 +32,6 @@ BATCH = 3_000_000  #: Numbers of the equations that are in memory at a time.
 FREE = 6
 """Independent equations of a pose at most: its targets and loads share what the model leaves open there."""
 ALIKE = 10.0  #: Difference of gains below which two steps explain the readings alike.
-
-What = Literal["target", "tracker"]
 
 
 @dataclass(frozen=True)
@@ -67,32 +64,27 @@ def lacking(
     return Linear(own, P, state, noise)
 
 
-@dataclass(frozen=True)
-class Step:
-    """The step of greatest gain."""
-
-    place: int  #: First row behind it.
-    what: What  #: What moved.
-    alike: bool  #: Whether the other explains the readings as well.
-    b: Array  #: How far it moved and turned, (3 or 6,) [m, rad].
-    gain: float  #: Sum of squares that it takes away, over the variance of what is left [1].
-    share: float  #: Share of the sum of squares that it takes away [1].
-    free: float  #: Independent equations that nothing spends.
-
-    @property
-    def chance(self) -> float:
-        """Chance of a step at that place that is as clear, in readings without one."""
-        z = len(self.b)
-        return float(fdtrc(z, self.free, self.gain / z))
+def chance(step: Finding) -> float:
+    """Chance of a step at that place that is as clear, in readings without one."""
+    z = len(step.size)
+    return float(fdtrc(z, step.beside["free"], 2 * (step.nats or 0.0) / z))
 
 
-def best(at: Linear, series: Series, steps: Ids) -> Step:
-    """The step of greatest gain, of those with these first rows behind them, rising, (steps,)."""
+def best(at: Linear, series: Series, steps: Ids) -> Finding:
+    """The step of greatest gain, of those with these first rows behind them, rising, (steps,).
+
+    Its kind says what moved, its size how far and by what turn, (3 or 6,) [m, rad]. Beside it stand its first
+    row (`place`), the identifiers of the rows `before` and `after` it, which may be `across` a pose; whether
+    the other move explains the readings `alike`; the `share` of the sum of squares that it takes away, and
+    the independent equations that nothing spends (`free`).
+    """
     sums = _sums(at, series, steps)
-    return _greatest(_rest(at, (series,), [sums]), sums, steps, turns=True)
+    return _greatest(_rest(at, (series,), [sums]), series, sums, steps, turns=True)
 
 
-def likeliest(at: Linear, series: Sequence[Series], places: Sequence[Ids]) -> Iterator[tuple[Series, Step]]:
+def likeliest(
+    at: Linear, series: Sequence[Series], places: Sequence[Ids]
+) -> Iterator[tuple[Series, Finding]]:
     """Of every series the step that chance explains least, which may turn what moves or not.
 
     A single row or pose that is off alone may explain the readings better: then there is none.
@@ -107,12 +99,12 @@ def likeliest(at: Linear, series: Sequence[Series], places: Sequence[Ids]) -> It
     for one, own, steps in zip(series, sums, places, strict=True):
         if not len(steps):
             continue
-        step = min((_greatest(rest, own, steps, turns=t) for t in (False, True)), key=lambda s: s.chance)
+        step = min((_greatest(rest, one, own, steps, turns=t) for t in (False, True)), key=chance)
         poses = np.unique(one.pose, return_inverse=True)[1]
         together = np.zeros((poses.max() + 1, *own.Z.shape[1:]))
         np.add.at(together, poses, own.Z)
-        alone = [t for Z in (own.Z, together) for t in rest.tested(Z, turns=len(step.b) == 6)]
-        if max(t.gain.max() for t in alone) < step.share * rest.before:
+        alone = [t for Z in (own.Z, together) for t in rest.tested(Z, turns=len(step.size) == 6)]
+        if max(t.gain.max() for t in alone) < step.beside["share"] * rest.before:
             yield one, step
 
 
@@ -160,23 +152,25 @@ def _rest(at: Linear, series: Sequence[Series], sums: Sequence[_Sums]) -> _Rest:
     return _Rest(L, size, e, float(AA[c, c] - e @ e), max(count - spent, 1.0), shared)
 
 
-def _greatest(rest: _Rest, sums: _Sums, steps: Ids, *, turns: bool) -> Step:
+def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bool) -> Finding:
     behind = np.cumsum(sums.Z[:0:-1], axis=0)[::-1][np.searchsorted(sums.edges, steps)]
     target, tracker = rest.tested(behind, turns=turns)
     slipped = target.gain.max() > tracker.gain.max()
     own, other = (target, tracker) if slipped else (tracker, target)
     k = int(own.gain.argmax())
-    gain = float(own.gain[k])
+    gain, place = float(own.gain[k]), int(steps[k])
     s2 = max(rest.before - gain, 1e-300) / rest.count
-    return Step(
-        place=int(steps[k]),
-        what="target" if slipped else "tracker",
-        alike=bool(gain - other.gain[max(0, k - 2) : k + 3].max() < ALIKE * s2),
-        b=own.b[k],
-        gain=gain / s2 / rest.shared,
-        share=gain / rest.before,
-        free=rest.count / rest.shared,
-    )
+    beside = {
+        "alike": bool(gain - other.gain[max(0, k - 2) : k + 3].max() < ALIKE * s2),
+        "share": gain / rest.before,
+        "free": rest.count / rest.shared,
+        "place": place,
+        "before": int(series.row[place - 1]),
+        "after": int(series.row[place]),
+        "across": bool(series.pose[place - 1] == series.pose[place]),
+    }
+    kind = "target_moved" if slipped else "tracker_moved"
+    return Finding(kind, (series.name, series.frame), own.b[k], beside, gain / s2 / rest.shared / 2)
 
 
 def _sums(at: Linear, series: Series, steps: Ids) -> _Sums:
@@ -226,8 +220,10 @@ def steps_of(at: Linear, series: Series, A: Array, what: str) -> Array:
     return np.asarray(np.einsum("sxcr,cz->sxzr", mount, T[:, : 3 if len(T) == 3 else 6]))
 
 
-def moves(at: Linear, series: Series, step: Step) -> float:
-    """How far a step moved the targets where they were read, root mean square [m]."""
-    Z = steps_of(at, series, rows_of(at.own.unknowns, at.state, series), step.what)
-    d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.b)], step.b)[: len(series.markers)]
-    return float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))
+def with_shift(at: Linear, series: Series, step: Finding) -> Finding:
+    """The step, beside it how far it moved the targets where they were read (`shift`), RMS [m]."""
+    what = step.kind.removesuffix("_moved")
+    Z = steps_of(at, series, rows_of(at.own.unknowns, at.state, series), what)
+    d = np.einsum("sxcr,c->sxr", Z[:, :, : len(step.size)], step.size)[: len(series.markers)]
+    shift = float(np.sqrt((d**2).sum() / max(1, series.seen.sum())))
+    return replace(step, beside={**step.beside, "shift": shift})

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, combinations, permutations
+from typing import Literal
 
 import numpy as np
 
@@ -76,9 +77,8 @@ def hypotheses(seen: Seen, free: Free, frame: Frame) -> Iterator[Hypothesis]:
         yield Hypothesis("markers", other, free, wrong, numbers=CHOICE)
     for factor in UNITS:
         yield Hypothesis("unit", replace(seen, read=factor * seen.read), free, (), factor, CHOICE)
-    for kind, where, size, q in _joints(
-        seen
-    ):  # a turned wrist is as well one of another sign: that is likelier
+    # a turned wrist is as well one of another sign: that is likelier
+    for kind, where, size, q in _joints(seen):
         numbers = CHOICE + (kind == "joint_zero")
         yield Hypothesis(kind, replace(seen, q=q), free, where, size, numbers)
 
@@ -120,17 +120,13 @@ def exchanges(seen: Seen, frame: Frame) -> Iterator[list[int]]:
     yield [j if k == i else i if k == j else k for k in range(m)]
 
 
-@dataclass(frozen=True)
-class Placed:
-    """Readings against the kinematics."""
-
-    doubt: Finding | None  #: The mistake that explains them, if one does.
-    fit: Fit  #: The readings with it undone, or as they are.
+What = Literal["unloaded", "loaded", "all"]
+"""Which readings are looked at."""
 
 
 def placed(
-    seen: Seen, free: Free, what: str = "unloaded readings", more: Iterable[Hypothesis] = ()
-) -> Placed:
+    seen: Seen, free: Free, what: What = "unloaded", more: Iterable[Hypothesis] = ()
+) -> tuple[Finding | None, Fit]:
     """Look for the mistake that explains readings best.
 
     Args:
@@ -138,13 +134,16 @@ def placed(
         free: What is free anyway, in a frame that is not the arm's.
         what: Which readings these are.
         more: What is tried beside.
+
+    Returns:
+        The mistake, if one explains them, and the readings with it undone, or as they are.
     """
     start = fit(seen, free)
     typical = _typical(seen, start)
     unfit = Finding("kinematics", (what,), beside={"now": typical}) if typical > LOST * seen.scale else None
     needed = max(LEAST, BETTER * seen.there.sum())
     if start.loss <= needed:  # no mistake saves more than the loss
-        return Placed(unfit, start)
+        return unfit, start
     every = chain(hypotheses(seen, free, start.frame), more)
     tried = [(own, fit(own.seen, own.free)) for own in every]
     gains = [start.cost - found.cost - PENALTY * own.numbers for own, found in tried]
@@ -155,15 +154,15 @@ def placed(
         if gain > needed and _large(own, found)
     ]
     if not good:
-        return Placed(unfit, start)
+        return unfit, start
     gain, best, found = max(good, key=lambda x: (x[1].kind not in LOOSE, x[0]))
     if _typical(best.seen, found) > LOST * seen.scale:
-        return Placed(unfit, start)
+        return unfit, start
     beside = {"was": typical, "now": _typical(best.seen, found)}
     where = best.where
     if best.kind == "targets":
         where = (seen.names[int(np.argmax(np.linalg.norm(found.markers - seen.markers, axis=1)))],)
-    return Placed(Finding(best.kind, (what, *where), _size(best, found), beside, gain), found)
+    return Finding(best.kind, (what, *where), _size(best, found), beside, gain), found
 
 
 def _typical(seen: Seen, own: Fit) -> float:

@@ -102,7 +102,7 @@ def optimum_mm(found: Gathered, truth: Truth, check: Series) -> float:
     It knows the standard deviations that geometry, joint errors and noise were drawn with, which orders the
     joint errors have, and compliances to SHAPE around the true ones, and has no other errors to look for.
     """
-    vjm, asked = found.vjm, truth.arm.disturbances
+    vjm, asked = found.state.vjm, truth.arm.disturbances
     assert asked.geometry is not None
     errors = JointErrors(tuple(range(1, 1 + (asked.gear.orders if asked.gear else 0))))
     unknowns = unknowns_of(vjm, found.series, errors, all153(vjm.arm))
@@ -110,8 +110,7 @@ def optimum_mm(found: Gathered, truth: Truth, check: Series) -> float:
     own = choice(unknowns, kinds, metric(Prior("truth", truth.C_theta), vjm, unknowns.structure))
     nothing = np.zeros((vjm.arm.n_joints, errors.size))
     true = true_state(replace(found.state, errors=errors, n=nothing), truth)
-    blocks = [np.zeros(one.rows, dtype=int) for one in found.series]
-    reduced = reduce_series(Point(unknowns, true, Noise(), SQUARE), found.series, blocks)
+    reduced = reduce_series(Point(unknowns, true, Noise(), SQUARE), found.series)
     sizes = {
         "geometry shift": asked.geometry.position,
         "geometry turn": float(np.hypot(asked.geometry.angle, asked.sensor_offset / np.sqrt(3))),

@@ -27,7 +27,7 @@ from testbench.views.schema import Table, best_of
 
 VARIED = {"structure": "MGCO56", "constraint": "psd", "filling": "prior"}
 """Whose error by the prior's scale is said."""
-BENT = replace(RMS, key="nonlinear.rms_um", heading="non-linear truth", short="non-\nlinear\num")
+BENT = replace(RMS, key="nonlinear.rms_um", heading="non-linear truth", short="non-linear\num")
 ALSO = ("filling", "parameters", "rank", "uncertainty_percent")
 COVERAGE = "interval datasets covered_percent standard_error_percent width_um unbounded_percent"
 READING = Markdown(
@@ -203,8 +203,7 @@ def figures(found: Report) -> dict[str, Figure]:
             table,
             {RMS.key: "linear truth", BENT.key: "MuJoCo's non-linear truth"},
             f"{f.arm}, RMS over the workspace: {compare.gains_told(f.gains)}",
-            f"Dots: medians, lines: {span(f.trials)} of {f.trials} seeds. Filled: with {prior}. Dotted: "
-            "joint stiffness only.",
+            f"Filled: with {prior}. Dotted: joint stiffness only.",
             JOINTS,
         )
     }

@@ -22,7 +22,7 @@ from testbench.campaign.models import JOINTS, Model
 from testbench.campaign.pose_campaign import FullPose
 from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.campaign.rows import UM
-from testbench.campaign.tracker import LaserTracker, precision, read_positions
+from testbench.campaign.tracker import TYPICAL, LaserTracker, precision, read_positions
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
@@ -173,8 +173,8 @@ def readings(
         plain = by_laser(clean, tracker, seed)
         yield WEIGHTED, distance, plain
         yield UNWEIGHTED, distance, unweighted(plain)
-        yield "weighted, maximum errors", distance, by_laser(clean, replace(tracker, quality="mpe"), seed)
-        averaged = by_laser(clean, replace(tracker, repeats=3), seed)
+        yield "weighted, maximum errors", distance, by_laser(clean, replace(tracker, share=1.0), seed)
+        averaged = by_laser(clean, replace(tracker, share=TYPICAL / np.sqrt(3)), seed)
         yield "weighted, 3 readings averaged", distance, averaged
         yield "weighted, frame drifts", distance, by_laser(clean, tracker, seed, DRIFT)
         yield f"weighted, {100 * LOST:.0f} % of targets lost", distance, _lose(plain, seed)

@@ -1,4 +1,4 @@
-"""A real UR10: what explains its readings, and what foretells those that were never fitted."""
+"""A real UR10: what explains its readings, and what predicts those that were never fitted."""
 
 import csv
 from collections.abc import Iterator, Mapping, Sequence
@@ -115,7 +115,7 @@ def report(asked: trial.Settings, seeds: range, trials: Trials) -> Report:
     return Report(
         scenario="real_ur10",
         question=Markdown(
-            "What explains the readings of a real UR10, and what foretells those that it never saw?"
+            "What explains the readings of a real UR10, and what predicts those that it never saw?"
         ),
         title=say(
             "{arm}, public laser tracker readings of July and November 2020: {series:list}; mean distances "

@@ -75,7 +75,9 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         claims=list(_claims(f)),
         numbers=f,
         tables={
-            "shape": Table(columns(SHAPE), f.models, "What kind of matrix"),
+            "shape": Table(
+                columns(SHAPE), f.models, "What kind of matrix", headline="symmetric_eigenvalue_micro"
+            ),
             "errors": Table(columns(ERRORS), f.models, "How far off", headline=POSITION),
             "claims": Table(columns("claim verdict why"), f.claims, "The paper's statements"),
             "order": Table(columns(ORDER, paper=False), f.order, "The order m, Eq. (20)"),
@@ -255,7 +257,7 @@ def figures(found: Report) -> dict[str, Figure]:
         f"eigenvalue in {' and '.join(negative)} of the draws"
     )
     reading = (
-        f"Section 5.1, {loads} loads. Dots: medians, lines: {span(f.draws)} of {f.draws} draws; grey "
+        f"Section 5.1, {loads} loads, a draw each. Grey "
         "diamonds: the paper's printed matrices. Dotted line: least squares with a symmetric matrix."
     )
     panes = {POSITION: "position", ROTATION: "rotation", ENTRY: "entries of C, force to position"}
