@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import subprocess
 from collections.abc import Mapping
 from functools import cache
@@ -14,12 +15,17 @@ from testbench.errors import open_file
 
 ROOT = Path(__file__).resolve().parents[1]  #: The checkout, where the package runs from one.
 MOST = 10**11  #: Size up to which a file has a digest [byte]: readings that were read before are smaller.
+NUMBERS = re.compile(
+    r"\[\n\s+(-?\d[-+\d.e,\s]*?)\n\s+\]"
+)  #: A list of them alone: no text of JSON has a new line.
 PACKAGES = ("mujoco", "pin", "numpy", "scipy", "clarabel", "rerun-sdk")
 
 
 def write_json(value: Any, file: Path) -> None:
-    """Write JSON for people and programs: indented, keys in their order, no NaN."""
-    file.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    """Write JSON for people and programs: indented, keys in order, no NaN, lists of numbers in a line."""
+    text = json.dumps(value, indent=2, allow_nan=False)
+    one = NUMBERS.sub(lambda found: f"[{' '.join(found[1].split())}]", text)
+    file.write_text(one + "\n", encoding="utf-8")
 
 
 def write_manifest(

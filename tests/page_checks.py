@@ -68,6 +68,24 @@ def names_drawn(page: Path) -> dict[str, str]:
     return {view: " | ".join(names) for view, names in found.items()}
 
 
+def check_tables(tables: Sequence[Mapping[str, Any]], winner: str) -> None:
+    """No cell of a table is empty; the winner is marked, and first where one row is of it."""
+    for table in tables:
+        names = [row["cells"][0]["text"] for row in table["rows"]]
+        marked = [row["marked"] for row in table["rows"]]
+        assert [
+            cell["text"] for row in table["rows"] for cell in row["cells"][1:] if blank(cell["text"])
+        ] == []
+        if winner in names:
+            assert marked == [name == winner for name in names], table["title"]
+            assert names.count(winner) > 1 or names[0] == winner
+
+
+def blank(text: str) -> bool:
+    """Whether a cell says nothing, not even why."""
+    return text.strip() in ("", "-", "nan")
+
+
 def check_winner(out: Path) -> None:
     """The badge of a run says the same everywhere, and its winner is drawn in every view of it."""
     badge = json.loads((out / "report.json").read_text())["badge"]
@@ -78,6 +96,7 @@ def check_winner(out: Path) -> None:
     missing = [view for view, names in views.items() if badge["winner"] not in names]
     assert views, out
     assert missing == [], (badge, views)
+    check_tables(drawn_in(out / "report.html")["tables"], badge["winner"])
     words = as_plain(badge["words"])
     assert f"> {badge['words']}" in (out / "report.md").read_text()
     assert escape(words, quote=False) in (out / "report.html").read_text().replace("&#39;", "'")

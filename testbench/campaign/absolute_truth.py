@@ -29,12 +29,9 @@ from testbench.plant import (
     DisturbedPlant,
     GearErrors,
     Gears,
-    GeometryErrors,
-    Plant,
     disturb,
     part_of,
     settle_disturbed,
-    unloaded,
 )
 
 MOST_POSES = 20_000
@@ -46,6 +43,8 @@ REAL_ARM = Disturbances(
 """What absolute readings show of an arm: own weight, typical errors of geometry and joint offsets, gears."""
 NEAREST, FARTHEST = 1.5, 3.0  #: How far from the base a tracker stands, over the arm's reach [1].
 LOWEST, HIGHEST = 0.8, 2.0  #: Its height over the base [m].
+MOUNT = 2e-3, 5e-3
+"""How far the mount of the targets is from where the arm's folder has it, standard deviations [m, rad]."""
 TILT = 0.02  #: How far from upright it stands, about each horizontal axis, standard deviation [rad].
 
 
@@ -67,10 +66,6 @@ class AbsoluteCampaign(BaseModel):
     noise: bool = True  #: Whether readings are noisy.
     #: Where the trackers stand, a series each and then from the first again [m]; None for anywhere around.
     trackers: tuple[Place, ...] | None = Field(default=None, min_length=1)
-    #: How far the mount of the targets is from where the arm's folder has it, standard deviations.
-    mount: GeometryErrors = GeometryErrors(position=2e-3, angle=5e-3)
-    #: Whether each mount is turned about the last axis by a random multiple of 90 degrees.
-    quarter_turns: bool = False
     share_frame: bool = False  #: Whether all series have one tracker that stays where it is.
     share_target: bool = False  #: Whether all series have one mount that stays on the tool.
     #: Scatter of every joint's angle from one approach of a pose to the next, standard deviation [rad, m].
@@ -165,7 +160,7 @@ def simulate_series(
         stations=_of_all(
             [_station(cell, asked, k, own[0]) for k, own in enumerate(chances)], asked.share_frame
         ),
-        mounts=_of_all([_mount(cell.plant, asked, own[1]) for own in chances], asked.share_target),
+        mounts=_of_all([_mount(own[1]) for own in chances], asked.share_target),
         markers=cell.plant.model.body_pos[cell.plant.markers[: asked.targets]],
         outliers=tuple(own[2].random((len(turn), asked.targets)) < asked.outliers for own in chances),
     )
@@ -200,20 +195,10 @@ def _station(cell: Cell, asked: AbsoluteCampaign, k: int, rng: np.random.Generat
     return Frame(R, -R @ place)
 
 
-def _mount(plant: Plant, asked: AbsoluteCampaign, rng: np.random.Generator) -> Frame:
+def _mount(rng: np.random.Generator) -> Frame:
     """The mount of the targets in the tool's frame."""
-    shift, turn = asked.mount.position * rng.standard_normal(3), asked.mount.angle * rng.standard_normal(3)
-    quarters = rng.integers(4) if asked.quarter_turns else 0
-    R = Rotation.from_rotvec(np.pi / 2 * quarters * _last_axis(plant)) * Rotation.from_rotvec(turn)
-    return Frame(R.as_matrix(), shift)
-
-
-def _last_axis(plant: Plant) -> Array:
-    """Unit axis of the last joint in the tool's frame, (3,)."""
-    arm = plant.arm
-    (_, link), (_, tool) = unloaded(plant, np.zeros((1, arm.n_joints)), [arm.links[-1].name, arm.tool])
-    axis = plant.model.jnt_axis[plant.joints[-1]]  # hinges and slides only: joint and dof are counted alike
-    return np.asarray(tool[0].T @ link[0] @ axis)
+    shift, turn = (deviation * rng.standard_normal(3) for deviation in MOUNT)
+    return Frame(Rotation.from_rotvec(turn).as_matrix(), shift)
 
 
 def _check(cell: Cell, asked: AbsoluteCampaign) -> None:

@@ -11,9 +11,18 @@ from testbench.output.manifest import Finished
 from testbench.report.badge import Badge, decide
 from testbench.report.report import Report, number
 from testbench.report.table import Row, finite
-from testbench.trials.spread import SAME, Number, Spread, ends, middle, spread, triple, wins
+from testbench.trials.spread import (
+    SAME,
+    Number,
+    Spread,
+    ends,
+    median_interval,
+    middle,
+    spread,
+    triple,
+    wins,
+)
 from testbench.trials.store import WHOLE
-from testbench.views.gains import median_interval
 from testbench.views.schema import ALIKE, Column, Table
 
 KINDS = {

@@ -40,6 +40,8 @@ def seen(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array]) -> Se
     """What page, picture and recording draw; the arm as its folder has it."""
     data = found.runs.every
     names = compared(f.models, f.recommended)
+    rival = [f.badge.rival] if f.badge and f.badge.rival not in names else []
+    names = [*rival, *names]
     some = picked(longest(left[names[-1]]), np.flatnonzero(data.seen.any(axis=1)))
     groups: list[Poses] = []
     title, charts = "", []

@@ -1,6 +1,7 @@
 """What fits of a user's runs leave: errors run by run, certainty over the workspace, what the runs tell."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -88,7 +89,10 @@ def _badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
     rival = min(rivals, key=lambda name: float((rms[name] ** 2).sum()))
     wrong = any(doubt.name != "prior" for doubt in found.fits.doubts)
     why = "first look at the runs, see the doubt" if wrong else ""
-    return decide((taken, rms[taken]), (rival, rms[rival]), "run held out", why)
+    own = decide((taken, rms[taken]), (rival, rms[rival]), "run held out", why)
+    if own.interval is None and own.factor and own.winner != taken:  # all readings chose it, a few do not
+        return replace(own, winner=taken, rival=rival, factor=1 / own.factor)
+    return own
 
 
 def _model(own: Fitted, found: Identified, places: Row | None) -> Row:

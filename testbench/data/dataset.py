@@ -177,7 +177,7 @@ def arrays(data: "DataclassInstance") -> dict[str, npt.NDArray[np.generic]]:
 
 def in_order(data: Rows, rows: Ids | Mask) -> Rows:
     """Runs of a dataset, or rows of a series, by a mask or by their indices in any order."""
-    return with_arrays(data, {name: own[rows] for name, own in arrays(data).items()})
+    return replace(data, **{name: own[rows] for name, own in arrays(data).items()})
 
 
 def with_arrays(data: Rows, every: Mapping[str, npt.NDArray[np.generic]]) -> Rows:

@@ -107,9 +107,7 @@ class Series(Displayed):
         return np.asarray(np.isfinite(self.rotation).all(axis=(1, 2)))
 
 
-def select_rows(series: Series, rows: Mask | Ids) -> Series:
-    """The rows of a mask, or of their places, (rows,)."""
-    return in_order(series, rows)
+select_rows = in_order  #: The rows of a mask, or of their places, (rows,).
 
 
 def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:

@@ -9,7 +9,8 @@ import numpy as np
 from testbench.campaign.models import JOINTS
 from testbench.errors import Array
 from testbench.report.table import MODEL, Row, Trials, aligned
-from testbench.views.gains import TAIL, median_interval, ratio
+from testbench.trials.spread import TAIL, median_interval
+from testbench.views.gains import ratio
 from testbench.views.markdown import Markdown, as_markdown, counted
 from testbench.views.schema import ALIKE
 

@@ -7,7 +7,7 @@ from testbench.campaign.true_arms import CALLED
 from testbench.views.schema import Column
 
 ROUNDING_UM = 1e-3  #: Errors below are rounding.
-READINGS = "RMS\ncheck\nread-\nings\nmm"
+READINGS = "RMS check\nreadings\nmm"
 SI = "10^-6 SI"  #: Eigenvalues of a compliance are in mixed SI units, as the paper's.
 WORDS = """
     method status interval quantity values rows number truth what verdict why prediction
@@ -15,7 +15,7 @@ WORDS = """
 """
 COUNTS = "datasets seeds local_solves poses draws run task line pose seed cases trials readings row"
 """Keys of words and of counts that are their own headings."""
-EVERY = (
+DECLARED = (
     *(Column(key, key.replace("_", " ")) for key in WORDS.split()),
     *(Column(key, key.replace("_", " "), form="d") for key in COUNTS.split()),
     Column("name", "model"),
@@ -34,7 +34,7 @@ EVERY = (
     Column("check.max_mm", "max check, readings", "mm", paper="check_max_mm"),
     Column("check.max_relative_percent", "max rel.", "%", ".2f", paper="check_max_relative_percent"),
     Column("check_true.rms_mm", "RMS check, true", "mm"),
-    Column("workspace.rms_mm", "RMS workspace, true", "mm", short="RMS\nworkspace\ntrue\nmm"),
+    Column("workspace.rms_mm", "RMS workspace, true", "mm", short="RMS\nworkspace\ntrue, mm"),
     Column("times_less", "times smaller than LS", form=".2f", short="times\nsmaller\nthan\nLS"),
     Column("ours", "model"),
     Column("theirs", "against", called={"joints alone": "joint stiffness only"}),
@@ -85,8 +85,8 @@ EVERY = (
     *(
         Column(key, heading, unit, form, paper=key, short=short)
         for key, heading, unit, form, short in (
-            ("symmetric", "symmetric", "", "yes", "sym-\nmetric"),
-            ("negative_eigenvalue_matrix", "eigenvalue below 0", "", "yes", "eigen-\nvalue\nbelow 0"),
+            ("symmetric", "symmetric", "", "yes", "symmetric"),
+            ("negative_eigenvalue_matrix", "eigenvalue below 0", "", "yes", "eigenvalue\nbelow 0"),
             ("negative_eigenvalue", "of symmetric part below 0", "", "yes", "of sym.\npart"),
             ("matrix_eigenvalue_micro", "smallest eigenvalue", SI, ".3f", f"smallest\n{SI}"),
             ("symmetric_eigenvalue_micro", "smallest of symmetric part", SI, ".3f", f"of sym.\npart\n{SI}"),
@@ -267,6 +267,37 @@ EVERY = (
     Column("pull", "counts", form=".2f"),
 )  # fmt: skip
 """Of rows and of report.json; a study adds its own here."""
+NONE = {
+    "times_less": "itself",
+    "uncertainty_percent": "no prior",
+    "half_95_mm": "no bound",
+    "intervals.half_width_mm": "no bound",
+    "elsewhere.half_width_mm": "no bound",
+    "elsewhere.apart_mm": "not compared",
+    "folder": "not in it",
+    "ratio": "no ratio",
+    "f_m_held_out": "not held out",
+    "check.rms_mm": "none held out",
+    "series_after_mm": "one series",
+    "gears_kept_percent": "no choice",
+    "links_kept_percent": "no choice",
+    "covered_percent": "no interval",
+    "unseen_percent": "no interval",
+    "efficiency_percent": "no plan",
+    "expected_tasks_mm": "no plan",
+    "evaluations": "none",
+    "local_solves": "none",
+    "local_solves_elsewhere": "none",
+    "draws": "all poses",
+    "correlation": "no error",
+    "told": "none is wrong",
+    "unchecked": "none is wrong",
+    "otherwise": "none is wrong",
+    "either": "none is wrong",
+    "place": "-",
+}
+"""Why a cell has no number, where that is not that the model was not fitted."""
+EVERY = tuple(replace(column, none=NONE.get(column.key, column.none)) for column in DECLARED)
 KNOWN = {column.key: column for column in EVERY}
 
 

@@ -3,7 +3,7 @@
 import contextlib
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from string import Formatter
 from typing import Any
@@ -13,7 +13,7 @@ from pydantic import JsonValue
 from testbench.errors import InputError
 from testbench.output.manifest import read_plain
 from testbench.report.badge import Badge
-from testbench.report.table import Row, plain, rows
+from testbench.report.table import DRAWN, SPREAD, Row, plain, rows
 from testbench.trials.spread import Spread, middle
 from testbench.views.colours import Look
 from testbench.views.gains import less, more, ratio, share
@@ -88,6 +88,19 @@ class Report:
     claims: Sequence[Markdown] = ()  #: What else there is to say, what matters most first.
     worst: Markdown = field(default=Markdown())  #: Where it is worst, empty for none.
     badge: Badge | None = None  #: Who wins; None where nothing is compared.
+
+    def __post_init__(self) -> None:
+        """The winner is marked, and first, in every table that names it and marks nothing else."""
+        found = {
+            name: own if own.bold or not own.columns else replace(own, bold=self.winner)
+            for name, own in self.tables.items()
+        }
+        object.__setattr__(self, "tables", found)
+
+    @property
+    def winner(self) -> str:
+        """What the badge names; empty where nothing is compared."""
+        return self.badge.winner if self.badge else ""
 
     def block(self, name: str) -> Markdown:
         """A part in Markdown: badge, `PARTS` or `LISTS`; statements are the first claims, more the others."""
@@ -183,7 +196,6 @@ def _badge(found: Any) -> Badge | None:
 
 
 FORM = re.compile(r"yes|[,+]?(?:\.\d{1,2})?[defg%]?")  #: Of a number; of strangers others could be endless.
-SPREAD = {f.name for f in fields(Spread)}
 DEFAULTS = {f.name: f.default for f in fields(Column) if f.name != "called"}
 LEFT = ("key", "paper", "scale")  #: Of a column, where its cells are data by place and in its unit.
 
@@ -203,10 +215,18 @@ def _packed(table: Table) -> dict[str, Any]:
         **{name: own for name in ("title", "bold", "headline", "across") if (own := getattr(table, name))},
         "keys": [column.key for column in table.columns],
         "columns": columns,
-        "rows": [[column.value(row) for column in table.columns] for row in table.rows],
+        "rows": [[_cell(column.value(row)) for column in table.columns] for row in table.rows],
         "paper": [[column.known_value(row) for column in table.columns] for row in table.rows],
         "looks": {name: asdict(own) for name, own in shown.items()},
     }
+
+
+def _cell(value: Any) -> Any:
+    """A quantity as data; of many trials with their own numbers, which are drawn, in four digits."""
+    if not isinstance(value, Spread):
+        return value
+    own = {"values": [float(f"{x:.4g}") for x in value.values], "interval": value.interval}
+    return {**plain(value), **{key: each for key, each in own.items() if each}}
 
 
 def _unpacked(found: Mapping[str, Any]) -> Table:
@@ -241,4 +261,6 @@ def _column(k: int, found: Mapping[str, Any]) -> Column:
 
 def number(cell: Any) -> Any:
     """A median with its percentiles as such."""
-    return Spread(**cell) if isinstance(cell, Mapping) and cell.keys() == SPREAD else cell
+    if not (isinstance(cell, Mapping) and SPREAD <= cell.keys() <= {*SPREAD, *DRAWN}):
+        return cell
+    return Spread(**{**cell, **{key: tuple(cell[key]) for key in DRAWN if cell.get(key)}})

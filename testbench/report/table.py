@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,12 +11,14 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from testbench.trials.spread import spread, twins_once
+from testbench.trials.spread import Spread, spread, twins_once
 from testbench.views.gains import Gain, gained
 
 Cells = npt.NDArray[Any]
 MODEL, TRIAL = "name", "seed"
 """Columns that say of which model and of which trial a row is."""
+DRAWN = ("values", "interval")  #: Of a spread what is drawn of it: only tables have it in report.json.
+SPREAD = {own.name for own in fields(Spread)} - {*DRAWN}  #: What else it has.
 BEYOND = 1e100  #: No number of a trial is as large.
 MANY = 1_000_000  #: Rows beyond which columns stay in their file until they are asked for.
 
@@ -249,6 +251,8 @@ def plain(value: Any) -> Any:
     """Numbers, words and what holds them as JSON data: what is not finite is null."""
     if isinstance(value, Mapping):
         return {key: plain(own) for key, own in value.items()}
+    if isinstance(value, Spread):
+        return {key: plain(own) for key, own in vars(value).items() if key in SPREAD}
     if isinstance(value, list | tuple | set | frozenset | np.ndarray):
         return [plain(own) for own in value]
     if isinstance(value, np.generic):

@@ -113,7 +113,7 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     (folder / "report.md").write_text(report.whole(), encoding="utf-8")
     figures = study.figures(report)
     for name, figure in figures.items():
-        save(headed(figure, terminal.as_plain(report.block("badge"))), folder / name)
+        save(headed(figure, terminal.as_plain(report.block("badge")), report.winner), folder / name)
     names = [*figures, *study.extra]
     if "data_file" in (first := found.first):
         (folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")

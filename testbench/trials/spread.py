@@ -6,9 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import bdtr
 
 from testbench.errors import Array
 
+DOTS = 100  #: Trials whose own numbers are kept to be drawn, the first ones.
+TAIL = 0.025  #: Share of an interval's chances on each side.
 SAME = 1e-6  #: Share of an error within which two models are the same.
 ENOUGH = 20  #: Trials from which on percentiles mean something; of fewer the range is told.
 NUMBER = re.compile(
@@ -27,6 +30,9 @@ class Spread:
     least: float | None = field(default=None, compare=False)
     most: float | None = field(default=None, compare=False)
     trials: int = field(default=0, compare=False)
+    values: tuple[float, ...] = field(default=(), compare=False, repr=False)  #: Of the first `DOTS` trials.
+    #: Of the median, 95 %; None of below 6 trials.
+    interval: tuple[float, float] | None = field(default=None, compare=False, repr=False)
 
     @property
     def few(self) -> bool:
@@ -44,7 +50,9 @@ class Spread:
         """So many times all of it."""
         middle_, low, high = (factor * own for own in (self.median, self.p05, self.p95))
         least, most = (None if end is None else factor * end for end in (self.least, self.most))
-        return Spread(middle_, low, high, least, most, self.trials)
+        values = tuple(factor * own for own in self.values)
+        inside = self.interval and (factor * self.interval[0], factor * self.interval[1])
+        return Spread(middle_, low, high, least, most, self.trials, values, inside)
 
 
 Number = float | Spread | None
@@ -56,7 +64,19 @@ def spread(values: Sequence[float] | Array) -> Spread:
     """Median, 5th and 95th percentile and range of at least one number; NaN where one of them is."""
     own = np.asarray(values, dtype=float)
     median, low, high = np.quantile(own, (0.5, 0.05, 0.95)).tolist()
-    return Spread(median, low, high, float(own.min()), float(own.max()), len(own))
+    values, inside = tuple(own[:DOTS].tolist()), median_interval(own)
+    return Spread(median, low, high, float(own.min()), float(own.max()), len(own), values, inside)
+
+
+def median_interval(values: Array) -> tuple[float, float] | None:
+    """95 % interval of the median of values, (n,), by order statistics: exact whatever their distribution is.
+
+    Returns:
+        That of the sign test; None of so few values that it has none.
+    """
+    own, n = np.sort(values), len(values)
+    outside = int(np.count_nonzero(bdtr(np.arange(n // 2 + 1), n, 0.5) <= TAIL))
+    return (float(own[outside - 1]), float(own[n - outside])) if outside else None
 
 
 def wins(ours: Sequence[float] | Array, theirs: Sequence[float] | Array) -> int:
@@ -76,9 +96,34 @@ def ends(value: Number) -> tuple[float, float]:
     return value.ends if isinstance(value, Spread) else (middle(value), middle(value))
 
 
+def inner(value: Number) -> tuple[float, float] | None:
+    """What is drawn as a line: the interval of the median; of few trials nothing but their dots."""
+    if isinstance(value, Spread) and value.values:
+        return None if value.few else value.interval
+    return ends(value)
+
+
+def reach(value: Number) -> tuple[float, ...]:
+    """All that is drawn of a number: its trials, or the ends of its line."""
+    return (*(value.values if isinstance(value, Spread) else ()), *(inner(value) or ()))
+
+
 def triple(value: Number) -> tuple[float, float, float]:
     """Median and ends; three times the number where it has no spread."""
     return (middle(value), *ends(value))
+
+
+def dotted(values: Iterable[object]) -> str:
+    """What dots and lines of spreads are in a picture; empty where nothing spreads."""
+    own = [value for value in values if isinstance(value, Spread) and value.ends[0] < value.ends[1]]
+    if not all(value.values for value in own):
+        return f"lines: {spans(own)}"
+    counts = sorted({value.trials for value in own})
+    if not counts:
+        return ""
+    number = " to ".join(f"{n:,}" for n in dict.fromkeys(counts[:1] + counts[-1:]))
+    dots = f"dots: {number} trials" if counts[-1] <= DOTS else f"dots: the first {DOTS} of {number} trials"
+    return dots if counts[-1] < ENOUGH else f"{dots}; line: 95 % interval of their median"
 
 
 def spans(values: Iterable[object], of: str = "trials") -> str:

@@ -17,10 +17,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Figure
 from matplotlib.figure import SubFigure
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
-from testbench.trials.spread import Spread, ends, middle, span
+from testbench.campaign.models import JOINTS
+from testbench.trials.spread import Number, Spread, dotted, ends, inner, middle
 from testbench.views.colours import GREY, SCALE, Look, hexadecimal
+from testbench.views.markdown import capital
 from testbench.views.schema import Column, Table, looks
 
 SOFT = hexadecimal(GREY)
@@ -36,6 +39,8 @@ FAR = 5.0  #: Times the least number from which an axis is logarithmic [1].
 TITLE, CAPTION = 92, 150  #: Letters of a line of the title and of the words below.
 
 
+ASIDE, GOLDEN = 0.5, 0.618
+"""How far dots of a row are apart, over its height, and the step from one to the next [1]."""
 LEVEL = 4  #: Of a PNG's compression: the next ones save no more than a fiftieth of its size.
 
 
@@ -101,20 +106,18 @@ def say(figure: Figure, answer: str, reading: str) -> None:
     figure.supxlabel(words, x=0.01, ha="left", fontsize=SMALL, color="0.3")
 
 
-def headed(figure: Figure, words: str) -> Figure:
-    """The same with a line above its title, such as the badge of its run."""
+def headed(figure: Figure, words: str, winner: str = "") -> Figure:
+    """The same with a line above its title, such as the badge of its run, and its lines in their weights."""
     if words:
         title = figure.get_suptitle()
         lines = [textwrap.fill(words, TITLE), title]
         figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12, fontweight="bold")
+    for line in figure.findobj(Line2D):
+        if isinstance(line, Line2D) and (heavy := weight(str(line.get_label()), winner)):
+            line.set(
+                linewidth=1.3 + 0.6 * heavy, markersize=line.get_markersize() + heavy, zorder=2 + heavy / 10
+            )
     return figure
-
-
-def of_seeds(seeds: int | Sequence[int]) -> str:
-    """What dots and lines of a report are over its seeds."""
-    if isinstance(seeds, int):
-        return "One seed"
-    return f"Dots: medians, lines: {span(len(seeds))} of {len(seeds)} seeds"
 
 
 LONG = 1000  #: Numbers beyond have no room side by side: of an axis to the right only powers of ten.
@@ -179,20 +182,20 @@ def forest(
         if isinstance(mark, float):
             axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
         axes.set_title(title, fontsize="medium")
-    say(figure, answer, reading)
+    dots = dotted(columns[key].value(row) for key in panes for row in table.rows)
+    say(figure, answer, " ".join(filter(None, [reading, dots and f"{capital(dots)}."])))
     return figure
 
 
 def forest_pane(axes: Axes, table: Table, value: Column, *, named: bool = True) -> None:
-    """One dot a row from top to bottom in its look, its spread a line, the paper's number a grey diamond."""
+    """Rows from top to bottom in their looks: see `_distribution`; the paper's number is a grey diamond."""
     name = table.columns[0]
     for y, row in enumerate(table.rows):
         number, look = value.value(row), table.looks[name.cell(row)]
-        axes.plot(ends(number), (y, y), color=look.hex, linewidth=2, alpha=0.6)
-        axes.plot(middle(number), y, linestyle="", **look.dots(8))
+        _distribution(axes, y, number, look, 6.5 + weight(name.cell(row), table.bold))
         if known := value.known(row):
             axes.plot(float(known), y, "D", color=SOFT, markersize=5)
-        if name.cell(row) == table.bold:
+        if table.marks(row):
             axes.axhspan(y - 0.5, y + 0.5, color=look.hex, alpha=0.1, linewidth=0, zorder=0)
     heads = [f"{name.cell(row)}  " if named else "" for row in table.rows]
     numbers = [value.text(middle(value.value(row))) for row in table.rows]
@@ -202,8 +205,30 @@ def forest_pane(axes: Axes, table: Table, value: Column, *, named: bool = True) 
     quiet(axes)
 
 
+def _distribution(axes: Axes, y: float, number: Number, look: Look, size: float) -> None:
+    """A dot a trial, the median and as a line its 95 % interval; of few trials dots alone."""
+    if isinstance(number, Spread) and number.values:
+        k = np.arange(len(number.values))
+        if number.few:
+            axes.plot(number.values, np.full(len(k), y), linestyle="", **look.dots(size))
+            return
+        apart = y + ASIDE * ((GOLDEN * k) % 1 - 0.5)  # trials of one number do not hide each other
+        axes.plot(number.values, apart, ".", color=look.hex, markersize=3.5, alpha=0.35, markeredgewidth=0)
+    line = inner(number)
+    axes.plot(line or (), (y, y) if line else (), color=look.hex, linewidth=2.5)
+    axes.plot(middle(number), y, linestyle="", **look.dots(size))
+
+
+def weight(name: str, winner: str) -> int:
+    """How much a model stands out: 2 of the winner, 1 of joint stiffness alone, 0 of all others."""
+    return 2 if name == winner else int(name == JOINTS)
+
+
 def sweeps(
-    panes: Mapping[str, Table], answer: str, reading: str, bands: Sequence[str] | None = None
+    panes: Mapping[str, Table],
+    answer: str,
+    reading: str,
+    bands: Sequence[str] | None = None,
 ) -> Figure:
     """Lines over swept quantities, a pane a table whose columns name the line, sweep and are drawn.
 

@@ -11,16 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import bdtr
 
-from testbench.errors import Array
-from testbench.trials.spread import ENOUGH, Number, Spread, ends, middle, spread
+from testbench.trials.spread import ENOUGH, Number, Spread, ends, median_interval, middle, spread
 from testbench.views.schema import ALIKE
 
 UNITS = {"mm": (1.0, ".3f"), "um": (1000.0, ".0f")}
 """So many times a number in mm, and its format, by unit."""
 SMALL = 0.04  #: Width of the ratios' spread that is not worth saying.
-TAIL = 0.025  #: Share of an interval's chances on each side.
 Z95 = 1.959964  #: Of the normal distribution, 97.5 %.
 
 
@@ -61,17 +58,6 @@ def gained(ours: str, theirs: str, ours_mm: Sequence[float], theirs_mm: Sequence
         own[0] if all(x == own[0] for x in own) else spread(own) for own in (ours_mm, theirs_mm, times)
     )
     return Gain(ours, theirs, ours_, theirs_, ratio, len(times), median_interval(np.array(times)))
-
-
-def median_interval(values: Array) -> tuple[float, float] | None:
-    """95 % interval of the median of values, (n,), by order statistics: exact whatever their distribution is.
-
-    Returns:
-        That of the sign test; None of so few values that it has none.
-    """
-    own, n = np.sort(values), len(values)
-    outside = int(np.count_nonzero(bdtr(np.arange(n // 2 + 1), n, 0.5) <= TAIL))
-    return (float(own[outside - 1]), float(own[n - outside])) if outside else None
 
 
 def less(gain: Gain, each: str = "") -> str:

@@ -48,8 +48,7 @@ def grid(table: Table) -> Markdown:
         texts = [as_markdown(column.cell(row)) for column in table.columns]
         known = [column.known(row) for column in table.columns]
         cells = [f"{a} [{b}]" if b else str(a) for a, b in zip(texts, known, strict=True)]
-        marked = table.bold == table.columns[0].cell(row)
-        rows.append([f"**{cells[0]}**" if marked else cells[0], *cells[1:]])
+        rows.append([f"**{cells[0]}**" if table.marks(row) else cells[0], *cells[1:]])
     words = [all(isinstance(column.value(row), str) for row in table.rows) for column in table.columns]
     return lines([as_markdown(column.title) for column in table.columns], rows, words)
 

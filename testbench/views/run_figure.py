@@ -13,7 +13,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.ticker import MaxNLocator
 
 from testbench.errors import Array
-from testbench.trials.spread import Spread, ends, middle
+from testbench.trials.spread import Spread, dotted, middle, reach
 from testbench.views.colours import hexadecimal
 from testbench.views.figure import (
     FAR,
@@ -29,8 +29,8 @@ from testbench.views.figure import (
     short,
 )
 from testbench.views.markdown import Told, as_plain, place
-from testbench.views.scene import Layer, PlaceMap, Poses, RunChart, Seen, scale_of
-from testbench.views.schema import Column, Table, brackets, looks, plain
+from testbench.views.scene import Layer, Line, PlaceMap, Poses, RunChart, Seen, scale_of
+from testbench.views.schema import Column, Table, looks, plain
 
 SIDES = {"from the side": (0, 2), "from above": (0, 1)}
 """World axes to the right and up."""
@@ -45,6 +45,7 @@ HEIGHT, PANES, PANE, MAPS = 2.0, 8.0, 2.9, 4
 """Of title and caption, the width that all maps share, that of one at most [in], and how many at most."""
 NARROW = 0.4
 """A drawn side over the longest one at least [1]: arms that move in a plane or not at all have panes too."""
+KEYED = 0.9  #: Height of what says which colour errs less, and of a second line of titles [in].
 WIDE = 0.08  #: Room around what is drawn of the poses, over its size [1].
 FOREST, ROW, ROWS = 0.9, 0.27, 15
 """Height of a table of models without its rows, of a row [in]; rows at most."""
@@ -121,7 +122,7 @@ def headline(tables: Sequence[Table]) -> tuple[Table, Column] | None:
         own = [row for row in table.rows if name.cell(row) in known]
         told = [column for column in others if column.key == table.headline] or others[::-1]
         for column in told:
-            sizes = [(name.cell(row) != table.bold, _size(column, row), k) for k, row in enumerate(own)]
+            sizes = [(not table.marks(row), _size(column, row), k) for k, row in enumerate(own)]
             order = [own[k] for *_, size, k in sorted(sizes) if np.isfinite(size)]
             if len({_size(column, row) for row in order}) > 1:
                 return replace(table, rows=order[:ROWS], looks=known), column
@@ -136,10 +137,9 @@ def _size(column: Column, row: object) -> float:
 
 
 def _forest(axes: Axes, table: Table, column: Column) -> None:
-    """A dot a model with the ends of its spread; the winner has a band."""
-    name = table.columns[0]
+    """A dot a trial and the median of every model; the winner has a band."""
     forest_pane(axes, table, column)
-    reached = np.array([ends(column.value(row)) for row in table.rows])
+    reached = np.array([end for row in table.rows for end in reach(column.value(row))])
     if column.key == "ratio":
         axes.axvline(1, color=SOFT, linewidth=1, linestyle=":")
         reached = np.append(reached, 1.0)
@@ -148,9 +148,8 @@ def _forest(axes: Axes, table: Table, column: Column) -> None:
     else:
         low = min(0.0, float(reached.min()))
         axes.set_xlim(low, low + 1.03 * (float(reached.max()) - low))
-    note = brackets(replace(table, columns=(name, column)))
-    title = table.title or "Models"
-    axes.set_title(f"{title}, lines: {note}" if note else title, fontsize="medium", loc="left")
+    title = "; ".join(filter(None, [table.title or "Models", dotted(map(column.value, table.rows))]))
+    axes.set_title(title, fontsize="medium", loc="left")
 
 
 def _key(axes: Axes, layers: Sequence[Layer]) -> None:
@@ -187,16 +186,19 @@ def _chart(axes: Axes, chart: RunChart) -> None:
 
 def error_map(found: PlaceMap, title: str) -> Figure:
     """A column a map: the places from the side and from above, the worst of each named; one has a number."""
-    there = np.isfinite(found.at).all(axis=1)
-    at, lines = found.at[there], found.lines[-MAPS:]
+    there, both = np.isfinite(found.at).all(axis=1), found.difference
+    at, lines = found.at[there], found.lines[-(MAPS - bool(both)) :]
     values = {line.name: line.values[there] for line in lines}
     ends = _ends(at)
-    sides, wide = ends[1] - ends[0], min(PANE, PANES / len(lines))
+    count = len(lines) + bool(both)
+    sides, wide = ends[1] - ends[0], min(PANE, PANES / count)
     rows = [wide * float(sides[plane[1]] / sides[0]) for plane in SIDES.values()]
-    figure = page(HEIGHT + sum(rows))
-    panes = figure.subplots(2, len(lines), sharex="col", sharey="row", height_ratios=rows, squeeze=False)
+    figure = page(HEIGHT + KEYED * bool(both) + sum(rows))
+    panes = figure.subplots(2, count, sharex="col", sharey="row", height_ratios=rows, squeeze=False)
     scale = scale_of(*values.values())
-    for (name, mm), column in zip(values.items(), panes.T, strict=True):
+    if both:
+        _difference([*panes[:, -1]], *both, found.at)
+    for (name, mm), column in zip(values.items(), panes.T, strict=False):
         for axes, plane in zip(column, SIDES.values(), strict=True):
             _places(axes, at[:, plane], mm, scale.shares(mm))
             axes.update_datalim(ends[:, plane])
@@ -204,7 +206,7 @@ def error_map(found: PlaceMap, title: str) -> Figure:
                 axes.set_ylabel(f"{'xyz'[plane[1]]} [m]")
         known = mm[np.isfinite(mm)]
         size = f"median {np.median(known):.3f} mm" if known.size else found.without
-        column[0].set_title(f"{name}: {size}", fontsize="medium")
+        column[0].set_title(f"{name}:\n{size}" if count == MAPS else f"{name}: {size}", fontsize="medium")
         column[-1].set_xlabel("x [m]")
     norm = (LogNorm if scale.logarithmic else Normalize)(*scale.ends, clip=True)
     what, *_ = re.split(" (?:of|over|in) ", found.title)
@@ -220,6 +222,36 @@ def error_map(found: PlaceMap, title: str) -> Figure:
     reading = f"{found.title}. Circles, the worst place: {where}.{rings}"
     say(figure, f"{title}, {what.lower()}: at most {largest}", reading)
     return figure
+
+
+def _difference(column: Sequence[Axes], ours: Line, theirs: Line, at: Array) -> None:
+    """The error of ours minus that of theirs: a dot in the colour of the one that errs less, larger for more.
+
+    Args:
+        column: Both panes.
+        ours: The winner.
+        theirs: Joint stiffness.
+        at: Places, (n, 3) [m]; NaN where there is none.
+    """
+    mm = ours.values - theirs.values
+    known = np.isfinite(mm) & np.isfinite(at).all(axis=1)
+    order = np.flatnonzero(known)[np.argsort(np.abs(mm[known]))]  # the greatest on top
+    most = float(np.abs(mm[order]).max(initial=0.0)) or 1.0
+    sizes = DOT * (LEAST + (1 - LEAST) * np.abs(mm[order]) / most)
+    colours = [(ours if mm[k] <= 0 else theirs).look.hex for k in order]
+    for axes, plane in zip(column, SIDES.values(), strict=True):
+        x, y = at[order][:, plane].T
+        axes.scatter(x, y, s=sizes, c=colours, linewidths=0)
+        axes.set_aspect("equal")
+        quiet(axes)
+    less = int((mm[order] <= 0).sum())
+    column[0].set_title(
+        f"{ours.name} minus {theirs.name}:\nless in {less} of {len(order)}", fontsize="medium"
+    )
+    for own in (ours, theirs):
+        column[0].plot([], [], "o", color=own.look.hex, label=f"{own.name} errs less")
+    column[0].legend(frameon=False, fontsize=SMALL, loc="upper left", bbox_to_anchor=(0, -0.05))
+    column[-1].set_xlabel("x [m]")
 
 
 def _ends(at: Array) -> Array:

@@ -27,6 +27,7 @@ class Column:
     scale: float = 1.0
     rounding: float = 0.0  #: Numbers below, in the shown unit, are rounding and shown as "exact".
     called: Mapping[str, str] = field(default_factory=dict)  #: Keys of a report by what readers call them.
+    none: str = "not fitted"  #: What a cell without a number says: why it has none.
 
     @property
     def title(self) -> str:
@@ -44,7 +45,8 @@ class Column:
             return "exact"
         if isinstance(value, str):
             return self.called.get(value, value)
-        return show(value, self.form)
+        nothing = value is None or (isinstance(value, float | Spread) and math.isnan(middle(value)))
+        return self.none if nothing else show(value, self.form)
 
     def cell(self, row: object) -> str:
         """What is shown of a row: the median with its spread, or the word."""
@@ -95,6 +97,17 @@ class Table:
     across: str = ""  #: What changes from column to column after the first; empty where these differ in kind.
     looks: Mapping[str, Look] = field(default_factory=dict)  #: Of rows, by the text of the first column.
 
+    def __post_init__(self) -> None:
+        """What is marked is first, unless several rows are."""
+        marked = [self.marks(row) for row in self.rows]
+        if sum(marked) == 1:
+            k = marked.index(True)
+            object.__setattr__(self, "rows", [self.rows[k], *self.rows[:k], *self.rows[k + 1 :]])
+
+    def marks(self, row: object) -> bool:
+        """Whether it is marked in every view."""
+        return bool(self.bold and self.columns) and self.columns[0].cell(row) == self.bold
+
 
 SHOWN = 6  #: Columns that a terminal or a study's page has room for.
 
@@ -131,7 +144,9 @@ def pivot(table: Table, down: Column, across: Column, cell: Column, *last: Colum
         own[f"c{heads.index(across.cell(row))}"] = cell.value(row)
         own |= {column.key: column.value(row) for column in last}
     columns = [
-        Column(f"c{k}", head + unit, "", cell.form, exact=cell.exact, rounding=cell.rounding)
+        Column(
+            f"c{k}", head + unit, "", cell.form, exact=cell.exact, rounding=cell.rounding, none="not tried"
+        )
         for k, head in enumerate(heads)
     ]
     return Table(

@@ -15,7 +15,7 @@ from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import eliminate
 from testbench.identify.absolute.noise import Noise, repeated, roots
 from testbench.identify.absolute.posterior import posterior_of
-from testbench.identify.absolute.scatter import single
+from testbench.identify.absolute.scatter import expected_of, single
 from testbench.identify.absolute.state import equilibrium, nominal
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.fold import Point, reduce_series
@@ -94,7 +94,7 @@ def test_what_a_model_leaves_open_is_common_to_the_readings_of_a_pose(series):
 def test_a_reading_alone_scatters_as_the_mean_of_its_pose_says(series, factor):
     """Less may be left open than was thought; readings are better than said only where nothing is."""
     one = replace(series[0], sigma=SIGMA, sigma_rotation=TURN)
-    found = single(Noise(S, S, np.array([factor, factor, 1.0, 1.0])), [one])
+    found = single(Noise(S, S, np.array([factor, factor, 1.0, 1.0])), expected_of([one]))
     for kind, (own, opened) in enumerate(((SIGMA, found.open_position), (TURN, found.open_rotation))):
         of_means = factor**2 * (own**2 + 3 * S**2)
         if of_means > own**2:

@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 from sound_sets import sound
 
 from testbench.campaign import pose_campaign
-from testbench.campaign.campaign import Scenario, simulate, stream
+from testbench.campaign.campaign import stream
 from testbench.campaign.doubt import said
 from testbench.data.dataset import Dataset, select
 from testbench.identify.diagnosis.find import AT_A_TIME, HandedIn, doubts
@@ -299,13 +299,6 @@ def test_targets_that_slipped_on_the_tool_are_told_from_a_tracker_that_moved(hun
     assert doubt.name == "target_moved"
     assert doubt.sentence.startswith("the target moved by ")
     assert "run 8 and the unloaded reading of run 9" in doubt.sentence
-
-
-def test_a_link_without_joints_has_one_pose_and_no_step_is_sought(single_link):
-    vjm, arm = single_link.vjm, single_link.arm
-    data = simulate(single_link, Scenario(arm=arm.name, sigma=50e-6), 3).identification
-    given = HandedIn(vjm, data, registered(vjm, data, "base"), declared=True)
-    assert not [doubt for doubt in doubts(given, cad_prior(arm)) if doubt.kind.endswith("_moved")]
 
 
 def plate(cell, runs, targets):

@@ -5,9 +5,12 @@ import json
 import tempfile
 from pathlib import Path
 
+import matplotlib.colors
 import numpy as np
+import pytest
 from checks import check_spread, check_words, curves, unit_in
 from made_up import of_one_trial
+from page_checks import check_tables
 from rich.console import Console
 
 from testbench.campaign.evaluation import Measured
@@ -16,8 +19,9 @@ from testbench.report.report import read
 from testbench.report.table import Trials
 from testbench.trials.parquet import write_trials
 from testbench.trials.rows import columns, tabled
-from testbench.trials.spread import ends, middle
+from testbench.trials.spread import Spread, ends, middle
 from testbench.views import terminal
+from testbench.views.figure import SOFT
 from testbench.views.page import page as html
 
 WIDTH = 80  #: Of a terminal.
@@ -62,6 +66,7 @@ def check(report, printed):
     assert again.whole() == report.whole()
     for name, table in report.tables.items():
         assert json.dumps(html.grid(again.tables[name])) == json.dumps(html.grid(table)), name
+    check_tables([html.grid(own) for own in report.tables.values() if own.rows], report.winner)
     console = Console(width=WIDTH, record=True, file=io.StringIO())
     terminal.print_words(console, report, [report.tables[name] for name in printed])
     shown = console.export_text()
@@ -151,19 +156,49 @@ def check_ranges(axes, numbers, looks, unit=None):
     assert low > high  # the first on top
 
 
-def check_forest(axes, numbers, looks, unit="mm"):
-    """Dots, spreads, colours and unit of a pane of `figure.forest`, from top to bottom.
+def check_forest(axes, numbers, looks, unit="mm", first=0):
+    """Dots, spreads, colours, weights and unit of a pane of `figure.forest`, the winner on top with a band.
 
     Args:
         axes: The pane.
         numbers: What is drawn, one a row.
         looks: Of the rows.
         unit: Of its axis; None without.
+        first: Which of them is the winner; None where none of them is.
     """
     assert unit is None or unit_in(axes.get_xlabel()) == unit
-    for y, (number, look) in enumerate(zip(numbers, looks, strict=True)):
-        at = [y], [y, y]
-        line, dot, *_ = [own for own in axes.get_lines() if np.ravel(own.get_ydata()).tolist() in at]
-        assert tuple(line.get_xdata()) == ends(number)
-        assert np.ravel(dot.get_xdata())[0] == middle(number)
-        assert (dot.get_color(), dot.get_markerfacecolor()) == (look.hex, look.face)
+    low, high = axes.get_ylim()
+    assert low > high  # the first row on top
+    order = sorted(range(len(numbers)), key=lambda k: k != first)
+    texts = [text.get_text().split()[-1] for text in axes.get_yticklabels()]
+    sizes = []
+    for y, k in enumerate(order):
+        number, look = numbers[k], looks[k]
+        own = [line for line in axes.get_lines() if near(line, y) and line.get_linestyle() != ":"]
+        values = number.values if isinstance(number, Spread) else ()
+        if values and number.few:
+            [dots, *_] = own
+            assert dots.get_xdata() == pytest.approx(values)
+        else:
+            *trials, line, dots = [one for one in own if (one.get_marker(), one.get_color()) != ("D", SOFT)]
+            assert [one.get_xdata() for one in trials] == ([pytest.approx(values)] if values else [])
+            assert all(one.get_color() == look.hex for one in trials)
+            assert tuple(line.get_xdata()) == (number.interval if values else ends(number))
+            assert (np.ravel(dots.get_xdata()).tolist(), line.get_color()) == ([middle(number)], look.hex)
+        shade = look.dots(1)
+        assert (dots.get_color(), dots.get_markerfacecolor()) == (look.hex, look.face)
+        assert dots.get_marker() == shade["marker"]
+        sizes.append(dots.get_markersize() / shade["markersize"])
+        assert float(texts[y]) == pytest.approx(middle(number), rel=0.06, abs=0.06)
+    [*bands] = axes.patches
+    assert [(band.get_y(), band.get_height()) for band in bands] == [(-0.5, 1.0)] * (first is not None)
+    assert first is None or (
+        matplotlib.colors.same_color(bands[0].get_facecolor()[:3], looks[first].hex)
+        and sizes[0] == max(sizes) > min(sizes[1:])
+    )
+
+
+def near(line, y):
+    """Whether all of a line is in a row."""
+    at = np.ravel(line.get_ydata())
+    return bool(len(at)) and bool((np.abs(at - y) <= 0.3).all())

@@ -110,6 +110,7 @@ def test_the_figure_draws_the_numbers_in_the_colour_of_each_model():
             assert line.get_color() == LOOKS[name].hex
     assert (LOOKS[s.ALL].colour, LOOKS[s.ALL_LS].colour) == (GCO, LEAST_SQUARES)
     models, panes = drawn((200,))
+    first = s.BY_POSES.index(made(numbers=(200,))[0].winner)
     for axes, arm in panes:
         errors = [find(models, arm=arm, name=name).error_mm for name in s.BY_POSES]
-        check_forest(axes, errors, [LOOKS[name] for name in s.BY_POSES])
+        check_forest(axes, errors, [LOOKS[name] for name in s.BY_POSES], first=first)

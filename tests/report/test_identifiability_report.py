@@ -131,6 +131,7 @@ def test_one_seed_has_no_spread():
 def test_the_figure_draws_the_numbers_of_both_truths_in_the_colour_of_each_model(whole):
     found, _ = whole
     rows = found.tables["models"].rows
+    assert rows[0].name == found.winner
     looks = [look(m.structure, m.constraint, m.prior, m.filling) for m in rows]
     straight, bent = figures(found)["identifiability.png"].axes
     check_forest(straight, [m.rms_um for m in rows], looks, "um")

@@ -5,10 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up_run import REPORT, made_up_run
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from reports import check_forest
 
 from testbench.report.table import Row
 from testbench.trials.spread import spread
 from testbench.views.colours import look
+from testbench.views.figure import log_ticks
 from testbench.views.run_figure import error_map, overview
 from testbench.views.scene import Line, PlaceMap, scale_of
 from testbench.views.schema import Column, Table
@@ -86,21 +90,50 @@ def test_models_are_dots_with_intervals_in_their_looks_and_the_winner_is_first(s
     assert names == ["MGCO56 + prior  0.300", "Joints  0.500", "MLS56  1.000"]
     assert (axes.get_xlabel(), axes.get_title("left")) == (
         "error [mm]",
-        "All models, lines: range of 3 trials",
+        "All models; dots: 3 trials",
     )
-    spans, dots = axes.get_lines()[::2], axes.get_lines()[1::2]
-    ends = [(0.2, 0.4), (0.5, 0.5), (0.9, 1.3)]
+    rows = [MODELS[k] for k in (1, 2, 0)]
     looks = [look("MGCO56", "psd", prior=True), look("Joints", "none"), look("MLS56", "none")]
-    for y, (line, dot, own, shade) in enumerate(zip(spans, dots, ends, looks, strict=True)):
-        assert tuple(line.get_xdata()) == pytest.approx(own)
-        assert (dot.get_marker(), dot.get_color(), dot.get_markerfacecolor()) == (
-            shade.mark,
-            shade.hex,
-            shade.face,
-        )
-        assert dot.get_ydata() == line.get_ydata()[:1] == [y]
-    [band] = axes.patches
-    assert (band.get_y(), band.get_height()) == (-0.5, 1.0)
+    check_forest(axes, [row.error for row in rows], looks)
+
+
+def test_of_twenty_trials_the_median_has_its_interval_and_more_than_a_hundred_are_not_drawn(seen):
+    rng = np.random.default_rng(5)
+    rows = [
+        model("MLS56", "MLS56", "none", spread(rng.uniform(1, 2, 20))),
+        model("MGCO56", "MGCO56", "psd", spread(rng.uniform(0.5, 1, 250))),
+    ]
+    table = Table(COLUMNS, rows, "", "MGCO56", "error")
+    [axes] = overview(REPORT, replace(seen, scene=None, runs=(), tables=[table])).axes
+    looks = [look("MGCO56", "psd"), look("MLS56", "none")]
+    check_forest(axes, [row.error for row in rows[::-1]], looks)
+    assert axes.get_title("left") == (
+        "Models; dots: the first 100 of 20 to 250 trials; line: 95 % interval of their median"
+    )
+    low, high = axes.get_xlim()
+    assert all(low <= x <= high for line in axes.get_lines() for x in np.ravel(line.get_xdata()))
+
+
+@pytest.mark.parametrize("low", [1e-9, 3e-3, 0.7, 4.0, 150.0, 9e4])
+@pytest.mark.parametrize("times", [1.05, 1.7, 3.0, 21.0, 400.0, 1e4, 1e8, 1e13])
+@pytest.mark.parametrize("side", ["x", "y"])
+def test_a_logarithmic_axis_has_ticks_inside_it_each_with_its_number(low, times, side):
+    axes = Figure().subplots()
+    log_ticks(axes, side, low, low * times)
+    axis = axes.xaxis if side == "x" else axes.yaxis
+    ends = axes.get_xlim() if side == "x" else axes.get_ylim()
+    places, words = axis.get_majorticklocs(), [text.get_text() for text in axis.get_majorticklabels()]
+    assert len(places) >= 1 + (times > 10)
+    assert [number_of(text) for text in words] == pytest.approx(places)
+    assert all(ends[0] <= place <= ends[1] for place in places)
+    assert not len(axis.get_minorticklocs())
+
+
+def number_of(text):
+    """What a tick says."""
+    size, _, power = text.rpartition("10") if "⁻" in text or set(text) & set("⁰¹²³⁴⁵⁶⁷⁸⁹") else (text, "", "")
+    raised = power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
+    return float(size.rstrip("·") or 1) * 10.0 ** int(raised or 0)
 
 
 def test_without_models_there_is_no_forest(seen):
@@ -148,6 +181,27 @@ def test_a_map_has_every_place_from_two_sides_in_one_scale_and_names_the_worst()
     x, y, z = AT[17]
     assert title.startswith("arm under 9 kg, error: at most MLS56 4.000 mm, MGCO56 0.0")
     assert f"MLS56 at x {x:.2f}, y {y:.2f}, z {z:.2f} m" in caption
+
+
+def test_the_last_pane_is_the_winner_less_joint_stiffness_in_the_colour_of_the_one_that_errs_less():
+    values = {
+        "MLS56": RNG.uniform(1, 2, 30), "Joints": RNG.uniform(0, 1, 30), "MGCO56": RNG.uniform(0, 1, 30)
+    }  # fmt: skip
+    figure = error_map(mapped(**values), "arm under 9 kg")
+    sides, joints, ours = [figure.axes[3], figure.axes[7]], *mapped(**values).difference[::-1]
+    less = values["MGCO56"] - values["Joints"]
+    order = np.argsort(np.abs(less))
+    for axes, shown in zip(sides, ([0, 2], [0, 1]), strict=True):
+        [dots] = axes.collections
+        np.testing.assert_allclose(dots.get_offsets(), AT[order][:, shown])
+        assert (np.diff(dots.get_sizes()) >= 0).all()
+        shades = [to_hex(colour).upper() for colour in dots.get_facecolors()]
+        assert shades == [(ours if less[k] <= 0 else joints).look.hex for k in order]
+    assert sides[0].get_title() == f"MGCO56 minus Joints:\nless in {(less <= 0).sum()} of 30"
+    assert [text.get_text() for text in sides[0].get_legend().get_texts()] == [
+        "MGCO56 errs less",
+        "Joints errs less",
+    ]
 
 
 def test_places_without_a_bound_are_rings_and_a_map_without_any_says_so():

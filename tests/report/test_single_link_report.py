@@ -6,6 +6,7 @@ from made_up import of_one_trial
 from reports import check, table_of
 
 from testbench.campaign.rows import DatasetRow
+from testbench.report.table import find
 from testbench.studies.single_link.study import POSITION, ROTATION, figures, report
 from testbench.studies.single_link.trial import Judged, LinkRow, Settings
 from testbench.trials.spread import middle
@@ -126,11 +127,11 @@ def test_the_figure_draws_errors_in_the_units_and_colours_of_the_methods(found):
             for line in axes.get_lines()
             if len(line.get_xdata()) == 1 and line.get_marker() != "D"
         ]
-        errors = [own[key == ROTATION] for own in MODELS.values()]
-        assert [x for x, _ in drawn] == errors
-        assert [drawn[0][1], drawn[2][1]] == [hexadecimal(LEAST_SQUARES), hexadecimal(GCO)]
-    names = [tick.get_text().split()[0] for tick in figure.axes[0].get_yticklabels()]
-    assert names == list(MODELS)
-    known = [m.paper for m in found.numbers["models"]]
+        names = sorted(MODELS, key=lambda name: name != found.winner)
+        assert [x for x, _ in drawn] == [MODELS[name][key == ROTATION] for name in names]
+        shades = dict(zip(names, (colour for _, colour in drawn), strict=True))
+        assert [shades["MLS36"], shades["MGCO21"]] == [hexadecimal(LEAST_SQUARES), hexadecimal(GCO)]
+    assert [tick.get_text().split()[0] for tick in figure.axes[0].get_yticklabels()] == names
+    known = [find(found.numbers["models"], name=name).paper for name in names]
     diamonds = [line.get_xdata()[0] for line in figure.axes[0].get_lines() if line.get_marker() == "D"]
     assert diamonds == [float(show(own.position_rms_um, ".3g")) for own in known if own]

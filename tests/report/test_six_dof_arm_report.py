@@ -132,10 +132,11 @@ def test_the_figure_draws_both_truths_and_the_papers_numbers_in_the_colours_of_t
     left, readings, right = figures(found)["six_dof_arm.png"].axes
     straight = found.numbers["models"]
     looks = [look(m.structure, m.constraint) for m in straight]
-    check_forest(left, [m.check_true.p95_mm for m in straight], looks)
-    check_forest(readings, [m.check.p95_mm for m in straight], looks)
-    check_forest(right, [m.nonlinear.check_true.p95_mm for m in straight], looks)
+    first = [m.name for m in straight].index(found.winner)
+    check_forest(left, [m.check_true.p95_mm for m in straight], looks, first=first)
+    check_forest(readings, [m.check.p95_mm for m in straight], looks, first=first)
+    check_forest(right, [m.nonlinear.check_true.p95_mm for m in straight], looks, first=first)
     known = [
         x.get_xdata()[0] for x in readings.get_lines() if (x.get_marker(), x.get_markersize()) == ("D", 5)
     ]
-    assert known == [0.085, 0.078, 0.084, 0.072]
+    assert sorted(known) == [0.072, 0.078, 0.084, 0.085]

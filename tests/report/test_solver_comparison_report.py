@@ -80,6 +80,7 @@ def test_the_figure_draws_time_and_bound_of_every_solver_in_its_colour():
     rows = found.numbers["solvers"]
     looks = [LOOKS[row.key] for row in rows]
     times, bounds = figures(found)["solver_comparison.png"].axes
-    check_forest(times, [row.seconds_to_1_percent for row in rows], looks, "s")
-    check_forest(bounds, [row.relative_excess_bound for row in rows], looks, None)
+    first = [row.key for row in rows].index(found.winner)
+    check_forest(times, [row.seconds_to_1_percent for row in rows], looks, "s", first)
+    check_forest(bounds, [row.relative_excess_bound for row in rows], looks, None, first)
     assert [key for key, look in LOOKS.items() if look.colour == GCO] == ["d"]

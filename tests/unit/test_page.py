@@ -94,10 +94,10 @@ def test_a_table_on_a_page_has_the_numbers_behind_its_words():
     rows = [{"name": "a", "x": Spread(1.0, 0.5, 2.0), "ok": True}, {"name": "b", "x": 3.0, "ok": None}]
     columns = (Column("name", "model"), Column("x", "error", "mm", ".1f"), Column("ok", "solved", form="yes"))
     found = html.grid(Table(columns, rows, bold="b", headline="x"))
-    (_, error, _), (_, other, _) = (row["cells"] for row in found["rows"])
+    (_, other, _), (_, error, _) = (row["cells"] for row in found["rows"])
     assert error == {"text": "1.0 (0.5 to 2.0)", "v": 1.0, "low": 0.5, "high": 2.0}
     assert other == {"text": "3.0", "v": 3.0}
-    assert [row["marked"] for row in found["rows"]] == [False, True]
+    assert [row["marked"] for row in found["rows"]] == [True, False]
     assert [head["drawn"] for head in found["head"]] == [False, True, False]
     assert found["first"] == 1
 
@@ -107,7 +107,13 @@ def test_a_number_that_is_none_stands_on_a_page_as_its_word_alone():
     rows = [{"name": str(k), "x": number} for k, number in enumerate(numbers)]
     found = html.grid(Table((Column("name", "model"), Column("x", "error", "mm")), rows))
     assert [row["cells"][1].get("v") for row in json.loads(html.data(found))["rows"]] == [0.5, *[None] * 4]
-    assert [row["cells"][1]["text"] for row in found["rows"]] == ["0.500", "-", "infinite", "-", "-"]
+    assert [row["cells"][1]["text"] for row in found["rows"]] == [
+        "0.500",
+        "not fitted",
+        "infinite",
+        "not fitted",
+        "not fitted",
+    ]
 
 
 def test_charts_and_maps_leave_out_what_is_no_number():

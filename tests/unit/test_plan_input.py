@@ -7,7 +7,7 @@ import pytest
 
 from testbench.arm.folder import Joint
 from testbench.campaign.plan import nearest_turn
-from testbench.campaign.plan_input import box, place, read_loads, read_tasks
+from testbench.campaign.plan_input import box, overloads, place, read_loads, read_tasks
 from testbench.campaign.plan_settings import PlanSettings
 from testbench.data.program import read_poses
 from testbench.errors import BenchError, InputError
@@ -144,6 +144,15 @@ def test_forces_alone_are_read_without_a_column_of_masses(tmp_path):
     np.testing.assert_array_equal(pulls, [[0, 5, 0], [7, 0, 0]])
 
 
+def test_loads_far_beyond_the_stated_payload_are_said(kr500):
+    """One and a half times 460.3 kg are 690.45 kg, or 6773 N."""
+    assert overloads(kr500.arm, [690.0], [(0.0, 0.0, 6770.0)]) == []
+    assert overloads(replace(kr500.arm, payload=None), [1e4], [(1e5, 0.0, 0.0)]) == []
+    stated = "an arm that states a payload of 460.3 kg"
+    found = overloads(kr500.arm, [1.0, 700.0], [(0.0, 0.0, -6780.0)])
+    assert found == [f"700 kg hang from {stated}", f"6780 N pull at {stated}"]
+
+
 @pytest.mark.parametrize("pulls", [((0.0, 0.0, 0.0),), ((0.0, 5.0, 0.0),) * 2, ((0.0, 1e6, 0.0),)])
 def test_pulls_are_forces_and_each_stands_once(pulls):
     with pytest.raises(BenchError, match=r"^--pull"):
@@ -167,11 +176,6 @@ def test_places_in_flags_become_a_station_and_an_area():
 def test_what_is_not_three_numbers_is_refused(text):
     with pytest.raises(BenchError, match=r"--tracker x,y,z \[m\]: expected 3 numbers with commas between"):
         place(text)
-
-
-def test_a_box_has_its_lower_corner_first():
-    with pytest.raises(BenchError, match="expected the lower corner first"):
-        PlanSettings(loads_kg=(460.0,), box_m=box("1,1,1,0,2,2"))
 
 
 def test_the_nearest_turn_is_the_same_pose_within_the_limits(kr500):

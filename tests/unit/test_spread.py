@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from testbench.trials.spread import most_trials, spans, spread, twins_once, wins
+from testbench.trials.spread import Spread, dotted, inner, most_trials, spans, spread, twins_once, wins
 from testbench.views import terminal
-from testbench.views.figure import of_seeds
 from testbench.views.page import page as html
 from testbench.views.schema import Column, Table, brackets
 
@@ -51,10 +50,25 @@ def test_a_terminal_and_a_page_say_of_few_trials_that_brackets_hold_their_range(
         assert html.grid(table)["brackets"] == f"{words} trials"
 
 
-def test_captions_and_titles_of_few_seeds_speak_of_no_percentile():
-    """What a study says above its tables and below its figures, with three seeds and with a hundred."""
-    assert of_seeds(range(3)) == "Dots: medians, lines: range of 3 seeds"
-    assert of_seeds(range(100)) == "Dots: medians, lines: 5 % to 95 % of 100 seeds"
+def test_a_picture_says_what_its_dots_and_lines_are():
+    values = np.random.default_rng(2).uniform(1, 2, 250)
+    few, many, most = (spread(values[:n]) for n in (3, 20, 250))
+    assert dotted([few, 1.0, "word"]) == "dots: 3 trials"
+    assert dotted([many, many]) == "dots: 20 trials; line: 95 % interval of their median"
+    assert dotted([most]) == ("dots: the first 100 of 250 trials; line: 95 % interval of their median")
+    assert dotted([1.0]) == dotted([spread([1.0, 1.0])]) == ""
+    assert dotted([Spread(2.0, 1.0, 3.0)]) == "lines: 5 to 95 %"
+
+
+def test_a_spread_keeps_the_first_hundred_trials_and_the_interval_of_all_of_them():
+    values = np.random.default_rng(2).uniform(1, 2, 250)
+    own = spread(values).scaled(1000)
+    assert own.values == tuple((1000 * values[:100]).tolist())
+    low, high = np.sort(values)[[109, 140]]  # the sign test's: 250 tosses are within 110 and 140 in 95 %
+    assert own.interval == (1000 * low, 1000 * high)
+    assert inner(own) == own.interval
+    assert inner(spread(values[:19])) is None
+    assert inner(Spread(2.0, 1.0, 3.0)) == (1.0, 3.0)
 
 
 def test_a_win_is_more_than_a_solvers_last_digits():

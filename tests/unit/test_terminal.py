@@ -35,7 +35,7 @@ def test_a_table_has_medians_and_below_them_the_ends_of_their_spread_and_the_pap
         Column("error", "RMS error", "mm", paper="error", short="RMS\nmm"),
         Column("n", "trials", form=".0f", exact=True),
         Column("solved", "solved", form="yes"),
-        Column("um", "bias", "um", form=".1f", scale=1e3),
+        Column("um", "bias", "um", form=".1f", scale=1e3, none="no load"),
     )
     rows = [
         Row(
@@ -57,11 +57,11 @@ def test_a_table_has_medians_and_below_them_the_ends_of_their_spread_and_the_pap
         "bias\num",
     ]
     assert list(zip(*(column.cells for column in found.columns), strict=True)) == [
+        ("* b", "0.250", "not fitted", "yes", "no load"),
         ("model A", "2.000", "5", "50 %", "2.0"),
         ("  least of 3", "1.000", "", "", ""),
         ("  most", "4.000", "", "", ""),
         ("  paper", "1.5", "", "", ""),
-        ("* b", "0.250", "-", "yes", "-"),
     ]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.campaign.workspace_errors import Places, error_places
+from testbench.campaign.workspace_errors import Places, error_places, rms
 
 COUNT = 30
 NAMES = ("MLS56", "MGCO56", "ALL153 + prior")
@@ -67,3 +67,10 @@ def test_places_without_a_bound_come_first(at, errors):
     assert found.typical_mm("MLS56") == pytest.approx(
         np.sqrt(np.mean([mm**2 for mm in bounded["MLS56"] if mm is not None]))
     )
+
+
+def test_rms_is_over_the_markers_of_every_pose():
+    """Two markers moved by 3 and by 4 mm: 5 / sqrt(2); the same of flat rows."""
+    moved = np.array([[[3e-3, 0, 0], [0, 0, -4e-3]], [[0, 1e-3, 0], [1e-3, 0, 0]]])
+    np.testing.assert_allclose(rms(moved), [5e-3 / np.sqrt(2), 1e-3])
+    np.testing.assert_array_equal(rms(moved.reshape(2, 6)), rms(moved))

@@ -5,8 +5,8 @@ import pytest
 from checks import word_faults
 
 from testbench.report.report import say
-from testbench.trials.spread import Spread
-from testbench.views.gains import beside, gained, less, median_interval, more, share, wilson
+from testbench.trials.spread import Spread, median_interval
+from testbench.views.gains import beside, gained, less, more, share, wilson
 from testbench.views.markdown import place
 from testbench.views.schema import plain, show, written_out
 

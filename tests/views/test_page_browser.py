@@ -176,6 +176,65 @@ def test_a_column_is_drawn_by_its_own_numbers_with_their_intervals_in_the_colour
 
 
 @pytest.mark.look
+@pytest.mark.parametrize("few", [True, False])
+def test_trials_are_dots_of_their_numbers_and_few_of_them_have_no_median(open_page, write, few):
+    trials = [[1.2, 1.5, 1.9], [3.8, 4.0, 4.6], [5.0, 6.0, 9.0]]
+    table = table_of([[(own[1], own[0], own[2])] for own in trials], ["error"])
+    for row, own in zip(table["rows"], trials, strict=True):
+        row["cells"][1] |= {"dots": own, "few": few}
+        if few:
+            del row["cells"][1]["low"], row["cells"][1]["high"]
+    table["rows"][0]["marked"] = True
+    page = open_page(write(scripted(f"place.append(drawColumn({json.dumps(table)}, 1, 600))"))).page
+    drawn = page.evaluate(f"({DRAWN})(place.firstChild)")
+    said, size = axis_of(drawn["ticks"], 1), 3 if few else 4
+    for k, own in enumerate(trials):
+        dots = drawn["dots"][size * k : size * (k + 1)]
+        assert [said(x) for x, *_ in dots] == pytest.approx([*own, *([] if few else own[1:2])], rel=1e-6)
+        if few:
+            assert {shade for *_, shade, _ in dots} == {COLOURS[k]}
+    fills = page.eval_on_selector_all("circle.trial", "all => all.map(own => own.getAttribute('fill'))")
+    assert fills == ([] if few else [colour for colour in COLOURS for _ in range(3)])
+    assert len(drawn["lines"]) == (0 if few else 3)
+    sizes = page.eval_on_selector_all("circle:not(.trial)", "all => all.map(own => +own.getAttribute('r'))")
+    assert sizes[0] > sizes[-1]  # the winner
+
+
+@pytest.mark.look
+def test_the_winner_is_drawn_last_and_widest_where_columns_are_side_by_side(open_page, write):
+    numbers = [[(v, v, v) for v in row] for row in ((1.0, 2.0), (1.0, 2.0), (7.0, 8.0))]
+    table = table_of(numbers, ("10 um", "20 um"), across="noise", title="")
+    table["rows"][0]["marked"] = True
+    page = open_page(write(scripted(f"dotChart(place, {json.dumps(table)})"))).page
+    words = page.eval_on_selector_all("g.row text", "all => all.map(own => own.firstChild.textContent)")
+    assert words == ["B", "C", "A"]
+    widths = page.eval_on_selector_all(
+        "g.row path", "all => all.map(own => +own.getAttribute('stroke-width'))"
+    )
+    assert widths[-1] > max(widths[:-1])
+
+
+@pytest.mark.look
+def test_headings_and_charts_of_runs_are_used_by_the_keyboard_alone(open_page, write):
+    chart = CHART | {"limit": None, "group": 4}
+    body = f"""place.innerHTML = "<table><thead><tr><th>n</th></tr></thead><tbody><tr><td>2</td></tr>"
+      + "<tr><td>not fitted</td></tr><tr><td>1</td></tr></tbody></table>";
+    sortable(place.firstChild); runChart(place, {json.dumps(chart)}, ["a", "b", "c"], {CHOOSE})"""
+    page = open_page(write(scripted(body))).page
+    cells = "[...document.querySelectorAll('td')].map((own) => own.textContent)"
+    page.keyboard.press("Tab")
+    for key, order in (("Enter", ["1", "2", "not fitted"]), (" ", ["not fitted", "2", "1"])):
+        page.keyboard.press(key)
+        assert page.evaluate(cells) == order
+    page.locator("svg[role=img]").focus()
+    for key, k in (("ArrowRight", 0), ("ArrowRight", 1), ("End", 2), ("ArrowLeft", 1)):
+        page.keyboard.press(key)
+        assert page.inner_text(".tip").startswith(f"{'abc'[k]}: ")
+    page.keyboard.press("Enter")
+    assert page.evaluate("chosen") == [4, 1]
+
+
+@pytest.mark.look
 def test_columns_side_by_side_have_their_titles_below_their_own_dots(open_page, write):
     """Steps of a number are joined to a line a row; another quantity in the table is none of them."""
     each = ((1.0, 2.0, 4.0, 99.0), (9.0, 3.0, 5.0, 99.0), (7.0, 8.0, 6.0, 99.0))

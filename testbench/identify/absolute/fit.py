@@ -18,7 +18,7 @@ from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, bloc
 from testbench.identify.absolute.evidence import Choice, choice, learn, squares, usual
 from testbench.identify.absolute.inner import eliminate, moved
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.scatter import distance, pulls_of, scatter, single, units
+from testbench.identify.absolute.scatter import distance, expected_of, pulls_of, scatter, single, units
 from testbench.identify.absolute.state import State, nominal, torque_scale
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.diagnosis.finding import Finding
@@ -160,12 +160,13 @@ def explain(found: Gathered, options: Options) -> Calibration:
         BenchError: When the readings leave a frame or target open, or were gathered without the links.
     """
     series, reduced = found.series, found.reduced
-    chosen = _choose(found, options)
+    expected = expected_of(series)
+    chosen = _choose(found, options, units(expected, found.noise)[list(reduced.kinds)])
     solved = eliminate(chosen.own, reduced, chosen.learnt, options.constraint, options.strength)
     after = moved(found.state, chosen.own, solved.x)
     factor = found.noise.factor.copy()
     factor[list(reduced.kinds)] = chosen.learnt.factor
-    noise = single(replace(found.noise, factor=factor), series)
+    noise = single(replace(found.noise, factor=factor), expected)
     step = distance(found.state, after, series)
     pulls = tuple(pulls_of(after, one, noise) for one in series)
     return Calibration(
@@ -201,7 +202,7 @@ def _errors(series: Sequence[Series], options: Options) -> JointErrors:
     return JointErrors(tuple(range(1, most + 1)), **{name: name in options.may for name in NAMES[3:]})
 
 
-def _choose(found: Gathered, options: Options) -> Chosen:
+def _choose(found: Gathered, options: Options, unit: Array) -> Chosen:
     """What is tried, in order, or taken where it was asked for; links bring their own joints."""
     unknowns, reduced, vjm = found.unknowns, found.reduced, found.state.vjm
     joints, links = (metric(found.prior, vjm, most(vjm.arm)) for most in (joints_only, all153))
@@ -212,7 +213,7 @@ def _choose(found: Gathered, options: Options) -> Chosen:
     } | {name: Candidate(name, frozenset({name})) for name in NAMES[3:]}
     on = [every[name] for name in NAMES if name in options.may]
     if options.only is None:
-        return choose(unknowns, reduced, on, units(found.series, found.noise)[list(reduced.kinds)])
+        return choose(unknowns, reduced, on, unit)
     kinds = GEOMETRY.union(*(one.kinds for one in on))
     elastic = [one.elastic for one in on if one.elastic is not None]
     own = choice(unknowns, kinds, elastic[-1] if elastic else None)

@@ -5,20 +5,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.series import Series
+from testbench.data.series import Series, select_rows
 from testbench.errors import Array
 from testbench.identify.absolute.noise import Noise, multiplicity, repeated, weights
-from testbench.identify.absolute.state import State, forward, in_batches
+from testbench.identify.absolute.state import BATCH, State, forward
 from testbench.identify.robust_loss import READINGS
 from testbench.identify.rows import left_over
 
 
 def residuals(state: State, series: Series) -> Array:
     """Readings minus model in base axes, (s, 3, rows) [m, rad]; zero where nothing was read."""
-    found = []
-    for some in in_batches(series):
-        found.append(left_over(state, some, forward(state, some)))
-    return np.concatenate(found, axis=2)
+    starts = range(0, max(series.rows, 1), BATCH)
+    some = (select_rows(series, np.arange(k, min(k + BATCH, series.rows))) for k in starts)
+    return np.concatenate([left_over(state, one, forward(state, one)) for one in some], axis=2)
 
 
 def pulls_of(state: State, series: Series, noise: Noise) -> Array:
@@ -52,13 +51,13 @@ def scatter(state: State, series: Sequence[Series], share: float) -> Noise:
     return Noise(found[0], found[1])
 
 
-def single(noise: Noise, series: Sequence[Series]) -> Noise:
+def single(noise: Noise, expected: tuple[Array, float]) -> Noise:
     """The same scatter, as a reading alone in its pose has it.
 
     A factor below 1 was learnt from means of k readings, of variance factor^2 (sigma^2 + k s^2): what is left
     open is less than s. Readings are better than they are said to be only if s = 0 is still too much.
     """
-    own, k = _expected(series)
+    own, k = expected
     factor, opened = noise.factor.copy(), [noise.open_position, noise.open_rotation]
     for kind in np.flatnonzero((factor[:2] < 1) & (own > 0)):
         whole = factor[kind] ** 2 * (own[kind] + k * opened[kind] ** 2)
@@ -67,7 +66,7 @@ def single(noise: Noise, series: Sequence[Series]) -> Noise:
     return Noise(opened[0], opened[1], factor)
 
 
-def _expected(series: Sequence[Series]) -> tuple[Array, float]:
+def expected_of(series: Sequence[Series]) -> tuple[Array, float]:
     """Mean variance of positions and orientations, (2,) [m^2, rad^2], and readings behind a mean [1]."""
     behind = [multiplicity(repeated(one), one.rows) for one in series]
     position = np.mean([one.sigma**2 for one in series])
@@ -76,9 +75,9 @@ def _expected(series: Sequence[Series]) -> tuple[Array, float]:
     return np.array([position, np.mean(turns) if turns else 0.0]), k
 
 
-def units(series: Sequence[Series], noise: Noise) -> Array:
-    """Standard deviations of whitened equations of every kind, (kinds,) [m, rad]."""
-    own, k = _expected(series)
+def units(expected: tuple[Array, float], noise: Noise) -> Array:
+    """Standard deviations of whitened equations of every kind, (kinds,) [m, rad], by `expected_of`."""
+    own, k = expected
     opened = np.array([noise.open_position, noise.open_rotation])
     return np.asarray(np.sqrt(np.r_[own + k * opened**2, own]))
 

@@ -6,12 +6,12 @@ Everything is a virtual joint. Constants of the inner links' are the errors of g
 and of the last link are the base in the tracker's frame and the targets in the tool's, each series' own.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from testbench.data.series import Series, select_rows
+from testbench.data.series import Series
 from testbench.errors import Array, BenchError, NoEquilibrium
 from testbench.identify.registration import Frame
 from testbench.model.joint_errors import JointErrors, basis
@@ -137,14 +137,10 @@ def unbent(state: State, q: Array, loads: Sequence[Load]) -> Array:
     return _start(state, q, loads)[0]
 
 
-def loads_of(series: Series) -> list[Load]:
-    """What hangs in every row beside own weight; none where nothing does."""
-    return [Load(series.wrench, series.point)] if series.wrench.any() else []
-
-
 def forward(state: State, series: Series) -> Equilibrium:
     """Where the tool is in every row of a series, in base axes, after `LOAD_STEPS` steps."""
-    return equilibrium(state, series.q, loads_of(series), LOAD_STEPS)
+    loads = [Load(series.wrench, series.point)] if series.wrench.any() else []
+    return equilibrium(state, series.q, loads, LOAD_STEPS)
 
 
 def targets(where: Chain, mount: Mount) -> Array:
@@ -152,19 +148,14 @@ def targets(where: Chain, mount: Mount) -> Array:
     return np.asarray(where.position[:, None] + np.einsum("rxy,my->rmx", where.rotation, mount.points))
 
 
-def in_batches(series: Series) -> Iterator[Series]:
-    """The rows of a series, some at a time: Jacobians of all of them would take gigabytes."""
-    for first in range(0, max(series.rows, 1), BATCH):
-        yield select_rows(series, np.arange(first, min(first + BATCH, series.rows)))
-
-
 def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Array:
     """Root mean square torque of every joint over all rows, (n,) [N m, N]."""
-    total, rows = np.zeros(vjm.arm.n_joints), 0
+    total = np.zeros(vjm.arm.n_joints)
     for one in series:
-        for some in in_batches(one):
-            where = chain(vjm, some.q)
-            u = (own_weight(where, weights) + on_joints(where, loads_of(some)))[-vjm.arm.n_joints :]
-            total, rows = total + (u**2).sum(axis=1), rows + some.rows
-    scale = np.sqrt(total / rows)
+        for first in range(0, one.rows, BATCH):
+            some = slice(first, first + BATCH)
+            where = chain(vjm, one.q[some])
+            u = own_weight(where, weights) + on_joints(where, [Load(one.wrench[some], one.point[some])])
+            total += (u[-vjm.arm.n_joints :] ** 2).sum(axis=1)
+    scale = np.sqrt(total / sum(one.rows for one in series))
     return np.where(scale > 1e-6 * scale.max(initial=0), scale, 0.0)

@@ -227,7 +227,7 @@ def figures(found: Report) -> dict[str, Figure]:
         name, *arms = short.columns
         error = [replace(column, heading="RMS error", unit="mm") for column in arms]
         titles, short = {own.key: own.heading for own in arms}, replace(short, columns=(name, *error))
-        return {f"{s.NAME}.png": forest(short, titles, answer, f"{reading}; lines: {span(f.trials)}.")}
+        return {f"{s.NAME}.png": forest(short, titles, answer, f"{reading}.")}
     best = [Row(row, name=OPTIMUM, error_mm=row.optimum_mm) for row in own if row.name == s.ALL]
     drawn = {name: LOOKS[name] for name in (s.INCUMBENT, s.ALL, s.CHOSEN, OPTIMUM)}
     panes = {

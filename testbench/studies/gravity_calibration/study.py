@@ -20,7 +20,7 @@ from testbench.studies.gravity_calibration.trial import Settings
 from testbench.studies.paper import SECTION_6
 from testbench.studies.study import Run, Study
 from testbench.trials.spread import middle
-from testbench.views.figure import Figure, forest, of_seeds
+from testbench.views.figure import Figure, forest
 from testbench.views.markdown import Markdown
 from testbench.views.scene import Seen
 from testbench.views.schema import Table
@@ -174,8 +174,7 @@ def figures(found: Report) -> dict[str, Figure]:
             Table(columns(MODELS), distinct(f.models), bold=found.tables["models"].bold),
             PANES,
             f"{f.arm} under {f.payload_kg:g} kg, RMS over the workspace: {campaigns.gains_told(f.gains)}",
-            f"RMS errors. {of_seeds(f.seed)}. Band: winner; filled: prior; dotted: joint stiffness "
-            f"only{paper}.",
+            f"RMS errors. Band: winner; filled: prior; dotted: joint stiffness only{paper}.",
             JOINTS,
         )
     }

@@ -203,8 +203,7 @@ def figures(found: Report) -> dict[str, Figure]:
             table,
             {RMS.key: "linear truth", BENT.key: "MuJoCo's non-linear truth"},
             f"{f.arm}, RMS over the workspace: {compare.gains_told(f.gains)}",
-            f"Dots: medians, lines: {span(f.trials)} of {f.trials} seeds. Filled: with {prior}. Dotted: "
-            "joint stiffness only.",
+            f"Filled: with {prior}. Dotted: joint stiffness only.",
             JOINTS,
         )
     }

@@ -167,15 +167,15 @@ def _off(row: Row) -> Markdown:
 def figures(found: Report) -> dict[str, Figure]:
     """RMS error of Eq. (6) and (7) against the load: weightless solid, with the arm's own weight dashed."""
     f = Row(found.numbers)
-    exact = [name for name in LOOKS if all(r.rms_um < ROUNDING_UM for r in f.rows if r.prediction == name)]
+    rows = [Row(row, rms_um=max(row.rms_um, ROUNDING_UM)) for row in f.rows]
     light = _heaviest(f, LIGHT)
     words = ", ".join(say("{name} {off}", name=NAMES[m], off=_off(row)) for m, row in light.items())
     return {
         "loaded_stiffness.png": sweeps(
-            {"": Table(BY_LOAD, [row for row in f.rows if row.prediction not in exact], looks=LOOKS)},
+            {"": Table(BY_LOAD, rows, looks=LOOKS)},
             say("{arm} without weight under {load:.4g} N: {words}", f, load=f.loads_N[-1], words=words),
             f"RMS of the tool's error over {f.poses} poses, from the true compliances; dashed: with the "
-            "arm's own weight." + f" Exact to rounding, not drawn: {'; '.join(exact)}." * bool(exact),
+            f"arm's own weight. At {ROUNDING_UM:g} um and below: exact to rounding.",
         )
     }
 

@@ -22,9 +22,9 @@ from testbench.studies.pose_selection import trial
 from testbench.studies.pose_selection.plans import prepare
 from testbench.studies.pose_selection.settings import BARE, FITS, INCUMBENT, PLANNED, RANDOM, WHOLE, Settings
 from testbench.studies.study import Run, Study
-from testbench.trials.spread import ends, middle, most_trials, wins
+from testbench.trials.spread import ends, middle, most_trials, span, wins
 from testbench.views.colours import GREY, SERIES, Look
-from testbench.views.figure import Figure, forest, of_seeds, sweeps
+from testbench.views.figure import Figure, forest, sweeps
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
 from testbench.views.scene import Line, PlaceMap, Scene, Seen
@@ -262,7 +262,7 @@ def figures(found: Report) -> dict[str, Figure]:
     f = Row(found.numbers)
     gains = {"random poses": f.gains.random, "joint stiffness only": f.gains.joints}
     answer = f"{f.dataset.poses} poses, error at the tasks: {beside(gains)}"
-    reading = f"RMS errors, {f.arm}, {f.dataset.sigma_um:g} um of noise. {of_seeds(f.seed)}."
+    reading = f"RMS errors, {f.arm}, {f.dataset.sigma_um:g} um of noise."
     if len(f.study.poses) == 1:
         note = f"{reading} {PLANNED}, plans by criterion; dotted line: random poses."
         return {"pose_selection.png": forest(found.tables["criteria"], PLACES, answer, note, RANDOM)}
@@ -279,8 +279,14 @@ def figures(found: Report) -> dict[str, Figure]:
             (INCUMBENT, "tasks_mm", ", joint stiffness only by least squares"),
         )
     }
+    seeds = len(f.seed) if isinstance(f.seed, list) else 1
     return {
-        "pose_selection.png": sweeps(panes, answer, reading.replace("lines:", "bands:"), ("test", RANDOM))
+        "pose_selection.png": sweeps(
+            panes,
+            answer,
+            f"{reading} Medians, bands: {span(seeds)} of {seeds} seeds.",
+            ("test", RANDOM),
+        )
     }
 
 

@@ -257,7 +257,7 @@ def figures(found: Report) -> dict[str, Figure]:
         f"eigenvalue in {' and '.join(negative)} of the draws"
     )
     reading = (
-        f"Section 5.1, {loads} loads. Dots: medians, lines: {span(f.draws)} of {f.draws} draws; grey "
+        f"Section 5.1, {loads} loads, a draw each. Grey "
         "diamonds: the paper's printed matrices. Dotted line: least squares with a symmetric matrix."
     )
     panes = {POSITION: "position", ROTATION: "rotation", ENTRY: "entries of C, force to position"}

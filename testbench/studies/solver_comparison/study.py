@@ -17,7 +17,7 @@ from testbench.studies.solver_comparison.trial import ARM, SCENARIO, SHORT_GENER
 from testbench.studies.study import Study
 from testbench.trials.spread import middle
 from testbench.views.colours import GCO, SERIES, Look
-from testbench.views.figure import Figure, forest, of_seeds
+from testbench.views.figure import Figure, forest
 from testbench.views.gains import ratio
 from testbench.views.markdown import Markdown, counted
 from testbench.views.schema import Table
@@ -91,7 +91,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         claims=list(_claims(f, rows)),
         numbers=f,
         tables={
-            "short": Table(columns(SHORT), solvers, bold="d", headline="seconds_to_1_percent", looks=LOOKS),
+            "short": Table(columns(SHORT), solvers, headline="seconds_to_1_percent", looks=LOOKS),
             "solvers": Table(columns(SOLVERS), solvers),
         },
         body=["solvers", READING],
@@ -189,11 +189,11 @@ def figures(found: Report) -> dict[str, Figure]:
     rows = {row.key: row for row in f.solvers}
     return {
         "solver_comparison.png": forest(
-            Table(columns(SHORT), f.solvers, bold="d", looks=LOOKS),
+            Table(columns(SHORT), f.solvers, bold=found.winner, looks=LOOKS),
             PANES,
             f"To within 1 % of the least F_M the paper's optimiser takes {times(rows['a'])} the time of the "
             f"conic program with its proof; one local solve {times(rows['b'])}, without proof",
-            f"{f.model}, {f.arm}. {of_seeds(f.seed)}. " + "; ".join(row.solver for row in f.solvers),
+            f"{f.model}, {f.arm}. " + "; ".join(row.solver for row in f.solvers),
         )
     }
 

@@ -19,7 +19,7 @@ from testbench.studies.factorial.compare import ERROR, RMS
 from testbench.studies.study import Study
 from testbench.studies.which_model import trial
 from testbench.studies.which_model.trial import CHOSEN, RUNS, Options, Settings
-from testbench.trials.spread import span, spans
+from testbench.trials.spread import span
 from testbench.views.colours import CHOICE, Look, look
 from testbench.views.figure import Figure, forest
 from testbench.views.gains import share
@@ -191,8 +191,8 @@ def _claims(f: Row) -> Iterator[Markdown]:
     )
     ours, joints = (find(f.promises, where=EVERY, name=name) for name in (CHOSEN, JOINTS))
     yield say(
-        "Its 95 % intervals cover {covered_percent:.1f} % of the true deflections; those with joint "
-        "stiffness only, which count noise and nothing else, {joints.covered_percent:.0f} %.",
+        "Its 95 % intervals cover {covered_percent:.1f} % of the true deflections. Those of joint stiffness "
+        "only cover {joints.covered_percent:.0f} %: they count noise alone.",
         ours,
         joints=joints,
     )
@@ -255,8 +255,7 @@ def figures(found: Report) -> dict[str, Figure]:
             replace(table, columns=shown),
             {column.key: column.heading for column in drawn},
             f"{f.arm}, {first} poses, RMS over the workspace: {compare.gains_told(f.gains[first])}",
-            "Errors over the family of true arms and priors. Dots: medians, lines: "
-            f"{spans((m.rms_um for m in f.family), 'cases')}. Band: what testbench chooses from "
+            "Errors over the family of true arms and priors, a case each. Band: what testbench chooses from "
             "the readings. Filled: with a prior; dotted line: joint stiffness only.",
             JOINTS,
         )

@@ -55,6 +55,7 @@ function dotChart(place, table) {
   const show = (k) => {
     for (const button of heads.children) button.setAttribute("aria-pressed", button.dataset.k === String(k));
     const draw = k === 0 ? drawAll : drawColumn;
+    note.textContent = [table.title, k && table.dots].filter(Boolean).join("; ");
     picture.replaceChildren(draw(table, k || columns, place.clientWidth || 600));
   };
   const button = (k, words) => {
@@ -65,7 +66,8 @@ function dotChart(place, table) {
   const all = table.across && columns.length > 1;
   if (all) button(0, `by ${table.across}`);
   for (const k of columns) button(k, table.head[k].title);
-  if (table.title) place.append(make("p", { class: "note" }, table.title));
+  const note = make("p", { class: "note" });
+  if (table.title || table.dots) place.append(note);
   place.append(heads, picture);
   const told = all && (stepsOf(table, columns).length > 1 || Object.keys(table.looks).length); // else dots are alike
   show(table.first > 0 ? table.first : told ? 0 : columns.at(-1));
@@ -99,7 +101,8 @@ function drawAll(table, drawn, width) {
     svg.append(make("text", { class: "soft", ...place }, title));
   });
   const ends = apart(rows.map((row) => y.place(columns.map((k) => row.cells[k].v).findLast((x) => x !== undefined))), step, top + 6, height - bottom - 6);
-  rows.forEach((row, r) => svg.append(drawRow(row, table.looks[names[r]] || PLAIN, { columns, joined, at, y, end: ends[r], x: width - right + 14, lines: lines[r] })));
+  const order = [...rows.keys()].sort((a, b) => rows[a].marked - rows[b].marked); // the winner on top
+  order.forEach((r) => svg.append(drawRow(rows[r], table.looks[names[r]] || PLAIN, { columns, joined, at, y, end: ends[r], x: width - right + 14, lines: lines[r] })));
   return svg;
 }
 
@@ -108,11 +111,11 @@ function drawRow(row, look, { columns, joined, at, y, end, x, lines }) {
   const group = make("g", { class: "row" });
   const dots = columns.map((k, i) => [row.cells[k], at(i)]).filter(([cell]) => cell.v !== undefined);
   const path = dots.map(([cell, here]) => `${here} ${y.place(cell.v)}`).join("L");
-  if (joined && dots.length > 1) group.append(make("path", { d: `M${path}`, fill: "none", stroke: look.colour, "stroke-width": 1.5, opacity: 0.55 }));
+  if (joined && dots.length > 1) group.append(make("path", { d: `M${path}`, fill: "none", stroke: look.colour, "stroke-width": row.marked ? 3 : 1.5, opacity: row.marked ? 1 : 0.55 }));
   const last = dots.at(-1);
   group.append(make("line", { x1: last[1] + 8, y1: y.place(last[0].v), x2: x - 4, y2: end, stroke: "var(--line)" }));
   for (const [cell, here] of dots) {
-    const mark = dot(here, y.place(cell.v), look, 4.5);
+    const mark = dot(here, y.place(cell.v), look, row.marked ? 6 : 4.5);
     mark.append(make("title", {}, `${row.cells[0].text}: ${cell.text}`));
     group.append(mark);
   }
@@ -173,7 +176,7 @@ function drawColumn(table, k, width) {
   const lines = names.map((own) => folded(own, most));
   const [line, top, right] = [lines.some((own) => own.length > 1) ? 30 : 21, 6, 74];
   const height = top + line * rows.length + 22;
-  const every = rows.flatMap((row) => ["v", "low", "high"].map((key) => row.cells[k][key]).filter((x) => x !== undefined));
+  const every = rows.flatMap((row) => ["v", "low", "high"].map((key) => row.cells[k][key]).concat(row.cells[k].dots).filter((x) => x !== undefined));
   if (table.head[k].ratio) every.push(1);
   const x = scale(every, left, width - right);
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": table.head[k].title });
@@ -190,11 +193,17 @@ function drawColumn(table, k, width) {
     const [cell, y, look] = [row.cells[k], top + line * (i + 0.5), table.looks[names[i]] || PLAIN];
     const weight = row.marked ? "700" : "400";
     svg.append(...named(lines[i], `${names[i]}: ${cell.text}`, { x: left - 10, y, "text-anchor": "end", "font-weight": weight }));
+    (cell.dots || []).forEach((value, n) => {
+      const aside = cell.few ? 0 : 0.5 * 21 * (((0.618 * n) % 1) - 0.5); // trials of one number do not hide each other
+      svg.append(cell.few ? dot(x.place(value), y, look, row.marked ? 6 : 4.5) : make("circle", { class: "trial", cx: x.place(value), cy: y + aside, r: 1.7, fill: look.colour, opacity: 0.4 }));
+    });
     if (cell.low !== undefined && cell.high > cell.low)
-      svg.append(make("line", { x1: x.place(cell.low), x2: x.place(cell.high), y1: y, y2: y, stroke: look.colour, "stroke-width": 2.5, opacity: 0.6 }));
-    const mark = dot(x.place(cell.v), y, look);
-    mark.append(make("title", {}, `${names[i]}: ${cell.text}`));
-    svg.append(mark);
+      svg.append(make("line", { x1: x.place(cell.low), x2: x.place(cell.high), y1: y, y2: y, stroke: look.colour, "stroke-width": 3 }));
+    if (!cell.few) {
+      const mark = dot(x.place(cell.v), y, look, row.marked ? 6 : 4.5);
+      mark.append(make("title", {}, `${names[i]}: ${cell.text}`));
+      svg.append(mark);
+    }
     const number = cell.text.split(" ")[0];
     svg.append(make("text", { x: width - right + 12, y: y + 4, "font-weight": weight }, number));
   });
@@ -217,8 +226,8 @@ function runChart(place, chart, names, choose) {
   const every = chart.lines.flatMap((line) => [line.values, ...(line.ends || [])].flat()).filter((x) => x !== null);
   const y = scale(chart.limit === null ? every : [...every, chart.limit], height - bottom, 8);
   const at = (i) => left + ((width - left - 10) * (i + 0.5)) / n;
-  const tip = make("div", { class: "tip" }, "Point at a pose to read its numbers; click to see the arm there.");
-  const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": chart.title });
+  const tip = make("div", { class: "tip" }, "Point at a pose, or press arrows, to read its numbers; click, or press Enter, to see the arm there.");
+  const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", tabindex: 0, "aria-label": `${chart.title}; arrows read it, Enter shows the arm` });
   const legend = make("div", { class: "bar" });
   for (const line of chart.lines) legend.append(swatch(line));
   if (chart.limit !== null) legend.append(make("span", { class: "named" }, dashes(), chart.limit_is));
@@ -258,13 +267,20 @@ function runChart(place, chart, names, choose) {
     return Math.max(0, Math.min(n - 1, Math.floor(((x - left) / (width - left - 10)) * n)));
   };
   const cursor = make("line", { class: "chosen", y1: 4, y2: height - bottom });
-  svg.addEventListener("pointermove", (event) => {
-    const i = nearest(event), k = order[i];
-    const texts = chart.lines.map((line) => `${line.name} ${said(line, k)}`);
+  let pointed = -1;
+  const point = (i) => {
+    pointed = i;
+    const k = order[i], texts = chart.lines.map((line) => `${line.name} ${said(line, k)}`);
     tip.textContent = `${names[k]}: ${texts.join(", ")}`;
     cursor.setAttribute("x1", at(i));
     cursor.setAttribute("x2", at(i));
     svg.append(cursor);
+  };
+  svg.addEventListener("pointermove", (event) => point(nearest(event)));
+  svg.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: -1, ArrowRight: 1, Home: -n, End: n }[event.key];
+    if (step) (event.preventDefault(), point(Math.max(0, Math.min(n - 1, pointed + step))));
+    else if (event.key === "Enter" && pointed >= 0) choose(chart.group, order[pointed]);
   });
   svg.addEventListener("click", (event) => choose(chart.group, order[nearest(event)]));
   sorted.addEventListener("click", () => {

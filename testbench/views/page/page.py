@@ -2,6 +2,7 @@
 
 import base64
 import functools
+import itertools
 import json
 import math
 import re
@@ -20,7 +21,7 @@ from testbench import files
 from testbench.errors import Array
 from testbench.plant.import_robot.meshes import decimated
 from testbench.plant.shapes import Frames, Shape, quaternions, visual_shapes
-from testbench.trials.spread import Spread
+from testbench.trials.spread import Spread, dotted, inner
 from testbench.views.colours import SCALE, Look, hexadecimal
 from testbench.views.markdown import Told, as_plain
 from testbench.views.scene import Poses, Seen
@@ -48,7 +49,7 @@ def grid(table: Table) -> Json:
     ]
     rows = [
         {
-            "marked": table.bold == table.columns[0].cell(row),
+            "marked": table.marks(row),
             "cells": [_cell(column, row) for column in table.columns],
         }
         for row in table.rows
@@ -61,6 +62,7 @@ def grid(table: Table) -> Json:
         "head": head,
         "rows": rows,
         "brackets": brackets(table),
+        "dots": dotted(c.value(row) for c in itertools.compress(table.columns, drawn) for row in table.rows),
         "looks": {name: look_plain(own) for name, own in shown.items()},
     }
 
@@ -77,11 +79,17 @@ def _drawn(column: Column, table: Table) -> bool:
 
 
 def _cell(column: Column, row: object) -> Json:
-    numbers = _numbers(column.value(row))
-    known = column.known(row)
-    text = column.cell(row)
-    keys = dict(zip(("v", "low", "high"), numbers, strict=False))
-    return {"text": f"{text} [{known}]" if known else text, **keys}
+    """Its text, and what is drawn: the number or median, its line, a dot a trial; below 20 these alone."""
+    value, known, text = column.value(row), column.known(row), column.cell(row)
+    found: dict[str, object] = {"text": f"{text} [{known}]" if known else text}
+    if not (numbers := _numbers(value)):
+        return found
+    found["v"] = numbers[0]
+    if len(numbers) > 1 and (line := inner(value)):
+        found |= {"low": line[0], "high": line[1]}
+    if isinstance(value, Spread) and value.values:
+        found |= {"dots": [float(f"{x:.4g}") for x in value.values], "few": value.few}
+    return found
 
 
 def unbroken(text: str) -> Markup:

@@ -37,6 +37,6 @@ function sortable(table) {
   [...(table.tHead ? table.tHead.rows[0].cells : [])].forEach((head, k) => {
     head.tabIndex = 0;
     head.addEventListener("click", () => sortBy(table, head, k));
-    head.addEventListener("keydown", (e) => e.key === "Enter" && sortBy(table, head, k));
+    head.addEventListener("keydown", (e) => ["Enter", " "].includes(e.key) && (e.preventDefault(), sortBy(table, head, k)));
   });
 }

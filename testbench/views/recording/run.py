@@ -71,11 +71,16 @@ class _Group:
     charts: Sequence[RunChart]  #: Its map as one, where it has no other.
 
     @property
-    def rank(self) -> Ids:
-        """Place of every pose in worst_first, (poses,): by the last line that is largest at the first."""
+    def leads(self) -> list[Array]:
+        """Numbers of lines that are largest in the pose that is shown first, (poses,) each."""
         count, first = len(self.poses.names), self.poses.first
         sizes = [np.nan_to_num(line.values, nan=-np.inf) for chart in self.charts for line in chart.lines]
-        leads = [own for own in sizes if len(own) == count and own[first] == own.max()]
+        return [own for own in sizes if len(own) == count and own[first] == own.max()]
+
+    @property
+    def rank(self) -> Ids:
+        """Place of every pose in worst_first, (poses,): by the last line that is largest at the first."""
+        count, first, leads = len(self.poses.names), self.poses.first, self.leads
         order = np.argsort(-leads[-1], kind="stable") if leads else np.roll(np.arange(count), -first)
         found = np.empty(count, dtype=int)
         found[order] = np.arange(count)
@@ -213,7 +218,7 @@ def _tab(scene: Scene, own: _Group, *, first: bool) -> rrb.Container:
     charts = [
         rrb.TimeSeriesView(
             origin=own.path(chart),
-            name=f"{chart.title}, by {chart.across}, the worst first",
+            name=f"{chart.title}, by {chart.across}{', the worst first' if own.leads else ', in order'}",
             axis_x=_beyond(len(own.poses.names)),
             axis_y=_from_zero(chart),
             plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
