@@ -287,7 +287,8 @@ def _unchecked(cell: Cell, taken: Model, estimates: Mapping[str, Estimate]) -> U
     method = taken.estimator
     if not isinstance(method, Method) or method.prior is None:
         return Unchecked()
-    return unchecked(estimates[taken.name].regression, metric(method.prior, cell.vjm, taken.structure))
+    own = estimates[taken.name].of_compliances
+    return unchecked(own, metric(method.prior, cell.vjm, own.structure))
 
 
 def _fit(cell: Cell, found: Found, k: int, widest: Dataset | None) -> Fitted:

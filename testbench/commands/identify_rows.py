@@ -154,7 +154,7 @@ def _residuals(found: Identified, left: Mapping[str, Array]) -> list[Row]:
 
 def _seen(cell: Cell, found: Identified) -> Row:
     """What the runs tell of each link and joint, beside a prior known to 30 %."""
-    regression = found.taken.regression
+    regression = found.taken.of_compliances
     component, share = told(cell.vjm, regression, cad_prior(cell.arm), USUAL)
     own = {name: share[np.array(component) == name] for name in dict.fromkeys(component)}
     return Row(

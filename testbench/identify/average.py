@@ -30,7 +30,8 @@ folder's, these in 4 % (`kr500_l480`, seeds 1 to 30, 8 to 20 poses)."""
 LINEAR = 10.0
 """Odds of linear joints beforehand. On undisturbed arms of the family even odds lose more than 5 % in 18 % of
 arms, these in 5 %; disturbed ones do not mind (`kr500_l480`, seeds 1 to 40, 8 poses)."""
-NEGLIGIBLE = 0.01  #: Weight below which a model is left out.
+NEGLIGIBLE = 0.01  #: Weight below which joints alone are left out.
+OPEN = 0.05  #: Weight below which laws are left out, and above one less it all else.
 
 
 def averaged(
@@ -74,10 +75,10 @@ def _with_laws(r: Regression, constraint: Constraint, prior: Metric, plain: Metr
     belief = learn(r, prior, widths=widths)
     assert belief.log_evidence is not None
     weight = _logistic(belief.log_evidence - log_evidence - math.log(LINEAR))
-    if weight < NEGLIGIBLE:
+    if weight < OPEN:
         return straight
     lawful = solve(r, constraint, belief)
-    if weight > 1 - NEGLIGIBLE:
+    if weight > 1 - OPEN:
         weight = 1.0
     pi = weight * lawful.pi
     pi[r.structure.a < r.structure.plain] += (1 - weight) * straight.pi

@@ -113,6 +113,13 @@ class Estimate(Displayed):
         """The structure that was identified."""
         return self.regression.structure
 
+    @property
+    def of_compliances(self) -> Regression:
+        """What compliances alone were found from: the regression, without laws of joints."""
+        if self.average is None or self.average.lawful is None:
+            return self.regression
+        return self.average.whole.regression
+
     @cached_property
     def conservative(self) -> bool:
         """Whether every block is symmetric and positive semi-definite up to rounding: looked at."""

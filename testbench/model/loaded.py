@@ -76,8 +76,8 @@ def loaded_compliance(J_theta: Array, C_theta: Array, K_w: Array) -> Array:
     """
     J = check_array(J_theta, (None, 6, None), "J_theta [1, m]")
     runs, _, n_theta = J.shape
-    C = np.broadcast_to(C_theta, (runs, *np.shape(C_theta)[-2:]))
-    C = check_array(C, (runs, n_theta, n_theta), "C_theta [m/N, rad/(N m)]")
+    every = np.shape(C_theta)[:-2]
+    C = check_array(C_theta, (*every, n_theta, n_theta), "C_theta [m/N, rad/(N m)]")
     K_w = check_array(K_w, (runs, n_theta, n_theta), "K_w [N/m, N, N m]")
     return np.asarray(J @ solve_springs(C, K_w, C @ J.swapaxes(1, 2)))
 

@@ -118,7 +118,8 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     runs, n = len(q), vjm.arm.n_joints
     links = 6 * (n + 1)
     bent = None if theta is None else check_array(theta, (runs, vjm.n_theta), "theta [m, rad]")
-    moved = (q if bent is None else q + bent[:, links:].reshape(runs, -1, n).sum(axis=1)).T
+    turns = np.zeros(q.shape) if bent is None else bent[:, links:].reshape(runs, -1, max(n, 1)).sum(axis=1)
+    moved = (q + turns).T
     sine, less = np.sin(moved), 1 - np.cos(moved)
     J = np.zeros((6, vjm.arm.n_theta, runs))
     origins = np.empty((3, vjm.arm.n_theta, runs))
