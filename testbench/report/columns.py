@@ -7,7 +7,7 @@ from testbench.campaign.true_arms import CALLED
 from testbench.views.schema import Column
 
 ROUNDING_UM = 1e-3  #: Errors below are rounding.
-READINGS = "RMS\ncheck\nread-\nings\nmm"
+READINGS = "RMS check\nreadings\nmm"
 SI = "10^-6 SI"  #: Eigenvalues of a compliance are in mixed SI units, as the paper's.
 WORDS = """
     method status interval quantity values rows number truth what verdict why prediction
@@ -34,7 +34,7 @@ DECLARED = (
     Column("check.max_mm", "max check, readings", "mm", paper="check_max_mm"),
     Column("check.max_relative_percent", "max rel.", "%", ".2f", paper="check_max_relative_percent"),
     Column("check_true.rms_mm", "RMS check, true", "mm"),
-    Column("workspace.rms_mm", "RMS workspace, true", "mm", short="RMS\nworkspace\ntrue\nmm"),
+    Column("workspace.rms_mm", "RMS workspace, true", "mm", short="RMS\nworkspace\ntrue, mm"),
     Column("times_less", "times smaller than LS", form=".2f", short="times\nsmaller\nthan\nLS"),
     Column("ours", "model"),
     Column("theirs", "against", called={"joints alone": "joint stiffness only"}),
@@ -85,8 +85,8 @@ DECLARED = (
     *(
         Column(key, heading, unit, form, paper=key, short=short)
         for key, heading, unit, form, short in (
-            ("symmetric", "symmetric", "", "yes", "sym-\nmetric"),
-            ("negative_eigenvalue_matrix", "eigenvalue below 0", "", "yes", "eigen-\nvalue\nbelow 0"),
+            ("symmetric", "symmetric", "", "yes", "symmetric"),
+            ("negative_eigenvalue_matrix", "eigenvalue below 0", "", "yes", "eigenvalue\nbelow 0"),
             ("negative_eigenvalue", "of symmetric part below 0", "", "yes", "of sym.\npart"),
             ("matrix_eigenvalue_micro", "smallest eigenvalue", SI, ".3f", f"smallest\n{SI}"),
             ("symmetric_eigenvalue_micro", "smallest of symmetric part", SI, ".3f", f"of sym.\npart\n{SI}"),

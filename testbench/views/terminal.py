@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
+from textwrap import wrap
 
 from rich import box
 from rich.console import Console
@@ -20,6 +22,7 @@ from testbench.views.schema import Column, Table, brackets, narrowed
 BADGES = {"Holds": "bold green", "Tie": "bold yellow", "Do not": "bold red"}
 """Styles of a badge by its first words."""
 MORE = "under More in report.md"
+NARROW = 9  #: Letters of a heading's line, unless a word has more.
 
 
 class PlainConsole(Console):
@@ -51,8 +54,7 @@ def grid(table: Table) -> RichTable:
     table = narrowed(table)
     found = RichTable(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), show_edge=False)
     for k, column in enumerate(table.columns):
-        head = column.short or column.title.replace(", ", "\n").replace(" ", "\n")
-        found.add_column(head, justify="right" if k else "left", no_wrap=True)
+        found.add_column(_head(column), justify="right" if k else "left", no_wrap=True)
     for row in table.rows:
         first, *others = (_end(column, row) for column in table.columns)
         marked = table.marks(row)
@@ -65,6 +67,15 @@ def grid(table: Table) -> RichTable:
         if any(known):
             found.add_row("  paper", *known[1:], style="italic")
     return found
+
+
+def _head(column: Column) -> str:
+    """A heading in narrow lines of whole words."""
+    if column.short:
+        return column.short
+    parts = column.title.split(", ")
+    lines = (wrap(part, NARROW, break_long_words=False, break_on_hyphens=False) for part in parts)
+    return "\n".join(chain.from_iterable(lines))
 
 
 def print_table(console: Console, table: Table) -> None:

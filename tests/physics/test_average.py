@@ -18,8 +18,7 @@ from testbench.identify.hierarchy import ALONE, MISFIT, learn, log_evidence_alon
 from testbench.identify.metric import metric, whitened
 from testbench.identify.posterior import linearise
 from testbench.identify.prior import cad_prior
-from testbench.identify.solve import solve
-from testbench.model.structure import all153, joints_only, mgco68
+from testbench.model.structure import all153, joints_only
 
 SCENARIO = Scenario(arm="kr500_l480", identification_poses=8, identification_runs=16, workspace_poses=60)
 
@@ -48,16 +47,6 @@ def test_where_links_are_rigid_the_default_is_joints_alone_but_for_a_tenth(kr500
         assert chosen.estimate.average.weight > 0.75
         assert chosen.why.startswith("link compliances do not improve the model: joint stiffness only weighs")
         assert ours < 1.1 * theirs
-
-
-def test_where_links_bend_the_default_is_the_fit_of_links_and_joints(kr500):
-    campaign = simulate(kr500, SCENARIO, 1)
-    prior, s = cad_prior(kr500.arm), all153(kr500.arm)
-    found = with_prior(gco, prior)(kr500.vjm, s, campaign.identification)
-    assert found.average is None
-    regression = reduce(kr500.vjm, s, campaign.identification)
-    belief = learn(regression, metric(prior, kr500.vjm, s))
-    np.testing.assert_array_equal(found.pi, solve(regression, "psd", belief).pi)
 
 
 def test_the_average_is_a_mean_of_gramians_whose_intervals_hold_both(kr500, rigid):
@@ -115,8 +104,3 @@ def test_the_weight_is_the_odds_beforehand_times_the_ratio_of_evidences(kr500, r
     [again] = averaged([regression], "psd", [replace(belief, log_evidence=belief.log_evidence + 100)], own)
     assert NEGLIGIBLE > 1e-9
     assert again.average is None
-
-
-def test_a_structure_without_all_joints_is_not_averaged(kr500, rigid):
-    found = with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, mgco68(kr500.arm), rigid[1].identification)
-    assert found.average is None

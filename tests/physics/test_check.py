@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from testbench.campaign.arm_check import check
-from testbench.campaign.arm_doubts import sag
 from testbench.campaign.new_arm import elastic_toml
 from testbench.campaign.propose import Wishes, propose
 from testbench.model.vjm import chain
@@ -32,11 +31,6 @@ def planted(tmp_path, *changes, name="kr500_l480"):
         assert count == 1, pattern
         (folder / file).write_text(changed, "utf-8")
     return check(folder)
-
-
-def of(link, key):
-    """The value of a key of a link in elastic.toml."""
-    return rf'(?<=name = "{link}"\n)(.*?{key} = {{ value = )[^,]+'
 
 
 WRONG = {
@@ -152,17 +146,6 @@ def test_what_is_to_confirm_stands_in_order_of_its_effect_and_nothing_published_
     assert found[0].words == "payload 460.3 kg, estimated: the sag is proportional to it"
     assert any(item.words.startswith("load point load, estimated") for item in found)
     assert any(item.words.startswith("markers P2, estimated") for item in found)
-
-
-def test_the_effect_of_the_load_point_is_that_of_a_load_point_that_is_moved(tmp_path, sound):
-    points = (TOML, r'(?<=markers = \["P1", "P2", "P3"\]\n)', 'to_confirm = ["load"]\n')
-    [item] = [i for i in planted(tmp_path / "a", points).items if i.words.startswith("load point")]
-    changes = []
-    for k, place in enumerate(("0.36 0.14 -0.08", "0.35 0.15 -0.08", "0.35 0.14 -0.07")):
-        moved = (XML, r'(?<=<body name="load" pos=)"0.35 0.14 -0.08"', f'"{place}"')
-        other = sag(planted(tmp_path / f"b{k}", moved).cell)
-        changes.append(np.sqrt(np.square(other.whole - sound.sag.whole).sum()))
-    assert item.share == pytest.approx(max(changes) / np.sqrt(np.square(sound.sag.whole).sum()), rel=1e-6)
 
 
 def test_a_proposal_for_the_geometry_of_our_kr500_sags_within_three_times_as_it_does(tmp_path, sound):

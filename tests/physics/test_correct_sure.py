@@ -138,17 +138,6 @@ def test_points_that_are_close_have_corrections_that_are_close(known, hold):
     assert np.abs(np.diff(found.q - q, axis=0)).max() < 1e-3
 
 
-def test_a_stretched_arm_keeps_its_position(known):
-    q = np.array([[-2.1214, -1.7645, -0.0479, 4.6671, -0.0688, -2.2692]])
-    load = [Load(np.array([-1851.1, 320.9, 686.0, 0, 0, 0]), np.zeros(3))]
-    found = correct(known.state, q, load, asked(known.state, q, "unloaded", np.zeros(3)))
-    assert found.solved.all()
-    met = rest(known.state, found.q, load).position
-    assert np.abs(met - rest(known.state, q).position).max() < 1e-9
-    assert np.linalg.norm(found.turned) > 1e-5
-    assert np.abs(tool_pose(known.vjm, found.q)[0] - met).max() > 1e-4  # not where the drawn arm is
-
-
 @pytest.mark.parametrize(
     "wrong",
     [

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from mistakes import MISTAKES, named
 from scipy.spatial.transform import Rotation
+from scipy.stats import f as f_ratio
 from scipy.stats import multivariate_normal
 from sound_sets import sound
 
 from testbench.campaign import pose_campaign
-from testbench.campaign.campaign import Scenario, simulate, stream
+from testbench.campaign.campaign import stream
 from testbench.campaign.doubt import said
 from testbench.data.dataset import Dataset, select
 from testbench.identify.diagnosis.find import AT_A_TIME, HandedIn, doubts
@@ -20,6 +21,7 @@ from testbench.identify.diagnosis.finding import MOST, Finding, one_by_one
 from testbench.identify.diagnosis.finding import test as score
 from testbench.identify.diagnosis.loads import allowed, learnt
 from testbench.identify.diagnosis.place import Free, Seen
+from testbench.identify.diagnosis.steps import chance
 from testbench.identify.diagnosis.undone import placed
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
@@ -109,6 +111,12 @@ def test_one_run_exchanged_among_few_is_named_and_no_noise(kr500, arm_6r, seed):
     [doubt] = named(made)
     assert (doubt.name, doubt.sentence.split(":")[0]) == ("run", f"run {run}")
     assert named(MISTAKES["noise"].plant(own, stream(seed, 40)))[0].name == "noise"
+
+
+def test_the_chance_of_a_step_is_that_of_fisher_s_ratio():
+    """Squares that z numbers take away over z, against the variance that so many free equations tell."""
+    step = Finding("tracker_moved", size=np.zeros(3), beside={"free": 40.0}, nats=6.0)
+    assert chance(step) == pytest.approx(f_ratio.sf(12 / 3, 3, 40))
 
 
 def test_mistakes_are_undone_one_after_the_other():
@@ -291,13 +299,6 @@ def test_targets_that_slipped_on_the_tool_are_told_from_a_tracker_that_moved(hun
     assert doubt.name == "target_moved"
     assert doubt.sentence.startswith("the target moved by ")
     assert "run 8 and the unloaded reading of run 9" in doubt.sentence
-
-
-def test_a_link_without_joints_has_one_pose_and_no_step_is_sought(single_link):
-    vjm, arm = single_link.vjm, single_link.arm
-    data = simulate(single_link, Scenario(arm=arm.name, sigma=50e-6), 3).identification
-    given = HandedIn(vjm, data, registered(vjm, data, "base"), declared=True)
-    assert not [doubt for doubt in doubts(given, cad_prior(arm)) if doubt.kind.endswith("_moved")]
 
 
 def plate(cell, runs, targets):

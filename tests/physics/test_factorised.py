@@ -11,7 +11,6 @@ from testbench.identify.regression import f_m
 from testbench.model.structure import free36, mgco69, mgco147, template56
 from testbench.studies.estimators.factorised import (
     LocalSolves,
-    best_of,
     cost,
     costs,
     descend,
@@ -98,10 +97,6 @@ def test_a_lower_order_never_beats_the_conic_optimum(best, m):
     assert found >= best.f_m * (1 - 1e-6)  # the trace beside F_M costs the conic program up to 1e-7 of it
 
 
-def test_a_rank_of_one_cannot_explain_a_link(best):
-    assert best_of(factorise(best.regression, 1), stream(7), starts=2).f_m > 1.1 * best.f_m
-
-
 @pytest.mark.parametrize("m", [0, 7, -1])
 def test_an_order_out_of_range_is_refused(arm_6r, data, m):
     with pytest.raises(BenchError, match=f"m: expected an order of the vector space of 1 to 6, got {m}"):
@@ -143,20 +138,6 @@ def test_trial_points_lie_inside_the_box_and_differ(regression):
     assert len(np.unique(points, axis=0)) == 700
     from_outside = trial_points(problem, np.full(problem.size, 2 * BOX), 100, stream(3))
     assert np.abs(from_outside).max() <= BOX
-
-
-def test_optima_that_differ_are_basins_of_their_own(regression):
-    """All are the same model, rotated: the search sees points of b."""
-    search = explore(factorise(regression), TINY, stream(2))
-    assert len(search.basins) == len(search.descents) >= 2
-    assert max(search.descents) == pytest.approx(min(search.descents), rel=1e-5)
-
-
-def test_a_search_counts_its_evaluations(regression):
-    problem = factorise(regression)
-    search = explore(problem, TINY, stream(2))
-    genetic = (1 + TINY.generations) * TINY.population * problem.size
-    assert search.evaluations > genetic + TINY.trial_points + 2 * len(search.descents)
 
 
 def test_order_of_the_vector_space_by_counting_is_that_of_eq_20(arm_6r):

@@ -10,9 +10,8 @@ from testbench.correct.inverse import joints_along, settle
 from testbench.correct.newton import Target
 from testbench.correct.reach import THERE, reach
 from testbench.model.kinematics import build_vjm
-from testbench.model.tool_motion import tool_motion
 from testbench.model.turn import turn_between
-from testbench.model.vjm import Vjm, chain, rotation, tool_pose
+from testbench.model.vjm import Vjm, rotation, tool_pose
 
 ARMS = ("kr500_l480", "arm_6r", "ur10")
 
@@ -39,17 +38,6 @@ def check_there(vjm, q, position, R):
     np.testing.assert_allclose(own, R, rtol=0, atol=1e-10)
     lower, upper = vjm.arm.limits
     assert ((q >= lower) & (q <= upper)).all()
-
-
-def test_the_joints_jacobian_is_that_of_the_virtual_joints_beside_them(vjm, rng):
-    q = planted(vjm, rng, 20)
-    where = chain(vjm, q)
-    position, R, J = tool_motion(vjm, q)
-    np.testing.assert_allclose(
-        J.transpose(1, 2, 0), where.J_theta[:, -vjm.arm.n_joints :], rtol=0, atol=1e-14
-    )
-    np.testing.assert_allclose(position, where.position, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(R, where.rotation, rtol=0, atol=1e-14)
 
 
 def test_a_rotation_vector_takes_one_orientation_to_the_other(rng):

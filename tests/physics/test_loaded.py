@@ -1,7 +1,5 @@
 """Eq. (7) on the model side: K_w against differences; tangents, equilibria and errors against MuJoCo."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
@@ -18,11 +16,10 @@ from testbench.model.loaded import (
     secant,
 )
 from testbench.model.vjm import (
-    Chain,
     chain,
     generalised_load,
 )
-from testbench.plant import build_plant, settle, weightless
+from testbench.plant import settle, weightless
 from testbench.plant.equilibrium import Poses
 from testbench.plant.equilibrium import tangent as plant_tangent
 from testbench.plant.state import open_row
@@ -61,11 +58,6 @@ def random_wrench(rng, runs, force, moment):
     return part, rng.uniform(-0.4, 0.4, (runs, 3))  # well off the tool's centre
 
 
-def small(where: Chain) -> float:
-    """A bar for sums of a few hundred products of terms of this size, in double precision."""
-    return 1e-13 * float(np.abs(where.J_theta).max()) ** 2
-
-
 # --- chain away from zero --------------------------------------------------------------------------------
 
 
@@ -88,14 +80,6 @@ def test_bent_chain_and_its_jacobian_are_those_of_the_elastic_mjcf(cell, seed):
         at = data.xpos[plant.tool] + frame @ point
         mujoco.mj_jac(plant.model, data, expected[:3], expected[3:], at, plant.tool)
         np.testing.assert_allclose(J[i], expected[:, plant.theta], rtol=0, atol=1e-12)
-
-
-def test_zero_theta_is_the_unbent_chain_bit_by_bit(cell, rng):
-    q = random_q(cell, rng, 7)
-    straight, zero = chain(cell.vjm, q), chain(cell.vjm, q, np.zeros((7, cell.arm.n_theta)))
-    np.testing.assert_array_equal(straight.J_theta, zero.J_theta)
-    np.testing.assert_array_equal(straight.position, zero.position)
-    np.testing.assert_array_equal(straight.rotation, zero.rotation)
 
 
 # --- K_w -------------------------------------------------------------------------------------------------
@@ -126,36 +110,7 @@ def test_k_w_is_the_derivative_of_the_generalised_load(request, name, force, mom
     np.testing.assert_allclose(K_w, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_k_w_of_a_force_is_symmetric_and_that_of_a_fixed_moment_is_not(cell, seed):
-    rng = np.random.default_rng(seed)
-    q, theta = bent(cell, rng, 3)
-    where = chain(cell.vjm, q, theta)
-    wrench, point = random_wrench(rng, 3, 1000, 1000)
-    force, moment = wrench * np.repeat([1, 0], 3), wrench * np.repeat([0, 1], 3)
-    K_f, K_m = (geometric_stiffness(where, w, point) for w in (force, moment))
-    np.testing.assert_array_equal(K_f, K_f.swapaxes(1, 2))  # each pair is computed once
-    # a moment's curl: m . (omega_i x omega_j), of the order of the moment where two axes are not parallel
-    assert (np.abs(K_m - K_m.swapaxes(1, 2)).max(axis=(1, 2)) > 100).all()
-    K = geometric_stiffness(where, wrench, point)
-    np.testing.assert_allclose(K, K_f + K_m, rtol=0, atol=1000 * small(where))
-
-
-def test_k_w_of_a_moment_does_not_depend_on_where_it_acts(kr500, rng):
-    q, theta = bent(kr500, rng, 2)
-    where = chain(kr500.vjm, q, theta)
-    wrench, point = random_wrench(rng, 2, 0, 1000)
-    K_w = geometric_stiffness(where, wrench, point)
-    np.testing.assert_array_equal(K_w, geometric_stiffness(where, wrench, np.zeros((2, 3))))
-
-
 # --- tangent of the loaded arm ---------------------------------------------------------------------------
-
-
-def tangent(cell, q, theta, wrench, point):
-    where = chain(cell.vjm, q, theta)
-    K_w = geometric_stiffness(where, wrench, point)
-    return loaded_compliance(load_jacobian(where, point), cell.arm.C_theta, K_w)
 
 
 def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
@@ -175,31 +130,6 @@ def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
         np.testing.assert_allclose(np.eye(len(found)) - found, expected, rtol=0, atol=1e-7 * size)
 
 
-def test_loaded_compliance_predicts_increments_of_the_plants_equilibrium(kr500, rng):
-    """The same tangent, seen from outside: central differences of `settle` with 5 kN hung on."""
-    plant, q = weightless(kr500.plant), random_q(kr500, rng, 10)
-    wrench, point = hung(kr500, 10, 5000.0)
-    C = tangent(kr500, q, settle(plant, q, wrench, point).theta, wrench, point)
-    h = 100.0
-    for k, step in enumerate(h * np.eye(6)):
-        ahead, behind = (settle(plant, q, wrench + s, point) for s in (step, -step))
-        moved = ahead.tool - behind.tool
-        moved += np.einsum("rxy,ry->rx", ahead.rotation - behind.rotation, point)
-        # `settle` stops within 1e-10 m, increments move the arm by 1e-4 m
-        np.testing.assert_allclose(moved / (2 * h), C[:, :3, k], rtol=0, atol=1e-6 * np.abs(C[:, :3]).max())
-
-
-def test_a_weight_softens_an_arm_that_stands_and_stiffens_one_that_hangs(kr500):
-    """Sign of K_w against intuition: an inverted and a plain pendulum, seen in joint 2 alone."""
-    C_theta = np.zeros_like(kr500.arm.C_theta)
-    joint_2 = 6 * 7 + 1
-    C_theta[joint_2, joint_2] = kr500.arm.joints[1].compliance
-    q = np.deg2rad([[0.0, -90, 0, 0, 0, 0], [0.0, 90, 0, 0, 0, 0]])
-    where = chain(kr500.vjm, q)
-    K_w = geometric_stiffness(where, *hung(kr500, 2, 10_000.0))
-    assert K_w[0, joint_2, joint_2] > 0 > K_w[1, joint_2, joint_2]
-
-
 def test_without_load_eq_7_is_eq_6(cell, rng):
     q = random_q(cell, rng, 5)
     J, zero = (
@@ -215,33 +145,6 @@ def test_without_load_eq_7_is_eq_6(cell, rng):
     rest = loaded_equilibrium(cell.vjm, cell.arm.C_theta, q, np.zeros((5, 6)), np.zeros((5, 3)))
     np.testing.assert_array_equal(rest.theta, 0)
     np.testing.assert_array_equal(loaded_deflection(cell.vjm, q, rest.theta, cell.vjm.markers), 0)
-
-
-def test_compliance_form_is_the_stiffness_form_of_the_paper(cell, rng):
-    """J (K_theta - K_w)^-1 J^T with K_theta = inv(C_theta), where that exists."""
-    q = random_q(cell, rng, 3)
-    wrench, point = random_wrench(rng, 3, 3000, 1000)
-    C_theta = cell.arm.C_theta
-    where = chain(cell.vjm, q)
-    J, K_w = load_jacobian(where, point), geometric_stiffness(where, wrench, point)
-    expected = J @ np.linalg.solve(np.linalg.inv(C_theta) - K_w, J.swapaxes(1, 2))
-    # the condition number of K_theta, m/N beside rad/(N m), costs the expected side six digits
-    np.testing.assert_allclose(
-        loaded_compliance(J, C_theta, K_w), expected, rtol=0, atol=1e-10 * np.abs(expected).max()
-    )
-
-
-def test_rigid_links_are_zeros_in_the_compliance(cell, rng):
-    """A singular C_theta, joints alone elastic: the limit of ever stiffer links."""
-    q = random_q(cell, rng, 3)
-    wrench, point = hung(cell, 3, 1000.0)
-    links = 6 * len(cell.arm.links)
-    rigid, stiff = cell.arm.C_theta.copy(), cell.arm.C_theta.copy()
-    rigid[:links, :links] = 0
-    stiff[:links, :links] *= 1e-9
-    thetas = [loaded_equilibrium(cell.vjm, C, q, wrench, point).theta for C in (rigid, stiff)]
-    assert np.abs(thetas[0][:, :links]).max() == 0
-    np.testing.assert_allclose(*thetas, rtol=0, atol=1e-8 * np.abs(thetas[0]).max())
 
 
 # --- equilibrium under load ------------------------------------------------------------------------------
@@ -262,35 +165,6 @@ def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng):
     np.testing.assert_allclose(moved, rest.markers - settle(plant, q).markers, rtol=0, atol=1e-8)
     assert ours.step.max() < STEP_TOLERANCE
     assert ours.iterations.max() <= 6  # quadratic convergence
-
-
-def test_to_near_rounding_where_the_plant_is_asked_for_more_digits(kr500, rng, monkeypatch):
-    monkeypatch.setattr("testbench.plant.equilibrium.STEP_TOLERANCE", 1e-14)
-    plant, q = weightless(kr500.plant), random_q(kr500, rng, 20)
-    wrench, point = random_wrench(rng, 20, 3000, 1000)
-    rest, ours = (
-        settle(plant, q, wrench, point),
-        loaded_equilibrium(kr500.vjm, kr500.arm.C_theta, q, wrench, point),
-    )
-    # virtual joints move by 1e-3; 1e-16 of 1e4 N m on 1e-5 rad/(N m), times what springs lose as tendons
-    np.testing.assert_allclose(ours.theta, rest.theta, rtol=0, atol=1e-15)
-
-
-def test_a_pose_rests_alike_alone_and_among_others(kr500, rng):
-    q = random_q(kr500, rng, 6)
-    wrench, point = hung(kr500, 6, 10_000.0)
-    wrench[:3] *= 0.01  # these need fewer steps
-    together = loaded_equilibrium(kr500.vjm, kr500.arm.C_theta, q, wrench, point)
-    assert len(set(together.iterations)) > 1
-    alone = loaded_equilibrium(kr500.vjm, kr500.arm.C_theta, q[2:3], wrench[2:3], point[2:3])
-    # matrix products over other numbers of runs may round otherwise
-    np.testing.assert_allclose(alone.theta[0], together.theta[2], rtol=0, atol=1e-16)
-
-
-def test_no_poses_are_no_equilibria(kr500):
-    rest = loaded_equilibrium(kr500.vjm, kr500.arm.C_theta, *(np.zeros((0, k)) for k in (6, 6, 3)))
-    assert rest.theta.shape == (0, 48)
-    assert loaded_deflection(kr500.vjm, np.zeros((0, 6)), rest.theta, kr500.vjm.markers).shape == (0, 3, 3)
 
 
 # --- order of the errors ---------------------------------------------------------------------------------
@@ -344,42 +218,6 @@ def test_second_order_terms_along_the_force_are_0_1_and_one_and_a_half_a(cell):
     assert np.median(np.abs((terms["linear"] + terms["loaded"]) / 2 - 1.5)) < 1e-3
 
 
-def distance_errors(cell, plant, q, load):
-    """RMS errors of the tool against MuJoCo, by method [m]."""
-    wrench, point = hung(cell, len(q), load)
-    tool, C_theta = np.zeros((1, 3)), cell.arm.C_theta
-    true = settle(plant, q, wrench, point).tool - settle(plant, q).tool
-    free = chain(cell.vjm, q)
-    rest = loaded_equilibrium(cell.vjm, C_theta, q, wrench, point)
-    under = chain(cell.vjm, q, rest.theta)
-    linear, once, loaded_ = (
-        displacement(where, secant(where, C_theta, wrench, point, K_w), tool)[:, 0]
-        for where, K_w in (
-            (free, None),
-            (free, geometric_stiffness(free, wrench, point)),
-            (under, geometric_stiffness(under, wrench, point)),
-        )
-    )
-    moved = {"linear": linear, "once": once, "loaded": loaded_, "mean": (linear + loaded_) / 2}
-    moved["integrated"] = loaded_deflection(cell.vjm, q, rest.theta, tool)[:, 0]
-    return {name: np.sqrt(np.mean(np.sum((value - true) ** 2, axis=1))) for name, value in moved.items()}
-
-
-def test_secants_err_in_second_order_their_mean_in_third_and_the_integral_not_at_all(kr500, rng):
-    """The mean is the trapezoidal rule on dX = C(w) dw; halving the load tells the order against MuJoCo."""
-    plant, q = weightless(kr500.plant), random_q(kr500, rng, 30)
-    full, half = (distance_errors(kr500, plant, q, load) for load in (10_000.0, 5000.0))
-    for method in ("linear", "once", "loaded"):
-        assert 3.9 < full[method] / half[method] < 4.1, method  # up to third-order terms of 1 %
-    assert full["once"] < full["linear"]
-    # Eq. (6) and Eq. (7) at the loaded equilibrium err alike and in opposite directions
-    assert full["loaded"] == pytest.approx(full["linear"], rel=0.02)
-    assert 7.6 < full["mean"] / half["mean"] < 8.4
-    assert full["mean"] < full["linear"] / 50
-    assert full["integrated"] < 1e-9  # the plant's step tolerance
-    assert full["linear"] > 1e-5
-
-
 # --- buckling and bad input ------------------------------------------------------------------------------
 
 
@@ -418,32 +256,12 @@ def test_beyond_its_buckling_load_an_arm_has_no_equilibrium(kr500, share):
         loaded_equilibrium(kr500.vjm, C_theta, q, wrench, point)
 
 
-def test_model_and_plant_agree_that_a_soft_arm_buckles(kr500):
-    joints = list(kr500.arm.joints)
-    joints[1] = replace(joints[1], compliance=1e-4)
-    arm = replace(kr500.arm, joints=tuple(joints))
-    plant = weightless(build_plant(arm))
-    q, (wrench, point) = np.deg2rad([[0.0, -90, 0, 0, 0, 0]]), hung(kr500, 1, 4515.0)
-    with pytest.raises(NoEquilibrium):
-        settle(plant, q, wrench, point)
-    with pytest.raises(NoEquilibrium):
-        loaded_equilibrium(kr500.vjm, arm.C_theta, q, wrench, point)
-
-
 def test_a_load_beyond_all_measure_names_its_pose(arm_6r):
     q = np.deg2rad([[0.0, 0, 0, 0, 0, 0], [0.0, 10, 0, 0, 0, 0]])
     wrench, point = hung(arm_6r, 2, 1e6)
     wrench[0] = 0
     with pytest.raises(NoEquilibrium, match=r"no static equilibrium in 1 .*10\.0.*too soft"):
         loaded_equilibrium(arm_6r.vjm, arm_6r.arm.C_theta, q, wrench, point)
-
-
-def test_exactly_at_buckling_the_loaded_compliance_is_an_error(kr500):
-    q, point, *_ = inverted_pendulum(kr500)
-    J = load_jacobian(chain(kr500.vjm, q), point)
-    C = np.diag(np.r_[1.0, np.zeros(47)])
-    with pytest.raises(NoEquilibrium, match="buckles"):
-        loaded_compliance(J, C, C[None])
 
 
 def test_wrong_shapes_say_what_was_expected(kr500):

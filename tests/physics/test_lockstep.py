@@ -7,7 +7,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from testbench.campaign.campaign import settle_both
 from testbench.errors import NoEquilibrium
 from testbench.plant import TYPICAL, build_plant, disturb, settle, settle_linear, settle_pair
 from testbench.plant.build import plant_of
@@ -48,15 +47,6 @@ def test_poses_settle_alike_in_any_order_and_in_any_company(kr500, rng, monkeypa
     assert_same(settled(kr500.plant, *runs), expected)
     monkeypatch.setattr("testbench.plant.build.ABREAST", 1)
     assert_same(settled(plant_of(kr500.arm, kr500.plant.model), *runs), expected)
-
-
-@pytest.mark.parametrize("truth", ["nonlinear", "linear"])
-def test_unloaded_and_loaded_in_one_call_are_those_of_two(kr500, rng, truth):
-    q, wrench, point = loads(kr500, rng)
-    find = settle if truth == "nonlinear" else settle_linear
-    unloaded, under_load = settle_both(kr500.plant, truth, q, wrench, point)
-    assert_same(unloaded, find(kr500.plant, q, 0 * wrench, point))
-    assert_same(under_load, find(kr500.plant, q, wrench, point))
 
 
 def test_threads_of_a_caller_find_the_same(kr500, rng):

@@ -13,7 +13,7 @@ from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import DEFAULT, choose, default_models, recommend
 from testbench.campaign.models import Model, is_least_squares, named_models
 from testbench.errors import BenchError
-from testbench.identify import Method, gco, least_squares, make_estimate, reduce, robust, with_prior
+from testbench.identify import gco, least_squares, make_estimate, reduce, robust, with_prior
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.hierarchy import learn
 from testbench.identify.method import ROBUST_UNCERTAINTY
@@ -40,13 +40,6 @@ def prior(kr500):
 def rigid(vjm, structure, data):
     """An estimator of one's own: nothing moves but by a hair."""
     return make_estimate(reduce(vjm, structure, data), np.full(structure.n, 1e-12), method="a hair")
-
-
-def test_an_estimator_of_ones_own_is_called_and_its_answer_comes_out(kr500, campaign):
-    model = Model("mine", template56(kr500.arm), rigid)
-    [result] = identify(kr500, campaign, [model], lambda: 0.0)
-    assert result.estimate.method == "a hair"
-    np.testing.assert_array_equal(result.estimate.pi, 1e-12)
 
 
 @pytest.mark.parametrize("combine", [lambda own, prior: with_prior(own, prior), lambda own, _: robust(own)])
@@ -87,15 +80,6 @@ def test_the_default_gives_way_to_joints_alone_only_where_these_are_clearly_bett
     assert by_name["MLS56"].mean() > by_name[DEFAULT].mean()
 
 
-def test_an_answer_of_another_structure_is_refused_by_name(kr500, campaign):
-    def mine(vjm, _, data):
-        return rigid(vjm, named_models(kr500, ["MGCO47"])[0].structure, data)
-
-    models = [*named_models(kr500, ["MGCO47"]), Model("mine", template56(kr500.arm), mine)]
-    with pytest.raises(BenchError, match="mine: its estimator failed: expected 56 finite"):
-        recommend(kr500, models, campaign.identification)
-
-
 @pytest.mark.parametrize("method", [gco, least_squares])
 def test_a_method_with_a_prior_is_the_fit_in_the_scale_of_the_data(kr500, campaign, prior, method):
     s, data = template56(kr500.arm), campaign.identification
@@ -119,16 +103,6 @@ def test_a_prior_without_a_strength_is_learnt_from_the_readings_or_fixed_beside_
     assert robust(with_prior(gco, prior))(kr500.vjm, s, data).belief.strength == Strength(ROBUST_UNCERTAINTY)
 
 
-def test_a_robust_method_names_the_readings_that_it_does_without(kr500, campaign, prior):
-    s = template56(kr500.arm)
-    data, mask = spoil(campaign.identification, 0.05, 5e-3, np.random.default_rng(1))
-    for method in (robust(gco), robust(least_squares), robust(with_prior(gco, prior, HALF))):
-        estimate = method(kr500.vjm, s, data)
-        wanted = {(data.run[i], data.markers[j]) for i, j in np.argwhere(mask)}
-        assert {(r.run, r.marker) for r in estimate.rejected} >= wanted
-    assert gco(kr500.vjm, s, data).rejected == ()
-
-
 def test_datasets_fitted_together_are_fitted_as_each_alone(kr500, campaign, prior):
     data, structure = campaign.identification, template56(kr500.arm)
     spoiled, _ = spoil(data, 0.05, 1e-3, np.random.default_rng(2))
@@ -140,32 +114,6 @@ def test_datasets_fitted_together_are_fitted_as_each_alone(kr500, campaign, prio
             assert (own.status, advice(own), own.rejected) == (alone.status, advice(alone), alone.rejected)
             moved = [deflections(kr500.vjm, e, runs) for e in (own, alone)]  # where the data hold the fit
             np.testing.assert_allclose(*moved, rtol=0, atol=1e-6 * np.abs(moved[1]).max())
-
-
-def test_methods_are_equal_by_what_they_ask(prior):
-    assert Method("psd") == gco != least_squares
-    assert robust(with_prior(gco, prior, HALF)) == Method("psd", prior, HALF, "robust")
-
-
-@pytest.mark.parametrize("with_a_prior", [False, True])
-@pytest.mark.parametrize("method", [least_squares, gco])
-def test_last_digits_of_the_readings_move_no_prediction(kr500, campaign, prior, method, with_a_prior):
-    """Every marker moved by 1e-15 of its position, as another processor rounds: 1e-9 of the deflections.
-
-    Predictions of the measured poses are the well determined ones; with a prior those elsewhere are too.
-    """
-    data, rng = campaign.identification, np.random.default_rng(2)
-    if with_a_prior:
-        method = with_prior(method, prior, HALF)
-    turned = [p * (1 + 1e-15 * rng.choice([-1, 1], p.shape)) for p in (data.before, data.after)]
-    assert not np.array_equal(turned[0], data.before)
-    other = replace(data, before=turned[0], after=turned[1])
-    for model in named_models(kr500, ["MGCO56", "MGCO47", "MGCO68"]):
-        one, two = (method(kr500.vjm, model.structure, runs) for runs in (data, other))
-        for where in (data, campaign.truth) if with_a_prior else (data,):
-            moved = deflections(kr500.vjm, one, where)
-            change = np.abs(deflections(kr500.vjm, two, where) - moved).max()
-            assert change <= 1e-9 * np.abs(moved).max()
 
 
 def failing(vjm, structure, data):

@@ -12,16 +12,10 @@ from testbench.campaign.campaign import Scenario, build_cell, simulate
 from testbench.campaign.registration_notes import registration_notes
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
-from testbench.identify import gco
-from testbench.identify.closed_form import MOST, means
-from testbench.identify.evaluate import deflections
-from testbench.identify.method import with_prior
-from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.registered import LOOSE, in_base, registered
 from testbench.identify.registered import unloaded as series_of_stations
 from testbench.identify.registration import Frame
 from testbench.identify.registration import register as register_series
-from testbench.model.structure import mgco68
 from testbench.model.vjm import tool_pose
 
 FINE = 1e-7  #: Noise said of exact readings [m]: nominal positions then pull by less than 1e-11 m.
@@ -138,19 +132,6 @@ def test_wild_readings_hardly_move_anything(size, kr500, rng):
     assert found.noise < 4e-4
 
 
-def test_same_pose_again_tells_less_noise_of_the_tracker_and_nothing_else(kr500, rng):
-    vjm, data = unloaded(kr500, rng, 8, noise=1e-3)
-    again = {name: np.concatenate([getattr(data, name)] * 3) for name in ("q", "wrench", "point", "before")}
-    ids = np.arange(24)
-    more = replace(data, run=ids, pose=ids % 8, after=again["before"], station=0 * ids, **again)
-    few, many = register(vjm, data), register(vjm, more)
-    np.testing.assert_allclose(many.targets, few.targets, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(many.covariance, few.covariance, rtol=1e-4)
-    np.testing.assert_allclose(
-        means(vjm, series_of_stations(more)).covariance[0], FINE**2 / 3 * np.eye(3), rtol=1e-12
-    )
-
-
 def test_stations_of_lost_or_of_too_few_readings(kr500, rng):
     """The tenth run by a station of its own: all its targets lost, then one of them read."""
     vjm, data = unloaded(kr500, rng, 10)
@@ -163,13 +144,6 @@ def test_stations_of_lost_or_of_too_few_readings(kr500, rng):
     P[9, 0] = P[0, 0]
     with pytest.raises(BenchError, match="station 2 read 1 targets; expected at least 3"):
         registered(vjm, replace(data, precision=P), "tracker")
-
-
-def test_many_readings_take_no_longer_than_some(kr500, rng):
-    vjm, data = unloaded(kr500, rng, 4000, stations=2, noise=1e-3)
-    found = register(vjm, read(data, *frames(rng, 2)))
-    assert len(found.distance) == MOST
-    np.testing.assert_allclose(found.targets, kr500.vjm.markers, rtol=0, atol=1e-4)
 
 
 def test_one_joint_alone_leaves_a_new_target_open(kr500, rng):
@@ -197,29 +171,11 @@ def test_readings_in_the_bases_frame_stay_as_they_are(kr500):
         assert (found.frame, found.data, found.vjm) == ("base", data, kr500.vjm)
 
 
-@pytest.mark.parametrize("degrees", [1.0, 90.0])
-def test_frame_turned_about_the_vertical_is_seen(degrees, kr500, rng):
-    vjm, data = unloaded(kr500, rng, 10, noise=5e-4)
-    R = Rotation.from_rotvec([0, 0, degrees], degrees=True).as_matrix()[None]
-    found = registered(vjm, read(data, R, np.zeros((1, 3))))
-    assert found.frame == "tracker"
-    assert f"{degrees:.0f}" in f"{np.degrees(found.registration.frames['station 0'].angle):.1f}"
-    np.testing.assert_allclose(found.data.before, data.before, rtol=0, atol=2e-3)
-
-
 def test_readings_of_another_arm_are_left_alone_and_said(kr500, rng):
     vjm, data = unloaded(kr500, rng, 10)
     found = registered(vjm, replace(data, q=data.q[:, ::-1].copy()))
     assert found.data.before is data.before
     assert "in no frame do the unloaded readings fit the arm" in registration_notes(found)[0]
-
-
-@pytest.mark.parametrize("choice", ["auto", "base"])
-def test_readings_that_tell_nothing_of_targets_are_left_alone_but_for_new_ones(choice, kr500, rng):
-    vjm, data = unloaded(kr500, rng, 1, targets=1)
-    assert registered(vjm, data, choice).data is data
-    with pytest.raises(BenchError, match="station 0 read 1 targets; expected at least 3"):
-        registered(vjm, replace(data, markers=("T",)))
 
 
 def test_given_frame_is_taken_and_other_stations_are_found(kr500, rng):
@@ -250,24 +206,3 @@ def test_uncertain_rotation_is_added_to_every_deflection(kr500, rng):
     off = Rotation.from_rotvec(rng.standard_normal((20_000, 3)) * [1e-3, 2e-3, 3e-3])
     drawn = off.apply(data.deflection[0, 0]) + (axes * rng.standard_normal((20_000, 3))) @ R[0]
     np.testing.assert_allclose(got, np.cov(drawn.T), rtol=0, atol=0.05 * got.max())
-
-
-def test_model_is_that_of_readings_in_the_bases_frame(kr500, rng):
-    """Two stations, orientations too: predictions agree to 1 %, where noise costs 3 %."""
-    campaign = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=50, truth="linear"), 500)
-    data = campaign.identification
-    turned = {
-        name: 0.1 * rng.standard_normal((data.runs, 3)) for name in ("rotation_before", "rotation_after")
-    }
-    data = replace(data, station=np.arange(data.runs) % 2, sigma_rotation=1.0, **turned)
-    found = registered(kr500.vjm, read(data, *frames(rng, 2)))
-    assert found.frame == "tracker"
-    np.testing.assert_allclose(found.data.rotation, data.rotation, rtol=0, atol=1e-3)
-    method = with_prior(gco, cad_prior(kr500.arm), Strength(0.3))
-    own = {"rotation_before": None, "rotation_after": None, "sigma_rotation": None}
-    model = [
-        deflections(vjm, method(vjm, mgco68(vjm.arm), replace(runs, **own)), campaign.truth)
-        for vjm, runs in ((kr500.vjm, data), (found.vjm, found.data))
-    ]
-    off = np.linalg.norm(model[1] - model[0], axis=-1)
-    assert np.sqrt((off**2).mean()) < 0.01 * np.sqrt((model[0] ** 2).sum(axis=-1).mean())

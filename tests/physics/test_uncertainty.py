@@ -15,12 +15,10 @@ from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.data.dataset import in_order
 from testbench.errors import BenchError
 from testbench.identify import gco, intervals, least_squares, reduce, with_prior
-from testbench.identify.evaluate import deflections
 from testbench.identify.least_squares import minimum_norm
-from testbench.identify.metric import Belief, metric
-from testbench.identify.posterior import CURVED, curvature, linearise
+from testbench.identify.metric import metric
+from testbench.identify.posterior import linearise
 from testbench.identify.prior import Strength, aggregate, cad_prior
-from testbench.identify.solve import solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.studies.estimators.bootstrap import bootstrap, resampler
 from testbench.studies.identifiability.coverage import Case, bounded, draw_conservative
@@ -80,55 +78,6 @@ def test_what_gravity_does_not_load_is_infinitely_uncertain(kr500, gravity):
     np.testing.assert_array_equal(np.isinf(found.upper), [True, False])
 
 
-def test_no_data_means_no_knowledge(kr500, gravity):
-    data = gravity.identification
-    idle = replace(data, wrench=np.zeros_like(data.wrench))
-    s = mgco68(kr500.arm)
-    linear = linearise(least_squares(kr500.vjm, s, idle))
-    assert np.isinf(linear.deviations(np.eye(s.n))).all()
-    assert linear.deviations(np.zeros((1, s.n)))[0] == 0
-
-
-def test_a_prior_makes_everything_finite_and_more_data_only_helps(kr500, gravity):
-    s = mgco68(kr500.arm)
-    m, strength = metric(cad_prior(kr500.arm), kr500.vjm, s), Strength(0.3)
-    rows = rows_of(kr500, s, gravity.truth)
-    widths = []
-    for data in (gravity.identification, gravity.measured):  # 8 poses, and 11
-        estimate = solve(reduce(kr500.vjm, s, data), "psd", Belief(m, strength))
-        widths.append(linearise(estimate).deviations(rows))
-    assert np.isfinite(widths).all()
-    assert (widths[1] <= widths[0] * (1 + 1e-9)).all()
-    weaker = linearise(solve(estimate.regression, "psd", Belief(m, Strength(1.0)))).deviations(rows)
-    assert (weaker > widths[1]).all()
-
-
-def test_posterior_covariance_is_bayes_rule(kr500, gravity):
-    """Against the textbook's inverse of the summed precisions, where it is well conditioned."""
-    s = template56(kr500.arm)
-    m, strength = metric(cad_prior(kr500.arm), kr500.vjm, s), Strength(0.3, 0.5)
-    regression = reduce(kr500.vjm, s, gravity.identification)
-    estimate = solve(regression, "none", Belief(m, strength))
-    [term] = regression.terms
-    A = np.sqrt(term.equations / 3) * term.R @ m.L
-    e = m.expected
-    precision = A.T @ A + np.linalg.inv(0.3**2 * np.eye(s.n) + 0.5**2 * np.outer(e, e))
-    rows = rows_of(kr500, s, gravity.truth)
-    a = rows @ m.L
-    expected = np.sqrt(np.einsum("kn,nk->k", a, np.linalg.solve(precision, a.T)))
-    np.testing.assert_allclose(linearise(estimate).deviations(rows), expected, rtol=1e-6)
-
-
-def test_the_boundary_of_the_cone_is_told(kr500, arm_6r, gravity, full_pose):
-    case, campaign = full_pose
-    free = linearise(gco(arm_6r.vjm, case.regression.structure, campaign.identification))
-    assert not free.on_boundary
-    bound = linearise(gco(kr500.vjm, template56(kr500.arm), gravity.identification))
-    assert bound.on_boundary
-    assert bound.pull > 1
-    assert not linearise(least_squares(kr500.vjm, mgco68(kr500.arm), gravity.identification)).on_boundary
-
-
 def test_bootstrap_is_near_linearised_where_the_cone_does_not_bind(arm_6r, full_pose):
     case, campaign = full_pose
     data, s = campaign.identification, case.regression.structure
@@ -166,24 +115,6 @@ def test_bad_input_is_named(arm_6r, kr500, full_pose, gravity):
     other = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     with pytest.raises(BenchError, match="expected a conservative model among"):
         draw_conservative(other, Strength(50.0), np.random.default_rng(0))
-
-
-def test_intervals_of_predicted_deflections_are_those_of_their_rows(kr500, gravity):
-    """Run by run, marker by marker, world axis by axis; with the prior that the estimate was made with."""
-    s, where = template56(kr500.arm), gravity.truth
-    estimate = with_prior(gco, cad_prior(kr500.arm), Strength(0.3))(kr500.vjm, s, gravity.identification)
-    found = intervals(kr500.vjm, estimate, where)
-    np.testing.assert_allclose(found.centre, deflections(kr500.vjm, estimate, where), rtol=0, atol=1e-12)
-    one = where.deflection.shape
-    assert found.lower.shape == found.upper.shape == one
-    rows = rows_of(kr500, s, where, kr500.vjm.markers).reshape(*one, s.n)
-    sd = linearise(estimate).deviations(rows[2, 1])
-    bent = CURVED * curvature(kr500.vjm, estimate.C_theta, where)[2, 1]
-    half = np.hypot(1.959964 * sd, bent)
-    np.testing.assert_allclose(found.upper[2, 1] - found.lower[2, 1], 2 * half, rtol=1e-6)
-    # linear truth of the folder's own compliances: the right prior's intervals hold nearly all of it
-    inside = (found.lower <= where.deflection) & (where.deflection <= found.upper)
-    assert inside.mean() > 0.9
 
 
 def test_memory_of_intervals_grows_with_what_they_are_and_not_with_their_rows(kr500, gravity):

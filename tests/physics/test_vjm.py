@@ -3,13 +3,12 @@
 import mujoco
 import numpy as np
 import pytest
-from loads import hung, random_q
+from loads import random_q
 
 from testbench.errors import BenchError
 from testbench.identify.regression import non_redundant, rank
 from testbench.model.loaded import load_jacobian
-from testbench.model.poses import BATCH, WorkArea, random_poses
-from testbench.model.structure import all153, mgco147, template56
+from testbench.model.structure import all153, template56
 from testbench.model.vjm import chain, observation, rotation_observation
 from testbench.plant import settle_linear
 
@@ -77,14 +76,6 @@ def test_markers_move_as_in_the_first_order_truth(cell, rng):
     np.testing.assert_allclose(predicted, moved, rtol=0, atol=1e-14)
 
 
-def test_eight_poses_with_one_load_carry_at_most_48_equations(kr500, rng):
-    q = random_q(kr500, rng, 8)
-    s = mgco147(kr500.arm)
-    A = observation(chain(kr500.vjm, q), s, *hung(kr500, 8), kr500.vjm.markers)
-    assert A.reshape(-1, s.n).shape == (72, 147)
-    assert rank(A.reshape(-1, s.n)) == 48
-
-
 def test_algebraic_reduction_finds_the_32_parameters_of_mls32(six_axes, rng):
     full = template56(six_axes.arm)
     reduced = non_redundant(six_axes.vjm, full, name="MLS32")
@@ -99,28 +90,8 @@ def test_algebraic_reduction_finds_the_32_parameters_of_mls32(six_axes, rng):
     assert rank(np.hstack([A, B])) == rank(B)
 
 
-def test_a_fixed_arm_without_joints_is_a_single_link(single_link):
-    J = jacobian(single_link.vjm, np.zeros((2, 0)))
-    np.testing.assert_allclose(J, np.tile(np.eye(6), (2, 1, 1)), rtol=0, atol=1e-15)
-
-
 def test_wrong_shapes_say_what_was_expected(kr500):
     with pytest.raises(BenchError, match=r"q \[rad, m\]: expected shape \(any, 6\), got \(2, 5\)"):
         chain(kr500.vjm, np.zeros((2, 5)))
     with pytest.raises(BenchError, match="finite"):
         chain(kr500.vjm, np.full((2, 6), np.nan))
-
-
-def test_random_poses_are_the_first_in_the_area_that_are_clear_and_no_more_are_looked_at(kr500):
-    area, looked_at = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0)), []
-
-    def clear(q):
-        looked_at.append(len(q))
-        return q[:, 0] > 0
-
-    found = random_poses(kr500.vjm, area, 50, clear, np.random.default_rng(1))
-    drawn = np.random.default_rng(1).uniform(*kr500.arm.limits, (BATCH, 6))
-    tool = chain(kr500.vjm, drawn).position
-    inside = drawn[((tool >= area.lower) & (tool <= area.upper)).all(axis=1)]
-    np.testing.assert_array_equal(found, inside[inside[:, 0] > 0][:50])
-    assert sum(looked_at) < len(inside) / 2

@@ -107,8 +107,8 @@ def test_the_answer_is_that_with_noise_and_all_disturbances():
         "Joint stiffness only 90 um, 1.8 times larger."
     )
     assert found.claims[1] == (
-        "The cone by itself: MGCO56 beats MLS56 in 0 % (0 to 43 %) of 5 trials. With the prior it does in 0 "
-        "% (0 to 43 %), and they err the same in 100 % (57 to 100 %)."
+        "The cone by itself: MGCO56 beats MLS56 in 0 % (0 to 43 %) of 5 trials. With the prior it wins in 0 "
+        "% (0 to 43 %); in 100 % (57 to 100 %) both err the same."
     )
 
 

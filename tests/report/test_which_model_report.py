@@ -141,8 +141,8 @@ def test_intervals_and_doubts_are_counted_over_all_cases_and_over_parts(of_all):
         assert p.either == (pytest.approx(np.mean(both)) if link else None)
     joints = np.mean([row.cover.covered_percent for _, row in rows if row.name == "Joints"])
     ours = promises["all", DEFAULT].covered_percent
-    assert found.claims[1].startswith(f"Its 95 % intervals cover {ours:.1f} % of the true deflections; ")
-    assert found.claims[1].endswith(f"count noise and nothing else, {joints:.0f} %.")
+    assert found.claims[1].startswith(f"Its 95 % intervals cover {ours:.1f} % of the true deflections. ")
+    assert found.claims[1].endswith(f"only cover {joints:.0f} %: they count noise alone.")
     link, off = (
         share(promises[f"prior {name}", DEFAULT].doubted, "36") for name in ("one link off", "joints off")
     )

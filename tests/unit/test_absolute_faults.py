@@ -18,10 +18,7 @@ from testbench.identify.absolute.choose import blocks_of
 from testbench.identify.absolute.fit import Options, calibrate, explain, gather
 from testbench.identify.absolute.scatter import outliers, residuals
 from testbench.identify.absolute.state import nominal
-from testbench.identify.diagnosis.steps import best, lacking
-from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
-from testbench.model.structure import all153
 from testbench.model.weights import read_weights
 
 ONLY = Options(only=frozenset({"joint springs"}), orders=5)
@@ -119,15 +116,6 @@ def test_what_moved_in_mid_series_is_found_at_its_row_and_parted(ur10, fault):
     assert f"between rows {k} and {k + 1}:" in words
     assert [part.rows for part in found.series] == [k, ROWS - k]
     assert found.noise.open_position < 2e-4  # tenths of what the step would leave
-
-
-def test_two_moves_are_two(ur10):
-    """Of the target first, of the tracker then."""
-    (one,) = read(ur10, poses=2 * ROWS)
-    found = gathered(ur10, tracker_moved(target_moved(one, 40, (0, 0, 2e-3)), 80, (0, 2e-3, 0)))
-    assert [part.rows for part in found.series] == [40, 40, 40]
-    words = {note.split(" mm")[0] for note in moves(found, ur10)}
-    assert words == {"series 1: the target moved by 2", "series 1 from row 41: the tracker moved by 2"}
 
 
 def test_a_mount_that_moved_is_shared_no_more(ur10):
@@ -306,17 +294,6 @@ def test_few_poses_read_often_are_one_block(ur10):
     label = blocks_of((more,))[0]
     assert len(np.unique(label)) > 1
     assert all(len(np.unique(label[more.pose == pose])) == 1 for pose in more.pose)
-
-
-def test_targets_that_were_lost_make_no_step_look_greater(kr500):
-    """One of three in each row: the largest of 40 sums of six squares stays below 25, lost ones count not."""
-    (one,) = read(kr500, targets=3, orientations=False)
-    seen = np.arange(3) == np.arange(ROWS)[:, None] % 3
-    precision = seen[..., None, None] * np.eye(3) / one.sigma**2
-    found = gathered(kr500, replace(one, precision=precision, position=one.position * seen[..., None]))
-    elastic = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
-    at = lacking(found.state, found.series[:1], found.noise, elastic)
-    assert best(at, found.series[0], np.arange(10, 50)).nats < 25 / 2
 
 
 def test_rows_without_orientation_count_by_their_position(ur10):

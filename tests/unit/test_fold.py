@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.identify.fold import Folded
+from testbench.identify.fold import Folded, batches
 
 COLUMNS = 12
 SOME = np.array([1, 4, 5, 7, 11])  #: Five columns, as many as a part has rows.
@@ -56,3 +56,17 @@ def test_a_kind_or_part_without_rows_is_zero(rows):
     assert not found.factor(0, [3]).any()
     assert not found.factor(1, [0]).any()
     assert found.factor(1, [0], SOME).shape == (5, 5)
+
+
+@pytest.mark.parametrize("size", [1, 7, 1000])
+def test_rows_come_part_by_part_and_those_of_a_pose_together(rng, size):
+    """Poses of two parts in any order; a few rows are left out."""
+    pose = rng.integers(0, 30, 200)
+    part = np.where(pose % 5 == 0, -1, pose % 2)
+    found = list(batches(part, pose, size))
+    every = np.concatenate(found)
+    np.testing.assert_array_equal(np.sort(every), np.flatnonzero(part >= 0))
+    assert (np.diff(part[every]) >= 0).all()
+    for k in np.unique(pose[every]):
+        assert sum(k in pose[some] for some in found) == 1
+    assert len(found) <= max(1, len(every) // size + 1)

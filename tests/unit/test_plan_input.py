@@ -178,11 +178,6 @@ def test_what_is_not_three_numbers_is_refused(text):
         place(text)
 
 
-def test_a_box_has_its_lower_corner_first():
-    with pytest.raises(BenchError, match="expected the lower corner first"):
-        PlanSettings(loads_kg=(460.0,), box_m=box("1,1,1,0,2,2"))
-
-
 def test_the_nearest_turn_is_the_same_pose_within_the_limits(kr500):
     lower, upper = [-6.0, -1.0, 2.0, 2.0], [6.0, 1.0, 6.0, 6.0]
     joints = tuple(

@@ -211,15 +211,6 @@ def test_a_corrected_program_of_a_spreadsheet_is_read_by_it(kr500, tmp_path):
     assert back.columns.table.names == (*program.columns.table.names, *DEG.split(","))
 
 
-def test_ten_thousand_points_come_back_from_the_written_file(kr500, write, tmp_path):
-    t = np.linspace(0, 1, 10_000)[:, None]
-    q = Q[0] + 0.3 * np.sin(t * np.arange(1, 7))
-    path, out = write(f"{DEG},feed_N", np.hstack([np.degrees(q), 100 + t])), tmp_path / "corrected.csv"
-    program = read_program(path, kr500.arm)
-    write_program(out, program, q, {f"correction_joint_{k}_deg": q[:, k - 1] for k in range(1, 7)})
-    assert np.abs(read_program(out, kr500.arm).q - program.q).max() < 1e-14
-
-
 def test_the_program_of_the_documentation_can_be_run(kr500):
     """In reach, clear of collisions, with a direction for every force, nearly across the spindle."""
     program = read_program(ROOT / "docs" / "program.csv", kr500.arm)

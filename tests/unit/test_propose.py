@@ -97,12 +97,6 @@ def test_the_diameter_of_a_drawn_tube_is_recovered_wherever_it_stands(aside):
     assert found == pytest.approx(0.14, rel=2e-3)
 
 
-def test_flanges_at_both_ends_do_not_make_a_slim_link_thick():
-    shapes = [tube(0.8, 0.10, 0.09, Z), tube(0.1, 0.3, 0.2, Z), tube(0.1, 0.3, 0.2, Z, (0, 0, 0.7))]
-    found = outer_diameter(triangles(shapes), np.eye(3)[:, [2, 0, 1]], (0.0, 0.8))
-    assert found == pytest.approx(0.10, rel=2e-3)
-
-
 def test_beams_run_from_joint_to_joint_and_tubes_have_the_drawn_diameter():
     y = np.array([0.0, 1.0, 0.0])
     arm = chain_of(

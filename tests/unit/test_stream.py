@@ -173,12 +173,6 @@ def test_rows_sorted_by_marker_are_read_as_a_whole_or_refused_by_what_is_the_mat
         in_blocks(file, ARM)
 
 
-def test_targets_in_another_order_far_down_are_told_by_their_names(tmp_path, lines):
-    rows = [lines[1:][k if k < 90 else 3 * (k // 3) + 2 - k % 3] for k in range(180)]
-    (tmp_path / "turned.csv").write_text("\n".join([lines[0], *rows]), encoding="utf-8")
-    assert read_both_ways(tmp_path / "turned.csv", ARM)[1]
-
-
 def test_another_sigma_far_down_is_refused(tmp_path, lines):
     """From a run on, so that no block has two."""
     lines[148:] = [line.replace(",5e-05", ",6e-05") for line in lines[148:]]

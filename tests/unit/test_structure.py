@@ -66,12 +66,6 @@ def test_blocks_of_full_links_are_six_by_six_and_joints_are_scalars(arm: Arm) ->
     assert sorted(blocks) == sorted(links + [[k] for k in range(42, 48)])
 
 
-def test_blocks_of_the_template_are_two_scalars_and_two_2x2_a_link(arm: Arm) -> None:
-    blocks = [block.tolist() for block in template56(arm).blocks]
-    expected = [[6 * i + k for k in rows] for i in range(7) for rows in ([0], [3], [1, 5], [2, 4])]
-    assert sorted(blocks) == sorted(expected)
-
-
 @pytest.mark.parametrize("make", [template56, mgco68, all153])
 def test_triangles_run_block_by_block_and_the_groups_by_size_point_into_them(
     arm: Arm, make: Callable[[Arm], Structure]
@@ -87,22 +81,6 @@ def test_triangles_run_block_by_block_and_the_groups_by_size_point_into_them(
         assert (s.block_of[row[group.entries]] == group.at[:, None]).all()
     entries = np.concatenate([group.entries.ravel() for group in s.groups])
     np.testing.assert_array_equal(np.sort(entries), np.arange(len(row)))
-
-
-def test_joint_aggregated_into_its_link_is_no_parameter(arm: Arm) -> None:
-    assert max(mgco147(arm).a.max(), mgco147(arm).b.max()) < 42
-
-
-def test_mgco68_lacks_only_joint_1_of_mgco69(arm: Arm) -> None:
-    pairs = [set(zip(s.a.tolist(), s.b.tolist(), strict=True)) for s in (mgco69(arm), mgco68(arm))]
-    assert pairs[0] - pairs[1] == {(42, 42)}
-    assert pairs[1] < pairs[0]
-
-
-def test_labels_name_link_and_axis_then_joints(arm: Arm) -> None:
-    labels = mgco47(arm).labels
-    assert labels[:6] == tuple(f"link_0.{k}" for k in ("x", "y", "z", "phi_x", "phi_y", "phi_z"))
-    assert labels[42:] == tuple(f"joint_{i}" for i in range(1, 7))
 
 
 @pytest.mark.parametrize("make", [*MAKERS, free36])
@@ -152,12 +130,6 @@ def test_keep_leaves_these_parameters_and_drops_the_rest(arm: Arm) -> None:
     assert np.count_nonzero(kept.matrix(np.ones(3))) == 5  # a diagonal entry, c35 of link 0, c35 of link 6
 
 
-def test_own_structure_takes_links_joints_and_entries(arm: Arm) -> None:
-    own = Structure.of(arm, links=["link_2"], joints=["joint_3"], entries=((0, 0), (1, 5)), name="OWN3")
-    assert own.name == "OWN3"
-    assert list(zip(own.a.tolist(), own.b.tolist(), strict=True)) == [(12, 12), (13, 17), (44, 44)]
-
-
 @pytest.mark.parametrize(
     ("wanted", "expected"),
     [
@@ -185,11 +157,6 @@ def test_structure_of_a_longer_arm_says_how_many_links_it_needs(
 ) -> None:
     with pytest.raises(BenchError, match=f"expected an arm of at least {links} links, single_link has 1"):
         make(load_arm(MODELS / "single_link"))
-
-
-def test_single_link_has_21_parameters_in_full_and_8_in_the_template() -> None:
-    arm = load_arm(MODELS / "single_link")
-    assert [make(arm).n for make in (mgco147, all153, template56)] == [21, 21, 8]
 
 
 def test_free36_leaves_the_symmetry_open() -> None:

@@ -139,14 +139,6 @@ def test_parquet_does_not_depend_on_order_or_where_it_stopped(tmp_path):
     assert json.loads(table.schema.metadata[b"testbench"])["settings"] == TOY.scenario
 
 
-def test_the_store_stays_without_the_whole_file(tmp_path):
-    with open_store(tmp_path, TOY, row=X, resume=False) as store:
-        put(store, {seed: [] for seed in TOY.seeds})
-        write_parquet(store, tmp_path).unlink()
-    assert missing(tmp_path) == []
-    assert set(files(tmp_path)) == {FILE}
-
-
 def test_a_finished_run_is_resumed_with_all_its_trials_also_those_without_rows(tmp_path):
     rows = {7: [], 8: [FULL, replace(FULL, several=(), names=("a", "b"))], 9: [], 10: [FULL], 11: []}
     with open_store(tmp_path, TOY, row=Full, resume=False) as store:
@@ -304,16 +296,6 @@ def test_what_a_kill_cut_short_is_done_again(tmp_path, cut, more):
         assert set(files(tmp_path)) == {WHOLE}
 
 
-def test_trials_of_another_study_that_are_whole_are_refused(tmp_path):
-    """Rows and checksums, of other settings, under this study's header."""
-    for name, scenario in (("mine", TOY.scenario), ("alien", {})):
-        fill(tmp_path / name, [7, 8], Experiment("toy", scenario, TOY.seeds))
-    mine, alien = (opened(tmp_path / name / FILE) for name in ("mine", "alien"))
-    closed(tmp_path / "mine" / FILE, [*mine[:2], alien[2]])
-    with pytest.raises(InputError, match="seed 8: expected what was stored"):
-        missing(tmp_path / "mine")
-
-
 def test_a_finished_run_that_was_edited_is_not_resumed(tmp_path):
     fill(tmp_path, TOY.seeds)
     said = {"command": "toy", "versions": {"testbench": "0"}}
@@ -397,11 +379,6 @@ def test_a_forged_whole_file_is_one_line(tmp_path, seeds, header):
         missing(tmp_path)
 
 
-def test_a_whole_file_that_claims_trials_without_end_gives_those_of_the_experiment(tmp_path):
-    forge_whole(tmp_path, [7, 8], str(10**18))
-    assert missing(tmp_path) == []
-
-
 @pytest.mark.parametrize(
     ("experiment", "problem"),
     [
@@ -428,15 +405,6 @@ def test_a_fresh_run_keeps_off_a_stopped_one_and_replaces_a_finished_one(tmp_pat
     with open_store(tmp_path, TOY, row=X, resume=False) as store:
         assert store.count == 0
     assert files(tmp_path) == finished
-
-
-def test_a_stopped_run_over_a_finished_one_of_other_settings_is_resumed(tmp_path):
-    fill(tmp_path, TOY.seeds)
-    other = Experiment("toy", {}, TOY.seeds)
-    fill(tmp_path, [7], other)
-    assert missing(tmp_path, other) == [8, 9, 10, 11]
-    fill(tmp_path, [8, 9, 10, 11], other, resume=True)
-    assert json.loads(pq.read_schema(tmp_path / WHOLE).metadata[b"testbench"])["settings"] == {}
 
 
 def test_a_study_can_be_resumed_with_more_trials_or_fewer(tmp_path):
@@ -474,15 +442,6 @@ def test_a_full_disk_loses_nothing_that_is_stored(tmp_path):
         assert store.count == 1
         put(store, {9: [X(2.0)]})
     assert missing(tmp_path) == [8, 10, 11]
-
-
-def test_a_run_without_a_result_leaves_no_store(tmp_path):
-    with (
-        pytest.raises(RuntimeError, match="early"),
-        open_store(tmp_path / "new", TOY, row=X, resume=False),
-    ):
-        raise RuntimeError("early")
-    assert not (tmp_path / "new").exists()
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):

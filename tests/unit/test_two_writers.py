@@ -15,7 +15,7 @@ import pytest
 from testbench import files
 from testbench.errors import InputError
 from testbench.output import lock
-from testbench.output.place import PNG, check_folder, claim_file, claim_folder, new_folder, whole_folder
+from testbench.output.place import PNG, check_folder, claim_file, claim_folder, whole_folder
 from testbench.output.replace import reading, settle
 from testbench.output.whole import whole_files
 
@@ -113,12 +113,6 @@ def test_no_file_is_written_into_a_folder_that_a_run_has_claimed(tmp_path):
             assert code(forked(claimed, tmp_path, "one")) == 2
         assert code(forked(claimed, tmp_path, "one")) == 2
     assert not list(tmp_path.iterdir())
-
-
-def test_two_new_folders_of_one_name_are_one(tmp_path):
-    with new_folder(tmp_path / "arm"), pytest.raises(InputError), new_folder(tmp_path / "arm"):
-        pass
-    assert [p.name for p in tmp_path.iterdir()] == ["arm"]
 
 
 def test_claims_of_killed_runs_go_and_what_is_no_claim_stays(tmp_path):
@@ -240,17 +234,6 @@ def several(folder):
     """The files that are in their places, and what they hold."""
     found = {p.name: p.read_text() for p in (*folder.glob("*.csv"), *folder.glob("deep/*.csv"))}
     return found, set(found.values())
-
-
-def test_several_files_take_their_places_together_or_not_at_all(tmp_path):
-    write_several(tmp_path, "old")
-    before = several(tmp_path)
-    with pytest.raises(InputError, match=r"3\.csv: cannot be written: No space"):  # noqa: PT012, SIM117
-        with whole_files([tmp_path / "1.csv", tmp_path / "deep" / "2.csv", tmp_path / "3.csv"]) as parts:
-            parts[0].write_text("new")
-            raise OSError(errno.ENOSPC, "No space left on device")
-    assert several(tmp_path) == before
-    assert sorted(p.name for p in tmp_path.rglob("*")) == ["1.csv", "2.csv", "3.csv", "deep"]
 
 
 def refused(monkeypatch, k, names, work, *args):

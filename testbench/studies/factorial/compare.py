@@ -144,11 +144,11 @@ def by_cone(where: str, found: Sequence[Row]) -> Markdown:
         found: Its duels.
     """
     plain, filled = (next(d for d in found if (d.ours, d.theirs) == pair) for pair in BY_CONE)
-    same = ", and they err the same in {tied:share {trials}}" if filled.tied else ""
+    same = "; in {tied:share {trials}} both err the same" if filled.tied else ""
     return say(
         "The cone by itself{where}: {plain.ours} beats {plain.theirs} in {plain.won:share {trials}} of "
         "{trials} trials. "
-        f"With the prior it does in {{won:share {{trials}}}}{same}.",
+        f"With the prior it wins in {{won:share {{trials}}}}{same}.",
         filled,
         plain=plain,
         where=where,

@@ -233,7 +233,7 @@ def _claims(f: Row) -> Iterator[Markdown]:
     same = " {best:list} differ by at most 2 %." if len(f.best) > 1 else ""
     yield say(
         "Against noisy readings {name} errs {check.p95_mm:~.3f} mm, noise alone {noise:.3f} mm: readings "
-        f"tell these models apart badly.{same}",
+        f"hardly distinguish these models.{same}",
         next(m for m in f.models if m.name == f.gains.joints.ours),
         noise=f.dataset.noise_p95_mm,
         best=f.best,

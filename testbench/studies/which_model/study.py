@@ -191,8 +191,8 @@ def _claims(f: Row) -> Iterator[Markdown]:
     )
     ours, joints = (find(f.promises, where=EVERY, name=name) for name in (CHOSEN, JOINTS))
     yield say(
-        "Its 95 % intervals cover {covered_percent:.1f} % of the true deflections; those with joint "
-        "stiffness only, which count noise and nothing else, {joints.covered_percent:.0f} %.",
+        "Its 95 % intervals cover {covered_percent:.1f} % of the true deflections. Those of joint stiffness "
+        "only cover {joints.covered_percent:.0f} %: they count noise alone.",
         ours,
         joints=joints,
     )
