@@ -14,7 +14,7 @@ from testbench.identify.prior import Strength
 from testbench.identify.regression import RANK_TOLERANCE
 from testbench.identify.rows import jacobian, straight
 from testbench.model.load import Load
-from testbench.model.vjm import Vjm, skew, tool_pose
+from testbench.model.vjm import Vjm, skew
 
 Ids = npt.NDArray[np.int_]
 
@@ -87,18 +87,17 @@ def reading_rows(experiment: Experiment, q: Array, load: Load) -> Array:
     In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist; its Q
     leaves at most six rows a pose, Eq. (12): (poses, k, n) [1].
     """
-    moved = deflection_rows(experiment, q, load).reshape(len(q), -1, 3, experiment.metric.L.shape[1])
-    inside = tool_pose(experiment.vjm, q)[1].swapaxes(1, 2)[:, None] @ moved
     Q = np.linalg.qr(marker_motion(experiment.targets))[0] / (math.sqrt(2) * experiment.sigma)
-    return np.asarray(Q.T @ inside.reshape(len(q), len(Q), -1))
+    return np.asarray(Q.T @ deflection_rows(experiment, q, load))
 
 
 def deflection_rows(experiment: Experiment, q: Array, load: Load) -> Array:
-    """Deflections of the targets per unit of x, in the base's axes, (poses, 3 m, n) [m]."""
+    """Deflections of the targets per unit of x, in the tool's axes, (poses, 3 m, n) [m]."""
     vjm, unknowns = experiment.vjm, compliances(experiment.vjm, experiment.metric.structure)
     told = straight(vjm, q, [load.over(len(q))])
-    A = jacobian(unknowns, told, experiment.targets, turned=False)[:, :, :-1]
-    return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(q), -1, unknowns.size) @ experiment.metric.L)
+    A = jacobian(unknowns, told, experiment.targets, turned=False)[:, :, :-1].transpose(3, 0, 1, 2)
+    inside = told.where.rotation.swapaxes(1, 2)[:, None] @ A
+    return np.asarray(inside.reshape(len(q), -1, unknowns.size) @ experiment.metric.L)
 
 
 def task_rows(spec: Specification) -> Array:
