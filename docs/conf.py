@@ -15,7 +15,6 @@ project = "testbench"
 author = "the testbench authors"
 copyright = "2026, the testbench authors"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.coverage", "sphinx.ext.napoleon"]
-coverage_modules = ["testbench"]
 coverage_show_missing_items = True
 exclude_patterns = ["_build", "README.md"]
 html_theme = "furo"

@@ -5,12 +5,17 @@ import pytest
 from testbench.errors import InputError, shown
 
 
-def refused(read, file, *args):
-    """What is said of a file: one line of bearable length that begins with the file's name."""
-    with pytest.raises(InputError) as info:
-        read(file, *args)
-    line = str(info.value)
+def one_line(err, file):
+    """What an error says of a file: one line of bearable length that begins with the file's name."""
+    line = str(err)
     assert line.startswith(shown(str(file)))
     assert len(line.splitlines()) == 1
     assert len(line) <= 2000
     return line
+
+
+def refused(read, file, *args):
+    """The line by which a file is refused."""
+    with pytest.raises(InputError) as info:
+        read(file, *args)
+    return one_line(info.value, file)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mistakes import MISTAKES, named
 from scipy.spatial.transform import Rotation
+from scipy.stats import f as f_ratio
 from scipy.stats import multivariate_normal
 from sound_sets import sound
 
@@ -20,6 +21,7 @@ from testbench.identify.diagnosis.finding import MOST, Finding, one_by_one
 from testbench.identify.diagnosis.finding import test as score
 from testbench.identify.diagnosis.loads import allowed, learnt
 from testbench.identify.diagnosis.place import Free, Seen
+from testbench.identify.diagnosis.steps import chance
 from testbench.identify.diagnosis.undone import placed
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
@@ -109,6 +111,12 @@ def test_one_run_exchanged_among_few_is_named_and_no_noise(kr500, arm_6r, seed):
     [doubt] = named(made)
     assert (doubt.name, doubt.sentence.split(":")[0]) == ("run", f"run {run}")
     assert named(MISTAKES["noise"].plant(own, stream(seed, 40)))[0].name == "noise"
+
+
+def test_the_chance_of_a_step_is_that_of_fisher_s_ratio():
+    """Squares that z numbers take away over z, against the variance that so many free equations tell."""
+    step = Finding("tracker_moved", size=np.zeros(3), beside={"free": 40.0}, nats=6.0)
+    assert chance(step) == pytest.approx(f_ratio.sf(12 / 3, 3, 40))
 
 
 def test_mistakes_are_undone_one_after_the_other():

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from testbench.campaign.named_parameters import functionals
 from testbench.data.series import Series, select_rows
 from testbench.identify.absolute import evidence as sizes
-from testbench.identify.absolute.noise import Noise, repeated, roots
+from testbench.identify.absolute.noise import Noise, repeated, roots, weights
 from testbench.identify.absolute.posterior import deviations_root, known, place, predict
 from testbench.identify.absolute.scatter import scatter
 from testbench.identify.absolute.state import Mount, forward, nominal, targets
@@ -161,7 +161,19 @@ def test_what_is_left_open_is_found_beside_readings_of_any_covariance(state, rng
     assert found.open_position == pytest.approx(s, rel=0.05)
 
 
-def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, rng):
+def test_a_reading_counts_by_its_distance_in_its_own_covariance(rng):
+    C, noise = covariances(rng, 5, 1), Noise(OPEN, OPEN_TURN, np.array([1.1, 1, 1, 1]))
+    left = 4 * READINGS.bend * SIGMA * rng.normal(size=(1, 3, 5))
+    own = noise.factor[0] ** 2 * (R.T @ C[:, 0] @ R + OPEN**2 * np.eye(3))
+    e = left[0].T[..., None]
+    length = np.sqrt((e * np.linalg.solve(own, e)).sum(axis=(1, 2)))
+    assert (length > READINGS.bend).any()
+    _, pull = weights(still(5, rng, precision=np.linalg.inv(C)), noise, R, left)
+    np.testing.assert_allclose(pull[0], np.minimum(1, READINGS.bend / length), rtol=1e-9)
+
+
+@pytest.mark.parametrize("alike", [True, False], ids=["one sigma", "a covariance each"])
+def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, rng, alike):
     """Readings minus model are linear in what nobody knows: the arm, and noise here and before."""
     structure = joints_only(kr500.arm)
     L = 1e-7 * (np.tril(rng.normal(size=(6, 6))) + 2 * np.eye(6))  # joints give way together
@@ -169,7 +181,8 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
     noise = Noise(OPEN, OPEN_TURN, np.array([0.8, 1, 1, 1]))
     arm = Posterior.normal(np.zeros(36), deviations_root(1e4 * root, L))
     model = ArmModel(state, structure, np.arange(36), arm, About("made up"), noise)
-    series = read_by(state, still(20, rng))
+    C = np.tile(SIGMA**2 * np.eye(3), (20, 1, 1, 1)) if alike else covariances(rng, 20, 1)
+    series = read_by(state, still(20, rng, **({} if alike else {"precision": np.linalg.inv(C)})))
     told, rest = np.arange(9), np.arange(9, 20)
     placed = place(model, series, told)
     again = known(replace(model, state=placed.state), select_rows(series, told))  # the frame was there before
@@ -179,13 +192,15 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
     every = unknowns_of(kr500.vjm, (series,), JointErrors(), structure)
     A = rows_of(every, state, series)[0, :, :-1].transpose(2, 0, 1)  # row, axis, unknown
     F, M = A[:, :, :9], A[:, :, 9:] @ block_diag(np.eye(30), L)
-    scatter = noise.factor[0] ** 2 * (SIGMA**2 + OPEN**2)
-    G = np.linalg.pinv(F[told].reshape(-1, 9))
-    fitted, V = M[told].reshape(-1, 36), np.linalg.inv(1e8 * root.T @ root)
+    S = noise.factor[0] ** 2 * (R.T @ C[:, 0] @ R + OPEN**2 * np.eye(3))
+    P = np.linalg.inv(S[told])
+    frame = np.linalg.inv(np.einsum("rxa,rxy,ryb->ab", F[told], P, F[told]))
+    taken = frame @ np.einsum("rxa,rxy,ryb->ab", F[told], P, M[told])  # of the arm's moves, by the frame
+    V = np.linalg.inv(1e8 * root.T @ root)
     for row in rest:
-        arm = M[row] - F[row] @ G @ fitted
-        dense = arm @ V @ arm.T + scatter * (F[row] @ G @ G.T @ F[row].T + np.eye(3))
-        np.testing.assert_allclose(covariance[row, 0], dense, rtol=1e-6, atol=1e-3 * scatter)
+        arm = M[row] - F[row] @ taken
+        dense = arm @ V @ arm.T + F[row] @ frame @ F[row].T + S[row]
+        np.testing.assert_allclose(covariance[row, 0], dense, rtol=1e-6, atol=1e-3 * np.trace(S[row]) / 3)
 
 
 def test_compliances_are_shown_under_their_names_and_in_the_units_of_their_axes(slides, rng):

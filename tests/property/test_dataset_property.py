@@ -9,6 +9,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from refused import one_line
 
 from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset, select, split
@@ -115,10 +116,7 @@ def check_reading(content: bytes) -> None:
         try:
             data = read_csv(file, ARM)
         except InputError as err:
-            message = str(err)
-            assert message.startswith(f"{file}: ")
-            assert len(message.splitlines()) == 1
-            assert len(message) <= 2000
+            one_line(err, file)
             return
         assert data.runs >= 1
         assert set(data.markers) <= set(ARM.markers)

@@ -9,6 +9,7 @@ import pytest
 from refused import refused
 
 from testbench.arm.folder import load_arm
+from testbench.arm.mesh import MAX_FACES, read_meshes
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.errors import InputError
 
@@ -416,3 +417,14 @@ def test_meshes_inside_the_folder_are_accepted_and_a_link_to_itself_leads_nowher
     assert read_mjcf(file).find("asset/mesh") is not None
     (file.parent / "loop.stl").symlink_to("loop.stl")
     assert read_mjcf(rigid(mesh("loop.stl"))).find("asset/mesh") is not None
+
+
+def test_a_polygon_of_a_mesh_counts_as_the_triangles_that_it_is_cut_into(tmp_path):
+    """A quadrilateral as two: 100,000 of them are as many triangles as a mesh may have."""
+    corners, face = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\n", "f 1 2 3 4\n"
+    file = tmp_path / "a.obj"
+    file.write_text(corners + face * (MAX_FACES // 2))
+    assert read_meshes({"a": file}) == {"a": file.read_bytes()}
+    file.write_text(corners + face * (MAX_FACES // 2 + 1))
+    with pytest.raises(InputError, match=f"a.obj: expected at most {MAX_FACES} triangles"):
+        read_meshes({"a": file})
