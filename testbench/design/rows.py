@@ -8,13 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.unknowns import compliances
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
 from testbench.identify.regression import RANK_TOLERANCE
-from testbench.identify.rows import jacobian, straight
-from testbench.model.load import Load
-from testbench.model.vjm import Vjm, skew, tool_pose
+from testbench.model.load import Load, on_joints
+from testbench.model.vjm import Vjm, chain, parameter_rows, skew, twist_rows
 
 Ids = npt.NDArray[np.int_]
 
@@ -84,21 +82,16 @@ class Problem:
 def reading_rows(experiment: Experiment, q: Array, load: Load) -> Array:
     """Whitened rows of a loaded and an unloaded reading of all targets in every pose.
 
-    In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist; its Q
-    leaves at most six rows a pose, Eq. (12): (poses, k, n) [1].
+    In the tool's axes the deflections of targets on a rigid tool are a constant matrix times its twist; the
+    triangular factor of that matrix leaves at most six rows a pose, Eq. (12): (poses, k, n) [1].
     """
-    moved = deflection_rows(experiment, q, load).reshape(len(q), -1, 3, experiment.metric.L.shape[1])
-    inside = tool_pose(experiment.vjm, q)[1].swapaxes(1, 2)[:, None] @ moved
-    Q = np.linalg.qr(marker_motion(experiment.targets))[0] / (math.sqrt(2) * experiment.sigma)
-    return np.asarray(Q.T @ inside.reshape(len(q), len(Q), -1))
+    G: Array = np.asarray(np.linalg.qr(marker_motion(experiment.targets), mode="r"))
+    return _rows(experiment, q, load, G / (math.sqrt(2) * experiment.sigma))
 
 
 def deflection_rows(experiment: Experiment, q: Array, load: Load) -> Array:
-    """Deflections of the targets per unit of x, in the base's axes, (poses, 3 m, n) [m]."""
-    vjm, unknowns = experiment.vjm, compliances(experiment.vjm, experiment.metric.structure)
-    told = straight(vjm, q, [load.over(len(q))])
-    A = jacobian(unknowns, told, experiment.targets, turned=False)[:, :, :-1]
-    return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(q), -1, unknowns.size) @ experiment.metric.L)
+    """Deflections of the targets per unit of x, in the tool's axes, (poses, 3 m, n) [m]."""
+    return _rows(experiment, q, load, marker_motion(experiment.targets))
 
 
 def task_rows(spec: Specification) -> Array:
@@ -125,6 +118,14 @@ def measured_rows(spec: Specification, q: Array, load: Ids) -> Array:
 def problem_of(spec: Specification, q: Array, load: Ids) -> Problem:
     """Poses (poses, n) [rad, m] as candidates, each under its own load (poses,)."""
     return build_problem(spec.experiment, measured_rows(spec, q, load), spec.uncertainty)
+
+
+def _rows(experiment: Experiment, q: Array, load: Load, motion: Array) -> Array:
+    where = chain(experiment.vjm, q)
+    u = on_joints(where, [load.over(len(q))])
+    J = np.tensordot(motion, twist_rows(where), axes=1)
+    L = experiment.metric.L
+    return np.stack([A.T @ L for A in parameter_rows(experiment.metric.structure, J, u)], axis=1)
 
 
 def marker_motion(points: Array) -> Array:

@@ -247,6 +247,12 @@ def translation_rows(where: Chain, points: Array) -> Array:
     return np.concatenate([v + cross(omega, arm) for arm in arms])
 
 
+def twist_rows(where: Chain) -> Array:
+    """J_theta at the tool's origin in the tool's own axes, (6, n_theta, runs) [1, m]."""
+    parts = where.J_theta[:3], where.J_theta[3:]
+    return np.concatenate([np.einsum("rxy,xtr->ytr", where.rotation, part) for part in parts])
+
+
 def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
     """Load J_F^T w of every virtual joint, (n_theta, runs) [N, N m]; of laws what turns per unit of size."""
     return with_laws(where, plain_load(where, wrench, point))

@@ -168,13 +168,15 @@ def test_the_winner_less_joint_stiffness_has_the_colour_of_the_one_that_errs_les
 
 
 def test_lines_have_the_colour_of_their_model_and_a_cross_where_it_has_a_prior(chunks, seen):
-    shapes = {}
+    shapes, widths = {}, []
     for line in seen.runs[0].lines:
         data = columns(chunks, f"/charts/runs/left_mm/{line.name}")
         for part in ("SeriesLines:colors", "SeriesPoints:colors"):
             assert [c >> shift & 255 for c in data[part][0] for shift in (24, 16, 8)] == [*line.look.colour]
         assert data["SeriesLines:names"] == [[line.name]]
+        widths.append(data["SeriesLines:widths"][0][0])
         shapes[line.name] = data["SeriesPoints:markers"][0][0]
+    assert widths[-1] > max(widths[:-1])  # the winner is last
     assert (shapes["one"] == rr.components.MarkerShape.Cross.value) != (
         shapes["other"] == rr.components.MarkerShape.Cross.value
     )

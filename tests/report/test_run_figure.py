@@ -12,7 +12,7 @@ from reports import check_forest
 from testbench.report.table import Row
 from testbench.trials.spread import spread
 from testbench.views.colours import look
-from testbench.views.figure import log_ticks
+from testbench.views.figure import headed, log_ticks
 from testbench.views.run_figure import error_map, overview
 from testbench.views.scene import Line, PlaceMap, scale_of
 from testbench.views.schema import Column, Table
@@ -59,6 +59,8 @@ def test_charts_hold_every_number_in_its_colour_with_its_interval(figure, seen):
         ends = corners[corners[:, 0] == x, 1]
         assert (ends.min(), ends.max()) == pytest.approx((low[x], high[x]))
     assert axes.get_title() == "Left (mm)"
+    widths = [shown[own.name].get_linewidth() for own in chart.lines]
+    assert widths[-1] == max(widths) > max(widths[:-1])  # the winner is last
     assert [text.get_text() for text in axes.get_xticklabels()] == list("abcde")
 
 
@@ -136,6 +138,18 @@ def number_of(text):
     return float(size.rstrip("·") or 1) * 10.0 ** int(raised or 0)
 
 
+def test_the_winner_is_the_widest_line_of_a_figure_and_joint_stiffness_the_next():
+    figure = Figure()
+    axes = figure.subplots()
+    lines = {name: axes.plot([1, 2], label=name)[0] for name in ("MLS56", "Joints", "MGCO56")}
+    headed(figure, "Holds: so it is.", "MLS56")
+    for key in ("linewidth", "markersize", "zorder"):
+        ours, joints, other = (getattr(line, f"get_{key}")() for line in lines.values())
+        assert ours > joints >= other
+    assert lines["Joints"].get_linewidth() > lines["MGCO56"].get_linewidth()
+    assert figure.get_suptitle().startswith("Holds: so it is.")
+
+
 def test_without_models_there_is_no_forest(seen):
     rows = [MODELS[0], MODELS[3]]
     figure = overview(REPORT, replace(seen, scene=None, tables=[Table(COLUMNS, rows)]))
@@ -202,6 +216,14 @@ def test_the_last_pane_is_the_winner_less_joint_stiffness_in_the_colour_of_the_o
         "MGCO56 errs less",
         "Joints errs less",
     ]
+
+
+@pytest.mark.parametrize(("k", "shown"), [(0, [0, 2]), (1, [0, 1])])
+def test_a_side_of_a_map_is_as_wide_as_its_places(k, shown):
+    at = AT * [1.0, 0.5, 0.8]
+    axes = error_map(mapped(at, MGCO56=MAPS["MGCO56"]), "arm").axes[k]
+    wanted = [at[:, shown].min(axis=0), at[:, shown].max(axis=0)]
+    np.testing.assert_allclose([axes.dataLim.min, axes.dataLim.max], wanted)
 
 
 def test_places_without_a_bound_are_rings_and_a_map_without_any_says_so():

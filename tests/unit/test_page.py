@@ -11,7 +11,7 @@ import trimesh
 from made_up_run import made_up_run
 
 from testbench.plant.shapes import Mesh, Shape, visual_shapes
-from testbench.trials.spread import Spread
+from testbench.trials.spread import Spread, median_interval, spread
 from testbench.views.colours import hexadecimal, look
 from testbench.views.page import page as html
 from testbench.views.page.page import TRIANGLES, plain, seen_plain, solid
@@ -100,6 +100,17 @@ def test_a_table_on_a_page_has_the_numbers_behind_its_words():
     assert [row["marked"] for row in found["rows"]] == [True, False]
     assert [head["drawn"] for head in found["head"]] == [False, True, False]
     assert found["first"] == 1
+
+
+def test_a_cell_of_many_trials_has_their_numbers_in_their_order_and_the_interval_of_the_median():
+    values = np.random.default_rng(4).uniform(1, 2, 30)
+    rows = [{"name": str(n), "x": spread(values[:n])} for n in (30, 5)]
+    many, few = (
+        row["cells"][1] for row in html.grid(Table((Column("name", "model"), Column("x", "x")), rows))["rows"]
+    )
+    assert many["dots"] == pytest.approx(values, rel=1e-3)
+    assert (many["low"], many["high"]) == median_interval(values)
+    assert (few["dots"], few["few"], "low" in few) == (pytest.approx(values[:5], rel=1e-3), True, False)
 
 
 def test_a_number_that_is_none_stands_on_a_page_as_its_word_alone():

@@ -107,6 +107,19 @@ def test_colours_of_a_map_run_from_the_least_error_to_the_greatest(open_page, wr
     assert gradient.index("0, 0, 255") < gradient.index("255, 0, 0")
 
 
+@pytest.mark.look
+def test_the_difference_of_two_maps_has_the_colour_of_the_one_that_errs_less(open_page, write):
+    data = {"at": [[0.5, 0.2, 0.3], [1, 0, 0.2], [0, 1, 0.6]], "lines": LINES, "group": 0}
+    data["difference"] = [1, 0]
+    asked = f"window.map = new Maps(place, {json.dumps(data)}, {json.dumps(RAMP)}, {CHOOSE})"
+    page = open_page(write(scripted(asked))).page
+    values = page.evaluate("map.panes.at(-1).line.values")
+    looks = page.evaluate("[-1, 1].map((x) => map.panes.at(-1).look(x)[0])")
+    assert values == pytest.approx(np.subtract(LINES[1]["values"], LINES[0]["values"]))
+    assert looks == [LINES[1]["colour"], LINES[0]["colour"]]
+    assert "B errs less in 3 of 3 places" in page.locator(".pane").last.inner_text()
+
+
 DRAWN = """(svg) => {
   const all = (kind) => [...svg.querySelectorAll(kind)], number = (own, key) => Number(own.getAttribute(key));
   const ends = (own) => ["x1", "x2", "y1", "y2"].map((key) => number(own, key));
