@@ -29,6 +29,11 @@ MODELS = (
     "intervals.half_width_mm f_m_held_out elsewhere.half_width_mm elsewhere.apart_mm"
 )
 PAGE = 3  #: Of these columns, the last ones, that a terminal has no room for.
+LAWS = "part stiffer_percent backlash_urad friction_urad"
+ABOUT_LAWS = Markdown(
+    "*Stiffer*: when the spring is turned by a milliradian, over no load. *Backlash*, *friction*: half "
+    "widths; of a slide in um and millimetres."
+)
 READING = Markdown(
     "*F_M held out*: the mean on poses and load levels held out in turn. *+- (95 %)*: median half width of "
     f"the interval of a deflection; {COUNTS}. *Apart*: from the loaded tool of the model to take, median."
@@ -84,11 +89,21 @@ def report(f: Row) -> Report:
         tables={
             "models": _models(f, MODELS.split()),
             "runs": Table(columns("which_run pose moved_mm taken_mm"), runs, "What is left in each run"),
+            **({"laws": Table(columns(LAWS), f.laws, "Joints beyond a spring")} if f.laws else {}),
             "told": Table(
                 columns("part parameters told_percent decided_by_prior"), f.seen.blocks, "What the runs tell"
             ),
         },
-        body=["models", READING, "runs", _about_runs(f), "told", _about_told(f), *_elsewhere(f)],
+        body=[
+            "models",
+            READING,
+            *(["laws", ABOUT_LAWS] if f.laws else []),
+            "runs",
+            _about_runs(f),
+            "told",
+            _about_told(f),
+            *_elsewhere(f),
+        ],
         badge=f.get("badge"),
     )
 

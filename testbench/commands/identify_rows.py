@@ -10,7 +10,7 @@ from testbench.campaign.campaign import Cell, clear_poses, stream
 from testbench.campaign.fits import Fitted, Identified
 from testbench.campaign.identifiability import told
 from testbench.campaign.models import JOINTS
-from testbench.campaign.rows import MM
+from testbench.campaign.rows import MM, UM
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, kept_mm, places_at
 from testbench.correct.predicted import predict
 from testbench.data.dataset import Dataset
@@ -68,6 +68,7 @@ def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array
         residuals=_residuals(found, left),
         seen=_seen(cell, found),
         badge=_badge(found, left),
+        laws=_laws(found),
         map=places,
         no_map="intervals were not asked for" if not widths else note,
         doubts=[vars(doubt) for doubt in fits.doubts],
@@ -75,6 +76,20 @@ def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array
         notes=list(fits.notes),
         scale=fits.scale,
     )
+
+
+def _laws(found: Identified) -> list[Row]:
+    """What joints do beyond a linear spring, by the model to take; nothing of a linear one."""
+    [taken] = [own for own in found.fits.models if own.name == found.fits.recommended]
+    return [
+        Row(
+            part=name,
+            stiffer_percent=100 * own["stiffening"],
+            backlash_urad=UM * own["backlash"],
+            friction_urad=UM * own["friction"],
+        )
+        for name, own in taken.laws.items()
+    ]
 
 
 def _badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:

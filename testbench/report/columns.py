@@ -66,6 +66,9 @@ DECLARED = (
     Column("taken_mm", "residual", "mm"),
     Column("told_percent", "told by the readings", "%", ".0f"),
     Column("decided_by_prior", "unknowns that the prior decides", form="d"),
+    Column("stiffer_percent", "stiffer per mrad", "%", ".1f"),
+    Column("backlash_urad", "backlash", "urad", ".0f"),
+    Column("friction_urad", "friction", "urad", ".0f"),
     # an arm that is checked
     Column("part", "link or joint"),
     Column("hangs_percent", "contribution to the sag", "%", ".0f"),

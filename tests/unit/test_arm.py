@@ -428,3 +428,37 @@ def test_a_polygon_of_a_mesh_counts_as_the_triangles_that_it_is_cut_into(tmp_pat
     file.write_text(corners + face * (MAX_FACES // 2 + 1))
     with pytest.raises(InputError, match=f"a.obj: expected at most {MAX_FACES} triangles"):
         read_meshes({"a": file})
+
+
+# A compensator
+
+
+def test_a_compensator_is_read_and_an_arm_needs_none():
+    own = load_arm(MODELS / "kr500_l480").compensator
+    np.testing.assert_array_equal(own.foot, [-0.49, 0.3, -0.26])
+    np.testing.assert_array_equal(own.head, [-0.06, 0.3, 0.26])
+    assert (own.rate, own.rest_length) == (6.2e4, 0.115)
+    assert load_arm(MODELS / "arm_6r").compensator is None
+
+
+@pytest.mark.parametrize(
+    ("pattern", "new", "expected"),
+    [
+        ("6.2e4", "-1.0", r"compensator.*rate.*expected 0 to 1e\+09 N/m, got -1"),
+        ("6.2e4", '"soft"', r"compensator.*rate"),
+        (r"(?<=rate = \{ value = 6.2e4, unit = ).N/m.", '"N/mm"', r"compensator.*unit.*N/m"),
+        (r"\[-0.49, 0.3, -0.26\]", "[-0.49, 0.3]", r"compensator.*foot"),
+        (r"\[-0.49, 0.3, -0.26\]", "[-490, 300, -260]", r"compensator.*foot.*expected -100 to 100 m"),
+        (r"rest_length = .*\n", "", r"compensator.*rest_length"),
+    ],
+)
+def test_a_wrong_compensator_is_refused(tmp_path, pattern, new, expected):
+    assert re.search(expected, refusal(tmp_path, "elastic.toml", pattern, new, "kr500_l480"))
+
+
+def test_a_compensator_needs_a_hinge_between_link_1_and_link_2(tmp_path):
+    folder = copy_arm(tmp_path, "single_link")
+    text = (MODELS / "kr500_l480" / "elastic.toml").read_text()
+    table = text[text.index("[compensator]") : text.index("[[link]]")]
+    change(folder / "elastic.toml", r"\[\[link\]\]", table + "[[link]]")
+    assert "expected an arm whose link 1 and link 2 a hinge joins" in refused(load_arm, folder)
