@@ -20,7 +20,12 @@ from testbench.model.structure import TEMPLATE
 TrueArm = Callable[[Arm, np.random.Generator], Arm]
 
 UNEQUAL = 0.5  #: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
-TrueArmName = Literal["family", "tubes", "off_10", "off_20", "off_40", "cast", "joints"]
+FAR = 0.3, 3.0  #: Range of a joint's compliance over the folder's, where all are far off [1].
+SOFTER = 5.0  #: How many times softer one link is than the others of its arm [1].
+DRAWS = 7  #: Vectors of a random correlation matrix.
+FamilyName = Literal["family", "tubes", "off_10", "off_20", "off_40", "cast", "joints"]
+HeldOutName = Literal["stiffer_3", "stiffer_10", "stiffer_30", "soft_link", "coupled", "far_joints"]
+TrueArmName = Literal[FamilyName, HeldOutName]
 FAMILY: TrueArmName = "family"  #: All of TRUTHS, a seed each in turn.
 HALVINGS = 24  #: Of the interval in which the size of a link's deformation is sought.
 
@@ -78,10 +83,20 @@ def _cast(arm: Arm, rng: np.random.Generator) -> Arm:
     return replace(arm, links=tuple(cast_link(link, rng) for link in arm.links))
 
 
-def _unequal_joints(arm: Arm, rng: np.random.Generator) -> Arm:
-    factors = np.exp(UNEQUAL * rng.standard_normal(arm.n_joints))
+def _scaled_joints(arm: Arm, factors: Array) -> Arm:
+    """Compliances of all joints times these, (n,) [1]."""
     pairs = zip(arm.joints, factors, strict=True)
     return replace(arm, joints=tuple(replace(j, compliance=float(f * j.compliance)) for j, f in pairs))
+
+
+def _scaled_links(arm: Arm, factors: Array) -> Arm:
+    """Compliances of all links times these, (n + 1,) [1]."""
+    pairs = zip(arm.links, factors, strict=True)
+    return replace(arm, links=tuple(replace(link, compliance=f * link.compliance) for link, f in pairs))
+
+
+def _unequal_joints(arm: Arm, rng: np.random.Generator) -> Arm:
+    return _scaled_joints(arm, np.exp(UNEQUAL * rng.standard_normal(arm.n_joints)))
 
 
 TRUTHS: Mapping[str, TrueArm] = {
@@ -93,11 +108,63 @@ TRUTHS: Mapping[str, TrueArm] = {
     "joints": _unequal_joints,
 }
 """True arms by name: the folder's tubes; links 10, 20, 40 % off any tube; cast links; unequal joints."""
+
+
+def _of_family(arm: Arm, rng: np.random.Generator) -> Arm:
+    """Any of TRUTHS."""
+    return TRUTHS[str(rng.choice(list(TRUTHS)))](arm, rng)
+
+
+def _stiffer(times: float, arm: Arm, rng: np.random.Generator) -> Arm:
+    return _of_family(_scaled_links(arm, np.full(len(arm.links), 1 / times)), rng)
+
+
+def _soft_link(arm: Arm, rng: np.random.Generator) -> Arm:
+    factors = np.ones(len(arm.links))
+    factors[rng.integers(len(factors))] = SOFTER
+    return _of_family(_scaled_links(arm, factors), rng)
+
+
+def coupled(C: Array, rng: np.random.Generator) -> Array:
+    """The diagonal of C, (6, 6) [m/N, rad/(N m)], with couplings as any correlation matrix has them.
+
+    The correlations of 7 vectors of six normal numbers are uniform over all correlation matrices of order
+    six: Wishart's density with n + 1 degrees of freedom over the scales.
+    """
+    A = rng.standard_normal((6, DRAWS))
+    W = A @ A.T
+    scale = np.sqrt(np.diag(C) / np.diag(W))
+    return np.asarray(W * np.outer(scale, scale))
+
+
+def _coupled(arm: Arm, rng: np.random.Generator) -> Arm:
+    def own(link: Link) -> Link:
+        C = coupled(link.compliance, rng)
+        return replace(link, compliance=check_compliance(C, f"{link.name} coupled"))
+
+    return replace(arm, links=tuple(own(link) for link in arm.links))
+
+
+def _far_joints(arm: Arm, rng: np.random.Generator) -> Arm:
+    return _scaled_joints(arm, np.exp(rng.uniform(np.log(FAR[0]), np.log(FAR[1]), arm.n_joints)))
+
+
+HELD_OUT: Mapping[str, TrueArm] = {
+    **{f"stiffer_{n}": partial(_stiffer, n) for n in (3, 10, 30)},
+    "soft_link": _soft_link,
+    "coupled": _coupled,
+    "far_joints": _far_joints,
+}
+"""True arms of kinds that nothing here was made with: a study judges by them, the family is without them."""
 CALLED = {
     "tubes": "links of tubes",
     **{f"off_{percent}": f"links {percent} % off tubes" for percent in (10, 20, 40)},
     "cast": "cast links",
     "joints": "unequal joints",
+    **{f"stiffer_{n}": f"links {n} times stiffer" for n in (3, 10, 30)},
+    "soft_link": "one link softer",
+    "coupled": "coupled links",
+    "far_joints": "joints far off",
 }
 """The same for readers."""
 TRUTH_WORDS = {
@@ -112,6 +179,13 @@ TRUTH_WORDS = {
     "joints": f"joints other than the folder's, standard deviation of the logarithm {UNEQUAL:g}",
 }
 """What they are."""
+HELD_OUT_WORDS = {
+    **{f"stiffer_{n}": f"any arm of the family, its links {n} times stiffer" for n in (3, 10, 30)},
+    "soft_link": f"any arm of the family, one of its links {SOFTER:g} times softer",
+    "coupled": "the folder's links with random couplings, uniform over all correlation matrices",
+    "far_joints": f"every joint {FAR[0]:g} to {FAR[1]:g} times as compliant as the folder's, log-uniform",
+}
+"""The same of those held out."""
 
 
 def member(family: str, seed: int) -> str:
@@ -120,10 +194,16 @@ def member(family: str, seed: int) -> str:
 
 
 def true_cell(cell: Cell, name: str, seed: int, stiffer: float = 1.0) -> Cell:
-    """The same model of another true arm, one of TRUTHS, a new one for every seed, with stiffer links."""
+    """The same model of another true arm, a new one for every seed, with stiffer links.
+
+    Raises:
+        BenchError: When it is none of TRUTHS and HELD_OUT.
+    """
     from testbench.plant import build_plant
 
-    if name not in TRUTHS:
-        raise BenchError(f"no truth {name!r}; truths are {', '.join(TRUTHS)}")
-    links = tuple(replace(link, compliance=link.compliance / stiffer) for link in cell.arm.links)
-    return replace(cell, truth=build_plant(TRUTHS[name](replace(cell.arm, links=links), stream(seed, 8))))
+    known = {**TRUTHS, **HELD_OUT}
+    if name not in known:
+        raise BenchError(f"no truth {name!r}; truths are {', '.join(known)}")
+    links = np.full(len(cell.arm.links), 1 / stiffer)
+    true = known[name](_scaled_links(cell.arm, links), stream(seed, 8))
+    return replace(cell, truth=build_plant(true))

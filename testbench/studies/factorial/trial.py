@@ -19,12 +19,14 @@ from testbench.campaign.evaluation import identify_each
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import Model, equal_fit, named_models
 from testbench.campaign.perturbed_prior import with_wrong_prior, wrong_prior
-from testbench.campaign.rows import UM, DatasetRow, ErrorRow, dataset_row, error_row, fit_row
+from testbench.campaign.rows import MM, UM, DatasetRow, ErrorRow, dataset_row, error_row, fit_row
 from testbench.campaign.tracker import Tracker, read_orientations, read_positions
 from testbench.data.dataset import Dataset
 from testbench.data.write import csv_text
-from testbench.identify import Constraint, Estimate
+from testbench.errors import Array
+from testbench.identify import Constraint, Estimate, intervals
 from testbench.identify.evaluate import Score, all_deflections, score
+from testbench.identify.posterior import CONFIDENCE
 from testbench.trials.spread import Share
 
 S = TypeVar("S")
@@ -71,6 +73,15 @@ class FitRow:
     moved_um: float | None = None  #: How far that moves the deflections to be predicted, RMS.
     measured: DatasetRow | None = None  #: The dataset that the study leaves, in one row of the first seed.
     data_file: str | None = None  #: The same as dataset.csv has it.
+
+
+@dataclass(frozen=True)
+class Cover:
+    """95 % intervals of the components of deflection over the workspace."""
+
+    covered_percent: float  #: Share of the true components that lie inside.
+    half_mm: float  #: Median half width.
+    ideal_mm: float  #: Half width of the narrowest intervals, all alike, that cover 95 %.
 
 
 @dataclass(frozen=True)
@@ -148,6 +159,22 @@ def _scores(cell: Cell, data: Sequence[Dataset], fits: Fits) -> dict[tuple[int, 
         moved = all_deflections(cell.vjm, [fits[name][k] for k, name in keys], one)
         found |= {key: score(own, one.deflection) for key, own in zip(keys, moved, strict=True)}
     return found
+
+
+def cover(cell: Cell, estimate: Estimate, truth: Dataset) -> Cover:
+    """The intervals of an estimate beside true deflections."""
+    found, true = intervals(cell.vjm, estimate, truth), truth.deflection
+    return covers(found.centre, (found.upper - found.lower) / 2, true)
+
+
+def covers(centre: Array, half: Array, true: Array) -> Cover:
+    """How well intervals of these half widths cover what is true, arrays of one shape [m]."""
+    error = np.abs(centre - true)
+    return Cover(
+        covered_percent=100 * float(np.mean(error <= half)),
+        half_mm=MM * float(np.median(half)),
+        ideal_mm=MM * float(np.quantile(error, CONFIDENCE)),
+    )
 
 
 def _left(cell: Cell, data: Dataset) -> dict[str, object]:

@@ -15,7 +15,6 @@ from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched, merged
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import DUELS, ERROR, RMS
-from testbench.studies.factorial.trial import FitRow
 from testbench.studies.model_error import trial
 from testbench.studies.model_error.trial import ALL, NONE, PLAIN_COMPENSATOR, STIFF, Options, Settings
 from testbench.studies.study import Study
@@ -221,7 +220,7 @@ STUDY = Study(
     options=Options,
     settings=trial.settings,
     seeds=(100, 2),
-    row=FitRow,
+    row=trial.DisturbedRow,
     trials=trial.trials,
     report=report,
     printed=("noisy",),

@@ -4,6 +4,7 @@ The KR 500 under its payload, the poses of section 6; the links weigh only where
 identified while it is disturbed; it is judged all over the workspace by deflections of the same disturbed arm
 under exactly the recorded loads: a payload that was weighed wrongly spoils the model, not the arm. Every
 trial disturbs a true arm of the family, the next one in turn; the model and the prior stay the folder's.
+Beside it stand arms of kinds held out of the family, and the same arm disturbed in other sizes.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,15 +17,18 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, simulate, stream
 from testbench.campaign.campaign_flags import TrueArmFlag
-from testbench.campaign.models import JOINTS
+from testbench.campaign.model_selection import DEFAULT, FILLED
+from testbench.campaign.models import JOINTS, Model
 from testbench.campaign.rows import UM
-from testbench.campaign.true_arms import FAMILY, member, true_cell
+from testbench.campaign.true_arms import FAMILY, HELD_OUT, member, true_cell
 from testbench.data.dataset import Dataset
-from testbench.errors import BenchError
+from testbench.errors import Array, BenchError
 from testbench.plant import STIFF_COMPENSATOR, TYPICAL, Disturbances, disturb, settle_pair
 from testbench.studies.factorial.trial import (
     Case,
+    Cover,
     FitRow,
+    cover,
     each_seed,
     fitted,
     judged,
@@ -34,6 +38,11 @@ from testbench.studies.factorial.trial import (
 
 MODELS, ONLY_WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68"), "MGCO68"
 """All are fitted with a prior too."""
+BESIDE = (JOINTS, f"MLS56{FILLED}", DEFAULT)
+"""Those that are fitted to arms beside the family too: joint stiffness only, and LS with the same prior."""
+COVERED = (f"{JOINTS}{FILLED}", DEFAULT)  #: Whose intervals are judged.
+SIZES = 0.5, 2.0  #: Of all disturbances, over those of the cases [1].
+IN_FAMILY, BESIDE_IT = "family", "beside"  #: Parts of a trial.
 QUICK_WORKSPACE = 20
 NONE, ALL = "none", "all together"
 PLAIN_COMPENSATOR, STIFF = "gravity compensator", "stiff compensator"
@@ -53,6 +62,15 @@ SWITCHES: Mapping[str, tuple[str, float, str]] = {
 """The field of Disturbances that each case switches on, and what it does, in so many times SI units."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class DisturbedRow(FitRow):
+    """One model in one case of one true arm."""
+
+    size: float  #: Of the disturbances, over those of the cases [1].
+    deflection_um: float  #: What is to be predicted, RMS.
+    cover: Cover | None  #: Of models whose intervals are judged, with noise.
+
+
 @dataclass(frozen=True)
 class Options:
     """Flags of the study."""
@@ -66,6 +84,13 @@ class Options:
     sigma_um: Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading.")] = 50.0
     arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
     true_arm: TrueArmFlag = FAMILY
+    arms: Annotated[
+        list[str] | None, typer.Option(help="Beside the family this true arm; again for more. All if none.")
+    ] = None
+    sizes: Annotated[
+        list[float] | None,
+        typer.Option(min=0, max=10, help="All disturbances in this size over --scale too; again for more."),
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -79,14 +104,31 @@ class Settings:
     workspace: int = 100  #: Poses in which the models are judged.
     only: tuple[str, ...] = ()  #: Names of cases beside none and all together; none for every one.
     true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
+    arms: tuple[str, ...] = ()  #: Beside it, of HELD_OUT.
+    sizes: tuple[float, ...] = ()  #: In which it is disturbed in every way too, over those of the cases [1].
 
 
 def settings(options: Options, quick: bool, seeds: range) -> Settings:
-    """What the flags ask for; raises BenchError for a disturbance that does not exist."""
+    """What the flags ask for; raises BenchError for a disturbance or a true arm that does not exist."""
     disturbances(options.scale, options.only or ())
+    arms, sizes = tuple(options.arms or HELD_OUT), tuple(options.sizes or SIZES)
+    for name in arms:
+        if name not in HELD_OUT:
+            raise BenchError(f"--arms: expected some of {', '.join(HELD_OUT)}, got {name!r}")
     workspace = QUICK_WORKSPACE if quick else Settings.workspace
     only, sigma = tuple(options.only or ()), options.sigma_um / 1e6
-    return Settings(options.arm, seeds[0], options.scale, sigma, workspace, only, options.true_arm)
+    alone = options.true_arm != FAMILY and options.arms is None
+    return Settings(
+        options.arm,
+        seeds[0],
+        options.scale,
+        sigma,
+        workspace,
+        only,
+        options.true_arm,
+        () if alone else tuple(dict.fromkeys(arms)),
+        tuple(dict.fromkeys(size for size in sizes if size != 1)),
+    )
 
 
 def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbances]:
@@ -110,32 +152,67 @@ def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbanc
 
 
 @each_seed
-def trials(asked: Settings, seed: int) -> Iterator[FitRow]:
+def trials(asked: Settings, seed: int) -> Iterator[DisturbedRow]:
     """Rows of a seed, one a fit."""
     cell = build_cell(find_arm(asked.arm))
     every = with_wrong_priors(cell, MODELS, MODELS, seed)
     models = [model for model in every if model.name != ONLY_WITH_PRIOR]
-    true = true_cell(cell, member(asked.true_arm, seed), seed)
-    cases = list(_cases(true, asked, seed))
-    yield from judged(true, cases, fitted(true, models, cases))
+    own = member(asked.true_arm, seed)
+    true = true_cell(cell, own, seed)
+    cases = list(_cases(true, asked, seed, {"true_arm": own, "part": IN_FAMILY, "size": 1.0}))
+    yield from _rows(true, models, cases)
+    few = [model for model in models if model.name in BESIDE]
+    for arm, size in [*((own, size) for size in asked.sizes), *((arm, 1.0) for arm in asked.arms)]:
+        true = true_cell(cell, arm, seed)
+        case = _beside(true, asked, seed, size, {"true_arm": arm, "part": BESIDE_IT, "size": size})
+        yield from _rows(true, few, [case])
 
 
-def _cases(cell: Cell, asked: Settings, seed: int) -> Iterator[Case]:
-    """Every disturbance without noise and with it."""
+def _rows(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Iterator[DisturbedRow]:
+    """Rows of one true arm, a fit each."""
+    fits = fitted(cell, models, cases)
+
+    def more(name: str, k: int) -> dict[str, object]:
+        truth, asked = cases[k].judge, name in COVERED and cases[k].factors["sigma_um"]
+        own = cover(cell, fits[name][k], truth) if asked else None
+        return {"deflection_um": UM * _rms(truth.deflection), "cover": own}
+
+    yield from judged(cell, cases, fits, DisturbedRow, more)
+
+
+def _rms(moved: Array) -> float:
+    """Of lengths of vectors, (..., 3) [m]."""
+    return float(np.sqrt(np.square(moved).sum(axis=-1).mean()))
+
+
+def _campaign(cell: Cell, asked: Settings, seed: int) -> Campaign:
+    """For its poses and loads."""
     scenario = Scenario(
         arm=cell.arm.name, truth="linear", noise=False, sigma=asked.sigma, workspace_poses=asked.workspace
     )
-    campaign = simulate(cell, scenario, seed)  # for its poses and loads
-    quiet = None
+    return simulate(cell, scenario, seed)
+
+
+def _cases(cell: Cell, asked: Settings, seed: int, factors: Mapping[str, object]) -> Iterator[Case]:
+    """Every disturbance without noise and with it."""
+    campaign, quiet = _campaign(cell, asked, seed), None
     for name, own in disturbances(asked.scale, asked.only).items():
         clean, truth = disturbed(cell, campaign, own, seed)
         quiet = truth.deflection if quiet is None else quiet  # the first case is none
-        moved = UM * float(np.sqrt(np.square(truth.deflection - quiet).sum(axis=2).mean()))
+        moved = UM * _rms(truth.deflection - quiet)
         for noise in (0.0, asked.sigma):
             runs = reread(clean, noise, stream(seed, 1))
-            factors: dict[str, object] = {"case": name, "sigma_um": UM * noise, "moved_um": moved}
+            of_case = {"case": name, "sigma_um": UM * noise, "moved_um": moved}
             shown = runs if (name, noise, seed) == (ALL, asked.sigma, asked.first) else None
-            yield Case(runs, truth, {"true_arm": member(asked.true_arm, seed), **factors}, shown)
+            yield Case(runs, truth, {**factors, **of_case}, shown)
+
+
+def _beside(cell: Cell, asked: Settings, seed: int, size: float, factors: Mapping[str, object]) -> Case:
+    """All together with noise, in one size."""
+    own = disturbances(size * asked.scale, asked.only)[ALL]
+    clean, truth = disturbed(cell, _campaign(cell, asked, seed), own, seed)
+    runs = reread(clean, asked.sigma, stream(seed, 1))
+    return Case(runs, truth, {**factors, "case": ALL, "sigma_um": UM * asked.sigma})
 
 
 def disturbed(cell: Cell, campaign: Campaign, own: Disturbances, seed: int) -> tuple[Dataset, Dataset]:

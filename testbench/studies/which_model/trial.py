@@ -17,21 +17,21 @@ from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, dr
 from testbench.campaign.model_selection import choose, with_priors
 from testbench.campaign.models import JOINTS, MODELS, Model
 from testbench.campaign.perturbed_prior import PRIORS, prior_of, wrong_link
-from testbench.campaign.rows import MM, UM
+from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset, select
-from testbench.errors import Array
-from testbench.identify import Estimate, intervals, least_squares
+from testbench.identify import Estimate, least_squares
 from testbench.identify.diagnosis.prior_check import contradicted, unchecked
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.hierarchy import KIND
 from testbench.identify.metric import metric
-from testbench.identify.posterior import CONFIDENCE
 from testbench.identify.prior import Prior
 from testbench.studies.factorial.trial import (
     Case,
+    Cover,
     FitRow,
     Fits,
+    cover,
     each_seed,
     fitted,
     judged,
@@ -69,15 +69,6 @@ class Settings:
     sigma: float = 50e-6  #: Standard deviation of one reading along one axis [m].
     workspace: int = 200  #: Poses in which the models are judged.
     stiffer: float = 1.0  #: How many times stiffer the true links are than the folder's.
-
-
-@dataclass(frozen=True)
-class Cover:
-    """95 % intervals of the components of deflection over the workspace."""
-
-    covered_percent: float  #: Share of the true components that lie inside.
-    half_mm: float  #: Median half width.
-    ideal_mm: float  #: Half width of the narrowest intervals, all alike, that cover 95 %.
 
 
 @dataclass(frozen=True)
@@ -192,22 +183,6 @@ def _share(cell: Cell, link: int, truth: Dataset, estimate: Estimate) -> float:
     own[at, at] = C[at, at]
     part, whole = all_deflections(cell.vjm, [replace(estimate, C_theta=M) for M in (own, C)], truth)
     return float(np.linalg.norm(part) / np.linalg.norm(whole))
-
-
-def cover(cell: Cell, estimate: Estimate, truth: Dataset) -> Cover:
-    """The intervals of an estimate beside true deflections."""
-    found, true = intervals(cell.vjm, estimate, truth), truth.deflection
-    return covers(found.centre, (found.upper - found.lower) / 2, true)
-
-
-def covers(centre: Array, half: Array, true: Array) -> Cover:
-    """How well intervals of these half widths cover what is true, arrays of one shape [m]."""
-    error = np.abs(centre - true)
-    return Cover(
-        covered_percent=100 * float(np.mean(error <= half)),
-        half_mm=MM * float(np.median(half)),
-        ideal_mm=MM * float(np.quantile(error, CONFIDENCE)),
-    )
 
 
 def _doubted(cell: Cell, link: int | None, estimate: Estimate, prior: Prior) -> Doubted:
