@@ -116,13 +116,14 @@ def _of_family(arm: Arm, rng: np.random.Generator) -> Arm:
 
 
 def _stiffer(times: float, arm: Arm, rng: np.random.Generator) -> Arm:
-    return _of_family(_scaled_links(arm, np.full(len(arm.links), 1 / times)), rng)
+    own = _of_family(arm, rng)
+    return _scaled_links(own, np.full(len(own.links), 1 / times))
 
 
 def _soft_link(arm: Arm, rng: np.random.Generator) -> Arm:
-    factors = np.ones(len(arm.links))
+    own, factors = _of_family(arm, rng), np.ones(len(arm.links))
     factors[rng.integers(len(factors))] = SOFTER
-    return _of_family(_scaled_links(arm, factors), rng)
+    return _scaled_links(own, factors)
 
 
 def coupled(C: Array, rng: np.random.Generator) -> Array:

@@ -214,6 +214,12 @@ DECLARED = (
     Column("true_within", "within the claim, true", form="yes"),
     Column("read_change_percent", "changes, against readings", "%", "+.1f"),
     Column("read_within", "within the claim, against readings", form="yes"),
+    Column("kind", "true arms"),
+    Column("default_um", "default", form=".0f"),
+    Column("Joints_um", "joint stiffness only", form=".0f"),
+    Column("same_prior_um", "LS + same prior", form=".0f"),
+    Column("worst_tenth_percent", "covered in the worst tenth", "%", ".1f"),
+    Column("beats_joints", "beats joint stiffness only", form="yes"),
     # absolute readings: what hides in what, and what lies in its interval
     Column("error_mm", "error, own weight", "mm"),
     Column("loaded_mm", "error, payload", "mm"),

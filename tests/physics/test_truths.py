@@ -11,8 +11,10 @@ from testbench.campaign.campaign import Scenario, simulate, stream
 from testbench.campaign.models import MODELS
 from testbench.campaign.perturbed_prior import FAR, PRIORS, TURN, prior_of, wrong_prior
 from testbench.campaign.true_arms import (
+    HELD_OUT,
     TRUTHS,
     UNEQUAL,
+    coupled,
     deformed,
     distance_from_tubes,
     member,
@@ -177,7 +179,76 @@ def test_turning_a_beam_turns_its_compliance(rng):
     assert quarter[2, 3] == pytest.approx(-TUBE[2, 4])  # phi_y of before is -phi_x
 
 
-def test_the_family_gives_every_seed_the_next_member_and_a_name_gives_itself():
+@pytest.mark.parametrize("name", HELD_OUT)
+def test_kinds_held_out_can_be_built_are_new_for_every_seed_and_come_again(kr500, name):
+    seen = set()
+    for seed in SEEDS:
+        plant, again = (true_cell(kr500, name, seed).plant.arm for _ in range(2))
+        assert np.linalg.eigvalsh(plant.C_theta)[0] > 0
+        np.testing.assert_array_equal(plant.C_theta, again.C_theta)
+        seen.add(tuple(np.ravel(plant.C_theta)))
+    alike = name not in ("coupled", "far_joints")  # one member in six is the folder's arm
+    assert len(seen) >= (12 if alike else len(SEEDS))
+    assert name not in {member("family", seed) for seed in SEEDS}
+
+
+@pytest.mark.parametrize(
+    ("name", "times"), [("stiffer_3", 3), ("stiffer_10", 10), ("stiffer_30", 30), ("soft_link", 0.2)]
+)
+def test_links_of_a_member_of_the_family_are_all_stiffer_or_one_of_them_is_softer(kr500, name, times):
+    met, soft = set(), set()
+    for seed in SEEDS:
+        rng = stream(seed, 8)
+        kind = list(TRUTHS)[rng.integers(len(TRUTHS))]  # the first draw of the stream
+        own, found = TRUTHS[kind](kr500.arm, rng), HELD_OUT[name](kr500.arm, stream(seed, 8))
+        met.add(kind)
+        factors = np.full(7, 1 / times)
+        if name == "soft_link":
+            place = rng.integers(7)
+            factors = np.where(np.arange(7) == place, 5.0, 1.0)
+            soft.add(place)
+        for link, whole, factor in zip(found.links, own.links, factors, strict=True):
+            np.testing.assert_allclose(link.compliance, factor * whole.compliance, rtol=1e-12)
+        assert found.joints == own.joints
+    assert met == set(TRUTHS)
+    assert len(soft) >= 5 or name != "soft_link"
+
+
+def test_random_couplings_keep_the_diagonal_and_are_uniform_over_correlation_matrices():
+    """An entry of a uniform correlation matrix of order n is Beta(n/2, n/2) on -1 to 1, variance 1/(n+1)."""
+    rng = np.random.default_rng(4)
+    found = np.array([coupled(TUBE, rng) for _ in range(2000)])
+    scale = np.sqrt(np.diag(TUBE))
+    R = found / np.outer(scale, scale)
+    np.testing.assert_allclose(R[:, range(6), range(6)], 1, rtol=1e-12)
+    assert np.linalg.eigvalsh(R).min() > 0
+    np.testing.assert_array_equal(R, R.swapaxes(1, 2))
+    off = R[:, *np.triu_indices(6, 1)]
+    assert np.mean(off**2) == pytest.approx(1 / 7, rel=0.03)  # 30,000 entries: standard error 0.8 %
+    assert np.mean(np.abs(off) < 0.5) == pytest.approx(0.792969, abs=0.01)  # (15 x - 10 x^3 + 3 x^5) / 8
+
+
+def test_joints_far_off_are_spread_evenly_in_the_logarithm(kr500):
+    drawn = np.array(
+        [
+            [
+                joint.compliance / own.compliance
+                for joint, own in zip(
+                    HELD_OUT["far_joints"](kr500.arm, stream(seed, 8)).joints, kr500.arm.joints, strict=True
+                )
+            ]
+            for seed in range(200)
+        ]
+    )
+    assert 0.3 <= drawn.min() < 0.31
+    assert 2.9 < drawn.max() <= 3.0
+    low, high = np.log([0.3, 3.0])
+    assert np.log(drawn).mean() == pytest.approx((low + high) / 2, abs=0.06)  # 1200 draws: 0.02
+    assert np.log(drawn).std() == pytest.approx((high - low) / np.sqrt(12), rel=0.05)
+    assert np.std(np.log(drawn), axis=1).min() > 0.05  # each its own
+
+
+def test_the_family_gives_every_seed_the_next_kindand_a_name_gives_itself():
     assert [member("family", 12 + k) for k in range(2 * len(TRUTHS))] == [*TRUTHS, *TRUTHS]
     assert {member("cast", seed) for seed in SEEDS} == {"cast"}
 

@@ -8,10 +8,22 @@ import pytest
 from checks import check_pivot, check_spread, key_of, looks_differ
 from reports import check, check_cells, check_duels, check_ranges, fit_row, table_of
 
-from testbench.campaign.true_arms import member
-from testbench.studies.factorial.trial import FitRow
+from testbench.campaign.true_arms import CALLED, HELD_OUT, TRUTHS, member
+from testbench.studies.factorial.trial import Cover
+from testbench.studies.model_error.kinds import CALM, EVERY
 from testbench.studies.model_error.study import STUDY, figures, report
-from testbench.studies.model_error.trial import ALL, NONE, STIFF, Settings, disturbances
+from testbench.studies.model_error.trial import (
+    ALL,
+    BESIDE,
+    BESIDE_IT,
+    IN_FAMILY,
+    NONE,
+    SIZES,
+    STIFF,
+    DisturbedRow,
+    Settings,
+    disturbances,
+)
 from testbench.views.colours import look
 
 SEEDS = range(2, 7)
@@ -29,19 +41,35 @@ MODELS = {
 }
 
 
-def made(errors=None):
-    """A report of made-up trials, and these; `errors` fixes some by case, model and noise."""
+def made(errors=None, beside=None, covered=None, seeds=SEEDS):
+    """A report of made-up trials, and these.
+
+    Args:
+        errors: Some of the family's, by case, model and noise.
+        beside: Some of those beside it, by true arm and model.
+        covered: By seed, of the default on all arms.
+        seeds: Of the trials.
+    """
+
+    def row(rng, seed, case, noise, name, part, arm, size, error):
+        factors = {"part": part, "true_arm": arm, "size": size, "case": case, "sigma_um": noise}
+        own = fit_row(DisturbedRow, rng, MODELS, name, **factors)
+        seen = Cover(covered[seed] if covered else 100 * rng.uniform(), 0.1, 0.1)
+        cover = seen if noise and name == DEFAULT else None
+        return replace(own, rms_um=own.rms_um if error is None else error, cover=cover)
 
     def rows(seed):
-        rng = np.random.default_rng(seed)
+        rng, own = np.random.default_rng(seed), member("family", seed)
         for case, noise, name in product(CASES, (0.0, 40.0), MODELS):
-            own = fit_row(
-                FitRow, rng, MODELS, name, case=case, sigma_um=noise, true_arm=member("family", seed)
-            )
-            yield replace(own, rms_um=(errors or {}).get((case, name, noise), own.rms_um))
+            error = (errors or {}).get((case, name, noise))
+            yield row(rng, seed, case, noise, name, IN_FAMILY, own, 1.0, error)
+        for arm, size in [*((own, size) for size in SIZES), *((arm, 1.0) for arm in HELD_OUT)]:
+            for name in BESIDE:
+                error = (beside or {}).get((arm, name))
+                yield row(rng, seed, ALL, 40.0, name, BESIDE_IT, arm, size, error)
 
-    trials = table_of(SEEDS, lambda seed: [*rows(seed)])
-    return report(SETTINGS, SEEDS, trials), trials
+    trials = table_of(seeds, lambda seed: [*rows(seed)])
+    return report(SETTINGS, seeds, trials), trials
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +81,7 @@ def test_numbers_are_medians_and_spreads_by_case_model_and_noise_trial_by_trial(
     found, trials = whole
     f = found.numbers
     check(found, STUDY.printed)
+    trials = trials.where(part=IN_FAMILY)
     check_cells(f["cells"], trials, "case", "sigma_um", keys=("rms_um", "p95_um", "max_um", "moved_um"))
     check_duels(f["beats"], trials.where(case=ALL, sigma_um=40.0))
 
@@ -106,9 +135,65 @@ def test_the_answer_is_that_with_noise_and_all_disturbances():
         f"Disturbed in every way, 40 um of noise: {DEFAULT} 50 um, least squares 70 um; 1.4 times smaller. "
         "Joint stiffness only 90 um, 1.8 times larger."
     )
-    assert found.claims[1] == (
+    assert found.claims[3] == (
         "The cone by itself: MGCO56 beats MLS56 in 0 % (0 to 43 %) of 5 trials. With the prior it wins in 0 "
         "% (0 to 43 %); in 100 % (57 to 100 %) both err the same."
+    )
+
+
+def test_kinds_of_arms_have_their_own_errors_coverage_and_share_removed(whole):
+    found, trials = whole
+    noisy = trials.where(sigma_um=40.0)
+    family, beside = (noisy.where(part=part) for part in (IN_FAMILY, BESIDE_IT))
+    parts = {EVERY: family.where(case=ALL), CALM: family.where(case=NONE)}
+    parts |= {CALLED[arm]: beside.where(true_arm=arm) for arm in HELD_OUT}
+    parts |= {f"disturbances times {size:g}": beside.where(size=size) for size in SIZES}
+    met = [arm for arm in TRUTHS if arm in {member("family", seed) for seed in SEEDS}]
+    parts |= {CALLED[arm]: family.where(case=ALL, true_arm=arm) for arm in met}
+    rows = {row.kind: row for row in found.numbers["kinds"]}
+    assert rows.keys() == parts.keys()
+    assert list(rows)[: 1 + len(HELD_OUT)] == [EVERY, *(CALLED[arm] for arm in HELD_OUT)]
+    for kind, part in parts.items():
+        own, joints, same = (part.where(name=name) for name in (DEFAULT, "Joints", "MLS56 + prior"))
+        row = rows[kind]
+        for key, of in (("default", own), ("Joints", joints), ("same_prior", same)):
+            check_spread(row[f"{key}_um"], of["rms_um"])
+        covered = own["cover.covered_percent"]
+        assert (row.trials, row.beats_joints) == (len(own), np.mean(own["rms_um"] < joints["rms_um"]))
+        assert row.covered_percent == pytest.approx(np.mean(covered))
+        assert row.worst_tenth_percent == min(covered)  # of at most five arms one
+        check_spread(row.removed_percent, 100 * (1 - own["rms_um"] / own["deflection_um"]))
+
+
+def test_the_worst_tenth_are_the_arms_that_are_covered_worst():
+    seeds = range(2, 24)  # 22 arms: the worst three
+    covered = dict.fromkeys(seeds, 90.0) | {5: 30.0, 11: 60.0, 20: 75.0}
+    found, _ = made(covered=covered, seeds=seeds)
+    [row] = [row for row in found.numbers["kinds"] if row.kind == EVERY]
+    assert row.worst_tenth_percent == pytest.approx((30 + 60 + 75) / 3)
+    assert row.covered_percent == pytest.approx((19 * 90 + 30 + 60 + 75) / 22)
+    assert found.claims[0].startswith(
+        "Its 95 % intervals cover 85.2 % of the disturbed family's deflections, 55 % in the worst tenth of "
+        "arms."
+    )
+
+
+def test_where_the_default_loses_is_said_the_worst_first():
+    names = ("Joints", "MLS56 + prior", DEFAULT)
+    errors = {(case, name, 40.0): 50.0 if name == DEFAULT else 90.0 for case in CASES for name in names}
+    beside = {
+        (arm, name): 50.0 if name == DEFAULT else 90.0 for arm in [*HELD_OUT, *TRUTHS] for name in names
+    }
+    won, _ = made(errors, beside)
+    assert won.claims[1] == (
+        "It beats joint stiffness only on 100 % (57 to 100 %) of 5 arms of the family. Its median error is "
+        "the larger one on no kind. Beside LS with the same prior it is so on no kind."
+    )
+    lost = {("coupled", "Joints"): 45.0, ("stiffer_30", "Joints"): 25.0, ("soft_link", "Joints"): 49.0}
+    found, _ = made(errors, beside | lost | {("coupled", "MLS56 + prior"): 48.0})
+    assert found.claims[1].endswith(
+        "Its median error is the larger one on links 30 times stiffer, coupled links and 1 other kind. "
+        "Beside LS with the same prior it is so on coupled links."
     )
 
 
@@ -122,7 +207,7 @@ def test_the_costliest_disturbance_is_named_whichever_it_is(worst):
         f'Worst without noise: "{worst}" adds 70 um to the error of {DEFAULT}; then come "{second}" '
         f'+{CASES.index(second)} um, "{third}" +{CASES.index(third)} um.'
     )
-    assert f"Noise of 40 um adds 25 um to the error of {DEFAULT}" in found.claims[0]
+    assert f"Noise of 40 um adds 25 um to the error of {DEFAULT}" in found.claims[2]
     assert found.numbers["above_noise"] == [worst]
     calm, _ = made({(case, DEFAULT, 0.0): 20.0 for case in CASES})
     assert calm.worst == f"Worst without noise: no disturbance adds to the error of {DEFAULT}."

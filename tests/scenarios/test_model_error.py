@@ -44,6 +44,32 @@ def test_the_plant_of_the_true_arm_is_disturbed():
     assert len(set(moved.values())) == 3
 
 
+def test_kinds_beside_the_family_are_disturbed_in_every_way_and_sizes_are_of_the_same_arm():
+    """Twice the disturbances by --scale, and beside the family by --sizes, are the same arm and readings."""
+    asked = {"workspace": 5, "only": ("backlash", "soft foundation"), "arms": ("coupled",), "sizes": (2.0,)}
+    [rows] = trials(Settings("kr500_l480", 2, **asked), [2])
+    beside = {(r.true_arm, r.size, r.name): r for r in rows if r.part == "beside"}
+    names = ("Joints", "MLS56 + prior", "ALL153 + prior")
+    own = next(r.true_arm for r in rows if r.part == "family")
+    assert beside.keys() == {(*arm, name) for arm in [(own, 2.0), ("coupled", 1.0)] for name in names}
+    [twice] = trials(Settings("kr500_l480", 2, scale=2.0, workspace=5, only=asked["only"]), [2])
+    for row in twice:
+        if row.case == "all together" and row.sigma_um and row.name in names:
+            assert row.rms_um == pytest.approx(beside[own, 2.0, row.name].rms_um, rel=1e-6)
+    once = {r.name: r for r in rows if r.part == "family" and r.case == "all together" and r.sigma_um}
+    assert all(abs(once[name].rms_um / beside[own, 2.0, name].rms_um - 1) > 1e-3 for name in names)
+    coupled = beside["coupled", 1.0, "Joints"].deflection_um
+    assert abs(coupled / once["Joints"].deflection_um - 1) > 1e-3
+
+
+def test_intervals_are_judged_where_there_is_noise(rows):
+    for row in rows:
+        judged = row["cover.covered_percent"] is not None
+        wanted = row["name"] in ("ALL153 + prior", "Joints + prior") and row["sigma_um"] > 0
+        assert judged == wanted
+        assert row["deflection_um"] > 1000
+
+
 def test_gco_stays_conservative_whatever_the_arm_does(report):
     for c in report["cells"]:
         if c["constraint"] == "psd" or c["structure"] == "Joints":
@@ -66,6 +92,8 @@ def test_joints_alone_and_both_methods_with_the_prior_are_judged_in_every_case(r
         (["--scale", "-1"], "scale"),
         (["--sigma-um", "0"], "sigma-um"),
         (["--arm", "x"], "folder"),
+        (["--arms", "tubes"], "--arms: expected some of stiffer_3, "),
+        (["--sizes", "-1"], "sizes"),
         (["--only", "rust"], "no disturbance 'rust'; disturbances are own weight"),
     ],
 )

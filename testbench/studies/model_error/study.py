@@ -15,8 +15,16 @@ from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched, merged
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import DUELS, ERROR, RMS
-from testbench.studies.model_error import trial
-from testbench.studies.model_error.trial import ALL, NONE, PLAIN_COMPENSATOR, STIFF, Options, Settings
+from testbench.studies.model_error import kinds, trial
+from testbench.studies.model_error.trial import (
+    ALL,
+    IN_FAMILY,
+    NONE,
+    PLAIN_COMPENSATOR,
+    STIFF,
+    Options,
+    Settings,
+)
 from testbench.studies.study import Study
 from testbench.trials.spread import middle, span
 from testbench.views.figure import Figure, ranges
@@ -41,7 +49,8 @@ HOW = Markdown(
 def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     """Medians and spreads by case, model and noise."""
     sigma_um = UM * asked.sigma
-    trials = _with_changes(trials)
+    by_kind = kinds.kinds(trials, sigma_um)
+    trials = _with_changes(trials.where(part=IN_FAMILY))
     cells = compare.cells(trials, "case", "sigma_um", also=("moved_um", "added_um"))
     together = trials.where(case=ALL, sigma_um=sigma_um)
     every = [row for row in compare.existing(cells) if (row.case, row.sigma_um) == (ALL, sigma_um)]
@@ -67,6 +76,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         above_noise=[row.case for row in ranking if middle(row.added_um) > adds],
         gains=compare.gains(together, every),
         beats=compare.duels(together, DUELS),
+        kinds=by_kind,
         models=[
             model
             for case in (NONE, ALL)
@@ -83,7 +93,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         claims=list(_claims(f)),
         numbers=f,
         tables=(tables := _tables(f)),
-        body=[*tables, HOW, _sizes(asked)],
+        body=[*tables, HOW, kinds.HOW, _sizes(asked)],
         badge=of_models(together, every, DEFAULT, ERROR),
     )
 
@@ -148,6 +158,7 @@ def _worst(ranking: Sequence[Row]) -> Markdown:
 
 def _claims(f: Row) -> Iterator[Markdown]:
     """What else there is to say, what matters most first."""
+    yield from kinds.claims(f.kinds)
     yield say(
         "Noise of {sigma_um:g} um adds {noise_adds_um:.0f} um to the error of {featured} on the undisturbed "
         "arm. {above} of {n} disturbances alone add more.",
@@ -166,8 +177,9 @@ def _claims(f: Row) -> Iterator[Markdown]:
 
 
 def _tables(f: Row) -> dict[str, Table]:
-    """Errors by disturbance and model with noise; what each adds; the claim."""
+    """The default by kind of arm; errors by disturbance and model with noise; what each adds; the claim."""
     return {
+        "kinds": kinds.table(f.kinds, f.sigma_um),
         "noisy": compare.errors(_shown(f, noisy=True), "case", "name", f"RMS error, um, {_noise(f)}"),
         "ranking": Table(columns(RANKING), f.ranking, f"{DEFAULT}, without noise"),
         "claim": Table(columns(CLAIM), f.claim, "Errors with the compensator over those without, less 100 %"),
