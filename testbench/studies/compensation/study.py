@@ -54,8 +54,8 @@ BY_ARM = "true_arm name trials removed_percent worst_percent worse after.median_
 READING = Markdown(
     "A case is a point of a trial. Undisturbed: the true arm bends as a model of its kind can. Disturbed: "
     "geometry, joint offsets, payload, backlash, hysteresis, stiffening joints, compensator and foundation "
-    "act; of these the default knows the joints' laws. Linear joints: the same without backlash, hysteresis and stiffening, "
-    "to tell what these three do."
+    "act; of these the default knows the joints' laws. Linear joints: the same without backlash, hysteresis "
+    "and stiffening, to tell what these three do."
 )
 OF_TABLES = Markdown(
     "Removed: one less the distance of the loaded tool from where the unloaded tool of the same true arm "
