@@ -1,6 +1,7 @@
 """What joints do beyond a linear spring: shapes against MuJoCo's arm, and what readings tell of them."""
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,10 @@ from testbench.data.write import write_csv
 from testbench.identify import gco, intervals, least_squares, with_prior
 from testbench.identify.arm_model import of_estimate
 from testbench.identify.evaluate import deflections, score
-from testbench.identify.prior import cad_prior
+from testbench.identify.fold import reduce
+from testbench.identify.hierarchy import LAW, evidence
+from testbench.identify.metric import metric
+from testbench.identify.prior import Prior, cad_prior
 from testbench.model.laws import (
     KINDS,
     PLAY,
@@ -290,3 +294,25 @@ def at_the_base_links_end(kr500, C):
     T[:3, :3] = T[3:, 3:] = axes.T
     T[:3, 3:] = axes.T @ -skew(lever)
     return T @ C @ T.T
+
+
+def test_a_prior_wrong_in_scale_costs_laws_nothing(kr500, campaigns):
+    """The scale common to compliances is the data's; sizes of laws have none."""
+    data, s = campaigns["all"][0], with_laws(all153(kr500.arm))
+    found = [
+        with_prior(gco, Prior("scaled", scale * kr500.arm.C_theta))(kr500.vjm, s, data) for scale in (1, 3)
+    ]
+    np.testing.assert_allclose(found[1].pi, found[0].pi, rtol=1e-6, atol=1e-9 * np.abs(found[0].pi).max())
+
+
+def test_sizes_of_laws_scatter_about_their_median_as_the_prior_says(kr500, campaigns):
+    data, s = campaigns["all"][0], with_laws(all153(kr500.arm))
+    vjm = vjm_of(kr500.vjm, s)
+    own = evidence(reduce(vjm, s, data), metric(cad_prior(kr500.arm), kr500.vjm, s))
+    normal, size = own.problem.priors[0], math.log(LAW[0])
+    losses = []
+    for steps in (0, 1, 2):
+        h = np.zeros(len(own.start))
+        h[own.blocks + 2 : own.blocks + 5] = size + steps * LAW[1] * np.array([1, 0, 0])
+        losses.append(normal.density(normal.rows @ h - normal.middle)[0].sum())
+    assert np.diff(losses) == pytest.approx([0.5, 1.5])
