@@ -15,8 +15,8 @@ from testbench.data.dataset import Ids, Mask
 from testbench.data.header import find_header, notes, rows_of
 from testbench.data.lines import from_cell, read_letters, split_lines
 from testbench.data.mapping import Layout
+from testbench.data.sheet import SHEET
 from testbench.data.units import Unit
-from testbench.data.workbook import SHEET
 from testbench.errors import Array, InputError, shown
 
 COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
