@@ -220,6 +220,7 @@ DECLARED = (
     Column("same_prior_um", "LS + same prior", form=".0f"),
     Column("worst_tenth_percent", "covered in the worst tenth", "%", ".1f"),
     Column("beats_joints", "beats joint stiffness only", form="yes"),
+    Column("beats_same_prior", "beats LS + same prior", form="yes"),
     # absolute readings: what hides in what, and what lies in its interval
     Column("error_mm", "error, own weight", "mm"),
     Column("loaded_mm", "error, payload", "mm"),

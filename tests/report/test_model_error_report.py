@@ -11,19 +11,9 @@ from reports import check, check_cells, check_duels, check_ranges, fit_row, tabl
 from testbench.campaign.true_arms import CALLED, HELD_OUT, TRUTHS, member
 from testbench.studies.factorial.trial import Cover
 from testbench.studies.model_error.kinds import CALM, EVERY
+from testbench.studies.model_error.settings import ALL, NONE, SIZES, STIFF, Settings, disturbances
 from testbench.studies.model_error.study import STUDY, figures, report
-from testbench.studies.model_error.trial import (
-    ALL,
-    BESIDE,
-    BESIDE_IT,
-    IN_FAMILY,
-    NONE,
-    SIZES,
-    STIFF,
-    DisturbedRow,
-    Settings,
-    disturbances,
-)
+from testbench.studies.model_error.trial import BESIDE, BESIDE_IT, IN_FAMILY, DisturbedRow
 from testbench.views.colours import look
 
 SEEDS = range(2, 7)
@@ -146,6 +136,7 @@ def test_kinds_of_arms_have_their_own_errors_coverage_and_share_removed(whole):
     noisy = trials.where(sigma_um=40.0)
     family, beside = (noisy.where(part=part) for part in (IN_FAMILY, BESIDE_IT))
     parts = {EVERY: family.where(case=ALL), CALM: family.where(case=NONE)}
+    parts["stiff compensator alone"] = family.where(case=STIFF)
     parts |= {CALLED[arm]: beside.where(true_arm=arm) for arm in HELD_OUT}
     parts |= {f"disturbances times {size:g}": beside.where(size=size) for size in SIZES}
     met = [arm for arm in TRUTHS if arm in {member("family", seed) for seed in SEEDS}]
@@ -160,6 +151,7 @@ def test_kinds_of_arms_have_their_own_errors_coverage_and_share_removed(whole):
             check_spread(row[f"{key}_um"], of["rms_um"])
         covered = own["cover.covered_percent"]
         assert (row.trials, row.beats_joints) == (len(own), np.mean(own["rms_um"] < joints["rms_um"]))
+        assert row.beats_same_prior == np.mean(own["rms_um"] < same["rms_um"])
         assert row.covered_percent == pytest.approx(np.mean(covered))
         assert row.worst_tenth_percent == min(covered)  # of at most five arms one
         check_spread(row.removed_percent, 100 * (1 - own["rms_um"] / own["deflection_um"]))
@@ -186,14 +178,15 @@ def test_where_the_default_loses_is_said_the_worst_first():
     }
     won, _ = made(errors, beside)
     assert won.claims[1] == (
-        "It beats joint stiffness only on 100 % (57 to 100 %) of 5 arms of the family. Its median error is "
-        "the larger one on no kind. Beside LS with the same prior it is so on no kind."
+        "It beats joint stiffness only on 100 % (57 to 100 %) of 5 arms of the family, LS with the same "
+        "prior on 100 % (57 to 100 %). In the median it loses to joint stiffness only on no kind. It loses "
+        "to LS with the same prior on no kind."
     )
     lost = {("coupled", "Joints"): 45.0, ("stiffer_30", "Joints"): 25.0, ("soft_link", "Joints"): 49.0}
     found, _ = made(errors, beside | lost | {("coupled", "MLS56 + prior"): 48.0})
     assert found.claims[1].endswith(
-        "Its median error is the larger one on links 30 times stiffer, coupled links and 1 other kind. "
-        "Beside LS with the same prior it is so on coupled links."
+        "it loses to joint stiffness only on links 30 times stiffer, coupled links and 1 other kind. It "
+        "loses to LS with the same prior on coupled links."
     )
 
 

@@ -4,7 +4,8 @@ import pytest
 from run_here import app_of_study, check_files, check_refused, quick_study
 
 from testbench.plant import Disturbances
-from testbench.studies.model_error.trial import Settings, disturbances, trials
+from testbench.studies.model_error.settings import Settings, disturbances
+from testbench.studies.model_error.trial import trials
 
 APP = app_of_study("model_error")
 quick, report, rows = quick_study(APP, "--seed", 2, "--seeds", 2)

@@ -15,16 +15,9 @@ from testbench.report.report import Report, lines, say
 from testbench.report.table import TRIAL, Row, Trials, matched, merged
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import DUELS, ERROR, RMS
-from testbench.studies.model_error import kinds, trial
-from testbench.studies.model_error.trial import (
-    ALL,
-    IN_FAMILY,
-    NONE,
-    PLAIN_COMPENSATOR,
-    STIFF,
-    Options,
-    Settings,
-)
+from testbench.studies.model_error import kinds, settings, trial
+from testbench.studies.model_error.settings import ALL, NONE, PLAIN_COMPENSATOR, STIFF, Options, Settings
+from testbench.studies.model_error.trial import IN_FAMILY
 from testbench.studies.study import Study
 from testbench.trials.spread import middle, span
 from testbench.views.figure import Figure, ranges
@@ -198,9 +191,9 @@ def _shown(f: Row, *, noisy: bool) -> list[Row]:
 
 def _sizes(asked: Settings) -> Markdown:
     """What each case switches on, a line each."""
-    words = {field: (scale, told) for field, scale, told in trial.SWITCHES.values()}
+    words = {field: (scale, told) for field, scale, told in settings.SWITCHES.values()}
     found = []
-    for name, case in trial.disturbances(asked.scale, asked.only).items():
+    for name, case in settings.disturbances(asked.scale, asked.only).items():
         for field, value in vars(case).items() if name not in (NONE, ALL) else ():
             if value:
                 scale, sentence = words[field]
@@ -230,7 +223,7 @@ STUDY = Study(
     name="model_error",
     about="Identify an arm that does what the model does not know, with noise and without.",
     options=Options,
-    settings=trial.settings,
+    settings=settings.settings,
     seeds=(100, 2),
     row=trial.DisturbedRow,
     trials=trial.trials,

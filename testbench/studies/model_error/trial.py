@@ -9,21 +9,18 @@ Beside it stand arms of kinds held out of the family, and the same arm disturbed
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
-import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, simulate, stream
-from testbench.campaign.campaign_flags import TrueArmFlag
 from testbench.campaign.model_selection import DEFAULT, FILLED
 from testbench.campaign.models import JOINTS, Model
 from testbench.campaign.rows import UM
-from testbench.campaign.true_arms import FAMILY, HELD_OUT, member, true_cell
+from testbench.campaign.true_arms import member, true_cell
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, BenchError
-from testbench.plant import STIFF_COMPENSATOR, TYPICAL, Disturbances, disturb, settle_pair
+from testbench.errors import Array
+from testbench.plant import Disturbances, disturb, settle_pair
 from testbench.studies.factorial.trial import (
     Case,
     Cover,
@@ -35,31 +32,14 @@ from testbench.studies.factorial.trial import (
     reread,
     with_wrong_priors,
 )
+from testbench.studies.model_error.settings import ALL, Settings, disturbances
 
 MODELS, ONLY_WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68"), "MGCO68"
 """All are fitted with a prior too."""
 BESIDE = (JOINTS, f"MLS56{FILLED}", DEFAULT)
 """Those that are fitted to arms beside the family too: joint stiffness only, and LS with the same prior."""
 COVERED = (f"{JOINTS}{FILLED}", DEFAULT)  #: Whose intervals are judged.
-SIZES = 0.5, 2.0  #: Of all disturbances, over those of the cases [1].
 IN_FAMILY, BESIDE_IT = "family", "beside"  #: Parts of a trial.
-QUICK_WORKSPACE = 20
-NONE, ALL = "none", "all together"
-PLAIN_COMPENSATOR, STIFF = "gravity compensator", "stiff compensator"
-SPRING = "A spring ties link 2 to 1, {rate:g} kN/m as joint 2 turns, {stiffness:g} kN/m as the arm deflects."
-SWITCHES: Mapping[str, tuple[str, float, str]] = {
-    "own weight": ("own_weight", 1.0, "The links weigh."),
-    PLAIN_COMPENSATOR: ("compensator", 1e-3, SPRING),
-    "nominal geometry": ("geometry", 1e3, "Frames are off by {position:g} mm and {angle:g} mrad."),
-    "joint sensors": ("sensor_offset", 1e3, "Joint sensors are off by {size:g} mrad."),
-    "payload mass": ("mass_error", 100.0, "The payload is {size:g} % heavier than recorded."),
-    "payload centre": ("centre_error", 1e3, "The hanging point is off by {size:g} mm."),
-    "stiffening joints": ("stiffening", 100.0, "Joints are {size:g} % stiffer a mrad of turn."),
-    "backlash": ("backlash", 1e6, "Joints have {size:g} urad of play to either side."),
-    "hysteresis": ("hysteresis", 1e6, "Joints have {size:g} urad of hysteresis to either side."),
-    "soft foundation": ("foundation", 1.0, "The foundation bends, {size:g} times as much as assumed."),
-}
-"""The field of Disturbances that each case switches on, and what it does, in so many times SI units."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,86 +49,6 @@ class DisturbedRow(FitRow):
     size: float  #: Of the disturbances, over those of the cases [1].
     deflection_um: float  #: What is to be predicted, RMS.
     cover: Cover | None  #: Of models whose intervals are judged, with noise.
-
-
-@dataclass(frozen=True)
-class Options:
-    """Flags of the study."""
-
-    scale: Annotated[
-        float, typer.Option(min=0, max=10, help="Size of every disturbance over its typical one.")
-    ] = 1.0
-    only: Annotated[
-        list[str] | None, typer.Option(help="Switch on this disturbance alone; again for more.")
-    ] = None
-    sigma_um: Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading.")] = 50.0
-    arm: Annotated[str, typer.Option(help="Folder of the arm, or the name of one of ours.")] = "kr500_l480"
-    true_arm: TrueArmFlag = FAMILY
-    arms: Annotated[
-        list[str] | None, typer.Option(help="Beside the family this true arm; again for more. All if none.")
-    ] = None
-    sizes: Annotated[
-        list[float] | None,
-        typer.Option(min=0, max=10, help="All disturbances in this size over --scale too; again for more."),
-    ] = None
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What is tried."""
-
-    arm: str  #: Folder or name of the arm.
-    first: int  #: The first seed.
-    scale: float = 1.0  #: Size of every disturbance over its typical one [1]; switches are on or off.
-    sigma: float = 50e-6  #: Standard deviation of one reading along one axis [m].
-    workspace: int = 100  #: Poses in which the models are judged.
-    only: tuple[str, ...] = ()  #: Names of cases beside none and all together; none for every one.
-    true_arm: str = FAMILY  #: One of TRUTHS, or the family in turn.
-    arms: tuple[str, ...] = ()  #: Beside it, of HELD_OUT.
-    sizes: tuple[float, ...] = ()  #: In which it is disturbed in every way too, over those of the cases [1].
-
-
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
-    """What the flags ask for; raises BenchError for a disturbance or a true arm that does not exist."""
-    disturbances(options.scale, options.only or ())
-    arms, sizes = tuple(options.arms or HELD_OUT), tuple(options.sizes or SIZES)
-    for name in arms:
-        if name not in HELD_OUT:
-            raise BenchError(f"--arms: expected some of {', '.join(HELD_OUT)}, got {name!r}")
-    workspace = QUICK_WORKSPACE if quick else Settings.workspace
-    only, sigma = tuple(options.only or ()), options.sigma_um / 1e6
-    alone = options.true_arm != FAMILY and options.arms is None
-    return Settings(
-        options.arm,
-        seeds[0],
-        options.scale,
-        sigma,
-        workspace,
-        only,
-        options.true_arm,
-        () if alone else tuple(dict.fromkeys(arms)),
-        tuple(dict.fromkeys(size for size in sizes if size != 1)),
-    )
-
-
-def disturbances(scale: float, only: Sequence[str] = ()) -> dict[str, Disturbances]:
-    """What disturbs the arm by case, `scale` times as much as typical: none, each, stiff compensator, all.
-
-    Those of `only` are kept beside none, and all together are these alone; BenchError for one unknown.
-    """
-    for name in only:
-        if name not in SWITCHES:
-            raise BenchError(f"no disturbance {name!r}; disturbances are {', '.join(SWITCHES)}")
-    geometry = TYPICAL.geometry
-    if geometry is not None:
-        geometry = replace(geometry, position=scale * geometry.position, angle=scale * geometry.angle)
-    sizes = {field: scale * size for field, size in vars(TYPICAL).items() if type(size) is float}
-    fields = {**vars(TYPICAL), **sizes, "geometry": geometry}
-    values = {name: {field: fields[field]} for name in only or SWITCHES for field in SWITCHES[name][:1]}
-    alone = {name: Disturbances(**value) for name, value in values.items()}
-    stiff = {} if only else {STIFF: Disturbances(compensator=STIFF_COMPENSATOR)}
-    together = {field: size for value in values.values() for field, size in value.items()}
-    return {NONE: Disturbances(), **alone, **stiff, ALL: Disturbances(**together)}
 
 
 @each_seed
