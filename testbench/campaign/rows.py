@@ -70,18 +70,18 @@ class FitRow:
 
 
 def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool = False) -> FitRow:
-    """What a method found."""
-    certificate = estimate.certificate
+    """What a method found; unknowns are compliances, laws of joints aside."""
+    certificate, own = estimate.certificate, estimate.of_compliances
     return FitRow(
         name=name,
-        structure=estimate.structure.name,
+        structure=own.structure.name,
         method=estimate.method,
         constraint=estimate.constraint,
         prior=prior,
         status=estimate.status,
-        parameters=estimate.structure.n,
-        rank=estimate.regression.rank,
-        unique=estimate.regression.rank == estimate.structure.n,
+        parameters=own.structure.n,
+        rank=own.rank,
+        unique=own.rank == own.structure.n,
         conservative=estimate.conservative,
         min_eigenvalue=estimate.min_eigenvalue,
         f_m=estimate.f_m,
@@ -90,7 +90,7 @@ def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool
         f_m_excess_bound=None if certificate is None else certificate.f_m_excess_bound,
         trace_bounds_rad_per_Nm=None if certificate is None else tuple(certificate.trace_bounds.tolist()),
         held_by_trace_weight=estimate.held_by_trace_weight,
-        total_trace_rad_per_Nm=total_trace(estimate.structure, estimate.pi),
+        total_trace_rad_per_Nm=total_trace(own.structure, estimate.pi[: own.structure.n]),
         solve_seconds=seconds,
         advice=advice(estimate),
     )

@@ -31,8 +31,8 @@ MODELS = (
 PAGE = 3  #: Of these columns, the last ones, that a terminal has no room for.
 LAWS = "part stiffer_percent backlash_urad friction_urad"
 ABOUT_LAWS = Markdown(
-    "*Stiffer*: when the spring is turned by a milliradian, over no load. *Backlash*, *friction*: half "
-    "widths; of a slide in um and millimetres."
+    "Sizes of laws beside the compliances. *Stiffer*: when the spring is turned by a milliradian, over no "
+    "load. *Backlash*, *friction*: half widths; of a slide in um and millimetres."
 )
 READING = Markdown(
     "*F_M held out*: the mean on poses and load levels held out in turn. *+- (95 %)*: median half width of "

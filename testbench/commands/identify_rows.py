@@ -173,8 +173,8 @@ def _seen(cell: Cell, found: Identified) -> Row:
     component, share = told(cell.vjm, regression, cad_prior(cell.arm), USUAL)
     own = {name: share[np.array(component) == name] for name in dict.fromkeys(component)}
     return Row(
-        structure=found.taken.structure.name,
-        unknowns=found.taken.structure.n,
+        structure=regression.structure.name,
+        unknowns=regression.structure.n,
         seen=regression.rank,
         prior_uncertainty_percent=100 * USUAL.uncertainty,
         blocks=[
