@@ -8,7 +8,7 @@ from scipy.special import gammainc
 
 from testbench.campaign.campaign import Cell
 from testbench.campaign.doubt import Doubt, of_scale
-from testbench.campaign.evaluation import EstimatorFailed, of_model
+from testbench.campaign.evaluation import EstimatorFailed, failed_row, of_model
 from testbench.campaign.identifiability import set_aside
 from testbench.campaign.model_selection import Recommendation, default_name, folded, recommend, why
 from testbench.campaign.models import Model
@@ -97,6 +97,7 @@ class Fits:
     registration: Mapping[str, object] | None  #: Frames and targets; None where no frame fitted.
     #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
     scale: float | None = None
+    failed: tuple[FitRow, ...] = ()  #: Estimators of one's own that failed, and why.
 
 
 @dataclass(frozen=True)
@@ -158,7 +159,6 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
         doubts=(
             *runs.doubts,
-            *lost,
             *_of_noise(own.estimates),
             *_of_prior(estimates, taken.name, default_name(cell.arm)),
         ),
@@ -166,6 +166,7 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
         notes=runs.notes,
         registration=runs.registration,
         scale=runs.scale,
+        failed=tuple(map(failed_row, lost)),
     )
     return Identified(fits, runs, estimates)
 
@@ -190,42 +191,56 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
     return moved, [f"{name} is left out: no load acts on what it can bend" for name in still]
 
 
-def _working(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock) -> tuple[Found, list[Doubt]]:
-    """What is found without estimators of one's own that fail, and a doubt on each failure.
+def _working(
+    cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock
+) -> tuple[Found, list[EstimatorFailed]]:
+    """What is found without estimators of one's own that fail, and those.
 
     Raises:
         BenchError: When no model is left.
     """
-    lost: list[Doubt] = []
-    while True:
+    if runs.many is not None and not all(map(_plain, models)):
+        said = f"expected at most {MOST_READINGS} readings, got {runs.many.every.runs} runs"
+        raise BenchError(f"robust fit, or an estimator of your own: {said}")
+    lost: list[EstimatorFailed] = []
+    own: dict[str, tuple[Estimate, float]] = {}
+    for model in (model for model in models if not _plain(model)):
+        start = clock()
         try:
-            return _fit_all(cell, models, runs, clock), lost
+            own[model.name] = (of_model(cell, model, runs.used), clock() - start)
         except EstimatorFailed as err:
-            models = [model for model in models if model.name != err.model]
-            lost.append(Doubt("estimator", f"left out: {err}"))
-            if not models:
-                raise BenchError("; ".join(doubt.sentence for doubt in lost)) from err
+            lost.append(err)
+    while True:
+        models = [model for model in models if model not in [err.model for err in lost]]
+        if not models:
+            raise BenchError("; ".join(map(str, lost)))
+        try:
+            return _fit_all(cell, models, runs, clock, own), lost
+        except EstimatorFailed as err:  # in runs of which some are held out
+            lost.append(err)
 
 
-def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock) -> Found:
+Own = Mapping[str, tuple[Estimate, float]]  #: What is fitted already, and its time [s], by name.
+
+
+def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, own: Own) -> Found:
     """Fit, judge and choose models; BenchError when a method cannot fit its structure."""
     many, estimates, seconds = runs.many, [], []
-    if many is not None and not all(map(_plain, models)):
-        readings = many.every.runs
-        raise BenchError(f"robust fit: expected at most {MOST_READINGS} readings, got {readings} runs")
     reduced = folded(cell, models, runs.used, many)
     for model in models:
         start = clock()
         if plain := _plain(model):
-            estimates += plain.of(cell.vjm, [reduced.parts[model.structure.name].together()])
+            [estimate] = plain.of(cell.vjm, [reduced.parts[model.structure.name].together()])
+            spent = clock() - start
         else:
-            estimates.append(of_model(cell, model, runs.used))
-        seconds.append(clock() - start)
+            estimate, spent = own[model.name]
+        estimates.append(estimate)
+        seconds.append(spent)
     found = Found(runs, models, estimates, seconds, (), (), recommend(cell, models, reduced))
     if many is not None:
         return _judged(cell, found, many)
-    used = [_errors(cell, own, runs.used) for own in estimates]
-    check = [None if runs.check is None else _errors(cell, own, runs.check) for own in estimates]
+    used = [_errors(cell, each, runs.used) for each in estimates]
+    check = [None if runs.check is None else _errors(cell, each, runs.check) for each in estimates]
     return replace(found, used=used, check=check)
 
 
@@ -294,7 +309,7 @@ def _unchecked(cell: Cell, taken: Model, estimates: Mapping[str, Estimate]) -> U
 def _fit(cell: Cell, found: Found, k: int, widest: Dataset | None) -> Fitted:
     """A model, with intervals of its predictions for some runs."""
     estimate, check = found.estimates[k], found.check[k]
-    prior = estimate.belief is not None
+    prior = found.models[k].filled or estimate.belief is not None
     blocks = (estimate.C_theta[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(len(cell.arm.links)))
     return Fitted(
         **vars(fit_row(found.models[k].name, estimate, found.seconds[k], prior=prior)),
