@@ -51,7 +51,10 @@ class EstimatorOptions:
         Raises:
             BenchError: When one cannot be imported, lacks its function, or has a name that is taken.
         """
-        found = tuple(_read(text, self.estimator_timeout) for text in self.estimator or ())
+        if not self.estimator:
+            return ()
+        with server() as link:
+            found = tuple(_read(link, text, self.estimator_timeout) for text in self.estimator)
         names = [own.name for own in found]
         for name in names:
             if names.count(name) > 1 or name.casefold() in map(str.casefold, MODELS):
@@ -59,7 +62,7 @@ class EstimatorOptions:
         return found
 
 
-def _read(text: str, timeout: float) -> Own:
+def _read(link: Connection, text: str, timeout: float) -> Own:
     """An estimator as it is named on the command line; it is imported once, in a process apart."""
     found = ASKED.fullmatch(text)
     source = found["source"] if found else ""
@@ -73,7 +76,7 @@ def _read(text: str, timeout: float) -> Own:
         files.digest(Path(source))  # refuses what is no file
     own = Own(name, source, found["function"], timeout)
     try:
-        return replace(own, sha256=files.digest(Path(file_of(own))))
+        return replace(own, sha256=files.digest(file_of(link, own)))
     except BenchError as err:
         raise BenchError(f"{FLAG}: {source}: {err}") from err
 
@@ -96,11 +99,10 @@ def hired(own: Sequence[Own]) -> Iterator[Models]:
     if not own:
         yield lambda _cell, _prior: []
         return
-    for each in own:
-        file = Path(each.source if each.source.endswith(SUFFIX) else file_of(each))
-        if files.digest(file) != each.sha256:
-            raise BenchError(f"{FLAG}: {file} has changed since the run began")
     with server() as link:
+        for each in own:
+            if files.digest(file_of(link, each)) != each.sha256:
+                raise BenchError(f"{FLAG}: {each.source} has changed since the run began")
         yield lambda cell, prior: [
             Model(each.name, replace(all153(cell.arm), name=f"own {k}"), Hired(each, link, prior))
             for k, each in enumerate(own, 1)

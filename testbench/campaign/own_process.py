@@ -12,6 +12,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from io import BytesIO
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
+from pathlib import Path
 
 import numpy as np
 
@@ -59,14 +60,13 @@ def ask(link: Connection, own: Own, given: Given) -> Array:
     return np.asarray(np.load(BytesIO(_asked(link, own, given)), allow_pickle=False))
 
 
-def file_of(own: Own) -> str:
-    """Path of the file that has its function.
+def file_of(link: Connection, own: Own) -> Path:
+    """The file that has its function.
 
     Raises:
         BenchError: When it cannot be imported, or lacks the function.
     """
-    with server() as link:
-        return _asked(link, own, None).decode()
+    return Path(_asked(link, own, None).decode())
 
 
 def _asked(link: Connection, own: Own, given: Given | None) -> bytes:

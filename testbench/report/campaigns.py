@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -152,6 +153,15 @@ def with_failures(models: Sequence[Row], lost: Sequence[Row], trials: int) -> li
 def own(models: Sequence[Row]) -> list[str]:
     """Estimators of one's own that worked in a trial, by name."""
     return [m.name for m in models if m.constraint == "own" and not m.status.startswith(FAILED)]
+
+
+def with_failed(known: tuple[Column, ...], lost: Sequence[Row]) -> tuple[Column, ...]:
+    """Columns of models, with how often they failed where one did, which has no numbers."""
+    if not lost:
+        return known
+    without = {"times_less": "not compared", "failed": "never"}
+    every = (*known, *columns("failed"))
+    return tuple(replace(column, none=without.get(column.key, "not fitted")) for column in every)
 
 
 def failure_table(lost: Sequence[Row]) -> dict[str, Table]:

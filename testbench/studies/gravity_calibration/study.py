@@ -61,7 +61,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         badge.drawn(own, trials["name"], *campaigns.own(told), best(told, "none", prior=False)),
     )
     arms = [row for row in f.by_arm if row.name in {m.name for m in told}]
-    extra = "failed" if lost else ""
+    short = campaigns.with_failed(columns(SHORT, paper=False), lost)
     by_arm = Table((), arms, "RMS error over the workspace by true arm, mm", mark)
     return Report(
         scenario=STUDY.name,
@@ -81,8 +81,8 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         claims=list(_claims(f)),
         numbers=f,
         tables={
-            "short": Table(columns(f"{SHORT} {extra}", paper=False), told, bold=mark, headline=TRUE),
-            "models": Table(columns(f"{MODELS} {extra}"), f.models, bold=mark),
+            "short": Table(short, told, bold=mark, headline=TRUE),
+            "models": Table(campaigns.with_failed(columns(MODELS), lost), f.models, bold=mark),
             **campaigns.failure_table(lost),
             "by_arm": campaigns.arm_table(by_arm, KNOWN[TRUE]),
         },
