@@ -38,6 +38,20 @@ def word(path: Path) -> str:
     return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
+def sheet_of(path: Path) -> tuple[Path, str]:
+    """A file, and the sheet of it that FILE.xlsx#SHEET means; "" where none is said."""
+    file, mark, sheet = path.name.partition("#")
+    if mark and sheet and file.lower().endswith((".xlsx", ".xlsm")):
+        return path.with_name(file), sheet
+    return path, ""
+
+
+def stem_of(path: Path) -> str:
+    """What readings are called after their file: its name without what stands for its form, and the sheet."""
+    file, sheet = sheet_of(path)
+    return f"{file.stem} {sheet}".strip()
+
+
 def cut(text: str, most: int) -> str:
     """A text of at most so many characters; dots stand for the rest."""
     return text if len(text) <= most else f"{text[: most - 3]}..."
@@ -79,14 +93,14 @@ def open_file(path: Path, max_bytes: int) -> Iterator[BufferedReader]:
     """A file that a user handed in, to be read; no device, pipe or folder, which may have no end.
 
     Args:
-        path: The file.
+        path: The file, or a sheet of it.
         max_bytes: Largest size that is read [byte].
 
     Raises:
         InputError: When it is missing, no plain file, too large, or cannot be read in the block.
     """
     try:
-        file = open(path, "rb", opener=_at_once)  # noqa: SIM115 - pathlib takes no opener
+        file = open(sheet_of(path)[0], "rb", opener=_at_once)  # noqa: SIM115 - pathlib takes no opener
     except IsADirectoryError as err:
         raise InputError(path, "", PLAIN) from err
     except (OSError, ValueError) as err:  # also a zero byte in its name

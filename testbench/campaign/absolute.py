@@ -12,7 +12,7 @@ from testbench.campaign import doubt
 from testbench.data.dataset import Ids
 from testbench.data.read_series import read_series
 from testbench.data.series import Series, select_rows
-from testbench.errors import BenchError, InputError
+from testbench.errors import BenchError, InputError, stem_of
 from testbench.identify.absolute.align import Misfit, far_off
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
 from testbench.identify.absolute.posterior import inside, known, place, predict
@@ -59,8 +59,9 @@ def read_all(
     series: list[Series] = []
     notes: list[str] = []
     for k, path in enumerate(paths):
-        if path.stem in [other.stem for other in paths[:k]]:
-            raise InputError(path, "", f"expected another name: a file called {path.stem} was read already")
+        name = stem_of(path)
+        if name in map(stem_of, paths[:k]):
+            raise InputError(path, "", f"expected another name: a file called {name} was read already")
         found = read_series(path, arm, mapping, sigma)
         _check_new(path, found.series, series)
         series += found.series

@@ -1,13 +1,12 @@
 """A user's runs fitted by several models, and which model to take: what models.json holds."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import gammainc
 
 from testbench.campaign.campaign import Cell
-from testbench.campaign.doubt import Doubt, of_scale
+from testbench.campaign.doubt import Doubt, of_noise, of_scale
 from testbench.campaign.evaluation import EstimatorFailed, failed_row, of_model
 from testbench.campaign.identifiability import set_aside
 from testbench.campaign.model_selection import Recommendation, default_name, folded, recommend, why
@@ -30,9 +29,6 @@ from testbench.model.vjm import chain, generalised_load
 
 Clock = Callable[[], float]  #: Wall time [s].
 UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
-
-QUIET, CHANCE = 0.6, 1e-6
-"""Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +155,7 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
         doubts=(
             *runs.doubts,
-            *_of_noise(own.estimates),
+            *of_noise(own.estimates),
             *_of_prior(estimates, taken.name, default_name(cell.arm)),
         ),
         unchecked=_unchecked(cell, next(m for m in own.models if m.name == taken.name), estimates),
@@ -269,22 +265,6 @@ def _judged(cell: Cell, found: Found, many: Many) -> Found:
     shown = replace(found.runs, every=every, used=fitted, check=held_back, notes=notes)
     check = [None] * len(found.models) if held is None else held[0]
     return replace(found, runs=shown, used=used, check=check)
-
-
-def _of_noise(found: Iterable[Estimate]) -> list[Doubt]:
-    """Whether a model leaves far less than the stated noise alone would: whatever it lacks adds to that."""
-    quiet = [own for own in found if own.f_m < QUIET * own.f_m_floor]
-    if not quiet:
-        return []
-    least = min(quiet, key=lambda e: e.f_m / e.f_m_floor)
-    free = least.regression.equations - least.regression.rank
-    if gammainc(free / 2, free / 2 * (least.f_m / least.f_m_floor) ** 2) > CHANCE:
-        return []
-    words = (
-        f"{least.structure.name} leaves F_M {least.f_m:.2g} where the stated noise alone leaves "
-        f"{least.f_m_floor:.3g}: is sigma too large, a U95 perhaps, or were readings averaged or copied?"
-    )
-    return [Doubt("noise", words)]
 
 
 def _of_prior(by_name: Mapping[str, Estimate], taken: str, default: str) -> list[Doubt]:

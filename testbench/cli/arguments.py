@@ -69,7 +69,9 @@ def claimed(out: Path | None, command: str, inputs: Sequence[Path], *, force: bo
 
 
 ArmName = Annotated[str, typer.Argument(help="Folder with rigid.xml and elastic.toml, or one of our arms.")]
-Dataset = Annotated[Path, typer.Argument(help="Measured runs, CSV or any other text table.")]
+Dataset = Annotated[
+    Path, typer.Argument(help="Measured runs, CSV, any other text table, or FILE.xlsx#SHEET.")
+]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]
 FrameName = Annotated[
     str,

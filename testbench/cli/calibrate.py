@@ -24,7 +24,9 @@ class Options:
     """Flags of the command."""
 
     arm: ArmName
-    readings: Annotated[list[Path], typer.Argument(help="Absolute readings, CSV or any other text table.")]
+    readings: Annotated[
+        list[Path], typer.Argument(help="Absolute readings, CSV, any other text table, or FILE.xlsx#SHEET.")
+    ]
     out: Annotated[Path, typer.Option(help="Folder of the calibrated arm.")] = Path("runs/calibrate")
     mapping: MapFile = None
     sigma_um: SigmaUm = None

@@ -33,7 +33,9 @@ class Options:
     """Flags of the command."""
 
     model: Annotated[Path, typer.Argument(help="Folder of a model, of identify or calibrate.")]
-    program: Annotated[Path, typer.Argument(help="Set-points and their loads, any text table.")]
+    program: Annotated[
+        Path, typer.Argument(help="Set-points and their loads, any text table or FILE.xlsx#SHEET.")
+    ]
     out: Annotated[Path, typer.Option(help="Corrected: .csv, .src (KRL), .mod (RAPID), .script (URScript).")]
     format: Annotated[
         str | None, typer.Option(help="csv, krl, rapid or urscript, if the suffix does not say.")

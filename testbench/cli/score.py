@@ -20,7 +20,9 @@ class Options:
     """Flags of the command."""
 
     model: Annotated[Path, typer.Argument(help="Folder of a calibrated arm.")]
-    readings: Annotated[Path, typer.Argument(help="Absolute readings, CSV or any other text table.")]
+    readings: Annotated[
+        Path, typer.Argument(help="Absolute readings, CSV, any other text table, or FILE.xlsx#SHEET.")
+    ]
     mapping: MapFile = None
     sigma_um: SigmaUm = None
     frame_poses: Annotated[

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from testbench.data.lines import Line, cells_of, count_cells, tabbed
 from testbench.data.mapping import Layout
+from testbench.data.sheet import SHEET
 from testbench.data.units import Unit, find_unit
 from testbench.errors import InputError, shown
 
@@ -145,7 +146,8 @@ def notes(encoding: str, header: Header) -> tuple[str, ...]:
         header.delimiter, f"{header.delimiter!r}"
     )
     where = f"header in line {header.line}" if header.line else "the map names the columns"
-    found = [f"text in {encoding}, {between} between the cells, {where}"]
+    how = encoding if encoding.startswith(SHEET) else f"text in {encoding}"
+    found = [f"{how}, {between} between the cells, {where}"]
     counts = {"before the header": header.skipped, "of comments or the header again": header.left_out}
     found += [f"{count} line{'s'[: count > 1]} {what} left out" for what, count in counts.items() if count]
     return (*found, *["the line below the header holds units"] * any(header.units))

@@ -9,14 +9,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from testbench.data.sheet import sheet_text
 from testbench.errors import InputError, read_bytes, shown
 
 MAX_BYTES = 300_000_000
 MAX_LINES = 1_000_000  #: That say something: each is held as a line of its own.
 MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 """Byte order marks."""
-PACKED = {b"PK\x03\x04": "a workbook; export the sheet as CSV", b"\x1f\x8b": "a gzip file; unpack it first"}
-"""Beginnings of files that are no text, and what they are: .xlsx and .ods, .gz."""
+WORKBOOK = b"PK\x03\x04"  #: Beginning of .xlsx.
+PACKED = {
+    WORKBOOK: "a workbook; export the sheet as CSV",
+    b"\xd0\xcf\x11\xe0": "an old workbook, or one with a password; save it as .xlsx without one",
+    b"\x1f\x8b": "a gzip file; unpack it first",
+}
+"""Beginnings of files that are no text, and what they are."""
 COMMENTS = ("#", "//")
 JOINED = 20  #: Most lines that one quoted cell may take.
 LONGEST = 10_000_000  #: Letters of a line, with those of its quoted cells.
@@ -41,13 +47,21 @@ class Line:
         return self.text.lstrip(' "').startswith(COMMENTS)
 
 
-def read_letters(path: Path, encoding: str | None) -> tuple[str, str]:
-    """The text of a file without its byte order mark, and its encoding: that of the mark, UTF-8, or cp1252.
+def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]:
+    """The text of a file without its byte order mark, and how it was read: by that mark, UTF-8, or cp1252.
+
+    Args:
+        path: The file, or FILE.xlsx#SHEET.
+        encoding: What a map says of it.
+        mark: The decimal mark of the numbers of a workbook, which have none.
 
     Raises:
         InputError: When it is missing, no plain file, too large, or no text.
     """
-    return letters(path, read_bytes(path, MAX_BYTES), encoding)
+    content = read_bytes(path, MAX_BYTES)
+    if content.startswith(WORKBOOK):
+        return sheet_text(path, content, mark)
+    return letters(path, content, encoding)
 
 
 def letters(path: Path, content: bytes, encoding: str | None) -> tuple[str, str]:

@@ -35,7 +35,7 @@ from testbench.data.scatter import Scatter, read_scatter
 from testbench.data.series import Series, select_rows, series_of
 from testbench.data.spool import together
 from testbench.data.stream import Source, Whole, alike, read_source
-from testbench.errors import Array, open_file
+from testbench.errors import Array, open_file, stem_of
 
 ALONE = "target"  #: Name of a file's only target where the arm has several.
 APART = 0.02  #: Readings of one target in one pose that are farther apart are of two targets [m].
@@ -147,7 +147,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
 def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     """Both readings of a run stand in a row."""
     export = runs_of(columns, arm, sigma)
-    said, stem = columns.names.series, columns.table.path.stem
+    said, stem = columns.names.series, stem_of(columns.table.path)
     series = series_of(export.data, stem, said.target or stem)
     if said.frame:
         series = tuple(replace(s, frame=s.frame.replace(s.name, said.frame, 1)) for s in series)
@@ -271,7 +271,7 @@ def _parted(columns: Columns, whole: Series, first: Ids, scatter: Scatter) -> tu
         first: Row of the table of each.
         scatter: Of every row of the table.
     """
-    said, stem = columns.names.series, columns.table.path.stem
+    said, stem = columns.names.series, stem_of(columns.table.path)
     texts = [_texts(columns, what, first) for what in NAMES]
     keys = list(zip(*texts, strict=True))
     found = []

@@ -15,6 +15,7 @@ from testbench.data.dataset import Ids, Mask
 from testbench.data.header import find_header, notes, rows_of
 from testbench.data.lines import from_cell, read_letters, split_lines
 from testbench.data.mapping import Layout
+from testbench.data.sheet import SHEET
 from testbench.data.units import Unit
 from testbench.errors import Array, InputError, shown
 
@@ -209,7 +210,10 @@ def read_table(path: Path, known: Callable[[str], bool], layout: Layout | None =
         InputError: When it cannot be read, is empty, or is no table.
     """
     layout = layout or Layout()
-    return table_of(path, read_letters(path, layout.encoding), known, layout)
+    text, how = read_letters(path, layout.encoding, layout.decimal or ".")
+    if how.startswith(SHEET):
+        layout = layout.model_copy(update={"delimiter": "\t" if "\t" in text else None})
+    return table_of(path, (text, how), known, layout)
 
 
 def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool], layout: Layout) -> Table:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from workbooks import packed, parts
 
 from testbench.data.stream import LEAST
 
@@ -60,6 +61,23 @@ def _apart(file: Path) -> None:
     file.write_bytes(b"\n".join([head, *rows, *rows[:2], b"\n" * 301_000_000]))
 
 
+def _book(**changed: Callable[[], str]) -> Callable[[Path], None]:
+    """A workbook with another first sheet, or other shared texts."""
+
+    def make(file: Path) -> None:
+        part = {"sheet": "xl/worksheets/sheet1.xml", "words": "xl/sharedStrings.xml"}
+        own = {part[name]: made() for name, made in changed.items()}
+        file.write_bytes(packed(parts({"A": [["run"], [1.0]]}) | own))
+
+    return make
+
+
+def _many_parts(file: Path) -> None:
+    file.write_bytes(packed({f"{k}": "" for k in range(10_001)}))
+
+
+CELL = '<c t="s"><v>0</v></c>'
+
 HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
     "empty": (lambda f: f.write_bytes(b""), "empty"),
     "newlines": (lambda f: f.write_bytes(b"\n" * MANY), "empty"),
@@ -81,6 +99,33 @@ HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
     "noise": (lambda f: f.write_bytes(os.urandom(MANY)), "data.csv"),
     "pipe": (_pipe, "expected a file"),
     "folder": (_folder, "expected a file"),
+    "cells_of_a_workbook": (
+        _book(sheet=lambda: f"<w>{'<row><c><v>1</v></c></row>' * 2_000_000}</w>"),
+        "elements",
+    ),
+    "letters_of_a_workbook": (_book(sheet=lambda: f"<w>{'a' * 301_000_000}</w>"), "element"),
+    "blanks_of_a_workbook": (_book(sheet=lambda: f"<w>{'<!---->' * 50_000_000}</w>"), "element"),
+    "wide_rows_of_a_workbook": (
+        _book(sheet=lambda: "<w>{}</w>".format('<row><c r="XFD1"><v>1</v></c></row>' * 50_000)),
+        "letters",
+    ),
+    "a_last_wide_row": (
+        _book(sheet=lambda: f'<w><row r="1048576">{"<c><v>1</v></c>" * 16_000}</row></w>'),
+        "cells",
+    ),
+    "one_text_in_all_cells": (
+        _book(
+            words=lambda: f"<s><si><t>{'a' * 9_000_000}</t></si></s>",
+            sheet=lambda: f"<w>{f'<row>{CELL}</row>' * 100_000}</w>",
+        ),
+        "letters",
+    ),
+    "depth_of_a_workbook": (_book(sheet=lambda: "<w>" * 1_000_000), "elements in one another"),
+    "entities_of_a_workbook": (
+        _book(sheet=lambda: '<!DOCTYPE w [<!ENTITY a SYSTEM "file:///etc/passwd">]><w>&a;</w>'),
+        "document types",
+    ),
+    "parts_of_a_workbook": (_many_parts, "parts"),
     "zero_device": (_link("/dev/zero"), "expected a file"),
     "its_own_link": (_link("data.csv"), "cannot be read"),
     "five_gigabytes_of_nothing": (_gone, "zero byte"),

@@ -1,262 +1,318 @@
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
-ode = "import sys; from testbench.shell import command; from testbench.cli.program import program; "
+"""What joints do beyond a linear spring: shapes against MuJoCo's arm, and what readings tell of them."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from run_here import here
+
+from testbench.campaign.arm_models import load_model
+from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.model_selection import with_priors
+from testbench.campaign.models import named_models
+from testbench.cli.program import program
+from testbench.correct.predicted import predict
+from testbench.correct.stiffness import stiffness
+from testbench.data.read_pairs import read_csv
+from testbench.data.write import write_csv
+from testbench.identify import gco, intervals, least_squares, with_prior
+from testbench.identify.arm_model import of_estimate
+from testbench.identify.evaluate import deflections, score
+from testbench.identify.fold import reduce
+from testbench.identify.hierarchy import LAW, evidence
+from testbench.identify.metric import metric
+from testbench.identify.prior import Prior, cad_prior
+from testbench.model.laws import (
+    KINDS,
+    PLAY,
+    STICK,
+    STIFFER,
+    lawful,
+    laws_of,
+    tangent,
+    turns,
+    vjm_of,
+    with_laws,
+    without_laws,
+)
+from testbench.model.load import Load
+from testbench.model.loaded import displacement
+from testbench.model.structure import all153, joints_only
+from testbench.model.vjm import chain, plain_load, skew
+from testbench.model.weights import read_weights
+from testbench.plant import TYPICAL, Disturbances, disturb, settle_disturbed, settle_pair
+from testbench.plant.compensator import KR500_COMPENSATOR
+from testbench.plant.disturbance import FOUNDATION
+from testbench.studies.model_error.trial import disturbed
+
+SCENARIO = Scenario(
+    arm="kr500_l480", truth="linear", noise=False, identification_poses=8, identification_runs=16
+)
+LINKS = 42  #: Virtual joints of the links.
+
+
+def loaded(kr500, seed, runs=12):
+    rng = np.random.default_rng(seed)
+    lower, upper = kr500.arm.limits
+    q = rng.uniform(0.7 * lower, 0.7 * upper, (runs, 6))
+    wrench = np.zeros((runs, 6))
+    wrench[:, 2] = -4500.0
+    return q, wrench, np.tile(kr500.vjm.load, (runs, 1))
+
+
+def true_turns(kr500, what, q, wrench, point):
+    """Turns of MuJoCo's joints under the load, (runs, 6) [rad]."""
+    plant = disturb(kr500.plant, what, np.random.default_rng(0))
+    before, after = settle_pair(plant, q, wrench, point)
+    return (after.theta - before.theta)[:, LINKS:48]
+
+
+@pytest.mark.parametrize(
+    ("kind", "what"),
+    [
+        ("stiffening", Disturbances(own_weight=True, stiffening=STIFFER)),
+        ("backlash", Disturbances(own_weight=True, backlash=PLAY)),
+        ("friction", Disturbances(own_weight=True, hysteresis=STICK)),
+    ],
+)
+def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind, what):
+    """But for what the bent arm changes of the torques, a percent or two."""
+    q, wrench, point = loaded(kr500, 3)
+    more = true_turns(kr500, what, q, wrench, point)
+    more = more - true_turns(kr500, Disturbances(own_weight=True), q, wrench, point)
+    where = chain(lawful(replace_compensator(kr500)), q)
+    own = where.laws.load(where, plain_load(where, wrench, point)[LINKS:])
+    k = KINDS.index(kind)
+    expected = own[6 * k : 6 * k + 6].T
+    assert np.abs(expected).max() > 2e-5
+    np.testing.assert_allclose(more, expected, rtol=0, atol=0.06 * np.abs(expected).max())
+
+
+def replace_compensator(cell):
+    return replace(cell.vjm, arm=replace(cell.arm, compensator=None))
+
+
+def test_torques_before_the_load_are_those_of_the_true_arm_at_rest(kr500):
+    """By MuJoCo's springs: C_j^-1 theta_j under own weight, with its compensator as the folder has it."""
+    q, _, _ = loaded(kr500, 4)
+    spring = kr500.arm.compensator
+    true = replace(
+        KR500_COMPENSATOR,
+        foot=tuple(spring.foot),
+        head=tuple(spring.head),
+        rate=spring.rate,
+        rest_length=spring.rest_length,
+        stiffness=None,
+    )
+    plant = disturb(kr500.plant, Disturbances(own_weight=True, compensator=true), np.random.default_rng(0))
+    at_rest = settle_disturbed(plant, q).theta[:, LINKS:48]
+    torque = at_rest / np.array([joint.compliance for joint in kr500.arm.joints])
+    found = laws_of(kr500.arm).before(chain(kr500.vjm, q)).T
+    np.testing.assert_allclose(found, torque, rtol=0, atol=0.02 * np.abs(torque).max())
+    assert np.abs(torque[:, 1]).max() > 1e3
+
+
+def test_slopes_are_the_change_of_the_turns_with_the_torque(kr500):
+    q, wrench, point = loaded(kr500, 5)
+    where = chain(lawful(kr500.vjm), q)
+    u = plain_load(where, wrench, point)[LINKS:]
+    step = 1e-3
+    own = where.laws.slope(where, u)
+    by_steps = (where.laws.load(where, u + step) - where.laws.load(where, u - step)) / (2 * step)
+    np.testing.assert_allclose(own, by_steps, rtol=0, atol=1e-5 * np.abs(own).max())
+
+
+def test_a_structure_gains_and_loses_its_laws(kr500):
+    s = all153(kr500.arm)
+    own = with_laws(s)
+    assert (own.n, own.n_theta, own.laws, own.links) == (153 + 18, 48 + 18, 18, 7)
+    assert own.labels[48:50] == ("joint_1 stiffening", "joint_2 stiffening")
+    assert with_laws(own) is own
+    back = without_laws(own)
+    assert (back.name, back.labels, back.laws) == (s.name, s.labels, 0)
+    np.testing.assert_array_equal(back.a, s.a)
+    assert vjm_of(kr500.vjm, s) is kr500.vjm
+    assert vjm_of(kr500.vjm, own).n_theta == 66
+
+
+def test_turns_of_laws_are_turns_of_their_joints(kr500):
+    theta = np.random.default_rng(1).standard_normal((3, 66)) * 1e-3
+    vjm = lawful(kr500.vjm)
+    q = loaded(kr500, 6, runs=3)[0]
+    ours, theirs = chain(vjm, q, theta), chain(kr500.vjm, q, turns(vjm, theta))
+    np.testing.assert_allclose(ours.position, theirs.position, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(ours.J_theta[:, :48], theirs.J_theta, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(ours.J_theta[:, 60:], theirs.J_theta[:, LINKS:48], rtol=0, atol=1e-12)
+
+
+def default(cell):
+    [model] = with_priors(named_models(cell, ["ALL153"]), cad_prior(cell.arm))
+    return model
+
+
+@pytest.fixture(scope="module")
+def campaigns(kr500):
+    """Noise-free campaigns of an arm as drawn, and with every disturbance; readings and true deflections."""
+    plain = simulate(kr500, SCENARIO, 5)
+    return {
+        "plain": (plain.identification, plain.truth),
+        "all": disturbed(kr500, plain, TYPICAL, 5),
+    }
+
+
+def test_where_joints_obey_laws_the_default_finds_them(kr500, campaigns):
+    data, truth = campaigns["all"]
+    model = default(kr500)
+    found = model.estimator(kr500.vjm, model.structure, data)
+    linear = model.estimator(kr500.vjm, all153(kr500.arm), data)
+    assert found.average.laws == 1
+    assert found.conservative
+    ours, theirs = (score(deflections(kr500.vjm, e, truth), truth.deflection).rms for e in (found, linear))
+    assert ours < 0.7 * theirs
+    own = intervals(kr500.vjm, found, truth)
+    assert np.mean((own.lower <= truth.deflection) & (truth.deflection <= own.upper)) > 0.9
+
+
+def test_where_joints_are_linear_the_default_is_linear(kr500, campaigns):
+    data, _ = campaigns["plain"]
+    model = default(kr500)
+    found = model.estimator(kr500.vjm, model.structure, data)
+    linear = model.estimator(kr500.vjm, all153(kr500.arm), data)
+    assert found.structure.laws == 0
+    np.testing.assert_allclose(found.pi, linear.pi, rtol=1e-6, atol=1e-9 * np.abs(linear.pi).max())
+
+
+def test_a_mean_of_both_is_between_them_and_its_intervals_hold_both(kr500, campaigns):
+    """The weight is set, as a campaign that leaves it open would be a matter of digits."""
+    data, truth = campaigns["all"]
+    model = default(kr500)
+    own = model.estimator(kr500.vjm, model.structure, data)
+    lawful_, whole, w, s = own.average.lawful, own.average.whole, 0.4, own.structure
+    pi = w * lawful_.pi
+    pi[s.a < s.plain] += (1 - w) * whole.pi
+    mean = replace(own, pi=pi, C_theta=s.matrix(pi), average=replace(own.average, weight=0.0, laws=w))
+    both = [deflections(kr500.vjm, e, truth) for e in (lawful_, whole)]
+    np.testing.assert_allclose(
+        deflections(kr500.vjm, mean, truth), w * both[0] + (1 - w) * both[1], rtol=0, atol=1e-12
+    )
+    sides = [intervals(kr500.vjm, e, truth) for e in (lawful_, whole)]
+    half = [(e.upper - e.lower) / 2 for e in (intervals(kr500.vjm, mean, truth), *sides)]
+    apart = np.abs(both[0] - both[1])
+    assert (half[0] >= np.sqrt(w * half[1] ** 2 + (1 - w) * half[2] ** 2) * 0.9).all()
+    assert (half[0] >= 1.5 * np.sqrt(w * (1 - w)) * apart).all()
+
+
+def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
+    data, _ = campaigns["all"]
+    s = with_laws(all153(kr500.arm))
+    for estimator in (least_squares, gco):
+        assert estimator(kr500.vjm, s, data).structure.laws == 0
+    [model] = with_priors(named_models(kr500, ["Joints"]), cad_prior(kr500.arm))
+    assert model.structure.laws == 0
+    with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, joints_only(kr500.arm), data)
+
+
+def test_predictions_and_stiffness_of_a_model_with_laws(kr500, campaigns):
+    """The equilibrium is the linear prediction but for the bent arm, the tangent its change with the load."""
+    data, _ = campaigns["all"]
+    model = default(kr500)
+    found = model.estimator(kr500.vjm, model.structure, data)
+    own = of_estimate(kr500.vjm, found, read_weights(kr500.arm))
+    some = slice(0, 4)
+    load = Load(data.wrench[some], data.point[some])
+    by_rest, straight = (predict(own, data.q[some], [load], linear=linear) for linear in (False, True))
+    np.testing.assert_allclose(by_rest.deflection, straight.deflection, rtol=0, atol=2.5e-4)
+    expected = deflections(kr500.vjm, found, data)[some]
+    np.testing.assert_allclose(straight.deflection[:, 1:], expected, rtol=0, atol=1e-5)
+    compliance = stiffness(own, data.q[some], [load]).compliance
+    more = Load(data.wrench[some] + 1e-1 * np.eye(6)[2], data.point[some])
+    at_tool = [
+        predict(own, data.q[some], [Load(one.wrench, 0 * one.point)]).deflection[:, 0] for one in (load, more)
+    ]
+    by_steps = (at_tool[1] - at_tool[0]) / 1e-1
+    at_origin = stiffness(own, data.q[some], [Load(load.wrench, 0 * load.point)]).compliance[:, :3, 2]
+    np.testing.assert_allclose(at_origin, by_steps, rtol=0, atol=0.02 * np.abs(by_steps).max())
+    assert compliance.shape == (4, 6, 6)
+
+
+def test_without_a_law_the_tangent_is_the_compliance(kr500):
+    C = kr500.arm.C_theta
+    q, wrench, point = loaded(kr500, 7, runs=2)
+    where = chain(kr500.vjm, q)
+    found = tangent(kr500.vjm, C, where, plain_load(where, wrench, point))
+    np.testing.assert_array_equal(found, np.broadcast_to(C, (2, 48, 48)))
+
+
+def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_path):
+    """From the command to the folder and back: sizes in its table, the same predictions."""
+    data = tmp_path / "data.csv"
+    write_csv(campaigns["all"][0], kr500.arm, data)
+    done = here(program(["identify"]), "identify", "kr500_l480", data, "--out", tmp_path / "fit")
+    assert done.returncode == 0, done.stderr
+    said = json.loads((tmp_path / "fit" / "report.json").read_text())
+    assert [row["part"] for row in said["laws"]] == [f"joint_{k}" for k in range(1, 7)]
+    joint_2 = said["laws"][1]
+    assert 2 < joint_2["stiffer_percent"] < 40
+    assert 10 < joint_2["backlash_urad"] < 150
+    own = load_model(tmp_path / "fit")
+    assert own.vjm.laws is not None
+    again = deflected(own, campaigns["all"][0])
+    model = default(kr500)
+    found = model.estimator(kr500.vjm, model.structure, read_csv(data, kr500.arm))
+    ours = deflected(of_estimate(kr500.vjm, found, read_weights(kr500.arm)), campaigns["all"][0])
+    np.testing.assert_allclose(again, ours, rtol=0, atol=2e-5)
+
+
+def deflected(model, data):
+    return predict(model, data.q, [Load(data.wrench, data.point)]).deflection
+
+
+def test_a_soft_foundation_is_a_matrix_of_the_base_link(kr500):
+    """No joint lies between them: the folder's base link with the foundation in series says the same."""
+    q, wrench, point = loaded(kr500, 8)
+    soft = disturb(kr500.plant, Disturbances(foundation=1.0), np.random.default_rng(0))
+    stiff = disturb(kr500.plant, Disturbances(), np.random.default_rng(0))
+    ends = []
+    for plant in (stiff, soft):
+        before, after = settle_pair(plant, q, wrench * 1e-3, point)
+        ends.append(1e3 * (after.tool - before.tool))
+    where, C = chain(kr500.vjm, q), np.zeros((48, 48))
+    C[:6, :6] = at_the_base_links_end(kr500, np.diag(FOUNDATION))
+    expected = displacement(where, (C @ plain_load(where, wrench, point)).T, np.zeros((1, 3)))[:, 0]
+    moved = ends[1] - ends[0]
+    np.testing.assert_allclose(moved, expected, rtol=0, atol=2e-3 * np.abs(expected).max())
+
+
+def at_the_base_links_end(kr500, C):
+    """A compliance at the base's origin, world axes, at the end of the base link in beam axes, (6, 6)."""
+    frame, arm = kr500.arm.links[0].frame, kr500.vjm.placements[0][:3, 3]
+    R = kr500.vjm.base[:3, :3]
+    lever, axes = R @ arm, R @ frame
+    T = np.zeros((6, 6))  # a motion at the origin as one at the end, beam axes
+    T[:3, :3] = T[3:, 3:] = axes.T
+    T[:3, 3:] = axes.T @ -skew(lever)
+    return T @ C @ T.T
+
+
+def test_a_prior_wrong_in_scale_costs_laws_nothing(kr500, campaigns):
+    """The scale common to compliances is the data's; sizes of laws have none."""
+    data, s = campaigns["all"][0], with_laws(all153(kr500.arm))
+    found = [
+        with_prior(gco, Prior("scaled", scale * kr500.arm.C_theta))(kr500.vjm, s, data) for scale in (1, 3)
+    ]
+    np.testing.assert_allclose(found[1].pi, found[0].pi, rtol=1e-6, atol=1e-9 * np.abs(found[0].pi).max())
+
+
+def test_sizes_of_laws_scatter_about_their_median_as_the_prior_says(kr500, campaigns):
+    data, s = campaigns["all"][0], with_laws(all153(kr500.arm))
+    vjm = vjm_of(kr500.vjm, s)
+    own = evidence(reduce(vjm, s, data), metric(cad_prior(kr500.arm), kr500.vjm, s))
+    normal, size = own.problem.priors[0], math.log(LAW[0])
+    losses = []
+    for steps in (0, 1, 2):
+        h = np.zeros(len(own.start))
+        h[own.blocks + 2 : own.blocks + 5] = size + steps * LAW[1] * np.array([1, 0, 0])
+        losses.append(normal.density(normal.rows @ h - normal.middle)[0].sum())
+    assert np.diff(losses) == pytest.approx([0.5, 1.5])

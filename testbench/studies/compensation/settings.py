@@ -27,7 +27,7 @@ WEIGHT, BOTH = "weight", "weight and pull"
 """What loads the arm while it is measured: in every pose the weight, or in every pose one of both."""
 FEATURED = 12  #: Poses that the bars are about, and those of all campaigns of a disturbed arm.
 IDEAL, LINEAR, REAL = "undisturbed", "linear joints", "disturbed"
-"""What a true arm does that no model knows: nothing; all but that its joints are linear springs; all."""
+"""How a true arm is disturbed: not at all; in all but that its joints are linear springs; in all."""
 ARMS = (IDEAL, LINEAR, REAL)
 NUMBERS, QUICK_NUMBERS = (6, 12, 20), (FEATURED,)
 CANDIDATES, QUICK_CANDIDATES = 2000, 150

@@ -54,8 +54,8 @@ BY_ARM = "true_arm name trials removed_percent worst_percent worse after.median_
 READING = Markdown(
     "A case is a point of a trial. Undisturbed: the true arm bends as a model of its kind can. Disturbed: "
     "geometry, joint offsets, payload, backlash, hysteresis, stiffening joints, compensator and foundation "
-    "act, which no model here knows. Linear joints: the same without backlash, hysteresis and stiffening, "
-    "tried afterwards to find out why less is removed there."
+    "act; of these the default knows the joints' laws. Linear joints: the same without backlash, hysteresis "
+    "and stiffening, to tell what these three do."
 )
 OF_TABLES = Markdown(
     "Removed: one less the distance of the loaded tool from where the unloaded tool of the same true arm "
@@ -222,7 +222,7 @@ def figures(found: Report) -> dict[str, Figure]:
     error = replace(left, heading="error after correction")
     panes = {
         title: Table((*named, error), [g for g in groups if g.arm == arm], looks=LOOKS)
-        for title, arm in (("arm that bends as a model can", IDEAL), ("with all that no model knows", REAL))
+        for title, arm in (("arm that bends as a model can", IDEAL), ("disturbed arm", REAL))
     }
     gains = {"least squares": f.gains.least_squares, "joint stiffness only": f.gains.joints}
     return {

@@ -58,7 +58,7 @@ class JobsRow:
     """All jobs of one trial, corrected by one model."""
 
     true_arm: str
-    arm: str  #: What it does that no model knows, one of s.ARMS.
+    arm: str  #: How it is disturbed, one of s.ARMS.
     by: str  #: How poses were chosen, s.PLANNED or s.RANDOM; empty for a model that is not identified.
     loads: str  #: What loaded the arm, s.WEIGHT or s.BOTH; the same.
     poses: int  #: How many were measured; 0 for the same.

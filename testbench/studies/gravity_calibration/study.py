@@ -176,7 +176,11 @@ def figures(found: Report) -> dict[str, Figure]:
     paper = "; grey diamonds: the paper" if any(m.paper for m in f.models) else ""
     return {
         "models.png": forest(
-            Table(columns(MODELS), distinct(f.models), bold=found.tables["models"].bold),
+            Table(
+                campaigns.with_failed(columns(MODELS), f.failures),
+                distinct(f.models),
+                bold=found.tables["models"].bold,
+            ),
             PANES,
             f"{f.arm} under {f.payload_kg:g} kg, RMS over the workspace: {campaigns.gains_told(f.gains)}",
             f"RMS errors. Band: winner; filled: prior; dotted: joint stiffness only{paper}.",
