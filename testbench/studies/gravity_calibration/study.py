@@ -173,11 +173,12 @@ def _claims(f: Row) -> Iterator[Markdown]:
 def figures(found: Report) -> dict[str, Figure]:
     """Errors of every model."""
     f = Row(found.numbers)
+    known = campaigns.with_failed(columns(MODELS), f.failures)
     paper = "; grey diamonds: the paper" if any(m.paper for m in f.models) else ""
     return {
         "models.png": forest(
             Table(
-                campaigns.with_failed(columns(MODELS), f.failures),
+                known,
                 distinct(f.models),
                 bold=found.tables["models"].bold,
             ),
