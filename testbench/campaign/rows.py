@@ -9,6 +9,7 @@ from testbench.data.dataset import Dataset
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace
 from testbench.identify.evaluate import Score
+from testbench.model.structure import Structure
 from testbench.trials.spread import Number, Share, Spread
 
 MM, UM = 1e3, 1e6
@@ -93,6 +94,36 @@ def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool
         total_trace_rad_per_Nm=total_trace(own.structure, estimate.pi[: own.structure.n]),
         solve_seconds=seconds,
         advice=advice(estimate),
+    )
+
+
+NO_ERRORS = ErrorRow(None, None, None, None, None)  #: Of an estimator that failed.
+FAILED = "failed: "  #: Begins the status of one.
+
+
+def no_fit(name: str, structure: Structure, why: str, *, prior: bool) -> FitRow:
+    """What an estimator of one's own leaves that failed: who, and why."""
+    return FitRow(
+        name=name,
+        structure=structure.name,
+        method="own estimator",
+        constraint="own",
+        prior=prior,
+        status=FAILED + why,
+        parameters=structure.n,
+        rank=None,
+        unique=False,
+        conservative=False,
+        min_eigenvalue=None,
+        f_m=None,
+        f_m_floor=None,
+        duality_gap=None,
+        f_m_excess_bound=None,
+        trace_bounds_rad_per_Nm=None,
+        held_by_trace_weight=False,
+        total_trace_rad_per_Nm=None,
+        solve_seconds=None,
+        advice=(),
     )
 
 
