@@ -65,8 +65,10 @@ def _head(seen: Seen, free: Free, far: float) -> Fit | None:
     while rows >= LEAST:
         some = np.unique(np.linspace(0, rows - 1, min(ENOUGH, rows)).astype(int))
         one = _rows(seen, some)
+        if not one.there.any():
+            return None
         found = fit(one, free)
-        if one.there.any() and np.median(away(one, found)) < far:
+        if np.median(away(one, found)) < far:
             return found
         rows //= 2
     return None
