@@ -107,8 +107,8 @@ def expected() -> str:
     real = {row["model"]: row for row in _table("real_ur10/models.csv")}
     methods = ("ALL153 + prior", "Joints", "MLS56 + prior", "MLS56")
     rows = [
-        ["arms as simulated", *(_spread(models[name], "RMS workspace, true, mm", 1.0) for name in methods)],
         ["with every disturbance", *(_spread(every, name, 1e-3) for name in methods)],
+        ["undisturbed", *(_spread(models[name], "RMS workspace, true, mm", 1.0) for name in methods)],
     ]
     names = ("joint errors", "joint springs", "links, LS")
     for what, key in (("held-out poses", "blocks, mm"), ("series A by C", "C to A, mm")):

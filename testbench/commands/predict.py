@@ -135,7 +135,7 @@ def _numbers(made: Predicted) -> Row:
         absolute=made.model.absolute,
         method=about.method,
         file=made.asked.path.name,
-        loads=made.asked.words,
+        loads=made.asked.words or "no load",
         poses=len(size),
         linear=made.linear,
         confidence_percent=100 * CONFIDENCE,

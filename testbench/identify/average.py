@@ -99,9 +99,8 @@ def _linear(
     """Links and joints, averaged with joints alone, and their evidence; None where it tells of neither."""
     belief, joints = learn(r, prior, widths=widths), joint_columns(prior)
     whole = solve(r, constraint, belief)
-    if len(joints) < prior.structure.links - 1 or len(joints) == prior.structure.n:
+    if belief.log_evidence is None or len(joints) < prior.structure.links - 1:  # of links or joints alone
         return whole, None
-    assert belief.log_evidence is not None
     own = some_columns(r, prior.structure.keep(joints, "Joints"))
     try:
         log_evidence, alone = log_evidence_alone(own, _metric_of_joints(prior, own, joints))

@@ -9,7 +9,7 @@ from typing import Literal
 
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
-from testbench.identify.average import averaged
+from testbench.identify.average import averaged, some_columns
 from testbench.identify.estimate import Constraint, Estimate, Estimator
 from testbench.identify.fold import reduce
 from testbench.identify.huber import without_outliers
@@ -74,6 +74,9 @@ class Method:
         if self.learns and self.prior is not None:
             own = metric(self.prior, vjm, regressions[0].structure)
             return averaged(regressions, self.constraint, own, widths=widths)
+        regressions = [
+            some_columns(r, without_laws(r.structure)) if r.structure.laws else r for r in regressions
+        ]
         beliefs = self.beliefs(vjm, regressions)
         return [solve(r, self.constraint, own) for r, own in zip(regressions, beliefs, strict=True)]
 

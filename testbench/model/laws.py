@@ -117,6 +117,8 @@ def vjm_of(vjm: Vjm, structure: Structure) -> Vjm:
 def tangent(vjm: Vjm, C_theta: Array, where: Chain, u: Array) -> Array:
     """Compliance of links and joints for a small further load, one a run, (runs, 7 n + 6, 7 n + 6).
 
+    That of a joint is at least zero: one that sticks does not turn back.
+
     Args:
         vjm: The model.
         C_theta: Its compliances, and sizes of laws if it has some, (n_theta, n_theta).
@@ -127,14 +129,15 @@ def tangent(vjm: Vjm, C_theta: Array, where: Chain, u: Array) -> Array:
     C = np.tile(C_theta[:plain, :plain], (len(where.position), 1, 1))
     if vjm.laws is not None:
         more = np.diag(C_theta)[plain:, None] * vjm.laws.slope(where, u[plain - n :])
-        C[:, range(plain - n, plain), range(plain - n, plain)] += (
-            more.reshape(-1, n, C.shape[0]).sum(axis=0).T
-        )
+        own = np.arange(plain - n, plain)
+        C[:, own, own] = np.maximum(C[:, own, own] + more.reshape(len(KINDS), n, -1).sum(axis=0).T, 0.0)
     return C
 
 
 def turns(vjm: Vjm, theta: Array) -> Array:
     """Coordinates of links and joints, (runs, 7 n + 6), the turns of laws added to those of their joints."""
+    if vjm.laws is None:
+        return theta
     plain, joints = theta[:, : vjm.arm.n_theta].copy(), 6 * len(vjm.arm.links)
     more = theta[:, vjm.arm.n_theta :].reshape(len(theta), -1, vjm.arm.n_joints)
     plain[:, joints:] += more.sum(axis=1)

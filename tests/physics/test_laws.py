@@ -17,7 +17,7 @@ from testbench.correct.predicted import predict
 from testbench.correct.stiffness import stiffness
 from testbench.data.read_pairs import read_csv
 from testbench.data.write import write_csv
-from testbench.identify import gco, intervals, least_squares, with_prior
+from testbench.identify import gco, intervals, least_squares, robust, with_prior
 from testbench.identify.arm_model import of_estimate
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.fold import reduce
@@ -212,6 +212,11 @@ def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
     [model] = with_priors(named_models(kr500, ["Joints"]), cad_prior(kr500.arm))
     assert model.structure.laws == 0
     with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, joints_only(kr500.arm), data)
+    firm = robust(with_prior(gco, cad_prior(kr500.arm)))  # as cross-validation has it, reduced with laws
+    [found] = firm.of(kr500.vjm, [reduce(kr500.vjm, s, data)])
+    [linear] = firm.of(kr500.vjm, [reduce(kr500.vjm, all153(kr500.arm), data)])
+    assert found.structure.laws == 0
+    np.testing.assert_allclose(found.pi, linear.pi, rtol=0, atol=1e-6 * np.abs(linear.pi).max())
 
 
 def test_predictions_and_stiffness_of_a_model_with_laws(kr500, campaigns):
@@ -243,6 +248,16 @@ def test_without_a_law_the_tangent_is_the_compliance(kr500):
     where = chain(kr500.vjm, q)
     found = tangent(kr500.vjm, C, where, plain_load(where, wrench, point))
     np.testing.assert_array_equal(found, np.broadcast_to(C, (2, 48, 48)))
+
+
+def test_a_joint_that_sticks_more_than_it_bends_gives_nothing_to_a_small_load(kr500):
+    vjm, joints = lawful(kr500.vjm), slice(LINKS, 48)
+    C = np.diag(np.r_[np.diag(kr500.arm.C_theta), np.repeat([0.0, 0.0, 3.0], 6)])
+    where = chain(vjm, loaded(kr500, 8, runs=2)[0])
+    found = tangent(vjm, C, where, np.zeros((48, 2)))
+    np.testing.assert_array_equal(found[:, joints, joints], np.zeros((2, 6, 6)))
+    pushed = tangent(vjm, C, where, np.full((48, 2), 1e5))  # slipping: its spring alone
+    np.testing.assert_array_equal(pushed[0, joints, joints], C[joints, joints])
 
 
 def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_path):

@@ -46,6 +46,8 @@ def f():
         models=[model(k, name) for k, name in enumerate(MODELS)], noise_p95_mm=0.226, residuals=runs,
         seen=Row(structure="ALL153", unknowns=153, seen=54, prior_uncertainty_percent=30.0, blocks=blocks),
         map=None, no_map="intervals were not asked for", doubts=[], scale=None,
+        laws=[],
+        failed=[],
         unchecked=Row(stiffer=(), softer=()), notes=["readings are in the base's frame"],
     )  # fmt: skip
 
@@ -65,6 +67,14 @@ def test_numbers_stand_in_their_columns_in_a_terminal_and_on_the_page(f):
     assert f"Worst in run {worst.run}: {worst.taken_mm:.3f} mm are left of {worst.moved_mm:.3f} mm." in page
     assert "The worst 30 of 40 runs" in page
     assert "F_M held out" not in [column.heading for column in printed(said).columns]
+
+
+def test_laws_of_the_joints_are_told_where_the_model_has_them(f):
+    sizes = Row(part="joint_2", stiffer_percent=16.5, backlash_urad=54.0, friction_urad=21.0)
+    page = reports.check(report(Row(f, laws=[sizes])), [])
+    assert "## Joints beyond a spring" in page
+    assert "| joint_2 | 16.5 | 54 | 21 |" in page
+    assert "beyond a spring" not in report(f).whole()
 
 
 def test_what_was_not_asked_for_is_not_shown(f):

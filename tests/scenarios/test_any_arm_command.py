@@ -115,3 +115,12 @@ def test_what_to_simulate_is_asked_for_in_one_line(flags, words, tmp_path):
     arm = write_arm(tmp_path / "arm", "zyy")
     assert words in refused("simulate", arm, *flags, "--out", tmp_path / "data.csv")
     assert not (tmp_path / "data.csv").exists()
+
+
+def test_a_link_without_joints_is_identified_and_exported(tmp_path):
+    data, fit = tmp_path / "data.csv", tmp_path / "fit"
+    run("simulate", "single_link", "--poses", 4, "--out", data)
+    assert "ALL21 + prior" in run("identify", "single_link", data, "--out", fit)
+    [*_, found] = json.loads((fit / "models.json").read_text())["models"]
+    assert (found["name"], found["parameters"]) == ("ALL21 + prior", 21)
+    assert "its tool is 'tool'" in run("export", fit, "--urdf", tmp_path / "arm.urdf")

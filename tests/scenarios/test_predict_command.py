@@ -247,6 +247,8 @@ def test_what_hangs_where_the_file_says_of_no_load_and_what_was_not_read_are_sai
     for text in (" ".join(done.stdout.split()), page.replace("**", "")):
         assert "No load in the file: the payload of 460.3 kg hangs." in text
         assert "Not read though its unit is that of a load: axail_N (axial_N?); it counts for" in text
+    bare = run(model, file, "--load", 0, "--push", 1000, "--out", tmp_path / "bare")
+    assert "Under no load the tool moves" in " ".join(bare.stdout.split()), bare.stderr
 
 
 def test_a_folder_that_is_no_model_and_a_pose_out_of_limits_are_refused(kr500, model, tmp_path, q):

@@ -32,7 +32,7 @@ class Unknowns:
     @cached_property
     def inner(self) -> slice:
         """Virtual joints whose constants are errors of geometry: those of all links but first and last."""
-        return slice(6, 6 * self.vjm.arm.n_joints if self.geometry else 6)
+        return slice(6, 6 * max(1, self.vjm.arm.n_joints) if self.geometry else 6)
 
     @cached_property
     def starts(self) -> dict[str, int]:

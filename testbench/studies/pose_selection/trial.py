@@ -29,6 +29,7 @@ from testbench.identify import Estimate
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior, Strength
+from testbench.model.laws import without_laws
 from testbench.model.load import weight
 from testbench.model.vjm import chain
 from testbench.studies.pose_selection import settings as s
@@ -213,7 +214,7 @@ def specify(cell: Cell, asked: Settings, prior: Prior, fit: str = PLANNED) -> Sp
     Without a prior of its own a fit's unknowns are still in units of the planner's.
     """
     scope, scene, load = asked.scope, asked.scene, weight(cell.vjm, asked.scope.payload)
-    own = metric(prior, cell.vjm, fits(cell, prior)[fit].structure)
+    own = metric(prior, cell.vjm, without_laws(fits(cell, prior)[fit].structure))
     return Specification(
         experiment=Experiment(cell.vjm, own, cell.vjm.markers, scope.sigma),
         loads=(load,),

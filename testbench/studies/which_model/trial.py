@@ -222,7 +222,8 @@ def _doubted(cell: Cell, link: int | None, estimate: Estimate, prior: Prior) -> 
     heard = tuple(scale.name for scale in contradicted(estimate.belief))
     if link is None:
         return Doubted(heard, None)
-    left = unchecked(estimate.regression, metric(prior, cell.vjm, estimate.structure))
+    own = estimate.of_compliances
+    left = unchecked(own, metric(prior, cell.vjm, own.structure))
     traces = [
         np.trace(prior.C_theta[k : k + 6, k : k + 6]) / np.trace(cell.arm.C_theta[k : k + 6, k : k + 6])
         for k in range(0, 6 * len(cell.arm.links), 6)
