@@ -107,5 +107,5 @@ def _lost(rows: Sequence[Row], key: str) -> str:
 
 def table(rows: Sequence[Row], sigma_um: float) -> Table:
     """What a page shows first."""
-    title = f"All disturbances unless told, noise of {sigma_um:g} um: RMS errors, um"
+    title = f"All disturbances unless told, noise of {sigma_um:g} um: median RMS errors"
     return Table(columns(f"{SHOWN} {BEHIND}"), rows, title, headline="default_um")

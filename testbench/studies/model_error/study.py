@@ -9,6 +9,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.model_selection import DEFAULT, FILLED
 from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import UM
+from testbench.campaign.true_arms import FAMILY
 from testbench.report.badge import of_models
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
@@ -124,13 +125,14 @@ def _noise_adds(cells: Sequence[Row]) -> float:
 
 def _title(f: Row) -> Markdown:
     """What was simulated."""
+    scaled = " Disturbances that have a size are {scale:g} times their typical one." if f.scale != 1 else ""
+    arms = "" if f.true_arm == FAMILY else f" {compare.arms_told(f)}"  # the table has those of the family
     return say(
         "{arm}, poses and weight of section 6, {n}: RMS errors of predicted deflection in {workspace_poses} "
-        "poses never measured, without noise and with {sigma_um:g} um. Disturbances that have a size are "
-        "{scale:g} times their typical one. {arms} Medians ({ends}).",
+        f"poses never measured, without noise and with {{sigma_um:g}} um.{scaled}{arms} Medians "
+        "({ends}).",
         f,
         n=counted(f.trials, "trial"),
-        arms=compare.arms_told(f),
         ends=span(f.trials),
     )
 
