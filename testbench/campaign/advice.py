@@ -30,11 +30,11 @@ def advice(estimate: Estimate) -> tuple[str, ...]:
 
 
 def _of_rank(estimate: Estimate) -> list[str]:
-    s, rank = estimate.structure, estimate.regression.rank
+    s, rank = estimate.of_compliances.structure, estimate.of_compliances.rank
     if rank == s.n:
         return []
     text = f"{s.name}: {s.n} unknowns, the data see {rank} directions; free are {s.n - rank}"
-    unseen = int((estimate.regression.columns == 0).sum())
+    unseen = int((estimate.of_compliances.columns == 0).sum())
     return [f"{text}, of which no load touches {unseen}" if unseen else text]
 
 

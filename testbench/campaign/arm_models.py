@@ -242,7 +242,7 @@ def write_stiffness(
             for key in ("status", "f_m", "f_m_floor", "duality_gap", "f_m_excess_bound")
         },
         "unseen": {
-            "directions": own.n - estimate.regression.rank,
+            "directions": estimate.of_compliances.structure.n - estimate.of_compliances.rank,
             "without_bound": len(spread.unseen),
             "stiffer": list(fits.unchecked.stiffer),
             "softer": list(fits.unchecked.softer),

@@ -1,13 +1,15 @@
 """Doubts in sentences: what `identify.diagnosis` found, by how much, what to check."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import gammainc
 
 from testbench.arm.folder import Arm
 from testbench.errors import Array
+from testbench.identify import Estimate
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.hierarchy import KIND
 from testbench.identify.metric import Scale
@@ -26,6 +28,8 @@ UNITS = {
     1e3: "1000 times too small: metres read as millimetres?",
 }
 """What readings have to be multiplied with, and what that means."""
+QUIET, CHANCE = 0.6, 1e-6
+"""Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
 WHICH = {"unloaded": "unloaded readings", "loaded": "loaded readings", "all": "readings"}
 
 
@@ -289,3 +293,19 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
     ),
 }
 """The sentence of every kind of finding."""
+
+
+def of_noise(found: Iterable[Estimate]) -> list[Doubt]:
+    """Whether a model leaves far less than the stated noise alone would: whatever it lacks adds to that."""
+    quiet = [own for own in found if own.f_m < QUIET * own.f_m_floor]
+    if not quiet:
+        return []
+    least = min(quiet, key=lambda e: e.f_m / e.f_m_floor)
+    free = least.regression.equations - least.regression.rank
+    if gammainc(free / 2, free / 2 * (least.f_m / least.f_m_floor) ** 2) > CHANCE:
+        return []
+    words = (
+        f"{least.structure.name} leaves F_M {least.f_m:.2g} where the stated noise alone leaves "
+        f"{least.f_m_floor:.3g}: is sigma too large, a U95 perhaps, or were readings averaged or copied?"
+    )
+    return [Doubt("noise", words)]

@@ -7,7 +7,16 @@ import numpy as np
 
 from testbench.campaign.campaign import Campaign, Cell
 from testbench.campaign.models import Model
-from testbench.campaign.rows import DatasetRow, ErrorRow, FitRow, dataset_row, error_row, fit_row
+from testbench.campaign.rows import (
+    NO_ERRORS,
+    DatasetRow,
+    ErrorRow,
+    FitRow,
+    dataset_row,
+    error_row,
+    fit_row,
+    no_fit,
+)
 from testbench.campaign.workspace_errors import Places, kept_mm, places_of, rms
 from testbench.data.dataset import Dataset
 from testbench.data.write import csv_text
@@ -37,6 +46,14 @@ class Result:
         return rms(self.wrong)
 
 
+class EstimatorFailed(BenchError):
+    """An estimator of one's own that failed, or whose answer is none."""
+
+    def __init__(self, model: Model, why: str) -> None:
+        super().__init__(f"{model.name}: its estimator failed: {why}")
+        self.model, self.why = model, why
+
+
 def identify(
     cell: Cell, campaign: Campaign, models: Sequence[Model], clock: Callable[[], float]
 ) -> list[Result]:
@@ -46,6 +63,19 @@ def identify(
         start = clock()
         found.append((model, of_model(cell, model, campaign.identification), clock() - start))
     return _judged(cell, campaign, found)
+
+
+def attempt(
+    cell: Cell, campaign: Campaign, models: Sequence[Model], clock: Callable[[], float]
+) -> tuple[list[Result], list[EstimatorFailed]]:
+    """The same of estimators of one's own, and those that failed."""
+    found, failed = [], []
+    for model in models:
+        try:
+            found += identify(cell, campaign, [model], clock)
+        except EstimatorFailed as err:
+            failed.append(err)
+    return found, failed
 
 
 def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float) -> Result:
@@ -76,14 +106,6 @@ def _judged(cell: Cell, campaign: Campaign, found: Sequence[tuple[Model, Estimat
     ]
 
 
-class EstimatorFailed(BenchError):
-    """An estimator of one's own that failed, or whose answer is none."""
-
-    def __init__(self, model: str, why: str) -> None:
-        super().__init__(f"{model}: its estimator failed: {why}")
-        self.model = model
-
-
 def of_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
     """What a model makes of runs; an estimator of one's own does not see the folder's compliances."""
     if isinstance(model.estimator, Method):
@@ -92,12 +114,12 @@ def of_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
         found = model.estimator(unseen(cell.vjm), model.structure, data)
     except Exception as err:
         why = str(err) if isinstance(err, BenchError) else f"{type(err).__name__}: {err}"
-        raise EstimatorFailed(model.name, " ".join(why.split())) from err
+        raise EstimatorFailed(model, " ".join(why.split())) from err
     if not isinstance(found, Estimate):
-        raise EstimatorFailed(model.name, f"expected an Estimate, got {type(found).__name__}")
+        raise EstimatorFailed(model, f"expected an Estimate, got {type(found).__name__}")
     n = model.structure.n
     if found.pi.shape != (n,) or not (np.isfinite(found.pi).all() and np.isfinite(found.C_theta).all()):
-        raise EstimatorFailed(model.name, f"expected {n} finite parameters, got shape {found.pi.shape}")
+        raise EstimatorFailed(model, f"expected {n} finite parameters, got shape {found.pi.shape}")
     return found
 
 
@@ -158,7 +180,7 @@ def campaign_rows(
     """A row a model; `placed` with its errors pose by pose, and what pictures need."""
     data, found = measured(campaign), []
     for k, result in enumerate(results):
-        prior = result.estimate.belief is not None
+        prior = result.model.filled or result.estimate.belief is not None
         own = CampaignRow(
             **vars(fit_row(result.model.name, result.estimate, result.seconds, prior=prior)),
             identification=error_row(result.identification),
@@ -173,6 +195,30 @@ def campaign_rows(
         )
         found.append(own)
     return found
+
+
+def failed_rows(campaign: Campaign, failed: Sequence[EstimatorFailed], true_arm: str) -> list[CampaignRow]:
+    """A row an estimator that failed in a trial: it has no errors."""
+    return [
+        CampaignRow(
+            **vars(failed_row(err)),
+            identification=NO_ERRORS,
+            check=NO_ERRORS,
+            check_true=NO_ERRORS,
+            workspace=NO_ERRORS,
+            measured=measured(campaign),
+            true_arm=true_arm,
+            places=None,
+            place_mm=None,
+        )
+        for err in failed
+    ]
+
+
+def failed_row(err: EstimatorFailed) -> FitRow:
+    """What an estimator leaves that failed."""
+    model = err.model
+    return no_fit(model.name, model.structure, err.why, prior=model.filled)
 
 
 def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> Drawn:

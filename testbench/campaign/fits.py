@@ -1,14 +1,13 @@
 """A user's runs fitted by several models, and which model to take: what models.json holds."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import gammainc
 
 from testbench.campaign.campaign import Cell
-from testbench.campaign.doubt import Doubt, of_scale
-from testbench.campaign.evaluation import EstimatorFailed, of_model
+from testbench.campaign.doubt import Doubt, of_noise, of_scale
+from testbench.campaign.evaluation import EstimatorFailed, failed_row, of_model
 from testbench.campaign.identifiability import set_aside
 from testbench.campaign.model_selection import Recommendation, default_name, folded, recommend, why
 from testbench.campaign.models import Model
@@ -30,9 +29,6 @@ from testbench.model.vjm import chain, generalised_load
 
 Clock = Callable[[], float]  #: Wall time [s].
 UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
-
-QUIET, CHANCE = 0.6, 1e-6
-"""Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +93,7 @@ class Fits:
     registration: Mapping[str, object] | None  #: Frames and targets; None where no frame fitted.
     #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
     scale: float | None = None
+    failed: tuple[FitRow, ...] = ()  #: Estimators of one's own that failed, and why.
 
 
 @dataclass(frozen=True)
@@ -158,14 +155,14 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
         doubts=(
             *runs.doubts,
-            *lost,
-            *_of_noise(own.estimates),
+            *of_noise(own.estimates),
             *_of_prior(estimates, taken.name, default_name(cell.arm)),
         ),
         unchecked=_unchecked(cell, next(m for m in own.models if m.name == taken.name), estimates),
         notes=runs.notes,
         registration=runs.registration,
         scale=runs.scale,
+        failed=tuple(map(failed_row, lost)),
     )
     return Identified(fits, runs, estimates)
 
@@ -190,42 +187,56 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
     return moved, [f"{name} is left out: no load acts on what it can bend" for name in still]
 
 
-def _working(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock) -> tuple[Found, list[Doubt]]:
-    """What is found without estimators of one's own that fail, and a doubt on each failure.
+def _working(
+    cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock
+) -> tuple[Found, list[EstimatorFailed]]:
+    """What is found without estimators of one's own that fail, and those.
 
     Raises:
         BenchError: When no model is left.
     """
-    lost: list[Doubt] = []
-    while True:
+    if runs.many is not None and not all(map(_plain, models)):
+        said = f"expected at most {MOST_READINGS} readings, got {runs.many.every.runs} runs"
+        raise BenchError(f"robust fit, or an estimator of your own: {said}")
+    lost: list[EstimatorFailed] = []
+    own: dict[str, tuple[Estimate, float]] = {}
+    for model in (model for model in models if not _plain(model)):
+        start = clock()
         try:
-            return _fit_all(cell, models, runs, clock), lost
+            own[model.name] = (of_model(cell, model, runs.used), clock() - start)
         except EstimatorFailed as err:
-            models = [model for model in models if model.name != err.model]
-            lost.append(Doubt("estimator", f"left out: {err}"))
-            if not models:
-                raise BenchError("; ".join(doubt.sentence for doubt in lost)) from err
+            lost.append(err)
+    while True:
+        models = [model for model in models if model not in [err.model for err in lost]]
+        if not models:
+            raise BenchError("; ".join(map(str, lost)))
+        try:
+            return _fit_all(cell, models, runs, clock, own), lost
+        except EstimatorFailed as err:  # in runs of which some are held out
+            lost.append(err)
 
 
-def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock) -> Found:
+Own = Mapping[str, tuple[Estimate, float]]  #: What is fitted already, and its time [s], by name.
+
+
+def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, own: Own) -> Found:
     """Fit, judge and choose models; BenchError when a method cannot fit its structure."""
     many, estimates, seconds = runs.many, [], []
-    if many is not None and not all(map(_plain, models)):
-        readings = many.every.runs
-        raise BenchError(f"robust fit: expected at most {MOST_READINGS} readings, got {readings} runs")
     reduced = folded(cell, models, runs.used, many)
     for model in models:
         start = clock()
         if plain := _plain(model):
-            estimates += plain.of(cell.vjm, [reduced.parts[model.structure.name].together()])
+            [estimate] = plain.of(cell.vjm, [reduced.parts[model.structure.name].together()])
+            spent = clock() - start
         else:
-            estimates.append(of_model(cell, model, runs.used))
-        seconds.append(clock() - start)
+            estimate, spent = own[model.name]
+        estimates.append(estimate)
+        seconds.append(spent)
     found = Found(runs, models, estimates, seconds, (), (), recommend(cell, models, reduced))
     if many is not None:
         return _judged(cell, found, many)
-    used = [_errors(cell, own, runs.used) for own in estimates]
-    check = [None if runs.check is None else _errors(cell, own, runs.check) for own in estimates]
+    used = [_errors(cell, each, runs.used) for each in estimates]
+    check = [None if runs.check is None else _errors(cell, each, runs.check) for each in estimates]
     return replace(found, used=used, check=check)
 
 
@@ -256,22 +267,6 @@ def _judged(cell: Cell, found: Found, many: Many) -> Found:
     return replace(found, runs=shown, used=used, check=check)
 
 
-def _of_noise(found: Iterable[Estimate]) -> list[Doubt]:
-    """Whether a model leaves far less than the stated noise alone would: whatever it lacks adds to that."""
-    quiet = [own for own in found if own.f_m < QUIET * own.f_m_floor]
-    if not quiet:
-        return []
-    least = min(quiet, key=lambda e: e.f_m / e.f_m_floor)
-    free = least.regression.equations - least.regression.rank
-    if gammainc(free / 2, free / 2 * (least.f_m / least.f_m_floor) ** 2) > CHANCE:
-        return []
-    words = (
-        f"{least.structure.name} leaves F_M {least.f_m:.2g} where the stated noise alone leaves "
-        f"{least.f_m_floor:.3g}: is sigma too large, a U95 perhaps, or were readings averaged or copied?"
-    )
-    return [Doubt("noise", words)]
-
-
 def _of_prior(by_name: Mapping[str, Estimate], taken: str, default: str) -> list[Doubt]:
     """What the readings say against the prior of the default, or of the model that is taken."""
     belief = by_name[default if default in by_name else taken].belief
@@ -294,7 +289,7 @@ def _unchecked(cell: Cell, taken: Model, estimates: Mapping[str, Estimate]) -> U
 def _fit(cell: Cell, found: Found, k: int, widest: Dataset | None) -> Fitted:
     """A model, with intervals of its predictions for some runs."""
     estimate, check = found.estimates[k], found.check[k]
-    prior = estimate.belief is not None
+    prior = found.models[k].filled or estimate.belief is not None
     blocks = (estimate.C_theta[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(len(cell.arm.links)))
     return Fitted(
         **vars(fit_row(found.models[k].name, estimate, found.seconds[k], prior=prior)),

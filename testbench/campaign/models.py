@@ -37,6 +37,11 @@ class Model(Displayed):
     structure: Structure  #: The unknowns.
     estimator: Estimator  #: A `Method`, or a function of your own.
 
+    @property
+    def filled(self) -> bool:
+        """Whether its method, or an estimator of one's own, is given a prior."""
+        return getattr(self.estimator, "prior", None) is not None
+
     def about(self) -> dict[str, object]:
         """Name and number of unknowns."""
         return {"name": self.name, "unknowns": self.structure.n}

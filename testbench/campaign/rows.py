@@ -9,6 +9,7 @@ from testbench.data.dataset import Dataset
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace
 from testbench.identify.evaluate import Score
+from testbench.model.structure import Structure
 from testbench.trials.spread import Number, Share, Spread
 
 MM, UM = 1e3, 1e6
@@ -70,18 +71,18 @@ class FitRow:
 
 
 def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool = False) -> FitRow:
-    """What a method found."""
-    certificate = estimate.certificate
+    """What a method found; unknowns are compliances, laws of joints aside."""
+    certificate, own = estimate.certificate, estimate.of_compliances
     return FitRow(
         name=name,
-        structure=estimate.structure.name,
+        structure=own.structure.name,
         method=estimate.method,
         constraint=estimate.constraint,
         prior=prior,
         status=estimate.status,
-        parameters=estimate.structure.n,
-        rank=estimate.regression.rank,
-        unique=estimate.regression.rank == estimate.structure.n,
+        parameters=own.structure.n,
+        rank=own.rank,
+        unique=own.rank == own.structure.n,
         conservative=estimate.conservative,
         min_eigenvalue=estimate.min_eigenvalue,
         f_m=estimate.f_m,
@@ -90,9 +91,39 @@ def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool
         f_m_excess_bound=None if certificate is None else certificate.f_m_excess_bound,
         trace_bounds_rad_per_Nm=None if certificate is None else tuple(certificate.trace_bounds.tolist()),
         held_by_trace_weight=estimate.held_by_trace_weight,
-        total_trace_rad_per_Nm=total_trace(estimate.structure, estimate.pi),
+        total_trace_rad_per_Nm=total_trace(own.structure, estimate.pi[: own.structure.n]),
         solve_seconds=seconds,
         advice=advice(estimate),
+    )
+
+
+NO_ERRORS = ErrorRow(None, None, None, None, None)  #: Of an estimator that failed.
+FAILED = "failed: "  #: Begins the status of one.
+
+
+def no_fit(name: str, structure: Structure, why: str, *, prior: bool) -> FitRow:
+    """What an estimator of one's own leaves that failed: who, and why."""
+    return FitRow(
+        name=name,
+        structure=structure.name,
+        method="own estimator",
+        constraint="own",
+        prior=prior,
+        status=FAILED + why,
+        parameters=structure.n,
+        rank=None,
+        unique=False,
+        conservative=False,
+        min_eigenvalue=None,
+        f_m=None,
+        f_m_floor=None,
+        duality_gap=None,
+        f_m_excess_bound=None,
+        trace_bounds_rad_per_Nm=None,
+        held_by_trace_weight=False,
+        total_trace_rad_per_Nm=None,
+        solve_seconds=None,
+        advice=(),
     )
 
 

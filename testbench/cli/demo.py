@@ -6,16 +6,16 @@ from typing import Annotated
 
 import typer
 
-from testbench.campaign.campaign_flags import CampaignOptions
 from testbench.campaign.true_arms import TrueArmName
 from testbench.shell.options import Common, takes
 from testbench.studies.gravity_calibration.study import STUDY
+from testbench.studies.gravity_calibration.trial import Options
 from testbench.studies.run import run
 from testbench.views.terminal import plain_console
 
 
 @dataclass(frozen=True)
-class Demo(CampaignOptions):
+class Demo(Options):
     """Flags of the study, the true links cast."""
 
     true_arm: Annotated[TrueArmName, typer.Option(help="The true arm.")] = "cast"

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +15,7 @@ from testbench.campaign.fits import fit
 from testbench.campaign.model_folder import DOCUMENT, FITS
 from testbench.campaign.model_selection import default_models, with_priors
 from testbench.campaign.models import Model, named_models
+from testbench.campaign.own_estimator import EstimatorOptions, hired
 from testbench.campaign.runs import Readings, files_read, read_runs
 from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm, plain
 from testbench.commands.identify import COMMAND, PICTURE, printed, tell
@@ -61,13 +62,13 @@ class Options:
     force: Force = False
 
 
-@takes(Options)
-def command(asked: Options) -> None:
+@takes(Options, EstimatorOptions)
+def command(asked: Options, tried: EstimatorOptions) -> None:
     """Fit, judge, say which model to take, and write it."""
     arm = find_arm(asked.arm)
     given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target)
     given = replace(given, check_pose=asked.check_pose, full_pose=asked.full_pose)
-    inputs = [arm, *files_read(given)]
+    inputs, own = [arm, *files_read(given)], tried.own
     with claim_folder(asked.out, COMMAND, own=OLD, inputs=inputs, force=asked.force):
         cell = build_cell(asked.arm)
         if asked.uncertainty_percent is not None and not asked.prior:
@@ -75,12 +76,15 @@ def command(asked: Options) -> None:
         filed = cell
         cell, runs = read_runs(filed, given)
         models = _models(cell, asked)
-        found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
+        with hired(own) as more:
+            models += more(cell, cad_prior(cell.arm) if asked.prior else None)
+            found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
         if asked.strict:
             from testbench.campaign.arm_check import check  # here: it reads the arm once more
 
             check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
         flags, out = plain(asked, "dataset", without=("arm",)), asked.out
+        flags |= {"estimators": [asdict(each) for each in own]} if own else {}
         said, console = tell((filed, cell), found, flags, out), terminal.plain_console()
         console.print(terminal.as_plain(said.title))
         lines = [

@@ -1,7 +1,7 @@
 """What `testbench identify` writes and says of fits: which model to take, how good, how sure."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from testbench import files
@@ -31,8 +31,8 @@ MODELS = (
 PAGE = 3  #: Of these columns, the last ones, that a terminal has no room for.
 LAWS = "part stiffer_percent backlash_urad friction_urad"
 ABOUT_LAWS = Markdown(
-    "*Stiffer*: when the spring is turned by a milliradian, over no load. *Backlash*, *friction*: half "
-    "widths; of a slide in um and millimetres."
+    "Sizes of laws beside the compliances. *Stiffer*: when the spring is turned by a milliradian, over no "
+    "load. *Backlash*, *friction*: half widths; of a slide in um and millimetres."
 )
 READING = Markdown(
     "*F_M held out*: the mean on poses and load levels held out in turn. *+- (95 %)*: median half width of "
@@ -112,8 +112,10 @@ def _models(f: Row, keys: Sequence[str]) -> Table:
     """Every model on a line; what was not asked for has no column."""
     every = columns(" ".join(keys), paper=False)
     known = tuple(c for c in every if any(c.value(m) is not None for m in f.models))
+    if f.failed:
+        known = tuple(replace(c, none="not fitted") if c.key == "check.rms_mm" else c for c in known)
     headline = "check.rms_mm" if f.models[0].check else "identification.rms_mm"
-    return Table(known, f.models, "Models", f.recommended, headline)
+    return Table(known, [*f.models, *f.failed], "Models", f.recommended, headline)
 
 
 def printed(said: Report) -> Table:
@@ -169,6 +171,7 @@ def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
     wrong = sorted(f.doubts, key=lambda doubt: doubt["name"] == "prior")
     yield from (say("Doubt: {text}", text=ended(doubt["sentence"])) for doubt in wrong)
     yield say("Why {recommended}: {why}", f, why=ended(f.why))
+    yield from (say("Your estimator {name} {text}", m, text=ended(m.status)) for m in f.failed)
     yield from (say("Not certified: {name} ({status}).", m) for m in f.models if m.status != "solved")
     if taken.check is None:
         yield Markdown(

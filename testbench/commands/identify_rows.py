@@ -64,6 +64,7 @@ def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array
         recommended=fits.recommended,
         why=fits.why,
         models=[_model(own, found, places) for own in fits.models],
+        failed=[Row(vars(own), conservative=None, rank=None) for own in fits.failed],
         noise_p95_mm=MM * _noise_limit(found.runs.every),
         residuals=_residuals(found, left),
         seen=_seen(cell, found),
@@ -173,8 +174,8 @@ def _seen(cell: Cell, found: Identified) -> Row:
     component, share = told(cell.vjm, regression, cad_prior(cell.arm), USUAL)
     own = {name: share[np.array(component) == name] for name in dict.fromkeys(component)}
     return Row(
-        structure=found.taken.structure.name,
-        unknowns=found.taken.structure.n,
+        structure=regression.structure.name,
+        unknowns=regression.structure.n,
         seen=regression.rank,
         prior_uncertainty_percent=100 * USUAL.uncertainty,
         blocks=[
@@ -190,11 +191,13 @@ def _seen(cell: Cell, found: Identified) -> Row:
 
 
 def compared(models: Sequence[Row] | Sequence[Fitted], taken: str) -> list[str]:
-    """Least squares, GCO without prior, joints alone, where they are, and last the model to take."""
+    """One's own, least squares, GCO without prior, joints alone, where they are; last the model to take."""
     others = [m for m in models if not m.prior and m.name != taken]
     links = [m for m in others if m.structure != JOINTS]
     kinds = ([m for m in links if m.constraint == kind] for kind in ("none", "psd"))
-    return [*(own[0].name for own in (*kinds, [m for m in others if m.structure == JOINTS]) if own), taken]
+    joints = [m for m in others if m.structure == JOINTS]
+    mine = [m.name for m in models if m.constraint == "own" and m.name != taken]
+    return [*mine, *(own[0].name for own in (*kinds, joints) if own), taken]
 
 
 def elsewhere(cell: Cell, found: Identified) -> Row:
@@ -209,7 +212,8 @@ def elsewhere(cell: Cell, found: Identified) -> Row:
     load = Load(data.wrench[k], data.point[k])
     q, weights = clear_poses(cell, None, PLACES, stream(0)), weights_known(cell.arm)[0]
     moved, half, missing = {}, {}, []
-    for name in compared(found.fits.models, taken):
+    mine = {m.name for m in found.fits.models if m.constraint == "own"} - {taken}
+    for name in (name for name in compared(found.fits.models, taken) if name not in mine):
         own = of_estimate(cell.vjm, found.estimates[name], weights)
         try:
             there = predict(own, q, [load], points=np.zeros((0, 3)))

@@ -25,6 +25,7 @@ DECLARED = (
     Column("conservative", "conservative", form="yes", paper="conservative", short="conservative"),
     Column("f_m", "F_M", form=".3f", paper="f_m"),
     Column("f_m_floor", "floor", form=".3f", exact=True),
+    Column("failed", "failed"),
     Column("duality_gap", "duality gap", form=".1e"),
     Column("f_m_excess_bound", "trace weight costs at most", form=".1e"),
     Column("min_eigenvalue", "smallest eigenvalue", form=".1e"),

@@ -16,6 +16,7 @@ from rich.console import Console
 
 from testbench import files
 from testbench.campaign.model_folder import digests
+from testbench.campaign.own_estimator import digests_of
 from testbench.errors import InputError
 from testbench.output.place import claim_folder, whole_folder
 from testbench.report.table import Trials
@@ -63,8 +64,8 @@ def run(study: AnyStudy, common: Common, options: Any, console: Console) -> None
     settings = study.settings(options, common.quick, seeds)
     plain = TypeAdapter(type(settings)).dump_python(settings, mode="json")
     text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
-    known = sums(study.trials)
-    scenario = {"settings": plain, "models": digests(arms), **known}
+    known, own = sums(study.trials), digests_of(study.own(settings))
+    scenario = {"settings": plain, "models": digests(arms), **own, **known}
     script = f"scenarios/{study.name}.py"
     experiment = Experiment(study.name, scenario, seeds)
     backend, remote = choose_backend(common), common.cluster is not None
@@ -84,7 +85,7 @@ def run(study: AnyStudy, common: Common, options: Any, console: Console) -> None
         figures = _write(study, Run(study.name, settings, seeds, report, folder, text))
         seconds = time.perf_counter() - start
         files.write_manifest(
-            folder, command=script, scenario=plain, seeds=seeds, models=digests(arms), seconds=seconds
+            folder, command=script, scenario=plain, seeds=seeds, models=digests(arms), seconds=seconds, **own
         )
     console.print(terminal.as_plain(report.title))
     terminal.print_words(console, report, [report.tables[name] for name in study.printed])

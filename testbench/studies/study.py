@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from testbench.arm.catalogue import find_arm
+from testbench.campaign.own_process import Own
 from testbench.report.report import Report
 from testbench.report.table import Trials
 from testbench.views.figure import Figure
@@ -67,6 +68,7 @@ class Study(Generic[O, S, W]):
     #: Adds to the settings what all trials share and what is too dear for each of them.
     prepare: Callable[[S, Everywhere], S] | None = None
     arms: Callable[[S], Sequence[Path]] = _own_arm  #: Folders of the arms that it needs.
+    own: Callable[[S], Sequence[Own]] = lambda _: ()  #: Estimators of one's own that it tries.
 
 
 AnyStudy = Study[Any, Any, Any]

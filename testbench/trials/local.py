@@ -18,7 +18,7 @@ from testbench.trials.engine import Chunk, Chunks, Work, WorkersLost, do_chunk, 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1"
 )
-START = "import sys; sys.path[:] = {path!r}; from testbench.trials.local import main; main()"
+START = "import sys; sys.path[:] = {path!r}; from {module} import main; main()"
 ALONE = ("-P", "-c")  #: Flags of Python: nothing is imported from where it happens to run.
 MOST_A_CORE = 8  #: Most processes of a core: each takes the memory of a program.
 SHARE = Path(
@@ -96,11 +96,14 @@ def _take(link: Connection) -> Chunk | None:
 
 
 @contextmanager
-def started(environment: Mapping[str, str]) -> Iterator[Connection]:
-    """A process in the block: takes work, then seeds, each answered as by `answer`; it ends with this one."""
+def started(environment: Mapping[str, str], module: str = __name__) -> Iterator[Connection]:
+    """A process in the block that runs the `main` of a module; it ends with this one.
+
+    That of this module takes work, then seeds, each answered as by `answer`.
+    """
     ours, theirs = socketpair()
     path = [path or str(Path.cwd()) for path in sys.path]
-    command = [sys.executable, *ALONE, START.format(path=path)]
+    command = [sys.executable, *ALONE, START.format(path=path, module=module)]
     program = child(command, {**os.environ, **environment}, out=theirs.fileno())
     with Connection(ours.detach()) as link, theirs, program:
         theirs.close()  # then the end of the process is the end of what can be read

@@ -50,6 +50,10 @@ FULL = 21  #: Entries of a link in full, of which an arm of any joints has a mul
 MARKS = "osD^vP*"  #: Markers, matplotlib's letters.
 
 
+OWN: tuple[Colour, ...] = ((206, 15, 95), (14, 91, 240), (248, 1, 23))
+OWN_MARKS = "Pv^"
+"""Of estimators of one's own in the order in which they are asked for: all colours with each mark."""
+
 SERIES: tuple[Colour, ...] = (
     GCO,
     NOMINAL,
@@ -120,6 +124,10 @@ def look(structure: str, constraint: Constraint, prior: bool = False, filling: s
         prior: Whether it has a prior.
         filling: What tells the directions that no data see, where that is more than whether it has a prior.
     """
+    if constraint == "own":
+        which = int(re.sub(r"\D", "", structure)[-4:] or 1) - 1
+        mark = OWN_MARKS[which // len(OWN) % len(OWN_MARKS)]
+        return Look(OWN[which % len(OWN)], MARKS.index(mark), prior)
     told = "prior" if prior and filling == "none" else filling
     kind = _kind(structure)
     if kind == "Joints":

@@ -166,9 +166,10 @@ def test_one_estimator_that_fails_does_not_cost_the_others(kr500, campaign, esti
     runs = Runs("runs.csv", campaign.identification, campaign.identification, None)
     found = fit(kr500, [*named_models(kr500, ["Joints"]), own], runs, lambda: 0.0)
     assert [m.name for m in found.fits.models] == ["Joints"]
-    said = [doubt.sentence for doubt in found.fits.doubts if doubt.name == "estimator"]
-    assert len(said) == 1
-    assert said[0].startswith(f"left out: mine: its estimator failed: {why}")
+    [failed] = found.fits.failed
+    assert failed.name == "mine"
+    assert failed.status.startswith(f"failed: {why}")
+    assert not found.fits.doubts
     if estimator is not of_few:  # alone it has no rival, and nothing is held out
         with pytest.raises(BenchError, match=re.escape(f"mine: its estimator failed: {why}")):
             fit(kr500, [own], runs, lambda: 0.0)

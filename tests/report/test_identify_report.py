@@ -47,6 +47,7 @@ def f():
         seen=Row(structure="ALL153", unknowns=153, seen=54, prior_uncertainty_percent=30.0, blocks=blocks),
         map=None, no_map="intervals were not asked for", doubts=[], scale=None,
         laws=[],
+        failed=[],
         unchecked=Row(stiffer=(), softer=()), notes=["readings are in the base's frame"],
     )  # fmt: skip
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at
 from testbench.campaign.campaign_flags import CampaignOptions
-from testbench.campaign.evaluation import CampaignRow, Result, campaign_rows, identify
+from testbench.campaign.evaluation import CampaignRow, Result, attempt, campaign_rows, failed_rows, identify
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import JOINTS, equal_fit, named_models
+from testbench.campaign.own_estimator import EstimatorOptions, hired
+from testbench.campaign.own_process import Own
 from testbench.campaign.perturbed_prior import wrong_prior
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 
@@ -21,6 +23,11 @@ WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68", "ALL153")
 
 
 @dataclass(frozen=True)
+class Options(CampaignOptions, EstimatorOptions):
+    """Flags of the study."""
+
+
+@dataclass(frozen=True)
 class Settings:
     """What is tried."""
 
@@ -29,21 +36,25 @@ class Settings:
     magnification: float  #: Of the drawn deflections [1].
     true_arm: str = FAMILY  #: A name of `TRUTHS`, or all of them in turn.
     first: int = 1  #: The first seed: its errors are kept pose by pose.
+    own: tuple[Own, ...] = ()  #: Estimators of one's own.
 
 
-def settings(options: CampaignOptions, quick: bool, seeds: range) -> Settings:
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
     """What the flags ask for."""
     own = options.scenario(QUICK_WORKSPACE if quick else 200)
-    return Settings(options.arm, own, options.magnification, options.true_arm, seeds[0])
+    return Settings(options.arm, own, options.magnification, options.true_arm, seeds[0], options.own)
 
 
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[CampaignRow]]:
     """Rows of some seeds, one a model."""
     cell, found = build_cell(find_arm(asked.arm)), []
-    for seed in seeds:
-        true, campaign = calibrate(cell, asked, seed)
-        arm = member(asked.true_arm, seed)
-        found.append(campaign_rows(true, campaign, results(true, campaign), arm, placed=seed == asked.first))
+    with hired(asked.own) as own:
+        for seed in seeds:
+            true, campaign = calibrate(cell, asked, seed)
+            more, failed = attempt(true, campaign, own(true, wrong_prior(true, seed)), time.perf_counter)
+            every, arm = [*results(true, campaign), *more], member(asked.true_arm, seed)
+            rows = campaign_rows(true, campaign, every, arm, placed=seed == asked.first)
+            found.append([*rows, *failed_rows(campaign, failed, arm)])
     return found
 
 

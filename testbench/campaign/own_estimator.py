@@ -1,0 +1,148 @@
+"""Estimators of one's own beside ours: their flags, their models, and what is asked of their answers."""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from testbench import files
+from testbench.arm.stiffness import SYMMETRY_TOLERANCE, eigenvalue_scale
+from testbench.campaign.campaign import Cell
+from testbench.campaign.models import MODELS, Model
+from testbench.campaign.own_process import SUFFIX, Own, ask, file_of, server
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, BenchError
+from testbench.identify import Estimate
+from testbench.identify.estimate import make_estimate
+from testbench.identify.fold import reduce
+from testbench.identify.prior import Prior
+from testbench.model.structure import Structure, all153
+from testbench.model.vjm import Vjm
+
+FLAG = "--estimator"
+FORM = "[NAME=]FILE.py:function or [NAME=]module:function"
+ASKED = re.compile(r"(?:(?P<name>[^=:/]*)=)?(?P<source>[^:]+):(?P<function>[^\W\d]\w*)")
+NAME = re.compile(r"[^\W\d][\w-]{0,39}")
+MODULE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
+
+
+@dataclass(frozen=True)
+class EstimatorOptions:
+    """Flags of every command and study that tries estimators of one's own."""
+
+    estimator: Annotated[
+        list[str] | None,
+        typer.Option(metavar=FORM, help="Estimator of your own beside ours; again for more."),
+    ] = None
+    estimator_timeout: Annotated[
+        float, typer.Option(min=0.01, max=86_400, help="Longest time of a call of it, s.")
+    ] = 60.0
+
+    @property
+    def own(self) -> tuple[Own, ...]:
+        """Those that were asked for.
+
+        Raises:
+            BenchError: When one cannot be imported, lacks its function, or has a name that is taken.
+        """
+        if not self.estimator:
+            return ()
+        with server() as link:
+            found = tuple(_read(link, text, self.estimator_timeout) for text in self.estimator)
+        names = [own.name for own in found]
+        for name in names:
+            if names.count(name) > 1 or name.casefold() in map(str.casefold, MODELS):
+                raise BenchError(f"{FLAG}: the name {name!r} is taken: put another before it, NAME=...")
+        return found
+
+
+def _read(link: Connection, text: str, timeout: float) -> Own:
+    """An estimator as it is named on the command line; it is imported once, in a process apart."""
+    found = ASKED.fullmatch(text)
+    source = found["source"] if found else ""
+    if not found or not (source.endswith(SUFFIX) or MODULE.fullmatch(source)):
+        raise BenchError(f"{FLAG}: expected {FORM}, got {text!r}")
+    name = found["function"] if found["name"] is None else found["name"]
+    if not NAME.fullmatch(name):
+        raise BenchError(f"{FLAG}: expected a name of letters, digits, _ and -, got {name!r}")
+    if source.endswith(SUFFIX):
+        source = str(Path(source).resolve())
+        files.digest(Path(source))  # refuses what is no file
+    own = Own(name, source, found["function"], timeout)
+    try:
+        return replace(own, sha256=files.digest(file_of(link, own)))
+    except BenchError as err:
+        raise BenchError(f"{FLAG}: {source}: {err}") from err
+
+
+def digests_of(own: Sequence[Own]) -> dict[str, dict[str, str]]:
+    """What manifest.json says of estimators: SHA-256 of the files, by the estimator's name."""
+    return {"estimators": {each.name: each.sha256 for each in own}} if own else {}
+
+
+Models = Callable[[Cell, Prior | None], list[Model]]
+
+
+@contextmanager
+def hired(own: Sequence[Own]) -> Iterator[Models]:
+    """In the block a function makes their models of a cell and the prior of a trial.
+
+    Raises:
+        BenchError: When a file is not the one that was asked for.
+    """
+    if not own:
+        yield lambda _cell, _prior: []
+        return
+    with server() as link:
+        for each in own:
+            if files.digest(file_of(link, each)) != each.sha256:
+                raise BenchError(f"{FLAG}: {each.source} has changed since the run began")
+        yield lambda cell, prior: [
+            Model(each.name, replace(all153(cell.arm), name=f"own {k}"), Hired(each, link, prior))
+            for k, each in enumerate(own, 1)
+        ]
+
+
+@dataclass(frozen=True)
+class Hired:
+    """An estimator of one's own, called like any method."""
+
+    own: Own
+    link: Connection  #: To the process that calls it.
+    prior: Prior | None  #: Of the trial; None where there is none.
+
+    def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+        """Its answer, judged as every estimate is; BenchError where it has none."""
+        pi = parameters(structure, ask(self.link, self.own, (vjm, structure, data, self.prior)))
+        words = f"own estimator {self.own.function}"
+        return make_estimate(reduce(vjm, structure, data), pi, method=words, constraint="own")
+
+
+def parameters(structure: Structure, found: Array) -> Array:
+    """Parameters (n,) of an answer: they, or compliances (n_theta, n_theta).
+
+    Raises:
+        BenchError: When it has another shape, is not finite, or its compliances are not symmetric or have
+            entries that are no unknowns.
+    """
+    n, size = structure.n, structure.n_theta
+    if found.shape not in ((n,), (size, size)):
+        raise BenchError(f"wrong shape: expected ({n},) or ({size}, {size}), got {found.shape}")
+    if not np.isfinite(found).all():
+        raise BenchError("expected finite numbers, got NaN or infinity")
+    if found.ndim == 1:
+        return found
+    scale = eigenvalue_scale(found)
+    if np.abs((found - found.T) / np.outer(scale, scale)).max() > SYMMETRY_TOLERANCE:
+        raise BenchError("not symmetric: expected compliances that are their own transpose")
+    rest = np.argwhere((found != 0) & (structure.matrix(np.ones(structure.n)) == 0))
+    if len(rest):
+        a, b = rest[0]
+        raise BenchError(f"expected 0 between {structure.labels[a]} and {structure.labels[b]}: no unknown")
+    return structure.entries(found)

@@ -1,0 +1,155 @@
+"""Estimators of one's own in processes apart: what they do there costs nobody else."""
+
+import os
+import random
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
+from io import BytesIO
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import numpy as np
+
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, BenchError, shown
+from testbench.identify.prior import Prior
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
+from testbench.trials.local import ONE_THREAD, started
+
+SUFFIX = ".py"  #: Of a file; without it a source is a module.
+MOST = 2**26  #: Largest answer [byte].
+LONGEST = 200  #: Of a message [characters].
+WELL, ILL = b"+", b"-"  #: First byte of an answer: an array of numpy follows, or why there is none.
+ENDED = "its process ended without an answer"
+
+Given = tuple[Vjm, Structure, Dataset, Prior | None]
+"""What `estimate(kinematics, structure, data, prior)` is called with."""
+
+
+@dataclass(frozen=True)
+class Own:
+    """An estimator of one's own: plain data, for manifest.json and for workers."""
+
+    name: str  #: As every view calls it.
+    source: str  #: Path of its file, or name of its module.
+    function: str
+    timeout: float  #: Longest time of a call [s].
+    sha256: str = ""  #: Of its file.
+
+
+@contextmanager
+def server() -> Iterator[Connection]:
+    """A process that answers calls of `ask`, each in a fork of its own: nothing lasts from call to call."""
+    with started(ONE_THREAD, module=__name__) as link:
+        yield link
+
+
+def ask(link: Connection, own: Own, given: Given) -> Array:
+    """What an estimator returns, as an array of any shape.
+
+    Raises:
+        BenchError: Why there is none.
+    """
+    return np.asarray(np.load(BytesIO(_asked(link, own, given)), allow_pickle=False))
+
+
+def file_of(link: Connection, own: Own) -> Path:
+    """The file that has its function.
+
+    Raises:
+        BenchError: When it cannot be imported, or lacks the function.
+    """
+    return Path(_asked(link, own, None).decode())
+
+
+def _asked(link: Connection, own: Own, given: Given | None) -> bytes:
+    link.send((own, given))
+    answer = link.recv_bytes()
+    if answer[:1] == WELL:
+        return answer[1:]
+    raise BenchError(shown(" ".join(answer[1:].decode(errors="replace").split()))[:LONGEST])
+
+
+def main() -> None:
+    """Answer until nobody asks. The link is the standard output; what others print goes to the error."""
+    sys.dont_write_bytecode = True  # nothing is left beside the file
+    with Connection(os.dup(1)) as link, suppress(EOFError, ConnectionError):
+        os.dup2(2, 1)
+        while True:
+            own, given = link.recv()
+            link.send_bytes(_apart(link, own, given))
+
+
+def _apart(link: Connection, own: Own, given: Given | None) -> bytes:
+    """The answer of a fork; it is killed when it is too slow."""
+    ours, theirs = Pipe(duplex=False)
+    pid = os.fork()
+    if not pid:
+        try:
+            link.close()
+            theirs.send_bytes(_answer(own, given))
+        finally:
+            os._exit(0)
+    theirs.close()
+    try:
+        slow = f"too slow: stopped after {own.timeout:g} s".encode()
+        return ours.recv_bytes(MOST) if ours.poll(own.timeout) else ILL + slow
+    except (EOFError, OSError):
+        return ILL + ENDED.encode()
+    finally:
+        ours.close()
+        os.kill(pid, signal.SIGKILL)
+        os.waitpid(pid, 0)
+
+
+def _answer(own: Own, given: Given | None) -> bytes:
+    """What its function returns, in bytes; without an argument where its file is."""
+    random.seed(0)  # who draws from global generators draws the same in every process
+    np.random.seed(0)  # noqa: NPY002
+    try:
+        function, file = _function(own)
+        return WELL + (file.encode() if given is None else _packed(function(*given)))
+    except BenchError as err:
+        return ILL + str(err).encode(errors="replace")
+    except BaseException as err:  # any, SystemExit among them: it is a stranger's
+        words = f"raised {type(err).__name__}: {err}".rstrip(": ")
+        return ILL + words.encode(errors="replace")
+
+
+def _function(own: Own) -> tuple[Callable[..., object], str]:
+    """The function, imported anew, and the path of its file."""
+    if own.source.endswith(SUFFIX):
+        spec = spec_from_file_location(f"own_estimator_{own.name}", own.source)
+        assert spec
+        assert spec.loader  # of any file of Python
+        module = module_from_spec(spec)
+        sys.modules[module.__name__] = module  # where dataclasses look for their module
+        spec.loader.exec_module(module)
+    else:
+        module = import_module(own.source)
+    function, file = getattr(module, own.function, None), getattr(module, "__file__", None)
+    if not callable(function):
+        raise BenchError(f"it has no function {own.function!r}")
+    if file is None:
+        raise BenchError("it has no file")
+    return function, file
+
+
+def _packed(found: object) -> bytes:
+    """An array in numpy's format."""
+    if found is None:
+        raise BenchError("expected an array, got None")
+    try:
+        array = np.asarray(found, dtype=float)
+    except (TypeError, ValueError) as err:
+        raise BenchError(f"expected an array of numbers, got {type(found).__name__}") from err
+    stream = BytesIO()
+    np.save(stream, array, allow_pickle=False)
+    return stream.getvalue()

@@ -1,0 +1,270 @@
+"""Estimators of one's own beside ours: the page's example, seven bad ones, workers, resumed runs."""
+
+import hashlib
+import json
+import re
+
+import numpy as np
+import pytest
+from page_checks import check_winner
+from pyarrow import parquet
+from read_back import chunks_of
+from run_here import ROOT, app_of_study, check_files, here, numbers_alone
+
+import testbench as tb
+from testbench.campaign.own_estimator import hired, parameters
+from testbench.campaign.own_process import Own, ask, server
+from testbench.cli.program import program
+from testbench.errors import BenchError
+from testbench.model.structure import all153
+from testbench.views.colours import look
+
+APP = app_of_study("gravity_calibration")
+EXAMPLE = re.compile(r"`shrunk.py`:\n\n```python\n(.*?)```\n\n +python (scenarios/.*?)\n", re.DOTALL)
+TIMEOUT = 6  #: Sound estimators take milliseconds; so long that a busy machine stops none of them [s].
+BAD = """
+import time
+
+import numpy as np
+
+
+def raises(kinematics, structure, data, prior):
+    raise ValueError("no | *way*")
+
+
+def nan(kinematics, structure, data, prior):
+    return np.full(structure.n, np.nan)
+
+
+def nothing(kinematics, structure, data, prior):
+    return None
+
+
+def shape(kinematics, structure, data, prior):
+    return np.zeros(3)
+
+
+def askew(kinematics, structure, data, prior):
+    C = np.array(prior.C_theta)
+    C[0, 1] += 1e-3 * C[0, 0]
+    return C
+
+
+def sleeps(kinematics, structure, data, prior):
+    time.sleep(600)
+
+
+def few(kinematics, structure):
+    return np.zeros(structure.n)
+"""
+WHY = {
+    "raises": "raised ValueError: no | *way*",
+    "nan": "expected finite numbers, got NaN or infinity",
+    "nothing": "expected an array, got None",
+    "shape": "wrong shape: expected (153,) or (48, 48), got (3,)",
+    "askew": "not symmetric: expected compliances that are their own transpose",
+    "sleeps": f"too slow: stopped after {TIMEOUT} s",
+    "few": "raised TypeError: few() takes 2 positional arguments but 4 were given",
+}
+MORE = """
+import numpy as np
+import random
+
+CALLS = []
+
+
+def as_matrix(kinematics, structure, data, prior):
+    CALLS.append(1)
+    noise = np.random.uniform() + random.random() + len(CALLS)
+    return np.array(prior.C_theta) * (1 + noise / 1e3)
+
+
+def sometimes(kinematics, structure, data, prior):
+    if data.deflection[0, 0, 0] * 1e6 % 2 < 1:
+        raise RuntimeError("odd")
+    assert np.isnan(np.diag(kinematics.arm.C_theta)).all()
+    return structure.entries(prior.C_theta)
+
+
+def dies(kinematics, structure, data, prior):
+    import os
+
+    os._exit(0)
+"""
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "bad.py").write_text(BAD)
+    (folder / "more.py").write_text(MORE)
+    (folder / "shrunk.py").write_text(EXAMPLE.search((ROOT / "docs" / "add_study.md").read_text())[1])
+    return folder
+
+
+def flags(file, *names):
+    return [part for name in names for part in ("--estimator", f"{file}:{name}")]
+
+
+@pytest.fixture(scope="module")
+def run(files):
+    """The page's example beside seven bad ones, whole, of one seed."""
+    out = files / "whole"
+    own = (*flags(files / "shrunk.py", "shrunk"), *flags(files / "bad.py", *WHY))
+    asked = ("--quick", "--workers", 1, "--estimator-timeout", TIMEOUT, "--out", out)
+    return out, here(APP, *own, *asked)
+
+
+def test_one_short_file_and_one_command_lead_to_a_row_everywhere(files, run):
+    _, command = EXAMPLE.search((ROOT / "docs" / "add_study.md").read_text()).groups()
+    assert command.endswith("--estimator shrunk.py:shrunk")
+    assert len((files / "shrunk.py").read_text().splitlines()) <= 15
+    check_files(run, "models.png")
+    out, done = run
+    report = json.loads((out / "report.json").read_text())
+    [own] = [m for m in report["models"] if m["name"] == "shrunk"]
+    cell = tb.build_cell("kr500_l480")
+    assert (own["constraint"], own["prior"], own["parameters"], own["failed"]) == ("own", True, 153, None)
+    assert own["rank"] == next(m for m in report["models"] if m["name"] == "ALL153 + prior")["rank"]
+    assert own["workspace"]["rms_mm"] > 0
+    assert f"{own['workspace']['rms_mm']:.3f}" in done.stdout
+    assert "shrunk" in report["map"]["compared"]
+    assert report["tables"]["models"]["looks"]["shrunk"]["colour"] == list(look("own 1", "own").colour)
+    assert "| shrunk |" in (out / "report.md").read_text()
+    assert "shrunk" in (out / "report.html").read_text()
+    assert any("shrunk" in str(chunk.entity_path) for chunk in chunks_of(out / "recording.rrd"))
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert manifest["estimators"]["shrunk"] == hashlib.sha256((files / "shrunk.py").read_bytes()).hexdigest()
+    assert all153(cell.arm).n == own["parameters"]
+
+
+def test_seven_bad_estimators_are_rows_with_seed_and_reason_and_cost_nobody_else(run):
+    report = json.loads((run[0] / "report.json").read_text())
+    models = {m["name"]: m for m in report["models"]}
+    rows = parquet.read_table(run[0] / "trials.parquet").to_pylist()
+    assert {row["name"]: row["status"] for row in rows if row["name"] in WHY} == {
+        name: f"failed: {why}" for name, why in WHY.items()
+    }
+    assert report["failures"] == [{"name": n, "seed": 1, "status": f"failed: {w}"} for n, w in WHY.items()]
+    assert {name: models[name]["failed"] for name in WHY} == dict.fromkeys(WHY, "1 of 1")
+    assert all(models[name]["workspace"]["rms_mm"] is None for name in WHY)
+    assert all(
+        m["failed"] is None and m["workspace"]["rms_mm"] > 0 for n, m in models.items() if n not in WHY
+    )
+    text = (run[0] / "report.md").read_text()
+    assert (
+        "| few | 1 | failed: raised TypeError: few() takes 2 positional arguments but 4 were given |" in text
+    )
+
+
+def test_one_and_two_workers_find_the_same_and_a_changed_file_is_refused(files):
+    """Who keeps state, or draws from global generators, depends on no other trial."""
+    own = flags(files / "more.py", "as_matrix", "sometimes", "dies")
+    asked, found = ("--quick", "--seeds", 5, *own), []
+    for workers in (1, 2):
+        with numbers_alone():
+            done = here(APP, *asked, "--workers", workers, "--out", files / f"w{workers}")
+        assert done.returncode == 0, done.stderr
+        table = parquet.read_table(files / f"w{workers}" / "trials.parquet").to_pylist()
+        found.append([{k: v for k, v in row.items() if k != "solve_seconds"} for row in table])
+    assert found[0] == found[1]
+    report = json.loads((files / "w1" / "report.json").read_text())
+    models = {m["name"]: m for m in report["models"]}
+    odd = [row["seed"] for row in found[0] if row["name"] == "sometimes" and "odd" in row["status"]]
+    assert 0 < len(odd) < 5  # of these seeds
+    assert models["sometimes"]["failed"] == f"{len(odd)} of 5"
+    assert [row["seed"] for row in report["failures"] if row["name"] == "sometimes"] == odd
+    good = [r["workspace.rms_mm"] for r in found[0] if r["name"] == "sometimes" and r["seed"] not in odd]
+    told = models["sometimes"]["workspace"]["rms_mm"]
+    assert (told["median"] if isinstance(told, dict) else told) == pytest.approx(np.median(good))
+    assert {r["status"] for r in found[0] if r["name"] == "dies"} == {
+        "failed: its process ended without an answer"
+    }
+
+    (files / "more.py").write_text(MORE + "# changed\n")
+    done = here(APP, *asked, "--workers", 1, "--resume", "--out", files / "w1")
+    assert done.returncode == 2
+    assert "estimators: the trials in this folder have {'as_matrix': " in done.stderr
+
+
+def test_identify_shows_own_estimators_and_names_those_that_fail(files):
+    data, out = files / "data.csv", files / "fit"
+    poses = ROOT / "docs" / "poses.csv"
+    made = here(program(["simulate"]), "simulate", "kr500_l480", poses, "--out", data, "--payload-kg", 460.3)
+    assert made.returncode == 0, made.stderr
+    own = (*flags(files / "shrunk.py", "shrunk"), *flags(files / "bad.py", *WHY))
+    held = ("--check-pose", 4, "--check-pose", 9, "--estimator-timeout", TIMEOUT)
+    models = ("--model", "Joints", "--model", "ALL153")
+    done = here(program(["identify"]), "identify", "kr500_l480", data, *models, *own, *held, "--out", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    report = json.loads((out / "report.json").read_text())
+    names = [m["name"] for m in report["models"]]
+    assert names == ["Joints + prior", "ALL153 + prior", "shrunk"]
+    assert {m["name"]: m["status"] for m in report["failed"]} == {n: f"failed: {w}" for n, w in WHY.items()}
+    assert not report["doubts"]
+    shown = [row[0] for row in report["tables"]["models"]["rows"]]
+    assert sorted(shown) == sorted([*names, *WHY])
+    assert "residual_mm" in report["residuals"][0]
+    assert "shrunk" in report["residuals"][0]["residual_mm"]
+    flags_kept = json.loads((out / "manifest.json").read_text())["scenario"]["estimators"]
+    sums = {own["name"]: own["sha256"] for own in flags_kept}
+    assert sums["few"] == hashlib.sha256((files / "bad.py").read_bytes()).hexdigest()
+    check_winner(out)
+
+
+@pytest.mark.parametrize(
+    ("flag", "said"),
+    [
+        ("bad.py", "expected [NAME=]FILE.py:function"),
+        ("{}/none.py:f", "none.py"),
+        ("{}/bad.py:lacks", "bad.py: it has no function 'lacks'"),
+        ("{}/broken.py:f", "broken.py: raised SyntaxError"),
+        ("{}/exits.py:f", "exits.py: raised SystemExit: 3"),
+        ("no_such_module:f", "no_such_module: raised ModuleNotFoundError"),
+        ("MGCO56={}/bad.py:nan", "the name 'MGCO56' is taken"),
+        ("a b={}/bad.py:nan", "expected a name of letters"),
+    ],
+)
+def test_what_cannot_be_imported_is_told_in_one_line_before_anything_is_done(files, tmp_path, flag, said):
+    (files / "broken.py").write_text("def f(:\n")
+    (files / "exits.py").write_text("raise SystemExit(3)\n")
+    done = here(APP, "--quick", "--out", tmp_path / "out", "--estimator", flag.format(files))
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_worker_refuses_a_file_that_is_not_the_one_asked_for(files):
+    own = Own("nan", str(files / "bad.py"), "nan", 5.0, sha256="0" * 64)
+    with pytest.raises(BenchError, match="has changed since the run began"), hired([own]):
+        pass
+
+
+def test_an_answer_is_parameters_or_compliances_of_unknowns_alone():
+    arm = tb.load_arm("kr500_l480")
+    structure, C = all153(arm), tb.cad_prior(arm).C_theta
+    pi = structure.entries(C)
+    np.testing.assert_array_equal(parameters(structure, pi), pi)
+    np.testing.assert_array_equal(parameters(structure, np.array(C)), pi)
+    coupled = np.array(C)
+    coupled[0, 6] = coupled[6, 0] = 1e-12
+    with pytest.raises(BenchError, match="expected 0 between"):
+        parameters(structure, coupled)
+    for entry, other in ((0, 4), (4, 0)):  # m/N beside rad/N: each on its own scale
+        askew = np.array(C)
+        askew[entry, other] += 1e-6 * np.sqrt(C[0, 0] * C[4, 4])
+        with pytest.raises(BenchError, match="not symmetric"):
+            parameters(structure, askew)
+
+
+def test_a_module_serves_as_well_as_a_file_and_nothing_is_left_beside_a_file(files):
+    with server() as link, pytest.raises(BenchError, match="raised TypeError"):
+        ask(link, Own("m", "json", "loads", 5.0), (1, 2, 3, 4))
+    assert not (files / "__pycache__").exists()
+
+
+def test_nine_own_estimators_are_told_apart():
+    looks = [look(f"own {k}", "own", prior=True) for k in range(1, 10)]
+    assert len({(own.colour, own.mark) for own in looks}) == 9
+    assert len({own.colour for own in looks[:3]}) == 3
