@@ -112,6 +112,14 @@ def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequ
     return Calibrated(found, found.series, (*said, *words, *([of_outliers(wild)] if wild else [])))
 
 
+def hidden(found: Calibrated) -> str:
+    """What geometry that no arm has may hide, such as a joint's zero, in a sentence."""
+    why = unplaced(found.calibration.state.vjm, found.series[0])
+    if why is None or why.kind == "kinematics":
+        return "is a joint's zero off, or is it another arm?"
+    return doubt.said(why, found.calibration.state.vjm.arm).sentence
+
+
 def of_outliers(found: Outliers) -> str:
     """How many positions are far off, in a sentence."""
     worst = f"the worst is row {found.row} of {found.series}, by {1e3 * found.distance:.3g} mm"

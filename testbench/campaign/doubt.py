@@ -121,6 +121,12 @@ def _joint_order(found: Finding, _: Arm) -> str:
     return f"fit if {found.where[1]} and {found.where[2]} are exchanged"
 
 
+def _order(found: Finding, _: Arm) -> str:
+    what, *first = found.where
+    since = f" from {'row' if what == 'all' else 'run'} {first[0]} on" if first else ""
+    return f"are those of the pose {'before' if found.size[0] > 0 else 'after'}{since}"
+
+
 def _pose(found: Finding, arm: Arm) -> str:
     run, *why = found.where
     words = "is its pose right?"
@@ -241,7 +247,12 @@ def _scale(found: Finding, arm: Arm) -> str:
 WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
     "frame": _frame,
     "targets": _targets,
-    "mirrored": lambda *_: "lie in a left-handed frame: the sign of an axis?",
+    "mirrored": lambda *_: "lie in a left-handed frame: the sign of an axis, or two axes exchanged?",
+    "axes": lambda f, _: (
+        f"fit if {f.where[1]} and {f.where[2]} of the positions are exchanged"
+        if len(f.where) > 2
+        else f"fit if {f.where[1]} of the positions has the other sign"
+    ),
     "link": lambda f, _: (
         f"fit if the end of {f.where[1]} is ({_three(f.size, MM, 0)}) mm farther, in its axes: is "
         "this the arm?"
@@ -254,7 +265,7 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
     "angle_unit": lambda f, _: (
         f"fit if joint angles are {'radians, not degrees' if f.size[0] > 1 else 'degrees, not radians'}"
     ),
-    "order": lambda f, _: f"are those of the pose {'before' if f.size[0] > 0 else 'after'}",
+    "order": _order,
     "kinematics": lambda f, _: (
         f"the {WHICH[f.where[0]]} lie {length(f.beside['now'])} (median) from the arm's kinematics, and no "
         "single mistake explains it: is this the arm?"

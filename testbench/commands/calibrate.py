@@ -121,6 +121,8 @@ def _doubts(f: Row) -> Iterator[tuple[str, str]]:
             arms = f"from the calibrated arm, {f.total_before.rms_mm:.3f} mm from the arm as drawn"
             far = f"held-out ones are {f.held_out_mm[1]:.3f} mm RMS {arms}"
         yield "Too few poses", f"{far}. Do not use it; read more."
+    if f.far_geometry:
+        yield "Geometry no arm has", f"{f.far_geometry}."
     if ranges := [_range(row) for row in unread(f)]:
         yield "Not read, hence extrapolated", f"{', '.join(ranges)}."
     if f.weight_alone and f.compliances:

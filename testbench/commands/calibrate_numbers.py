@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.folder import Joint
-from testbench.campaign.absolute import Calibrated
+from testbench.campaign.absolute import Calibrated, hidden
 from testbench.campaign.named_parameters import Part, intervals
 from testbench.campaign.rows import MM, UM
 from testbench.campaign.unobservable import LOOSE as LOOSE_FRAME
@@ -16,7 +16,8 @@ from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.choose import Step
-from testbench.identify.absolute.evidence import LOOSE, Choice
+from testbench.identify.absolute.evidence import LOOSE, USUAL, Choice
+from testbench.identify.absolute.evidence import MOST as MOST_OF_USUAL
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.absolute.pull import pull_of
@@ -72,7 +73,8 @@ def numbers(found: Calibrated, left: Left) -> Row:
         steps=[_step(step) for step in calibration.chosen.steps],
         places=[row for k, joint in enumerate(vjm.arm.joints) for row in _ranges(joint, q[:, k], q, *every)],
         spectrum=list(_spectrum(calibration)),
-        geometry=_values(calibration, "geometry"),
+        geometry=(geometry := _values(calibration, "geometry")),
+        far_geometry=_far_geometry(found, geometry),
         compliances=_compliances(calibration),
         blocks=[]
         if estimate is None or elastic is None
@@ -212,6 +214,17 @@ def _values(calibration: Calibration, part: Part) -> list[Row]:
     known = [one for one in intervals(calibration) if one.part == part]
     found = [Row(name=one.name, value=one.value, half_95=one.half, unit=one.unit) for one in known]
     return [Row(row, value=row.value * (abs(row.value) > NOTHING * row.half_95)) for row in found]
+
+
+def _far_geometry(found: Calibrated, geometry: Sequence[Row]) -> str:
+    """The largest error of geometry where no arm has it, and what may hide in it; empty where it is usual."""
+    most = MM * MOST_OF_USUAL * USUAL["geometry turn"]
+    worst = max(geometry, key=lambda row: abs(row.value), default=None)
+    if worst is None or abs(worst.value) <= most:
+        return ""
+    return (
+        f"{worst.name} is {worst.value:.0f} {worst.unit}, sound arms stay below {most:.0f}: {hidden(found)}"
+    )
 
 
 def _compliances(calibration: Calibration) -> list[Row]:

@@ -10,6 +10,7 @@ from testbench.data.columns import Column, Columns
 from testbench.data.names import Slot, torque_columns
 from testbench.errors import Array, InputError
 
+ROUNDED = re.compile(r"\d([.,]\d*)?[eE]\+?13|\d{6}0{8}")  #: 2,02011E+13: its hour, and more, is gone.
 STAMP = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ ]?(\d\d)(\d\d)(\d\d)")  #: 20200714163904.
 
 
@@ -44,6 +45,8 @@ def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
     if wrong is None and (len(found) > 1 or len(texts) == 1):
         values = np.array([found[text] for text in texts], dtype=float)
         return values - values[0], []
+    if wrong is not None and ROUNDED.fullmatch(wrong):
+        return None, [f"{stamp.name}: {wrong!r} is a time that a spreadsheet rounded: no time is read"]
     got = f"{wrong[:40]!r}" if wrong is not None else f"{texts[0][:40]!r} in every row"
     return None, [f"{stamp.name}: expected 20200714163904 or 2020-07-14 16:39:04, got {got}: no time is read"]
 

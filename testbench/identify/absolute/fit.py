@@ -23,7 +23,7 @@ from testbench.identify.absolute.state import State, nominal, torque_scale
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.moves import settled
-from testbench.identify.diagnosis.notation import check_last_joint
+from testbench.identify.diagnosis.notation import check_last_joint, check_order
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.fold import Point, Reduced, reduce_series
 from testbench.identify.metric import Metric, metric
@@ -131,6 +131,7 @@ def gather(
 ) -> Gathered:
     """The part of `calibrate` that is the same whatever errors are on; of links, if they may be."""
     series, lost = alike(series)
+    check_order(vjm, series)
     weights = weights or read_weights(vjm.arm)
     bare = nominal(vjm, weights, torque_scale(vjm, weights, series))
     joints = metric(prior, vjm, joints_only(vjm.arm))

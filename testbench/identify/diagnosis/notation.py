@@ -3,22 +3,27 @@
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain, combinations
 from typing import Literal
 
 import numpy as np
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
+from testbench.identify.absolute.align import Misfit
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.state import State
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.place import Free, Seen
-from testbench.identify.diagnosis.undone import CHOICE, PRECISE, Hypothesis, placed
+from testbench.identify.diagnosis.shifted import slipped
+from testbench.identify.diagnosis.undone import BETTER as NATS
+from testbench.identify.diagnosis.undone import CHOICE, LOST, PRECISE, Hypothesis, placed
 from testbench.model.vjm import Vjm
 
 ROWS = 300  #: First rows of a series that tell what is wrong, or which way the last joint turns.
 BETTER = 0.5  #: Scatter over that of the readings as they are, below which they were mistaken [1].
 ARM = 0.3  #: Distance of the targets that stand for an orientation from the one that has it [m].
+FREE = Free(frame=True, targets=True, lost=True)  #: What is not known of a series.
 Axes = Literal["XYZ", "xyz", "ZYX", "zyx", "ZYZ", "zyz", "ZXZ", "zxz", ""]
 ANGLES: Mapping[str, Axes] = {
     "intrinsic xyz": "XYZ",
@@ -62,15 +67,49 @@ def check_last_joint(
         )
 
 
+def check_order(vjm: Vjm, series: Sequence[Series]) -> None:
+    """Refuse a series whose rows slipped against their poses somewhere, by Misfit."""
+    for one in series:
+        if found := _slipped(vjm, one):
+            raise Misfit(f"{one.name}: its rows from {found.where[1]} on do not fit those before", one)
+
+
 def unplaced(vjm: Vjm, series: Series) -> Finding | None:
     """The mistake that keeps a series from fitting the arm in any frame, if one explains it."""
+    if found := _slipped(vjm, series):
+        return found
     one = select_rows(series, np.arange(min(ROWS, series.rows)))
-    free = Free(frame=True, targets=True, lost=True)
     notations = (
-        Hypothesis("notation", _seen(vjm, one, rotation), free, names, numbers=CHOICE)
+        Hypothesis("notation", _seen(vjm, one, rotation), FREE, names, numbers=CHOICE)
         for names, rotation in _notations(one)
     )
-    return placed(_seen(vjm, one, one.rotation), free, "all", notations)[0]
+    axes = (
+        Hypothesis("axes", _seen(vjm, replace(one, position=own), one.rotation), FREE, names, numbers=CHOICE)
+        for names, own in _axes(one)
+    )
+    return placed(_seen(vjm, one, one.rotation), FREE, "all", chain(notations, axes))[0]
+
+
+def _slipped(vjm: Vjm, series: Series) -> Finding | None:
+    """The row from which on readings are those of the pose before or after."""
+    seen = _seen(vjm, series, series.rotation)
+    slip = slipped(seen, FREE, LOST * seen.scale, NATS)
+    if slip is None:
+        return None
+    where = "all", str(seen.runs[slip.first])
+    return Finding("order", where, np.array([slip.shift]), {"was": slip.was, "now": slip.now})
+
+
+def _axes(series: Series) -> Iterator[tuple[tuple[str, ...], Array]]:
+    """Positions with two axes exchanged, or the sign of one; orientations alone tell which."""
+    if series.rotation is None:
+        return
+    for k, name in enumerate("xyz"):
+        yield (name,), series.position * np.where(np.arange(3) == k, -1.0, 1.0)
+    for i, j in combinations(range(3), 2):
+        order = np.arange(3)
+        order[[i, j]] = j, i
+        yield ("xyz"[i], "xyz"[j]), series.position[..., order]
 
 
 def _notations(series: Series) -> Iterator[tuple[tuple[str, ...], Array]]:

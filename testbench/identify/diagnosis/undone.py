@@ -20,6 +20,7 @@ from testbench.identify.diagnosis.place import (
     losses,
     places,
 )
+from testbench.identify.diagnosis.shifted import slipped
 from testbench.identify.registration import Frame
 from testbench.model.vjm import chain as chain_of
 
@@ -77,6 +78,9 @@ def hypotheses(seen: Seen, free: Free, frame: Frame) -> Iterator[Hypothesis]:
         yield Hypothesis("markers", other, free, wrong, numbers=CHOICE)
     for factor in UNITS:
         yield Hypothesis("unit", replace(seen, read=factor * seen.read), free, (), factor, CHOICE)
+    if slip := slipped(seen, free, LOST * seen.scale, BETTER):
+        first = str(seen.runs[slip.first])
+        yield Hypothesis("order", replace(seen, q=slip.q), free, (first,), slip.shift, CHOICE + 1)
     # a turned wrist is as well one of another sign: that is likelier
     for kind, where, size, q in _joints(seen):
         numbers = CHOICE + (kind == "joint_zero")
