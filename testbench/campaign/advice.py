@@ -85,8 +85,12 @@ def of_prior(belief: Belief) -> str:
 def of_average(average: Average) -> str:
     """How much joints alone count, or laws of the joints."""
     if average.lawful is not None:
-        share = "all" if average.laws == 1 else f"{100 * average.laws:.3g} %"
-        return f"joints that stiffen, have backlash or friction weigh {share} by evidence"
+        if average.laws == 1:
+            return "the evidence is for joints that stiffen, have backlash or friction"
+        return (
+            f"linear joints, averaged with joints that stiffen, have backlash or friction, which weigh "
+            f"{100 * average.laws:.3g} % by evidence"
+        )
     share = f"{100 * average.weight:.3g} %"
     if average.weight > 0.5:
         return f"link compliances do not improve the model: joint stiffness only weighs {share} by evidence"

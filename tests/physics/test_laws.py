@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from run_here import here
 
+from testbench.campaign.advice import of_average
 from testbench.campaign.arm_models import load_model
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.campaign.model_selection import with_priors
@@ -331,3 +332,12 @@ def test_sizes_of_laws_scatter_about_their_median_as_the_prior_says(kr500, campa
         h[own.blocks + 2 : own.blocks + 5] = size + steps * LAW[1] * np.array([1, 0, 0])
         losses.append(normal.density(normal.rows @ h - normal.middle)[0].sum())
     assert np.diff(losses) == pytest.approx([0.5, 1.5])
+
+
+def test_how_much_laws_weigh_is_said(kr500, campaigns):
+    data, _ = campaigns["all"]
+    model = default(kr500)
+    own = model.estimator(kr500.vjm, model.structure, data).average
+    assert of_average(own) == "the evidence is for joints that stiffen, have backlash or friction"
+    assert "friction, which weigh 37 % by evidence" in of_average(replace(own, laws=0.37))
+    assert "friction" not in of_average(replace(own, weight=0.3, laws=0.0, lawful=None))
