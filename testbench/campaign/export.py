@@ -1,7 +1,7 @@
 """An identified arm as URDF, new or the robot's own, read back before anything stands at its place.
 
-What a URDF cannot hold, compliances, errors of the joints and weights, is documented JSON beside it. A new
-URDF has links, joints with limits, tool and masses, no shapes.
+What a URDF cannot hold, compliances, errors and laws of the joints and weights, is documented JSON beside it.
+A new URDF has links, joints with limits, tool and masses, no shapes.
 """
 
 import xml.etree.ElementTree as ET
@@ -29,6 +29,7 @@ from testbench.campaign.export_own import own_urdf, place, read_own
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State
 from testbench.model.kinematics import body_pose, urdf_poses
+from testbench.model.laws import PLAY, STICK, STIFFER, TURN
 from testbench.output.whole import whole_files
 
 NEAR = 1e-6  #: Most that the written URDF may differ from the model [m, rad].
@@ -45,6 +46,11 @@ WORDS = {
     "errors": "a hinge at q is further by sum sine_k sin(order_k q) + cosine_k cos(order_k q) + ratio q "
     "+ play tanh(10 t) + stiffening t |t|, t its torque over torque_scale; [rad, m], of a slide without sine "
     "and cosine",
+    "laws": "sizes s of a joint; beside its compliance, with x the torque times that of elastic.toml, "
+    "x_0 of own weight and compensator and x_1 under the load too, it turns by "
+    f"s (f(x_1) - x_1 - f(x_0) + x_0), f + {STIFFER / TURN**2:g} f^3 = x (stiffening), "
+    f"s {PLAY:g} (tanh(x_1 / {PLAY:g}) - tanh(x_0 / {PLAY:g})) (backlash), and "
+    f"-s {STICK:g} clip((x_1 - x_0) / {STICK:g}, -1, 1) (friction) [rad, m]",
     "weights": "masses [kg] and centres [m] in the frame of urdf_link that the model bends under",
     "root": "the URDF's first link in the model's world",
     "tool": "the URDF's tip in the model's tool",
@@ -204,6 +210,9 @@ def _joints(state: State) -> list[dict[str, object]]:
             "sine": sine.tolist(),
             "cosine": cosine.tolist(),
         }
+        if state.vjm.laws is not None:
+            sizes = np.diag(state.C_theta)[arm.n_theta + k :: arm.n_joints]
+            row["laws"] = dict(zip(state.vjm.laws.kinds, sizes.tolist(), strict=True))
         found.append(row | dict(zip(errors.kinds[2 * orders :], single.tolist(), strict=True)))
     return found
 

@@ -2,9 +2,10 @@
 
 Over the family of true arms and wrong priors (study `which_model`) one model predicts the workspace best with
 8, 12 and 20 poses: GCO of all links and joints with a prior that is learnt from the readings. So it is the
-default. It is averaged with joints alone by evidence (`identify.average`), so that links which the readings
-do not see add no noise. Beside it stand joints alone without a prior, as a guard against a prior that is
-wrong in ways which nobody thought of: where they predict poses held out clearly better, they are taken.
+default. It is averaged by evidence (`identify.average`) with joints alone, so that links which the readings
+do not see add no noise, and with laws of the joints. Beside it stand joints alone without a prior, as a guard
+against a prior that is wrong in ways which nobody thought of: where they predict poses held out clearly
+better, they are taken.
 """
 
 from collections.abc import Mapping, Sequence
@@ -104,7 +105,7 @@ def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
 
 
 def why(found: Recommendation, estimate: Estimate) -> str:
-    """Why a model is taken, and how much of it is joints alone."""
+    """Why a model is taken, and how much other models count in it."""
     return found.why if estimate.average is None else f"{of_average(estimate.average)}; {found.why}"
 
 

@@ -122,8 +122,8 @@ def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
         f"read back by Pinocchio in {done.poses} poses: within {max(done.position_um, 0.001):.3g} um and "
         f"{max(done.rotation_urad, 0.001):.3g} urad of the model",
         f"it moves the tool by {moved:.3f} mm RMS, {moved_most:.3f} mm at most, from the drawing",
-        f"not in it, but in {done.beside}: compliances, errors of the joints, weights; own weight and "
-        f"errors of the joints move the tool by {rest:.3f} mm RMS, {rest_most:.3f} mm at most",
+        f"not in it, but in {done.beside}: compliances, errors and laws of the joints, weights; own weight "
+        f"and errors of the joints move the tool by {rest:.3f} mm RMS, {rest_most:.3f} mm at most",
     ]
     if off is None:
         found = f"no file {done.urdf}: written from scratch"

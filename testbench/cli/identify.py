@@ -84,7 +84,7 @@ def command(asked: Options, tried: EstimatorOptions) -> None:
 
             check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
         flags, out = plain(asked, "dataset", without=("arm",)), asked.out
-        flags |= {"estimators": [asdict(each) for each in own]} if own else {}
+        flags |= {"estimators": {each.name: asdict(each) for each in own}} if own else {}
         said, console = tell((filed, cell), found, flags, out), terminal.plain_console()
         console.print(terminal.as_plain(said.title))
         lines = [

@@ -248,7 +248,7 @@ def _about_poses(f: Row) -> Markdown:
 
 def _about_model(f: Row) -> Markdown:
     """What the positions are, how large the loads are for it, its doubts."""
-    known = "those of the arm as drawn, with its sag: the model knows compliances alone"
+    known = "those of the arm as drawn, with its sag: the model knows no errors of geometry"
     if f.absolute:
         known = "the calibrated ones, of the tool's origin +- {position_half_mm:.3f} mm (median)"
     loads = "Loads reach {force_n:,.0f} N and {moment_nm:,.0f} N m about the tool's origin"

@@ -94,7 +94,7 @@ class Estimate(Displayed):
     #: Readings that the estimate does without, in the order of the dataset.
     rejected: tuple[Rejected, ...] = ()
     lost: tuple[int, ...] = ()  #: Identifiers of runs of which no reading is left.
-    average: Average | None = None  #: Of links and joints with joints alone; None where it is one model.
+    average: Average | None = None  #: What it is the mean of; None where it is one model.
 
     def about(self) -> dict[str, object]:
         """Method, structure, what the data see of it, fit and status."""

@@ -18,9 +18,11 @@ from testbench.campaign.export import draft_new, draft_own, export
 from testbench.campaign.export_geometry import apart, drawn, identified, random_joints, tool_poses
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.state import nominal
+from testbench.identify.arm_model import bending
 from testbench.model.joint_errors import JointErrors
 from testbench.model.kinematics import build_vjm
-from testbench.model.vjm import chain, generalised_load
+from testbench.model.laws import lawful
+from testbench.model.vjm import chain, generalised_load, plain_load
 from testbench.model.weights import read_weights
 
 SHIFT, TURN, SLIDE = 0.5e-3, 1e-3, 0.5e-3  #: Planted errors [m], [rad], of a slide's offset [m].
@@ -257,3 +259,26 @@ def test_what_cannot_be_written_leaves_nothing(ur10, rng, tmp_path):
             export(bad_state, bad_draft, tmp_path / "out.urdf")
     assert [path.name for path in tmp_path.iterdir()] == ["own.urdf"]
     assert drawn(state.vjm).steps.shape == (6, 4, 4)
+
+
+def test_an_exported_arm_has_its_laws_beside_the_urdf_as_its_words_say(kr500, tmp_path):
+    arm, q = kr500.arm, random_joints(kr500.vjm)[:12]
+    C, vjm = np.diag(np.r_[np.diag(arm.C_theta), np.linspace(0.1, 1.8, 18)]), lawful(kr500.vjm)
+    state = bending(vjm, C, read_weights(kr500.arm))
+    done = export(state, draft_new(state), tmp_path / "arm.urdf")
+    said = json.loads(done.beside.read_text())
+    where = chain(vjm, q)
+    u = plain_load(where, np.tile([300.0, -200, -3000, 0, 0, 90], (12, 1)), np.tile(vjm.load, (12, 1)))[42:]
+    turned = (C[48:, 48:] @ vjm.laws.load(where, u)).reshape(3, 6, -1).sum(axis=0)
+    before = vjm.laws.before(where)
+    for row, joint, tau_0, tau, own in zip(said["joints"], arm.joints, before, u, turned, strict=True):
+        x_0, x_1, s = joint.compliance * tau_0, joint.compliance * (tau_0 + tau), row["laws"]
+        f_0, f_1 = (
+            np.array([min(np.roots([1e5, 0, 1, -x]), key=lambda f: abs(f.imag)).real for x in some])
+            for some in (x_0, x_1)
+        )
+        found = s["stiffening"] * (f_1 - x_1 - f_0 + x_0)
+        found += s["backlash"] * 5e-5 * (np.tanh(x_1 / 5e-5) - np.tanh(x_0 / 5e-5))
+        found -= s["friction"] * 3e-5 * np.clip((x_1 - x_0) / 3e-5, -1, 1)
+        np.testing.assert_allclose(found, own, rtol=0, atol=1e-12)
+    assert "f + 100000 f^3 = x (stiffening), s 5e-05 (tanh" in said["words"]["laws"]

@@ -73,6 +73,13 @@ def test_a_few_wild_rows_at_the_end_are_no_slip(ur10, series):
     check_order(ur10.vjm, [replace(series, position=series.position + wild)])
 
 
+def test_rows_that_would_not_fit_the_pose_before_either_are_not_said_to(ur10, series):
+    """They slipped, and the tracker moved by 87 mm: the slip alone would be half of the truth."""
+    one = late(positions(series), 50, -1)
+    behind = (np.arange(one.rows) >= 50)[:, None, None]
+    check_order(ur10.vjm, [replace(one, position=one.position + 0.05 * behind)])
+
+
 def test_runs_that_slipped_are_named_in_pairs_too(kr500):
     q = np.random.default_rng(4).uniform(*kr500.arm.limits, (60, 6))
     markers = marker_points(kr500.vjm, kr500.arm.markers)

@@ -145,6 +145,14 @@ def test_a_map_of_the_same_export_as_text_serves(tmp_path):
     assert np.array_equal(one.q, NUMBERS[:, :6])
 
 
+def test_columns_beyond_z_stay_where_they_are(tmp_path):
+    rows: Rows = [
+        [*(f"note {k}" for k in range(26)), *NAMES],
+        *([None] * 26 + own for own in NUMBERS.tolist()),
+    ]
+    check_same(read(write(tmp_path, A=rows)), read(csv(tmp_path)))
+
+
 def test_poses_and_pairs_come_from_sheets_too(tmp_path):
     file = write(tmp_path, A=[row[:6] for row in ROWS])
     assert np.array_equal(read_poses(file, ARM), NUMBERS[:, :6])
