@@ -234,6 +234,7 @@ def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool],
     )
 
 
+MARK = b"\xef\xbb\xbf"  #: Byte order mark of UTF-8.
 NUMBER_CELL, ID_CELL, WORD_CELL = pa.float64(), pa.int64(), pa.string()
 """What plain cells of a column hold: a finite number or nothing, an integer, anything."""
 
@@ -320,8 +321,9 @@ def _parse(path: Path, rows: Sequence[str], lines: Ids, delimiter: str, count: i
         ignore_empty_lines=False,
         invalid_row_handler=refuse,
     )
+    text = MARK + "\n".join(rows).encode()  # the parser takes one away: that of a cell stays
     try:
-        found = _cells("\n".join(rows).encode(), count, dict.fromkeys(range(count), pa.string()), form, ".")
+        found = _cells(text, count, dict.fromkeys(range(count), pa.string()), form, ".")
     except pa.ArrowInvalid:
         found = {}
     if not found or len(found[0]) != len(rows):  # a quote within a cell may swallow the lines below

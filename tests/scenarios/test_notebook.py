@@ -19,12 +19,12 @@ def ran():
     own, shown = {}, []
     for cell in cells:
         if cell["cell_type"] == "code":
-            *lines, last = ast.parse("".join(cell["source"])).body
-            exec(compile(ast.Module(lines, []), "notebook", "exec"), own)
-            if isinstance(last, ast.Expr):
-                shown.append(eval(compile(ast.Expression(last.value), "notebook", "eval"), own))
-            else:
-                exec(compile(ast.Module([last], []), "notebook", "exec"), own)
+            lines = ast.parse("".join(cell["source"]))
+            if shows := isinstance(last := lines.body[-1], ast.Expr):
+                lines.body[-1] = ast.Assign([ast.Name("_", ast.Store())], last.value)
+            exec(compile(ast.fix_missing_locations(lines), "notebook", "exec"), own)
+            if shows:
+                shown.append(own["_"])
     monkeypatch.undo()
     return own, shown
 

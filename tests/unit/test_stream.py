@@ -278,3 +278,15 @@ def test_of_many_runs_that_are_held_whole_some_have_intervals_and_the_notes_say_
     asked = [row["run"] for row in fits.models[0].intervals.deflections[::3]]
     assert asked == [1, 10, 19, 27, 36, 45, 54, 62, 71, 80]
     assert "intervals are of 10 of 80 runs" in fits.notes[-1]
+
+
+@pytest.mark.parametrize("line", [2, 9, 20])
+def test_a_byte_order_mark_within_a_file_is_refused_wherever_a_block_begins(tmp_path, line):
+    file = tmp_path / "runs.csv"
+    write_csv(runs(30), ARM, file)
+    rows = file.read_text("utf-8").split("\n")
+    rows[line - 1] = f"\ufeff{rows[line - 1]}"
+    file.write_text("\n".join(rows), "utf-8")
+    for read in (lambda: read_both_ways(file, ARM), lambda: in_blocks(file, ARM, size=300)):
+        with pytest.raises(InputError, match=rf"line {line}, column run"):
+            read()
