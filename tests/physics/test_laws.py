@@ -163,11 +163,15 @@ def campaigns(kr500):
     }
 
 
+def with_and_without(cell, data):
+    """Estimates of the default, and of the same without laws."""
+    model = default(cell)
+    return [model.estimator(cell.vjm, s, data) for s in (model.structure, all153(cell.arm))]
+
+
 def test_where_joints_obey_laws_the_default_finds_them(kr500, campaigns):
     data, truth = campaigns["all"]
-    model = default(kr500)
-    found = model.estimator(kr500.vjm, model.structure, data)
-    linear = model.estimator(kr500.vjm, all153(kr500.arm), data)
+    found, linear = with_and_without(kr500, data)
     assert found.average.laws == 1
     assert found.conservative
     ours, theirs = (score(deflections(kr500.vjm, e, truth), truth.deflection).rms for e in (found, linear))
@@ -178,9 +182,7 @@ def test_where_joints_obey_laws_the_default_finds_them(kr500, campaigns):
 
 def test_where_joints_are_linear_the_default_is_linear(kr500, campaigns):
     data, _ = campaigns["plain"]
-    model = default(kr500)
-    found = model.estimator(kr500.vjm, model.structure, data)
-    linear = model.estimator(kr500.vjm, all153(kr500.arm), data)
+    found, linear = with_and_without(kr500, data)
     assert found.structure.laws == 0
     np.testing.assert_allclose(found.pi, linear.pi, rtol=1e-6, atol=1e-9 * np.abs(linear.pi).max())
 
