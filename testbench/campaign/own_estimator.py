@@ -58,8 +58,7 @@ class EstimatorOptions:
 def read_own(texts: Sequence[str], limits: Limits, taken: Sequence[str]) -> tuple[Own, ...]:
     """Estimators as they are named on the command line; each is imported once, in a process apart.
 
-    Raises:
-        BenchError: When one cannot be imported, lacks its function, or has a name that is taken.
+    BenchError when one cannot be imported, lacks its function, or has a name that is taken.
     """
     if not texts:
         return ()
@@ -100,11 +99,7 @@ Models = Callable[[Cell, Prior | None], list[Model]]
 
 @contextmanager
 def engaged(own: Sequence[Own]) -> Iterator[Connection]:
-    """A process that answers calls of them in the block.
-
-    Raises:
-        BenchError: When a file is not the one that was asked for.
-    """
+    """A process that answers calls of them; BenchError when a file is not the one that was asked for."""
     with server() as link:
         for each in own:
             if files.digest(file_of(link, each)) != each.sha256:
