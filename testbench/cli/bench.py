@@ -8,7 +8,7 @@ import typer
 
 from testbench.errors import BenchError
 from testbench.shell.options import Common, takes
-from testbench.studies.bench.secret import commitment, commitment_file, first_seed, kept_secret
+from testbench.studies.bench.secret import commitment, first_seed, kept_secret
 from testbench.studies.bench.study import STUDY
 from testbench.studies.bench.trial import Options, Settings, settings
 from testbench.studies.run import run
@@ -35,11 +35,7 @@ def command(common: Common, options: Judged) -> None:
         if common.seed != Common.seed:
             raise BenchError("--seed is for development: expected it without --judge")
         secret = kept_secret(options.judge)
-        console.print(
-            f"commitment {commitment(secret)}: {commitment_file(options.judge)}",
-            soft_wrap=True,
-            highlight=False,
-        )
+        console.print(f"commitment, SHA-256 of the secret: {commitment(secret)}", soft_wrap=True)
         if not options.entries:
             return
 

@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from testbench import files
 from testbench.arm.catalogue import PACKAGE
 from testbench.campaign.own_estimator import read_own
 from testbench.campaign.own_limits import Limits
 from testbench.campaign.own_process import SUFFIX, Own
-from testbench.errors import InputError
 
 FUNCTION = "estimate"
 DEFAULT = "default"  #: What identify does by default, with the class's prior.
@@ -25,18 +23,10 @@ def read_entries(asked: Sequence[str], limits: Limits) -> tuple[Own, ...]:
     Raises:
         BenchError: When one cannot be imported, has no function, or has the name of another.
     """
-    floors = [_floor(name) for name in FLOORS]
-    known = {file.resolve() for file in floors}
-    others = [text for text in asked if Path(text).resolve() not in known]
+    folder = next((folder for folder in FOLDERS if folder.is_dir()), FOLDERS[-1])
+    floors = [folder / f"{name}{SUFFIX}" for name in FLOORS]
+    others = [text for text in asked if Path(text).resolve() not in floors]
     return read_own([*map(_full, map(str, floors)), *map(_full, others)], limits, (DEFAULT,))
-
-
-def _floor(name: str) -> Path:
-    found = [folder / f"{name}{SUFFIX}" for folder in FOLDERS if folder.is_dir()]
-    if not found:
-        raise InputError(FOLDERS[-1], "", "expected the entries that come with testbench")
-    files.digest(found[0])
-    return found[0]
 
 
 def _full(text: str) -> str:

@@ -93,8 +93,8 @@ def quantities(rows: Trials) -> Row:
     done, failed = rows.where(status=DONE), int(begins(rows, FAILED).sum() + begins(rows, SKIPPED).sum())
     known = done.pick(np.isfinite(done["cover.covered_percent"].astype(float)))
     return Row(
-        rms_mm=_number(done, ERROR),
-        p95_mm=_number(done, "workspace.p95_mm"),
+        rms_mm=number(done[ERROR]) if len(done) else None,
+        p95_mm=number(done["workspace.p95_mm"]) if len(done) else None,
         conservative=float(np.mean(done["conservative"].astype(bool))) if len(done) else None,
         covered_percent=float(known["cover.covered_percent"].mean()) if len(known) else None,
         half_mm=float(np.median(known["cover.half_mm"])) if len(known) else None,
@@ -102,7 +102,3 @@ def quantities(rows: Trials) -> Row:
         cpu_seconds=float(np.median(done["cpu_seconds"])) if len(done) else None,
         failed=f"{failed} of {len(rows)}" if failed else None,
     )
-
-
-def _number(rows: Trials, name: str) -> object:
-    return number(rows[name]) if len(rows) else None

@@ -19,17 +19,12 @@ def kept_secret(file: Path) -> str:
     """
     if not file.exists():
         new = secrets.token_hex(32)
-        write_whole(f"{commitment(new)}  {file.name}\n", commitment_file(file))
+        write_whole(f"{commitment(new)}  {file.name}\n", file.with_name(f"{file.name}.sha256"))
         write_whole(new, file)
     text = file.read_text(encoding="ascii", errors="replace")
     if not SECRET.fullmatch(text):
         raise InputError(file, "", "expected a secret of `testbench bench --judge`: 64 hexadecimal digits")
     return text
-
-
-def commitment_file(file: Path) -> Path:
-    """Where the commitment to a secret is."""
-    return file.with_name(f"{file.name}.sha256")
 
 
 def commitment(secret: str) -> str:

@@ -12,7 +12,7 @@ from testbench.report.badge import Badge, decide
 from testbench.report.campaigns import seeds_of
 from testbench.report.columns import columns
 from testbench.report.report import Report, say
-from testbench.report.table import Row, Trials, find, merged
+from testbench.report.table import Row, Trials, merged
 from testbench.studies.bench import scores, trial
 from testbench.studies.bench.entries import DEFAULT, FLOORS, JOINTS
 from testbench.studies.bench.secret import commitment
@@ -33,50 +33,53 @@ SCORES = (
 )
 SHORT = "name with_prior without_prior"
 NONE = {
-    "covered_percent": "no interval",
-    "half_mm": "no interval",
-    "over_ideal": "no interval",
-    "failed": "never",
-    "tied": "itself",
-    "with_prior": "not entered",
-    "without_prior": "needs a prior",
-    "conservative": "no answer",
-    "rms_mm": "no answer",
-    "p95_mm": "no answer",
-    "cpu_seconds": "no answer",
+    **dict.fromkeys(("covered_percent", "half_mm", "over_ideal"), "no interval"),
+    **{"failed": "never", "tied": "itself", "with_prior": "not entered", "without_prior": "needs a prior"},
 }
+"""What cells without a number say, where that is not that nothing was answered."""
+NOT_OF_IT = {"check": None, "paper": None}  #: Of the rows of models that scripts look for.
 HOW = Markdown(
     "## How to read the tables\n\n"
-    "An error is the RMS distance between predicted and true deflection where nothing was measured. An "
-    "incumbent is what has to be beaten: with a prior the default of `identify`, without one joint stiffness "
-    "only. Ratios are geometric means over arms, arm by arm; their 95 % intervals resample arms, and so do "
-    "those of ranks, in brackets. Tied: the interval holds 1. Who fails on an arm errs there by the whole "
-    "deflection. Covered: share of true components of deflection inside the entry's 95 % intervals; half "
-    "widths over the ideal are over those of the narrowest ones, all alike, that would hold 95 %."
+    "The incumbent is the default of `identify`, without a prior joint stiffness only. Ratios are geometric "
+    "means over arms; their 95 % intervals, and those of ranks, resample arms. Tied: the interval holds 1. "
+    "Who fails on an arm errs there by the whole deflection. Covered: share of true components of deflection "
+    "inside the entry's 95 % intervals; the ideal: the narrowest ones, all alike, that would hold 95 %."
 )
 
 
 def known(keys: str) -> tuple[Column, ...]:
     """Columns of entries."""
-    found = (replace(own, none=NONE.get(own.key, own.none)) for own in columns(keys))
+    found = (replace(own, none=NONE.get(own.key, "no answer")) for own in columns(keys))
     return tuple(replace(own, heading="entry") if own.key == "name" else own for own in found)
 
 
 def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     """Standings over all tasks, and in each."""
-    boards = {given: _board(asked, trials, given) for given in CLASSES}
-    rows = [row for name in asked.tasks for given in CLASSES for row in _standings(trials, name, given)]
-    board = boards[True]
+    boards = {words: _standings(trials, asked.tasks, prior) for prior, words in CLASSES.items()}
+    board = boards[CLASSES[True]]
     f = Row(
         seed=seeds_of(seeds),
         trials=len(seeds),
         tasks=[Row(task=name, **vars(TASKS[name])) for name in asked.tasks],
-        judged=_judged(asked),
+        judged=Row(secret=asked.secret, sha256=commitment(asked.secret)) if asked.secret else None,
         dataset=merged(trials.pick(np.isfinite(trials["measured.runs"])).keep("measured."))[0].measured,
-        board={words: boards[given] for given, words in CLASSES.items()},
-        scores=rows,
+        board=boards,
+        scores=[
+            Row(row, task=name, given=words)
+            for name in asked.tasks
+            for prior, words in CLASSES.items()
+            for row in _standings(trials, [name], prior)
+        ],
         failures=_failures(trials),
-        models=_models(board, trials),
+        models=[
+            Row(
+                row,
+                method=f"rank {row.standing}",
+                workspace=Row(rms_mm=row.rms_mm, p95_mm=row.p95_mm),
+                **NOT_OF_IT,
+            )
+            for row in board
+        ],
     )
     best = next(row for row in board if row.name != DEFAULT)
     return Report(
@@ -108,17 +111,11 @@ def _errors(trials: Trials, tasks: Sequence[str], *, prior: bool) -> scores.Erro
     return scores.overall([scores.errors(trials.where(task=name, prior=prior)) for name in tasks])
 
 
-def _board(asked: Settings, trials: Trials, prior: bool) -> list[Row]:
-    """Standings over all tasks."""
-    found = _errors(trials, asked.tasks, prior=prior)
-    return [_row(trials.where(prior=prior), row) for row in scores.standings(found, scores.incumbent(prior))]
-
-
-def _standings(trials: Trials, task: str, prior: bool) -> list[Row]:
-    """The same in one task."""
-    rows = trials.where(task=task, prior=prior)
-    found = scores.standings(scores.errors(rows), scores.incumbent(prior))
-    return [Row(_row(rows, row), task=task, given=CLASSES[prior]) for row in found]
+def _standings(trials: Trials, tasks: Sequence[str], prior: bool) -> list[Row]:
+    """The best first, over some tasks."""
+    rows = trials.where(task=tuple(tasks), prior=prior)
+    found = scores.standings(_errors(trials, tasks, prior=prior), scores.incumbent(prior))
+    return [_row(rows, row) for row in found]
 
 
 def _row(rows: Trials, standing: Row) -> Row:
@@ -134,32 +131,6 @@ def _failures(trials: Trials) -> list[Row]:
     return [
         Row(name=name, given=CLASSES[bool(prior)], status=status, count=n)
         for (name, prior, status), n in Counter(keys).items()
-    ]
-
-
-def _judged(asked: Settings) -> Row | None:
-    """What the seeds were drawn from; None where they are public."""
-    if not asked.secret:
-        return None
-    return Row(secret=asked.secret, sha256=commitment(asked.secret))
-
-
-def _models(board: Sequence[Row], trials: Trials) -> list[Row]:
-    """The entries as scripts look for models."""
-    tasks = trials.values("task")
-    here = trials.where(task=tasks[0], prior=True)
-    return [
-        Row(
-            name=row.name,
-            method=f"{row.standing}, {tasks[0]}",
-            conservative=row.conservative,
-            failed=row.failed,
-            workspace=Row(rms_mm=own.rms_mm, p95_mm=own.p95_mm),
-            check=None,
-            paper=None,
-        )
-        for row in board
-        for own in [scores.quantities(here.where(name=row.name))]
     ]
 
 
@@ -190,11 +161,8 @@ def _claims(f: Row) -> Iterator[Markdown]:
         "Tied with the default over all tasks: {names:list}." if tied else "Nobody is tied with the default.",
         names=tied,
     )
-    floors = [find(board, name=name) for name in FLOORS if name in {row.name for row in board}]
-    yield say(
-        "Floors, error over the default's: {floors:list}.",
-        floors=[f"{row.name} {ratio(row.ratio)}" for row in floors],
-    )
+    floors = [f"{row.name} {ratio(row.ratio)}" for row in board if row.name in FLOORS]
+    yield say("Floors, error over the default's: {floors:list}.", floors=floors)
     alone = "{name} errs {over_default} times as much as joint stiffness only"
     beaten = plain[0].name != JOINTS
     yield say(f"Without a prior {alone if beaten else 'nobody beats joint stiffness only'}.", plain[0])
@@ -209,23 +177,19 @@ def _claims(f: Row) -> Iterator[Markdown]:
 
 def _tables(f: Row) -> dict[str, Table]:
     board, plain = (f.board[words] for words in CLASSES.values())
-    without = {row.name: row for row in plain}
-    every = {row.name: row for row in [*board, *plain]}
-    given = {row.name: row.over_default for row in board}
-    short = [
-        Row(row, with_prior=given.get(name), without_prior=(own := without.get(name)) and own.over_default)
-        for name, row in every.items()
-    ]
-    short = [Row(row, without_prior="-") if row.name == DEFAULT else row for row in short]
+    every = {row.name: Row(row, with_prior=None, without_prior=None) for row in [*board, *plain]}
+    every[DEFAULT] |= {"without_prior": "-"}
+    for key, rows in (("with_prior", board), ("without_prior", plain)):
+        for row in rows:
+            every[row.name] |= {key: row.over_default}
     title = f"Error over that of the default with a prior, over that of {JOINTS} without"
-    about = Table(columns("task version poses what"), f.tasks, "tasks")
     failed = Table(known("name given status count"), f.failures, "failures")
     return {
-        "short": Table(known(SHORT), short, title),
+        "short": Table(known(SHORT), [*every.values()], title),
         "with_prior": Table(known(BOARD), board, "all tasks, with prior", headline="over_default"),
         "without_prior": Table(known(BOARD), plain, "all tasks, without prior", headline="over_default"),
         "scores": Table(known(SCORES), f.scores, "task by task", headline="over_default"),
-        "tasks": about,
+        "tasks": Table(columns("task version poses what"), f.tasks, "tasks"),
         **({"failures": failed} if f.failures else {}),
     }
 

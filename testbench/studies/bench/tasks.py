@@ -20,7 +20,6 @@ from testbench.errors import Array
 from testbench.identify.prior import Prior
 from testbench.identify.registered import registered
 from testbench.model.structure import Structure, all153
-from testbench.model.vjm import Vjm
 from testbench.plant import Disturbances
 from testbench.studies.factorial.trial import reread
 from testbench.studies.model_error.settings import ALL, disturbances
@@ -94,28 +93,21 @@ class Problem:
     truth: Dataset  #: True deflections, never given.
     true_arm: str
 
-    @property
-    def vjm(self) -> Vjm:
-        """Kinematics."""
-        return self.cell.vjm
-
 
 def problem(task: Task, cell: Cell, seed: int) -> Problem:
     """What a task is with this seed; the cell is of its arm."""
     kinds = list(HELD_OUT if task.held_out else TRUTHS)
     own, prior = kinds[seed % len(kinds)], task.priors[seed % len(task.priors)]
     true = true_cell(cell, own, seed)
-    data, truth = _weight(task, true, seed) if task.loads else _wrenches(true, seed)
+    if task.loads:
+        data, truth = _weight(task, true, seed)
+    else:
+        campaign = simulate(true, SECTION_5_2, seed)
+        data, truth = campaign.identification, campaign.truth
     if task.trackers:
         found = registered(cell.vjm, data, "tracker")
         true, data = replace(true, vjm=found.vjm), found.data
     return Problem(true, all153(cell.arm), data, prior_of(cell, prior, seed), truth, own)
-
-
-def _wrenches(true: Cell, seed: int) -> tuple[Dataset, Dataset]:
-    """Section 5.2: runs to identify from, and runs elsewhere."""
-    campaign = simulate(true, SECTION_5_2, seed)
-    return campaign.identification, campaign.truth
 
 
 def _weight(task: Task, true: Cell, seed: int) -> tuple[Dataset, Dataset]:
