@@ -18,11 +18,12 @@ from testbench.campaign.public_dataset import (
     SCENARIO,
     SET,
     SPLIT,
+    TURNS,
 )
 from testbench.data.dataset import Dataset, Ids, in_order
 from testbench.data.names import WHEN, columns_of
 from testbench.display import Displayed
-from testbench.errors import Array, InputError
+from testbench.errors import Array, BenchError, InputError
 from testbench.identify.prior import Prior
 from testbench.trials.tables import Cells, read_table
 
@@ -55,8 +56,10 @@ def load_dataset(
         Its campaigns, in order.
 
     Raises:
-        InputError: When a file is missing or wrong.
+        BenchError: When there is no such split, or a file is missing or wrong.
     """
+    if split not in (None, *TURNS):
+        raise BenchError(f"split: expected {', '.join(dict.fromkeys(TURNS))}, got {split!r}")
     folder = Path(folder)
     arm, path = load_arm(folder / "arms" / ARM), folder / CAMPAIGNS
     names = (NUMBER, "arm", SPLIT, "seed", "prior_links", "prior_joints")
