@@ -12,7 +12,7 @@ from run_here import ROOT, here
 import testbench as tb
 from testbench.campaign.campaign import build_cell, draw_poses, simulate_at
 from testbench.campaign.perturbed_prior import PRIORS, prior_of
-from testbench.campaign.public_dataset import GRID, SCENARIO, TABLES
+from testbench.campaign.public_dataset import GRID, ROUNDS, SCENARIO, TABLES, TURNS, Wanted
 from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.cli.program import program
 
@@ -27,9 +27,8 @@ def build(out, *flags):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Two rounds, by two workers."""
     out = tmp_path_factory.mktemp("public") / "set"
-    done = build(out, "--campaigns", 2 * GRID, "--workers", 2)
+    done = build(out, "--campaigns", GRID, "--workers", 1)
     assert done.returncode == 0, done.stderr
     return out
 
@@ -39,9 +38,15 @@ def digests(folder):
     return {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in paths}
 
 
-def test_one_worker_writes_the_same_bytes_as_two_and_the_manifest_has_their_digests(made, tmp_path):
-    assert build(tmp_path / "set", "--campaigns", 2 * GRID, "--workers", 1).returncode == 0
-    assert digests(tmp_path / "set") == digests(made)
+@pytest.mark.study
+def test_one_worker_writes_the_same_bytes_as_two(tmp_path):
+    for workers in (1, 2):
+        done = build(tmp_path / f"{workers}", "--campaigns", 2 * GRID, "--workers", workers)
+        assert done.returncode == 0, done.stderr
+    assert digests(tmp_path / "1") == digests(tmp_path / "2")
+
+
+def test_manifest_and_croissant_have_the_digests_of_all_files(made):
     known = digests(made)
     del known["manifest.json"]
     assert json.loads((made / "manifest.json").read_text())["sha256"] == known
@@ -51,7 +56,7 @@ def test_one_worker_writes_the_same_bytes_as_two_and_the_manifest_has_their_dige
 
 
 def test_a_campaign_is_read_back_bit_by_bit(made):
-    number = GRID + 4 * len(PRIORS) + 3  # the second round, the fifth kind, the fourth prior
+    number = 4 * len(PRIORS) + 3  # the fifth kind, the fourth prior
     own = tb.load_dataset(made)[number]
     cell, seed = build_cell("kr500_l480"), SEED + number
     true = true_cell(cell, list(TRUTHS)[4], SEED + number - 3)
@@ -74,7 +79,7 @@ def test_no_arm_is_in_two_splits_and_every_cell_of_the_grid_is_there(made):
         numbers.setdefault((*links, *joints), set()).add(arm)
     assert all(len(own) == 1 for own in splits.values())
     assert all(len(own) == 1 for own in numbers.values())
-    assert len(splits) == len(set(arms["arm"])) == 1 + 2 * (len(TRUTHS) - 1)
+    assert len(splits) == len(set(arms["arm"])) == len(TRUTHS)
     assert {*arms["split"]} == {"train", "dev", "test"}
     grid = zip(arms["true_arm"], arms["prior_error"], strict=True)
     assert {*grid} == {(kind, error) for kind in TRUTHS for error in PRIORS}
@@ -84,7 +89,18 @@ def test_no_arm_is_in_two_splits_and_every_cell_of_the_grid_is_there(made):
     )
 
 
-def test_the_sample_is_what_the_code_makes(made):
+def test_the_folders_own_arm_is_one_arm_in_every_round():
+    rounds = [Wanted(GRID * k, SEED) for k in range(ROUNDS)]
+    assert {(own.kind, own.arm, own.split) for own in rounds} == {("tubes", 0, "train")}
+    others = [Wanted(k, SEED) for k in range(GRID * ROUNDS) if Wanted(k, SEED).kind != "tubes"]
+    arms = {own.arm: own.split for own in others}
+    assert len(arms) == ROUNDS * (len(TRUTHS) - 1)
+    assert all(arms[own.arm] == own.split for own in others)
+    share = {split: list(arms.values()).count(split) / len(arms) for split in TURNS}
+    assert share == {"train": 0.7, "dev": 0.1, "test": 0.2}
+
+
+def test_the_sample_is_what_the_code_makes():
     """Its numbers, not its bytes: another processor has other last digits."""
     here_made = tb.load_dataset(SAMPLE)
     assert len(here_made) == GRID
@@ -111,6 +127,8 @@ def test_the_lines_of_the_page_read_the_sample(code, monkeypatch, capsys):
     assert capsys.readouterr().out
 
 
+@pytest.mark.study
+@pytest.mark.filterwarnings("ignore")  # of its packages
 def test_mlcroissant_reads_every_record(made):
     """Its dependency jsonpath-rw has no wheel, so that no lock can hold it."""
     mlc = pytest.importorskip("mlcroissant", reason="pip install mlcroissant: no lock can hold it")
