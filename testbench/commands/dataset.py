@@ -11,7 +11,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
 from testbench.campaign.model_folder import copy_arm, digests
 from testbench.campaign.public_dataset import ARM, GRID, SCENARIO, TABLES, join_rounds, write_rounds
-from testbench.commands.dataset_card import card, croissant, datacite
+from testbench.commands.dataset_card import describe
 from testbench.errors import BenchError
 from testbench.output.place import claim_folder, whole_folder
 from testbench.output.whole import temporary_folder
@@ -42,7 +42,12 @@ def build(out: Path, seeds: range, workers: int | None, console: Console, *, for
         chunks = on_cores(work, ([k] for k in rounds), workers=workers)
         show_progress(_counted(chunks), len(rounds), "rounds", console, kept=False)
         join_rounds(parts, len(rounds), folder)
-        _describe(folder, seeds)
+        home = folder / "arms" / ARM
+        home.mkdir(parents=True)
+        copy_arm(load_arm(find_arm(ARM)), home)
+        describe(folder, {name: kinds(folder / name) for name in TABLES}, seeds)
+        scenario = SCENARIO.model_dump(mode="json")
+        files.write_manifest(folder, command=COMMAND, scenario=scenario, seeds=seeds, models=digests([home]))
     size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
     text = f"{out}: {len(seeds)} campaigns, {size / 1e6:.1f} MB; README.md says what is in it"
     console.print(text, soft_wrap=True)
@@ -55,16 +60,3 @@ def _counted(chunks: Chunks) -> Iterator[int]:
         if chunk.problem:
             raise BenchError(chunk.problem)
         yield k
-
-
-def _describe(folder: Path, seeds: range) -> None:
-    """The arm, the card, metadata, and digests of all files."""
-    home = folder / "arms" / ARM
-    home.mkdir(parents=True)
-    copy_arm(load_arm(find_arm(ARM)), home)
-    about = {name: kinds(folder / name) for name in TABLES}
-    (folder / "README.md").write_text(card(about, seeds), encoding="utf-8")
-    files.write_json(datacite(folder), folder / "datacite.json")
-    files.write_json(croissant(folder, about), folder / "croissant.json")
-    scenario = SCENARIO.model_dump(mode="json")
-    files.write_manifest(folder, command=COMMAND, scenario=scenario, seeds=seeds, models=digests([home]))

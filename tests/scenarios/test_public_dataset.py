@@ -3,6 +3,7 @@
 import hashlib
 import json
 import re
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from run_here import ROOT, here
 import testbench as tb
 from testbench.campaign.campaign import build_cell, draw_poses, simulate_at
 from testbench.campaign.perturbed_prior import PRIORS, prior_of
-from testbench.campaign.public_dataset import GRID, ROUNDS, SCENARIO, TABLES, TURNS, Wanted
+from testbench.campaign.public_dataset import GRID, ROUNDS, SCENARIO, TABLES, Wanted
 from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.cli.program import program
 
@@ -89,15 +90,13 @@ def test_no_arm_is_in_two_splits_and_every_cell_of_the_grid_is_there(made):
     )
 
 
-def test_the_folders_own_arm_is_one_arm_in_every_round():
-    rounds = [Wanted(GRID * k, SEED) for k in range(ROUNDS)]
-    assert {(own.kind, own.arm, own.split) for own in rounds} == {("tubes", 0, "train")}
-    others = [Wanted(k, SEED) for k in range(GRID * ROUNDS) if Wanted(k, SEED).kind != "tubes"]
-    arms = {own.arm: own.split for own in others}
-    assert len(arms) == ROUNDS * (len(TRUTHS) - 1)
-    assert all(arms[own.arm] == own.split for own in others)
-    share = {split: list(arms.values()).count(split) / len(arms) for split in TURNS}
-    assert share == {"train": 0.7, "dev": 0.1, "test": 0.2}
+def test_arms_of_all_rounds_are_shared_out_as_the_card_says():
+    every = [Wanted(first) for first in range(0, GRID * ROUNDS, len(PRIORS))]
+    assert {(own.arm, own.split) for own in every if own.kind == "tubes"} == {(0, "train")}
+    for kind in [*TRUTHS][1:]:
+        splits = [own.split for own in every if own.kind == kind]
+        assert Counter(splits) == {"train": 70, "dev": 10, "test": 20}
+    assert len({own.arm for own in every}) == 1 + ROUNDS * (len(TRUTHS) - 1)
 
 
 def test_the_sample_is_what_the_code_makes():
@@ -180,7 +179,7 @@ def half(folder, name):
         (damaged, "truth_deflections.parquet", "expected a table in Parquet"),
         (without_marker, "readings.parquet", "column marker: expected it, there is none"),
         (out_of_order, "readings.parquet", "expected P1, P2, P3 in turn"),
-        (half, "readings.parquet", "campaign 6: expected runs"),
+        (half, "readings.parquet", "campaign 6: expected its prior, readings"),
     ],
 )
 def test_a_wrong_file_is_one_line(tmp_path, harm, name, said):
