@@ -93,6 +93,15 @@ SigmaUm = Annotated[
 Load = Annotated[
     float | None,
     typer.Option(
+        parser=mass,
+        metavar="MASS",
+        help="Hangs in loaded rows where the file gives none, such as 240 or 530lb.",
+    ),
+]
+Payload = Annotated[
+    float | None,
+    typer.Option(
+        "--load",
         parser=mass_or_none,
         metavar="MASS",
         help="Load assumed where the file gives none, such as 240 or 530lb; 0 for no load. Default: the "

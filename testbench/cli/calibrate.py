@@ -1,22 +1,28 @@
 """testbench calibrate ARM READINGS.csv ... --out MODEL: geometry, gears, elasticity by absolute readings."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.absolute import calibrated, read_all
+from testbench.campaign.absolute import File, calibrated, read_all
 from testbench.campaign.campaign import build_cell
-from testbench.cli.arguments import ArmName, MapFile, SigmaUm, plain
+from testbench.cli.arguments import ArmName, mass, plain
 from testbench.commands.calibrate import COMMAND, PICTURE, report, seen, write
 from testbench.commands.calibrate_numbers import left_of
+from testbench.errors import BenchError
 from testbench.identify.absolute.fit import NAMES, ORDERS
 from testbench.identify.absolute.fit import Options as Tried
 from testbench.output.place import claim_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.terminal import looked_at, plain_console, print_words
+
+EACH = "Again: one for each file."
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -28,8 +34,22 @@ class Options:
         list[Path], typer.Argument(help="Absolute readings, CSV, any other text table, or FILE.xlsx#SHEET.")
     ]
     out: Annotated[Path, typer.Option(help="Folder of the calibrated arm.")] = Path("runs/calibrate")
-    mapping: MapFile = None
-    sigma_um: SigmaUm = None
+    mapping: Annotated[
+        list[Path] | None,
+        typer.Option("--map", help="TOML file that says how tables name our quantities. " + EACH),
+    ] = None
+    sigma_um: Annotated[
+        list[float] | None,
+        typer.Option(
+            min=0.001, max=10_000, help="Noise of a reading along an axis, where a file lacks it. " + EACH
+        ),
+    ] = None
+    load: Annotated[
+        list[float] | None,
+        typer.Option(
+            parser=mass, metavar="MASS", help="Hangs in loaded rows where a file gives none. " + EACH
+        ),
+    ] = None
     without: Annotated[
         list[str] | None, typer.Option(help=f"Errors not to try: {', '.join(NAMES)}; again for more.")
     ] = None
@@ -46,11 +66,10 @@ class Options:
 def command(asked: Options) -> None:
     """Calibrate an arm by where a tracker saw its tool; write the model."""
     arm = find_arm(asked.arm)
-    given = [*asked.readings, *([asked.mapping] if asked.mapping else [])]
-    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=[arm, *given], force=asked.force):
+    given = [arm, *asked.readings, *filter(None, asked.mapping or [])]
+    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         cell = build_cell(asked.arm)
-        sigma = None if asked.sigma_um is None else 1e-6 * asked.sigma_um
-        series, notes = read_all(asked.readings, cell.arm, asked.mapping, sigma)
+        series, notes = read_all(list(_files(asked)), cell.arm)
         with of_flag("--without"):
             tried = Tried(orders=asked.orders, without=frozenset(asked.without or ()))
         if asked.least_squares:
@@ -70,3 +89,19 @@ def command(asked: Options) -> None:
             *looked_at(out),
         ]
         print_words(console, said, [said.tables["steps"]], lines)
+
+
+def _files(asked: Options) -> Iterator[File]:
+    """The files of readings; BenchError where a flag stands neither once nor once a file."""
+    for k, path in enumerate(asked.readings):
+        one = partial(_one, k, len(asked.readings))
+        yield File(
+            path, one("--map", asked.mapping), one("--sigma-um", asked.sigma_um), one("--load", asked.load)
+        )
+
+
+def _one(k: int, every: int, flag: str, given: Sequence[T] | None) -> T | None:
+    """What a flag says of the k-th file."""
+    if given and len(given) not in (1, every):
+        raise BenchError(f"{flag}: expected it once, or once for each of {every} files, got {len(given)}")
+    return given[min(k, len(given) - 1)] if given else None

@@ -11,6 +11,7 @@ from testbench.cli.arguments import (
     ArmName,
     Dataset,
     FrameName,
+    Load,
     MapFile,
     NewTarget,
     ShownFolder,
@@ -20,6 +21,7 @@ from testbench.cli.arguments import (
 from testbench.commands.data import COMMAND, listed, report, understand, write
 from testbench.errors import BenchError
 from testbench.shell.options import Force, takes
+from testbench.shell.project import ProjectCommand
 from testbench.views.terminal import looked_at, plain_console, print_words
 
 group = typer.Typer(no_args_is_help=True)
@@ -33,6 +35,7 @@ class Options:
     dataset: Dataset
     mapping: MapFile = None
     sigma_um: SigmaUm = None
+    load: Load = None
     frame: FrameName = "auto"
     new_target: NewTarget = None
     out: ShownFolder = None
@@ -44,12 +47,12 @@ def commands() -> None:
     """Read a file of measured runs; say what was understood."""
 
 
-@group.command("check")
+@group.command("check", cls=ProjectCommand)
 @takes(Options)
 def check(asked: Options) -> None:
     """Say which column is which quantity, what was assumed, and show the runs on the arm."""
     arm = find_arm(asked.arm)
-    given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target)
+    given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target, asked.load)
     with claimed(asked.out, COMMAND, [arm, *files_read(given)], force=asked.force):
         filed = build_cell(asked.arm)
         export = read(filed, given)

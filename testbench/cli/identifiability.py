@@ -14,7 +14,7 @@ from testbench.campaign.identifiability import describe
 from testbench.campaign.models import named_models, plain_name
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.runs import Readings, files_read, read, register
-from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
+from testbench.cli.arguments import ArmName, Dataset, FrameName, Load, MapFile, NewTarget, SigmaUm
 from testbench.commands.identifiability import report, write
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.place import PNG, claim_file
@@ -37,6 +37,7 @@ class Options:
     ] = 30.0
     mapping: MapFile = None
     sigma_um: SigmaUm = None
+    load: Load = None
     frame: FrameName = "auto"
     new_target: NewTarget = None
     more: Annotated[bool, typer.Option("--more", help="List every unobservable direction.")] = False
@@ -48,7 +49,7 @@ class Options:
 def command(asked: Options) -> None:
     """Say what is seen, what is not, and what would help."""
     png = asked.figure
-    given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target)
+    given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target, asked.load)
     with ExitStack() as held:
         if png is not None:
             inputs = [find_arm(asked.arm), *files_read(given)]

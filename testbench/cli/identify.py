@@ -17,7 +17,7 @@ from testbench.campaign.model_selection import default_models, with_priors
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.own_estimator import EstimatorOptions, hired
 from testbench.campaign.runs import Readings, files_read, read_runs
-from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm, plain
+from testbench.cli.arguments import ArmName, Dataset, FrameName, Load, MapFile, NewTarget, SigmaUm, plain
 from testbench.commands.identify import COMMAND, PICTURE, printed, tell
 from testbench.errors import BenchError
 from testbench.identify import robust
@@ -41,6 +41,7 @@ class Options:
     check_pose: Annotated[list[int] | None, typer.Option(help="Pose to hold back; again for more.")] = None
     mapping: MapFile = None
     sigma_um: SigmaUm = None
+    load: Load = None
     frame: FrameName = "auto"
     new_target: NewTarget = None
     full_pose: Annotated[
@@ -66,7 +67,7 @@ class Options:
 def command(asked: Options, tried: EstimatorOptions) -> None:
     """Fit, judge, say which model to take, and write it."""
     arm = find_arm(asked.arm)
-    given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target)
+    given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target, asked.load)
     given = replace(given, check_pose=asked.check_pose, full_pose=asked.full_pose)
     inputs, own = [arm, *files_read(given)], tried.own
     with claim_folder(asked.out, COMMAND, own=OLD, inputs=inputs, force=asked.force):

@@ -102,6 +102,7 @@ class Names:
     layout: Layout  #: How the file is written.
     series: Absolute  #: What the map says of absolute readings.
     markers: tuple[str, ...]  #: Names of the targets that the file may have.
+    load: float | None = None  #: Mass that hangs in loaded rows where nothing says one [kg].
 
     def find(self, header: str) -> Named | None:
         """What a column is: the map before our own names; None for neither."""
@@ -139,7 +140,7 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
     Raises:
         InputError: Names the key and what was expected.
     """
-    found = _Map() if path is None else _read(path)
+    found = _Map() if path is None else parse_map(path)
     if found.series.markers and quantities is not our_names:
         arm = replace(arm, markers=tuple(found.series.markers))
     ours = quantities(arm)
@@ -162,7 +163,8 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
     )
 
 
-def _read(path: Path) -> _Map:
+def parse_map(path: Path) -> _Map:
+    """The keys of a map, of any arm; InputError names the wrong one."""
     data = parse_toml(path, read_text(path, MAX_BYTES))
     try:
         return _Map.model_validate(data)
