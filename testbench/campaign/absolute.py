@@ -58,8 +58,8 @@ class File:
 
     path: Path
     mapping: Path | None = None  #: A map of its names; None where it uses ours.
-    sigma_um: float | None = None  #: Noise of a reading along an axis, where the file lacks it.
     load: float | None = None  #: Mass that hangs in loaded rows where the file gives none [kg].
+    sigma_um: float | None = None  #: Noise of a reading along an axis, where the file lacks it.
 
 
 def read_all(given: Sequence[File], arm: Arm) -> tuple[tuple[Series, ...], tuple[str, ...]]:

@@ -1,8 +1,7 @@
 """testbench calibrate ARM READINGS.csv ... --out MODEL: geometry, gears, elasticity by absolute readings."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -11,7 +10,7 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.absolute import File, calibrated, read_all
 from testbench.campaign.campaign import build_cell
-from testbench.cli.arguments import ArmName, mass, plain
+from testbench.cli.arguments import ArmName, SigmaUm, mass, plain
 from testbench.commands.calibrate import COMMAND, PICTURE, report, seen, write
 from testbench.commands.calibrate_numbers import left_of
 from testbench.errors import BenchError
@@ -38,12 +37,7 @@ class Options:
         list[Path] | None,
         typer.Option("--map", help="TOML file that says how tables name our quantities. " + EACH),
     ] = None
-    sigma_um: Annotated[
-        list[float] | None,
-        typer.Option(
-            min=0.001, max=10_000, help="Noise of a reading along an axis, where a file lacks it. " + EACH
-        ),
-    ] = None
+    sigma_um: SigmaUm = None
     load: Annotated[
         list[float] | None,
         typer.Option(
@@ -69,7 +63,7 @@ def command(asked: Options) -> None:
     given = [arm, *asked.readings, *filter(None, asked.mapping or [])]
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         cell = build_cell(asked.arm)
-        series, notes = read_all(list(_files(asked)), cell.arm)
+        series, notes = read_all(_files(asked), cell.arm)
         with of_flag("--without"):
             tried = Tried(orders=asked.orders, without=frozenset(asked.without or ()))
         if asked.least_squares:
@@ -80,7 +74,13 @@ def command(asked: Options) -> None:
             status.update("writing")
             left = left_of(found)
             said = report(found, left)
-            write(found, said, seen(cell, found, left), plain(asked, "readings", without=("arm",)), asked.out)
+            write(
+                found,
+                said,
+                seen(cell, found, left),
+                plain(asked, read="readings", without=("arm",)),
+                asked.out,
+            )
         out = asked.out
         lines = [
             *(f"- {note}" for note in found.notes),
@@ -91,17 +91,15 @@ def command(asked: Options) -> None:
         print_words(console, said, [said.tables["steps"]], lines)
 
 
-def _files(asked: Options) -> Iterator[File]:
-    """The files of readings; BenchError where a flag stands neither once nor once a file."""
-    for k, path in enumerate(asked.readings):
-        one = partial(_one, k, len(asked.readings))
-        yield File(
-            path, one("--map", asked.mapping), one("--sigma-um", asked.sigma_um), one("--load", asked.load)
-        )
+def _files(asked: Options) -> list[File]:
+    """The files of readings, each with its map and load."""
+    count = len(asked.readings)
+    both = zip(_each("--map", asked.mapping, count), _each("--load", asked.load, count), strict=True)
+    return [File(path, *own, asked.sigma_um) for path, own in zip(asked.readings, both, strict=True)]
 
 
-def _one(k: int, every: int, flag: str, given: Sequence[T] | None) -> T | None:
-    """What a flag says of the k-th file."""
-    if given and len(given) not in (1, every):
-        raise BenchError(f"{flag}: expected it once, or once for each of {every} files, got {len(given)}")
-    return given[min(k, len(given) - 1)] if given else None
+def _each(flag: str, given: Sequence[T] | None, count: int) -> Sequence[T | None]:
+    """What a flag says of every file; BenchError where it stands neither once nor once a file."""
+    if given and len(given) not in (1, count):
+        raise BenchError(f"{flag}: expected it once, or once for each of {count} files, got {len(given)}")
+    return given if given and len(given) == count else [given[0] if given else None] * count

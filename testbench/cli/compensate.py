@@ -94,7 +94,7 @@ def command(asked: Options) -> None:
         if found.unreached and not asked.keep_unreachable:
             raise _unreached(asked, found)
         said = report(found, asked.tolerance)
-        write(cell, found, said, plain(asked, "program", without=("model",)), to)
+        write(cell, found, said, plain(asked, read="program", without=("model",)), to)
         console = plain_console()
         for note in notes:
             console.print(note, soft_wrap=True)

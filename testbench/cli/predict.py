@@ -59,7 +59,7 @@ def command(asked: Options) -> None:
             made = predicted(model, poses, _push(model, asked.push), area, linear=asked.linear)
             said, out = report(made), asked.out
             status.update("writing")
-            write(made, said, plain(asked, "poses") | {"model": asked.model.name}, out)
+            write(made, said, plain(asked, read="poses") | {"model": asked.model.name}, out)
         heavy = overloads(model.arm, poses.hung.tolist())
         lines = [
             *(f"- {words}" for words in heavy),

@@ -43,7 +43,7 @@ class Options:
 def command(asked: Options) -> None:
     """Compare positions with those of a calibrated arm; of a new series fit frame and target only."""
     model = read_model(asked.model)
-    file = File(asked.readings, asked.mapping, asked.sigma_um, asked.load)
+    file = File(asked.readings, asked.mapping, asked.load, asked.sigma_um)
     series, notes = read_all([file], model.arm)
     found = score(model, series, asked.frame_poses)
     failed = asked.at_most is not None and not found.mean_mm <= asked.at_most

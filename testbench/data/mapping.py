@@ -140,7 +140,7 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
     Raises:
         InputError: Names the key and what was expected.
     """
-    found = _Map() if path is None else parse_map(path)
+    found = _Map() if path is None else _read(path)
     if found.series.markers and quantities is not our_names:
         arm = replace(arm, markers=tuple(found.series.markers))
     ours = quantities(arm)
@@ -163,8 +163,15 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
     )
 
 
-def parse_map(path: Path) -> _Map:
-    """The keys of a map, of any arm; InputError names the wrong one."""
+def is_map(path: Path) -> bool:
+    """Whether a file is there and its keys are those of a map."""
+    try:
+        return bool(_read(path))
+    except InputError:
+        return False
+
+
+def _read(path: Path) -> _Map:
     data = parse_toml(path, read_text(path, MAX_BYTES))
     try:
         return _Map.model_validate(data)

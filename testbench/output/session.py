@@ -3,19 +3,17 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 
-@dataclass(frozen=True)
-class Session:
-    """One command under way."""
+class Session(NamedTuple):
+    """A command under way."""
 
-    #: Of the project file its name, SHA-256 and the values that were taken; empty where there is none.
-    project: Mapping[str, object] = field(default_factory=dict)
-    known: frozenset[str] = frozenset()  #: Keys that the project file has, taken or not.
+    project: Mapping[str, object]  #: Name and SHA-256 of the project file, the values taken; empty for none.
+    known: frozenset[str]  #: Keys that it has, taken or not.
 
 
-NONE = Session()
+NONE = Session({}, frozenset())
 SESSION: ContextVar[Session] = ContextVar("session", default=NONE)  #: Of the command that runs.
 
 
