@@ -11,7 +11,7 @@ from testbench.campaign.own_process import SUFFIX, Own
 FUNCTION = "estimate"
 DEFAULT = "default"  #: What identify does by default, with the class's prior.
 JOINTS = "joints"
-FLOORS = (JOINTS, "least_squares", "ridge", "prior")
+FLOORS = (JOINTS, "least-squares", "ridge", "prior")
 """Files of `entries/` that stand in every table: to be worse is to be of no use."""
 FOLDERS = (PACKAGE / "entries", PACKAGE.parent / "entries")
 """Where ours are: a wheel brings them inside the package."""

@@ -178,7 +178,6 @@ def _claims(f: Row) -> Iterator[Markdown]:
 def _tables(f: Row) -> dict[str, Table]:
     board, plain = (f.board[words] for words in CLASSES.values())
     every = {row.name: Row(row, with_prior=None, without_prior=None) for row in [*board, *plain]}
-    every[DEFAULT] |= {"without_prior": "-"}
     for key, rows in (("with_prior", board), ("without_prior", plain)):
         for row in rows:
             every[row.name] |= {key: row.over_default}

@@ -57,11 +57,11 @@ class Task:
 
 NEAR, ASIDE = (5.5, -2.0, 1.0), (5.0, 3.0, 1.4)
 TASKS: Mapping[str, Task] = {
-    "gravity_8": Task("a weight in 8 poses, twice", 8),
-    "gravity_12": Task("a weight in 12 poses, twice", 12),
-    "gravity_20": Task("a weight in 20 poses, twice", 20),
+    "gravity-8": Task("a weight in 8 poses, twice", 8),
+    "gravity-12": Task("a weight in 12 poses, twice", 12),
+    "gravity-20": Task("a weight in 20 poses, twice", 20),
     "loads": Task("a third, two thirds and all of the weight in 8 poses", 8, loads=(1 / 3, 2 / 3, 1.0)),
-    "section_5_2": Task(
+    "section-5-2": Task(
         "six wrenches in 18 poses of the paper's arm, full poses", 18, arm=SIX_AXES, loads=()
     ),
     "disturbed": Task("every disturbance, 12 poses", 12, disturbed=True),
@@ -72,8 +72,8 @@ TASKS: Mapping[str, Task] = {
         disturbed=True,
         trackers=(NEAR, ASIDE),
     ),
-    "other_arms": Task("true arms of kinds held out of the family, 12 poses", 12, held_out=True),
-    "wrong_prior": Task(
+    "other-arms": Task("true arms of kinds held out of the family, 12 poses", 12, held_out=True),
+    "wrong-prior": Task(
         "a prior wrong in a link, the joints, the axes or the couplings, 12 poses",
         12,
         priors=("link", "joints", "axes", "uncoupled"),
