@@ -10,7 +10,7 @@ from testbench.errors import BenchError
 from testbench.shell.options import Common, takes
 from testbench.studies.bench.secret import commitment, first_seed, kept_secret
 from testbench.studies.bench.study import STUDY
-from testbench.studies.bench.trial import Options, Settings, settings
+from testbench.studies.bench.trial import Options, settings
 from testbench.studies.run import run
 from testbench.views.terminal import plain_console
 
@@ -38,9 +38,6 @@ def command(common: Common, options: Judged) -> None:
         console.print(f"commitment, SHA-256 of the secret: {commitment(secret)}", soft_wrap=True)
         if not options.entries:
             return
-
-        def judged(asked: Options, quick: bool, seeds: range) -> Settings:
-            return replace(settings(asked, quick, seeds), secret=secret)
-
-        study, common = replace(STUDY, settings=judged), replace(common, seed=first_seed(secret))
+        study = replace(STUDY, settings=lambda *asked: replace(settings(*asked), secret=secret))
+        common = replace(common, seed=first_seed(secret))
     run(study, replace(common, out=common.out or Path("runs/bench")), options, console)

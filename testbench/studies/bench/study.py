@@ -37,7 +37,7 @@ NONE = {
     **{"failed": "never", "tied": "itself", "with_prior": "not entered", "without_prior": "needs a prior"},
 }
 """What cells without a number say, where that is not that nothing was answered."""
-NOT_OF_IT = {"check": None, "paper": None}  #: Of the rows of models that scripts look for.
+MM = ("rms_mm", "p95_mm")  #: Errors over the workspace of what scripts look for as models.
 HOW = Markdown(
     "## How to read the tables\n\n"
     "The incumbent is the default of `identify`, without a prior joint stiffness only. Ratios are geometric "
@@ -71,15 +71,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             for row in _standings(trials, [name], prior)
         ],
         failures=_failures(trials),
-        models=[
-            Row(
-                row,
-                method=f"rank {row.standing}",
-                workspace=Row(rms_mm=row.rms_mm, p95_mm=row.p95_mm),
-                **NOT_OF_IT,
-            )
-            for row in board
-        ],
+        models=[Row(row, check=None, paper=None, workspace={key: row[key] for key in MM}) for row in board],
     )
     best = next(row for row in board if row.name != DEFAULT)
     return Report(

@@ -11,7 +11,7 @@ import numpy as np
 
 from testbench.campaign.absolute_truth import by_trackers
 from testbench.campaign.campaign import Cell, Scenario, draw_poses, simulate_at, stream
-from testbench.campaign.perturbed_prior import prior_of
+from testbench.campaign.perturbed_prior import PRIORS, prior_of
 from testbench.campaign.plan_input import Place
 from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.campaign.true_arms import HELD_OUT, TRUTHS, true_cell
@@ -65,19 +65,10 @@ TASKS: Mapping[str, Task] = {
         "six wrenches in 18 poses of the paper's arm, full poses", 18, arm=SIX_AXES, loads=()
     ),
     "disturbed": Task("every disturbance, 12 poses", 12, disturbed=True),
-    "frame": Task("a tracker in an unknown frame, 12 poses", 12, trackers=(NEAR,)),
-    "stations": Task(
-        "absolute positions of a disturbed arm by two trackers in unknown frames, 12 poses",
-        12,
-        disturbed=True,
-        trackers=(NEAR, ASIDE),
-    ),
+    "frame": Task("one tracker in an unknown frame, 12 poses", 12, trackers=(NEAR,)),
+    "stations": Task("two trackers, disturbed arm, 12 poses", 12, disturbed=True, trackers=(NEAR, ASIDE)),
     "other-arms": Task("true arms of kinds held out of the family, 12 poses", 12, held_out=True),
-    "wrong-prior": Task(
-        "a prior wrong in a link, the joints, the axes or the couplings, 12 poses",
-        12,
-        priors=("link", "joints", "axes", "uncoupled"),
-    ),
+    "wrong-prior": Task("a prior wrong in a part of it, 12 poses", 12, priors=tuple(PRIORS)[2:]),
 }
 """By name."""
 
