@@ -1,26 +1,38 @@
-"""testbench export MODEL --urdf robot.urdf: the identified geometry in the robot's own file."""
+"""testbench export MODEL --urdf robot.urdf: what was identified in the robot's own file or a controller's."""
 
+import contextlib
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
+from testbench.arm.decimal import read_decimals
+from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
 from testbench.campaign.arm_models import load_model
+from testbench.campaign.controller_files import ABB, KUKA, STAMP
 from testbench.campaign.export import BEGINS, Exported, beside_of, draft_new, draft_own, export
+from testbench.campaign.export_controller import BEGINS as OFFSETS_BEGIN
+from testbench.campaign.export_controller import Offsets, draft_ur, export_offsets
+from testbench.campaign.export_left import WORDS, Left
 from testbench.errors import BenchError, InputError
+from testbench.identify.arm_model import ArmModel
 from testbench.output.manifest import read_plain
 from testbench.output.place import HEAD, INSTEAD, Kind, claim_file, look
 from testbench.output.whole import writing
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import plain_console
 
+BESIDE_BEGINS = b"|".join((BEGINS, OFFSETS_BEGIN))
 URDF = Kind("a URDF that testbench export wrote", STAMPED)
-BESIDE = Kind("the JSON beside such a URDF", BEGINS)
+BESIDE = Kind("the JSON beside such a file", BESIDE_BEGINS)
+CONTROLLER = Kind("such a file that testbench export wrote", rb"(?s).*?" + STAMP.encode())
 
 
 @dataclass(frozen=True)
@@ -29,11 +41,19 @@ class Options:
 
     model: Annotated[Path, typer.Argument(help="Folder of a model, of calibrate or identify.")]
     urdf: Annotated[
-        Path, typer.Option(help="The robot's own URDF; where there is none, one is written from scratch.")
-    ]
-    out: Annotated[
-        Path | None, typer.Option(help="URDF to write; else NAME_calibrated.urdf in this folder.")
+        Path | None,
+        typer.Option(help="The robot's own URDF; where there is none, one is written from scratch."),
     ] = None
+    ur: Annotated[
+        Path | None, typer.Option(help="Kinematics of a UR driver (YAML), of the controller or nominal.")
+    ] = None
+    kuka: Annotated[Path | None, typer.Option(help="KUKA's $machine.dat: mastering gets offsets.")] = None
+    abb: Annotated[Path | None, typer.Option(help="ABB's MOC.cfg: motor calibration gets offsets.")] = None
+    gears: Annotated[
+        str | None,
+        typer.Option(help="Of ABB: turns of each motor for one of its axis, with sign: a,b,..."),
+    ] = None
+    out: Annotated[Path | None, typer.Option(help="File to write; else NAME_calibrated here.")] = None
     tip: Annotated[
         str | None, typer.Option(help="Link of the robot's own URDF that carries the tool; else its end.")
     ] = None
@@ -42,23 +62,67 @@ class Options:
 
 @takes(Options)
 def command(asked: Options) -> None:
-    """Write the identified geometry as URDF, what it cannot hold as JSON beside it; read both back."""
-    scratch = _new(asked.urdf)  # with --out it is read as any other
-    own = look(asked.urdf) is not None and not (scratch and asked.out is None)
-    out = _place(asked, own=own)
-    inputs = [asked.model, *([asked.urdf] if own else [])]
+    """Write a model into a URDF or a controller's file, what that cannot hold as JSON beside it."""
+    given = {"urdf": asked.urdf, "ur": asked.ur, "kuka": asked.kuka, "abb": asked.abb}
+    [*own] = [(name, file) for name, file in given.items() if file is not None]
+    if len(own) != 1:
+        raise BenchError("expected one of --urdf, --ur, --kuka and --abb")
+    [(name, file)] = own
+    for flag, value, to in (("tip", asked.tip, "urdf"), ("gears", asked.gears, "abb")):
+        if value is not None and name != to:
+            raise BenchError(f"--{flag}: expected --{to} with it")
+    if name == "urdf":
+        _write_urdf(asked, file)
+    else:
+        _write_controller(asked, name, file)
+
+
+def _write_urdf(asked: Options, urdf: Path) -> None:
+    scratch = _new(urdf)  # with --out it is read as any other
+    own = look(urdf) is not None and not (scratch and asked.out is None)
+    out = _place(asked, urdf, own=own)
+    with _claimed(asked, out, URDF, [urdf] if own else []) as (model, stood):
+        state = model.state
+        done = export(state, draft_own(state, urdf, asked.tip) if own else draft_new(state), out)
+        _say(model, _words(model.arm.name, done, replaced=stood))
+
+
+def _write_controller(asked: Options, name: str, file: Path) -> None:
+    out = asked.out or Path(f"{file.stem}_calibrated{file.suffix}")
+    with _claimed(asked, out, CONTROLLER, [file]) as (model, stood):
+        if name == "ur":
+            done = export(model.state, draft_ur(model.state, file), out)
+            _say(model, _words(model.arm.name, done, replaced=stood))
+        else:
+            form = KUKA if name == "kuka" else ABB
+            gears = _gears(asked.gears or "")
+            _say(model, _offset_words(model.arm, export_offsets(model.state, form, file, out, gears)))
+
+
+@contextlib.contextmanager
+def _claimed(asked: Options, out: Path, kind: Kind, files: list[Path]) -> Iterator[tuple[ArmModel, bool]]:
+    """The model, and whether a file is replaced."""
+    inputs = [asked.model, *files]
     with (
-        claim_file(out, URDF, inputs=inputs, force=asked.force),
+        claim_file(out, kind, inputs=inputs, force=asked.force),
         claim_file(beside_of(out), BESIDE, inputs=inputs, force=asked.force),
     ):
         model = load_model(asked.model)
-        state, arm, stood = model.state, model.arm.name, look(out) is not None
-        _refuse_another(out, arm, force=asked.force)
-        done = export(state, draft_own(state, asked.urdf, asked.tip) if own else draft_new(state), out)
-        lines = _words(arm, done, replaced=stood)
-        if not model.absolute:
-            lines.append("the model is of compliances alone: its geometry is the drawing's")
-        plain_console().print("\n".join(lines), soft_wrap=True)
+        _refuse_another(out, model.arm.name, force=asked.force)
+        yield model, look(out) is not None
+
+
+def _say(model: ArmModel, lines: list[str]) -> None:
+    if not model.absolute:
+        lines.append("the model is of compliances alone: its geometry is the drawing's")
+    plain_console().print("\n".join(lines), soft_wrap=True)
+
+
+def _gears(text: str) -> list[float]:
+    try:
+        return read_decimals(word.strip() for word in text.split(",") if text)
+    except ValueError as err:
+        raise BenchError(f"--gears: expected numbers with commas between, got {text!r}") from err
 
 
 def _new(urdf: Path) -> bool:
@@ -69,17 +133,17 @@ def _new(urdf: Path) -> bool:
         return re.match(BEGINS_NEW, file.read(HEAD)) is not None
 
 
-def _place(asked: Options, *, own: bool) -> Path:
+def _place(asked: Options, urdf: Path, *, own: bool) -> Path:
     """Where to write."""
     if own:
-        out = asked.out or Path(f"{asked.urdf.stem}_calibrated.urdf")
+        out = asked.out or Path(f"{urdf.stem}_calibrated.urdf")
     elif asked.out is not None:
         problem = "expected the robot's own URDF; to write one from scratch leave --out away"
-        raise InputError(asked.urdf, "", problem)
+        raise InputError(urdf, "", problem)
     elif asked.tip is not None:
-        raise BenchError(f"--tip: is for a robot's own URDF; {asked.urdf} is written from scratch")
+        raise BenchError(f"--tip: is for a robot's own URDF; {urdf} is written from scratch")
     else:
-        out = asked.urdf
+        out = urdf
     if out.suffix.lower() != ".urdf":
         raise InputError(out, "", "expected the name of a URDF, ending with .urdf")
     return out
@@ -116,14 +180,15 @@ def _arm_beside(document: Path) -> str | None:
 def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
     draft, off = done.draft, done.draft.drawing_off
     tip, at = draft.frames.names[-1], f"{done.urdf}, replaced" if replaced and off is not None else done.urdf
-    (moved, moved_most), (rest, rest_most) = done.geometry_mm, done.rest_mm
+    moved, moved_most = done.geometry_mm
     lines = [
         f"{arm}: the identified geometry is in {at}, its tool is {tip!r}",
         f"read back by Pinocchio in {done.poses} poses: within {max(done.position_um, 0.001):.3g} um and "
         f"{max(done.rotation_urad, 0.001):.3g} urad of the model",
         f"it moves the tool by {moved:.3f} mm RMS, {moved_most:.3f} mm at most, from the drawing",
-        f"not in it, but in {done.beside}: compliances, errors and laws of the joints, weights; own weight "
-        f"and errors of the joints move the tool by {rest:.3f} mm RMS, {rest_most:.3f} mm at most",
+        f"not in it, but in {done.beside}: compliances, errors and laws of the joints, weights; at the "
+        "tool, RMS and at most:",
+        *_left(done.left),
     ]
     if off is None:
         found = f"no file {done.urdf}: written from scratch"
@@ -133,8 +198,27 @@ def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
     else:
         lines.append(
             f"its own drawing was that of {arm} to {1e6 * off:.3g} um and urad; {tip!r} stands "
-            f"{1e3 * draft.aside:.4g} mm from the model's tool, and so it does still"
+            f"{round(1e3 * draft.aside, 6):.4g} mm from the model's tool, and so it does still"
         )
     if draft.loose_meshes:
         lines.append("it names meshes by their place beside the robot's URDF: keep it in that folder")
     return lines
+
+
+def _left(left: Sequence[Left]) -> list[str]:
+    """A line for every kind of error."""
+    return [f"  {one.mm[0]:.3f} and {one.mm[1]:.3f} mm: {WORDS[one.kind]}" for one in left]
+
+
+def _offset_words(arm: Arm, done: Offsets) -> list[str]:
+    best = done.best
+    shown = (f"{joint.name} {x:.4f}" for joint, x in zip(arm.joints, np.degrees(best.offsets), strict=True))
+    (drawn, drawn_most), (left, left_most) = best.drawn_mm, best.corrected_mm
+    return [
+        f"{arm.name}: offsets of the joints are in {done.file} [deg]: {', '.join(shown)}",
+        f"read back in {done.poses} poses: within {max(done.position_um, 0.001):.3g} um of these offsets",
+        f"with base and tool measured anew they leave {left:.3f} mm RMS, {left_most:.3f} mm at most, to the "
+        f"identified arm without payload; the drawing {drawn:.3f} and {drawn_most:.3f} mm",
+        f"what offsets cannot hold, RMS and at most, also in {done.beside}:",
+        *_left(best.left),
+    ]

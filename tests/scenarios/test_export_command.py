@@ -11,6 +11,7 @@ from run_here import here
 
 from testbench import files
 from testbench.campaign.arm_models import read_model
+from testbench.campaign.controller_files import STAMP
 from testbench.cli.program import program
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -96,6 +97,22 @@ def test_a_urdf_of_another_arm_is_not_replaced_and_one_from_scratch_may_be_the_r
     assert run("model", "--urdf", "new.urdf", "--force").returncode == 0
 
 
+def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
+    machine = "DEFDAT $MACHINE PUBLIC\n" + "".join(f"$MAMES[{k}]=0.0\n" for k in range(1, 7))
+    (place / "in" / "$machine.dat").write_text(machine)
+    done = run("model", "--kuka", "in/$machine.dat")
+    assert done.returncode == 0, done.stderr
+    said = json.loads((place / "$machine_calibrated.json").read_text())
+    assert said["file_sha256"] == files.digest(place / "$machine_calibrated.dat")
+    assert said["left_out"][0]["what"] == "lengths and tilts of axes"
+    assert f"{said['left_out'][0]['rms_mm']:.3f} and " in done.stdout
+    assert 0 < said["corrected_mm"]["rms"] < said["drawn_mm"]["rms"]
+    assert f"elbow_joint {np.degrees(said['offsets_rad']['elbow_joint']):.4f}" in done.stdout
+    assert run("model", "--kuka", "in/$machine.dat").returncode == 0  # what the command wrote may be replaced
+    done = run("model", "--kuka", "in/$machine.dat", "--out", "in/$machine.dat")
+    assert "is read by this command" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("args", "said"),
     [
@@ -109,10 +126,36 @@ def test_a_urdf_of_another_arm_is_not_replaced_and_one_from_scratch_may_be_the_r
         (("model", "--urdf", "model/rigid.xml"), "expected URDF"),
         (("in", "--urdf", "new.urdf"), "expected the folder of a model"),
         (("model", "--urdf", "nowhere/deep/new.urdf", "--force", "--bad"), "No such option"),
+        (("model",), "expected one of --urdf, --ur, --kuka and --abb"),
+        (("model", "--urdf", "new.urdf", "--ur", "in/ur.yaml"), "expected one of --urdf, --ur,"),
+        (("model", "--kuka", "in/machine.dat", "--gears", "1"), "--gears: expected --abb with it"),
+        (("model", "--kuka", "in/machine.dat"), "$machine.dat with a number at $MAMES[2]"),
+        (("model", "--kuka", "in/twice.dat"), "$MAMES[1]: stands twice"),
+        (("model", "--abb", "in/MOC.cfg"), "--gears: expected 6 numbers, or 36 row by row, got 0"),
+        (("model", "--abb", "in/MOC.cfg", "--gears", "a"), "--gears: expected numbers with commas"),
+        (("model", "--abb", "in/MOC.cfg", "--gears", "0,1,1,1,1,1"), "--gears: expected turns of the motors"),
+        (("model", "--abb", "in/MOC.cfg", "--gears", "9,9,9,9,9,9"), 'at cal_offset of "rob1_1"'),
+        (("model", "--ur", "in/ur.yaml"), "kinematics of a UR driver with a number at shoulder.y"),
+        (("model", "--ur", "in/huge.yaml"), "from that of ur10 as drawn"),
+        (("model", "--ur", "in/ours.yaml"), "testbench export wrote it; expected the robot's own file"),
     ],
 )
 def test_what_is_wrong_is_one_line_and_nothing_is_written(place, args, said):
     (place / "in" / "notes.urdf").write_text("<robot name='mine'/>")
+    ur = "kinematics:\n" + "".join(
+        f"  {frame}:\n" + "".join(f"    {key}: 1e3\n" for key in "x y z roll pitch yaw".split())
+        for frame in "shoulder upper_arm forearm wrist_1 wrist_2 wrist_3".split()
+    )
+    texts = {
+        "machine.dat": "$MAMES[1]=1.0\n$MAMES[2]=1e999\n",
+        "twice.dat": "$MAMES[1]=1.0\n$mames[1] = 2.0\n",
+        "MOC.cfg": 'MOC:CFG_1.0\nARM:\n  -name "rob1_1" -cal_offset 9\n',
+        "ur.yaml": "kinematics:\n  shoulder:\n    x: 0\n    y: .inf\n",
+        "huge.yaml": ur,
+        "ours.yaml": f"# {STAMP}\n{ur}",
+    }
+    for name, text in texts.items():
+        (place / "in" / name).write_text(text)
     before = held(place)
     done = run(*args)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stdout + done.stderr
