@@ -8,18 +8,14 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from testbench.errors import InputError, read_bytes
+from testbench.errors import InputError
 
 NUMBER = r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])"
-UR_LINE = re.compile(rf"(?m)^[ \t]+(?P<key>\w+):[ \t]*(?:{NUMBER})?[ \t]*(?:#.*)?\r?$")
-KUKA_LINE = re.compile(rf"(?mi)^[ \t]*\$MAMES\[(?P<key>\d+)\][ \t]*=[ \t]*{NUMBER}")
-ABB_PART = re.compile(r"(?m)^MOTOR_CALIB:[^#]*")
-ABB_AXIS = re.compile(rf'-name\s+"(?P<key>[^"]*)"(?:(?!-name\s).)*?\s-cal_offset\s+{NUMBER}', re.DOTALL)
-STAMP = "testbench export: as identified; what this cannot hold is in the JSON beside it"
+STAMP = "testbench export: as identified"
 MAX_BYTES = 16_000_000
 Numbers = Mapping[str, re.Match[str]]
 """Where the number of every key stands."""
@@ -31,35 +27,37 @@ class Format:
 
     title: str  #: For people.
     name: str  #: Of one key in the file, `{}` for the key.
-    find: Callable[[str], Iterator[re.Match[str]]]
+    part: str  #: Regular expression of what holds the numbers.
+    line: str  #: Of one, with `key` and `number`; without a number it is the head of keys below.
     decimals: int  #: Of a number that is written.
     comment: str  #: Begins one.
     head: str  #: Regular expression of what stands before our comment.
 
 
-def _abb(text: str) -> Iterator[re.Match[str]]:
-    for part in ABB_PART.finditer(text):
-        yield from ABB_AXIS.finditer(text, *part.span())
+UR_LINE = rf"(?m)^[ \t]+(?P<key>\w+):[ \t]*(?:{NUMBER})?[ \t]*(?:#.*)?\r?$"
+KUKA_LINE = rf"(?mi)^[ \t]*\$MAMES\[(?P<key>\d+)\][ \t]*=[ \t]*{NUMBER}"
+ABB_LINE = rf'(?s)-name\s+"(?P<key>[^"]*)"(?:(?!-name\s).)*?\s-cal_offset\s+{NUMBER}'
+DATA = r"(?ims)(.*?^DEFDAT.*?\n)?"
+UR = Format("kinematics of a UR driver", "{}", r"(?ms)^kinematics:.*", UR_LINE, 12, "#", "")
+KUKA = Format("KUKA's $machine.dat", "$MAMES[{}]", "(?s).*", KUKA_LINE, 8, ";", DATA)
+ABB = Format("ABB's MOC.cfg", 'cal_offset of "{}"', r"(?m)^MOTOR_CALIB:[^#]*", ABB_LINE, 8, "#", r"[^\n]*\n")
 
 
-UR = Format("kinematics of a UR driver", "{}", UR_LINE.finditer, 12, "#", "")
-KUKA = Format("KUKA's $machine.dat", "$MAMES[{}]", KUKA_LINE.finditer, 8, ";", r"(?is)(.*?^DEFDAT.*?\n)?")
-ABB = Format("ABB's MOC.cfg", 'cal_offset of "{}"', _abb, 8, "#", r"[^\n]*\n")
-
-
-def read_controller(file: Path) -> str:
-    """The text of a file in whatever encoding: a byte a character."""
-    return read_bytes(file, MAX_BYTES).decode("latin-1")
+def own_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Numbers:
+    """`find_numbers` of the robot's own file, none that testbench export wrote."""
+    if STAMP in text:
+        raise InputError(file, "", "testbench export wrote it; expected the robot's own file")
+    return find_numbers(form, file, text, keys)
 
 
 def find_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Numbers:
     """Where the numbers of some keys stand in a text, once each; InputError where they do not."""
     found: dict[str, re.Match[str]] = {}
-    frame = ""
-    for match in form.find(text):
+    above, part = "", re.search(form.part, text)
+    for match in re.compile(form.line).finditer(text, *part.span()) if part else ():
         if match["number"] is None:
-            frame = f"{match['key']}."
-        elif (key := frame + match["key"]) in found:
+            above = f"{match['key']}."
+        elif (key := above + match["key"]) in found:
             raise InputError(file, form.name.format(key), "stands twice")
         else:
             found[key] = match
@@ -69,12 +67,13 @@ def find_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Nu
     return {key: found[key] for key in keys}
 
 
-def exchanged(form: Format, text: str, numbers: Numbers, values: Mapping[str, float]) -> str:
-    """The text with other numbers, and our stamp in a comment."""
-    for key, match in sorted(numbers.items(), key=lambda pair: -pair[1].start("number")):
+def exchanged(
+    form: Format, text: str, numbers: Numbers, values: Iterable[float], said: Sequence[str] = ()
+) -> str:
+    """The text with other numbers, our stamp and what is said in comments."""
+    for match, value in sorted(zip(numbers.values(), values, strict=True), key=lambda pair: -pair[0].end()):
         start, end = match.span("number")
-        text = f"{text[:start]}{round(values[key], form.decimals) + 0.0:.{form.decimals}f}{text[end:]}"
-    newline = "\r\n" if "\r\n" in text else "\n"
-    head = re.match(form.head, text, re.MULTILINE)
+        text = f"{text[:start]}{round(value, form.decimals) + 0.0:.{form.decimals}f}{text[end:]}"
+    newline, head = "\r\n" if "\r\n" in text else "\n", re.match(form.head, text)
     at = head.end() if head else 0
-    return f"{text[:at]}{form.comment} {STAMP}{newline}{text[at:]}"
+    return text[:at] + "".join(f"{form.comment} {line}{newline}" for line in (STAMP, *said)) + text[at:]

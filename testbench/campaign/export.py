@@ -25,7 +25,7 @@ from testbench.campaign.export_geometry import (
     random_joints,
     tool_poses,
 )
-from testbench.campaign.export_left import GEOMETRY, Left, displacements, left_rows, sizes, unloaded
+from testbench.campaign.export_left import GEOMETRY, Sizes, displacements
 from testbench.campaign.export_own import own_origins, place, read_own
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State
@@ -75,8 +75,7 @@ class Exported:
     position_um: float  #: Most that it was off the model's geometry there.
     rotation_urad: float
     geometry_mm: tuple[float, float]  #: How far the identified geometry moves the tool from the drawing.
-    rest_mm: tuple[float, float]  #: How far own weight and errors of the joints do beside, not in the file.
-    left: tuple[Left, ...]  #: The same of every kind, and of the payload.
+    left: Sizes  #: What moves it beside, by kind: not in the file.
 
 
 @dataclass(frozen=True)
@@ -124,9 +123,9 @@ def export(state: State, draft: Draft, out: Path) -> Exported:
         urdf.write_bytes(draft.text.encode())
         off = read_back(state, draft, out, urdf.read_bytes().decode())
         moved = displacements(state, q)
-        geometry = moved.pop(GEOMETRY)
-        read, rest = (1e6 * off[0], 1e6 * off[1]), far(unloaded(moved)[:, 0])
-        done = Exported(out, document, draft, len(q), *read, far(geometry[:, 0]), rest, sizes(moved))
+        sizes = {kind: far(rows) for kind, rows in moved.items()}
+        geometry = sizes.pop(GEOMETRY)
+        done = Exported(out, document, draft, len(q), 1e6 * off[0], 1e6 * off[1], geometry, sizes)
         files.write_json(beside(state, draft.frames, urdf, done), other)
     return done
 
@@ -158,8 +157,7 @@ def beside(state: State, frames: Frames, urdf: Path, done: Exported) -> dict[str
         "digests": {name: files.digest(arm.rigid.with_name(name)) for name in ("rigid.xml", "elastic.toml")},
         "urdf_sha256": files.digest(urdf),
         "read_back": back,
-        "left_out_mm": dict(zip(("rms", "max"), done.rest_mm, strict=True)),
-        "left_out": left_rows(done.left),
+        "left_out": {what: {"rms_mm": rms, "max_mm": most} for what, (rms, most) in done.left.items()},
         "words": WORDS,
         "root": _pose(frames.root),
         "tool": _pose(frames.tip),

@@ -3,7 +3,7 @@
 import contextlib
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -17,10 +17,10 @@ from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
 from testbench.campaign.arm_models import load_model
 from testbench.campaign.controller_files import ABB, KUKA, STAMP
-from testbench.campaign.export import BEGINS, Exported, beside_of, draft_new, draft_own, export
-from testbench.campaign.export_controller import BEGINS as OFFSETS_BEGIN
-from testbench.campaign.export_controller import Offsets, draft_ur, export_offsets
-from testbench.campaign.export_left import WORDS, Left
+from testbench.campaign.export import BEGINS, Draft, Exported, beside_of, draft_new, draft_own, export
+from testbench.campaign.export_controller import draft_ur, export_offsets
+from testbench.campaign.export_geometry import POSES
+from testbench.campaign.export_left import BestOffsets, Sizes
 from testbench.errors import BenchError, InputError
 from testbench.identify.arm_model import ArmModel
 from testbench.output.manifest import read_plain
@@ -29,9 +29,8 @@ from testbench.output.whole import writing
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import plain_console
 
-BESIDE_BEGINS = b"|".join((BEGINS, OFFSETS_BEGIN))
 URDF = Kind("a URDF that testbench export wrote", STAMPED)
-BESIDE = Kind("the JSON beside such a file", BESIDE_BEGINS)
+BESIDE = Kind("the JSON beside such a file", BEGINS)
 CONTROLLER = Kind("such a file that testbench export wrote", rb"(?s).*?" + STAMP.encode())
 
 
@@ -63,45 +62,50 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Write a model into a URDF or a controller's file, what that cannot hold as JSON beside it."""
-    given = {"urdf": asked.urdf, "ur": asked.ur, "kuka": asked.kuka, "abb": asked.abb}
-    [*own] = [(name, file) for name, file in given.items() if file is not None]
+    own = [(name, file) for name in WAYS if (file := getattr(asked, name)) is not None]
     if len(own) != 1:
         raise BenchError("expected one of --urdf, --ur, --kuka and --abb")
     [(name, file)] = own
-    for flag, value, to in (("tip", asked.tip, "urdf"), ("gears", asked.gears, "abb")):
-        if value is not None and name != to:
+    for flag, to in (("tip", "urdf"), ("gears", "abb")):
+        if getattr(asked, flag) is not None and name != to:
             raise BenchError(f"--{flag}: expected --{to} with it")
-    if name == "urdf":
-        _write_urdf(asked, file)
-    else:
-        _write_controller(asked, name, file)
+    WAYS[name](asked, file)
 
 
 def _write_urdf(asked: Options, urdf: Path) -> None:
     scratch = _new(urdf)  # with --out it is read as any other
     own = look(urdf) is not None and not (scratch and asked.out is None)
     out = _place(asked, urdf, own=own)
-    with _claimed(asked, out, URDF, [urdf] if own else []) as (model, stood):
-        state = model.state
-        done = export(state, draft_own(state, urdf, asked.tip) if own else draft_new(state), out)
-        _say(model, _words(model.arm.name, done, replaced=stood))
+    with _claimed(asked, out, URDF, [urdf] if own else []) as model:
+        _export(model, draft_own(model.state, urdf, asked.tip) if own else draft_new(model.state), out)
 
 
-def _write_controller(asked: Options, name: str, file: Path) -> None:
-    out = asked.out or Path(f"{file.stem}_calibrated{file.suffix}")
-    with _claimed(asked, out, CONTROLLER, [file]) as (model, stood):
-        if name == "ur":
-            done = export(model.state, draft_ur(model.state, file), out)
-            _say(model, _words(model.arm.name, done, replaced=stood))
-        else:
-            form = KUKA if name == "kuka" else ABB
-            gears = _gears(asked.gears or "")
-            _say(model, _offset_words(model.arm, export_offsets(model.state, form, file, out, gears)))
+def _write_ur(asked: Options, file: Path) -> None:
+    with _claimed(asked, out := _beside(asked, file), CONTROLLER, [file]) as model:
+        _export(model, draft_ur(model.state, file), out)
+
+
+def _write_offsets(asked: Options, file: Path) -> None:
+    try:
+        gears = read_decimals(word.strip() for word in (asked.gears or "").split(",") if asked.gears)
+    except ValueError as err:
+        raise BenchError(f"--gears: expected numbers with commas between, got {asked.gears!r}") from err
+    with _claimed(asked, out := _beside(asked, file), CONTROLLER, [file]) as model:
+        best, off = export_offsets(model.state, ABB if asked.abb else KUKA, file, out, gears)
+        _say(model, _offset_words(model.arm, out, best, off))
+
+
+WAYS = {"urdf": _write_urdf, "ur": _write_ur, "kuka": _write_offsets, "abb": _write_offsets}
+"""What every flag that names the robot's own file asks for."""
+
+
+def _beside(asked: Options, file: Path) -> Path:
+    return asked.out or Path(f"{file.stem}_calibrated{file.suffix}")
 
 
 @contextlib.contextmanager
-def _claimed(asked: Options, out: Path, kind: Kind, files: list[Path]) -> Iterator[tuple[ArmModel, bool]]:
-    """The model, and whether a file is replaced."""
+def _claimed(asked: Options, out: Path, kind: Kind, files: list[Path]) -> Iterator[ArmModel]:
+    """The model, while the places of both files are ours."""
     inputs = [asked.model, *files]
     with (
         claim_file(out, kind, inputs=inputs, force=asked.force),
@@ -109,20 +113,18 @@ def _claimed(asked: Options, out: Path, kind: Kind, files: list[Path]) -> Iterat
     ):
         model = load_model(asked.model)
         _refuse_another(out, model.arm.name, force=asked.force)
-        yield model, look(out) is not None
+        yield model
+
+
+def _export(model: ArmModel, draft: Draft, out: Path) -> None:
+    stood = look(out) is not None
+    _say(model, _words(model.arm.name, export(model.state, draft, out), replaced=stood))
 
 
 def _say(model: ArmModel, lines: list[str]) -> None:
     if not model.absolute:
         lines.append("the model is of compliances alone: its geometry is the drawing's")
     plain_console().print("\n".join(lines), soft_wrap=True)
-
-
-def _gears(text: str) -> list[float]:
-    try:
-        return read_decimals(word.strip() for word in text.split(",") if text)
-    except ValueError as err:
-        raise BenchError(f"--gears: expected numbers with commas between, got {text!r}") from err
 
 
 def _new(urdf: Path) -> bool:
@@ -136,7 +138,7 @@ def _new(urdf: Path) -> bool:
 def _place(asked: Options, urdf: Path, *, own: bool) -> Path:
     """Where to write."""
     if own:
-        out = asked.out or Path(f"{urdf.stem}_calibrated.urdf")
+        out = _beside(asked, urdf.with_suffix(".urdf"))
     elif asked.out is not None:
         problem = "expected the robot's own URDF; to write one from scratch leave --out away"
         raise InputError(urdf, "", problem)
@@ -205,20 +207,19 @@ def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
     return lines
 
 
-def _left(left: Sequence[Left]) -> list[str]:
+def _left(left: Sizes) -> list[str]:
     """A line for every kind of error."""
-    return [f"  {one.mm[0]:.3f} and {one.mm[1]:.3f} mm: {WORDS[one.kind]}" for one in left]
+    return [f"  {rms:.3f} and {most:.3f} mm: {what}" for what, (rms, most) in left.items()]
 
 
-def _offset_words(arm: Arm, done: Offsets) -> list[str]:
-    best = done.best
+def _offset_words(arm: Arm, out: Path, best: BestOffsets, off: float) -> list[str]:
     shown = (f"{joint.name} {x:.4f}" for joint, x in zip(arm.joints, np.degrees(best.offsets), strict=True))
     (drawn, drawn_most), (left, left_most) = best.drawn_mm, best.corrected_mm
     return [
-        f"{arm.name}: offsets of the joints are in {done.file} [deg]: {', '.join(shown)}",
-        f"read back in {done.poses} poses: within {max(done.position_um, 0.001):.3g} um of these offsets",
+        f"{arm.name}: offsets of the joints are in {out} [deg]: {', '.join(shown)}",
+        f"read back in {POSES} poses: within {max(1e6 * off, 0.001):.3g} um of these offsets",
         f"with base and tool measured anew they leave {left:.3f} mm RMS, {left_most:.3f} mm at most, to the "
         f"identified arm without payload; the drawing {drawn:.3f} and {drawn_most:.3f} mm",
-        f"what offsets cannot hold, RMS and at most, also in {done.beside}:",
+        "what offsets cannot hold, RMS and at most, in comments there too:",
         *_left(best.left),
     ]
