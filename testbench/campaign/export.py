@@ -83,10 +83,11 @@ class Draft:
     """A URDF, or what stands for one, that is not written yet."""
 
     text: str
-    as_urdf: Callable[[str], str]  #: A URDF of the text that was written.
     joints: tuple[str, ...]  #: Names of its joints, in the arm's order.
     frames: Frames
     drawing_off: float | None = None  #: Between the two drawings, of a robot's own URDF [m, rad].
+    as_urdf: Callable[[str], str] = str  #: A URDF of the text that was written.
+    encoding: str = "utf-8"  #: Of the text.
     loose_meshes: bool = False  #: Meshes are named by their place beside the URDF.
 
     @property
@@ -100,7 +101,7 @@ def draft_new(state: State) -> Draft:
     arm, geometry, one = state.vjm.arm, identified(state), np.eye(4)
     names = [link.name for link in arm.links]
     frames = Frames([*names, arm.tool], one, [one] * len(names), one)
-    return Draft(_new_urdf(state, geometry), str, tuple(joint.name for joint in arm.joints), frames)
+    return Draft(_new_urdf(state, geometry), tuple(joint.name for joint in arm.joints), frames)
 
 
 def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
@@ -108,7 +109,8 @@ def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
     own = read_own(file, state.vjm.arm, tip)
     frames, off = place(own, state)
     text = with_origins(file, own.text, own_origins(own, frames, identified(state)))
-    return Draft(text, str, tuple(joint.name for joint in own.joints), frames, off, own.loose_meshes)
+    names = tuple(joint.name for joint in own.joints)
+    return Draft(text, names, frames, off, loose_meshes=own.loose_meshes)
 
 
 def export(state: State, draft: Draft, out: Path) -> Exported:
@@ -120,8 +122,8 @@ def export(state: State, draft: Draft, out: Path) -> Exported:
     """
     q, document = random_joints(state.vjm), beside_of(out)
     with whole_files([out, document]) as (urdf, other):
-        urdf.write_bytes(draft.text.encode())
-        off = read_back(state, draft, out, urdf.read_bytes().decode())
+        urdf.write_bytes(draft.text.encode(draft.encoding))
+        off = read_back(state, draft, out, urdf.read_bytes().decode(draft.encoding))
         moved = displacements(state, q)
         sizes = {kind: far(rows) for kind, rows in moved.items()}
         geometry = sizes.pop(GEOMETRY)

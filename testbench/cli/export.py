@@ -16,9 +16,8 @@ from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
 from testbench.campaign.arm_models import load_model
-from testbench.campaign.controller_files import ABB, KUKA, STAMP
 from testbench.campaign.export import BEGINS, Draft, Exported, beside_of, draft_new, draft_own, export
-from testbench.campaign.export_controller import draft_ur, export_offsets
+from testbench.campaign.export_controller import STAMP, UR, draft_ur, export_offsets, read_controller
 from testbench.campaign.export_geometry import POSES
 from testbench.campaign.export_left import BestOffsets, Sizes
 from testbench.errors import BenchError, InputError
@@ -43,15 +42,13 @@ class Options:
         Path | None,
         typer.Option(help="The robot's own URDF; where there is none, one is written from scratch."),
     ] = None
-    ur: Annotated[
-        Path | None, typer.Option(help="Kinematics of a UR driver (YAML), of the controller or nominal.")
+    into: Annotated[
+        Path | None,
+        typer.Option(help="The robot's own kinematics of a UR driver, $machine.dat of KUKA, MOC.cfg of ABB."),
     ] = None
-    kuka: Annotated[Path | None, typer.Option(help="KUKA's $machine.dat: mastering gets offsets.")] = None
-    abb: Annotated[Path | None, typer.Option(help="ABB's MOC.cfg: motor calibration gets offsets.")] = None
     gears: Annotated[
-        str | None,
-        typer.Option(help="Of ABB: turns of each motor for one of its axis, with sign: a,b,..."),
-    ] = None
+        str, typer.Option(help="Of ABB: turns of each motor for one of its axis, with sign: a,b,...")
+    ] = ""
     out: Annotated[Path | None, typer.Option(help="File to write; else NAME_calibrated here.")] = None
     tip: Annotated[
         str | None, typer.Option(help="Link of the robot's own URDF that carries the tool; else its end.")
@@ -62,14 +59,14 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Write a model into a URDF or a controller's file, what that cannot hold as JSON beside it."""
-    own = [(name, file) for name in WAYS if (file := getattr(asked, name)) is not None]
-    if len(own) != 1:
-        raise BenchError("expected one of --urdf, --ur, --kuka and --abb")
-    [(name, file)] = own
-    for flag, to in (("tip", "urdf"), ("gears", "abb")):
-        if getattr(asked, flag) is not None and name != to:
-            raise BenchError(f"--{flag}: expected --{to} with it")
-    WAYS[name](asked, file)
+    if (asked.urdf is None) == (asked.into is None):
+        raise BenchError("expected one of --urdf and --into")
+    if asked.urdf is not None:
+        _write_urdf(asked, asked.urdf)
+    elif asked.tip is not None:
+        raise BenchError("--tip: expected --urdf with it")
+    elif asked.into is not None:
+        _write_into(asked, asked.into)
 
 
 def _write_urdf(asked: Options, urdf: Path) -> None:
@@ -80,23 +77,17 @@ def _write_urdf(asked: Options, urdf: Path) -> None:
         _export(model, draft_own(model.state, urdf, asked.tip) if own else draft_new(model.state), out)
 
 
-def _write_ur(asked: Options, file: Path) -> None:
-    with _claimed(asked, out := _beside(asked, file), CONTROLLER, [file]) as model:
-        _export(model, draft_ur(model.state, file), out)
-
-
-def _write_offsets(asked: Options, file: Path) -> None:
+def _write_into(asked: Options, file: Path) -> None:
+    out, (form, _) = _beside(asked, file), read_controller(file)
     try:
-        gears = read_decimals(word.strip() for word in (asked.gears or "").split(",") if asked.gears)
+        gears = read_decimals(word.strip() for word in asked.gears.split(",") if asked.gears)
     except ValueError as err:
         raise BenchError(f"--gears: expected numbers with commas between, got {asked.gears!r}") from err
-    with _claimed(asked, out := _beside(asked, file), CONTROLLER, [file]) as model:
-        best, off = export_offsets(model.state, ABB if asked.abb else KUKA, file, out, gears)
-        _say(model, _offset_words(model.arm, out, best, off))
-
-
-WAYS = {"urdf": _write_urdf, "ur": _write_ur, "kuka": _write_offsets, "abb": _write_offsets}
-"""What every flag that names the robot's own file asks for."""
+    with _claimed(asked, out, CONTROLLER, [file]) as model:
+        if form is UR:
+            _export(model, draft_ur(model.state, file), out)
+        else:
+            _say(model, _offset_words(model.arm, out, *export_offsets(model.state, file, out, gears)))
 
 
 def _beside(asked: Options, file: Path) -> Path:

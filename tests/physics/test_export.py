@@ -15,7 +15,6 @@ from serial_arms import write_arm
 
 from testbench.arm.urdf_text import STAMP
 from testbench.campaign.campaign import build_cell
-from testbench.campaign.controller_files import ABB, KUKA
 from testbench.campaign.export import draft_new, draft_own, export
 from testbench.campaign.export_controller import draft_ur, export_offsets
 from testbench.campaign.export_geometry import apart, drawn, identified, random_joints, tool_poses
@@ -347,8 +346,8 @@ MOC += '#\nARM:\n      -name "rob1_1" -cal_offset 9\n'
 COUPLED = np.diag([-101.0, 120, 98.5, 80, -79, 50]) + np.eye(6, k=-1) * [0, 0, 0, 0, 3, 1]
 
 
-@pytest.mark.parametrize(("form", "text"), [(KUKA, MACHINE), (ABB, MOC)])
-def test_offsets_of_joints_in_a_controllers_file_are_the_model(ur10, rng, tmp_path, form, text):
+@pytest.mark.parametrize("text", [MACHINE, MOC], ids=["KUKA", "ABB"])
+def test_offsets_of_joints_in_a_controllers_file_are_the_model(ur10, rng, tmp_path, text):
     """Of an arm that has nothing else, by degrees: the controller's own sums with the new numbers give it."""
     o = np.array([0, *np.radians([3.0, -5, 0.2, 1]), 0])
     theta = np.zeros(ur10.n_theta)
@@ -356,14 +355,13 @@ def test_offsets_of_joints_in_a_controllers_file_are_the_model(ur10, rng, tmp_pa
     state = replace(planted(ur10, rng), theta_0=theta, C_theta=np.zeros_like(ur10.C_theta))
     state = replace(state, n=np.zeros_like(state.n))
     (file := tmp_path / "in.txt").write_bytes(text.encode("latin-1"))
-    best, off = export_offsets(
-        state, form, file, tmp_path / "out.txt", COUPLED.ravel() if form is ABB else ()
-    )
+    gears = COUPLED.ravel() if text is MOC else ()
+    best, off = export_offsets(state, file, tmp_path / "out.txt", gears)
     new = (tmp_path / "out.txt").read_bytes().decode("latin-1")
     number = r"-?[\d.e-]+(?=[ \n\\])"
-    key = r"\$MAMES\[\d\]=" if form is KUKA else r"-cal_offset "
+    key = r"\$MAMES\[\d\]=" if text is MACHINE else r"-cal_offset "
     old, found = (np.array(re.findall(key + f"({number})", both), dtype=float)[:6] for both in (text, new))
-    if form is KUKA:  # at the notch the axis is where it was, and is called as it is now
+    if text is MACHINE:  # at the notch the axis is where it was, and is called as it is now
         np.testing.assert_allclose(np.radians(found - old), o, rtol=0, atol=1e-9)
     else:  # the motors stand as they did; q = q_0 + M^-1 (motor - cal_offset)
         motor = old + COUPLED @ rng.uniform(-1, 1, 6)
