@@ -119,7 +119,8 @@ def test_a_parallelogram_is_read_as_its_refusal_says(tmp_path):
     """Pinocchio's reading of the file, the rod at minus joint 2, is the arm's with the sum in joint 3."""
     rod = """<link name="held"/><joint name="rod" type="revolute"><origin xyz="0 0 1.25"/>
         <parent link="link_2"/><child link="held"/><axis xyz="0 1 0"/>
-        <limit lower="-3" upper="3" effort="1" velocity="1"/><mimic joint="joint_a2" multiplier="-1"/></joint></robot>"""
+        <limit lower="-3" upper="3" effort="1" velocity="1"/>
+        <mimic joint="joint_a2" multiplier="-1"/></joint></robot>"""
     text = re.sub(r"\s+", " ", heavy_urdf(tmp_path).read_text()).replace("</robot>", re.sub(r"\s+", " ", rod))
     own = '<origin xyz="0 0 1.25"/> <parent link="link_2"/><child link="link_3"/>'
     text = text.replace(own, '<parent link="held"/><child link="link_3"/>')
