@@ -45,9 +45,7 @@ def test_one_seed_confirms_no_number_even_an_equal_one():
 def test_a_comparison_is_judged_by_a_sign_test_without_ties(won, lost, verdict):
     found = comparison("GCO is better", "its error is the smaller one", won, lost, 1000)
     assert found.verdict == verdict
-    assert found.why.startswith(
-        f"its error is the smaller one in {won} of 1000 seeds, larger in {lost}"
-    )
+    assert found.why.startswith(f"its error is the smaller one in {won} of 1000 seeds, larger in {lost}")
 
 
 def test_the_sign_test_says_its_chance():
