@@ -18,7 +18,6 @@ from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.posterior import CONFIDENCE, check_confidence, conditional, quantile
 from testbench.model.joint_errors import basis
-from testbench.model.laws import KINDS
 from testbench.model.load import Load, on_joints
 from testbench.model.loaded import displacement
 from testbench.model.vjm import chain, parameter_rows, tool_pose, translation_rows
@@ -234,7 +233,9 @@ def _parts(model: ArmModel) -> Iterator[tuple[str, Ids]]:
         yield name, np.flatnonzero(np.isin(model.columns, inside))
     first, links = unknowns.starts["elastic"], [link.name for link in model.arm.links]
     joints = [joint.name for joint in model.arm.joints]
-    names = [*np.repeat(links, 6), *joints, *joints * len(KINDS)]  # laws count as their joint's
+    laws = model.vjm.laws
+    of_laws = [] if laws is None else [joints[k] for k in laws.joints]  # they count as their joint's
+    names = [*np.repeat(links, 6), *joints, *of_laws]
     owner = np.array(names)[structure.a]
     for name in dict.fromkeys(owner.tolist()):
         inside = first + np.flatnonzero(owner == name)

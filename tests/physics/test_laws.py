@@ -149,7 +149,7 @@ def test_turns_of_laws_are_turns_of_their_joints(kr500):
 
 
 def default(cell):
-    [model] = with_priors(named_models(cell, ["ALL153"]), cad_prior(cell.arm))
+    [model] = with_priors(cell.arm, named_models(cell, ["ALL153"]), cad_prior(cell.arm))
     return model
 
 
@@ -209,10 +209,10 @@ def test_a_mean_of_both_is_between_them_and_its_intervals_hold_both(kr500, campa
 
 def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
     data, _ = campaigns["all"]
-    s = with_laws(all153(kr500.arm))
+    s = with_laws(all153(kr500.arm), kr500.arm)
     for estimator in (least_squares, gco):
         assert estimator(kr500.vjm, s, data).structure.laws == 0
-    [model] = with_priors(named_models(kr500, ["Joints"]), cad_prior(kr500.arm))
+    [model] = with_priors(kr500.arm, named_models(kr500, ["Joints"]), cad_prior(kr500.arm))
     assert model.structure.laws == 0
     with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, joints_only(kr500.arm), data)
     firm = robust(with_prior(gco, cad_prior(kr500.arm)))  # as cross-validation has it, reduced with laws
@@ -316,7 +316,7 @@ def at_the_base_links_end(kr500, C):
 
 def test_a_prior_wrong_in_scale_costs_laws_nothing(kr500, campaigns):
     """The scale common to compliances is the data's; sizes of laws have none."""
-    data, s = campaigns["all"][0], with_laws(all153(kr500.arm))
+    data, s = campaigns["all"][0], with_laws(all153(kr500.arm), kr500.arm)
     found = [
         with_prior(gco, Prior("scaled", scale * kr500.arm.C_theta))(kr500.vjm, s, data) for scale in (1, 3)
     ]
@@ -324,7 +324,7 @@ def test_a_prior_wrong_in_scale_costs_laws_nothing(kr500, campaigns):
 
 
 def test_sizes_of_laws_scatter_about_their_median_as_the_prior_says(kr500, campaigns):
-    data, s = campaigns["all"][0], with_laws(all153(kr500.arm))
+    data, s = campaigns["all"][0], with_laws(all153(kr500.arm), kr500.arm)
     vjm = vjm_of(kr500.vjm, s)
     own = evidence(reduce(vjm, s, data), metric(cad_prior(kr500.arm), kr500.vjm, s))
     normal, size = own.problem.priors[0], math.log(LAW[0])
