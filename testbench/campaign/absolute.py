@@ -52,17 +52,26 @@ class Score:
     coverage_95: float  #: Share of the positions inside their 95 % ellipsoid [1].
 
 
-def read_all(
-    paths: Sequence[Path], arm: Arm, mapping: Path | None, sigma: float | None
-) -> tuple[tuple[Series, ...], tuple[str, ...]]:
+@dataclass(frozen=True)
+class File:
+    """A file of absolute readings, and how it is read."""
+
+    path: Path
+    mapping: Path | None = None  #: A map of its names; None where it uses ours.
+    load: float | None = None  #: Mass that hangs in loaded rows where the file gives none [kg].
+    sigma_um: float | None = None  #: Noise of a reading along an axis, where the file lacks it.
+
+
+def read_all(given: Sequence[File], arm: Arm) -> tuple[tuple[Series, ...], tuple[str, ...]]:
     """Absolute readings of several files, each once and of another name, and what was understood."""
     series: list[Series] = []
     notes: list[str] = []
-    for k, path in enumerate(paths):
-        name = stem_of(path)
-        if name in map(stem_of, paths[:k]):
+    for k, file in enumerate(given):
+        path, name = file.path, stem_of(file.path)
+        if name in (stem_of(other.path) for other in given[:k]):
             raise InputError(path, "", f"expected another name: a file called {name} was read already")
-        found = read_series(path, arm, mapping, sigma)
+        sigma = None if file.sigma_um is None else 1e-6 * file.sigma_um
+        found = read_series(path, arm, file.mapping, sigma, file.load)
         _check_new(path, found.series, series)
         series += found.series
         notes += [f"{path.name}: {note}" for note in found.notes]

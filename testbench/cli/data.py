@@ -6,20 +6,12 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import build_cell
-from testbench.campaign.runs import Readings, files_read, look_at, read, register
-from testbench.cli.arguments import (
-    ArmName,
-    Dataset,
-    FrameName,
-    MapFile,
-    NewTarget,
-    ShownFolder,
-    SigmaUm,
-    claimed,
-)
+from testbench.campaign.runs import files_read, look_at, read, register
+from testbench.cli.arguments import RunFlags, ShownFolder, claimed
 from testbench.commands.data import COMMAND, listed, report, understand, write
 from testbench.errors import BenchError
 from testbench.shell.options import Force, takes
+from testbench.shell.project import ProjectCommand
 from testbench.views.terminal import looked_at, plain_console, print_words
 
 group = typer.Typer(no_args_is_help=True)
@@ -29,12 +21,6 @@ group = typer.Typer(no_args_is_help=True)
 class Options:
     """Flags of the command."""
 
-    arm: ArmName
-    dataset: Dataset
-    mapping: MapFile = None
-    sigma_um: SigmaUm = None
-    frame: FrameName = "auto"
-    new_target: NewTarget = None
     out: ShownFolder = None
     force: Force = False
 
@@ -44,14 +30,13 @@ def commands() -> None:
     """Read a file of measured runs; say what was understood."""
 
 
-@group.command("check")
-@takes(Options)
-def check(asked: Options) -> None:
+@group.command("check", cls=ProjectCommand)
+@takes(RunFlags, Options)
+def check(runs: RunFlags, asked: Options) -> None:
     """Say which column is which quantity, what was assumed, and show the runs on the arm."""
-    arm = find_arm(asked.arm)
-    given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target)
+    arm, given = find_arm(runs.arm), runs.readings
     with claimed(asked.out, COMMAND, [arm, *files_read(given)], force=asked.force):
-        filed = build_cell(asked.arm)
+        filed = build_cell(runs.arm)
         export = read(filed, given)
         found, console = understand(export), plain_console()
         columns = "\n".join(listed(found))
@@ -61,13 +46,13 @@ def check(asked: Options) -> None:
             console.print(columns, soft_wrap=True)  # what was understood helps where no frame is found
             raise
         doubts, scale = look_at(filed, export, registered, given)
-        found.update(dataset=asked.dataset.name, scale=scale, doubts=[own.sentence for own in doubts])
+        found.update(dataset=runs.dataset.name, scale=scale, doubts=[own.sentence for own in doubts])
         said = report(found, registered)
         lines = [columns]
         if asked.out is not None:
             write(cell, registered, said, asked.out)
             lines += [
                 f"picture    {asked.out / 'data.png'}",
-                *looked_at(asked.out, arm=asked.arm, data=asked.dataset),
+                *looked_at(asked.out, arm=runs.arm, data=runs.dataset),
             ]
         print_words(console, said, lines=lines)

@@ -8,9 +8,11 @@ from typing import Annotated
 import typer
 
 from testbench import __version__
+from testbench.shell.project import ProjectCommand
 
 COMMANDS = {
     "new": "Make an arm's folder from a robot's URDF or MJCF.",
+    "init": "Write a project file: the flags of a cell, once.",
     "check": "Read an arm's folder; say what is in it, or what is wrong.",
     "elastic": "Write the elastic arm as MJCF for MuJoCo's own viewer.",
     "plan": "Choose the poses to measure; say what they promise.",
@@ -49,7 +51,8 @@ def program(arguments: Sequence[str]) -> typer.Typer:
         if module is not None and name in GROUPS:
             app.add_typer(module.group, name=name, help=line)
         else:
-            app.command(name, help=line)(module.command if module is not None else _elsewhere)
+            command = module.command if module is not None else _elsewhere
+            app.command(name, help=line, cls=None if name == "init" else ProjectCommand)(command)
     return app
 
 

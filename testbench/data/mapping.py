@@ -102,6 +102,7 @@ class Names:
     layout: Layout  #: How the file is written.
     series: Absolute  #: What the map says of absolute readings.
     markers: tuple[str, ...]  #: Names of the targets that the file may have.
+    load: float | None = None  #: Mass that hangs in loaded rows where nothing says one [kg].
 
     def find(self, header: str) -> Named | None:
         """What a column is: the map before our own names; None for neither."""
@@ -160,6 +161,14 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
         series=found.series,
         markers=arm.markers,
     )
+
+
+def is_map(path: Path) -> bool:
+    """Whether a file is there and its keys are those of a map."""
+    try:
+        return bool(_read(path))
+    except InputError:
+        return False
 
 
 def _read(path: Path) -> _Map:

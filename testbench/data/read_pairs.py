@@ -48,7 +48,13 @@ def read_csv(path: str | Path, arm: Arm) -> Dataset:
     return read_export(Path(path), arm).data
 
 
-def read_export(path: Path, arm: Arm, mapping: Path | None = None, sigma: float | None = None) -> Export:
+def read_export(
+    path: Path,
+    arm: Arm,
+    mapping: Path | None = None,
+    sigma: float | None = None,
+    load: float | None = None,
+) -> Export:
     """Read and check the runs of an arm.
 
     Args:
@@ -56,12 +62,13 @@ def read_export(path: Path, arm: Arm, mapping: Path | None = None, sigma: float 
         arm: The arm that was measured.
         mapping: A map of its names, TOML; None where it uses ours.
         sigma: Standard deviation of a reading along an axis [m], where neither file nor map has one.
+        load: Mass that hangs in loaded rows [kg], where neither file nor map has a load.
 
     Raises:
         InputError: Names line and column, or key of the map, and what was expected.
     """
     with open_file(path, MAX_BYTES):  # all of it is held
-        found = read_campaign(path, arm, mapping, sigma)
+        found = read_campaign(path, arm, mapping, sigma, load)
     every = found.every
     return found if every is None else replace(found, data=every.pick(np.arange(every.runs)), every=None)
 
@@ -73,9 +80,15 @@ def from_text(text: str, arm: Arm) -> Dataset:
     return runs_of(find_columns(table, names, arm), arm, None).data
 
 
-def read_campaign(path: Path, arm: Arm, mapping: Path | None = None, sigma: float | None = None) -> Export:
+def read_campaign(
+    path: Path,
+    arm: Arm,
+    mapping: Path | None = None,
+    sigma: float | None = None,
+    load: float | None = None,
+) -> Export:
     """The same, in blocks where the file is large: memory does not grow with its runs."""
-    names = read_map(mapping, arm)
+    names = replace(read_map(mapping, arm), load=load)
 
     def compute(columns: Columns) -> Export:
         return runs_of(columns, arm, sigma)

@@ -56,7 +56,11 @@ class SeriesExport:
 
 
 def read_series(
-    path: str | Path, arm: Arm, mapping: str | Path | None = None, sigma: float | None = None
+    path: str | Path,
+    arm: Arm,
+    mapping: str | Path | None = None,
+    sigma: float | None = None,
+    load: float | None = None,
 ) -> SeriesExport:
     """Read and check absolute readings of an arm; both readings of a deflection are one each.
 
@@ -65,6 +69,7 @@ def read_series(
         arm: The arm that was measured.
         mapping: A map of its names, TOML; None where it uses ours.
         sigma: Standard deviation of a position along an axis [m], where neither file nor map has one.
+        load: Mass that hangs in loaded rows [kg], where neither file nor map has a load.
 
     Returns:
         A series for every set-up that the file names, and what was understood.
@@ -73,7 +78,7 @@ def read_series(
         InputError: Names line and column, or key of the map, and what was expected.
     """
     path = Path(path)
-    names = read_map(None if mapping is None else Path(mapping), arm, series_names)
+    names = replace(read_map(None if mapping is None else Path(mapping), arm, series_names), load=load)
     arm = replace(arm, markers=names.markers)
 
     def compute(columns: Columns) -> SeriesExport:

@@ -128,7 +128,7 @@ def by_interior(regression: Regression, program: Program) -> Answer | None:
     sizes, x = tuple(len(block) for block in s.blocks), np.empty(len(order))
     norms = Norms(program.R[:, :, order] * unit, program.z, program.rest, program.trace[order] * unit, sizes)
     for bold in SHARES:
-        x[order] = unit * interior(norms, bold)
+        x[order] = unit * interior(norms, bold)[0]
         pi = program.parameters(x, n)
         dual = gradient_dual(regression, pi)
         gap = bound(regression, pi, dual).duality_gap / program.unit
