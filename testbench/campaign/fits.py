@@ -316,6 +316,8 @@ def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
 
 def _laws(cell: Cell, estimate: Estimate) -> dict[str, dict[str, float]]:
     """What every joint does beyond a linear spring; nothing of a linear model."""
+    if estimate.average is None or not estimate.average.laws:
+        return {}
     found = sizes_of(vjm_of(cell.vjm, estimate.structure), estimate.C_theta)
     return {joint: {kind: UNIT_SIZES[kind] * own[kind] for kind in own} for joint, own in found.items()}
 

@@ -108,7 +108,7 @@ def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
 
 def why(found: Recommendation, estimate: Estimate) -> str:
     """Why a model is taken, and how much other models count in it."""
-    return found.why if estimate.average is None else f"{of_average(estimate.average)}; {found.why}"
+    return "; ".join([*of_average(estimate.average), found.why])
 
 
 @dataclass(frozen=True)

@@ -146,9 +146,8 @@ def _rows(model: ArmModel, poses: Poses, points: Array) -> Array:
     if model.absolute:
         A[:, unknowns.columns("geometry")] = J[:, unknowns.inner]
     if state.errors.size:
-        n = model.arm.n_joints
-        phi = basis(state.errors, model.arm, poses.q, u[-n:], state.torque_scale)
-        own = J[:, -n:, None] * phi
+        phi = basis(state.errors, model.arm, poses.q, u[model.vjm.own], state.torque_scale)
+        own = J[:, model.vjm.own, None] * phi
         A[:, unknowns.columns("errors")] = own.reshape(len(J), -1, len(poses.q))
     for row, line in zip(A, parameter_rows(model.structure, J, u), strict=True):
         row[unknowns.columns("elastic")] = line

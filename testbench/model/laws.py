@@ -9,8 +9,8 @@ compliance, the shapes are
   1 + beta times as stiff at the turn phi;
 - backlash: half its width, the side taken from the torque's sign where |x| is well above it;
 - friction: half the width of its loop, against the turn; no more than the turn itself;
-- compensator, of joint 2 alone: what a strut takes off as the arm deflects, K s^2 / (1 + K s^2) of x_1 - x_0, K
-  its stiffness over the joint's at its longest lever, s its lever over that.
+- compensator, of joint 2 alone: what a strut takes off as the arm deflects, K s^2 / (1 + K s^2) of x_1 - x_0,
+  K its stiffness over the joint's at its longest lever, s its lever over that.
 
 tau_0 is the torque of the arm's own weight, less what a compensator carries, tau_1 that under the load too.
 Backlash and friction of a gear: Ruderman et al., Modeling and identification of elastic robot joints with
@@ -35,7 +35,7 @@ TURN, STIFFER = 1e-3, 0.1
 PLAY, STICK = 5e-5, 3e-5  #: Half-widths of backlash and of a loop of friction of size one [rad, m].
 BESIDE = 0.3  #: Stiffness K of a compensator of size one over that of joint 2 [1].
 UNIT_SIZES = {**dict(zip(KINDS, (STIFFER, PLAY, STICK), strict=True)), STRUT: BESIDE / (1 + BESIDE)}
-"""What a size of one means [1, rad, rad, 1]; of a compensator the largest share of the turn that it takes off."""
+"""What a size of one means [1, rad, rad, 1]; of a compensator the largest share that it takes off a turn."""
 VJMS = 32  #: How many models with laws are remembered.
 
 
@@ -95,7 +95,7 @@ class JointLaws:
         return np.concatenate([c * stiffened, c * taken, c * held, c[1] * self._beside(where)])
 
     def _beside(self, where: Chain) -> Array:
-        """Turn of joint 2 per unit of that of its spring, by a compensator of size one, (1 or 0, runs) [1]."""
+        """What a compensator of size one adds to the turn of joint 2, over that turn, (1 or 0, runs) [1]."""
         if self.compensator is None:
             return np.zeros((0, len(where.position)))
         lever, longest, _ = _levers(self.compensator, where)
@@ -104,7 +104,7 @@ class JointLaws:
 
 
 def _levers(spring: Compensator, where: Chain) -> tuple[Array, Array, Array]:
-    """Of a spring from link 1 to link 2 the lever about joint 2, the longest one, and the length, (runs,) [m]."""
+    """Of a spring from link 1 to link 2 its lever about joint 2, the longest one, its length, (runs,) [m]."""
     (foot, R_1), (joint, R_2) = where.bodies[1], where.bodies[2]
     axis, arm = where.J_theta[3:, 6 * (len(where.bodies) - 1) + 1], spring.head @ R_2
     along = foot + spring.foot @ R_1 - joint - arm
@@ -165,9 +165,10 @@ def tangent(vjm: Vjm, C_theta: Array, where: Chain, u: Array) -> Array:
     C = np.tile(C_theta[:plain, :plain], (len(where.position), 1, 1))
     if vjm.laws is not None:
         more = np.diag(C_theta)[plain:, None] * vjm.laws.slope(where, u[plain - n :])
-        own, of = np.arange(plain - n, plain), plain - n + vjm.laws.joints
-        np.add.at(C, (slice(None), of, of), more.T)
-        C[:, own, own] = np.maximum(C[:, own, own], 0.0)
+        own = np.arange(plain - n, plain)
+        joints = C[:, own, own].T
+        np.add.at(joints, vjm.laws.joints, more)
+        C[:, own, own] = np.maximum(joints.T, 0.0)
     return C
 
 

@@ -54,6 +54,11 @@ class Vjm(Displayed):
         """Number of virtual joints, those of the laws last."""
         return self.arm.n_theta + (len(self.laws.joints) if self.laws else 0)
 
+    @property
+    def own(self) -> slice:
+        """Where the virtual joints of joints are among all."""
+        return slice(6 * len(self.arm.links), self.arm.n_theta)
+
     def about(self) -> dict[str, object]:
         """The arm, and how many virtual joints it has."""
         return {"arm": self.arm.name, "virtual_joints": self.arm.n_theta}
