@@ -71,8 +71,13 @@ class Evidence:
         return len(self.kind)
 
 
-def evidence(regression: Regression, metric: Metric) -> Evidence:
+def evidence(regression: Regression, metric: Metric, *, alike: bool = False) -> Evidence:
     """What a dataset says of a prior.
+
+    Args:
+        regression: The reduced dataset.
+        metric: Of the structure and the prior.
+        alike: Whether w is one of all links: else the shape of one may take up a mistake of few readings.
 
     Raises:
         BenchError: When the data want a common scale of the prior that is not above 0, or no load moves it.
@@ -91,6 +96,7 @@ def evidence(regression: Regression, metric: Metric) -> Evidence:
     drawn[:, first : m - 3] = block[:, None] == whole
     start[-3:] = math.log(SHAPE[0]), math.log(COUPLING[0]), max(0.0, math.log(size / FINEST))
     bounds = np.array([-FURTHEST, FURTHEST])[:, None] * np.ones(m)
+    bounds[:, first : m - 3] *= not alike
     bounds[:, -1] = start[-1], NOISIEST
     problem = Problem(
         gram=gram[None],

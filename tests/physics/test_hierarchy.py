@@ -139,12 +139,17 @@ def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(
 
 
 @pytest.mark.parametrize("make", [all153, mgco68])
-def test_diagnosis_starts_from_the_estimate_with_the_learnt_prior(kr500, campaign, make):
+def test_diagnosis_starts_from_the_estimate_with_a_learnt_prior_of_links_alike(kr500, campaign, make):
     regression, own = seen_by(kr500, campaign, make(kr500.arm))
-    [fitted, own_pi] = [
-        learnt(kr500.vjm, own, campaign.identification).pi,
-        solve(regression, "none", learn(regression, own, widths=False)).pi,
-    ]
+    fitted = learnt(kr500.vjm, own, campaign.identification).pi
+    seen = evidence(regression, own, alike=True)
+    h = greatest(seen.problem, seen.start)
+    u, c, kappa = np.exp(h[-3:])
+    L = seen.metric.L * np.exp(h[: seen.blocks])[seen.block]
+    own_pi = solve(
+        regression, "none", Belief(replace(seen.metric, L=L), Strength(u / kappa, 0.0, c / kappa))
+    ).pi
+    assert (shares(seen, h) == 1).all()
     np.testing.assert_allclose(fitted, own_pi, rtol=0, atol=1e-4 * np.abs(own_pi).max())
 
 

@@ -63,7 +63,7 @@ class Learnt:
 def learnt(vjm: Vjm, metric: Metric, data: Dataset, h: Array | None = None) -> Learnt:
     """Learn the prior from a dataset, or take hyperparameters of others; its readings against it."""
     structure = metric.structure
-    seen = evidence(reduce(vjm, structure, data), metric)
+    seen = evidence(reduce(vjm, structure, data), metric, alike=True)
     h = greatest(seen.problem, seen.start) if h is None else h
     read = one_by_one(vjm, structure, data)
     G = read.A.reshape(-1, structure.n) @ seen.metric.L
