@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from testbench.data.beside import clock
+from testbench.data.clock import clock
 from testbench.data.dataset import Ids
 from testbench.data.mapping import Layout, Log, Names
 from testbench.data.names import squeeze

@@ -11,6 +11,7 @@ from testbench.data.units import KNOWN
 
 OWN = ("reading", "torque", "temperature", "time", "sigma", "deviation", "spread")
 """Quantities that may differ between shots."""
+APART = 2e-3  #: Distance of a shot from the mean of its point beyond which it is of another [m].
 
 
 def averaged(columns: Columns) -> tuple[Columns, list[str]]:
@@ -35,8 +36,11 @@ def averaged(columns: Columns) -> tuple[Columns, list[str]]:
         n = np.bincount(code[there], minlength=len(first))
         mean = np.full(len(first), np.nan)
         np.divide(np.bincount(code[there], values[there], len(first)), n, out=mean, where=n > 0)
-        scale = column.unit.scale if column.unit else 1.0
-        squares += float((((values - mean[code])[there] * scale) ** 2).sum())
+        off = (values - mean[code]) * (column.unit.scale if column.unit else 1.0)
+        columns.table.refuse(
+            np.abs(off) > APART, column.name, f"expected shots of one point within {APART} m"
+        )
+        squares += float((off[there] ** 2).sum())
         free += int((n[n > 0] - 1).sum())
         table = table.with_numbers(column.index, mean)
     shots, scatter = float(np.median(count)), float(np.sqrt(squares / max(free, 1)))

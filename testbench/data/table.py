@@ -15,6 +15,7 @@ from testbench.data.dataset import Ids, Mask
 from testbench.data.header import find_header, notes, rows_of
 from testbench.data.lines import from_cell, read_letters, split_lines
 from testbench.data.mapping import Layout
+from testbench.data.names import squeeze
 from testbench.data.sheet import SHEET
 from testbench.data.units import Unit
 from testbench.errors import Array, InputError, shown
@@ -104,7 +105,8 @@ class Table:
 
     def beside(self, other: "Table", rows: Ids) -> "Table":
         """With those columns of another table that it has not, in these rows; decimal commas are points."""
-        kept = [k for k, name in enumerate(other.names) if name not in self.names]
+        own = {squeeze(name) for name in self.names}
+        kept = [k for k, name in enumerate(other.names) if squeeze(name) not in own]
         return replace(
             self,
             names=(*self.names, *(other.names[k] for k in kept)),
