@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from testbench.campaign.campaign import Scenario as Scenario
     from testbench.campaign.campaign import build_cell as build_cell
     from testbench.campaign.campaign import simulate as simulate
+    from testbench.campaign.load_dataset import load_dataset as load_dataset
     from testbench.campaign.models import MODELS as MODELS
     from testbench.campaign.plan import plan as plan
     from testbench.campaign.plan_settings import PlanSettings as PlanSettings
@@ -53,6 +54,7 @@ HOMES = {
     "build_cell": "campaign.campaign",
     "Scenario": "campaign.campaign",
     "simulate": "campaign.campaign",
+    "load_dataset": "campaign.load_dataset",
     "MODELS": "campaign.models",
     "Dataset": "data.dataset",
     "read_csv": "data.read_pairs",

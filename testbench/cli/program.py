@@ -18,6 +18,7 @@ COMMANDS = {
     "plan": "Choose the poses to measure; say what they promise.",
     "simulate": "Measure the true arm in given poses.",
     "data": "Read a file of measured runs; say what was understood.",
+    "dataset": "Make the public dataset of simulated campaigns.",
     "identifiability": "Say what runs can tell of a model, and what would help.",
     "identify": "Identify stiffness models from measured runs.",
     "calibrate": "Calibrate an arm by absolute readings: geometry, gears, elasticity.",
@@ -32,7 +33,7 @@ COMMANDS = {
     "shot": "Render the newest recording of a run without a screen.",
 }
 """What there is, one module each, and its line of help."""
-GROUPS = ("data",)  #: Those that have commands of their own.
+GROUPS = ("data", "dataset")  #: Those that have commands of their own.
 TYPED = ("COMP_WORDS", "_TYPER_COMPLETE_ARGS")  #: Where a shell that completes says what was typed.
 
 

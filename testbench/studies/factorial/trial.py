@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from testbench.campaign.campaign import Cell, Truth
-from testbench.campaign.evaluation import identify_each
+from testbench.campaign.evaluation import of_model
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import Model, equal_fit, named_models
 from testbench.campaign.perturbed_prior import with_wrong_prior, wrong_prior
@@ -108,7 +108,7 @@ def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Fits:
     found, seconds = {}, {}
     for model in models:
         start = perf_counter()
-        found[model.name] = identify_each(cell, model, runs)
+        found[model.name] = [of_model(cell, model, one) for one in runs]
         seconds[model.name] = (perf_counter() - start) / len(runs)
     return Fits(found, seconds)
 
