@@ -9,7 +9,7 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.absolute import kinematic_misfit
 from testbench.campaign.campaign import build_cell
-from testbench.campaign.propose_map import propose
+from testbench.campaign.propose_map import map_text, propose
 from testbench.campaign.runs import files_read, look_at, read, register
 from testbench.cli.arguments import ArmName, RunFlags, ShownFolder, claimed
 from testbench.commands.data import COMMAND, column_lines, column_rows, listed, report, understand, write
@@ -90,13 +90,14 @@ def propose_map(asked: MapOptions) -> None:
     inputs = [find_arm(asked.arm), file, *([asked.log] if asked.log else [])]
     with claim_file(out, MAP, inputs=inputs, force=asked.force):
         cell = build_cell(asked.arm)
-        found = propose(asked.dataset, cell.arm, asked.log, out.parent)
+        entries = propose(asked.dataset, cell.arm, asked.log, out.parent)
         with whole_file(out) as part:
             part.write_text(
-                f"# A map of {file.name}, proposed by testbench data map\n{found.text()}", "utf-8"
+                f"# A map of {file.name}, proposed by testbench data map\n{map_text(entries)}", "utf-8"
             )
-        guesses = (f"guess      [{table}] {key}: {why}" for (table, key), why in found.guesses.items())
-        console.print("\n".join([f"map        {out}", *guesses, ""]), soft_wrap=True)
+        guesses = {why: [own.key for own in entries if own.why == why] for *_, why in entries if why}
+        said = (f"guess      {', '.join(keys)}: {why}" for why, keys in guesses.items())
+        console.print("\n".join([f"map        {out}", *said, ""]), soft_wrap=True)
         export = read_series(asked.dataset, cell.arm, out)
         rows = sum(one.rows for one in export.series)
         lines = [

@@ -1,5 +1,7 @@
 """A robot's log beside a tracker's file: each reading gets the row of its name, or of the nearest time."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from testbench.data.clock import clock
@@ -7,7 +9,7 @@ from testbench.data.dataset import Ids
 from testbench.data.mapping import Layout, Log, Names
 from testbench.data.names import squeeze
 from testbench.data.table import Table, read_table
-from testbench.errors import InputError
+from testbench.errors import Array
 
 
 def with_log(table: Table, names: Names) -> Table:
@@ -15,8 +17,7 @@ def with_log(table: Table, names: Names) -> Table:
     if names.log is None or names.path is None:
         return table
     file = names.path.parent / names.log.file
-    log = read_table(file, lambda name: names.find(name) is not None, Layout())
-    return joined(table, log, names.log)
+    return joined(table, read_table(file, lambda name: names.find(name) is not None, Layout()), names.log)
 
 
 def joined(table: Table, log: Table, how: Log) -> Table:
@@ -25,23 +26,34 @@ def joined(table: Table, log: Table, how: Log) -> Table:
     Raises:
         InputError: At the first reading without a row of the log, and at a name that the log has twice.
     """
-    on = [how.on] if isinstance(how.on, str) else how.on
-    to = on if how.to is None else [how.to] if isinstance(how.to, str) else how.to
-    keys, theirs = _keys(table, on), _keys(log, to)
-    rows = (
-        _by_name(table, log, keys, theirs)
-        if how.within_s is None
-        else _by_time(table, log, how, keys, theirs)
-    )
+    to = how.to or how.on
+    if how.within_s is None:
+        return table.beside(log, _by_name(table, log, keys_of(table, how.on), keys_of(log, to)))
+    ours, theirs = times_of(table, how.on), times_of(log, to)
+    rows = nearest(ours, theirs)
+    apart, most = np.abs(theirs[rows] - ours), f"expected a row of {log.path.name} within {how.within_s:g} s"
+    table.refuse(apart > how.within_s, "", lambda row: f"{most}, the nearest is {apart[row]:.4g} s away")
     return table.beside(log, rows)
 
 
-def _keys(table: Table, columns: list[str]) -> list[str]:
-    """What columns say together, row by row."""
+def nearest(ours: Array, theirs: Array) -> Ids:
+    """Of every time the place of the nearest one of others."""
+    return np.array([int(np.abs(theirs - t).argmin()) for t in ours], dtype=np.int64)
+
+
+def times_of(table: Table, columns: Sequence[str]) -> Array:
+    """What columns say together as times, (rows,) [s]; InputError where they do not."""
+    found = clock(keys_of(table, columns)) if columns else None
+    if found is None:
+        raise table.header_error(f"expected times to join by in {' and '.join(columns) or 'a column'}")
+    return found
+
+
+def keys_of(table: Table, columns: Sequence[str]) -> list[str]:
+    """What columns say together, row by row; InputError names one that is not there."""
     if missing := [name for name in columns if name not in table.names]:
         raise table.header_error(f"no column {missing[0]!r} to join by; columns are {list(table.names)}")
-    parts = (table.texts(table.names.index(name)) for name in columns)
-    return [" ".join(own) for own in zip(*parts, strict=True)]
+    return [" ".join(own) for own in zip(*(table.texts(table.names.index(n)) for n in columns), strict=True)]
 
 
 def _by_name(table: Table, log: Table, keys: list[str], theirs: list[str]) -> Ids:
@@ -49,28 +61,6 @@ def _by_name(table: Table, log: Table, keys: list[str], theirs: list[str]) -> Id
     for row, key in enumerate(map(squeeze, theirs)):
         if place.setdefault(key, row) != row:
             raise log.error(row, "", f"expected every name once, got {theirs[row][:80]!r} again")
-    for row, key in enumerate(keys):
-        if squeeze(key) not in place:
-            raise table.error(row, "", f"no row of {log.path.name} is called {key[:80]!r}")
-    return np.array([place[squeeze(key)] for key in keys], dtype=int)
-
-
-def _by_time(table: Table, log: Table, how: Log, keys: list[str], theirs: list[str]) -> Ids:
-    ours, when = clock(keys), clock(theirs)
-    for own, texts, found in ((table, keys, ours), (log, theirs, when)):
-        if found is None:
-            raise InputError(own.path, "", f"expected times in the column to join by, got {texts[0][:80]!r}")
-    assert ours is not None
-    assert when is not None
-    order = np.argsort(when, kind="stable")
-    after = (
-        np.searchsorted(when[order], ours).clip(1, len(order) - 1)
-        if len(order) > 1
-        else np.zeros(len(ours), int)
-    )
-    near = np.where(ours - when[order][after - 1] <= when[order][after] - ours, after - 1, after)
-    rows = np.asarray(order[near])
-    apart = np.abs(when[rows] - ours)
-    most = f"expected a row of {log.path.name} within {how.within_s:g} s, the nearest is"
-    table.refuse(apart > (how.within_s or 0.0), "", lambda row: f"{most} {apart[row]:.4g} s away")
+    rows = np.array([place.get(squeeze(key), -1) for key in keys], dtype=np.int64)
+    table.refuse(rows < 0, "", lambda row: f"no row of {log.path.name} is called {keys[row][:80]!r}")
     return rows

@@ -66,8 +66,8 @@ class Log(Strict):
     """Another file with a row for every reading, such as the robot's joints."""
 
     file: Text  #: Its path from the map's folder.
-    on: Text | list[Text]  #: Columns of the readings that say the name or time of a row; several together.
-    to: Text | list[Text] | None = None  #: Those of the log, where they are called otherwise.
+    on: list[Text] = Field(min_length=1)  #: Columns of the readings that say together a row's name or time.
+    to: list[Text] = Field(default=[])  #: Those of the log, where they are called otherwise.
     #: By the nearest time, at most so far away [s]; by name where it is not said.
     within_s: Annotated[float, Field(gt=0, le=3600)] | None = None
 
