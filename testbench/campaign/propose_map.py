@@ -50,6 +50,7 @@ def map_text(entries: Sequence[Entry]) -> str:
     tables: dict[str, dict[str, str]] = {}
     for table, key, value, why in entries:
         name, said = (json.dumps(x, ensure_ascii=False) for x in (key, value))
+        name = key if key.isidentifier() and key.isascii() else name
         tables.setdefault(table, {}).setdefault(
             name, f"{name} = {said}" + (f"  # guess: {why}" if why else "")
         )

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 
+from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import Arm
 from testbench.data.clock import clock, seconds
 from testbench.data.columns import Column, Columns
@@ -39,13 +40,11 @@ def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
     if stamp is None:
         return None, []
     texts = columns.table.texts(stamp.index)
-    found = {text: seconds(text) for text in dict.fromkeys(texts)}
-    wrong = next((text for text, value in found.items() if value is None), None)
-    if wrong is not None and len(found) > 1 and (told := clock(texts)) is not None:
-        return told - told[0], []
-    if wrong is None and (len(found) > 1 or len(texts) == 1):
-        values = np.array([found[text] for text in texts], dtype=float)
+    values = clock(texts)
+    told = values is not None and not is_decimal(texts[0])  # a number may count minutes
+    if values is not None and told and (np.ptp(values) > 0 or len(texts) == 1):
         return values - values[0], []
+    wrong = next((text for text in texts if seconds(text) is None), None)
     if wrong is not None and ROUNDED.fullmatch(wrong):
         return None, [f"{stamp.name}: {wrong!r} is a time that a spreadsheet rounded: no time is read"]
     got = f"{wrong[:40]!r}" if wrong is not None else f"{texts[0][:40]!r} in every row"

@@ -11,6 +11,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
 from testbench.cli.program import program
 from testbench.data.read_series import read_series
+from testbench.errors import InputError
 
 ARM = "kr500_l480"
 BEGAN = datetime(2026, 9, 14, 9, 1, 30)
@@ -320,3 +321,90 @@ def test_an_export_is_read_by_the_map_that_is_proposed(make, known, tmp_path):
         assert series.sigma == pytest.approx(30e-6)
     if make in (leica_en, leica_shots):
         assert any("60 shots are 20 readings" in note for note in found.notes)
+
+
+def centimetres(s):
+    """Lengths that look like millimetres, by their size alone."""
+    c = Cells(s)
+    rows = [[n, *c.place(i, 0, 100), *c.joints(i)] for i, n in zip(c.rows, named(c, "{}"), strict=True)]
+    return table([["Name", "X", "Y", "Z", *(f"A{k + 1}" for k in JOINTS)], *rows]), None, (0,)
+
+
+def slipped(s):
+    """A log whose rows belong to the names before them, from the sixth on."""
+    content, joints, targets = analyzer_bare(s)
+    head, *rows = joints.splitlines()
+    joints = [row.partition(",")[2] for row in rows]
+    joints[5:] = [joints[-1], *joints[5:-1]]
+    names = [row.partition(",")[0] for row in rows]
+    return content, table([head.split(","), *zip(names, joints, strict=True)]), targets
+
+
+def backwards(s):
+    """The second joint counts the other way."""
+    content, *rest = polyworks_fr(s)
+    head, *rows = [line.split("\t") for line in content.splitlines()]
+    rows = [[*row[:5], f"{-float(row[5].replace(',', '.')):.5f}".replace(".", ","), *row[6:]] for row in rows]
+    return table([head, *rows], "\t"), *rest
+
+
+def an_hour_apart(s):
+    content, joints, targets = leica_de(s)
+    return content, joints.replace("T09:", "T10:"), targets
+
+
+def without_targets(s):
+    """Three targets under one name: no shots."""
+    c = Cells(s)
+    rows = [
+        [n, *c.place(i, m), *c.joints(i)]
+        for i, n in zip(c.rows, named(c, "P{}"), strict=True)
+        for m in range(3)
+    ]
+    return table([["Name", "X", "Y", "Z", *(f"A{k + 1}" for k in JOINTS)], *rows]), None, (0,)
+
+
+def a_name_less(s):
+    content, joints, targets = analyzer_bare(s)
+    return content, joints.replace("R03", "R3x"), targets
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (centimetres, "10 times too small: centimetres read as millimetres?"),
+        (slipped, "the readings are those of the pose after"),
+        (backwards, "column Axe 2 [deg]: expected -130"),
+        (an_hour_apart, "one has none in 3590 s; do the clocks agree?"),
+        (without_targets, "expected shots of one point within 0.002 m"),
+        (a_name_less, "expected times to join by"),
+    ],
+)
+def test_a_wrong_guess_is_not_silent(make, said, known, tmp_path):
+    file, flags, _ = written(make, known, tmp_path)
+    done = run("data", "map", ARM, file, *flags)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert "They fit the arm" not in done.stdout
+
+
+def test_a_log_is_joined_or_refused_line_by_line(known, tmp_path):
+    file, flags, _ = written(leica_de, known, tmp_path)
+    own = tmp_path / "export.toml"
+    assert run("data", "map", ARM, file, *flags).returncode == 0
+    text = own.read_text()
+    arm = load_arm(find_arm(ARM))
+    for old, new, said in (
+        (
+            "within_s = 1.0",
+            "within_s = 0.1",
+            r"line 2: expected a row of robot.csv within 0.1 s, the nearest is 0.25 s",
+        ),
+        ('"robot.csv"', '"none.csv"', r"none.csv: cannot be read"),
+        ('"Datum"', '"Tag"', r"no column 'Tag' to join by; columns are \['PunktNr'"),
+        ("[log]", "[log]\nby = 3", r"log.by: unknown key; keys are file, on, to, within_s"),
+    ):
+        own.write_text(text.replace(old, new))
+        with pytest.raises(InputError, match=said):
+            read_series(file, arm, own)
