@@ -41,8 +41,8 @@ def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
         return None, []
     texts = columns.table.texts(stamp.index)
     values = clock(texts)
-    told = values is not None and not is_decimal(texts[0])  # a number may count minutes
-    if values is not None and told and (np.ptp(values) > 0 or len(texts) == 1):
+    counted_in = is_decimal(texts[0]) and seconds(texts[0]) is None  # minutes, perhaps
+    if values is not None and not counted_in and (np.ptp(values) > 0 or len(texts) == 1):
         return values - values[0], []
     wrong = next((text for text in texts if seconds(text) is None), None)
     if wrong is not None and ROUNDED.fullmatch(wrong):
