@@ -28,7 +28,7 @@ STUCK = 1e-6  #: Step length below which it ends.
 STALLED = 1e-7  #: Distance below which an iteration that gains less than half is the last.
 STEADY = 0.3  #: Relative change of the norms below which their tangent is trusted.
 LEAST = 1e-6  #: Least share of the gap that a step aims at.
-BOLD = 0.9  #: Share of the way to the boundary that a step of least squares goes.
+BOLD = 0.9  #: Share of the way to the boundary that a step goes at least.
 SINGULAR = 3e-6  #: Least pivot of a matrix over its largest: the root of what Cholesky loses to rounding.
 ROUNDING = 1e-12  #: Share of a trace that an eigenvalue may lie below zero.
 TINY = 1e-300
@@ -83,10 +83,10 @@ class State:
         return float(self.x @ self.s + np.linalg.norm(self.x) * np.linalg.norm(self.missing))
 
 
-def interior(program: Program, bold: float) -> tuple[Array, Array]:
-    """Positive definite x as near the optimum as rounding allows, (n,); how near, the caller asks.
+def interior(program: Program) -> tuple[Array, Array]:
+    """Positive definite x as near the optimum as rounding allows, (n,), and its multipliers, (n,).
 
-    `bold` is the share of the way to the boundary that a step goes at least. Beside x its multipliers, (n,).
+    How near, the caller asks.
     """
     state = _start(program)
     found, best = state, program.cost(state.x, state.norms)
@@ -95,7 +95,7 @@ def interior(program: Program, bold: float) -> tuple[Array, Array]:
         for _ in range(ITERATIONS):
             before = state.left
             try:
-                state = _iterate(program, state, bold)
+                state = _iterate(program, state)
             except (np.linalg.LinAlgError, ValueError):  # a pair lost its last digits, or is not finite
                 break
             cost = program.cost(state.x, state.norms)
@@ -130,7 +130,7 @@ def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Arra
         T: Array = np.asarray(np.linalg.qr(np.c_[M, r], mode="r"))[:n]
         unit = max(float(np.linalg.norm(T[:, n])), TINY)
         R, z = T[None, :, :n] / unit, T[None, :, n] / unit
-        x, s = interior(Program(R, z, np.zeros(1), np.zeros(n), sizes, squares=True), BOLD)
+        x, s = interior(Program(R, z, np.zeros(1), np.zeros(n), sizes, squares=True))
         s = unit**2 * s
         if not all(_inside(part, sizes, ROUNDING) for part in (x, s)):
             return lost
@@ -157,7 +157,7 @@ def _start(program: Program) -> State:
     return State(size * one, s, norms, pulls, pulls.sum(axis=0) + program.c - s)
 
 
-def _iterate(program: Program, state: State, bold: float) -> State:
+def _iterate(program: Program, state: State) -> State:
     """A step, predicted for terms of second order, then corrected.
 
     Newton's system is (hessian + E) dx = w - missing, E dx + ds = w.
@@ -180,7 +180,7 @@ def _iterate(program: Program, state: State, bold: float) -> State:
         w[own.at] = cone.svec(own.inverse.swapaxes(1, 2) @ sums[-1] @ own.inverse)
     dx = cho_solve(root, w - missing)
     step = min(1.0, *(own.longest(own.scaled(dx), both) for own, both in zip(scalings, sums, strict=True)))
-    step *= bold + (0.99 - bold) * step
+    step *= BOLD + (0.99 - BOLD) * step
     x, s = x + step * dx, s + step * (missing + hessian @ dx)
     norms, pulls = program.at(x)
     steady = not program.squares and np.abs(norms * share - 1).max() < STEADY
