@@ -126,7 +126,7 @@ def by_interior(regression: Regression, program: Program) -> Answer | None:
     unit = np.where(s.mirrored[order], math.sqrt(0.5), 1.0)  # parameters over svec
     sizes, x = tuple(len(block) for block in s.blocks), np.empty(len(order))
     norms = Norms(program.R[:, :, order] * unit, program.z, program.rest, program.trace[order] * unit, sizes)
-    x[order] = unit * interior(norms)[0]
+    x[order] = unit * interior(norms).x
     pi = program.parameters(x, n)
     dual = gradient_dual(regression, pi)
     gap = bound(regression, pi, dual).duality_gap / program.unit

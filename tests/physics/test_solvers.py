@@ -123,7 +123,7 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
     own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, regression.structure), regression)
     belief = Belief(own, Strength(3.0))
     right, squares = solve(regression, "psd", belief), interior.interior
-    monkeypatch.setattr(interior, "interior", lambda *args: (wrong(squares(*args)[0]), squares(*args)[1]))
+    monkeypatch.setattr(interior, "interior", lambda own: replace(squares(own), x=wrong(squares(own).x)))
     assert not answer("psd", Case(regression, belief)).own
     again = solve(regression, "psd", belief)
     assert again.conservative
