@@ -183,7 +183,7 @@ def _correct(points: Points, most: int, *, renewed: bool) -> Corrected:
         found.left[moving], found.turned[moving] = off.left, off.turned
         found.balance[moving], found.steps[moving] = np.abs(off.springs).max(axis=1), step + 1
         if step == 0 or renewed:
-            J = _jacobian(now.aim, off.where, slice(-q.shape[1], None)) * now.free[:, None]
+            J = _jacobian(now.aim, off.where, now.state.vjm.own) * now.free[:, None]
             G = solutions(J, now.aim.hold, now.target.rotation @ np.array(now.aim.spindle))
         move = _move(now, off, q[moving], G, J) / 2 ** min(2, step // SHORTER)
         still = found.solved[moving] & (np.abs(move).max(axis=1) <= STILL)

@@ -45,7 +45,7 @@ def jacobian(
         _add_mount(A[:, :, unknowns.columns(f"mount {series.target}")], where.rotation)
     A[:, :, unknowns.columns("geometry")] = J[:, :, unknowns.inner]
     if unknowns.errors.size:
-        own = J[:, :, -unknowns.vjm.arm.n_joints :, None] * told.phi
+        own = J[:, :, unknowns.vjm.own, None] * told.phi
         A[:, :, unknowns.columns("errors")] = own.reshape(*A.shape[:2], -1, runs)
     elastic = unknowns.columns("elastic")
     lines = parameter_rows(unknowns.structure, J.reshape(-1, *J.shape[2:]), told.u)
