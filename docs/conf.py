@@ -42,6 +42,7 @@ def write_help(_: object) -> None:
         "compare",
         "compensate",
         "data check",
+        "dataset build",
         "demo",
         "elastic",
         "export",

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from testbench.campaign.campaign import Scenario as Scenario
     from testbench.campaign.campaign import build_cell as build_cell
     from testbench.campaign.campaign import simulate as simulate
+    from testbench.campaign.load_dataset import load_dataset as load_dataset
     from testbench.campaign.models import MODELS as MODELS
     from testbench.campaign.plan import plan as plan
     from testbench.campaign.plan_settings import PlanSettings as PlanSettings
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from testbench.identify import intervals as intervals
     from testbench.identify import least_squares as least_squares
     from testbench.identify import make_estimate as make_estimate
+    from testbench.identify import reduce as reduce
     from testbench.identify import robust as robust
     from testbench.identify import with_prior as with_prior
     from testbench.identify.absolute.fit import calibrate as calibrate
@@ -53,6 +55,7 @@ HOMES = {
     "build_cell": "campaign.campaign",
     "Scenario": "campaign.campaign",
     "simulate": "campaign.campaign",
+    "load_dataset": "campaign.load_dataset",
     "MODELS": "campaign.models",
     "Dataset": "data.dataset",
     "read_csv": "data.read_pairs",
@@ -69,6 +72,7 @@ HOMES = {
     "robust": "identify",
     "Estimate": "identify",
     "make_estimate": "identify",
+    "reduce": "identify",
     "certify": "identify",
     "intervals": "identify",
     "deflections": "identify.evaluate",

@@ -73,12 +73,16 @@ def _part(page: Path, report: Report, name: str) -> str:
 
 
 def bars(file: Path) -> str:
-    """What `make bench` measured where there is a bar to hold; empty where it did not run."""
+    """The first of each benchmark's bars that `make bench` held; empty where it did not run."""
     if not file.is_file():
         return ""
     record = json.loads(file.read_text(encoding="utf-8"))
-    held = [row for row in record["results"] if row["bar"] is not None]
-    rows = [[row["benchmark"], f"{row['value']:.3g} {row['unit']}", _bar(row)] for row in held]
+    held = {row["benchmark"][:3]: row for row in reversed(record["results"]) if row["bar"] is not None}
+    rows = [
+        [row["benchmark"], f"{row['value']:.3g} {row['unit']}", _bar(row)]
+        for letter, row in sorted(held.items())
+        if letter.strip()
+    ]
     table, processor = lines(["what", "measured", "bar"], rows), record["machine"]["processor"]
     return f"{table}\n\nMedians of one run on one thread of {processor}."
 

@@ -13,13 +13,14 @@ from testbench.data.dataset import Ids
 from testbench.data.read_series import read_series
 from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError, InputError, stem_of
-from testbench.identify.absolute.align import Misfit, far_off
+from testbench.identify.absolute.align import Misfit, aligned, far_off
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
 from testbench.identify.absolute.posterior import inside, known, place, predict
-from testbench.identify.absolute.scatter import WILD, Outliers, outliers
+from testbench.identify.absolute.scatter import WILD, Outliers, outliers, residuals
+from testbench.identify.absolute.state import nominal, torque_scale
 from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
-from testbench.identify.diagnosis.notation import unplaced
+from testbench.identify.diagnosis.notation import check_order, unplaced
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import POSES
 from testbench.identify.robust_loss import READINGS
@@ -52,17 +53,26 @@ class Score:
     coverage_95: float  #: Share of the positions inside their 95 % ellipsoid [1].
 
 
-def read_all(
-    paths: Sequence[Path], arm: Arm, mapping: Path | None, sigma: float | None
-) -> tuple[tuple[Series, ...], tuple[str, ...]]:
+@dataclass(frozen=True)
+class File:
+    """A file of absolute readings, and how it is read."""
+
+    path: Path
+    mapping: Path | None = None  #: A map of its names; None where it uses ours.
+    load: float | None = None  #: Mass that hangs in loaded rows where the file gives none [kg].
+    sigma_um: float | None = None  #: Noise of a reading along an axis, where the file lacks it.
+
+
+def read_all(given: Sequence[File], arm: Arm) -> tuple[tuple[Series, ...], tuple[str, ...]]:
     """Absolute readings of several files, each once and of another name, and what was understood."""
     series: list[Series] = []
     notes: list[str] = []
-    for k, path in enumerate(paths):
-        name = stem_of(path)
-        if name in map(stem_of, paths[:k]):
+    for k, file in enumerate(given):
+        path, name = file.path, stem_of(file.path)
+        if name in (stem_of(other.path) for other in given[:k]):
             raise InputError(path, "", f"expected another name: a file called {name} was read already")
-        found = read_series(path, arm, mapping, sigma)
+        sigma = None if file.sigma_um is None else 1e-6 * file.sigma_um
+        found = read_series(path, arm, file.mapping, sigma, file.load)
         _check_new(path, found.series, series)
         series += found.series
         notes += [f"{path.name}: {note}" for note in found.notes]
@@ -97,6 +107,16 @@ def explained(vjm: Vjm) -> Iterator[None]:
         if found is not None and found.kind != "kinematics":
             hint = f"; {doubt.said(found, vjm.arm).sentence}"
         raise BenchError(f"{err}{hint}") from err
+
+
+def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
+    """Median distance of readings from the rigid arm as drawn, in its best frame [m]; BenchError for none."""
+    weights = read_weights(vjm.arm)
+    with explained(vjm):
+        check_order(vjm, series)
+        state = aligned(nominal(vjm, weights, torque_scale(vjm, weights, tuple(series))), tuple(series))
+    left = (np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.seen] for one in series)
+    return float(np.median(np.concatenate(list(left))))
 
 
 def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequence[str] = ()) -> Calibrated:

@@ -5,6 +5,7 @@ A new URDF has links, joints with limits, tool and masses, no shapes.
 """
 
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,22 +15,22 @@ from testbench import files
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.mjcf_words import NUMBERS
-from testbench.arm.urdf_text import NEW_STAMP, origin_of, words
+from testbench.arm.urdf_text import NEW_STAMP, origin_of, with_origins, words
 from testbench.campaign.export_geometry import (
     Frames,
     Rigid,
     apart,
-    by_geometry,
-    by_the_rest,
+    far,
     identified,
     random_joints,
     tool_poses,
 )
-from testbench.campaign.export_own import own_urdf, place, read_own
+from testbench.campaign.export_left import GEOMETRY, Sizes, displacements
+from testbench.campaign.export_own import own_origins, place, read_own
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State
 from testbench.model.kinematics import body_pose, urdf_poses
-from testbench.model.laws import PLAY, STICK, STIFFER, TURN
+from testbench.model.laws import BESIDE, PLAY, STICK, STIFFER, TURN, sizes_of
 from testbench.output.whole import whole_files
 
 NEAR = 1e-6  #: Most that the written URDF may differ from the model [m, rad].
@@ -50,7 +51,8 @@ WORDS = {
     "x_0 of own weight and compensator and x_1 under the load too, it turns by "
     f"s (f(x_1) - x_1 - f(x_0) + x_0), f + {STIFFER / TURN**2:g} f^3 = x (stiffening), "
     f"s {PLAY:g} (tanh(x_1 / {PLAY:g}) - tanh(x_0 / {PLAY:g})) (backlash), and "
-    f"-s {STICK:g} clip((x_1 - x_0) / {STICK:g}, -1, 1) (friction) [rad, m]",
+    f"-s {STICK:g} clip((x_1 - x_0) / {STICK:g}, -1, 1) (friction) [rad, m], and with the lever r of "
+    f"elastic.toml's compensator over its longest, -s (x_1 - x_0) {BESIDE:g} r^2 / (1 + {BESIDE:g} r^2)",
     "weights": "masses [kg] and centres [m] in the frame of urdf_link that the model bends under",
     "root": "the URDF's first link in the model's world",
     "tool": "the URDF's tip in the model's tool",
@@ -74,17 +76,19 @@ class Exported:
     position_um: float  #: Most that it was off the model's geometry there.
     rotation_urad: float
     geometry_mm: tuple[float, float]  #: How far the identified geometry moves the tool from the drawing.
-    rest_mm: tuple[float, float]  #: How far own weight and errors of the joints do beside, not in the URDF.
+    left: Sizes  #: What moves it beside, by kind: not in the file.
 
 
 @dataclass(frozen=True)
 class Draft:
-    """A URDF that is not written yet."""
+    """A URDF, or what stands for one, that is not written yet."""
 
     text: str
     joints: tuple[str, ...]  #: Names of its joints, in the arm's order.
     frames: Frames
     drawing_off: float | None = None  #: Between the two drawings, of a robot's own URDF [m, rad].
+    as_urdf: Callable[[str], str] = str  #: A URDF of the text that was written.
+    encoding: str = "utf-8"  #: Of the text.
     loose_meshes: bool = False  #: Meshes are named by their place beside the URDF.
 
     @property
@@ -105,8 +109,9 @@ def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
     """The robot's own URDF with other origins; InputError when it is not the arm's."""
     own = read_own(file, state.vjm.arm, tip)
     frames, off = place(own, state)
-    text = own_urdf(own, frames, identified(state))
-    return Draft(text, tuple(joint.name for joint in own.joints), frames, off, own.loose_meshes)
+    text = with_origins(file, own.text, own_origins(own, frames, identified(state)))
+    names = tuple(joint.name for joint in own.joints)
+    return Draft(text, names, frames, off, loose_meshes=own.loose_meshes)
 
 
 def export(state: State, draft: Draft, out: Path) -> Exported:
@@ -118,10 +123,12 @@ def export(state: State, draft: Draft, out: Path) -> Exported:
     """
     q, document = random_joints(state.vjm), beside_of(out)
     with whole_files([out, document]) as (urdf, other):
-        urdf.write_bytes(draft.text.encode())
-        far = read_back(state, draft, out, urdf.read_bytes().decode())
-        moved = by_geometry(state, q), by_the_rest(state, q)
-        done = Exported(out, document, draft, len(q), 1e6 * far[0], 1e6 * far[1], *moved)
+        urdf.write_bytes(draft.text.encode(draft.encoding))
+        off = read_back(state, draft, out, urdf.read_bytes().decode(draft.encoding))
+        moved = displacements(state, q)
+        sizes = {kind: far(rows) for kind, rows in moved.items()}
+        geometry = sizes.pop(GEOMETRY)
+        done = Exported(out, document, draft, len(q), 1e6 * off[0], 1e6 * off[1], geometry, sizes)
         files.write_json(beside(state, draft.frames, urdf, done), other)
     return done
 
@@ -134,12 +141,12 @@ def beside_of(urdf: Path) -> Path:
 def read_back(state: State, draft: Draft, urdf: Path, text: str) -> tuple[float, float]:
     """How far the written file, as Pinocchio reads it, is from the model [m, rad]; BenchError for too far."""
     q, frames = random_joints(state.vjm), draft.frames
-    found = frames.root @ urdf_poses(urdf, text, draft.joints, frames.names[-1], q)
-    far = apart(found, tool_poses(state.vjm, q, state.theta_0) @ frames.tip)
-    if not max(far) <= NEAR:
-        got = f"{1e6 * far[0]:.3g} um and {1e6 * far[1]:.3g} urad"
-        raise BenchError(f"the URDF, read back, is up to {got} from the model; nothing is written")
-    return far
+    found = frames.root @ urdf_poses(urdf, draft.as_urdf(text), draft.joints, frames.names[-1], q)
+    off = apart(found, tool_poses(state.vjm, q, state.theta_0) @ frames.tip)
+    if not max(off) <= NEAR:
+        got = f"{1e6 * off[0]:.3g} um and {1e6 * off[1]:.3g} urad"
+        raise BenchError(f"{urdf.name}, read back, is up to {got} from the model; nothing is written")
+    return off
 
 
 def beside(state: State, frames: Frames, urdf: Path, done: Exported) -> dict[str, object]:
@@ -153,7 +160,7 @@ def beside(state: State, frames: Frames, urdf: Path, done: Exported) -> dict[str
         "digests": {name: files.digest(arm.rigid.with_name(name)) for name in ("rigid.xml", "elastic.toml")},
         "urdf_sha256": files.digest(urdf),
         "read_back": back,
-        "left_out_mm": dict(zip(("rms", "max"), done.rest_mm, strict=True)),
+        "left_out": {what: {"rms_mm": rms, "max_mm": most} for what, (rms, most) in done.left.items()},
         "words": WORDS,
         "root": _pose(frames.root),
         "tool": _pose(frames.tip),
@@ -199,6 +206,7 @@ def _joints(state: State) -> list[dict[str, object]]:
     arm, errors = state.vjm.arm, state.errors
     first, orders = 6 * len(arm.links), len(errors.orders)
     found: list[dict[str, object]] = []
+    sizes = sizes_of(state.vjm, state.C_theta)
     for k, joint in enumerate(arm.joints):
         sine, cosine, single = np.split(state.n[k], [orders, 2 * orders])
         row: dict[str, object] = {
@@ -210,9 +218,8 @@ def _joints(state: State) -> list[dict[str, object]]:
             "sine": sine.tolist(),
             "cosine": cosine.tolist(),
         }
-        if state.vjm.laws is not None:
-            sizes = np.diag(state.C_theta)[arm.n_theta + k :: arm.n_joints]
-            row["laws"] = dict(zip(state.vjm.laws.kinds, sizes.tolist(), strict=True))
+        if sizes:
+            row["laws"] = sizes[joint.name]
         found.append(row | dict(zip(errors.kinds[2 * orders :], single.tolist(), strict=True)))
     return found
 

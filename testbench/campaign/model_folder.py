@@ -38,7 +38,7 @@ LARGEST_OF_ROOT = 1e100  #: Of posterior.npz: sums of squares are finite.
 D = TypeVar("D", bound=Strict)
 
 
-def _copy_arm(arm: Arm, folder: Path) -> dict[str, str]:
+def copy_arm(arm: Arm, folder: Path) -> dict[str, str]:
     """Copy the files of an arm, meshes among them; SHA-256 of each, by its path."""
     names, own = _arm_files(arm.rigid.parent), arm.rigid.parent
     for name in names:
@@ -179,7 +179,7 @@ def write_parts(
     """Copy an arm's files, write arrays as posterior.npz, and what is said as model.json with checksums."""
     said = {"format": kind.FORMATS[-1], "kind": kind.KIND, "arm": arm.name, **said}
     said["weights"] = {"mass_kg": weights.mass.tolist(), "centre_m": weights.centre.tolist()}
-    document = kind.model_validate({"digests": _copy_arm(arm, folder), **said})
+    document = kind.model_validate({"digests": copy_arm(arm, folder), **said})
     np.savez_compressed(folder / POSTERIOR, **own)  # type: ignore[arg-type]  # stubs: allow_pickle
     whole = sealed(document.model_dump(), (folder / POSTERIOR).read_bytes())
     files.write_json(whole, folder / DOCUMENT)

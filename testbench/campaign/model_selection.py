@@ -22,17 +22,10 @@ from testbench.campaign.runs import Many
 from testbench.data.dataset import Dataset, Ids, select
 from testbench.errors import Array
 from testbench.identify import Estimate, Method, with_prior
-from testbench.identify.crossval import (
-    Candidate,
-    Duel,
-    divided,
-    folds,
-    held_out_errors,
-    unless_beaten,
-)
+from testbench.identify.crossval import Candidate, Duel, Fold, divided, folds, unless_beaten
 from testbench.identify.fold import Parts, reduce_parts
 from testbench.identify.prior import Prior, Strength
-from testbench.identify.regression import Regression
+from testbench.identify.regression import f_m
 from testbench.model.laws import with_laws
 
 FILLED = " + prior"
@@ -69,7 +62,7 @@ def default_models(cell: Cell, prior: Prior | None, strength: Strength | None = 
     if prior is None:
         return named_models(cell, _possible(cell, tuple(MODELS)))
     plain, filled = (named_models(cell, _possible(cell, names)) for names in (PLAIN, WITH_PRIOR))
-    return [*plain, *with_priors(filled, prior, strength)]
+    return [*plain, *with_priors(cell.arm, filled, prior, strength)]
 
 
 def default_name(arm: Arm) -> str:
@@ -82,22 +75,24 @@ def _possible(cell: Cell, kinds: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(name for kind in kinds if (name := own_name(cell, kind))))
 
 
-def with_priors(models: Sequence[Model], prior: Prior, strength: Strength | None = None) -> list[Model]:
-    """Models with a prior, named so."""
-    return [_with_prior(m, prior, strength) for m in models]
+def with_priors(
+    arm: Arm, models: Sequence[Model], prior: Prior, strength: Strength | None = None
+) -> list[Model]:
+    """Models of an arm with a prior, named so."""
+    return [_with_prior(arm, m, prior, strength) for m in models]
 
 
-def _with_prior(model: Model, prior: Prior, strength: Strength | None) -> Model:
+def _with_prior(arm: Arm, model: Model, prior: Prior, strength: Strength | None) -> Model:
     """With a prior; where it is learnt the model of all links and joints has the joints' laws beside."""
     method, s = with_prior(model.estimator, prior, strength), model.structure
     whole = s.whole and len(s.blocks) == 2 * s.links - 1
-    structure = with_laws(s) if method.learns and whole else s
+    structure = with_laws(s, arm) if method.learns and whole else s
     return Model(f"{model.name}{FILLED}", structure, method)
 
 
 def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
     """The default, or joints alone where these predict what is held out clearly better."""
-    models = [*named_models(cell, (JOINTS,)), *with_priors(named_models(cell, (EVERY,)), prior)]
+    models = [*named_models(cell, (JOINTS,)), *with_priors(cell.arm, named_models(cell, (EVERY,)), prior)]
     found = recommend(cell, models, data)
     [model] = [m for m in models if m.name == found.name]
     estimate = of_model(cell, model, data)
@@ -106,7 +101,7 @@ def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
 
 def why(found: Recommendation, estimate: Estimate) -> str:
     """Why a model is taken, and how much other models count in it."""
-    return found.why if estimate.average is None else f"{of_average(estimate.average)}; {found.why}"
+    return "; ".join([*of_average(estimate.average), found.why])
 
 
 @dataclass(frozen=True)
@@ -162,15 +157,13 @@ def _why(duel: Duel, first: str, default: str) -> str:
 
 def _errors(cell: Cell, model: Model, runs: Folded) -> Array:
     """F_M on what is held out, (folds,) [1]; an estimator of one's own sees the other runs as they are."""
-    held, method = folds(runs.parts[model.structure.name]), model.estimator
+    method = model.estimator
 
-    def fits(regressions: Sequence[Regression]) -> Array:
+    def fit(fold: Fold) -> Array:
         if isinstance(method, Method):
-            found = method.of(cell.vjm, regressions, widths=False)
-            return np.array(
-                [np.pad(e.pi, (0, model.structure.n - len(e.pi))) for e in found]
-            )  # laws are last
-        kept = [select(runs.data, np.isin(runs.part, fold.kept)) for fold in held]
-        return np.array([of_model(cell, model, some).pi for some in kept])
+            pi = method.of(cell.vjm, fold.fitted, widths=False).pi
+            return np.pad(pi, (0, model.structure.n - len(pi)))  # laws are last
+        return of_model(cell, model, select(runs.data, np.isin(runs.part, fold.kept))).pi
 
-    return held_out_errors(held, fits)
+    held = folds(runs.parts[model.structure.name])
+    return np.array([f_m(fold.held_out, fit(fold)) for fold in held])

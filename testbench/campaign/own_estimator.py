@@ -15,6 +15,7 @@ from testbench import files
 from testbench.arm.stiffness import SYMMETRY_TOLERANCE, eigenvalue_scale
 from testbench.campaign.campaign import Cell
 from testbench.campaign.models import MODELS, Model
+from testbench.campaign.own_limits import Limits
 from testbench.campaign.own_process import SUFFIX, Own, ask, file_of, server
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
@@ -33,37 +34,54 @@ MODULE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
 
 
 @dataclass(frozen=True)
-class EstimatorOptions:
+class LimitOptions:
+    """Flags of what a call may use."""
+
+    estimator_timeout: Annotated[
+        float, typer.Option(min=0.01, max=86_400, help="Longest time of a call of an estimator, s.")
+    ] = 60.0
+    estimator_memory: Annotated[
+        float, typer.Option(min=0.01, max=1000, help="Most memory of a call beside its libraries, GB.")
+    ] = 2.0
+
+    @property
+    def limits(self) -> Limits:
+        """Of a call."""
+        return Limits(self.estimator_timeout, int(1e9 * self.estimator_memory))
+
+
+@dataclass(frozen=True)
+class EstimatorOptions(LimitOptions):
     """Flags of every command and study that tries estimators of one's own."""
 
     estimator: Annotated[
         list[str] | None,
         typer.Option(metavar=FORM, help="Estimator of your own beside ours; again for more."),
     ] = None
-    estimator_timeout: Annotated[
-        float, typer.Option(min=0.01, max=86_400, help="Longest time of a call of it, s.")
-    ] = 60.0
 
     @property
     def own(self) -> tuple[Own, ...]:
-        """Those that were asked for.
-
-        Raises:
-            BenchError: When one cannot be imported, lacks its function, or has a name that is taken.
-        """
-        if not self.estimator:
-            return ()
-        with server() as link:
-            found = tuple(_read(link, text, self.estimator_timeout) for text in self.estimator)
-        names = [own.name for own in found]
-        for name in names:
-            if names.count(name) > 1 or name.casefold() in map(str.casefold, MODELS):
-                raise BenchError(f"{FLAG}: the name {name!r} is taken: put another before it, NAME=...")
-        return found
+        """Those that were asked for; BenchError as `read_own`."""
+        return read_own(self.estimator or (), self.limits, tuple(MODELS))
 
 
-def _read(link: Connection, text: str, timeout: float) -> Own:
-    """An estimator as it is named on the command line; it is imported once, in a process apart."""
+def read_own(texts: Sequence[str], limits: Limits, taken: Sequence[str]) -> tuple[Own, ...]:
+    """Estimators as they are named on the command line; each is imported once, in a process apart.
+
+    BenchError when one cannot be imported, lacks its function, or has a name that is taken.
+    """
+    if not texts:
+        return ()
+    with server() as link:
+        found = tuple(_read(link, text, limits) for text in texts)
+    names = [own.name for own in found]
+    for name in names:
+        if names.count(name) > 1 or name.casefold() in map(str.casefold, taken):
+            raise BenchError(f"{FLAG}: the name {name!r} is taken: put another before it, NAME=...")
+    return found
+
+
+def _read(link: Connection, text: str, limits: Limits) -> Own:
     found = ASKED.fullmatch(text)
     source = found["source"] if found else ""
     if not found or not (source.endswith(SUFFIX) or MODULE.fullmatch(source)):
@@ -74,7 +92,7 @@ def _read(link: Connection, text: str, timeout: float) -> Own:
     if source.endswith(SUFFIX):
         source = str(Path(source).resolve())
         files.digest(Path(source))  # refuses what is no file
-    own = Own(name, source, found["function"], timeout)
+    own = Own(name, source, found["function"], limits)
     try:
         return replace(own, sha256=files.digest(file_of(link, own)))
     except BenchError as err:
@@ -90,19 +108,22 @@ Models = Callable[[Cell, Prior | None], list[Model]]
 
 
 @contextmanager
-def hired(own: Sequence[Own]) -> Iterator[Models]:
-    """In the block a function makes their models of a cell and the prior of a trial.
-
-    Raises:
-        BenchError: When a file is not the one that was asked for.
-    """
-    if not own:
-        yield lambda _cell, _prior: []
-        return
+def engaged(own: Sequence[Own]) -> Iterator[Connection]:
+    """A process that answers calls of them; BenchError when a file is not the one that was asked for."""
     with server() as link:
         for each in own:
             if files.digest(file_of(link, each)) != each.sha256:
                 raise BenchError(f"{FLAG}: {each.source} has changed since the run began")
+        yield link
+
+
+@contextmanager
+def hired(own: Sequence[Own]) -> Iterator[Models]:
+    """In the block a function makes their models of a cell and the prior of a trial; see `engaged`."""
+    if not own:
+        yield lambda _cell, _prior: []
+        return
+    with engaged(own) as link:
         yield lambda cell, prior: [
             Model(each.name, replace(all153(cell.arm), name=f"own {k}"), Hired(each, link, prior))
             for k, each in enumerate(own, 1)
@@ -119,7 +140,7 @@ class Hired:
 
     def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         """Its answer, judged as every estimate is; BenchError where it has none."""
-        pi = parameters(structure, ask(self.link, self.own, (vjm, structure, data, self.prior)))
+        pi = parameters(structure, ask(self.link, self.own, (vjm, structure, data, self.prior)).found)
         words = f"own estimator {self.own.function}"
         return make_estimate(reduce(vjm, structure, data), pi, method=words, constraint="own")
 

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.campaign.own_limits import Limits, limit
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, shown
 from testbench.identify.prior import Prior
@@ -40,8 +41,17 @@ class Own:
     name: str  #: As every view calls it.
     source: str  #: Path of its file, or name of its module.
     function: str
-    timeout: float  #: Longest time of a call [s].
+    limits: Limits  #: Of a call.
     sha256: str = ""  #: Of its file.
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a call returned."""
+
+    found: Array  #: Of any shape: parameters (n,) or compliances.
+    covariance: Array | None  #: The second of two arrays; None where there was one.
+    cpu_seconds: float  #: Processor time of the call.
 
 
 @contextmanager
@@ -51,13 +61,17 @@ def server() -> Iterator[Connection]:
         yield link
 
 
-def ask(link: Connection, own: Own, given: Given) -> Array:
-    """What an estimator returns, as an array of any shape.
+def ask(link: Connection, own: Own, given: Given) -> Answer:
+    """What an estimator returns, as arrays of any shape.
 
     Raises:
-        BenchError: Why there is none.
+        BenchError: Why there is nothing.
     """
-    return np.asarray(np.load(BytesIO(_asked(link, own, given)), allow_pickle=False))
+    data, seconds = _asked(link, own, given)
+    stream = BytesIO(data)
+    found = np.asarray(np.load(stream, allow_pickle=False))
+    more = stream.tell() < len(data)
+    return Answer(found, np.asarray(np.load(stream, allow_pickle=False)) if more else None, seconds)
 
 
 def file_of(link: Connection, own: Own) -> Path:
@@ -66,14 +80,15 @@ def file_of(link: Connection, own: Own) -> Path:
     Raises:
         BenchError: When it cannot be imported, or lacks the function.
     """
-    return Path(_asked(link, own, None).decode())
+    return Path(_asked(link, own, None)[0].decode())
 
 
-def _asked(link: Connection, own: Own, given: Given | None) -> bytes:
+def _asked(link: Connection, own: Own, given: Given | None) -> tuple[bytes, float]:
+    """Its answer, and the processor time that it took [s]."""
     link.send((own, given))
-    answer = link.recv_bytes()
+    answer, seconds = link.recv_bytes(), float(link.recv_bytes())
     if answer[:1] == WELL:
-        return answer[1:]
+        return answer[1:], seconds
     raise BenchError(shown(" ".join(answer[1:].decode(errors="replace").split()))[:LONGEST])
 
 
@@ -84,29 +99,31 @@ def main() -> None:
         os.dup2(2, 1)
         while True:
             own, given = link.recv()
-            link.send_bytes(_apart(link, own, given))
+            for part in _apart(link, own, given):
+                link.send_bytes(part)
 
 
-def _apart(link: Connection, own: Own, given: Given | None) -> bytes:
-    """The answer of a fork; it is killed when it is too slow."""
+def _apart(link: Connection, own: Own, given: Given | None) -> tuple[bytes, bytes]:
+    """The answer of a fork, and its processor time [s]; it is killed when it is too slow."""
     ours, theirs = Pipe(duplex=False)
     pid = os.fork()
     if not pid:
         try:
             link.close()
+            limit(own.limits)
             theirs.send_bytes(_answer(own, given))
         finally:
             os._exit(0)
     theirs.close()
     try:
-        slow = f"too slow: stopped after {own.timeout:g} s".encode()
-        return ours.recv_bytes(MOST) if ours.poll(own.timeout) else ILL + slow
+        slow = f"too slow: stopped after {own.limits.seconds:g} s".encode()
+        answer = ours.recv_bytes(MOST) if ours.poll(own.limits.seconds) else ILL + slow
     except (EOFError, OSError):
-        return ILL + ENDED.encode()
-    finally:
-        ours.close()
-        os.kill(pid, signal.SIGKILL)
-        os.waitpid(pid, 0)
+        answer = ILL + ENDED.encode()
+    ours.close()
+    os.kill(pid, signal.SIGKILL)
+    used = os.wait4(pid, 0)[2]
+    return answer, repr(used.ru_utime + used.ru_stime).encode()
 
 
 def _answer(own: Own, given: Given | None) -> bytes:
@@ -143,13 +160,14 @@ def _function(own: Own) -> tuple[Callable[..., object], str]:
 
 
 def _packed(found: object) -> bytes:
-    """An array in numpy's format."""
-    if found is None:
-        raise BenchError("expected an array, got None")
-    try:
-        array = np.asarray(found, dtype=float)
-    except (TypeError, ValueError) as err:
-        raise BenchError(f"expected an array of numbers, got {type(found).__name__}") from err
+    """An array in numpy's format, or one of parameters and one of their covariances."""
     stream = BytesIO()
-    np.save(stream, array, allow_pickle=False)
+    for part in found if isinstance(found, tuple) and len(found) == 2 else (found,):
+        if part is None:
+            raise BenchError("expected an array, got None")
+        try:
+            array = np.asarray(part, dtype=float)
+        except (TypeError, ValueError) as err:
+            raise BenchError(f"expected an array of numbers, got {type(part).__name__}") from err
+        np.save(stream, array, allow_pickle=False)
     return stream.getvalue()

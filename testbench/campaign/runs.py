@@ -105,6 +105,7 @@ class Readings:
     sigma_um: float | None  #: Standard deviation of a reading; None where the file says it.
     frame: str  #: Frame of the readings, as of `to_base`.
     new_target: Sequence[str] | None  #: Targets in the file that the arm's folder lacks.
+    load: float | None = None  #: Mass that hangs in loaded rows where the file gives none [kg].
     check_pose: Sequence[int] | None = None  #: Poses to hold back.
     full_pose: bool = False  #: Whether orientations are insisted on.
 
@@ -124,14 +125,14 @@ def read(cell: Cell, asked: Readings) -> Export:
     return _loaded(asked, read_export(*_how(cell, asked)))
 
 
-def _how(cell: Cell, asked: Readings) -> tuple[Path, Arm, Path | None, float | None]:
-    """File, arm with the targets that its folder lacks, map and sigma [m]."""
+def _how(cell: Cell, asked: Readings) -> tuple[Path, Arm, Path | None, float | None, float | None]:
+    """File, arm with the targets that its folder lacks, map, sigma [m] and load [kg]."""
     arm, sigma = cell.arm, None if asked.sigma_um is None else asked.sigma_um / UM
     markers = (*arm.markers, *(asked.new_target or ()))
     if "" in markers or len(set(markers)) < len(markers):
         new, have = ", ".join(asked.new_target or ()), ", ".join(arm.markers)
         raise BenchError(f"--new-target: expected new names, got {new}; {arm.name} has {have}")
-    return asked.dataset, replace(arm, markers=markers), asked.mapping, sigma
+    return asked.dataset, replace(arm, markers=markers), asked.mapping, sigma, asked.load
 
 
 def _loaded(asked: Readings, found: Export) -> Export:

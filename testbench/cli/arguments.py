@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Iterator, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +15,8 @@ from testbench.output.place import claim_folder
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+
+    from testbench.campaign.runs import Readings
 
 
 def mass(text: str) -> float:
@@ -32,17 +34,17 @@ def mass_or_none(text: str) -> float:
     return 0.0 if is_decimal(text) and float(text) == 0 else mass(text)
 
 
-def plain(asked: object, *files_read: str, without: Sequence[str] = ()) -> dict[str, object]:
+def plain(*asked: object, read: str, without: Sequence[str] = ()) -> dict[str, object]:
     """Flags as plain data but for places of results; of files their names and digests.
 
     Args:
-        asked: The flags, a dataclass.
-        files_read: Fields that are files, beside `mapping`.
+        asked: The flags, dataclasses.
+        read: Field that is a file or several, beside `mapping`.
         without: Other fields that are left out.
     """
     left = {"out", "report", "force", *without}
-    flags = {name: value for name, value in vars(asked).items() if name not in left}
-    for name in (*files_read, "mapping"):
+    flags = {name: value for own in asked for name, value in vars(own).items() if name not in left}
+    for name in (read, "mapping"):
         given = flags[name] if isinstance(flags[name], list) else [flags[name]]
         flags[name] = {path.name: files.digest(path) for path in filter(None, given)} or None
     return flags
@@ -69,20 +71,7 @@ def claimed(out: Path | None, command: str, inputs: Sequence[Path], *, force: bo
 
 
 ArmName = Annotated[str, typer.Argument(help="Folder with rigid.xml and elastic.toml, or one of our arms.")]
-Dataset = Annotated[
-    Path, typer.Argument(help="Measured runs, CSV, any other text table, or FILE.xlsx#SHEET.")
-]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]
-FrameName = Annotated[
-    str,
-    typer.Option(
-        "--frame", help="Of the readings: auto, base, tracker, or a TOML file with the base in the tracker's."
-    ),
-]
-NewTarget = Annotated[
-    list[str] | None,
-    typer.Option("--new-target", help="Target in the file that the arm's folder lacks; again for more."),
-]
 MapFile = Annotated[
     Path | None, typer.Option("--map", help="TOML file that says how the table names our quantities.")
 ]
@@ -93,6 +82,15 @@ SigmaUm = Annotated[
 Load = Annotated[
     float | None,
     typer.Option(
+        parser=mass,
+        metavar="MASS",
+        help="Hangs in loaded rows where the file gives none, such as 240 or 530lb.",
+    ),
+]
+Payload = Annotated[
+    float | None,
+    typer.Option(
+        "--load",
         parser=mass_or_none,
         metavar="MASS",
         help="Load assumed where the file gives none, such as 240 or 530lb; 0 for no load. Default: the "
@@ -105,3 +103,32 @@ Orientations = Annotated[
     bool, typer.Option("--orientations", help="Read one target, and how it is turned, to as many urad.")
 ]
 Noise = Annotated[float, typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis.")]
+
+
+@dataclass(frozen=True)
+class RunFlags:
+    """Measured runs of an arm, and how they are read."""
+
+    arm: ArmName
+    dataset: Annotated[
+        Path, typer.Argument(help="Measured runs, CSV, any other text table, or FILE.xlsx#SHEET.")
+    ]
+    mapping: MapFile = None
+    sigma_um: SigmaUm = None
+    load: Load = None
+    frame: Annotated[
+        str,
+        typer.Option(
+            help="Of the readings: auto, base, tracker, or a TOML file with the base in the tracker's."
+        ),
+    ] = "auto"
+    new_target: Annotated[
+        list[str] | None, typer.Option(help="Target in the file that the arm's folder lacks; again for more.")
+    ] = None
+
+    @property
+    def readings(self) -> "Readings":
+        """Where they are, and how they are read."""
+        from testbench.campaign.runs import Readings  # here: not every command reads runs
+
+        return Readings(self.dataset, self.mapping, self.sigma_um, self.frame, self.new_target, self.load)

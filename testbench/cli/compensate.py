@@ -11,7 +11,7 @@ from testbench.campaign.arm_models import load_model
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.plan_input import joints_of, payload_of, place
 from testbench.campaign.program import NAMED, CorrectedProgram, correct_program, with_payload
-from testbench.cli.arguments import ArmCheck, Load, MapFile, plain
+from testbench.cli.arguments import ArmCheck, MapFile, Payload, plain
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked
 from testbench.correct.step import Hold
@@ -43,7 +43,7 @@ class Options:
     report: Annotated[Path | None, typer.Option(help="Folder of the page; default: beside --out.")] = None
     arm: ArmCheck = None
     mapping: MapFile = None
-    load: Load = None
+    payload: Payload = None
     asked: Annotated[
         Asked | None,
         typer.Option(
@@ -54,7 +54,9 @@ class Options:
     hold: Annotated[
         Hold, typer.Option(help="What to correct: pose, axis (the spindle may turn), or position.")
     ] = "pose"
-    tip: Annotated[str, typer.Option(help="Tool point in the frame of the tool, x,y,z in m.")] = "0,0,0"
+    tool_point: Annotated[
+        str, typer.Option("--tip", help="Tool point in the frame of the tool, x,y,z in m.")
+    ] = "0,0,0"
     spindle: Annotated[str, typer.Option(help="Where the spindle points in the tool's frame: x, -x ...")] = (
         "x"
     )
@@ -86,13 +88,13 @@ def command(asked: Options) -> None:
         model = load_model(asked.model, asked.arm)
         cell = build_cell(asked.model)
         program = read_program(asked.program, model.arm, asked.mapping, jumps=asked.jumps)
-        program, notes = with_payload(model, program, lambda: payload_of(model.arm, asked.load, "--load"))
+        program, notes = with_payload(model, program, lambda: payload_of(model.arm, asked.payload, "--load"))
         start = None if asked.start is None else joints_of(asked.start, model.arm)
         found = correct_program(model, program, aim, cell.room, start=start)
         if found.unreached and not asked.keep_unreachable:
             raise _unreached(asked, found)
         said = report(found, asked.tolerance)
-        write(cell, found, said, plain(asked, "program", without=("model",)), to)
+        write(cell, found, said, plain(asked, read="program", without=("model",)), to)
         console = plain_console()
         for note in notes:
             console.print(note, soft_wrap=True)
@@ -126,7 +128,7 @@ def _aim(asked: Options) -> Aim:
     if asked.spindle not in AXES:
         raise InputError(Path("--spindle"), "", f"expected one of {', '.join(AXES)}, got {asked.spindle!r}")
     x, y, z = AXES[asked.spindle].tolist()
-    return Aim(asked.hold, asked.asked, place(asked.tip, "--tip x,y,z [m]"), (x, y, z))
+    return Aim(asked.hold, asked.asked, place(asked.tool_point, "--tip x,y,z [m]"), (x, y, z))
 
 
 def _unreached(asked: Options, found: CorrectedProgram) -> InputError:

@@ -13,8 +13,8 @@ from testbench.campaign.campaign import build_cell
 from testbench.campaign.identifiability import describe
 from testbench.campaign.models import named_models, plain_name
 from testbench.campaign.registration_notes import registration_notes
-from testbench.campaign.runs import Readings, files_read, read, register
-from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm
+from testbench.campaign.runs import files_read, read, register
+from testbench.cli.arguments import RunFlags
 from testbench.commands.identifiability import report, write
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.place import PNG, claim_file
@@ -27,33 +27,26 @@ from testbench.views import terminal
 class Options:
     """Flags of the command."""
 
-    arm: ArmName
-    dataset: Dataset
     model: Annotated[
         str | None, typer.Option(help="Model whose parameters are checked; default for six joints: MGCO68.")
     ] = None
     uncertainty_percent: Annotated[
         float, typer.Option(min=1e-4, max=1e8, help="Uncertainty of the CAD prior from the arm's folder.")
     ] = 30.0
-    mapping: MapFile = None
-    sigma_um: SigmaUm = None
-    frame: FrameName = "auto"
-    new_target: NewTarget = None
     more: Annotated[bool, typer.Option("--more", help="List every unobservable direction.")] = False
     figure: Annotated[Path | None, typer.Option(help="PNG to write.")] = None
     force: Force = False
 
 
-@takes(Options)
-def command(asked: Options) -> None:
+@takes(RunFlags, Options)
+def command(runs: RunFlags, asked: Options) -> None:
     """Say what is seen, what is not, and what would help."""
-    png = asked.figure
-    given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target)
+    png, given = asked.figure, runs.readings
     with ExitStack() as held:
         if png is not None:
-            inputs = [find_arm(asked.arm), *files_read(given)]
+            inputs = [find_arm(runs.arm), *files_read(given)]
             held.enter_context(claim_file(png, PNG, inputs=inputs, force=asked.force))
-        cell = build_cell(asked.arm)
+        cell = build_cell(runs.arm)
         with of_flag("--model"):
             [entry] = named_models(cell, [asked.model or plain_name(cell)])
         export = read(cell, given)

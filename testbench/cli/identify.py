@@ -16,8 +16,8 @@ from testbench.campaign.model_folder import DOCUMENT, FITS
 from testbench.campaign.model_selection import default_models, with_priors
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.own_estimator import EstimatorOptions, hired
-from testbench.campaign.runs import Readings, files_read, read_runs
-from testbench.cli.arguments import ArmName, Dataset, FrameName, MapFile, NewTarget, SigmaUm, plain
+from testbench.campaign.runs import files_read, read_runs
+from testbench.cli.arguments import RunFlags, plain
 from testbench.commands.identify import COMMAND, PICTURE, printed, tell
 from testbench.errors import BenchError
 from testbench.identify import robust
@@ -34,15 +34,9 @@ OLD = frozenset((FITS,))  #: All that earlier versions left.
 class Options:
     """Flags of the command."""
 
-    arm: ArmName
-    dataset: Dataset
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/identify")
     model: Annotated[list[str] | None, typer.Option(help="Model to fit; may be given again.")] = None
     check_pose: Annotated[list[int] | None, typer.Option(help="Pose to hold back; again for more.")] = None
-    mapping: MapFile = None
-    sigma_um: SigmaUm = None
-    frame: FrameName = "auto"
-    new_target: NewTarget = None
     full_pose: Annotated[
         bool, typer.Option("--full-pose", help="Insist on both terms of Eq. 19, positions and orientations.")
     ] = False
@@ -62,15 +56,14 @@ class Options:
     force: Force = False
 
 
-@takes(Options, EstimatorOptions)
-def command(asked: Options, tried: EstimatorOptions) -> None:
+@takes(RunFlags, Options, EstimatorOptions)
+def command(readings: RunFlags, asked: Options, tried: EstimatorOptions) -> None:
     """Fit, judge, say which model to take, and write it."""
-    arm = find_arm(asked.arm)
-    given = Readings(asked.dataset, asked.mapping, asked.sigma_um, asked.frame, asked.new_target)
-    given = replace(given, check_pose=asked.check_pose, full_pose=asked.full_pose)
+    arm = find_arm(readings.arm)
+    given = replace(readings.readings, check_pose=asked.check_pose, full_pose=asked.full_pose)
     inputs, own = [arm, *files_read(given)], tried.own
     with claim_folder(asked.out, COMMAND, own=OLD, inputs=inputs, force=asked.force):
-        cell = build_cell(asked.arm)
+        cell = build_cell(readings.arm)
         if asked.uncertainty_percent is not None and not asked.prior:
             raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
         filed = cell
@@ -82,8 +75,8 @@ def command(asked: Options, tried: EstimatorOptions) -> None:
         if asked.strict:
             from testbench.campaign.arm_check import check  # here: it reads the arm once more
 
-            check_strictly((*check(asked.arm).doubts, *found.fits.doubts))
-        flags, out = plain(asked, "dataset", without=("arm",)), asked.out
+            check_strictly((*check(readings.arm).doubts, *found.fits.doubts))
+        flags, out = plain(readings, asked, read="dataset", without=("arm",)), asked.out
         flags |= {"estimators": {each.name: asdict(each) for each in own}} if own else {}
         said, console = tell((filed, cell), found, flags, out), terminal.plain_console()
         console.print(terminal.as_plain(said.title))
@@ -113,7 +106,9 @@ def _models(cell: Cell, asked: Options) -> list[Model]:
         with of_flag("--model"):
             models = named_models(cell, asked.model)
         if prior is not None:
-            models = [with_priors([m], prior, strength)[0] if m.structure.whole else m for m in models]
+            models = [
+                with_priors(cell.arm, [m], prior, strength)[0] if m.structure.whole else m for m in models
+            ]
     if asked.robust:
         models = [replace(m, estimator=robust(m.estimator)) for m in models]
     return models

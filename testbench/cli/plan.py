@@ -7,14 +7,13 @@ from typing import Annotated
 import typer
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.absolute import Calibrated, calibrated, read_all
+from testbench.campaign.absolute import Calibrated, File, calibrated, read_all
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.models import EVERY, plain_name, right_name
 from testbench.campaign.plan import plan_absolute, plan_for
 from testbench.campaign.plan_input import box, overloads, payload_of, place, read_tasks
 from testbench.campaign.plan_settings import PlanSettings, structure
-from testbench.campaign.rows import UM
-from testbench.cli.arguments import ArmName, MapFile, Orientations, absolute_alone, mass
+from testbench.cli.arguments import ArmName, MapFile, Noise, Orientations, absolute_alone, mass
 from testbench.commands.plan import COMMAND, printed, report, write
 from testbench.commands.plan_numbers import numbers
 from testbench.design.criteria import check_criterion
@@ -72,10 +71,7 @@ class Options:
     model: Annotated[
         str | None, typer.Option(help="Model to be identified: all links and joints, MGCO68 with --no-prior.")
     ] = None
-    sigma_um: Annotated[
-        float | None,
-        typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis; default: 50."),
-    ] = None
+    sigma_um: Noise = 50.0
     uncertainty_percent: Annotated[float | None, typer.Option(help="Of the CAD prior; default: 30.")] = None
     no_prior: Annotated[bool, typer.Option("--no-prior", help="Plan for a fit without a prior.")] = False
     candidates: Annotated[
@@ -163,8 +159,8 @@ def _known(cell: Cell, asked: Options, flags: Absolute) -> Calibrated | None:
     """The arm by the readings that were taken before."""
     if not flags.given:
         return None
-    sigma = None if asked.sigma_um is None else asked.sigma_um / UM
-    series, notes = read_all(flags.given, cell.arm, asked.mapping, sigma)
+    files = [File(path, asked.mapping, sigma_um=asked.sigma_um) for path in flags.given]
+    series, notes = read_all(files, cell.arm)
     return calibrated(cell.vjm, series, Fit(), notes)
 
 
@@ -187,7 +183,7 @@ def _settings(cell: Cell, asked: Options, flags: Absolute) -> PlanSettings:
         poses=poses if asked.poses is None else asked.poses,
         loads_kg=tuple(loads),
         pulls_n=tuple(place(text, "--pull fx,fy,fz [N]") for text in asked.pull or []),
-        sigma_um=asked.sigma_um or 50.0,
+        sigma_um=asked.sigma_um,
         uncertainty_percent=None if asked.no_prior else percent,
         tracker_m=None if asked.tracker is None else place(asked.tracker),
         acceptance_deg=asked.acceptance_deg,

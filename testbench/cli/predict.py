@@ -10,7 +10,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.arm_models import load_model
 from testbench.campaign.plan_input import box, overloads, payload_of
 from testbench.campaign.program import FORCE, predicted, read_asked
-from testbench.cli.arguments import ArmCheck, Load, MapFile, plain
+from testbench.cli.arguments import ArmCheck, MapFile, Payload, plain
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
 from testbench.identify.arm_model import ArmModel
 from testbench.model.poses import WorkArea
@@ -28,7 +28,7 @@ class Options:
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/predict")
     arm: ArmCheck = None
     mapping: MapFile = None
-    load: Load = None
+    payload: Payload = None
     linear: Annotated[
         bool, typer.Option("--linear", help="By Eq. (6) instead of the loaded equilibrium of Eq. (7).")
     ] = False
@@ -52,14 +52,14 @@ def command(asked: Options) -> None:
         area = None if asked.box is None else WorkArea(*box(asked.box))
         model = load_model(asked.model, asked.arm)
         poses = read_asked(
-            asked.poses, model, asked.mapping, lambda: payload_of(model.arm, asked.load, "--load")
+            asked.poses, model, asked.mapping, lambda: payload_of(model.arm, asked.payload, "--load")
         )
         console = plain_console()
         with console.status("predicting") as status:
             made = predicted(model, poses, _push(model, asked.push), area, linear=asked.linear)
             said, out = report(made), asked.out
             status.update("writing")
-            write(made, said, plain(asked, "poses") | {"model": asked.model.name}, out)
+            write(made, said, plain(asked, read="poses") | {"model": asked.model.name}, out)
         heavy = overloads(model.arm, poses.hung.tolist())
         lines = [
             *(f"- {words}" for words in heavy),

@@ -8,14 +8,17 @@ from typing import Annotated
 import typer
 
 from testbench import __version__
+from testbench.shell.project import ProjectCommand
 
 COMMANDS = {
     "new": "Make an arm's folder from a robot's URDF or MJCF.",
+    "init": "Write a project file: the flags of a cell, once.",
     "check": "Read an arm's folder; say what is in it, or what is wrong.",
     "elastic": "Write the elastic arm as MJCF for MuJoCo's own viewer.",
     "plan": "Choose the poses to measure; say what they promise.",
     "simulate": "Measure the true arm in given poses.",
     "data": "Read a file of measured runs; say what was understood.",
+    "dataset": "Make the public dataset of simulated campaigns.",
     "identifiability": "Say what runs can tell of a model, and what would help.",
     "identify": "Identify stiffness models from measured runs.",
     "calibrate": "Calibrate an arm by absolute readings: geometry, gears, elasticity.",
@@ -24,13 +27,14 @@ COMMANDS = {
     "predict": "Say where loads bring the tool, how sure that is, how stiff it is.",
     "compensate": "Correct a robot's program for what loads do to the arm.",
     "demo": "Calibrate a heavy arm in simulation.",
+    "bench": "Rank estimators of anybody in frozen tasks.",
     "compare": "Say what differs between runs, and which errs less.",
     "next": "Say what is missing after a run, and the next command.",
     "view": "Open the newest recording of a run in the Rerun viewer.",
     "shot": "Render the newest recording of a run without a screen.",
 }
 """What there is, one module each, and its line of help."""
-GROUPS = ("data",)  #: Those that have commands of their own.
+GROUPS = ("data", "dataset")  #: Those that have commands of their own.
 TYPED = ("COMP_WORDS", "_TYPER_COMPLETE_ARGS")  #: Where a shell that completes says what was typed.
 
 
@@ -49,7 +53,8 @@ def program(arguments: Sequence[str]) -> typer.Typer:
         if module is not None and name in GROUPS:
             app.add_typer(module.group, name=name, help=line)
         else:
-            app.command(name, help=line)(module.command if module is not None else _elsewhere)
+            command = module.command if module is not None else _elsewhere
+            app.command(name, help=line, cls=None if name == "init" else ProjectCommand)(command)
     return app
 
 

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from testbench.campaign.absolute import read_all, score
+from testbench.campaign.absolute import File, read_all, score
 from testbench.campaign.arm_models import read_model
-from testbench.cli.arguments import MapFile, SigmaUm
+from testbench.cli.arguments import Load, MapFile, SigmaUm
 from testbench.identify.registration import POSES
 from testbench.shell.options import takes
 from testbench.views.terminal import plain_console
@@ -25,6 +25,7 @@ class Options:
     ]
     mapping: MapFile = None
     sigma_um: SigmaUm = None
+    load: Load = None
     frame_poses: Annotated[
         int | None,
         typer.Option(
@@ -42,8 +43,8 @@ class Options:
 def command(asked: Options) -> None:
     """Compare positions with those of a calibrated arm; of a new series fit frame and target only."""
     model = read_model(asked.model)
-    sigma = None if asked.sigma_um is None else 1e-6 * asked.sigma_um
-    series, notes = read_all([asked.readings], model.arm, asked.mapping, sigma)
+    file = File(asked.readings, asked.mapping, asked.load, asked.sigma_um)
+    series, notes = read_all([file], model.arm)
     found = score(model, series, asked.frame_poses)
     failed = asked.at_most is not None and not found.mean_mm <= asked.at_most
     if asked.json:

@@ -16,6 +16,7 @@ from testbench.data.names import ENTRIES, Slot, columns_of
 from testbench.data.pair import HELD, Paired, pair
 from testbench.data.rows import Conditions, Readings, markers_only, read_conditions, read_readings
 from testbench.data.scatter import read_covariances, read_sigma
+from testbench.data.shots import averaged
 from testbench.data.spool import Campaign, Spool, some
 from testbench.data.stream import Source, Whole, alike, read_source
 from testbench.data.table import table_of
@@ -48,7 +49,13 @@ def read_csv(path: str | Path, arm: Arm) -> Dataset:
     return read_export(Path(path), arm).data
 
 
-def read_export(path: Path, arm: Arm, mapping: Path | None = None, sigma: float | None = None) -> Export:
+def read_export(
+    path: Path,
+    arm: Arm,
+    mapping: Path | None = None,
+    sigma: float | None = None,
+    load: float | None = None,
+) -> Export:
     """Read and check the runs of an arm.
 
     Args:
@@ -56,12 +63,13 @@ def read_export(path: Path, arm: Arm, mapping: Path | None = None, sigma: float 
         arm: The arm that was measured.
         mapping: A map of its names, TOML; None where it uses ours.
         sigma: Standard deviation of a reading along an axis [m], where neither file nor map has one.
+        load: Mass that hangs in loaded rows [kg], where neither file nor map has a load.
 
     Raises:
         InputError: Names line and column, or key of the map, and what was expected.
     """
     with open_file(path, MAX_BYTES):  # all of it is held
-        found = read_campaign(path, arm, mapping, sigma)
+        found = read_campaign(path, arm, mapping, sigma, load)
     every = found.every
     return found if every is None else replace(found, data=every.pick(np.arange(every.runs)), every=None)
 
@@ -73,9 +81,15 @@ def from_text(text: str, arm: Arm) -> Dataset:
     return runs_of(find_columns(table, names, arm), arm, None).data
 
 
-def read_campaign(path: Path, arm: Arm, mapping: Path | None = None, sigma: float | None = None) -> Export:
+def read_campaign(
+    path: Path,
+    arm: Arm,
+    mapping: Path | None = None,
+    sigma: float | None = None,
+    load: float | None = None,
+) -> Export:
     """The same, in blocks where the file is large: memory does not grow with its runs."""
-    names = read_map(mapping, arm)
+    names = replace(read_map(mapping, arm), load=load)
 
     def compute(columns: Columns) -> Export:
         return runs_of(columns, arm, sigma)
@@ -110,6 +124,7 @@ def _gathered(exports: Iterator[Export]) -> Export:
 def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
     """The same of columns that were found."""
     columns, dropped = markers_only(columns)
+    columns, shots = averaged(columns)
     conditions = read_conditions(columns, arm)
     read = read_readings(columns, arm, conditions.loaded)
     runs = pair(columns.table, conditions, read)
@@ -136,7 +151,7 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
         precision=precision,
         station=None if conditions.station is None else conditions.station[runs.row],
     )
-    return Export(data, columns, (*conditions.notes, *runs.notes, *notes, *dropped))
+    return Export(data, columns, (*conditions.notes, *runs.notes, *notes, *dropped, *shots))
 
 
 def _check_once(columns: Columns, conditions: Conditions, runs: Paired, read: Readings) -> None:

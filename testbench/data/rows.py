@@ -124,6 +124,8 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
     table, hung = columns.table, columns.said(Slot("mass"))
     acting = [*axes(columns, "force"), *axes(columns, "moment")]
     acts = any(own is not None for own in acting)
+    told = columns.names.load if hung is None and not acts else None
+    hung = hung if told is None else told
     if acts == (hung is not None):
         if not acts and not needed:
             return np.zeros((table.rows, 6)), ["no column says a load: the arm has its own weight alone"]
@@ -138,7 +140,10 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
         table.refuse(kg < 0, name, lambda row: f"expected a mass of at least 0 kg, got {kg[row]:g}")
         weight = np.zeros((table.rows, 6))
         weight[:, 2] = -GRAVITY * kg
-        return weight, ["the mass hangs: force along z = -9.81 m/s2 times the mass, world axes"]
+        notes = (
+            [f"no column says a mass: {told:g} kg in loaded rows, as was said"] if told is not None else []
+        )
+        return weight, [*notes, "the mass hangs: force along z = -9.81 m/s2 times the mass, world axes"]
     names = [f"{what}_{x}" for what in ("force", "moment") for x in XYZ]
     zero = [name for name, own in zip(names, acting, strict=True) if own is None]
     wrench = np.column_stack([_load(columns, own) for own in acting])
@@ -147,17 +152,20 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
 
 def _load(columns: Columns, own: Column | float | None) -> Array:
     """A component of the load, (rows,): zero in an unloaded row, and where nothing says of a blank mass."""
-    if not isinstance(own, Column):
-        return columns.every_row(own)
-    values, state = columns.values(own), columns.get(Slot("state"))
+    values = columns.values(own) if isinstance(own, Column) else columns.every_row(own)
+    state = columns.get(Slot("state"))
     idle = np.zeros(len(values), dtype=bool)
     if state is not None:
         words = columns.table.texts(state.index)
         idle = np.array([columns.names.word(word, WHEN) == "before" for word in words], dtype=bool)
-    elif own.slot.what == "mass" and not any(c.slot.when for c in columns.every("reading")):
+    elif (
+        isinstance(own, Column)
+        and own.slot.what == "mass"
+        and not any(c.slot.when for c in columns.every("reading"))
+    ):
         idle = np.isnan(values)  # nothing hangs
     problem = "expected a finite number in a loaded row, got ''"
-    columns.table.refuse(np.isnan(values) & ~idle, own.name, problem)
+    columns.table.refuse(np.isnan(values) & ~idle, own.name if isinstance(own, Column) else "", problem)
     return np.where(idle, 0.0, values)
 
 

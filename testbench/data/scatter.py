@@ -33,7 +33,7 @@ def read_scatter(columns: Columns, sigma: float | None) -> Scatter:
     """How far positions and orientations scatter, by the file, the map or a flag [m, rad].
 
     Raises:
-        InputError: At a number that no instrument has, and where two places say the same.
+        InputError: At a number that no instrument has.
     """
     deviations, notes = _deviations(columns, "deviation", LEAST[0], "m")
     turned, more = _deviations(columns, "turn_deviation", LEAST[1], "rad")
@@ -57,34 +57,34 @@ def read_sigma(
     Args:
         columns: The table.
         index: Of what.
-        flag: What the command says.
+        flag: What the command says where file and map say nothing.
         deviations: By axis, (rows, 3) [m, rad], as the file has them.
 
     Returns:
         It, and what was assumed.
 
     Raises:
-        InputError: At a number that no instrument has, and where two places say the same.
+        InputError: At a number that no instrument has.
     """
     slot, name, table = Slot("sigma", index), ("sigma_m", "sigma_rad")[index], columns.table
     column, stated, (low, high) = columns.get(slot), columns.constant(slot), SIGMA_RANGE
-    if flag is not None and stated is not None:
-        raise columns.map_error(f"values.{name}", "expected it once, got a flag too")
+    said = (
+        [] if flag is None else [f"sigma is that of the file or its map, not {1e6 * flag:g} um as was said"]
+    )
     if column is not None:
         values = columns.full(column)
         bad = ~((values >= low) & (values <= high))
         table.refuse(bad, column.name, lambda row: f"expected {low:g} to {high:g}, got {values[row]:g}")
-        if flag is not None:
-            raise table.error(0, column.name, "expected sigma once, got a flag too")
-        return values, []
+        return values, said
     if deviations is not None and np.isfinite(deviations).any():
-        return np.full(table.rows, np.nanmedian(deviations)), []
-    value = stated if flag is None else flag
+        return np.full(table.rows, np.nanmedian(deviations)), said
+    value = flag if stated is None else stated
     if value is not None and not low <= value <= high:
         raise columns.map_error(name, f"expected {low:g} to {high:g}, got {value:g}")
     words = f"orientations: sigma {1e3 * SIGMA[1]:g} mrad" if index else f"sigma {1e6 * SIGMA[0]:g} um"
     asked = value is None and (not index or bool(columns.every(*ROTATIONS)))
-    notes = [f"no column says how far readings scatter: {words} is assumed"] * asked
+    notes = said if stated is not None else []
+    notes += [f"no column says how far readings scatter: {words} is assumed"] * asked
     return np.full(table.rows, SIGMA[index] if value is None else value), notes
 
 

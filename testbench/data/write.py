@@ -6,7 +6,7 @@ reading gives them back bit by bit; a blank cell is a number that is not there.
 
 import csv
 import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -60,6 +60,15 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
 
 def csv_text(data: Dataset, arm: Arm | tuple[str, ...]) -> str:
     """The same as text."""
+    own = {
+        name: list(map(as_cell, cells)) if isinstance(cells, list) else _numbers(cells)
+        for name, cells in columns(data, arm).items()
+    }
+    return _text(own, zip(*own.values(), strict=True))
+
+
+def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids | list[str]]:
+    """The columns of `write_csv`, a cell a point, NaN for what was lost."""
     joints = [j.column for j in arm.joints] if isinstance(arm, Arm) else [f"{name}_rad" for name in arm]
     if len(joints) != data.q.shape[1]:
         raise BenchError(f"joints: expected {data.q.shape[1]} names, got {joints}")
@@ -74,9 +83,11 @@ def csv_text(data: Dataset, arm: Arm | tuple[str, ...]) -> str:
     if data.precision is not None:
         C = _entries(data.covariance.reshape(-1, 3, 3))
         blocks.append((columns_of("covariance"), np.where(lost, np.nan, C)))
-    own = _cells(n, [(["run"], data.run), (["pose"], data.pose)], str)
-    own |= _markers(data) | _cells(n, blocks, repr) | _cells(n, [(["station"], data.station)], str)
-    return _text(own, zip(*own.values(), strict=True))
+    found: dict[str, Array | Ids | list[str]] = dict(
+        _repeated(n, [(["run"], data.run), (["pose"], data.pose)])
+    )
+    found["marker"] = list(data.markers) * data.runs
+    return found | dict(_repeated(n, [*blocks, (["station"], data.station)]))
 
 
 def write_series(
@@ -179,12 +190,15 @@ def _text(header: Iterable[str], rows: Iterable[Iterable[str]], delimiter: str =
 
 def _cells(points: int, blocks: Iterable[Block], shown: Shown) -> Table:
     """The numbers of every point as text, by column."""
-    found: Table = {}
+    return {name: _numbers(own, shown) for name, own in _repeated(points, blocks)}
+
+
+def _repeated(points: int, blocks: Iterable[Block]) -> Iterator[tuple[str, Array | Ids]]:
+    """The numbers of every point, by column."""
     for names, values in blocks:
         if values is not None:
             rows = np.repeat(values.reshape(len(values), -1), points // max(len(values), 1), axis=0)
-            found |= {name: _numbers(own, shown) for name, own in zip(names, rows.T, strict=True)}
-    return found
+            yield from zip(names, rows.T, strict=True)
 
 
 def _numbers(values: Array | Ids, shown: Shown = repr, mark: str = ".") -> list[str]:

@@ -1,9 +1,10 @@
-"""Sums of norms over positive semi-definite blocks: a dense interior-point method.
+"""Sums of norms, or of squares, over positive semi-definite blocks: a dense interior-point method.
 
     minimise   sum_k |(R_k x - z_k, rest_k)| + c . x   over   x, svec of positive semi-definite blocks
 
-Mehrotra's predictor and corrector along the direction of Nesterov and Todd (Todd, Toh and Tutuncu 1998), but
-that the last step's length, not the predicted one, says how much smaller a gap to aim at. The norms are not
+or half the squares of these norms, with a barrier or without. Mehrotra's predictor and corrector along the
+direction of Nesterov and Todd (Todd, Toh and Tutuncu 1998), but that the last step's length, not the
+predicted one, says how much smaller a gap to aim at; to a barrier a step is Newton's. The norms are not
 cones here: away from zero they are smooth, and their tangent enters Newton's matrix. Where they change much
 from step to step the residuals are weighted by the last ones instead (Weiszfeld), which never overshoots.
 """
@@ -20,12 +21,16 @@ from testbench.identify import cone
 ITERATIONS = 40
 CENTRED = 0.1  #: First gap, as a share of the objective.
 SMALL = 1e-3  #: Size of the first x where the data want none above zero.
-LEFT = 1e-11  #: Distance from the optimum at which it ends, in units where the data are of order one.
+LEFT = 1e-11  #: Distance from the optimum at which it ends, in units where the data are of order one,
+FINEST = 1e-14  #: and that of squares, whose own unit is that of noise.
 EXACT = 1e-9  #: Norm below which a residual has no direction to speak of: there is nothing to be proven.
 STUCK = 1e-6  #: Step length below which it ends.
 STALLED = 1e-7  #: Distance below which an iteration that gains less than half is the last.
 STEADY = 0.3  #: Relative change of the norms below which their tangent is trusted.
 LEAST = 1e-6  #: Least share of the gap that a step aims at.
+BOLD = 0.9  #: Share of the way to the boundary that a step goes at least.
+SINGULAR = 3e-6  #: Least pivot of a matrix over its largest: the root of what Cholesky loses to rounding.
+ROUNDING = 1e-12  #: Share of a trace that an eigenvalue may lie below zero.
 TINY = 1e-300
 
 
@@ -38,17 +43,35 @@ class Program:
     rest: Array  #: (K,).
     c: Array  #: (n,).
     sizes: tuple[int, ...]  #: Orders of the blocks.
+    squares: bool = False  #: Whether half the squares of the norms count.
+    barrier: float = 0.0  #: Weight of -log det of every block.
 
     @cached_property
     def gram(self) -> Array:
         """R_k^T R_k, (K, n, n)."""
         return np.asarray(self.R.swapaxes(1, 2) @ self.R)
 
+    def share(self, norms: Array) -> Array:
+        """What a residual pulls over its length, (K,)."""
+        return np.ones_like(norms) if self.squares else 1 / np.maximum(norms, TINY)
+
+    def fit(self, norms: Array) -> float:
+        """What counts of the norms, (K,)."""
+        return float((norms**2 / 2 if self.squares else norms).sum())
+
+    def cost(self, x: Array, norms: Array) -> float:
+        """Cost of x, (n,), whose norms are (K,)."""
+        cost = self.fit(norms) + float(x @ self.c)
+        if self.barrier:
+            blocks = (cone.smat(x[at]) for at in cone.groups_of(self.sizes))
+            cost -= self.barrier * sum(float(np.linalg.slogdet(X)[1].sum()) for X in blocks)
+        return cost
+
     def at(self, x: Array) -> tuple[Array, Array]:
-        """Norms, (K,), and their gradients, (K, n)."""
+        """Norms, (K,), and the gradients of what counts of them, (K, n)."""
         left = self.R @ x - self.z
         norms = np.sqrt((left**2).sum(axis=1) + self.rest**2)
-        return norms, np.vecmat(left, self.R) / np.maximum(norms, TINY)[:, None]
+        return norms, np.vecmat(left, self.R) * self.share(norms)[:, None]
 
 
 @dataclass(frozen=True)
@@ -63,34 +86,75 @@ class State:
     step: float = 0.5  #: How far the last step went, 1 for all the way.
     steady: bool = False  #: Whether the tangent of the norms is trusted.
 
-    @property
-    def left(self) -> float:
-        """Gap and what the gradient is not yet the multipliers, times the length of x."""
-        return float(self.x @ self.s + np.linalg.norm(self.x) * np.linalg.norm(self.missing))
+    def left(self, program: Program) -> float:
+        """Gap, or how far products are from the barrier; and what the gradient lacks, by the length of x."""
+        gap = float(self.x @ self.s)
+        if program.barrier:
+            groups = cone.groups_of(program.sizes)
+            products = (cone.smat(self.x[at]) @ cone.smat(self.s[at]) for at in groups)
+            gap = sum(float(np.linalg.norm(XS - program.barrier * np.eye(len(XS[0])))) for XS in products)
+        return gap + float(np.linalg.norm(self.x) * np.linalg.norm(self.missing))
 
 
-def interior(program: Program, bold: float) -> Array:
-    """Positive definite x as near the optimum as rounding allows, (n,); how near, the caller asks.
-
-    `bold` is the share of the way to the boundary that a step goes at least.
-    """
+def interior(program: Program) -> State:
+    """As near the optimum as rounding allows; how near, the caller asks."""
     state = _start(program)
-    found, best = state.x, float(state.norms.sum() + state.x @ program.c)
+    found, best = state, program.cost(state.x, state.norms)
+    near, least = (FINEST, 0.0) if program.squares else (LEFT, EXACT)
     with np.errstate(all="ignore"):  # a step that is not finite is not taken
         for _ in range(ITERATIONS):
-            before = state.left
+            before = state.left(program)
             try:
-                state = _iterate(program, state, bold)
+                state = _iterate(program, state)
             except (np.linalg.LinAlgError, ValueError):  # a pair lost its last digits, or is not finite
                 break
-            cost = float(state.norms.sum() + state.x @ program.c)
-            if cost <= best + LEFT:  # near no residual at all rounding makes steps wild
-                found, best = state.x, min(best, cost)
-            if not (state.left > LEFT and state.norms.min() > EXACT and state.step >= STUCK):
+            cost = program.cost(state.x, state.norms)
+            if cost <= best + near:  # near no residual at all rounding makes steps wild
+                found, best = state, min(best, cost)
+            left = state.left(program)
+            if not (left > near and state.norms.min() > least and state.step >= STUCK):
                 break
-            if state.left < STALLED and state.left > before / 2:
+            if left < STALLED and left > before / 2:
                 break
     return found
+
+
+def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Array, float]:
+    """Minimise |M x - r|^2 / 2 over x, svec of blocks of these orders that are positive semi-definite.
+
+    Returns:
+        x, (n,), and what its cost is at most above the least: |x . s| + F H^-1 F / 2 for any s in the cone,
+        F what the gradient is more than s, H = M^T M. Infinite where nothing is proven.
+    """
+    n = M.shape[1]
+    x, s, lost = np.zeros(n), np.zeros(n), (np.zeros(n), np.inf)
+    try:
+        root = cho_factor(M.T @ M, lower=True)
+    except np.linalg.LinAlgError:
+        return lost
+    pivots = np.diag(root[0])
+    if pivots.min() <= SINGULAR * pivots.max():
+        return lost
+    for _ in range(2):  # the second takes back the rounding of the first
+        x -= cho_solve(root, M.T @ (M @ x - r))
+    if not _inside(x, sizes, 0.0):
+        T: Array = np.asarray(np.linalg.qr(np.c_[M, r], mode="r"))[:n]
+        unit = max(float(np.linalg.norm(T[:, n])), TINY)
+        R, z = T[None, :, :n] / unit, T[None, :, n] / unit
+        found = interior(Program(R, z, np.zeros(1), np.zeros(n), sizes, squares=True))
+        x, s = found.x, unit**2 * found.s
+        if not all(_inside(part, sizes, ROUNDING) for part in (x, s)):
+            return lost
+    F = M.T @ (M @ x - r) - s
+    return x, float(abs(x @ s) + abs(F @ cho_solve(root, F)) / 2)
+
+
+def _inside(x: Array, sizes: tuple[int, ...], share: float) -> bool:
+    """Whether all blocks are positive semi-definite, up to a share of their traces."""
+    if not np.isfinite(x).all():
+        return False
+    X = [cone.smat(x[at]) for at in cone.groups_of(sizes)]
+    return all((np.linalg.eigvalsh(B)[:, 0] >= -share * np.trace(B, axis1=1, axis2=2)).all() for B in X)
 
 
 def _start(program: Program) -> State:
@@ -100,11 +164,11 @@ def _start(program: Program) -> State:
     square = max(float((moved**2).sum()), TINY)
     size = max(np.vdot(moved, program.z) / square, SMALL * float(np.linalg.norm(program.z)) / square**0.5)
     norms, pulls = program.at(size * one)
-    s = CENTRED * norms.sum() / sum(program.sizes) / size * one
+    s = CENTRED * program.fit(norms) / sum(program.sizes) / size * one
     return State(size * one, s, norms, pulls, pulls.sum(axis=0) + program.c - s)
 
 
-def _iterate(program: Program, state: State, bold: float) -> State:
+def _iterate(program: Program, state: State) -> State:
     """A step, predicted for terms of second order, then corrected.
 
     Newton's system is (hessian + E) dx = w - missing, E dx + ds = w.
@@ -113,24 +177,24 @@ def _iterate(program: Program, state: State, bold: float) -> State:
         LinAlgError, ValueError: When there is none.
     """
     x, s, missing = state.x, state.s, state.missing
-    share = 1 / np.maximum(state.norms, TINY)
+    share = program.share(state.norms)
     hessian = np.tensordot(share, program.gram, 1) - state.steady * (state.pulls.T * share) @ state.pulls
     scalings = [_Scaling.of(at, x, s) for at in cone.groups_of(program.sizes)]
     A = hessian.copy()
     for own in scalings:
         A[own.at[:, :, None], own.at[:, None]] += cone.congruence(own.inverse.swapaxes(1, 2) @ own.inverse)
     root, w, sums = cho_factor(A, lower=True), np.empty_like(x), []
-    predicted = cho_solve(root, -s - missing)
-    aim = max((1 - state.step) ** 2, LEAST) * float(x @ s) / sum(program.sizes)
+    predicted = cho_solve(root, -s - missing) * (not program.barrier)
+    aim = max(program.barrier, max((1 - state.step) ** 2, LEAST) * float(x @ s) / sum(program.sizes))
     for own in scalings:
         sums.append(own.corrected(aim, own.scaled(predicted)))
         w[own.at] = cone.svec(own.inverse.swapaxes(1, 2) @ sums[-1] @ own.inverse)
     dx = cho_solve(root, w - missing)
     step = min(1.0, *(own.longest(own.scaled(dx), both) for own, both in zip(scalings, sums, strict=True)))
-    step *= bold + (0.99 - bold) * step
+    step *= BOLD + (0.99 - BOLD) * step
     x, s = x + step * dx, s + step * (missing + hessian @ dx)
     norms, pulls = program.at(x)
-    steady = np.abs(norms * share - 1).max() < STEADY
+    steady = not program.squares and np.abs(norms * share - 1).max() < STEADY
     return State(x, s, norms, pulls, pulls.sum(axis=0) + program.c - s, step, steady=bool(steady))
 
 

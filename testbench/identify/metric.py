@@ -139,9 +139,8 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
 
 def whitened(regression: Regression, metric: Metric) -> tuple[Array, Array]:
     """Rows A, (terms n, n) [1], and y in the metric: |A x - y|^2 is chi squared but for the rest."""
-    rows = [math.sqrt(term.equations / 3) * np.c_[term.R @ metric.L, term.z] for term in regression.terms]
-    A, y = np.split(np.vstack(rows), [metric.structure.n], axis=1)
-    return A, y[:, 0]
+    A, y = regression.rows
+    return A @ metric.L, y
 
 
 def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
@@ -153,6 +152,8 @@ def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
     d = np.full(len(metric.expected), strength.uncertainty)
     if strength.coupling is not None:  # of a structure of whole blocks
         d[metric.couplings] = strength.coupling
+    if strength.shares is not None:
+        d = d * np.repeat(strength.shares, [cone.triangle(n) for n in metric.sizes])
     e = metric.expected / d
     size = np.linalg.norm(e)
     e, along = e / size, 1 / np.hypot(1, size * strength.scale_uncertainty)

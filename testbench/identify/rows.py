@@ -5,13 +5,14 @@ difference of two readings of a pose: of its unknowns only compliances are left,
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from testbench.data.dataset import Dataset, Ids, turn
 from testbench.data.series import Series
 from testbench.errors import Array
-from testbench.identify.absolute.state import Equilibrium, State, forward, targets
+from testbench.identify.absolute.state import Equilibrium, State, forward
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.model.load import Load, on_joints
 from testbench.model.vjm import Vjm, chain, cross, marker_points, parameter_rows, translation_rows
@@ -40,12 +41,11 @@ def jacobian(
     if turned:
         J = np.concatenate([J, where.J_theta[3:][None]])
     if series is not None:
-        x = where.position[:, None] + points @ where.rotation.swapaxes(1, 2)
-        _add_frame(A[:, :, unknowns.columns(f"frame {series.frame}")], x, m)
+        _add_frame(A[:, :, unknowns.columns(f"frame {series.frame}")], where.points(points), m)
         _add_mount(A[:, :, unknowns.columns(f"mount {series.target}")], where.rotation)
     A[:, :, unknowns.columns("geometry")] = J[:, :, unknowns.inner]
     if unknowns.errors.size:
-        own = J[:, :, -unknowns.vjm.arm.n_joints :, None] * told.phi
+        own = J[:, :, unknowns.vjm.own, None] * told.phi
         A[:, :, unknowns.columns("errors")] = own.reshape(*A.shape[:2], -1, runs)
     elastic = unknowns.columns("elastic")
     lines = parameter_rows(unknowns.structure, J.reshape(-1, *J.shape[2:]), told.u)
@@ -81,7 +81,7 @@ def rows_of(unknowns: Unknowns, state: State, series: Series) -> Array:
 def left_over(state: State, series: Series, told: Equilibrium) -> Array:
     """Readings minus model in base axes, (s, 3, runs) [m, rad]; zero where nothing was read."""
     frame, mount = state.frame(series), state.mount(series)
-    x = targets(told.where, mount)
+    x = told.where.points(mount.points)
     position = ((series.position - frame.translation) @ frame.rotation - x) * series.seen[..., None]
     found = position.transpose(1, 2, 0)
     if series.rotation is None:
@@ -94,7 +94,7 @@ def left_over(state: State, series: Series, told: Equilibrium) -> Array:
     return np.concatenate([found, vector.T[None]])
 
 
-def straight(vjm: Vjm, q: Array, loads: list[Load]) -> Equilibrium:
+def straight(vjm: Vjm, q: Array, loads: Sequence[Load]) -> Equilibrium:
     """The arm as drawn in poses, (runs, n) [rad, m], and what loads do to every virtual joint, Eq. (5)."""
     where = chain(vjm, q)
     nothing = np.zeros((vjm.arm.n_joints, 0, len(q)))
@@ -114,22 +114,31 @@ def pair_rows(unknowns: Unknowns, told: Equilibrium, data: Dataset, runs: Ids) -
         [A | y], (s, 3, n + 1, runs) [1], and the kind of every reading, (s, runs): 0 a position, 1 an
         orientation, -1 lost.
     """
-    m = len(data.markers)
-    both = data.rotation_before is not None and data.rotation_after is not None
-    A = jacobian(unknowns, told, marker_points(unknowns.vjm, data.markers), turned=both)
+    m, points = len(data.markers), marker_points(unknowns.vjm, data.markers)
+    A = jacobian(unknowns, told, points, turned=data.sigma_rotation is not None)
     A[:m, :, -1] = (data.after[runs] - data.before[runs]).transpose(1, 2, 0)
-    kinds = np.zeros((m + both, len(runs)), dtype=int)
     if data.rotation_before is not None and data.rotation_after is not None:
-        assert data.sigma_rotation is not None
-        kinds[m:] = 1
         A[m:, :, -1] = turn(data.rotation_before[runs], data.rotation_after[runs]).T
+    return A, whiten(A, data, runs)
+
+
+def whiten(A: Array, data: Dataset, runs: Ids) -> Ids:
+    """Put moves and turns of some pairs, (s, 3, c, runs) [m, rad], in standard deviations of a difference.
+
+    Returns:
+        The kind of every reading, as of `pair_rows`.
+    """
+    m = len(data.markers)
+    kinds = np.zeros((len(A), len(runs)), dtype=int)
+    kinds[m:] = 1
+    if data.sigma_rotation is not None:
         A[m:] /= math.sqrt(2) * data.sigma_rotation
     if data.precision is None:
         A[:m] /= math.sqrt(2) * data.sigma
-        return A, kinds
+        return kinds
     own = data.precision[runs].swapaxes(0, 1)
     lost = np.asarray(~own.any(axis=(2, 3)))
     root = np.linalg.cholesky(np.where(lost[..., None, None], np.eye(3), own))
     A[:m] = np.einsum("srxy,sxcr->sycr", root, A[:m], optimize=True)
     kinds[:m][lost] = -1
-    return A, kinds
+    return kinds

@@ -7,6 +7,7 @@ from pydantic import JsonValue
 
 from testbench.errors import shown, word
 from testbench.output.manifest import read_manifest
+from testbench.output.session import SESSION
 
 MISSING = {
     "check": "points to confirm in elastic.toml, poses of the work in a table",
@@ -41,6 +42,10 @@ COMMANDS = {
     "study": ["compare {run} OTHER_RUN", "new MY_ARM --from ROBOT.urdf"],
 }
 """The commands that follow, by command."""
+LEFT_OUT = {
+    "arm": " {arm}",
+    "load": " --load KG",
+}  #: Their words that a project file makes needless, by its keys.
 
 
 def next_lines(run: Path, **known: str | Path) -> list[str]:
@@ -70,7 +75,9 @@ def next_lines(run: Path, **known: str | Path) -> list[str]:
         "data": shown(data) if isinstance(data, str) else "MEASURED.csv",
     } | {key: word(Path(value)) for key, value in known.items()}
     key = "plan absolute" if name == "plan" and absolute else name
-    texts = COMMANDS.get(key, COMMANDS["study"] if name.startswith("scenarios/") else ())
+    texts = list(COMMANDS.get(key, COMMANDS["study"] if name.startswith("scenarios/") else ()))
+    for key, words in LEFT_OUT.items():
+        texts = [text.replace(words, "") for text in texts] if key in SESSION.get().known else texts
     lines = [f"{'missing':<11}{MISSING[name]}"] if name in MISSING else []
     lines += [f"{'' if k else 'next':<11}testbench {text}" for k, text in enumerate(texts)]
     return [line.format_map(fields) for line in lines]

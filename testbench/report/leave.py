@@ -10,6 +10,7 @@ import numpy as np
 from testbench import files
 from testbench.campaign.model_folder import digests
 from testbench.output.place import whole_folder
+from testbench.output.session import SESSION
 from testbench.report.report import Report
 from testbench.views.scene import Seen
 
@@ -56,6 +57,8 @@ def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
         write_page(folder, f"{asked.command}: {asked.name}", report, drawn)
         models = digests(asked.arms)
         plain = dict(asked.flags)
+        if project := SESSION.get().project:
+            found = {**found, "project": project}
         files.write_manifest(
             folder, command=asked.command, scenario=plain, seeds=asked.seeds, models=models, **found
         )

@@ -11,11 +11,14 @@ from typing import Annotated, TypeVar, get_type_hints
 import typer
 
 from testbench.errors import BenchError
+from testbench.output.session import session
+from testbench.shell.project import merged
 
 D = TypeVar("D")
 Force = Annotated[
     bool, typer.Option("--force", help="Replace existing results, even those of another command.")
 ]
+CONTEXT = inspect.Parameter("ctx", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
 
 
 def takes(kind: type[D], *more: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -30,11 +33,14 @@ def takes(kind: type[D], *more: type) -> Callable[[Callable[..., None]], Callabl
     kinds = (kind, *more)
 
     def wrap(body: Callable[..., None]) -> Callable[..., None]:
-        def command(**values: object) -> None:
+        def command(ctx: typer.Context, **values: object) -> None:
+            values, own = merged(ctx, values)
             _check_finite(values)
-            body(*(k(**{f.name: values[f.name] for f in fields(k)}) for k in kinds))
+            with session(own):
+                body(*(k(**{f.name: values[f.name] for f in fields(k)}) for k in kinds))
 
         parameters = [parameter for k in kinds for parameter in _parameters(k)]
+        parameters.append(CONTEXT)
         parameters.sort(key=lambda p: p.default is not inspect.Parameter.empty)
         command.__name__, command.__doc__ = body.__name__, body.__doc__
         command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]

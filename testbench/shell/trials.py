@@ -31,11 +31,13 @@ def choose_backend(asked: Common) -> Backend:
     return partial(on_cluster, address=asked.cluster, insecure=asked.insecure)
 
 
-def show_progress(counts: Iterator[int], total: int, words: str, console: Console) -> None:
+def show_progress(
+    counts: Iterator[int], total: int, words: str, console: Console, *, kept: bool = True
+) -> None:
     """Run a study with a bar that shows how many trials are done and the time left.
 
     Raises:
-        Interrupted: After Ctrl-C; says what is stored.
+        Interrupted: After Ctrl-C; says what is stored, where trials are `kept`.
     """
     columns = (
         TextColumn("{task.description}"),
@@ -50,7 +52,7 @@ def show_progress(counts: Iterator[int], total: int, words: str, console: Consol
             for done in counts:
                 bar.update(task, completed=done)
     except KeyboardInterrupt as err:
-        if not done:
+        if not done or not kept:
             raise
         stored = f"at least {done} of {total} {words} are stored: --resume goes on with them"
         raise Interrupted(f"{STANDS}; {stored}") from err

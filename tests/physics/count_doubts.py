@@ -19,6 +19,7 @@ from testbench.campaign.campaign import build_cell, stream
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
 Z = 1.959964  #: Of a normal quantity, within which 95 % of it lie.
+OFTEN = 0.98  #: Share of the data sets from which on a mistake has no row of its own.
 
 
 @cache
@@ -57,24 +58,31 @@ def rate(held):
 
 
 def table(found):
-    """A row for each mistake that is not always named, the most seldom first, then one for all others."""
-    rows, always, sets = [], [], 0
+    """A row for each mistake named in less than 98 %, the most seldom first, then one for all others."""
+    rows, always, others = [], [], []
     for name, mistake in MISTAKES.items():
         own = [doubt for case, _, doubt in found if case == name]
         held = [right(name, doubt) for doubt in own]
-        if own and all(held):
-            always, sets = [*always, mistake.words], sets + len(own)
+        if own and np.mean(held) >= OFTEN:
+            always.append(mistake.words)
+            others += zip(own, held, strict=True)
         elif own:
-            silent = 100 * own.count(None) / len(own)
-            other = Counter(d for d, well in zip(own, held, strict=True) if d and not well).most_common(2)
-            instead = ", ".join(f"{doubt} ({count})" for doubt, count in other)
             names = mistake.names.replace(" ", " or ")
-            cells = f"{len(own)} | {rate(held)} | {silent:.1f} | {instead}"
+            cells = counted([*zip(own, held, strict=True)])
             rows.append((np.mean(held), f"| {mistake.words} | {names} | {cells} |"))
     yield "| mistake | doubt that names it | sets | named first, % (95 %) | no doubt, % | named instead |"
     yield "| --- | --- | ---: | ---: | ---: | --- |"
     yield from (row for _, row in sorted(rows, key=lambda row: row[0]))
-    yield f"| each of {len(always)}: {'; '.join(always)} | its own | {sets} | 100 | 0 | |"
+    if others:
+        yield f"| each of {len(always)}: {'; '.join(always)} | its own | {counted(others)} |"
+
+
+def counted(found):
+    """Cells of a row: data sets, how many were named first, how many not doubted, other names."""
+    silent = 100 * sum(doubt is None for doubt, _ in found) / len(found)
+    other = Counter(doubt for doubt, well in found if doubt and not well).most_common(2)
+    instead = ", ".join(f"{doubt} ({count})" for doubt, count in other)
+    return f"{len(found)} | {rate([well for _, well in found])} | {silent:.1f} | {instead}"
 
 
 def words(found):

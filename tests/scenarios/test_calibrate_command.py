@@ -17,7 +17,7 @@ from run_here import here
 
 import testbench as tb
 from testbench.arm.folder import load_arm
-from testbench.campaign.absolute import read_all, score
+from testbench.campaign.absolute import File, read_all, score
 from testbench.campaign.arm_models import read_model
 from testbench.campaign.model_folder import sealed
 from testbench.cli.program import program
@@ -119,7 +119,7 @@ def distances(state, series):
 
 def test_numbers_of_the_report_are_those_of_the_model_that_was_written(made, report, readings):
     state = read_model(made[0]).state
-    series, _ = read_all(readings[:2], state.vjm.arm, None, None)
+    series, _ = read_all(list(map(File, readings[:2])), state.vjm.arm)
     after = distances(state, series)
     before = distances(aligned(nominal(state.vjm, state.weights, state.torque_scale), series), series)
     for key, size in (("total_before", before), ("total_after", after)):
@@ -183,7 +183,7 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, 
     found = json.loads(done.stdout)
     assert list(found) == ["n", "mean_mm", "rms_mm", "p95_mm", "max_mm", "coverage_95"]
     model = read_model(made[0])
-    series, _ = read_all(readings[2:], model.arm, None, None)
+    series, _ = read_all(list(map(File, readings[2:])), model.arm)
     assert found == vars(score(model, series, 20))
     assert found["n"] == 100
     words = run("score", made[0], readings[2], "--frame-poses", 20).stdout
@@ -277,7 +277,7 @@ def test_the_arm_of_the_model_is_the_one_that_was_calibrated(made, arm, tmp_path
 def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, readings):
     """Positions are linear in what is open: their covariance is that of `predict` but for the scatter."""
     model = read_model(made[0])
-    [one], _ = read_all(readings[2:], model.arm, None, None)
+    [one], _ = read_all(list(map(File, readings[2:])), model.arm)
     held = aligned(without(model.state, one), (one,))
     root = np.hstack([np.zeros((len(model.columns), 6 + 3 * len(one.markers))), model.posterior.root])
     placed = RegisteredSeries(held, np.zeros(0, int), Posterior.normal(np.zeros(root.shape[1]), root))
@@ -351,7 +351,7 @@ def test_the_page_draws_readings_off_the_arm_as_drawn_and_as_calibrated(made, re
     drawn = drawn_in(made[0] / "report.html")
     [group], [times, *_] = drawn["scene"]["groups"], times_of(drawn["scene"]["title"])
     state = read_model(made[0]).state
-    series, _ = read_all(readings[:2], state.vjm.arm, None, None)
+    series, _ = read_all(list(map(File, readings[:2])), state.vjm.arm)
     straight = aligned(nominal(state.vjm, state.weights, state.torque_scale), series)
     at = {one.name: one for one in series}
     for name, own in (("calibrated", state), ("as drawn", straight)):

@@ -1,8 +1,10 @@
 """Estimators of one's own beside ours: the page's example, seven bad ones, workers, resumed runs."""
 
+import ctypes
 import hashlib
 import json
 import re
+import socket
 
 import numpy as np
 import pytest
@@ -12,15 +14,22 @@ from read_back import chunks_of
 from run_here import ROOT, app_of_study, check_files, here, numbers_alone
 
 import testbench as tb
+from testbench.campaign.campaign import stream
+from testbench.campaign.evaluation import unseen
 from testbench.campaign.own_estimator import hired, parameters
+from testbench.campaign.own_limits import CREATE, Limits
 from testbench.campaign.own_process import Own, ask, server
+from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.cli.program import program
 from testbench.errors import BenchError
+from testbench.identify.prior import Prior
 from testbench.model.structure import all153
 from testbench.views.colours import look
 
 APP = app_of_study("gravity_calibration")
-EXAMPLE = re.compile(r"`shrunk.py`:\n\n```python\n(.*?)```\n\n +python (scenarios/.*?)\n", re.DOTALL)
+PAGE = (ROOT / "docs" / "own_estimator.md").read_text()
+EXAMPLE = re.search(r"`shrunk.py`:\n\n```python\n(.*?)```", PAGE, re.DOTALL)[1]
+COMMAND = re.search(r"python (scenarios/.*?)\n", PAGE)[1]
 TIMEOUT = 6  #: Sound estimators take milliseconds; so long that a busy machine stops none of them [s].
 BAD = """
 import time
@@ -54,6 +63,11 @@ def sleeps(kinematics, structure, data, prior):
     time.sleep(600)
 
 
+def eats(kinematics, structure, data, prior):
+    kept = [np.zeros(2**25) for _ in range(64)]  # 16 GiB, of which nothing is touched
+    return kept[0][: structure.n]
+
+
 def few(kinematics, structure):
     return np.zeros(structure.n)
 """
@@ -64,6 +78,10 @@ WHY = {
     "shape": "wrong shape: expected (153,) or (48, 48), got (3,)",
     "askew": "not symmetric: expected compliances that are their own transpose",
     "sleeps": f"too slow: stopped after {TIMEOUT} s",
+    "eats": (
+        "raised MemoryError: Unable to allocate 256. MiB for an array with shape (33554432,) "
+        "and data type float64"
+    ),
     "few": "raised TypeError: few() takes 2 positional arguments but 4 were given",
 }
 MORE = """
@@ -91,6 +109,70 @@ def dies(kinematics, structure, data, prior):
 
     os._exit(0)
 """
+PAIRS = """
+import time
+
+import numpy as np
+
+
+def both(*_):
+    while time.process_time() < 0.2:
+        pass
+    return [1, 2], np.eye(2)
+
+
+def half(*_):
+    return np.ones(2), None
+"""
+LANDLOCK = ctypes.CDLL(None).syscall(CREATE, None, 0, 1)
+
+ESCAPES = """
+import os
+import signal
+import socket
+
+import numpy as np
+
+
+def writes(kinematics, structure, data, prior):
+    open(os.environ["TARGET"], "a").write("x")
+
+
+def makes(kinematics, structure, data, prior):
+    os.mkdir(os.environ["TARGET"] + ".d")
+
+
+def removes(kinematics, structure, data, prior):
+    os.remove(os.environ["TARGET"])
+
+
+def connects(kinematics, structure, data, prior):
+    socket.create_connection(("127.0.0.1", int(os.environ["PORT"]))).close()
+
+
+def kills(kinematics, structure, data, prior):
+    os.kill(os.getppid(), signal.SIGCONT)
+
+
+def spies(kinematics, structure, data, prior):
+    open(f"/proc/{os.getppid()}/mem", "rb").close()
+
+
+def found(*_):
+    \"\"\"How often a number is in the memory of this process, which does not hold it to seek it.\"\"\"
+    key, masked = np.uint64(0x5555555555555555), np.uint64(int(os.environ["MASKED"]))
+    count, maps = 0, open("/proc/self/maps").read().splitlines()
+    with open("/proc/self/mem", "rb", 0) as memory:
+        for line in maps:
+            place, mode, *_, name = line.split(maxsplit=5) if line.count(" ") > 4 else [*line.split(), ""]
+            first, last = (int(end, 16) for end in place.split("-"))
+            if "rw" not in mode or name.strip().startswith("[v"):
+                continue
+            memory.seek(first)
+            words = np.frombuffer(memory.read(last - first), dtype=np.uint64)
+            count += int(((words ^ key) == masked).sum())
+    return np.full(153, float(count))
+"""
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +180,8 @@ def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("own")
     (folder / "bad.py").write_text(BAD)
     (folder / "more.py").write_text(MORE)
-    (folder / "shrunk.py").write_text(EXAMPLE.search((ROOT / "docs" / "add_study.md").read_text())[1])
+    (folder / "escapes.py").write_text(ESCAPES)
+    (folder / "shrunk.py").write_text(EXAMPLE)
     return folder
 
 
@@ -106,18 +189,22 @@ def flags(file, *names):
     return [part for name in names for part in ("--estimator", f"{file}:{name}")]
 
 
+def example(files):
+    """The page's own flag and estimator."""
+    flag, asked = COMMAND.split()[-2:]
+    return flag, asked.replace("=", f"={files}/")
+
+
 @pytest.fixture(scope="module")
 def run(files):
     """The page's example beside seven bad ones, whole, of one seed."""
     out = files / "whole"
-    own = (*flags(files / "shrunk.py", "shrunk"), *flags(files / "bad.py", *WHY))
+    own = (*example(files), *flags(files / "bad.py", *WHY))
     asked = ("--quick", "--workers", 1, "--estimator-timeout", TIMEOUT, "--out", out)
     return out, here(APP, *own, *asked)
 
 
 def test_one_short_file_and_one_command_lead_to_a_row_everywhere(files, run):
-    _, command = EXAMPLE.search((ROOT / "docs" / "add_study.md").read_text()).groups()
-    assert command.endswith("--estimator shrunk.py:shrunk")
     assert len((files / "shrunk.py").read_text().splitlines()) <= 15
     check_files(run, "models.png")
     out, done = run
@@ -192,7 +279,7 @@ def test_identify_shows_own_estimators_and_names_those_that_fail(files):
     poses = ROOT / "docs" / "poses.csv"
     made = here(program(["simulate"]), "simulate", "kr500_l480", poses, "--out", data, "--payload-kg", 460.3)
     assert made.returncode == 0, made.stderr
-    own = (*flags(files / "shrunk.py", "shrunk"), *flags(files / "bad.py", *WHY))
+    own = (*example(files), *flags(files / "bad.py", *WHY))
     held = ("--check-pose", 4, "--check-pose", 9, "--estimator-timeout", TIMEOUT)
     models = ("--model", "Joints", "--model", "ALL153")
     done = here(program(["identify"]), "identify", "kr500_l480", data, *models, *own, *held, "--out", out)
@@ -235,7 +322,7 @@ def test_what_cannot_be_imported_is_told_in_one_line_before_anything_is_done(fil
 
 
 def test_a_worker_refuses_a_file_that_is_not_the_one_asked_for(files):
-    own = Own("nan", str(files / "bad.py"), "nan", 5.0, sha256="0" * 64)
+    own = Own("nan", str(files / "bad.py"), "nan", Limits(5.0), sha256="0" * 64)
     with pytest.raises(BenchError, match="has changed since the run began"), hired([own]):
         pass
 
@@ -259,8 +346,55 @@ def test_an_answer_is_parameters_or_compliances_of_unknowns_alone():
 
 def test_a_module_serves_as_well_as_a_file_and_nothing_is_left_beside_a_file(files):
     with server() as link, pytest.raises(BenchError, match="raised TypeError"):
-        ask(link, Own("m", "json", "loads", 5.0), (1, 2, 3, 4))
+        ask(link, Own("m", "json", "loads", Limits(5.0)), (1, 2, 3, 4))
     assert not (files / "__pycache__").exists()
+
+
+def called(files, name, given):
+    """What a function of escapes.py returns."""
+    with server() as link:
+        return ask(link, Own(name, str(files / "escapes.py"), name, Limits(30.0)), given)
+
+
+@pytest.mark.parametrize("name", ["writes", "makes", "removes", "connects", "kills", "spies"])
+def test_a_call_writes_no_file_reaches_no_network_and_no_other_process(files, tmp_path, monkeypatch, name):
+    if LANDLOCK < 6:
+        pytest.skip(f"Landlock of this kernel: version {LANDLOCK}")
+    target = tmp_path / "target"
+    target.write_text("kept")
+    with socket.create_server(("127.0.0.1", 0)) as port:
+        monkeypatch.setenv("TARGET", str(target))
+        monkeypatch.setenv("PORT", str(port.getsockname()[1]))
+        with pytest.raises(BenchError, match="raised PermissionError"):
+            called(files, name, (None, None, None, None))
+    assert target.read_text() == "kept"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_the_truth_is_not_in_the_memory_of_a_call_nor_in_that_of_the_process_it_is_forked_from(
+    files, monkeypatch
+):
+    cell = tb.build_cell("kr500_l480")
+    true = TRUTHS["joints"](cell.arm, stream(5, 8)).joints[2].compliance
+    campaign = tb.simulate(true_cell(cell, "joints", 5), tb.Scenario(arm="kr500_l480", workspace_poses=5), 5)
+    word = int(np.array(true).view(np.uint64))
+    monkeypatch.setenv("MASKED", str(word ^ 0x5555555555555555))
+    given = (unseen(cell.vjm), all153(cell.arm), campaign.identification, tb.cad_prior(cell.arm))
+    assert called(files, "found", given).found.max() == 0
+    told = tb.cad_prior(cell.arm).C_theta.copy()
+    told[0, 0] = true
+    assert called(files, "found", (*given[:3], Prior("told", told))).found.min() >= 1
+
+
+def test_a_second_array_is_the_covariance_and_processor_time_is_taken(files):
+    (files / "pairs.py").write_text(PAIRS)
+    with server() as link:
+        answer = ask(link, Own("both", str(files / "pairs.py"), "both", Limits(30.0)), (1, 2, 3, 4))
+        with pytest.raises(BenchError, match="expected an array, got None"):
+            ask(link, Own("half", str(files / "pairs.py"), "half", Limits(30.0)), (1, 2, 3, 4))
+    np.testing.assert_array_equal(answer.found, [1, 2])
+    np.testing.assert_array_equal(answer.covariance, np.eye(2))
+    assert answer.cpu_seconds > 0.2
 
 
 def test_nine_own_estimators_are_told_apart():

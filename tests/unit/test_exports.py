@@ -541,12 +541,13 @@ def test_of_several_unloaded_readings_the_last_one_before_counts(tmp_path):
     np.testing.assert_allclose(found.before[6] - found.before[0], np.tile([0, 0, 1e-3], (3, 1)), atol=1e-12)
 
 
-def test_the_sigma_of_flag_and_map_counts_once(tmp_path):
+def test_the_sigma_of_file_or_map_counts_more_than_a_flag_and_that_is_said(tmp_path):
     own = files(tmp_path, "plain", text="values = { sigma_um = 30 }")
     assert read_export(*own).data.sigma == pytest.approx(30e-6)
     assert read_export(*own[:2], None, 20e-6).data.sigma == 20e-6
-    with pytest.raises(InputError, match=r"map.toml: values.sigma_m: expected it once, got a flag too"):
-        read_export(*own, 20e-6)
+    both = read_export(*own, 20e-6)
+    assert both.data.sigma == pytest.approx(30e-6)
+    assert "sigma is that of the file or its map, not 20 um as was said" in both.notes
 
 
 def damaged(name, line, column, cell):

@@ -9,7 +9,7 @@ from refused import refused
 from workbooks import packed, parts
 
 from testbench.arm.folder import load_arm
-from testbench.campaign.absolute import read_all
+from testbench.campaign.absolute import File, read_all
 from testbench.data.program import read_poses
 from testbench.data.read_pairs import read_csv
 from testbench.data.read_series import read_series
@@ -77,10 +77,10 @@ def test_two_sheets_are_two_series_and_one_sheet_twice_is_refused(tmp_path):
     other = [NAMES, *(NUMBERS[:, [0, 1, 2, 3, 4, 5, 7, 6, 8]] + 0.01).tolist()]
     write(tmp_path, A=ROWS, B=other)
     a, b = tmp_path / "one.xlsx#A", tmp_path / "one.xlsx#B"
-    series, _ = read_all([a, b], ARM, None, None)
+    series, _ = read_all([File(a), File(b)], ARM)
     assert [one.name for one in series] == ["one A", "one B"]
     with pytest.raises(InputError, match="called one A was read already"):
-        read_all([a, a], ARM, None, None)
+        read_all([File(a), File(a)], ARM)
 
 
 def test_rows_of_a_title_of_units_and_blank_cells_are_as_in_a_text(tmp_path):

@@ -20,7 +20,7 @@ from testbench.campaign.campaign import (
     settle_both,
     stream,
 )
-from testbench.campaign.evaluation import identify_each
+from testbench.campaign.evaluation import of_model
 from testbench.campaign.model_selection import choose
 from testbench.campaign.models import named_models
 from testbench.campaign.perturbed_prior import PRIORS, prior_of
@@ -186,11 +186,10 @@ def sure(state: State, name: str) -> ArmModel:
 
 def identified(cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior) -> list[Fit]:
     """All models from all campaigns."""
-    weights, data = read_weights(cell.arm), list(campaigns.values())
-    found = []
+    weights, found = read_weights(cell.arm), []
     for model in named_models(cell, s.IDENTIFIED[:-1]):
-        each = zip(campaigns, identify_each(cell, model, data), strict=True)
-        found += [Fit(way, model.name, of_estimate(cell.vjm, one, weights)) for way, one in each]
+        every = ((way, of_model(cell, model, runs)) for way, runs in campaigns.items())
+        found += [Fit(way, model.name, of_estimate(cell.vjm, one, weights)) for way, one in every]
     for way, runs in campaigns.items():
         own = choose(cell, runs, prior)
         found.append(Fit(way, s.DEFAULT, of_estimate(cell.vjm, own.estimate, weights), own.name))

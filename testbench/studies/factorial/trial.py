@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from testbench.campaign.campaign import Cell, Truth
-from testbench.campaign.evaluation import identify_each
+from testbench.campaign.evaluation import of_model
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import Model, equal_fit, named_models
 from testbench.campaign.perturbed_prior import with_wrong_prior, wrong_prior
@@ -108,7 +108,7 @@ def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Fits:
     found, seconds = {}, {}
     for model in models:
         start = perf_counter()
-        found[model.name] = identify_each(cell, model, runs)
+        found[model.name] = [of_model(cell, model, one) for one in runs]
         seconds[model.name] = (perf_counter() - start) / len(runs)
     return Fits(found, seconds)
 
@@ -215,7 +215,7 @@ def with_wrong_priors(cell: Cell, names: Sequence[str], filled: Sequence[str], s
         filled: Of those that are fitted with the prior too.
         seed: Of the prior's errors.
     """
-    default = with_priors(named_models(cell, LEARNS), wrong_prior(cell, seed))
+    default = with_priors(cell.arm, named_models(cell, LEARNS), wrong_prior(cell, seed))
     return [*with_wrong_prior(cell, plain_models(cell, names), filled, seed), *default]
 
 

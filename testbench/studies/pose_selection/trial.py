@@ -12,7 +12,7 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Setup, build_cell, hanging, stream
 from testbench.campaign.campaign import measure as read
-from testbench.campaign.evaluation import CampaignRow, campaign_rows, identify_each, judge, of_model
+from testbench.campaign.evaluation import CampaignRow, campaign_rows, judge, of_model
 from testbench.campaign.model_selection import FILLED, with_priors
 from testbench.campaign.models import MODELS, Model
 from testbench.campaign.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
@@ -95,7 +95,11 @@ def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
     *plain, whole = (
         replace(MODELS[name](cell), name=name) for name in (*s.PLAIN, WHOLE.removesuffix(FILLED))
     )
-    found = [*with_priors(plain, prior, Strength(UNCERTAINTY)), *plain, *with_priors([whole], prior)]
+    found = [
+        *with_priors(cell.arm, plain, prior, Strength(UNCERTAINTY)),
+        *plain,
+        *with_priors(cell.arm, [whole], prior),
+    ]
     return {model.name: model for model in found}
 
 
@@ -105,7 +109,7 @@ def of_plans(bench: Bench, seed: int) -> Iterator[Row]:
     levels = [(name, n) for name in (*scope.criteria, RANDOM) for n in scope.numbers(name)]
     runs = [measure(bench, poses_of(bench.asked, name, n, seed), seed) for name, n in levels]
     for fit in FITS:
-        estimates = identify_each(bench.cell, models[fit], runs)
+        estimates = [of_model(bench.cell, models[fit], one) for one in runs]
         found = zip(levels, runs, estimates, bench.errors_mm(estimates), strict=True)
         for (name, n), data, estimate, errors in found:
             row = Row("measured", name, n, fit, *errors)

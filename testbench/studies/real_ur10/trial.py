@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.absolute import FRAME_POSES, Score, read_all, score
+from testbench.campaign.absolute import FRAME_POSES, File, Score, read_all, score
 from testbench.campaign.campaign import Cell, build_cell, stream
 from testbench.campaign.rows import UM
 from testbench.data.series import Series, select_rows
@@ -92,7 +92,7 @@ def read(thin: int) -> tuple[Cell, tuple[Series, ...]]:
     """The arm, and every `thin`-th row of both series, called A and C."""
     folder = find_arm(ARM)
     cell = build_cell(folder)
-    series, _ = read_all([folder / "readings" / name for name in FILES.values()], cell.arm, None, None)
+    series, _ = read_all([File(folder / "readings" / name) for name in FILES.values()], cell.arm)
     some = [select_rows(one, np.arange(0, one.rows, thin)) for one in series]
     return cell, tuple(replace(one, name=name) for name, one in zip(FILES, some, strict=True))
 

@@ -1,0 +1,195 @@
+"""testbench.toml of the current folder: values of flags, once for all commands."""
+
+import hashlib
+import json
+from pathlib import Path
+
+import pytest
+from run_here import here
+from strangers import heavy_urdf
+
+from testbench.cli.program import program
+from testbench.shell.project import NAME, Project, read_project
+
+ROOT = Path(__file__).resolve().parents[2]
+ARM = "kr500_l480"
+MAP = '[columns]\n"joint_{n}_rad" = "A{n}"\n"{axis}_m" = "Ist {axis}_m"\nmarker = "Ziel"\n'
+
+
+def run(*args):
+    return here(program([args[0]]), *args)
+
+
+def done(*args):
+    found = run(*args)
+    assert found.returncode == 0, found.stderr
+    return found.stdout
+
+
+def taken(folder):
+    return json.loads((folder / "manifest.json").read_text())["project"]
+
+
+@pytest.fixture(scope="module")
+def export(tmp_path_factory):
+    """An instrument's file in German."""
+    file = tmp_path_factory.mktemp("instrument") / "may.csv"
+    done("simulate", ARM, "--poses", 24, "--absolute", "--tracker", "4,-2,1.5", "--out", file)
+    head, rows = file.read_text().replace("marker", "Ziel", 1).split("\n", 1)
+    for theirs, ours in [*((f"A{k} [rad]", f"joint_{k}_rad") for k in range(1, 7)), ("Ist ", "position_")]:
+        head = head.replace(ours, theirs)
+    return f"{head}\n{rows}"
+
+
+@pytest.fixture
+def cell(export, tmp_path, monkeypatch):
+    """A folder with that file, its map, and nothing else."""
+    monkeypatch.chdir(tmp_path)
+    Path("may.csv").write_text(export)
+    Path("may.toml").write_text(MAP)
+    return tmp_path
+
+
+def test_from_a_urdf_and_an_instrument_s_file_to_a_corrected_program_in_seven_commands(cell):
+    """None has a flag that the project file knows; manifests say which values were taken."""
+    heavy_urdf(cell)
+    Path("may.csv").unlink()
+    Path("may.toml").unlink()
+    words = []
+
+    def step(*args):
+        words.append(args)
+        return done(*args)
+
+    step("new", "my_arm", "--from", "heavy.urdf", "--payload-kg", 300)
+    done("simulate", "my_arm", "--poses", 30, "--absolute", "--tracker", "3,-2,1.5", "--out", "may.csv")
+    step("init", "payload=120kg", "sigma_um=20")
+    step("check")
+    Path("program.csv").write_bytes(Path("may.csv").read_bytes())
+    rows = [line.split(",") for line in Path("may.csv").read_text().splitlines()]
+    joints = [k for k, name in enumerate(rows[0]) if name.startswith("joint")]
+    lines = [",".join(row[k] for k in joints) for row in rows[:1] + rows[1:7:3]]
+    Path("program.csv").write_text("\n".join(lines) + "\n")
+    step("calibrate", "may.csv")
+    step("compensate", "runs/calibrate", "program.csv", "--out", "corrected.csv", "--jumps")
+    step("export", "runs/calibrate")
+    assert len(words) <= 7
+    assert Path("corrected.csv").is_file()
+    assert Path("heavy_calibrated.urdf").is_file()
+    flags = {word for args in words for word in args[1:] if str(word).startswith("--")}
+    assert flags <= {"--from", "--payload-kg", "--out", "--jumps"}
+    found = taken(Path("corrected_report"))
+    assert found["taken"] == {"arm": "my_arm", "payload": "120kg"}
+    assert found["sha256"] == hashlib.sha256(NAME.read_bytes()).hexdigest()
+    assert taken(Path("runs/calibrate"))["taken"] == {"arm": "my_arm", "sigma_um": 20.0}
+    assert "not 20 um as was said" in Path("runs/calibrate/report.md").read_text()  # the file has its own
+
+
+def test_a_file_has_its_own_values_and_flags_count_more(cell):
+    NAME.write_text(
+        f'arm = "{ARM}"\nsigma_um = 40\nload = "460kg"\n'
+        '[files."may.csv"]\nmap = "may.toml"\nload = "661.38678655lb"\n'
+    )
+    june = Path("may.csv").read_text().splitlines()
+    Path("june.csv").write_text("\n".join([june[0], *june[40:]]) + "\n")
+    Path("may.csv").write_text("\n".join(june[:40]) + "\n")
+    assert "june.csv" in run("calibrate", "may.csv", "june.csv").stderr  # whose names the map has
+    done("calibrate", "may.csv", "./june.csv", "--map", "may.toml", "--out", "both")
+    found = json.loads(Path("both/manifest.json").read_text())
+    assert found["scenario"]["sigma_um"] == 40.0
+    assert found["scenario"]["load"] == [
+        pytest.approx(300.0),
+        None,
+    ]  # 460 kg hang in no file that says nothing
+    assert found["project"]["taken"] == {
+        "arm": ARM,
+        "sigma_um": 40.0,
+        "load": {"may.csv": "661.38678655lb"},
+    }
+    done("calibrate", ARM, "may.csv", "june.csv", "--map", "may.toml", "--sigma-um", 5, "--out", "flags")
+    assert json.loads(Path("flags/manifest.json").read_text())["scenario"]["sigma_um"] == 5.0
+
+
+def test_a_pair_without_a_mass_has_the_project_s_load(cell):
+    done("simulate", ARM, ROOT / "docs" / "poses.csv", "--payload-kg", 460, "--out", "pairs.csv")
+    names, *rows = [line.split(",") for line in Path("pairs.csv").read_text().splitlines()]
+    kept = [k for k, name in enumerate(names) if not name.startswith(("force", "moment", "point"))]
+    Path("pairs.csv").write_text("\n".join(",".join(row[k] for k in kept) for row in [names, *rows]) + "\n")
+    NAME.write_text(f'arm = "{ARM}"\nload = 460\ntargets = ["P9"]\n')
+    words = " ".join(done("data", "check", "pairs.csv", "--out", "seen").split())
+    assert "4512.6 N (as of 460 kg hung) in 11 runs" in words
+    assert "no column says a mass: 460 kg in loaded rows, as was said" in words
+    assert "testbench identify pairs.csv --out" in words  # the arm is known
+    assert taken(Path("seen"))["taken"] == {"arm": ARM, "targets": ["P9"], "load": ["460"]}
+    NAME.write_text(f'arm = "{ARM}"\nload = [240, 460]\n')
+    assert "missing columns ['mass_kg" in run("data", "check", "pairs.csv").stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("arm = ", "not TOML"),
+        ('tracker = "1,2"', "tracker: String should match pattern"),
+        ('tracer = "x"', "line 1, column 1, tracer: unknown key; keys are arm, urdf, map,"),
+        (
+            'arm = "nowhere"',
+            "line 1, column 1, arm: expected the folder of an arm, or the name of one of ours, got 'nowhere'",
+        ),
+        ('map = "none.toml"', "line 1, column 1, map: expected a file, there is none, got 'none.toml'"),
+        (
+            "sigma_um = 0",
+            "line 1, column 1, sigma_um: Input should be greater than or equal to 0.001, got '0'",
+        ),
+        (
+            '\nload = "12 stone"',
+            "line 2, column 1, load.0: expected one of the units N, daN, kN, lbf, kgf, kg, lb",
+        ),
+        ("tracker = [1, 2]", "line 1, column 1, tracker: Input should be a valid string, got '[1, 2]'"),
+        ('arm = "--help"', "arm: String should match pattern"),
+        ('[files."jun.csv"]\nload = 5', "files.jun.csv: expected a file, there is none"),
+        ('[files."may.csv"]\nmas = 5', "files.may.csv.mas: unknown key; keys are map, load, payload"),
+        ('out = "elsewhere"', "out: unknown key"),
+    ],
+)
+def test_a_mistake_is_one_line_and_nothing_is_written(cell, text, said):
+    NAME.write_text(text + "\n")
+    before = sorted(cell.rglob("*"))
+    for args in (("calibrate", ARM, "may.csv"), ("plan", ARM, "--absolute"), ("check", ARM, "--out", "seen")):
+        found = run(*args)
+        assert (found.returncode, found.stdout) == (2, "")
+        assert found.stderr.startswith(f"error: {NAME}: ")
+        assert said in found.stderr
+        assert found.stderr.count("\n") == 1
+    assert sorted(cell.rglob("*")) == before
+    assert run("calibrate", "--help").returncode == 0
+
+
+def test_words_that_are_no_arm_are_files_and_missing_ones_are_named(cell):
+    NAME.write_text(f'arm = "{ARM}"\n')
+    assert "error: typo.csv: cannot be read" in run("data", "check", "typo.csv").stderr
+    assert "Missing argument 'dataset'" in run("data", "check", ARM).stderr
+    assert "no_arm: expected a folder with rigid.xml" in run("data", "check", "no_arm", "may.csv").stderr
+    assert "Missing argument 'arm'" in (NAME.unlink() or run("check").stderr)
+
+
+def test_init_writes_what_it_finds_and_is_told_and_replaces_nothing_by_itself(cell):
+    Path("may.csv").with_name("odd.csv").write_text("a")
+    Path("odd.toml").write_text("no_key_of_a_map = 1\n")
+    said = done("init", f"arm={ARM}", "tracker=4,-2,1.5", 'load=["120kg", 460]')
+    assert 'tracker = "4,-2,1.5"  # where it stands' in said
+    found = read_project()
+    assert (found.arm, found.tracker, found.files["may.csv"].map) == (ARM, "4,-2,1.5", "may.toml")
+    assert (list(found.files), found.load) == (["may.csv"], ("120kg", "460"))
+    text = NAME.read_text()
+    assert all(f"{key} = " in text for key in Project.model_fields if key != "files")
+    examples = text[: text.index("[files")].splitlines(keepends=True)
+    NAME.write_text("".join(line.removeprefix("# ") for line in examples if " = " in line))
+    assert "map: expected a file, there is none" in run("check").stderr  # all examples are sound
+    assert "exists already" in run("init").stderr
+    assert "arm: expected the folder of an arm" in run("init", "--force", "arm=nowhere").stderr
+    assert (
+        "expected KEY=VALUE with a key of testbench.toml, got 'out=x'"
+        in run("init", "--force", "out=x").stderr
+    )
+    assert NAME.read_text() != text
+    assert run("init", "--force").returncode == 0
