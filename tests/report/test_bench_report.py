@@ -84,7 +84,7 @@ def test_words_tables_and_picture_say_what_the_trials_hold(trials):
     assert board["good"].rank == board["good"].rank_high == 1
     assert (board["alike"].rank, board[DEFAULT].rank, board["alike"].tied) == (2, 2, True)
     assert board[DEFAULT].tied is None
-    assert [row.name for row in found.numbers["board"]["with prior"]][0] == "good"
+    assert next(row.name for row in found.numbers["board"]["with prior"]) == "good"
     assert "prior" not in {row.name for row in found.numbers["board"]["without prior"]}
     text = found.whole()
     assert "| shaky | with prior | failed: raised ValueError: odd | 24 |" in text
