@@ -125,7 +125,7 @@ def _task(task: str, own: Problem, entries: Sequence[Own], link: Connection) -> 
 
 def _by_default(row: EntryRow, own: Problem) -> EntryRow:
     """What identify's default makes of it; of equations without laws of joints, which these do not tell."""
-    [model] = with_priors(named_models(own.cell, LEARNS), own.prior)
+    [model] = with_priors(own.cell.arm, named_models(own.cell, LEARNS), own.prior)
     structure = own.structure if own.truth is None else model.structure
     start = time.process_time()
     estimate = model.estimator(own.cell.vjm, structure, own.data)  # type: ignore[arg-type]
