@@ -22,8 +22,8 @@ from testbench.campaign.predicted_error import (
     within,
 )
 from testbench.campaign.rows import MM
-from testbench.campaign.unread import filled
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at, rms
+from testbench.commands.unread import filled
 from testbench.design import absolute
 from testbench.design.baselines import RANDOM, PriorInfluence, baselines, error_after, prior_influence
 from testbench.design.criteria import Linear, mean_square
