@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.correct.batches import at, batches
+from testbench.correct.batches import batches
 from testbench.correct.rest import Rest, rest
-from testbench.data.dataset import Ids
+from testbench.data.dataset import Ids, in_order
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import ArmModel
@@ -46,7 +46,7 @@ class Poses:
 
     def of(self, some: slice | Ids) -> "Poses":
         """Some of the poses."""
-        known = None if self.rest is None else at(self.rest, some)
+        known = None if self.rest is None else in_order(self.rest, some)
         return Poses(self.q[some], [load.of(some) for load in self.loads], self.heavy, known)
 
     def at_rest(self, state: State) -> Rest:

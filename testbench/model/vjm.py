@@ -113,6 +113,10 @@ class Chain:
     bodies: tuple[tuple[Array, Array], ...]
     laws: Laws | None = None  #: As of the model.
 
+    def points(self, points: Array) -> Array:
+        """Points of the tool's frame, (k, 3) [m], in the world, (runs, k, 3) [m]."""
+        return on_tool((self.position, self.rotation), points)
+
 
 def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     """Tool and virtual joints of every run, Eq. (1) and (3).
@@ -177,7 +181,12 @@ def tool_pose(vjm: Vjm, q: Array) -> tuple[Array, Array]:
 
 def tool_points(vjm: Vjm, q: Array, points: Array) -> Array:
     """Points of the tool's frame, (k, 3) [m], in the world, the arm rigid, (runs, k, 3) [m]."""
-    position, rotation = tool_pose(vjm, q)
+    return on_tool(tool_pose(vjm, q), points)
+
+
+def on_tool(pose: tuple[Array, Array], points: Array) -> Array:
+    """The same of tool positions, (runs, 3) [m], and orientations, (runs, 3, 3)."""
+    position, rotation = pose
     return np.asarray(position[:, None] + points @ rotation.transpose(0, 2, 1))
 
 
