@@ -305,4 +305,5 @@ STUDY = Study(
     printed=("short",),
     figures=figures,
     write=write,
+    own=True,
 )
