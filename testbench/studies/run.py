@@ -122,8 +122,8 @@ def _of_stored(out: Path, *, resume: bool) -> Iterator[None]:
 
 def _reported(study: AnyStudy, settings: Any, seeds: range, trials: Trials) -> Report:
     """What trials say, without those in which an estimator of one's own failed; and which these are."""
-    lost = failures(trials) if study.own else {}
-    report = study.report(settings, seeds, fitted(trials, lost) if lost else trials)
+    lost = failures(trials, study.own) if study.own else {}
+    report = study.report(settings, seeds, fitted(trials, study.own, lost) if lost else trials)
     return with_failures(report, lost, len(seeds)) if lost else report
 
 

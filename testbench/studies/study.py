@@ -67,7 +67,8 @@ class Study(Generic[O, S, W]):
     #: Adds to the settings what all trials share and what is too dear for each of them.
     prepare: Callable[[S, Everywhere], S] | None = None
     arms: Callable[[S], Sequence[Path]] = _own_arm  #: Folders of the arms that it needs.
-    own: bool = False  #: Whether `trials` takes estimators of one's own beside the seeds.
+    #: Column that names the models where `trials` takes estimators of one's own; beside it is `status`.
+    own: str = ""
 
 
 AnyStudy = Study[Any, Any, Any]

@@ -55,7 +55,7 @@ class OneFactor:
             report=lambda _, seeds, rows: self.report(seeds, rows),
             printed=("errors",),
             figures=self.figures,
-            own=True,
+            own="name",
         )
 
     def report(self, seeds: range, trials: Trials) -> Report:

@@ -235,19 +235,21 @@ def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
 def with_wrong_priors(
     cell: Cell, names: Sequence[str], filled: Sequence[str], seed: int, own: Models
 ) -> list[Model]:
-    """Models without a prior, some with a wrong one that is believed as firmly for each, the default, own ones.
+    """Models without a prior, some with one that is wrong and believed as firmly for each, and the default.
+
+    Behind the first one stand estimators of one's own; the default is the last.
 
     Args:
         cell: The arm of the model: the prior is wrong about its folder.
         names: Of all models.
         filled: Of those that are fitted with the prior too.
         seed: Of the prior's errors.
-        own: Makes models of estimators of one's own.
+        own: Makes the models of estimators of one's own.
     """
     prior = wrong_prior(cell, seed)
     default = with_priors(named_models(cell, LEARNS), prior)
-    known = with_wrong_prior(cell, plain_models(cell, names), filled, seed)
-    return [*known, *default, *own(cell, prior)]
+    first, *others = with_wrong_prior(cell, plain_models(cell, names), filled, seed)
+    return [first, *own(cell, prior), *others, *default]
 
 
 def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
