@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from testbench.identify import intervals as intervals
     from testbench.identify import least_squares as least_squares
     from testbench.identify import make_estimate as make_estimate
+    from testbench.identify import reduce as reduce
     from testbench.identify import robust as robust
     from testbench.identify import with_prior as with_prior
     from testbench.identify.absolute.fit import calibrate as calibrate
@@ -71,6 +72,7 @@ HOMES = {
     "robust": "identify",
     "Estimate": "identify",
     "make_estimate": "identify",
+    "reduce": "identify",
     "certify": "identify",
     "intervals": "identify",
     "deflections": "identify.evaluate",

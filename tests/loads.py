@@ -5,7 +5,7 @@ import numpy as np
 from testbench.correct.newton import Aim, Points, solve
 from testbench.data.dataset import Dataset
 from testbench.model.structure import all153
-from testbench.model.vjm import chain, observation, rotation_observation
+from testbench.model.vjm import chain, generalised_load, observation, parameter_rows
 
 GRAVITY = 9.81
 SIGMA, SIGMA_ROTATION = 25e-6, 250e-6  #: Of a reading along an axis [m, rad].
@@ -27,6 +27,12 @@ def rows_of(cell, structure, where, targets=None):
     args = chain(cell.vjm, where.q), structure, where.wrench, where.point
     targets = cell.vjm.markers[:1] if targets is None else targets
     return observation(*args, targets).reshape(-1, structure.n)
+
+
+def rotation_observation(where, structure, wrench, point):
+    """How the tool turns with parameters, (runs, 1, 3, n)."""
+    A = np.stack([*parameter_rows(structure, where.J_theta[3:], generalised_load(where, wrench, point))])
+    return A.transpose(2, 0, 1)[:, None]
 
 
 def axis_loads(cell, rng, *, noise=1.0, poses=18):

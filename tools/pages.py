@@ -33,6 +33,7 @@ STUDIES = (
     "identifiability", "noise_sensitivity", "model_error", "pose_selection", "which_model",
     "regimes", "real_ur10", "absolute_calibration", "compensation",
 )  # fmt: skip
+BENCH = "bench"  #: Its page is written by hand, around docs/leaderboard/*.csv.
 ROWS = 9  #: Of the one table that a page shows, at most.
 FEWEST, WORDS = 3, 500  #: Rows that it keeps, and words of a page: longer ones have fewer rows.
 DEMO = re.compile(r"(<!-- demo -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -48,17 +49,26 @@ def main(
 ) -> None:
     """Write every page whose run is there."""
     found = [name for name in STUDIES if (runs / name / "report.md").is_file()]
-    if not found:
+    if not found and not (runs / BENCH).is_dir():
         raise BenchError(f"no run of a study in {runs}")
     for name in found:
         page(name, runs / name)
         print(PAGES / f"{name}.md")
+    if (runs / BENCH / "report.json").is_file():
+        leaderboard(runs / BENCH)
     for own in (README, *sorted(PAGES.parent.glob("*.md"))):
         if fill(own, runs, bench):
             print(own)
     if demo:
         text = README.read_text(encoding="utf-8")
         README.write_text(DEMO.sub(rf"\g<1>{shown()}\g<2>", text), encoding="utf-8")
+
+
+def leaderboard(run: Path) -> None:
+    """All tables of a run of the bench beside its page, which has parts of it."""
+    found = report.read(json.loads((run / "report.json").read_text(encoding="utf-8")))
+    for key, _ in _tables(found, PAGES.parent / "leaderboard"):
+        print(PAGES.parent / "leaderboard" / f"{key}.csv")
 
 
 def page(name: str, run: Path) -> None:

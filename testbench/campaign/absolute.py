@@ -13,13 +13,14 @@ from testbench.data.dataset import Ids
 from testbench.data.read_series import read_series
 from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError, InputError, stem_of
-from testbench.identify.absolute.align import Misfit, far_off
+from testbench.identify.absolute.align import Misfit, aligned, far_off
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
 from testbench.identify.absolute.posterior import inside, known, place, predict
-from testbench.identify.absolute.scatter import WILD, Outliers, outliers
+from testbench.identify.absolute.scatter import WILD, Outliers, outliers, residuals
+from testbench.identify.absolute.state import nominal, torque_scale
 from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
-from testbench.identify.diagnosis.notation import unplaced
+from testbench.identify.diagnosis.notation import check_order, unplaced
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import POSES
 from testbench.identify.robust_loss import READINGS
@@ -106,6 +107,16 @@ def explained(vjm: Vjm) -> Iterator[None]:
         if found is not None and found.kind != "kinematics":
             hint = f"; {doubt.said(found, vjm.arm).sentence}"
         raise BenchError(f"{err}{hint}") from err
+
+
+def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
+    """Median distance of readings from the rigid arm as drawn, in its best frame [m]; BenchError for none."""
+    weights = read_weights(vjm.arm)
+    with explained(vjm):
+        check_order(vjm, series)
+        state = aligned(nominal(vjm, weights, torque_scale(vjm, weights, tuple(series))), tuple(series))
+    left = (np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.seen] for one in series)
+    return float(np.median(np.concatenate(list(left))))
 
 
 def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequence[str] = ()) -> Calibrated:

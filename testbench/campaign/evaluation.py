@@ -135,13 +135,6 @@ def unseen(vjm: Vjm) -> Vjm:
     return replace(vjm, arm=replace(vjm.arm, links=links, joints=joints))
 
 
-def identify_each(cell: Cell, model: Model, datasets: Sequence[Dataset]) -> list[Estimate]:
-    """Identify one model from each of several datasets; an estimator of one's own takes them one by one."""
-    if isinstance(model.estimator, Method):
-        return model.estimator.each(cell.vjm, model.structure, datasets)
-    return [attempted(cell, model, data) for data in datasets]
-
-
 @dataclass(frozen=True)
 class Drawn:
     """What the pictures of the first seed are made of: nobody simulates it again."""

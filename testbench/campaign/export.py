@@ -5,6 +5,7 @@ A new URDF has links, joints with limits, tool and masses, no shapes.
 """
 
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,18 +15,18 @@ from testbench import files
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.mjcf_words import NUMBERS
-from testbench.arm.urdf_text import NEW_STAMP, origin_of, words
+from testbench.arm.urdf_text import NEW_STAMP, origin_of, with_origins, words
 from testbench.campaign.export_geometry import (
     Frames,
     Rigid,
     apart,
-    by_geometry,
-    by_the_rest,
+    far,
     identified,
     random_joints,
     tool_poses,
 )
-from testbench.campaign.export_own import own_urdf, place, read_own
+from testbench.campaign.export_left import GEOMETRY, Sizes, displacements
+from testbench.campaign.export_own import own_origins, place, read_own
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State
 from testbench.model.kinematics import body_pose, urdf_poses
@@ -74,17 +75,19 @@ class Exported:
     position_um: float  #: Most that it was off the model's geometry there.
     rotation_urad: float
     geometry_mm: tuple[float, float]  #: How far the identified geometry moves the tool from the drawing.
-    rest_mm: tuple[float, float]  #: How far own weight and errors of the joints do beside, not in the URDF.
+    left: Sizes  #: What moves it beside, by kind: not in the file.
 
 
 @dataclass(frozen=True)
 class Draft:
-    """A URDF that is not written yet."""
+    """A URDF, or what stands for one, that is not written yet."""
 
     text: str
     joints: tuple[str, ...]  #: Names of its joints, in the arm's order.
     frames: Frames
     drawing_off: float | None = None  #: Between the two drawings, of a robot's own URDF [m, rad].
+    as_urdf: Callable[[str], str] = str  #: A URDF of the text that was written.
+    encoding: str = "utf-8"  #: Of the text.
     loose_meshes: bool = False  #: Meshes are named by their place beside the URDF.
 
     @property
@@ -105,8 +108,9 @@ def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
     """The robot's own URDF with other origins; InputError when it is not the arm's."""
     own = read_own(file, state.vjm.arm, tip)
     frames, off = place(own, state)
-    text = own_urdf(own, frames, identified(state))
-    return Draft(text, tuple(joint.name for joint in own.joints), frames, off, own.loose_meshes)
+    text = with_origins(file, own.text, own_origins(own, frames, identified(state)))
+    names = tuple(joint.name for joint in own.joints)
+    return Draft(text, names, frames, off, loose_meshes=own.loose_meshes)
 
 
 def export(state: State, draft: Draft, out: Path) -> Exported:
@@ -118,10 +122,12 @@ def export(state: State, draft: Draft, out: Path) -> Exported:
     """
     q, document = random_joints(state.vjm), beside_of(out)
     with whole_files([out, document]) as (urdf, other):
-        urdf.write_bytes(draft.text.encode())
-        far = read_back(state, draft, out, urdf.read_bytes().decode())
-        moved = by_geometry(state, q), by_the_rest(state, q)
-        done = Exported(out, document, draft, len(q), 1e6 * far[0], 1e6 * far[1], *moved)
+        urdf.write_bytes(draft.text.encode(draft.encoding))
+        off = read_back(state, draft, out, urdf.read_bytes().decode(draft.encoding))
+        moved = displacements(state, q)
+        sizes = {kind: far(rows) for kind, rows in moved.items()}
+        geometry = sizes.pop(GEOMETRY)
+        done = Exported(out, document, draft, len(q), 1e6 * off[0], 1e6 * off[1], geometry, sizes)
         files.write_json(beside(state, draft.frames, urdf, done), other)
     return done
 
@@ -134,12 +140,12 @@ def beside_of(urdf: Path) -> Path:
 def read_back(state: State, draft: Draft, urdf: Path, text: str) -> tuple[float, float]:
     """How far the written file, as Pinocchio reads it, is from the model [m, rad]; BenchError for too far."""
     q, frames = random_joints(state.vjm), draft.frames
-    found = frames.root @ urdf_poses(urdf, text, draft.joints, frames.names[-1], q)
-    far = apart(found, tool_poses(state.vjm, q, state.theta_0) @ frames.tip)
-    if not max(far) <= NEAR:
-        got = f"{1e6 * far[0]:.3g} um and {1e6 * far[1]:.3g} urad"
-        raise BenchError(f"the URDF, read back, is up to {got} from the model; nothing is written")
-    return far
+    found = frames.root @ urdf_poses(urdf, draft.as_urdf(text), draft.joints, frames.names[-1], q)
+    off = apart(found, tool_poses(state.vjm, q, state.theta_0) @ frames.tip)
+    if not max(off) <= NEAR:
+        got = f"{1e6 * off[0]:.3g} um and {1e6 * off[1]:.3g} urad"
+        raise BenchError(f"{urdf.name}, read back, is up to {got} from the model; nothing is written")
+    return off
 
 
 def beside(state: State, frames: Frames, urdf: Path, done: Exported) -> dict[str, object]:
@@ -153,7 +159,7 @@ def beside(state: State, frames: Frames, urdf: Path, done: Exported) -> dict[str
         "digests": {name: files.digest(arm.rigid.with_name(name)) for name in ("rigid.xml", "elastic.toml")},
         "urdf_sha256": files.digest(urdf),
         "read_back": back,
-        "left_out_mm": dict(zip(("rms", "max"), done.rest_mm, strict=True)),
+        "left_out": {what: {"rms_mm": rms, "max_mm": most} for what, (rms, most) in done.left.items()},
         "words": WORDS,
         "root": _pose(frames.root),
         "tool": _pose(frames.tip),

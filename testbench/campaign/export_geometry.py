@@ -7,7 +7,7 @@ from functools import reduce
 import numpy as np
 
 from testbench.errors import Array
-from testbench.identify.absolute.state import LOAD_STEPS, State, equilibrium
+from testbench.identify.absolute.state import State
 from testbench.model.vjm import Vjm, bend, chain, rotation
 
 POSES = 1000  #: Random poses in which an export is looked at.
@@ -103,17 +103,7 @@ def apart(a: Array, b: Array) -> tuple[float, float]:
     return float(position), float(np.abs(a[:, :3, :3] - b[:, :3, :3]).max())
 
 
-def by_geometry(state: State, q: Array) -> tuple[float, float]:
-    """How far errors of geometry move the tool from the arm as drawn: RMS and at most [mm]."""
-    return _far(tool_poses(state.vjm, q, state.theta_0)[:, :3, 3] - tool_poses(state.vjm, q)[:, :3, 3])
-
-
-def by_the_rest(state: State, q: Array) -> tuple[float, float]:
-    """How far own weight and errors of the joints move it beside: RMS and at most [mm]."""
-    where = equilibrium(state, q, steps=LOAD_STEPS).where
-    return _far(tool_poses(state.vjm, q, state.theta_0)[:, :3, 3] - where.position)
-
-
-def _far(off: Array) -> tuple[float, float]:
-    far = 1e3 * np.linalg.norm(off, axis=1)
-    return float(np.sqrt(np.mean(far**2))), float(far.max())
+def far(off: Array) -> tuple[float, float]:
+    """Lengths of displacements, (poses, 3) [m]: RMS and at most [mm]."""
+    mm = 1e3 * np.linalg.norm(off, axis=1)
+    return float(np.sqrt(np.mean(mm**2))), float(mm.max())

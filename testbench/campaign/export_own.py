@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.arm.urdf_text import BEGINS, BEGINS_NEW, with_origins
+from testbench.arm.urdf_text import BEGINS, BEGINS_NEW
 from testbench.campaign.export_geometry import (
     Frames,
     Rigid,
@@ -84,6 +84,11 @@ def read_own(file: Path, arm: Arm, tip: str | None = None) -> Own:
         raise InputError(file, "", "testbench export wrote it; expected the robot's own URDF")
     if root.tag != "robot":
         raise InputError(file, "", f"expected URDF (<robot>) at the top, got <{root.tag}>")
+    return chain_of(file, text, root, arm, tip)
+
+
+def chain_of(file: Path, text: str, root: ET.Element, arm: Arm, tip: str | None = None) -> Own:
+    """The same of a URDF that is read, its text and its root element, which is changed."""
     loose = any("://" not in mesh.get("filename", "") for mesh in root.iter("mesh"))
     for link in root.findall("link"):
         for shape in [e for e in link if e.tag in SHAPES]:
@@ -161,8 +166,8 @@ def place(own: Own, state: State) -> tuple[Frames, float]:
     return Frames(names, root, (links[0], *exact), within(model.tool, exact[-1] @ rigid.tool)), max(far)
 
 
-def own_urdf(own: Own, placed: Frames, geometry: Rigid) -> str:
-    """The robot's URDF with the origins of its joints as identified."""
+def own_origins(own: Own, placed: Frames, geometry: Rigid) -> dict[str, Array]:
+    """Poses of the URDF's joints as identified, by their names, (4, 4) [m]."""
     poses: dict[str, Array] = {}
     cuts = [1, *(k + 1 for k in own.moving)]
     for i, step in enumerate(geometry.steps):
@@ -177,7 +182,7 @@ def own_urdf(own: Own, placed: Frames, geometry: Rigid) -> str:
         raise InputError(own.file, "", f"expected a fixed joint behind {own.tip!r}: the tool has moved on it")
     if moved:
         poses[own.names[cuts[-1]]] = wanted @ within(in_order([body.pose for body in behind[1:]]), np.eye(4))
-    return with_origins(own.file, own.text, poses)
+    return poses
 
 
 def axis_lines(bodies: Sequence[Array], axes: Array, slides: Sequence[bool]) -> Array:

@@ -226,7 +226,7 @@ def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, own:
     for model in models:
         start = clock()
         if plain := _plain(model):
-            [estimate] = plain.of(cell.vjm, [reduced.parts[model.structure.name].together()])
+            estimate = plain.of(cell.vjm, reduced.parts[model.structure.name].together())
             spent = clock() - start
         else:
             estimate, spent = own[model.name]

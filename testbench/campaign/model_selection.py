@@ -22,17 +22,10 @@ from testbench.campaign.runs import Many
 from testbench.data.dataset import Dataset, Ids, select
 from testbench.errors import Array
 from testbench.identify import Estimate, Method, with_prior
-from testbench.identify.crossval import (
-    Candidate,
-    Duel,
-    divided,
-    folds,
-    held_out_errors,
-    unless_beaten,
-)
+from testbench.identify.crossval import Candidate, Duel, Fold, divided, folds, unless_beaten
 from testbench.identify.fold import Parts, reduce_parts
 from testbench.identify.prior import Prior, Strength
-from testbench.identify.regression import Regression
+from testbench.identify.regression import f_m
 from testbench.model.laws import with_laws
 
 FILLED = " + prior"
@@ -162,15 +155,13 @@ def _why(duel: Duel, first: str, default: str) -> str:
 
 def _errors(cell: Cell, model: Model, runs: Folded) -> Array:
     """F_M on what is held out, (folds,) [1]; an estimator of one's own sees the other runs as they are."""
-    held, method = folds(runs.parts[model.structure.name]), model.estimator
+    method = model.estimator
 
-    def fits(regressions: Sequence[Regression]) -> Array:
+    def fit(fold: Fold) -> Array:
         if isinstance(method, Method):
-            found = method.of(cell.vjm, regressions, widths=False)
-            return np.array(
-                [np.pad(e.pi, (0, model.structure.n - len(e.pi))) for e in found]
-            )  # laws are last
-        kept = [select(runs.data, np.isin(runs.part, fold.kept)) for fold in held]
-        return np.array([of_model(cell, model, some).pi for some in kept])
+            pi = method.of(cell.vjm, fold.fitted, widths=False).pi
+            return np.pad(pi, (0, model.structure.n - len(pi)))  # laws are last
+        return of_model(cell, model, select(runs.data, np.isin(runs.part, fold.kept))).pi
 
-    return held_out_errors(held, fits)
+    held = folds(runs.parts[model.structure.name])
+    return np.array([f_m(fold.held_out, fit(fold)) for fold in held])

@@ -34,25 +34,35 @@ MODULE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
 
 
 @dataclass(frozen=True)
-class EstimatorOptions:
-    """Flags of every command and study that tries estimators of one's own."""
+class LimitOptions:
+    """Flags of what a call may use."""
 
-    estimator: Annotated[
-        list[str] | None,
-        typer.Option(metavar=FORM, help="Estimator of your own beside ours; again for more."),
-    ] = None
     estimator_timeout: Annotated[
-        float, typer.Option(min=0.01, max=86_400, help="Longest time of a call of it, s.")
+        float, typer.Option(min=0.01, max=86_400, help="Longest time of a call of an estimator, s.")
     ] = 60.0
     estimator_memory: Annotated[
         float, typer.Option(min=0.01, max=1000, help="Most memory of a call beside its libraries, GB.")
     ] = 2.0
 
     @property
+    def limits(self) -> Limits:
+        """Of a call."""
+        return Limits(self.estimator_timeout, int(1e9 * self.estimator_memory))
+
+
+@dataclass(frozen=True)
+class EstimatorOptions(LimitOptions):
+    """Flags of every command and study that tries estimators of one's own."""
+
+    estimator: Annotated[
+        list[str] | None,
+        typer.Option(metavar=FORM, help="Estimator of your own beside ours; again for more."),
+    ] = None
+
+    @property
     def own(self) -> tuple[Own, ...]:
         """Those that were asked for; BenchError as `read_own`."""
-        limits = Limits(self.estimator_timeout, int(1e9 * self.estimator_memory))
-        return read_own(self.estimator or (), limits, tuple(MODELS))
+        return read_own(self.estimator or (), self.limits, tuple(MODELS))
 
 
 def read_own(texts: Sequence[str], limits: Limits, taken: Sequence[str]) -> tuple[Own, ...]:

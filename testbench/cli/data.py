@@ -1,20 +1,28 @@
 """testbench data check ARM FILE: what is in a file of measured runs, and how it was understood."""
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
 from testbench.arm.catalogue import find_arm
+from testbench.campaign.absolute import kinematic_misfit
 from testbench.campaign.campaign import build_cell
+from testbench.campaign.propose_map import map_text, propose
 from testbench.campaign.runs import files_read, look_at, read, register
-from testbench.cli.arguments import RunFlags, ShownFolder, claimed
-from testbench.commands.data import COMMAND, listed, report, understand, write
-from testbench.errors import BenchError
+from testbench.cli.arguments import ArmName, RunFlags, ShownFolder, claimed
+from testbench.commands.data import COMMAND, column_lines, column_rows, listed, report, understand, write
+from testbench.data.read_series import read_series
+from testbench.errors import BenchError, sheet_of
+from testbench.output.place import Kind, claim_file
+from testbench.output.whole import whole_file
 from testbench.shell.options import Force, takes
 from testbench.shell.project import ProjectCommand
 from testbench.views.terminal import looked_at, plain_console, print_words
 
 group = typer.Typer(no_args_is_help=True)
+MAP = Kind("a map that testbench data map wrote", b"# A map of ")
 
 
 @dataclass(frozen=True)
@@ -56,3 +64,47 @@ def check(runs: RunFlags, asked: Options) -> None:
                 *looked_at(asked.out, arm=runs.arm, data=runs.dataset),
             ]
         print_words(console, said, lines=lines)
+
+
+@dataclass(frozen=True)
+class MapOptions:
+    """Flags of the command that proposes a map."""
+
+    arm: ArmName
+    dataset: Annotated[
+        Path, typer.Argument(help="Export of an instrument, any text table, or FILE.xlsx#SHEET.")
+    ]
+    log: Annotated[
+        Path | None, typer.Option(help="The robot's joints in another file: joined by name, else by time.")
+    ] = None
+    out: Annotated[Path | None, typer.Option(help="Map to write; default: FILE.toml beside it.")] = None
+    force: Force = False
+
+
+@group.command("map", cls=ProjectCommand)
+@takes(MapOptions)
+def propose_map(asked: MapOptions) -> None:
+    """Propose a map of an export, guesses as comments; show what it reads, and whether that fits the arm."""
+    file = sheet_of(asked.dataset)[0]
+    out, console = asked.out or file.with_suffix(".toml"), plain_console()
+    inputs = [find_arm(asked.arm), file, *([asked.log] if asked.log else [])]
+    with claim_file(out, MAP, inputs=inputs, force=asked.force):
+        cell = build_cell(asked.arm)
+        entries = propose(asked.dataset, cell.arm, asked.log, out.parent)
+        with whole_file(out) as part:
+            part.write_text(
+                f"# A map of {file.name}, proposed by testbench data map\n{map_text(entries)}", "utf-8"
+            )
+        guesses = {why: [own.key for own in entries if own.why == why] for *_, why in entries if why}
+        said = (f"guess      {', '.join(keys)}: {why}" for why, keys in guesses.items())
+        console.print("\n".join([f"map        {out}", *said, ""]), soft_wrap=True)
+        export = read_series(asked.dataset, cell.arm, out)
+        rows = sum(one.rows for one in export.series)
+        lines = [
+            *column_lines(list(column_rows(export.columns))),
+            "",
+            *(f"- {note}" for note in export.notes),
+        ]
+        console.print("\n".join([*lines, f"{rows} readings"]), soft_wrap=True)
+        off = 1e3 * kinematic_misfit(cell.vjm, export.series)
+        console.print(f"They fit the arm as drawn to {off:.3g} mm (median).")

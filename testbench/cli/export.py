@@ -1,18 +1,28 @@
-"""testbench export MODEL --urdf robot.urdf: the identified geometry in the robot's own file."""
+"""testbench export MODEL --urdf robot.urdf: what was identified in the robot's own file or a controller's."""
 
+import contextlib
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
+from testbench.arm.decimal import read_decimals
+from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
 from testbench.campaign.arm_models import load_model
-from testbench.campaign.export import BEGINS, Exported, beside_of, draft_new, draft_own, export
+from testbench.campaign.controller_files import STAMP, UR, read_controller
+from testbench.campaign.export import BEGINS, Draft, Exported, beside_of, draft_new, draft_own, export
+from testbench.campaign.export_controller import draft_ur, export_offsets
+from testbench.campaign.export_geometry import POSES
+from testbench.campaign.export_left import BestOffsets, Sizes
 from testbench.errors import BenchError, InputError
+from testbench.identify.arm_model import ArmModel
 from testbench.output.manifest import read_plain
 from testbench.output.place import HEAD, INSTEAD, Kind, claim_file, look
 from testbench.output.whole import writing
@@ -20,7 +30,8 @@ from testbench.shell.options import Force, takes
 from testbench.views.terminal import plain_console
 
 URDF = Kind("a URDF that testbench export wrote", STAMPED)
-BESIDE = Kind("the JSON beside such a URDF", BEGINS)
+BESIDE = Kind("the JSON beside such a file", BEGINS)
+CONTROLLER = Kind("such a file that testbench export wrote", rb"(?s).*?" + STAMP.encode())
 
 
 @dataclass(frozen=True)
@@ -29,11 +40,17 @@ class Options:
 
     model: Annotated[Path, typer.Argument(help="Folder of a model, of calibrate or identify.")]
     urdf: Annotated[
-        Path, typer.Option(help="The robot's own URDF; where there is none, one is written from scratch.")
-    ]
-    out: Annotated[
-        Path | None, typer.Option(help="URDF to write; else NAME_calibrated.urdf in this folder.")
+        Path | None,
+        typer.Option(help="The robot's own URDF; where there is none, one is written from scratch."),
     ] = None
+    into: Annotated[
+        Path | None,
+        typer.Option(help="The robot's own kinematics of a UR driver, $machine.dat of KUKA, MOC.cfg of ABB."),
+    ] = None
+    gears: Annotated[
+        str, typer.Option(help="Of ABB: turns of each motor for one of its axis, with sign: a,b,...")
+    ] = ""
+    out: Annotated[Path | None, typer.Option(help="File to write; else NAME_calibrated here.")] = None
     tip: Annotated[
         str | None, typer.Option(help="Link of the robot's own URDF that carries the tool; else its end.")
     ] = None
@@ -42,23 +59,64 @@ class Options:
 
 @takes(Options)
 def command(asked: Options) -> None:
-    """Write the identified geometry as URDF, what it cannot hold as JSON beside it; read both back."""
-    scratch = _new(asked.urdf)  # with --out it is read as any other
-    own = look(asked.urdf) is not None and not (scratch and asked.out is None)
-    out = _place(asked, own=own)
-    inputs = [asked.model, *([asked.urdf] if own else [])]
+    """Write a model into a URDF or a controller's file, what that cannot hold as JSON beside it."""
+    if (asked.urdf is None) == (asked.into is None):
+        raise BenchError("expected one of --urdf and --into")
+    if asked.urdf is not None:
+        _write_urdf(asked, asked.urdf)
+    elif asked.tip is not None:
+        raise BenchError("--tip: expected --urdf with it")
+    elif asked.into is not None:
+        _write_into(asked, asked.into)
+
+
+def _write_urdf(asked: Options, urdf: Path) -> None:
+    scratch = _new(urdf)  # with --out it is read as any other
+    own = look(urdf) is not None and not (scratch and asked.out is None)
+    out = _place(asked, urdf, own=own)
+    with _claimed(asked, out, URDF, [urdf] if own else []) as model:
+        _export(model, draft_own(model.state, urdf, asked.tip) if own else draft_new(model.state), out)
+
+
+def _write_into(asked: Options, file: Path) -> None:
+    out, (form, _) = _beside(asked, file), read_controller(file)
+    try:
+        gears = read_decimals(word.strip() for word in asked.gears.split(",") if asked.gears)
+    except ValueError as err:
+        raise BenchError(f"--gears: expected numbers with commas between, got {asked.gears!r}") from err
+    with _claimed(asked, out, CONTROLLER, [file]) as model:
+        if form is UR:
+            _export(model, draft_ur(model.state, file), out)
+        else:
+            _say(model, _offset_words(model.arm, out, *export_offsets(model.state, file, out, gears)))
+
+
+def _beside(asked: Options, file: Path) -> Path:
+    return asked.out or Path(f"{file.stem}_calibrated{file.suffix}")
+
+
+@contextlib.contextmanager
+def _claimed(asked: Options, out: Path, kind: Kind, files: list[Path]) -> Iterator[ArmModel]:
+    """The model, while the places of both files are ours."""
+    inputs = [asked.model, *files]
     with (
-        claim_file(out, URDF, inputs=inputs, force=asked.force),
+        claim_file(out, kind, inputs=inputs, force=asked.force),
         claim_file(beside_of(out), BESIDE, inputs=inputs, force=asked.force),
     ):
         model = load_model(asked.model)
-        state, arm, stood = model.state, model.arm.name, look(out) is not None
-        _refuse_another(out, arm, force=asked.force)
-        done = export(state, draft_own(state, asked.urdf, asked.tip) if own else draft_new(state), out)
-        lines = _words(arm, done, replaced=stood)
-        if not model.absolute:
-            lines.append("the model is of compliances alone: its geometry is the drawing's")
-        plain_console().print("\n".join(lines), soft_wrap=True)
+        _refuse_another(out, model.arm.name, force=asked.force)
+        yield model
+
+
+def _export(model: ArmModel, draft: Draft, out: Path) -> None:
+    stood = look(out) is not None
+    _say(model, _words(model.arm.name, export(model.state, draft, out), replaced=stood))
+
+
+def _say(model: ArmModel, lines: list[str]) -> None:
+    if not model.absolute:
+        lines.append("the model is of compliances alone: its geometry is the drawing's")
+    plain_console().print("\n".join(lines), soft_wrap=True)
 
 
 def _new(urdf: Path) -> bool:
@@ -69,17 +127,17 @@ def _new(urdf: Path) -> bool:
         return re.match(BEGINS_NEW, file.read(HEAD)) is not None
 
 
-def _place(asked: Options, *, own: bool) -> Path:
+def _place(asked: Options, urdf: Path, *, own: bool) -> Path:
     """Where to write."""
     if own:
-        out = asked.out or Path(f"{asked.urdf.stem}_calibrated.urdf")
+        out = _beside(asked, urdf.with_suffix(".urdf"))
     elif asked.out is not None:
         problem = "expected the robot's own URDF; to write one from scratch leave --out away"
-        raise InputError(asked.urdf, "", problem)
+        raise InputError(urdf, "", problem)
     elif asked.tip is not None:
-        raise BenchError(f"--tip: is for a robot's own URDF; {asked.urdf} is written from scratch")
+        raise BenchError(f"--tip: is for a robot's own URDF; {urdf} is written from scratch")
     else:
-        out = asked.urdf
+        out = urdf
     if out.suffix.lower() != ".urdf":
         raise InputError(out, "", "expected the name of a URDF, ending with .urdf")
     return out
@@ -116,14 +174,15 @@ def _arm_beside(document: Path) -> str | None:
 def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
     draft, off = done.draft, done.draft.drawing_off
     tip, at = draft.frames.names[-1], f"{done.urdf}, replaced" if replaced and off is not None else done.urdf
-    (moved, moved_most), (rest, rest_most) = done.geometry_mm, done.rest_mm
+    moved, moved_most = done.geometry_mm
     lines = [
         f"{arm}: the identified geometry is in {at}, its tool is {tip!r}",
         f"read back by Pinocchio in {done.poses} poses: within {max(done.position_um, 0.001):.3g} um and "
         f"{max(done.rotation_urad, 0.001):.3g} urad of the model",
         f"it moves the tool by {moved:.3f} mm RMS, {moved_most:.3f} mm at most, from the drawing",
-        f"not in it, but in {done.beside}: compliances, errors and laws of the joints, weights; own weight "
-        f"and errors of the joints move the tool by {rest:.3f} mm RMS, {rest_most:.3f} mm at most",
+        f"not in it, but in {done.beside}: compliances, errors and laws of the joints, weights; at the "
+        "tool, RMS and at most:",
+        *_left(done.left),
     ]
     if off is None:
         found = f"no file {done.urdf}: written from scratch"
@@ -133,8 +192,26 @@ def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
     else:
         lines.append(
             f"its own drawing was that of {arm} to {1e6 * off:.3g} um and urad; {tip!r} stands "
-            f"{1e3 * draft.aside:.4g} mm from the model's tool, and so it does still"
+            f"{round(1e3 * draft.aside, 6):.4g} mm from the model's tool, and so it does still"
         )
     if draft.loose_meshes:
         lines.append("it names meshes by their place beside the robot's URDF: keep it in that folder")
     return lines
+
+
+def _left(left: Sizes) -> list[str]:
+    """A line for every kind of error."""
+    return [f"  {rms:.3f} and {most:.3f} mm: {what}" for what, (rms, most) in left.items()]
+
+
+def _offset_words(arm: Arm, out: Path, best: BestOffsets, off: float) -> list[str]:
+    shown = (f"{joint.name} {x:.4f}" for joint, x in zip(arm.joints, np.degrees(best.offsets), strict=True))
+    (drawn, drawn_most), (left, left_most) = best.drawn_mm, best.corrected_mm
+    return [
+        f"{arm.name}: offsets of the joints are in {out} [deg]: {', '.join(shown)}",
+        f"read back in {POSES} poses: within {max(1e6 * off, 0.001):.3g} um of these offsets",
+        f"with base and tool measured anew they leave {left:.3f} mm RMS, {left_most:.3f} mm at most, to the "
+        f"identified arm without payload; the drawing {drawn:.3f} and {drawn_most:.3f} mm",
+        "what offsets cannot hold, RMS and at most, in comments there too:",
+        *_left(best.left),
+    ]

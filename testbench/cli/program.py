@@ -27,6 +27,7 @@ COMMANDS = {
     "predict": "Say where loads bring the tool, how sure that is, how stiff it is.",
     "compensate": "Correct a robot's program for what loads do to the arm.",
     "demo": "Calibrate a heavy arm in simulation.",
+    "bench": "Rank estimators of anybody in frozen tasks.",
     "compare": "Say what differs between runs, and which errs less.",
     "next": "Say what is missing after a run, and the next command.",
     "view": "Open the newest recording of a run in the Rerun viewer.",

@@ -48,7 +48,7 @@ def understand(export: Export) -> Row:
     least, median, most = np.quantile(known, [0, 0.5, 1]).tolist() if len(known) else [np.nan] * 3
     downward = (data.wrench[:, [0, 1, 3, 4, 5]] == 0).all() and (data.wrench[:, 2] <= 0).all()
     return Row(
-        columns=list(_columns(export.columns)),
+        columns=list(column_rows(export.columns)),
         ignored=export.columns.ignored,
         rows=table.rows,
         runs=data.runs,
@@ -81,7 +81,7 @@ def _loads(data: Dataset, *, hung: bool) -> list[str]:
     ]
 
 
-def _columns(found: Columns) -> Iterator[Row]:
+def column_rows(found: Columns) -> Iterator[Row]:
     """A row a quantity; the axes of a vector stand in one."""
     groups: dict[tuple[object, ...], list[Column]] = {}
     for column in sorted(found.found.values(), key=lambda c: c.index):
@@ -123,11 +123,15 @@ def _length(number: str) -> str:
 
 def listed(found: Row) -> list[str]:
     """Columns below one another, then the whole in numbers: of any width, for a terminal."""
+    return ["", *column_lines(found.columns), "", *contents(found)]
+
+
+def column_lines(found: Sequence[Row]) -> list[str]:
+    """Columns of a file below one another."""
     table = [[column.heading for column in COLUMNS]]
-    table += [[row[column.key] for column in COLUMNS] for row in found.columns]
+    table += [[row[column.key] for column in COLUMNS] for row in found]
     widths = [2 + max(map(len, cells)) for cells in zip(*table, strict=True)]
-    rows = ("".join(map(str.ljust, cells, widths)).rstrip() for cells in table)
-    return ["", *rows, "", *contents(found)]
+    return ["".join(map(str.ljust, cells, widths)).rstrip() for cells in table]
 
 
 def contents(found: Row) -> list[str]:

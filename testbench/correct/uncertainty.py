@@ -6,7 +6,7 @@ Eq. (12) for compliances. What two poses share in them cancels in their differen
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,11 +17,12 @@ from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.posterior import CONFIDENCE, check_confidence, conditional, quantile
+from testbench.identify.rows import jacobian, straight
 from testbench.model.joint_errors import basis
 from testbench.model.laws import KINDS
 from testbench.model.load import Load, on_joints
 from testbench.model.loaded import displacement
-from testbench.model.vjm import chain, parameter_rows, tool_pose, translation_rows
+from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import own_weight
 
 LOOKED_AT = 60  #: Poses in which the part that leaves most open is looked for, evenly picked.
@@ -137,23 +138,16 @@ def _rows(model: ArmModel, poses: Poses, points: Array) -> Array:
     There bending and own weight would mix a little of every direction into every other; of one that the data
     have not seen that little would be infinite. What is left out is in `curvature`.
     """
-    state, unknowns, loads = model.state, model.unknowns, poses.loads
-    where = chain(model.vjm, poses.q, poses.at_rest(state).theta if model.absolute else None)
-    u = on_joints(where, loads)
-    if model.absolute or poses.heavy:
-        u = own_weight(where, state.weights) + u
-    J = translation_rows(where, points)
-    A = np.zeros((len(J), unknowns.size, len(poses.q)))
+    state, told = model.state, straight(model.vjm, poses.q, poses.loads)
     if model.absolute:
-        A[:, unknowns.columns("geometry")] = J[:, unknowns.inner]
-    if state.errors.size:
-        n = model.arm.n_joints
-        phi = basis(state.errors, model.arm, poses.q, u[-n:], state.torque_scale)
-        own = J[:, -n:, None] * phi
-        A[:, unknowns.columns("errors")] = own.reshape(len(J), -1, len(poses.q))
-    for row, line in zip(A, parameter_rows(model.structure, J, u), strict=True):
-        row[unknowns.columns("elastic")] = line
-    return A[:, model.columns].transpose(2, 0, 1).reshape(len(poses.q), len(points), 3, -1)
+        theta = poses.at_rest(state).theta
+        where = chain(model.vjm, poses.q, theta)
+        told = replace(told, theta=theta, where=where, u=on_joints(where, poses.loads))
+    if model.absolute or poses.heavy:
+        told = replace(told, u=own_weight(told.where, state.weights) + told.u)
+    phi = basis(state.errors, model.arm, poses.q, told.u[-model.arm.n_joints :], state.torque_scale)
+    A = jacobian(model.unknowns, replace(told, phi=phi), points, turned=False)
+    return A[:, :, model.columns].transpose(3, 0, 1, 2)
 
 
 def curvature(model: ArmModel, poses: Poses, points: Array) -> Array:

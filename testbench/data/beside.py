@@ -1,17 +1,17 @@
 """What stands beside absolute readings: torques of the joints, temperature, time."""
 
 import re
-from datetime import UTC, datetime
 
 import numpy as np
 
+from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import Arm
+from testbench.data.clock import clock, seconds
 from testbench.data.columns import Column, Columns
 from testbench.data.names import Slot, torque_columns
 from testbench.errors import Array, InputError
 
 ROUNDED = re.compile(r"\d([.,]\d*)?[eE]\+?13|\d{6}0{8}")  #: 2,02011E+13: its hour, and more, is gone.
-STAMP = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ ]?(\d\d)(\d\d)(\d\d)")  #: 20200714163904.
 
 
 def read_torques(columns: Columns, arm: Arm) -> Array | None:
@@ -34,17 +34,17 @@ def read_temperature(columns: Columns) -> tuple[Array | None, list[str]]:
 
 def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
     """Time since the first row, (rows,) [s]; None where the cells are no times."""
-    seconds, stamp = columns.get(Slot("time", 1)), columns.get(Slot("time"))
-    if seconds is not None:
-        return _if_full(columns, seconds)
+    counted, stamp = columns.get(Slot("time", 1)), columns.get(Slot("time"))
+    if counted is not None:
+        return _if_full(columns, counted)
     if stamp is None:
         return None, []
     texts = columns.table.texts(stamp.index)
-    found = {text: _seconds(text) for text in dict.fromkeys(texts)}
-    wrong = next((text for text, value in found.items() if value is None), None)
-    if wrong is None and (len(found) > 1 or len(texts) == 1):
-        values = np.array([found[text] for text in texts], dtype=float)
+    values = clock(texts)
+    counted_in = is_decimal(texts[0]) and seconds(texts[0]) is None  # minutes, perhaps
+    if values is not None and not counted_in and (np.ptp(values) > 0 or len(texts) == 1):
         return values - values[0], []
+    wrong = next((text for text in texts if seconds(text) is None), None)
     if wrong is not None and ROUNDED.fullmatch(wrong):
         return None, [f"{stamp.name}: {wrong!r} is a time that a spreadsheet rounded: no time is read"]
     got = f"{wrong[:40]!r}" if wrong is not None else f"{texts[0][:40]!r} in every row"
@@ -57,17 +57,3 @@ def _if_full(columns: Columns, column: Column) -> tuple[Array | None, list[str]]
         return columns.full(column), []
     except InputError:
         return None, [f"{column.name}: blank or no number in a row, not read"]
-
-
-def _seconds(text: str) -> float | None:
-    """Seconds of a date and time since 1970; None for anything else."""
-    stamp = STAMP.fullmatch(text)
-    try:
-        when = (
-            datetime.strptime("".join(stamp.groups()), "%Y%m%d%H%M%S")
-            if stamp
-            else datetime.fromisoformat(text)
-        )
-    except ValueError:
-        return None
-    return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()

@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Mask
+from testbench.data.joined import with_log
 from testbench.data.mapping import Named, Names
 from testbench.data.names import DEFLECTION, ROTATIONS, SI, XYZ, Slot, What, columns_of
 from testbench.data.rearranged import join_axes, take_apart
@@ -143,7 +144,7 @@ class Columns:
 def read_columns(path: Path, names: Names, arm: Arm) -> Columns:
     """The columns of a file; InputError as `read_table` and `find_columns` raise it."""
     table = read_table(path, lambda name: names.find(name) is not None, names.layout)
-    return find_columns(table, names, arm)
+    return find_columns(with_log(table, names), names, arm)
 
 
 def find_columns(table: Table, names: Names, arm: Arm) -> Columns:

@@ -49,6 +49,7 @@ class Layout(Strict):
     names: list[Text] = Field(default=[], max_length=1000)  #: Of the columns, where the file has no header.
     header: int = Field(default=1, ge=1, le=3)  #: Lines of the header; the upper ones may be of merged cells.
     merged: bool = False  #: Whether a blank cell takes the value above, as below merged cells.
+    average: bool = False  #: Whether rows of one point are shots, of which the mean is its reading.
 
 
 class Absolute(Strict):
@@ -61,10 +62,21 @@ class Absolute(Strict):
     rotation: Annotated[str, Field(pattern=NOTATION)] | None = None
 
 
+class Log(Strict):
+    """Another file with a row for every reading, such as the robot's joints."""
+
+    file: Text  #: Its path from the map's folder.
+    on: list[Text] = Field(min_length=1)  #: Columns of the readings that say together a row's name or time.
+    to: list[Text] = Field(default=[])  #: Those of the log, where they are called otherwise.
+    #: By the nearest time, at most so far away [s]; by name where it is not said.
+    within_s: Annotated[float, Field(gt=0, le=3600)] | None = None
+
+
 class _Map(Strict):
     frame: Frame | None = None
     file: Layout = Layout()
     series: Absolute = Absolute()
+    log: Log | None = None
     columns: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
     optional: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
     cells: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=20)
@@ -102,6 +114,7 @@ class Names:
     layout: Layout  #: How the file is written.
     series: Absolute  #: What the map says of absolute readings.
     markers: tuple[str, ...]  #: Names of the targets that the file may have.
+    log: Log | None = None  #: Another file that is joined to the table.
     load: float | None = None  #: Mass that hangs in loaded rows where nothing says one [kg].
 
     def find(self, header: str) -> Named | None:
@@ -160,6 +173,7 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
         layout=found.file,
         series=found.series,
         markers=arm.markers,
+        log=found.log,
     )
 
 
@@ -179,7 +193,8 @@ def _read(path: Path) -> _Map:
         first = err.errors(include_url=False, include_context=False)[0]
         place = toml_place(path, first["loc"])
         if first["type"] == "extra_forbidden":
-            inner = Absolute if first["loc"][0] == "series" else Layout
+            tables: dict[str, type[Strict]] = {"series": Absolute, "log": Log}
+            inner = tables.get(str(first["loc"][0]), Layout)
             keys = _Map.model_fields if len(first["loc"]) == 1 else inner.model_fields
             raise InputError(path, place, f"unknown key; keys are {', '.join(keys)}") from err
         problem = first["msg"]

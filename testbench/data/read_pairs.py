@@ -16,6 +16,7 @@ from testbench.data.names import ENTRIES, Slot, columns_of
 from testbench.data.pair import HELD, Paired, pair
 from testbench.data.rows import Conditions, Readings, markers_only, read_conditions, read_readings
 from testbench.data.scatter import read_covariances, read_sigma
+from testbench.data.shots import averaged
 from testbench.data.spool import Campaign, Spool, some
 from testbench.data.stream import Source, Whole, alike, read_source
 from testbench.data.table import table_of
@@ -123,6 +124,7 @@ def _gathered(exports: Iterator[Export]) -> Export:
 def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
     """The same of columns that were found."""
     columns, dropped = markers_only(columns)
+    columns, shots = averaged(columns)
     conditions = read_conditions(columns, arm)
     read = read_readings(columns, arm, conditions.loaded)
     runs = pair(columns.table, conditions, read)
@@ -149,7 +151,7 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
         precision=precision,
         station=None if conditions.station is None else conditions.station[runs.row],
     )
-    return Export(data, columns, (*conditions.notes, *runs.notes, *notes, *dropped))
+    return Export(data, columns, (*conditions.notes, *runs.notes, *notes, *dropped, *shots))
 
 
 def _check_once(columns: Columns, conditions: Conditions, runs: Paired, read: Readings) -> None:

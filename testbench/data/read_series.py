@@ -33,6 +33,7 @@ from testbench.data.rows import (
 )
 from testbench.data.scatter import Scatter, read_scatter
 from testbench.data.series import Series, select_rows, series_of
+from testbench.data.shots import averaged
 from testbench.data.spool import together
 from testbench.data.stream import Source, Whole, alike, read_source
 from testbench.errors import Array, open_file, stem_of
@@ -132,6 +133,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     if any(c.slot.when for c in columns.every("reading")):
         return _pairs(columns, arm, sigma)
     columns, notes = markers_only(columns)
+    columns, shots = averaged(columns)
     conditions = read_conditions(columns, arm, needs_load=_says_loaded(columns))
     alone = len(arm.markers) > 1 and columns.get(Slot("marker")) is None
     alone = alone and not any(c.slot.marker for c in columns.every("reading"))
@@ -143,7 +145,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
         _check_alone(columns, conditions, read)
     scatter = read_scatter(columns, sigma)
     whole, first, lost, more = _assembled(columns, arm, conditions, read, scatter)
-    notes += [*conditions.notes, *scatter.notes, *more]
+    notes += [*shots, *conditions.notes, *scatter.notes, *more]
     if columns.names.frame == "base":
         notes.append("the map says base: its pose is found all the same")
     return SeriesExport(_parted(columns, whole, first, scatter), columns, tuple(notes), lost)

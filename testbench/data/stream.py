@@ -140,7 +140,8 @@ class _Reader(Generic[Read]):
     def _understand(self, content: bytes) -> None:
         """The header and the columns, by the first block."""
         own = self.names.layout
-        if own.footer or own.merged or self.names.cells or self.names.ignored or not content:
+        whole = own.footer or own.merged or own.average or self.names.log
+        if whole or self.names.cells or self.names.ignored or not content:
             raise Whole
         text, self.encoding = letters(self.path, content, own.encoding)
         if self.encoding not in ("utf-8", "cp1252") or _broken(content):

@@ -15,6 +15,7 @@ from testbench.data.dataset import Ids, Mask
 from testbench.data.header import find_header, notes, rows_of
 from testbench.data.lines import from_cell, read_letters, split_lines
 from testbench.data.mapping import Layout
+from testbench.data.names import squeeze
 from testbench.data.sheet import SHEET
 from testbench.data.units import Unit
 from testbench.errors import Array, InputError, shown
@@ -101,6 +102,24 @@ class Table:
             units=tuple(self.units[k] for k in columns),
             cells=[self.cells[k] for k in columns],
         )
+
+    def beside(self, other: "Table", rows: Ids) -> "Table":
+        """With those columns of another table that it has not, in these rows; decimal commas are points."""
+        own = {squeeze(name) for name in self.names}
+        kept = [k for k, name in enumerate(other.names) if squeeze(name) not in own]
+        return replace(
+            self,
+            names=(*self.names, *(other.names[k] for k in kept)),
+            units=(*self.units, *(other.units[k] for k in kept)),
+            cells=[*map(_pointed, self.cells), *(_pointed(other.picked(k, rows)) for k in kept)],
+            notes=(*self.notes, *(f"{other.path.name}: {note}" for note in other.notes)),
+        )
+
+    def with_numbers(self, k: int, values: Array) -> "Table":
+        """With other numbers in a column, (rows,); blank where NaN."""
+        cells = list(self.cells)
+        cells[k] = pa.array(values, pa.float64())
+        return replace(self, cells=cells)
 
     def filled(self, columns: Sequence[int]) -> "Table":
         """Blank cells of some columns take the value above, as below merged cells."""
@@ -304,6 +323,12 @@ def _cells(
     )
     found = ((k, table[names[k]].combine_chunks()) for k in types)  # one at a time: they are large
     return {k: pc.utf8_trim_whitespace(x) if pa.types.is_string(x.type) else x for k, x in found}
+
+
+def _pointed(cells: "pa.Array") -> "pa.Array":
+    """Decimal commas of a column of numbers as points."""
+    plain = pc.match_substring_regex(cells, rf"{COMMA}|^[+-]?[0-9]*$")
+    return pc.replace_substring(cells, ",", ".") if pc.all(plain).as_py() else cells
 
 
 def _parse(path: Path, rows: Sequence[str], lines: Ids, delimiter: str, count: int) -> list["pa.Array"]:

@@ -8,11 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.errors import Array, BenchError
+from testbench.identify.absolute.unknowns import compliances
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
 from testbench.identify.regression import RANK_TOLERANCE
-from testbench.model.load import Load, on_joints
-from testbench.model.vjm import Vjm, chain, parameter_rows, skew, twist_rows
+from testbench.identify.rows import jacobian, straight
+from testbench.model.load import Load
+from testbench.model.vjm import Vjm, skew
 
 Ids = npt.NDArray[np.int_]
 
@@ -121,11 +123,12 @@ def problem_of(spec: Specification, q: Array, load: Ids) -> Problem:
 
 
 def _rows(experiment: Experiment, q: Array, load: Load, motion: Array) -> Array:
-    where = chain(experiment.vjm, q)
-    u = on_joints(where, [load.over(len(q))])
-    J = np.tensordot(motion, twist_rows(where), axes=1)
-    L = experiment.metric.L
-    return np.stack([A.T @ L for A in parameter_rows(experiment.metric.structure, J, u)], axis=1)
+    """Of the tool's twist, motion (k, 6), per unit of x: in its own axes, (poses, k, n)."""
+    told, metric = straight(experiment.vjm, q, [load.over(len(q))]), experiment.metric
+    unknowns = compliances(experiment.vjm, metric.structure)
+    A = jacobian(unknowns, told, np.zeros((1, 3)), turned=True)[:, :, :-1]
+    twist = np.einsum("rxy,sxcr->rsyc", told.where.rotation, A, optimize=True)
+    return np.asarray(motion @ (twist.reshape(len(q), 6, -1) @ metric.L))
 
 
 def marker_motion(points: Array) -> Array:

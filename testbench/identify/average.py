@@ -8,7 +8,6 @@ the folder's. A mean of positive semi-definite matrices is one.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -34,40 +33,19 @@ NEGLIGIBLE = 0.01  #: Weight below which joints alone are left out.
 OPEN = 0.05  #: Weight below which laws are left out, and above one less it all else.
 
 
-def averaged(
-    regressions: Sequence[Regression], constraint: Constraint, prior: Metric, *, widths: bool
-) -> list[Estimate]:
-    """Fit datasets with a prior that is learnt from them, and average each fit with what is simpler.
+def averaged(r: Regression, constraint: Constraint, prior: Metric, *, widths: bool) -> Estimate:
+    """Fit a dataset with a prior that is learnt from it, and average the fit with what is simpler.
 
     Args:
-        regressions: The reduced datasets, all of a structure; one with laws has them averaged in.
+        r: The reduced dataset; a structure with laws has them averaged in.
         constraint: Least squares or GCO.
         prior: In the metric of the structure.
         widths: Whether intervals or doubts are asked for.
 
     Raises:
-        BenchError: When a dataset wants a common scale of the prior that is not above 0.
+        BenchError: When the dataset wants a common scale of the prior that is not above 0.
     """
     plain = without_laws(prior)
-    return [_with_laws(r, constraint, prior, plain, widths) for r in regressions]
-
-
-def without_laws(metric: Metric) -> Metric:
-    """The metric of compliances alone."""
-    keep, s = np.flatnonzero(~metric.law), metric.structure
-    if len(keep) == s.n:
-        return metric
-    own = np.flatnonzero(s.a < s.plain)
-    return Metric(
-        metric.prior,
-        linear(s),
-        metric.L[np.ix_(own, keep)],
-        metric.expected[keep],
-        tuple(size for size, kind in zip(metric.sizes, metric.kinds, strict=True) if kind < 2),
-    )
-
-
-def _with_laws(r: Regression, constraint: Constraint, prior: Metric, plain: Metric, widths: bool) -> Estimate:
     compliances = r if plain is prior else some_columns(r, plain.structure)
     straight, log_evidence = _linear(compliances, constraint, plain, widths)
     if plain is prior or log_evidence is None:
@@ -90,6 +68,21 @@ def _with_laws(r: Regression, constraint: Constraint, prior: Metric, plain: Metr
         status=lawful.status if straight.status == "solved" else straight.status,
         solver_seconds=straight.solver_seconds + lawful.solver_seconds,
         average=replace(own, laws=weight, lawful=lawful),
+    )
+
+
+def without_laws(metric: Metric) -> Metric:
+    """The metric of compliances alone."""
+    keep, s = np.flatnonzero(~metric.law), metric.structure
+    if len(keep) == s.n:
+        return metric
+    own = np.flatnonzero(s.a < s.plain)
+    return Metric(
+        metric.prior,
+        linear(s),
+        metric.L[np.ix_(own, keep)],
+        metric.expected[keep],
+        tuple(size for size, kind in zip(metric.sizes, metric.kinds, strict=True) if kind < 2),
     )
 
 

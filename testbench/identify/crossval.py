@@ -4,7 +4,7 @@ Runs of one pose share its geometry, so that a pose is held out whole: what coun
 were never fitted. So it is with the runs of one load, where the data have several.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.errors import Array, BenchError
 from testbench.identify.fold import Parts
-from testbench.identify.regression import Regression, f_m
+from testbench.identify.regression import Regression
 
 FOLDS = 8
 CLEARLY = 2.0  #: Standard errors by which a model must be better to replace another.
@@ -77,12 +77,6 @@ def folds(parts: Parts) -> list[Fold]:
     held = [own == k for own in (pose, load) for k in np.unique(own)]
     pairs = [(some[~own], some[own]) for own in held if not own.all()]
     return [Fold(kept, parts.together(kept), parts.together(out)) for kept, out in pairs]
-
-
-def held_out_errors(folds: Sequence[Fold], fits: Callable[[Sequence[Regression]], Array]) -> Array:
-    """F_M on the poses held out, (folds,) [1], by parameters fitted to the others, (folds, n)."""
-    found = fits([fold.fitted for fold in folds])
-    return np.array([f_m(fold.held_out, pi) for fold, pi in zip(folds, found, strict=True)])
 
 
 def paired(difference: Array) -> tuple[float, float]:

@@ -144,6 +144,14 @@ def in_threads(blocks: Blocks, work: Callable[[Sequence[int]], Found]) -> list[F
 def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
     """Boil a dataset down to the triangular factors of its weighted rows; memory does not grow with the runs.
 
+    Args:
+        vjm: The model.
+        structure: The unknowns.
+        data: The runs.
+
+    Returns:
+        F_M of the structure on them; `rows` are its equations in standard deviations.
+
     Raises:
         BenchError: When the dataset is empty or names a marker that the arm lacks.
     """

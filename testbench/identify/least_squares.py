@@ -1,7 +1,6 @@
 """Weighted least squares, Eq. (14)-(15), by SVD of the reduced rows; never by an inverse."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,29 +20,13 @@ def minimum_norm(regression: Regression) -> Estimate:
     Positions and rotations are weighted by the inverse of their sigma. The norm is that of the parameters in
     units in which each column of the observation matrix has length one.
     """
-    [pi] = solve_all([regression])
+    # F_M weights a term by 1/sqrt(N); Eq. (14) sums squares over all equations alike.
+    rows = np.vstack([np.sqrt(term.equations) * np.c_[term.R, term.z] for term in regression.terms])
+    A, y, seen = rows[:, :-1], rows[:, -1], regression.columns > 0
+    scale, pi = np.linalg.norm(A[:, seen], axis=0), np.zeros(regression.structure.n)
+    pi[seen] = np.linalg.lstsq(A[:, seen] / scale, y, rcond=RANK_TOLERANCE)[0] / scale
     found = make_estimate(regression, pi, method="least squares", constraint="none")
     return replace(found, status="solved")
-
-
-def solve_all(regressions: Sequence[Regression]) -> Array:
-    """Parameters of least sum of squares, of minimum norm in scaled units, (datasets, n).
-
-    The datasets differ in their readings alone.
-    """
-    # F_M weights a term by 1/sqrt(N); Eq. (14) sums squares over all equations alike.
-    one = regressions[0]
-    weights = [np.sqrt(term.equations) for term in one.terms]
-    A = np.vstack([w * term.R for w, term in zip(weights, one.terms, strict=True)])
-    y = [
-        np.concatenate([w * term.z for w, term in zip(weights, own.terms, strict=True)])
-        for own in regressions
-    ]
-    seen = one.columns > 0
-    scale = np.linalg.norm(A[:, seen], axis=0)
-    pi = np.zeros((len(y), one.structure.n))
-    pi[:, seen] = np.linalg.lstsq(A[:, seen] / scale, np.transpose(y), rcond=RANK_TOLERANCE)[0].T / scale
-    return pi
 
 
 EQUAL = 1e-7

@@ -3,7 +3,6 @@
 A method is called like an estimator of your own: method(vjm, structure, data) -> Estimate.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -58,44 +57,35 @@ class Method:
             BenchError: When the dataset is empty or names a marker that the arm lacks, the structure is not
                 symmetric where it must be, or the prior does not fit the structure or the data.
         """
-        return self.each(vjm, structure, [data])[0]
-
-    def each(self, vjm: Vjm, structure: Structure, datasets: Sequence[Dataset]) -> list[Estimate]:
-        """The same of several datasets, their programs solved together."""
-        structure = structure if self.learns else without_laws(structure)
-        regressions = [reduce(vjm, structure, data) for data in datasets]
+        regression = reduce(vjm, structure if self.learns else without_laws(structure), data)
         if self.loss == "plain":
-            return self.of(vjm, regressions)
-        runs = zip(datasets, regressions, self.beliefs(vjm, regressions), strict=True)
-        return [without_outliers(vjm, data, r, self.constraint, own) for data, r, own in runs]
+            return self.of(vjm, regression)
+        return without_outliers(vjm, data, regression, self.constraint, self.belief(vjm, regression))
 
-    def of(self, vjm: Vjm, regressions: Sequence[Regression], *, widths: bool = True) -> list[Estimate]:
-        """The same of datasets that were reduced before, outliers among them."""
+    def of(self, vjm: Vjm, regression: Regression, *, widths: bool = True) -> Estimate:
+        """The same of a dataset that was reduced before, outliers among it."""
         if self.learns and self.prior is not None:
-            own = metric(self.prior, vjm, regressions[0].structure)
-            return averaged(regressions, self.constraint, own, widths=widths)
-        regressions = [
-            some_columns(r, without_laws(r.structure)) if r.structure.laws else r for r in regressions
-        ]
-        beliefs = self.beliefs(vjm, regressions)
-        return [solve(r, self.constraint, own) for r, own in zip(regressions, beliefs, strict=True)]
+            own = metric(self.prior, vjm, regression.structure)
+            return averaged(regression, self.constraint, own, widths=widths)
+        if regression.structure.laws:
+            regression = some_columns(regression, without_laws(regression.structure))
+        return solve(regression, self.constraint, self.belief(vjm, regression))
 
     @property
     def learns(self) -> bool:
         """Whether the readings teach how firmly the prior is believed, and how much laws of joints count."""
         return self.prior is not None and self.strength is None and self.loss == "plain"
 
-    def beliefs(self, vjm: Vjm, regressions: Sequence[Regression]) -> Sequence[Belief | None]:
-        """The prior in the scale of each dataset, and how firmly it is believed; None without a prior.
+    def belief(self, vjm: Vjm, regression: Regression) -> Belief | None:
+        """The prior in the scale of a dataset, and how firmly it is believed; None without a prior.
 
         Raises:
             BenchError: When the prior does not fit the structure or the data.
         """
         if self.prior is None:
-            return [None] * len(regressions)
-        own = metric(self.prior, vjm, regressions[0].structure)
-        strength = self.strength or Strength(ROBUST_UNCERTAINTY)
-        return [Belief(rescaled(own, regression), strength) for regression in regressions]
+            return None
+        own = metric(self.prior, vjm, regression.structure)
+        return Belief(rescaled(own, regression), self.strength or Strength(ROBUST_UNCERTAINTY))
 
 
 least_squares = Method("none")

@@ -139,9 +139,8 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
 
 def whitened(regression: Regression, metric: Metric) -> tuple[Array, Array]:
     """Rows A, (terms n, n) [1], and y in the metric: |A x - y|^2 is chi squared but for the rest."""
-    rows = [math.sqrt(term.equations / 3) * np.c_[term.R @ metric.L, term.z] for term in regression.terms]
-    A, y = np.split(np.vstack(rows), [metric.structure.n], axis=1)
-    return A, y[:, 0]
+    A, y = regression.rows
+    return A @ metric.L, y
 
 
 def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:

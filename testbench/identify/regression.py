@@ -54,6 +54,13 @@ class Regression:
         """Number of directions of pi that the data see."""
         return rank(np.vstack([term.R for term in self.terms]))
 
+    @cached_property
+    def rows(self) -> tuple[Array, Array]:
+        """A, (r, n), and y, (r,), in standard deviations: the noise of A pi - y is 1 everywhere."""
+        every = [math.sqrt(term.equations / 3) * np.c_[term.R, term.z] for term in self.terms]
+        A, y = np.split(np.vstack(every), [self.structure.n], axis=1)
+        return A, y[:, 0]
+
     @property
     def equations(self) -> int:
         """Scalar equations, 3 a measured point and 3 an orientation."""

@@ -5,6 +5,7 @@ difference of two readings of a pose: of its unknowns only compliances are left,
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -94,7 +95,7 @@ def left_over(state: State, series: Series, told: Equilibrium) -> Array:
     return np.concatenate([found, vector.T[None]])
 
 
-def straight(vjm: Vjm, q: Array, loads: list[Load]) -> Equilibrium:
+def straight(vjm: Vjm, q: Array, loads: Sequence[Load]) -> Equilibrium:
     """The arm as drawn in poses, (runs, n) [rad, m], and what loads do to every virtual joint, Eq. (5)."""
     where = chain(vjm, q)
     nothing = np.zeros((vjm.arm.n_joints, 0, len(q)))
@@ -114,22 +115,31 @@ def pair_rows(unknowns: Unknowns, told: Equilibrium, data: Dataset, runs: Ids) -
         [A | y], (s, 3, n + 1, runs) [1], and the kind of every reading, (s, runs): 0 a position, 1 an
         orientation, -1 lost.
     """
-    m = len(data.markers)
-    both = data.rotation_before is not None and data.rotation_after is not None
-    A = jacobian(unknowns, told, marker_points(unknowns.vjm, data.markers), turned=both)
+    m, points = len(data.markers), marker_points(unknowns.vjm, data.markers)
+    A = jacobian(unknowns, told, points, turned=data.sigma_rotation is not None)
     A[:m, :, -1] = (data.after[runs] - data.before[runs]).transpose(1, 2, 0)
-    kinds = np.zeros((m + both, len(runs)), dtype=int)
     if data.rotation_before is not None and data.rotation_after is not None:
-        assert data.sigma_rotation is not None
-        kinds[m:] = 1
         A[m:, :, -1] = turn(data.rotation_before[runs], data.rotation_after[runs]).T
+    return A, whiten(A, data, runs)
+
+
+def whiten(A: Array, data: Dataset, runs: Ids) -> Ids:
+    """Put moves and turns of some pairs, (s, 3, c, runs) [m, rad], in standard deviations of a difference.
+
+    Returns:
+        The kind of every reading, as of `pair_rows`.
+    """
+    m = len(data.markers)
+    kinds = np.zeros((len(A), len(runs)), dtype=int)
+    kinds[m:] = 1
+    if data.sigma_rotation is not None:
         A[m:] /= math.sqrt(2) * data.sigma_rotation
     if data.precision is None:
         A[:m] /= math.sqrt(2) * data.sigma
-        return A, kinds
+        return kinds
     own = data.precision[runs].swapaxes(0, 1)
     lost = np.asarray(~own.any(axis=(2, 3)))
     root = np.linalg.cholesky(np.where(lost[..., None, None], np.eye(3), own))
     A[:m] = np.einsum("srxy,sxcr->sycr", root, A[:m], optimize=True)
     kinds[:m][lost] = -1
-    return A, kinds
+    return kinds

@@ -1,14 +1,13 @@
 """Readings of pairs one by one, weighted, to be left out; and what can be reduced at all."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.data.dataset import Dataset, Ids
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.unknowns import compliances
-from testbench.identify.rows import pair_rows, straight
+from testbench.identify.rows import pair_rows, straight, whiten
 from testbench.model.laws import vjm_of
 from testbench.model.load import Load
 from testbench.model.structure import Structure
@@ -54,48 +53,20 @@ def one_by_one(vjm: Vjm, structure: Structure, data: Dataset) -> Readings:
     vjm = vjm_of(vjm, structure)
     told = straight(vjm, data.q, [Load(data.wrench, data.point)])
     rows, kinds = pair_rows(compliances(vjm, structure), told, data, np.arange(data.runs))
+    A, marker = each_reading(rows, kinds), np.arange(each)
+    one = np.tile(np.eye(3)[None, :, :, None], (each, 1, 1, data.runs))
+    root = each_reading(one, whiten(one, data, np.arange(data.runs)))
+    marker[len(data.markers) :] = -1
     used = (kinds >= 0).T.ravel()
-    A = rows.transpose(3, 0, 1, 2).reshape(-1, 3, structure.n + 1)[used]
-    unit, marker = np.linalg.det(_roots(data)) ** (-1 / 3), np.arange(each)
-    if data.sigma_rotation is not None:
-        unit = np.c_[unit, np.full(data.runs, math.sqrt(2) * data.sigma_rotation)]
-        marker[-1] = -1
     return Readings(
         A=A[:, :, :-1],
         y=A[:, :, -1],
-        unit=unit.ravel()[used],
+        unit=np.linalg.det(root) ** (-1 / 3),
         run=np.repeat(np.arange(data.runs), each)[used],
         marker=np.tile(marker, data.runs)[used],
     )
 
 
-def white(data: Dataset, moved: Array, turned: Array | None = None) -> Array:
-    """Moves of the markers and turns of the tool as readings of a dataset, in standard deviations.
-
-    Args:
-        data: Says what was read, and how well.
-        moved: (runs, m, 3) [m].
-        turned: (runs, 3) [rad]; of no effect where positions alone are read.
-
-    Returns:
-        One row a reading, (readings, 3), in the order of `one_by_one`.
-    """
-    y = (_roots(data) @ moved[..., None])[..., 0]
-    if data.sigma_rotation is not None and turned is not None:
-        y = np.concatenate([y, turned[:, None] / (math.sqrt(2) * data.sigma_rotation)], axis=1)
-    return np.asarray(y.reshape(-1, 3)[_used(data)])
-
-
-def _used(data: Dataset) -> Mask:
-    """Which readings there are, (runs * readings a run,)."""
-    whole = np.ones((data.runs, int(data.sigma_rotation is not None)), dtype=bool)
-    return np.concatenate([data.seen, whole], axis=1).ravel()
-
-
-def _roots(data: Dataset) -> Array:
-    """Roots of the inverse covariance of every deflection, (runs, m, 3, 3) [1/m]; one where it was lost."""
-    if data.precision is None:
-        one = np.eye(3) / (math.sqrt(2) * data.sigma)
-        return np.broadcast_to(one, (data.runs, len(data.markers), 3, 3))
-    safe = np.where(data.seen[..., None, None], data.precision, np.eye(3))
-    return np.asarray(np.linalg.cholesky(safe).swapaxes(2, 3))
+def each_reading(rows: Array, kinds: Ids) -> Array:
+    """Rows (s, 3, c, runs) of the readings that there are, by their kinds (s, runs), (readings, 3, c)."""
+    return np.asarray(rows.transpose(3, 0, 1, 2).reshape(-1, *rows.shape[1:3])[(kinds >= 0).T.ravel()])

@@ -247,12 +247,6 @@ def translation_rows(where: Chain, points: Array) -> Array:
     return np.concatenate([v + cross(omega, arm) for arm in arms])
 
 
-def twist_rows(where: Chain) -> Array:
-    """J_theta at the tool's origin in the tool's own axes, (6, n_theta, runs) [1, m]."""
-    parts = where.J_theta[:3], where.J_theta[3:]
-    return np.concatenate([np.einsum("rxy,xtr->ytr", where.rotation, part) for part in parts])
-
-
 def generalised_load(where: Chain, wrench: Array, point: Array) -> Array:
     """Load J_F^T w of every virtual joint, (n_theta, runs) [N, N m]; of laws what turns per unit of size."""
     return with_laws(where, plain_load(where, wrench, point))
@@ -278,15 +272,7 @@ def with_laws(where: Chain, u: Array) -> Array:
 def observation(where: Chain, structure: Structure, wrench: Array, point: Array, targets: Array) -> Array:
     """Observation matrix A of Eq. (12), so that deflection = A @ pi, (runs, m, 3, n_par)."""
     targets = check_array(targets, (None, 3), "targets [m]")
-    return _stacked(structure, translation_rows(where, targets), generalised_load(where, wrench, point))
-
-
-def rotation_observation(where: Chain, structure: Structure, wrench: Array, point: Array) -> Array:
-    """The same of the tool's rotation, (runs, 1, 3, n_par)."""
-    return _stacked(structure, where.J_theta[3:], generalised_load(where, wrench, point))
-
-
-def _stacked(structure: Structure, J: Array, u: Array) -> Array:
+    J, u = translation_rows(where, targets), generalised_load(where, wrench, point)
     A = np.stack([*parameter_rows(structure, J, u)])
     return A.reshape(-1, 3, structure.n, A.shape[-1]).transpose(3, 0, 1, 2)
 

@@ -274,6 +274,17 @@ DECLARED = (
     Column("largest.amplitude_urad", "its amplitude", "urad", ".0f"),
     Column("largest.deviation_urad", "+- (1 sd)", "urad", ".0f"),
     Column("significant", "orders above 3 sd", form="d"),
+    # entries of the bench
+    Column("standing", "rank"),
+    Column("over_default", "error over the incumbent's"),
+    Column("over", "error over the incumbent's", form=".2f"),
+    Column("with_prior", "with prior"),
+    Column("without_prior", "without prior"),
+    Column("tied", "tied with it", form="yes"),
+    Column("given", "class"),
+    Column("version", "version", form="d"),
+    Column("cpu_seconds", "processor time", "s", ".2g"),
+    Column("rms_mm", "RMS error", "mm"),
     Column("marker", "target"),
     Column("pull", "counts", form=".2f"),
 )  # fmt: skip

@@ -8,7 +8,7 @@ from testbench.identify import Estimate
 from testbench.model.structure import Structure
 from testbench.report.table import Row
 from testbench.studies.estimators.factorised import LARGEST_ORDER, LocalSolves
-from testbench.trials.spread import Number, Spread, ends, middle
+from testbench.trials.spread import Number, Spread, ends
 from testbench.views.schema import show
 
 LEVEL = 0.05  #: Of the sign test, two-sided.
@@ -38,14 +38,14 @@ def number(claim: str, ours: Number, paper: float, differs: str) -> Row:
     """
     low, high = ends(ours)
     inside = isinstance(ours, Spread) and low <= paper <= high
-    why = f"ours {show(ours, '.3g')}, {middle(ours) / paper:.2f} times the paper's"
+    why = f"ours {show(ours, '.3g')}"
     if inside:
-        return judged(claim, True, f"{why}, which lies inside")
+        return judged(claim, True, why)
     if not isinstance(ours, Spread):
         return judged(claim, False, f"{why}; one seed has no spread to judge by")
     least, most = ("least", "most") if ours.few else ("5 %", "95 %")
     side = f"above our {most}" if paper > high else f"below our {least}"
-    return judged(claim, False, f"{why}, which lies {side}: {differs}")
+    return judged(claim, False, f"{why}, the paper's lies {side}: {differs}")
 
 
 def comparison(claim: str, test: str, won: int, lost: int, seeds: int) -> Row:
@@ -61,7 +61,7 @@ def comparison(claim: str, test: str, won: int, lost: int, seeds: int) -> Row:
     p = binomtest(won, won + lost).pvalue if won + lost else 1.0
     verdict = "no clear difference" if p >= LEVEL else "confirmed" if won > lost else "contradicted"
     chance = f"= {p:.2g}" if p >= 1e-3 else "below 0.001"
-    why = f"{test} in {won} of {seeds} seeds, the larger one in {lost}; sign test p {chance}"
+    why = f"{test} in {won} of {seeds} seeds, larger in {lost}; p {chance}"
     return Row(claim=claim, verdict=verdict, why=why)
 
 

@@ -50,7 +50,7 @@ def app(study: AnyStudy) -> typer.Typer:
 def as_command(study: AnyStudy) -> Any:
     """The study as a command with its flags."""
 
-    @takes(Common, study.options, *([EstimatorOptions] if study.own else []))
+    @takes(Common, study.options, *([EstimatorOptions] if study.models else []))
     def body(common: Common, options: Any, estimators: EstimatorOptions = NOBODY) -> None:
         run(study, common, options, terminal.plain_console(), estimators)
 
@@ -71,7 +71,7 @@ def run(
     plain, own = TypeAdapter(type(settings)).dump_python(settings, mode="json"), estimators.own
     plain |= {"own": [asdict(each) for each in own]} if own else {}
     text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
-    known, hired = sums(study.trials), digests_of(own)
+    known, hired = sums(study.trials), digests_of((*study.own(settings), *own))
     scenario = {"settings": plain, "models": digests(arms), **hired, **known}
     script = f"scenarios/{study.name}.py"
     experiment = Experiment(study.name, scenario, seeds)
@@ -122,8 +122,8 @@ def _of_stored(out: Path, *, resume: bool) -> Iterator[None]:
 
 def _reported(study: AnyStudy, settings: Any, seeds: range, trials: Trials) -> Report:
     """What trials say, without those in which an estimator of one's own failed; and which these are."""
-    lost = failures(trials, study.own) if study.own else {}
-    report = study.report(settings, seeds, fitted(trials, study.own, lost) if lost else trials)
+    lost = failures(trials, study.models) if study.models else {}
+    report = study.report(settings, seeds, fitted(trials, study.models, lost) if lost else trials)
     return with_failures(report, lost, len(seeds)) if lost else report
 
 
@@ -148,7 +148,8 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
 
 def _shown(study: AnyStudy, report: Report) -> list[Table]:
     """What terminal and page show."""
-    return [report.tables[name] for name in (*study.printed, FAILURES) if name in report.tables]
+    own = [FAILURES] if study.models and FAILURES in report.tables else []
+    return [report.tables[name] for name in (*study.printed, *own)]
 
 
 def _title(name: str) -> str:

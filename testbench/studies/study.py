@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from testbench.arm.catalogue import find_arm
+from testbench.campaign.own_process import Own
 from testbench.report.report import Report
 from testbench.report.table import Trials
 from testbench.views.figure import Figure
@@ -67,8 +68,9 @@ class Study(Generic[O, S, W]):
     #: Adds to the settings what all trials share and what is too dear for each of them.
     prepare: Callable[[S, Everywhere], S] | None = None
     arms: Callable[[S], Sequence[Path]] = _own_arm  #: Folders of the arms that it needs.
+    own: Callable[[S], Sequence[Own]] = lambda _: ()  #: Estimators that its settings name.
     #: Column that names the models where `trials` takes estimators of one's own; beside it is `status`.
-    own: str = ""
+    models: str = ""
 
 
 AnyStudy = Study[Any, Any, Any]

@@ -3,16 +3,21 @@
 import random
 import re
 import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles import pinocchio_urdf
 from run_here import here
 from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, sliding_mjcf
 
 from testbench.arm.folder import load_arm
 from testbench.campaign.arm_check import check
 from testbench.cli.program import program
-from testbench.model.vjm import body_poses
+from testbench.model.kinematics import build_vjm
+from testbench.model.vjm import body_poses, tool_pose
 from testbench.plant import build_room, collisions
 
 STRANGERS = light_urdf, heavy_urdf, classes_mjcf, mounted_mjcf, sliding_mjcf
@@ -41,6 +46,35 @@ def test_a_robot_s_file_is_an_arm_in_one_command(tmp_path):
     arm = load_arm(tmp_path / "mine")
     assert (arm.payload, arm.n_joints) == (3, 7)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["light_support", "mine"]
+
+
+def test_the_advice_on_xacro_works_without_ros(tmp_path):
+    """The command as printed, of a file that includes another package's; never over the file itself."""
+    pytest.importorskip("xacrodoc")  # absent where .venv is older than requirements.lock
+    text = heavy_urdf(tmp_path).read_text()
+    home, other = tmp_path / "ws/my robot", tmp_path / "ws/parts"
+    for folder, name in ((home, "mine"), (other, "parts")):
+        (folder / "urdf").mkdir(parents=True)
+        (folder / "package.xml").write_text(f"<package><name>{name}</name></package>")
+    xacro = 'xmlns:xacro="http://ros.org/wiki/xacro"'
+    inside = text.replace('<robot name="heavy">', f'<robot {xacro}><xacro:macro name="arm" params="deep">')
+    inside = inside.replace('upper="1.5"', 'upper="${deep * 3}"').replace(
+        "</robot>", "</xacro:macro></robot>"
+    )
+    (other / "arm.xacro").write_text(inside)
+    file = home / "urdf/robot.urdf.xacro"
+    called = '<xacro:include filename="$(find parts)/arm.xacro"/><xacro:arm deep="0.4"/>'
+    file.write_text(f'<robot name="r" {xacro}>{called}</robot>')
+    said = refused(new(tmp_path / "mine", "--from", file))
+    command = re.search("pip install xacrodoc; (xacrodoc .*); arguments", said)[1]
+    plain = {"PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin"}
+    done = subprocess.run(command, shell=True, env=plain, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert new(tmp_path / "mine", "--from", file.with_name("robot.urdf")).returncode == 0
+    assert load_arm(tmp_path / "mine").limits[1] == pytest.approx([1.2] * 6)
+    (named := home / "urdf/robot.urdf").write_text(file.read_text())
+    said = refused(new(tmp_path / "x", "--from", named))
+    assert f"-o '{named.with_name('robot_expanded.urdf')}'" in said
 
 
 def test_an_arm_that_exists_is_not_touched(tmp_path):
@@ -79,6 +113,31 @@ def test_rods_that_follow_a_joint_do_not_cut_the_wrist_off_and_touch_nothing(tmp
     assert new(tmp_path / "bare", "--from", tmp_path / "heavy.urdf", "--payload-kg", 300).returncode == 0
     mine, bare = ((tmp_path / name / "elastic.toml").read_text() for name in ("mine", "bare"))
     assert mine.replace(f"'{flange}'", "'tool0'") == bare
+
+
+def test_a_parallelogram_is_read_as_its_refusal_says(tmp_path):
+    """Pinocchio's reading of the file, the rod at minus joint 2, is the arm's with the sum in joint 3."""
+    rod = """<link name="held"/><joint name="rod" type="revolute"><origin xyz="0 0 1.25"/>
+        <parent link="link_2"/><child link="held"/><axis xyz="0 1 0"/>
+        <limit lower="-3" upper="3" effort="1" velocity="1"/>
+        <mimic joint="joint_a2" multiplier="-1"/></joint></robot>"""
+    text = re.sub(r"\s+", " ", heavy_urdf(tmp_path).read_text()).replace("</robot>", re.sub(r"\s+", " ", rod))
+    own = '<origin xyz="0 0 1.25"/> <parent link="link_2"/><child link="link_3"/>'
+    text = text.replace(own, '<parent link="held"/><child link="link_3"/>')
+    (file := tmp_path / "rod.urdf").write_text(text)
+    said = refused(new(tmp_path / "mine", "--from", file))
+    assert "joint 'rod' follows 'joint_a2' (mimic); it turns about the axis of 'joint_a3', as in a" in said
+    assert "make it fixed, and let 'joint_a3' count the sum of both angles, in readings too" in said
+    free = re.sub("<mimic[^>]*>", "", text)
+    (tmp_path / "free.urdf").write_text(free)
+    file.write_text(free.replace('name="rod" type="revolute"', 'name="rod" type="fixed"'))
+    assert new(tmp_path / "mine", "--from", file).returncode == 0
+    names, q = [f"joint_a{k}" for k in range(1, 7)], np.random.default_rng(2).uniform(-1, 1, (5, 6))
+    theirs = pinocchio_urdf(tmp_path / "free.urdf", "tool0", [*names, "rod"], np.c_[q, -q[:, 1]]).tips
+    ours = build_vjm(load_arm(tmp_path / "mine"))
+    p, R = tool_pose(ours, q - q[:, [1]] * (np.arange(6) == 2))
+    np.testing.assert_allclose(theirs[:, :3, 3], p, atol=1e-9)
+    np.testing.assert_allclose(theirs[:, :3, :3], R, atol=1e-9)
 
 
 def test_rods_hinder_no_pose_of_a_robot_that_states_no_collision_shapes(tmp_path):
@@ -249,7 +308,11 @@ WRONG = {
     (
         "<robot ",
         "<robot xmlns:xacro='x'><xacro:arg name='q'/></robot><robot ",
-    ): "this is xacro; expand it first: xacro heavy.urdf > heavy_expanded.urdf",
+    ): "heavy.urdf -o",
+    (
+        "</robot>",
+        "<joint name='j' type='fixed'><parent link='base'/><child link='link_3'/></joint></robot>",
+    ): ("link 'link_3' is another joint's child already: leave out what closes the loop"),
     ("<robot ", "<!DOCTYPE robot><robot "): "document types and entities are not allowed",
     ("<geometry><box", "<geometry><torus"): "<torus>: expected box, sphere",
     ('xyz="0.35 0 0.4"', 'xyz="0.35 0 400"'): "link_2: expected at most 50 m",

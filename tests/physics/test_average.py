@@ -98,5 +98,5 @@ def test_the_weight_is_the_odds_beforehand_times_the_ratio_of_evidences(kr500, r
     alone = joints_only(kr500.arm)
     there = log_evidence_alone(reduce(kr500.vjm, alone, data), metric(prior, kr500.vjm, alone))[0]
     odds = ODDS * math.exp(there - belief.log_evidence)
-    [found] = averaged([regression], "psd", own, widths=True)
+    found = averaged(regression, "psd", own, widths=True)
     assert found.average.weight == pytest.approx(odds / (1 + odds), rel=1e-5)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+import yaml
 from own_urdf import own_urdf
 from scipy.spatial.transform import Rotation
 from serial_arms import write_arm
@@ -15,7 +16,9 @@ from serial_arms import write_arm
 from testbench.arm.urdf_text import STAMP
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.export import draft_new, draft_own, export
+from testbench.campaign.export_controller import draft_ur, export_offsets
 from testbench.campaign.export_geometry import apart, drawn, identified, random_joints, tool_poses
+from testbench.campaign.export_left import best_offsets
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.state import nominal
 from testbench.identify.arm_model import bending
@@ -282,3 +285,106 @@ def test_an_exported_arm_has_its_laws_beside_the_urdf_as_its_words_say(kr500, tm
         found -= s["friction"] * 3e-5 * np.clip((x_1 - x_0) / 3e-5, -1, 1)
         np.testing.assert_allclose(found, own, rtol=0, atol=1e-12)
     assert "f + 100000 f^3 = x (stiffening), s 5e-05 (tanh" in said["words"]["laws"]
+
+
+def ur10_yaml():
+    """The nominal kinematics of a UR10, as its maker's description has them."""
+    rows = {
+        "shoulder": [0, 0, 0.1273, 0, 0, 0],
+        "upper_arm": [0, 0, 0, 1.570796327, 0, 0],
+        "forearm": [-0.612, 0, 0, 0, 0, 0],
+        "wrist_1": [-0.5723, 0, 0.163941, 0, 0, 0],
+        "wrist_2": [0, -0.1157, -2.373046667922381e-11, 1.570796327, 0, 0],
+        "wrist_3": [
+            0,
+            0.0922,
+            -1.891053610911353e-11,
+            1.570796326589793,
+            3.141592653589793,
+            3.141592653589793,
+        ],
+    }
+    lines = ["# é of the factory", "kinematics:"]
+    for name, row in rows.items():
+        lines += [f"  {name}:  # a joint", *(f"    {k}: {v}" for k, v in zip(UR_KEYS, row, strict=True))]
+    return "\n".join([*lines, "  hash: calib_17227329492635474227", ""])
+
+
+UR_KEYS = "x y z roll pitch yaw".split()
+
+
+def test_kinematics_of_a_ur_driver_are_the_model(ur10, rng, tmp_path):
+    """Read back by a reader of its own, z the axis of every joint; all but 36 numbers stays as it was."""
+    state, text = planted(ur10, rng), ur10_yaml()
+    (file := tmp_path / "my_robot.yaml").write_text(text, encoding="utf-8")
+    draft = draft_ur(state, file)
+    export(state, draft, tmp_path / "new.yaml")
+    new = (tmp_path / "new.yaml").read_text(encoding="utf-8")
+    rows, q = yaml.safe_load(new)["kinematics"], random_joints(state.vjm)[:50]
+    T = np.tile(draft.frames.root, (len(q), 1, 1))
+    for k, name in enumerate(["shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3"]):
+        x, y, z, *turns = (rows[name][key] for key in UR_KEYS)
+        step, turn = np.eye(4), np.tile(np.eye(4), (len(q), 1, 1))
+        step[:3, :3], step[:3, 3] = Rotation.from_euler("xyz", turns).as_matrix(), [x, y, z]
+        turn[:, :3, :3] = Rotation.from_rotvec(q[:, [k]] * [0, 0, 1]).as_matrix()
+        T = T @ step @ turn
+    assert max(apart(T, tool_poses(state.vjm, q, state.theta_0) @ draft.frames.tip)) < 1e-10
+    assert apart(T, tool_poses(state.vjm, q) @ draft.frames.tip)[0] > 1e-4
+    numbers = re.compile(r"(?<=: )[-+.\de]+")
+    assert numbers.sub("", new.partition("\n")[2]) == numbers.sub("", text)
+    assert rows["hash"] == "calib_17227329492635474227"
+
+
+MACHINE = "DEFDAT $MACHINE PUBLIC\r\nREAL $MAMES[12]\r\n" + "".join(
+    f"$MAMES[{k}]={x} ;\xfc\r\n" for k, x in enumerate([0.0, -90.0, 90.0, 0, 1e-1, -0.5, 7], start=1)
+)
+MOC = "MOC:CFG_1.0:6:1::\n#\nMOTOR_CALIB:\n\n" + "".join(
+    f'      -name "rob1_{k}" -com_offset 1.57 -valid_com_offset \\\n  -cal_offset {k}.2 -valid_cal_offset\n\n'
+    for k in range(1, 7)
+)
+MOC += '#\nARM:\n      -name "rob1_1" -cal_offset 9\n'
+COUPLED = np.diag([-101.0, 120, 98.5, 80, -79, 50]) + np.eye(6, k=-1) * [0, 0, 0, 0, 3, 1]
+
+
+@pytest.mark.parametrize("text", [MACHINE, MOC], ids=["KUKA", "ABB"])
+def test_offsets_of_joints_in_a_controllers_file_are_the_model(ur10, rng, tmp_path, text):
+    """Of an arm that has nothing else, by degrees: the controller's own sums with the new numbers give it."""
+    o = np.array([0, *np.radians([3.0, -5, 0.2, 1]), 0])
+    theta = np.zeros(ur10.n_theta)
+    theta[-6:] = o
+    state = replace(planted(ur10, rng), theta_0=theta, C_theta=np.zeros_like(ur10.C_theta))
+    state = replace(state, n=np.zeros_like(state.n))
+    (file := tmp_path / "in.txt").write_bytes(text.encode("latin-1"))
+    gears = COUPLED.ravel() if text is MOC else ()
+    best, off = export_offsets(state, file, tmp_path / "out.txt", gears)
+    new = (tmp_path / "out.txt").read_bytes().decode("latin-1")
+    number = r"-?[\d.e-]+(?=[ \n\\])"
+    key = r"\$MAMES\[\d\]=" if text is MACHINE else r"-cal_offset "
+    old, found = (np.array(re.findall(key + f"({number})", both), dtype=float)[:6] for both in (text, new))
+    if text is MACHINE:  # at the notch the axis is where it was, and is called as it is now
+        np.testing.assert_allclose(np.radians(found - old), o, rtol=0, atol=1e-9)
+    else:  # the motors stand as they did; q = q_0 + M^-1 (motor - cal_offset)
+        motor = old + COUPLED @ rng.uniform(-1, 1, 6)
+        turns = (motor - found) - (motor - old) - COUPLED @ o
+        np.testing.assert_allclose(turns, 2 * np.pi * np.round(turns / (2 * np.pi)), rtol=0, atol=1e-7)
+        assert np.abs(found).max() <= 2 * np.pi
+    assert off < 1e-9
+    assert best.corrected_mm[1] < 1e-6 < best.drawn_mm[0]
+    assert "0.000 mm RMS, 0.000 at most: lengths and tilts of axes" in new
+    ours = re.compile(r"[;#] (testbench export|beyond offsets|\d\.\d{3} mm RMS).*\s")
+    assert re.sub(key + number, "", ours.sub("", new)) == re.sub(key + number, "", text)
+
+
+def test_offsets_are_the_best_and_what_they_leave_is_told_by_kind(ur10, rng):
+    """Offsets planted beside other errors are found again; those leave what they left without them."""
+    state, turned = planted(ur10, rng), np.array([0, 3, 4, 5, -6, 0]) * 1e-2
+    q, theta = random_joints(state.vjm)[:60], state.theta_0.copy()
+    theta[-6:] += turned
+    found, more = best_offsets(state, q), best_offsets(replace(state, theta_0=theta), q)
+    np.testing.assert_allclose(more.offsets - found.offsets, turned, rtol=0, atol=2e-4)
+    assert more.drawn_mm[0] > 10 * found.drawn_mm[0] > 10 * found.corrected_mm[0] > 0
+    assert more.corrected_mm[0] == pytest.approx(found.corrected_mm[0], rel=0.02)
+    kinds = "own weight", "periodic errors of the joints", "errors in proportion to the angle"
+    assert list(found.left) == ["lengths and tilts of axes", *kinds, "payload, where there is one"]
+    for kind, size in found.left.items():
+        assert more.left[kind] == pytest.approx(size, rel=0.05), kind

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from loads import rotation_observation
 from scipy.spatial.transform import Rotation
 
 from testbench.campaign.campaign import Scenario
@@ -12,7 +13,7 @@ from testbench.campaign.pose_campaign import FullPose, random_wrenches, simulate
 from testbench.errors import PoseError
 from testbench.identify.evaluate import deflections
 from testbench.model.structure import all153
-from testbench.model.vjm import chain, observation, rotation_observation
+from testbench.model.vjm import chain, observation
 
 PAPER = {"arm": "arm_6r", "least": 9e-3, "most": 41e-3}
 

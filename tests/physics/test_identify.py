@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loads import SIGMA, SIGMA_ROTATION, axis_loads
+from loads import SIGMA, SIGMA_ROTATION, axis_loads, rotation_observation
 
 from testbench.campaign.advice import advice
 from testbench.campaign.campaign import Scenario, simulate
@@ -14,7 +14,7 @@ from testbench.identify.certify import bound, default_trace_bounds, gradient_dua
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.regression import RANK_TOLERANCE, f_m, rank
 from testbench.model.structure import Structure, mgco47, mgco68, mgco69, template56
-from testbench.model.vjm import chain, observation, rotation_observation
+from testbench.model.vjm import chain, observation
 
 
 def f_m_gradient(regression, pi):

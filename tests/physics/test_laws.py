@@ -216,8 +216,8 @@ def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
     assert model.structure.laws == 0
     with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, joints_only(kr500.arm), data)
     firm = robust(with_prior(gco, cad_prior(kr500.arm)))  # as cross-validation has it, reduced with laws
-    [found] = firm.of(kr500.vjm, [reduce(kr500.vjm, s, data)])
-    [linear] = firm.of(kr500.vjm, [reduce(kr500.vjm, all153(kr500.arm), data)])
+    found = firm.of(kr500.vjm, reduce(kr500.vjm, s, data))
+    linear = firm.of(kr500.vjm, reduce(kr500.vjm, all153(kr500.arm), data))
     assert found.structure.laws == 0
     np.testing.assert_allclose(found.pi, linear.pi, rtol=0, atol=1e-6 * np.abs(linear.pi).max())
 

@@ -6,15 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.campaign.advice import advice
 from testbench.campaign.campaign import Scenario, simulate
-from testbench.campaign.evaluation import identify, identify_each
+from testbench.campaign.evaluation import identify, of_model
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import DEFAULT, choose, default_models, recommend
 from testbench.campaign.models import Model, is_least_squares, named_models
 from testbench.errors import BenchError
 from testbench.identify import gco, least_squares, make_estimate, reduce, robust, with_prior
-from testbench.identify.evaluate import deflections, score
+from testbench.identify.evaluate import score
 from testbench.identify.hierarchy import learn
 from testbench.identify.method import ROBUST_UNCERTAINTY
 from testbench.identify.metric import Belief, metric, rescaled
@@ -22,7 +21,6 @@ from testbench.identify.prior import Strength, cad_prior, distorted
 from testbench.identify.solve import solve
 from testbench.model.structure import template56
 from testbench.model.vjm import tool_pose
-from testbench.studies.noise_sensitivity.spoiled import spoil
 
 HALF = Strength(0.5)
 
@@ -103,19 +101,6 @@ def test_a_prior_without_a_strength_is_learnt_from_the_readings_or_fixed_beside_
     assert robust(with_prior(gco, prior))(kr500.vjm, s, data).belief.strength == Strength(ROBUST_UNCERTAINTY)
 
 
-def test_datasets_fitted_together_are_fitted_as_each_alone(kr500, campaign, prior):
-    data, structure = campaign.identification, template56(kr500.arm)
-    spoiled, _ = spoil(data, 0.05, 1e-3, np.random.default_rng(2))
-    datasets = [data, spoiled, replace(data, sigma=2 * data.sigma)]
-    strong, chosen = with_prior(gco, prior, HALF), with_prior(least_squares, prior)
-    for method in (least_squares, gco, strong, chosen, robust(strong)):
-        for own, runs in zip(method.each(kr500.vjm, structure, datasets), datasets, strict=True):
-            alone = method(kr500.vjm, structure, runs)
-            assert (own.status, advice(own), own.rejected) == (alone.status, advice(alone), alone.rejected)
-            moved = [deflections(kr500.vjm, e, runs) for e in (own, alone)]  # where the data hold the fit
-            np.testing.assert_allclose(*moved, rtol=0, atol=1e-6 * np.abs(moved[1]).max())
-
-
 def failing(vjm, structure, data):
     raise ValueError("singular")
 
@@ -184,7 +169,7 @@ def test_an_estimator_of_ones_own_sees_the_kinematics_and_no_compliance(kr500, c
 
     own = Model("mine", template56(kr500.arm), mine)
     identify(kr500, campaign, [own], lambda: 0.0)
-    identify_each(kr500, own, [campaign.identification])
+    of_model(kr500, own, campaign.identification)
     recommend(kr500, [*named_models(kr500, ["MGCO47"]), own], campaign.identification)
     assert len(seen) == 10
     q, runs = campaign.truth.q, campaign.identification.runs

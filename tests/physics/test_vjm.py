@@ -3,13 +3,13 @@
 import mujoco
 import numpy as np
 import pytest
-from loads import random_q
+from loads import random_q, rotation_observation
 
 from testbench.errors import BenchError
 from testbench.identify.regression import non_redundant, rank
 from testbench.model.loaded import load_jacobian
 from testbench.model.structure import all153, template56
-from testbench.model.vjm import chain, observation, rotation_observation
+from testbench.model.vjm import chain, observation
 from testbench.plant import settle_linear
 
 AGREE = 1e-10  # the bar; both libraries come within 1e-14

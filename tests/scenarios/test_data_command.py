@@ -134,7 +134,7 @@ def test_damaged_files_are_one_line(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("frame =", "fame =", "fame: unknown key; keys are frame, file, series, columns, optional"),
+        ("frame =", "fame =", "fame: unknown key; keys are frame, file, series, log, columns, optional"),
         ('"tracker"', '"moon"', "frame: Input should be 'base' or 'tracker', got 'moon'"),
         (
             '"Point"',

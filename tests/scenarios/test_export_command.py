@@ -1,6 +1,7 @@
 """testbench export: the robot's own URDF or a new one, never over an input, one line for what is wrong."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from run_here import here
 
 from testbench import files
 from testbench.campaign.arm_models import read_model
+from testbench.campaign.controller_files import STAMP
 from testbench.cli.program import program
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -96,6 +98,22 @@ def test_a_urdf_of_another_arm_is_not_replaced_and_one_from_scratch_may_be_the_r
     assert run("model", "--urdf", "new.urdf", "--force").returncode == 0
 
 
+def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
+    machine = "DEFDAT $MACHINE PUBLIC\n" + "".join(f"$MAMES[{k}]=0.0\n" for k in range(1, 7))
+    (place / "in" / "$machine.dat").write_text(machine)
+    done = run("model", "--into", "in/$machine.dat")
+    assert done.returncode == 0, done.stderr
+    new = (place / "$machine_calibrated.dat").read_text()
+    told = re.search(r"(\d\.\d{3}) and (\d\.\d{3}) mm: lengths and tilts of axes", done.stdout)
+    assert f"; {told[1]} mm RMS, {told[2]} at most: lengths and tilts of axes\n" in new
+    elbow = re.search(r"\$MAMES\[3\]=(.*)\n", new)[1]
+    assert float(elbow) != 0
+    assert f"elbow_joint {float(elbow):.4f}" in done.stdout
+    assert run("model", "--into", "in/$machine.dat").returncode == 0  # what the command wrote may be replaced
+    done = run("model", "--into", "in/$machine.dat", "--out", "in/$machine.dat")
+    assert "is read by this command" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("args", "said"),
     [
@@ -109,10 +127,41 @@ def test_a_urdf_of_another_arm_is_not_replaced_and_one_from_scratch_may_be_the_r
         (("model", "--urdf", "model/rigid.xml"), "expected URDF"),
         (("in", "--urdf", "new.urdf"), "expected the folder of a model"),
         (("model", "--urdf", "nowhere/deep/new.urdf", "--force", "--bad"), "No such option"),
+        (("model",), "expected one of --urdf and --into"),
+        (("model", "--urdf", "new.urdf", "--into", "in/ur.yaml"), "expected one of --urdf and --into"),
+        (("model", "--into", "in/machine.dat", "--gears", "1"), "--gears: is for ABB's motors alone"),
+        (("model", "--into", "in/machine.dat"), "$machine.dat with a number at $MAMES[2]"),
+        (("model", "--into", "in/twice.dat"), "$MAMES[1]: stands twice"),
+        (("model", "--into", "in/MOC.cfg"), "--gears: expected 6 numbers, or 36 row by row, got 0"),
+        (("model", "--into", "in/MOC.cfg", "--gears", "a"), "--gears: expected numbers with commas"),
+        (
+            ("model", "--into", "in/MOC.cfg", "--gears", "0,1,1,1,1,1"),
+            "--gears: expected turns of the motors",
+        ),
+        (("model", "--into", "in/MOC.cfg", "--gears", "9,9,9,9,9,9"), 'at cal_offset of "rob1_1"'),
+        (("model", "--into", "in/ur.yaml"), "kinematics of a UR driver with a number at shoulder.y"),
+        (("model", "--into", "in/huge.yaml"), "from that of ur10 as drawn"),
+        (("model", "--into", "in/ur.yaml", "--tip", "a"), "--tip: expected --urdf with it"),
+        (("model", "--into", "in/robot.urdf"), "expected kinematics of a UR driver, KUKA's $machine.dat or"),
+        (("model", "--into", "in/ours.yaml"), "testbench export wrote it; expected the robot's own file"),
     ],
 )
 def test_what_is_wrong_is_one_line_and_nothing_is_written(place, args, said):
     (place / "in" / "notes.urdf").write_text("<robot name='mine'/>")
+    ur = "kinematics:\n" + "".join(
+        f"  {frame}:\n" + "".join(f"    {key}: 1e3\n" for key in "x y z roll pitch yaw".split())
+        for frame in "shoulder upper_arm forearm wrist_1 wrist_2 wrist_3".split()
+    )
+    texts = {
+        "machine.dat": "$MAMES[1]=1.0\n$MAMES[2]=1e999\n",
+        "twice.dat": "$MAMES[1]=1.0\n$mames[1] = 2.0\n",
+        "MOC.cfg": 'MOC:CFG_1.0\nMOTOR_CALIB:\n#\nARM:\n  -name "rob1_1" -cal_offset 9\n',
+        "ur.yaml": "kinematics:\n  shoulder:\n    x: 0\n    y: .inf\n",
+        "huge.yaml": ur,
+        "ours.yaml": f"# {STAMP}\n{ur}",
+    }
+    for name, text in texts.items():
+        (place / "in" / name).write_text(text)
     before = held(place)
     done = run(*args)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stdout + done.stderr

@@ -27,7 +27,9 @@ from testbench.model.structure import all153
 from testbench.views.colours import look
 
 APP = app_of_study("gravity_calibration")
-EXAMPLE = re.compile(r"`shrunk.py`:\n\n```python\n(.*?)```\n\n +python (scenarios/.*?)\n", re.DOTALL)
+PAGE = (ROOT / "docs" / "own_estimator.md").read_text()
+EXAMPLE = re.search(r"`shrunk.py`:\n\n```python\n(.*?)```", PAGE, re.DOTALL)[1]
+COMMAND = re.search(r"python (scenarios/.*?)\n", PAGE)[1]
 TIMEOUT = 6  #: Sound estimators take milliseconds; so long that a busy machine stops none of them [s].
 BAD = """
 import time
@@ -179,7 +181,7 @@ def files(tmp_path_factory):
     (folder / "bad.py").write_text(BAD)
     (folder / "more.py").write_text(MORE)
     (folder / "escapes.py").write_text(ESCAPES)
-    (folder / "shrunk.py").write_text(EXAMPLE.search((ROOT / "docs" / "add_study.md").read_text())[1])
+    (folder / "shrunk.py").write_text(EXAMPLE)
     return folder
 
 
@@ -187,18 +189,22 @@ def flags(file, *names):
     return [part for name in names for part in ("--estimator", f"{file}:{name}")]
 
 
+def example(files):
+    """The page's own flag and estimator."""
+    flag, asked = COMMAND.split()[-2:]
+    return flag, asked.replace("=", f"={files}/")
+
+
 @pytest.fixture(scope="module")
 def run(files):
     """The page's example beside seven bad ones, whole, of one seed."""
     out = files / "whole"
-    own = (*flags(files / "shrunk.py", "shrunk"), *flags(files / "bad.py", *WHY))
+    own = (*example(files), *flags(files / "bad.py", *WHY))
     asked = ("--quick", "--workers", 1, "--estimator-timeout", TIMEOUT, "--out", out)
     return out, here(APP, *own, *asked)
 
 
 def test_one_short_file_and_one_command_lead_to_a_row_everywhere(files, run):
-    _, command = EXAMPLE.search((ROOT / "docs" / "add_study.md").read_text()).groups()
-    assert command.endswith("--estimator shrunk.py:shrunk")
     assert len((files / "shrunk.py").read_text().splitlines()) <= 15
     check_files(run, "models.png")
     out, done = run
@@ -274,7 +280,7 @@ def test_identify_shows_own_estimators_and_names_those_that_fail(files):
     poses = ROOT / "docs" / "poses.csv"
     made = here(program(["simulate"]), "simulate", "kr500_l480", poses, "--out", data, "--payload-kg", 460.3)
     assert made.returncode == 0, made.stderr
-    own = (*flags(files / "shrunk.py", "shrunk"), *flags(files / "bad.py", *WHY))
+    own = (*example(files), *flags(files / "bad.py", *WHY))
     held = ("--check-pose", 4, "--check-pose", 9, "--estimator-timeout", TIMEOUT)
     models = ("--model", "Joints", "--model", "ALL153")
     done = here(program(["identify"]), "identify", "kr500_l480", data, *models, *own, *held, "--out", out)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from loads import rotation_observation
 
 from testbench.arm.folder import Arm, load_arm
 from testbench.campaign.campaign import Cell
@@ -25,7 +26,7 @@ from testbench.model.structure import (
     mgco147,
     template56,
 )
-from testbench.model.vjm import chain, observation, rotation_observation
+from testbench.model.vjm import chain, observation
 from testbench.studies.estimators.factorised import factorise
 
 MODELS = Path(__file__).parents[2] / "models"

@@ -11,18 +11,17 @@ OURS = Spread(median=0.80, p05=0.67, p95=1.08)  #: What 5.2 finds of MGCO56, in 
 @pytest.mark.parametrize(
     ("paper", "verdict", "words"),
     [
-        (0.80, "confirmed", "1.00 times the paper's, which lies inside"),
-        (0.67, "confirmed", "which lies inside"),
-        (1.08, "confirmed", "which lies inside"),
-        (0.62, "not confirmed", "1.29 times the paper's, which lies below our 5 %: another arm"),
-        (1.09, "not confirmed", "0.73 times the paper's, which lies above our 95 %: another arm"),
+        (0.80, "confirmed", ""),
+        (0.67, "confirmed", ""),
+        (1.08, "confirmed", ""),
+        (0.62, "not confirmed", ", the paper's lies below our 5 %: another arm"),
+        (1.09, "not confirmed", ", the paper's lies above our 95 %: another arm"),
     ],
 )
 def test_a_number_is_confirmed_inside_our_5_to_95_per_cent_and_nowhere_else(paper, verdict, words):
     found = number("0.62 % at most", OURS, paper, "another arm")
     assert found.verdict == verdict
-    assert found.why.startswith("ours 0.8 (0.67 to 1.08), ")
-    assert words in found.why
+    assert found.why == f"ours 0.8 (0.67 to 1.08){words}"
 
 
 def test_one_seed_confirms_no_number_even_an_equal_one():
@@ -46,14 +45,12 @@ def test_one_seed_confirms_no_number_even_an_equal_one():
 def test_a_comparison_is_judged_by_a_sign_test_without_ties(won, lost, verdict):
     found = comparison("GCO is better", "its error is the smaller one", won, lost, 1000)
     assert found.verdict == verdict
-    assert found.why.startswith(
-        f"its error is the smaller one in {won} of 1000 seeds, the larger one in {lost}"
-    )
+    assert found.why.startswith(f"its error is the smaller one in {won} of 1000 seeds, larger in {lost}")
 
 
 def test_the_sign_test_says_its_chance():
-    assert comparison("", "smaller", 697, 303, 1000).why.endswith("sign test p below 0.001")
-    assert comparison("", "smaller", 61, 39, 100).why.endswith("sign test p = 0.035")
+    assert comparison("", "smaller", 697, 303, 1000).why.endswith("p below 0.001")
+    assert comparison("", "smaller", 61, 39, 100).why.endswith("p = 0.035")
 
 
 @pytest.mark.parametrize(("held", "verdict"), [(95, "confirmed"), (94, "not confirmed")])

@@ -12,14 +12,19 @@ import numpy as np
 
 from testbench.data.dataset import Dataset, Mask, read_by
 from testbench.errors import Array
+from testbench.identify.absolute.unknowns import compliances
 from testbench.identify.diagnosis.finding import Finding, test
 from testbench.identify.evidence import greatest, posterior
 from testbench.identify.fold import reduce
 from testbench.identify.hierarchy import evidence
 from testbench.identify.metric import Metric
 from testbench.identify.registered import station, unloaded
-from testbench.identify.weighed import Readings, one_by_one, white
-from testbench.model.vjm import Vjm, chain, generalised_load, marker_points, tool_pose, translation_rows
+from testbench.identify.rows import jacobian, straight, whiten
+from testbench.identify.weighed import Readings, each_reading, one_by_one
+from testbench.model.joint_errors import JointErrors
+from testbench.model.load import Load
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm, marker_points, tool_pose
 
 PLAY, STIFFER = 6e-5, 200.0
 """Half width of a joint's play or friction [rad, m], and the share by which it turns less, a radian [1/rad].
@@ -70,7 +75,7 @@ def learnt(vjm: Vjm, metric: Metric, data: Dataset, h: Array | None = None) -> L
     x = np.linalg.lstsq(np.vstack([half, kappa * np.eye(len(width))]), expected)[0]
     pi = seen.metric.L @ (s * seen.metric.expected + width * x)
     if vjm.arm.joints:
-        half = np.hstack([half, allowed(vjm, data, structure.matrix(pi))])
+        half = np.hstack([half, allowed(vjm, data, structure, pi)])
     U, size, _ = np.linalg.svd(half, full_matrices=False)
     shared = U * (size / np.hypot(size, kappa) / kappa)
     surprise = residual / kappa**2 - shared @ (shared.T @ residual)
@@ -78,24 +83,22 @@ def learnt(vjm: Vjm, metric: Metric, data: Dataset, h: Array | None = None) -> L
     return Learnt(vjm, seen.metric, data, read, least, pi, shared, surprise, h)
 
 
-def allowed(vjm: Vjm, data: Dataset, C: Array) -> Array:
+def allowed(vjm: Vjm, data: Dataset, structure: Structure, pi: Array) -> Array:
     """What joints of sound arms do beyond springs, (rows, 2 n) [standard deviations]: play, and stiffening.
 
     Args:
         vjm: The model.
         data: The runs.
-        C: Compliance about which, (n_theta, n_theta).
+        structure: The compliances.
+        pi: Of them those about which, (n,).
     """
-    where, first = chain(vjm, data.q), 6 * len(vjm.arm.links)
-    own = np.diag(C)[first:, None] * generalised_load(where, data.wrench, data.point)[first:]
-    moved = translation_rows(where, marker_points(vjm, data.markers))[:, first:]
-    moved = moved.reshape(-1, 3, *moved.shape[1:])  # marker, axis, joint, run
-    columns = []
-    for k, turn in enumerate(own):
-        for size in (PLAY * np.sign(turn), STIFFER * turn * np.abs(turn)):
-            turned = (where.J_theta[3:, first + k] * size).T
-            columns.append(white(data, (moved[:, :, k] * size).transpose(2, 0, 1), turned))
-    return np.array(columns).reshape(len(columns), -1).T
+    told, first = straight(vjm, data.q, [Load(data.wrench, data.point)]), 6 * len(vjm.arm.links)
+    turn = np.diag(structure.matrix(pi))[first:, None] * told.u[first:]
+    told = replace(told, phi=np.stack([PLAY * np.sign(turn), STIFFER * turn * np.abs(turn)], axis=1))
+    own = replace(compliances(vjm, structure), errors=JointErrors(play=True, stiffening=True))
+    points, read = marker_points(vjm, data.markers), data.sigma_rotation is not None
+    A = jacobian(own, told, points, turned=read)[:, :, own.columns("errors")]
+    return each_reading(A, whiten(A, data, np.arange(data.runs))).reshape(-1, A.shape[2])
 
 
 def of_all(own: Learnt) -> Iterator[Finding]:

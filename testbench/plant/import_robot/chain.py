@@ -25,6 +25,7 @@ FEWEST, MOST = 3, 9  #: Moving joints of an arm.
 LONGEST = 50.0  #: Farthest of a body from the body before [m].
 HEAVIEST = 1e5  #: Of a body [kg].
 LONGEST_NAME = 40  #: Characters of a name: room for what is put behind it.
+SAME_LINE = 1e-6  #: Most that two axes are apart that are one [m, rad].
 RESERVED = ("world",)
 SPECK = 1e-6  #: Mass of a part of which the file says nothing [kg].
 CLEANERS = {"robot": clean_urdf, "mujoco": clean_mjcf}
@@ -81,16 +82,34 @@ def _named(file: Path, robot: Robot, name: str) -> Tip:
 
 def _check_joints(file: Path, robot: Robot, path: list[int]) -> None:
     """Three to nine joints that turn or slide, each by itself."""
-    for body in (robot.bodies[k] for k in path):
+    moving = [k for k in path if robot.bodies[k].moves]
+    for place, body in enumerate(robot.bodies[k] for k in moving):
         if body.odd:
             name = f"joint {body.joint.name!r}" if body.joint else f"the joint of {body.name!r}"
-            problem = f"{name} {body.odd}; an arm's joints turn or slide, each by itself"
-            raise InputError(file, "", problem)
+            near = moving[max(place - 1, 0) : place] + moving[place + 1 : place + 2]
+            found = filter(None, (_parallelogram(robot.bodies, moving[place], other) for other in near))
+            remedy = next(found, "an arm's joints turn or slide, each by itself")
+            raise InputError(file, "", f"{name} {body.odd}; {remedy}")
     names = [joint.name for k in path if (joint := robot.bodies[k].joint)]
     if not FEWEST <= len(names) <= MOST:
         there, end = ", ".join(names) or "none", robot.bodies[path[-1]].name
         wanted = f"expected {FEWEST} to {MOST} moving joints up to {end!r}"
         raise InputError(file, "", f"{wanted}, got {len(names)}: {there}; --tip names another end")
+
+
+def _parallelogram(bodies: Sequence[Body], k: int, other: int) -> str:
+    """What to do with a joint that follows others but turns about the axis of a free one next to it."""
+    one, two = bodies[k].joint, bodies[other].joint
+    if one is None or two is None or one.prismatic or two.prismatic or bodies[other].odd:
+        return ""
+    a, b = _in_world(bodies, k), _in_world(bodies, other)
+    own, free = a[:3, :3] @ one.axis, b[:3, :3] @ two.axis
+    off = np.cross([free, a[:3, 3] - b[:3, 3]], own)
+    if np.abs(off).max() > SAME_LINE:
+        return ""
+    both = "sum" if own @ free > 0 else "difference"
+    turns = f"it turns about the axis of {two.name!r}, as in a parallelogram: make it fixed"
+    return f"{turns}, and let {two.name!r} count the {both} of both angles, in readings too"
 
 
 def _check_sizes(file: Path, robot: Robot) -> None:

@@ -17,6 +17,9 @@ MAX_ELEMENTS = 20_000
 MAX_DEPTH = 150
 MAX_SHAPES = 2000  #: Of a robot: every <geometry> of URDF, every <geom> of MJCF.
 MAX_BODIES = 500  #: Of a robot: the time that MuJoCo takes grows with the cube of those in a row.
+MAX_PACKAGE = 1_000_000  #: Of a package.xml.
+UP = 8  #: Folders above the URDF in which a package is looked for.
+FIND = re.compile(r"\$\(find ([\w-]+)\)")  #: How xacro names a package.
 LARGEST = 1e9  #: Of any number that is read; what an arm can have is checked on the whole tree.
 
 
@@ -28,10 +31,7 @@ def read_xml(file: Path) -> ET.Element:
     """
     text = read_text(file, MAX_BYTES)
     if "<xacro:" in re.sub("<!--.*?-->", "", text, flags=re.DOTALL) or file.suffix == ".xacro":
-        new = ".urdf" if file.suffix == ".xacro" else "_expanded.urdf"  # a shell empties what it writes first
-        target = file.name.removesuffix(".xacro").removesuffix(".urdf") + new
-        done = f"xacro {word(Path(file.name))} > {word(Path(target))}"
-        raise InputError(file, "", f"this is xacro; expand it first: {done}")
+        raise InputError(file, "", f"this is xacro; expand it first: {_expand(file, text)}")
     root = parse_xml(file, text)
     level, count = [root], 0
     for _ in range(MAX_DEPTH):
@@ -40,6 +40,17 @@ def read_xml(file: Path) -> ET.Element:
     if level or count > MAX_ELEMENTS:
         raise InputError(file, "", f"expected at most {MAX_ELEMENTS} elements, {MAX_DEPTH} deep")
     return root
+
+
+def _expand(file: Path, text: str) -> str:
+    """The command that does it without ROS, with the folders of the packages that the file names."""
+    new = ".urdf" if file.suffix == ".xacro" else "_expanded.urdf"  # never the file itself
+    target = file.with_name(file.name.removesuffix(".xacro").removesuffix(".urdf") + new)
+    found = [packages(Path(os.path.realpath(file)).parent, name) for name in FIND.findall(text)]
+    folders = dict.fromkeys(word(roots[0].parent) for roots in found if roots)
+    where = "".join(f" -d {folder}" for folder in folders)
+    done = f"xacrodoc {word(file)}{where} -o {word(target)}"
+    return f"pip install xacrodoc; {done}; arguments of the file follow as NAME:=VALUE"
 
 
 def check_count(file: Path, root: ET.Element, tag: str, most: int) -> None:
@@ -89,3 +100,22 @@ def inside(folder: Path, file: Path) -> Path | None:
     except ValueError:  # a zero byte
         return None
     return real if real.is_relative_to(home) else None
+
+
+def packages(folder: Path, name: str) -> list[Path]:
+    """Folders of a package: of that name, or with a package.xml that says so, from the URDF upwards."""
+    if name in ("", ".", ".."):
+        return []
+    found = []
+    for above in [folder, *folder.parents][:UP]:
+        found += [root for root in (above, above / name) if root.name == name and root.is_dir()]
+        if _package_name(above / "package.xml") == name:
+            found.append(above)
+    return found
+
+
+def _package_name(file: Path) -> str:
+    try:
+        return (parse_xml(file, read_text(file, MAX_PACKAGE)).findtext("name") or "").strip()
+    except InputError:  # there is none, or it is none
+        return ""

@@ -15,10 +15,9 @@ from urllib.parse import unquote, urlparse
 import mujoco
 import numpy as np
 
-from testbench.arm.document import parse_xml
 from testbench.arm.lines import xml_place
 from testbench.arm.mesh import MeshError
-from testbench.errors import Array, InputError, read_text
+from testbench.errors import Array, InputError
 from testbench.plant.import_robot.compiled import ROOT, Cleaned
 from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size, stl_bytes
 from testbench.plant.import_robot.robot import Mesh, Note
@@ -27,10 +26,12 @@ from testbench.plant.import_robot.source import (
     MAX_BODIES,
     MAX_DEPTH,
     MAX_SHAPES,
+    UP,
     check_count,
     check_numbers,
     inside,
     need,
+    packages,
     read_numbers,
 )
 from testbench.plant.import_robot.tip import ARM_JOINTS
@@ -51,8 +52,6 @@ FORMS = {
 """Primitives, and how many numbers their attributes have."""
 THINNEST = 1e-6  #: What is thinner has no extent [m].
 ENDLESS = 1000.0  #: Limits beyond it mean none [rad, m].
-MAX_BYTES = 1_000_000  #: Of a package.xml.
-UP = 8  #: Folders above the URDF in which a package is looked for.
 
 
 def clean_urdf(file: Path, root: ET.Element) -> Cleaned:
@@ -112,7 +111,7 @@ def _check_tree(file: Path, links: Sequence[ET.Element], joints: Sequence[ET.Ele
             if end not in children:
                 raise InputError(file, xml_place(file, joint), f"{which}: there is no link {end!r}")
         if child not in roots:
-            problem = f"link {child!r} is the child of another joint already"
+            problem = f"link {child!r} is another joint's child already: leave out what closes the loop"
             raise InputError(file, xml_place(file, joint), problem)
         del roots[child]
         children[parent].append(child)
@@ -289,7 +288,7 @@ def find_mesh(urdf: Path, name: str) -> Path:
     package, _, path = rest.partition("/")
     if not rest:
         roots, path = [folder], scheme
-    elif not (roots := _packages(folder, package)):
+    elif not (roots := packages(folder, package)):
         raise MeshError(f"no package {package!r} beside the file or in {UP} folders above it")
     root = next((root for root in roots if (root / path).exists()), roots[0])
     found = inside(root if rest else folder.parent, root / path)
@@ -298,22 +297,3 @@ def find_mesh(urdf: Path, name: str) -> Path:
     if rest and not found.exists():
         raise MeshError(f"not in the package {root}")
     return found
-
-
-def _packages(folder: Path, name: str) -> list[Path]:
-    """Folders of a package: of that name, or with a package.xml that says so, from the URDF upwards."""
-    if name in ("", ".", ".."):
-        return []
-    found = []
-    for above in [folder, *folder.parents][:UP]:
-        found += [root for root in (above, above / name) if root.name == name and root.is_dir()]
-        if _package_name(above / "package.xml") == name:
-            found.append(above)
-    return found
-
-
-def _package_name(file: Path) -> str:
-    try:
-        return (parse_xml(file, read_text(file, MAX_BYTES)).findtext("name") or "").strip()
-    except InputError:  # there is none, or it is none
-        return ""

@@ -289,5 +289,5 @@ STUDY = Study(
     figures=figures,
     write=seen,
     prepare=prepare,
-    own="name",
+    models="name",
 )

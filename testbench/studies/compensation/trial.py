@@ -20,7 +20,7 @@ from testbench.campaign.campaign import (
     settle_both,
     stream,
 )
-from testbench.campaign.evaluation import identify_each
+from testbench.campaign.evaluation import attempted
 from testbench.campaign.model_selection import choose
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.own_estimator import Models, hired
@@ -193,10 +193,10 @@ def identified(
     cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior, more: Sequence[Model] = ()
 ) -> list[Fit]:
     """All models, and more, from all campaigns."""
-    weights, data = read_weights(cell.arm), list(campaigns.values())
-    found = []
+    weights, found = read_weights(cell.arm), []
     for model in (*named_models(cell, s.IDENTIFIED[:-1]), *more):
-        for way, one in zip(campaigns, identify_each(cell, model, data), strict=True):
+        for way, runs in campaigns.items():
+            one = attempted(cell, model, runs)
             found.append(Fit(way, model.name, of_estimate(cell.vjm, one, weights), status=one.status))
     for way, runs in campaigns.items():
         own = choose(cell, runs, prior)

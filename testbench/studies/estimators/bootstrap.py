@@ -9,7 +9,7 @@ import numpy as np
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.conic import by_clarabel, scale_program, sensitivity_units
 from testbench.identify.estimate import Constraint, Estimate
-from testbench.identify.least_squares import completed, solve_all
+from testbench.identify.least_squares import completed, minimum_norm
 from testbench.identify.posterior import Intervals, check_confidence, linearise
 from testbench.identify.regression import RANK_TOLERANCE, Regression, Term
 
@@ -51,9 +51,8 @@ def _refits(regressions: Sequence[Regression], constraint: Constraint) -> Array:
     """Parameters, (datasets, n), of datasets that differ in their readings alone."""
     if constraint == "psd":
         return np.array([by_clarabel(r, scale_program(r)).pi for r in regressions])
-    if constraint == "free":
-        return np.array([completed(r).pi for r in regressions])
-    return solve_all(regressions)
+    fit = completed if constraint == "free" else minimum_norm
+    return np.array([fit(r).pi for r in regressions])
 
 
 def resampler(regression: Regression) -> Callable[[Array, np.random.Generator], Regression]:

@@ -55,7 +55,7 @@ class OneFactor:
             report=lambda _, seeds, rows: self.report(seeds, rows),
             printed=("errors",),
             figures=self.figures,
-            own="name",
+            models="name",
         )
 
     def report(self, seeds: range, trials: Trials) -> Report:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from testbench.campaign.campaign import Cell, Truth
-from testbench.campaign.evaluation import has_failed, identify_each
+from testbench.campaign.evaluation import attempted, has_failed
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import Model, equal_fit, named_models
 from testbench.campaign.own_estimator import Models, hired
@@ -117,7 +117,7 @@ def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Fits:
     found, seconds = {}, {}
     for model in models:
         start = perf_counter()
-        found[model.name] = identify_each(cell, model, runs)
+        found[model.name] = [attempted(cell, model, one) for one in runs]
         seconds[model.name] = (perf_counter() - start) / len(runs)
     return Fits(found, seconds, [m.name for m in models if m.filled])
 

@@ -201,5 +201,5 @@ STUDY = Study(
     figures=figures,
     write=write,
     size=4,
-    own="name",
+    models="name",
 )

@@ -222,5 +222,5 @@ STUDY = Study(
     printed=("models",),
     figures=figures,
     size=2,
-    own="fit.name",
+    models="fit.name",
 )

@@ -233,5 +233,5 @@ STUDY = Study(
     printed=("noisy",),
     figures=figures,
     size=2,
-    own="name",
+    models="name",
 )

@@ -205,5 +205,5 @@ STUDY = Study(
     report=report,
     printed=tuple(PARTS),
     figures=figures,
-    own="name",
+    models="name",
 )

@@ -325,5 +325,5 @@ STUDY = Study(
     figures=figures,
     write=write,
     prepare=prepare,
-    own="fit",
+    models="fit",
 )

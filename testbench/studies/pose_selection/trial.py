@@ -14,9 +14,9 @@ from testbench.campaign.campaign import Campaign, Cell, Setup, build_cell, hangi
 from testbench.campaign.campaign import measure as read
 from testbench.campaign.evaluation import (
     CampaignRow,
+    attempted,
     campaign_rows,
     has_failed,
-    identify_each,
     judge,
     of_model,
 )
@@ -127,7 +127,7 @@ def of_plans(bench: Bench, seed: int, own: Models) -> Iterator[Row]:
     levels = [(name, n) for name in (*scope.criteria, RANDOM) for n in scope.numbers(name)]
     runs = [measure(bench, poses_of(bench.asked, name, n, seed), seed) for name, n in levels]
     for fit, model in models.items():
-        estimates = identify_each(bench.cell, model, runs)
+        estimates = [attempted(bench.cell, model, one) for one in runs]
         found = zip(levels, runs, estimates, bench.errors_mm(estimates), strict=True)
         for (name, n), data, estimate, errors in found:
             row = Row("measured", name, n, fit, *errors, status=estimate.status)
@@ -170,7 +170,7 @@ def of_ground(cell: Cell, asked: Settings, seed: int, own: Models) -> Iterator[R
         data = measure(bench, chosen, seed)
         if fit == PLANNED:
             yield from of_promise(bench, seed, ("test", chosen, data))
-        both = identify_each(bench.cell, model, (data, chance))
+        both = [attempted(bench.cell, model, runs) for runs in (data, chance)]
         for name, errors, one in zip(("test", RANDOM), bench.errors_mm(both), both, strict=True):
             yield Row("ground", name, n, fit, *errors, ground, status=one.status)
 

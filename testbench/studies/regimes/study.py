@@ -223,5 +223,5 @@ STUDY = Study(
     report=report,
     printed=tuple(KINDS),
     figures=figures,
-    own="name",
+    models="name",
 )

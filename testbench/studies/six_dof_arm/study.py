@@ -307,5 +307,5 @@ STUDY = Study(
     printed=("short",),
     figures=figures,
     write=write,
-    own="name",
+    models="name",
 )

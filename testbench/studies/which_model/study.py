@@ -273,5 +273,5 @@ STUDY = Study(
     report=report,
     printed=("short",),
     figures=figures,
-    own="name",
+    models="name",
 )

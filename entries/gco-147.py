@@ -1,0 +1,10 @@
+"""GCO of the paper's MGCO147: all links in full."""
+
+import testbench as tb
+from testbench.model.structure import mgco147
+
+
+def estimate(kinematics, structure, data, prior):
+    """Conservative parameters, (n,)."""
+    own = mgco147(kinematics.arm)
+    return structure.entries(own.matrix(tb.gco(kinematics, own, data).pi))

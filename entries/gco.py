@@ -1,0 +1,8 @@
+"""GCO of all links and joints, without a prior."""
+
+import testbench as tb
+
+
+def estimate(kinematics, structure, data, prior):
+    """Conservative parameters, (n,)."""
+    return tb.gco(kinematics, structure, data).pi

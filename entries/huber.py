@@ -1,0 +1,13 @@
+"""A robust loss: outliers are found and left out; with the prior where there is one."""
+
+import testbench as tb
+from testbench.model.structure import template56
+
+
+def estimate(kinematics, structure, data, prior):
+    """Parameters, (n,): of straight beams without a prior."""
+    method = tb.robust(tb.least_squares)
+    if prior is not None:
+        return tb.with_prior(method, prior)(kinematics, structure, data).pi
+    beams = template56(kinematics.arm)
+    return structure.entries(beams.matrix(method(kinematics, beams, data).pi))

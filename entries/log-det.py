@@ -1,0 +1,15 @@
+"""GCO with a log-determinant prior: no compliance becomes zero, however little the readings ask for it."""
+
+import testbench as tb
+from testbench.identify.metric import metric, rescaled
+from testbench.identify.prior import Strength
+from testbench.studies.estimators.stein import gco_stein
+
+
+def estimate(kinematics, structure, data, prior):
+    """Parameters, (n,)."""
+    if prior is None:
+        raise NotImplementedError("needs a prior")
+    regression = tb.reduce(kinematics, structure, data)
+    own = rescaled(metric(prior, kinematics, structure), regression)
+    return gco_stein(regression, own, Strength(0.3)).pi

@@ -1,0 +1,16 @@
+"""Truncated SVD: directions of which the readings tell less than their noise are left at zero."""
+
+import numpy as np
+
+import testbench as tb
+
+
+def estimate(kinematics, structure, data, prior):
+    """Parameters, (n,), columns scaled to norm one."""
+    A, y = tb.reduce(kinematics, structure, data).rows
+    scale = np.linalg.norm(A, axis=0)
+    scale[scale < 1e-9 * scale.max()] = np.inf  # what no reading sees is zero
+    U, s, Vt = np.linalg.svd(A / scale, full_matrices=False)
+    z = U.T @ y
+    kept = (np.abs(z) > 3) & (s > 1e-9 * s[0])  # noise has deviation 1
+    return Vt[kept].T @ (z[kept] / s[kept]) / scale

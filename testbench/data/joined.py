@@ -1,0 +1,66 @@
+"""A robot's log beside a tracker's file: each reading gets the row of its name, or of the nearest time."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from testbench.data.clock import clock
+from testbench.data.dataset import Ids
+from testbench.data.mapping import Layout, Log, Names
+from testbench.data.names import squeeze
+from testbench.data.table import Table, read_table
+from testbench.errors import Array
+
+
+def with_log(table: Table, names: Names) -> Table:
+    """The table with the columns of the log that a map names; as it is where the map names none."""
+    if names.log is None or names.path is None:
+        return table
+    file = names.path.parent / names.log.file
+    return joined(table, read_table(file, lambda name: names.find(name) is not None, Layout()), names.log)
+
+
+def joined(table: Table, log: Table, how: Log) -> Table:
+    """The table with those columns of a log that it has not.
+
+    Raises:
+        InputError: At the first reading without a row of the log, and at a name that the log has twice.
+    """
+    to = how.to or how.on
+    if how.within_s is None:
+        return table.beside(log, _by_name(table, log, keys_of(table, how.on), keys_of(log, to)))
+    ours, theirs = times_of(table, how.on), times_of(log, to)
+    rows = nearest(ours, theirs)
+    apart, most = np.abs(theirs[rows] - ours), f"expected a row of {log.path.name} within {how.within_s:g} s"
+    table.refuse(apart > how.within_s, "", lambda row: f"{most}, the nearest is {apart[row]:.4g} s away")
+    return table.beside(log, rows)
+
+
+def nearest(ours: Array, theirs: Array) -> Ids:
+    """Of every time the place of the nearest one of others."""
+    return np.array([int(np.abs(theirs - t).argmin()) for t in ours], dtype=np.int64)
+
+
+def times_of(table: Table, columns: Sequence[str]) -> Array:
+    """What columns say together as times, (rows,) [s]; InputError where they do not."""
+    found = clock(keys_of(table, columns)) if columns else None
+    if found is None:
+        raise table.header_error(f"expected times to join by in {' and '.join(columns) or 'a column'}")
+    return found
+
+
+def keys_of(table: Table, columns: Sequence[str]) -> list[str]:
+    """What columns say together, row by row; InputError names one that is not there."""
+    if missing := [name for name in columns if name not in table.names]:
+        raise table.header_error(f"no column {missing[0]!r} to join by; columns are {list(table.names)}")
+    return [" ".join(own) for own in zip(*(table.texts(table.names.index(n)) for n in columns), strict=True)]
+
+
+def _by_name(table: Table, log: Table, keys: list[str], theirs: list[str]) -> Ids:
+    place: dict[str, int] = {}
+    for row, key in enumerate(map(squeeze, theirs)):
+        if place.setdefault(key, row) != row:
+            raise log.error(row, "", f"expected every name once, got {theirs[row][:80]!r} again")
+    rows = np.array([place.get(squeeze(key), -1) for key in keys], dtype=np.int64)
+    table.refuse(rows < 0, "", lambda row: f"no row of {log.path.name} is called {keys[row][:80]!r}")
+    return rows

@@ -1,0 +1,104 @@
+"""Entries beside the incumbent arm by arm: ratios of errors with bootstrap intervals, ranks, ties."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.stats import rankdata
+
+from testbench.campaign.rows import FAILED
+from testbench.errors import Array
+from testbench.report.table import Row, Trials, number
+from testbench.studies.bench.entries import DEFAULT, JOINTS
+from testbench.studies.bench.trial import DONE, SKIPPED
+from testbench.trials.spread import TAIL, spread
+from testbench.views.gains import ratio
+
+DRAWS = 2000  #: Of the bootstrap, the same in every run.
+DECIMALS = 6  #: Of a logarithm of errors: entries nearer than that have one rank.
+ERROR = "workspace.rms_mm"
+Errors = Mapping[str, Array]  #: Of every entry, arm by arm, (arms,) [mm].
+
+
+def incumbent(prior: bool) -> str:
+    """Whom a class has to beat: what `identify` does by default, without a prior joint stiffness only."""
+    return DEFAULT if prior else JOINTS
+
+
+def begins(rows: Trials, words: str) -> Array:
+    """Which rows have a status that begins so, (rows,)."""
+    return np.array([status.startswith(words) for status in rows["status"].tolist()], dtype=bool)
+
+
+def errors(rows: Trials) -> dict[str, Array]:
+    """Errors in one task and class, (arms,) [mm]; who fails errs by the whole deflection.
+
+    To skip is to fail, but for who skips every arm: such entries are left out.
+    """
+    found = {}
+    for (name,), own in rows.groups("name"):
+        done = own["status"] == DONE
+        if done.any() or not begins(own, SKIPPED).all():
+            found[name] = np.where(done, own[ERROR], own["deflection_mm"])
+    return found
+
+
+def overall(tasks: Sequence[Errors]) -> dict[str, Array]:
+    """Geometric means over tasks of those that take part in all of them, (arms,) [mm]."""
+    names = [name for name in tasks[0] if all(name in own for own in tasks)]
+    return {name: np.exp(np.mean([np.log(own[name]) for own in tasks], axis=0)) for name in names}
+
+
+def standings(found: Errors, rival: str) -> list[Row]:
+    """A row an entry, the best first: its errors over the rival's, its rank, whether they are tied.
+
+    Both by geometric means over the arms; intervals of 95 % by resampling arms.
+    """
+    names = list(found)
+    L = np.log(np.array([found[name] for name in names])) - np.log(found[rival])
+    arms = L.shape[1]
+    count = np.random.default_rng(0).multinomial(arms, np.full(arms, 1 / arms), size=DRAWS)
+    drawn = count @ L.T / arms  # (draws, names)
+    ranks = rankdata(drawn.round(DECIMALS), method="min", axis=1)
+    own = rankdata(L.mean(axis=1).round(DECIMALS), method="min")
+    ends = np.exp(np.quantile(drawn, (TAIL, 1 - TAIL), axis=0))
+    places = np.quantile(ranks, (TAIL, 1 - TAIL), axis=0, method="nearest")
+    order = L.mean(axis=1).argsort(kind="stable")
+    return [
+        Row(
+            name=names[k],
+            rank=int(own[k]),
+            rank_low=int(places[0, k]),
+            rank_high=int(places[1, k]),
+            ratio=float(np.exp(L[k].mean())),
+            ratio_low=float(ends[0, k]),
+            ratio_high=float(ends[1, k]),
+            tied=None if names[k] == rival else bool(ends[0, k] <= 1 <= ends[1, k]),
+            over=spread(np.exp(L[k])) if arms > 1 else float(np.exp(L[k, 0])),
+            trials=arms,
+        )
+        for k in order.tolist()
+    ]
+
+
+def in_words(row: Row) -> Row:
+    """The same with ratio and rank as tables show them."""
+    low, high = ratio(row.ratio_low), ratio(row.ratio_high)
+    places = f" ({row.rank_low} to {row.rank_high})" if row.rank_low < row.rank_high else ""
+    interval = f" ({low} to {high})" if low != high else ""
+    return Row(row, over_default=f"{ratio(row.ratio)}{interval}", standing=f"{row.rank}{places}")
+
+
+def quantities(rows: Trials) -> Row:
+    """What an entry did beside its ratio, over arms, or over arms and tasks."""
+    done, failed = rows.where(status=DONE), int(begins(rows, FAILED).sum() + begins(rows, SKIPPED).sum())
+    known = done.pick(np.isfinite(done["cover.covered_percent"].astype(float)))
+    return Row(
+        rms_mm=number(done[ERROR]) if len(done) else None,
+        p95_mm=number(done["workspace.p95_mm"]) if len(done) else None,
+        conservative=float(np.mean(done["conservative"].astype(bool))) if len(done) else None,
+        covered_percent=float(known["cover.covered_percent"].mean()) if len(known) else None,
+        half_mm=float(np.median(known["cover.half_mm"])) if len(known) else None,
+        over_ideal=float(np.median(known["cover.half_mm"] / known["cover.ideal_mm"])) if len(known) else None,
+        cpu_seconds=float(np.median(done["cpu_seconds"])) if len(done) else None,
+        failed=f"{failed} of {len(rows)}" if failed else None,
+    )

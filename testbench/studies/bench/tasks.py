@@ -1,0 +1,123 @@
+"""Tasks of the bench as data, and the problem that a task makes of a seed.
+
+A task never changes under its version. Poses, loads, the true arm, what disturbs it, the noise and the errors
+of the prior come of the seed.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.campaign.absolute_truth import by_trackers
+from testbench.campaign.campaign import Cell, Scenario, draw_poses, simulate_at, stream
+from testbench.campaign.perturbed_prior import PRIORS, prior_of
+from testbench.campaign.plan_input import Place
+from testbench.campaign.pose_campaign import FullPose, simulate
+from testbench.campaign.true_arms import HELD_OUT, TRUTHS, true_cell
+from testbench.data.dataset import Dataset
+from testbench.errors import Array
+from testbench.identify.prior import Prior
+from testbench.identify.registered import registered
+from testbench.model.structure import Structure, all153
+from testbench.plant import Disturbances
+from testbench.studies.factorial.trial import reread
+from testbench.studies.model_error.settings import ALL, disturbances
+from testbench.studies.model_error.trial import disturbed
+
+HEAVY, SIX_AXES = "kr500_l480", "arm_6r"
+JUDGED = 100  #: Poses of a weight's deflections that judge, never measured.
+SIGMA, PER_READING = 50e-6, 2**-0.5
+"""Noise of a reading along an axis [m]; section 5.2 states that of a deflection, of two readings [1]."""
+SECTION_5_2 = FullPose(
+    arm=SIX_AXES,
+    truth="nonlinear",
+    sigma=25e-6 * PER_READING,
+    sigma_rotation=250e-6 * PER_READING,
+    least=9e-3,
+    most=41e-3,
+)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is measured, of which arms."""
+
+    what: str  #: In words.
+    poses: int  #: Measured.
+    version: int = 1
+    arm: str = HEAVY
+    #: What hangs in every pose in turn, over the payload [1]; empty: six wrenches and full poses read.
+    loads: tuple[float, ...] = (1.0, 1.0)
+    held_out: bool = False  #: Whether true arms are of kinds held out of the family.
+    disturbed: bool = False  #: Whether all disturbances are on.
+    trackers: tuple[Place, ...] = ()  #: Where trackers stand whose frames nobody knows [m].
+    priors: tuple[str, ...] = ("scaled",)  #: What is wrong with the prior, by seed in turn.
+
+
+NEAR, ASIDE = (5.5, -2.0, 1.0), (5.0, 3.0, 1.4)
+TASKS: Mapping[str, Task] = {
+    "gravity-8": Task("a weight in 8 poses, twice", 8),
+    "gravity-12": Task("a weight in 12 poses, twice", 12),
+    "gravity-20": Task("a weight in 20 poses, twice", 20),
+    "loads": Task("a third, two thirds and all of the weight in 8 poses", 8, loads=(1 / 3, 2 / 3, 1.0)),
+    "section-5-2": Task(
+        "six wrenches in 18 poses of the paper's arm, full poses", 18, arm=SIX_AXES, loads=()
+    ),
+    "disturbed": Task("every disturbance, 12 poses", 12, disturbed=True),
+    "frame": Task("one tracker in an unknown frame, 12 poses", 12, trackers=(NEAR,)),
+    "stations": Task("two trackers, disturbed arm, 12 poses", 12, disturbed=True, trackers=(NEAR, ASIDE)),
+    "other-arms": Task("true arms of kinds held out of the family, 12 poses", 12, held_out=True),
+    "wrong-prior": Task("a prior wrong in a part of it, 12 poses", 12, priors=tuple(PRIORS)[2:]),
+}
+"""By name."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What an entry is given, and what judges its answer."""
+
+    cell: Cell  #: The arm; its model has the targets where they were found.
+    structure: Structure  #: All links and joints.
+    data: Dataset  #: Readings.
+    prior: Prior  #: Of the class that has one.
+    truth: Dataset  #: True deflections, never given.
+    true_arm: str
+
+
+def problem(task: Task, cell: Cell, seed: int) -> Problem:
+    """What a task is with this seed; the cell is of its arm."""
+    kinds = list(HELD_OUT if task.held_out else TRUTHS)
+    own, prior = kinds[seed % len(kinds)], task.priors[seed % len(task.priors)]
+    true = true_cell(cell, own, seed)
+    if task.loads:
+        data, truth = _weight(task, true, seed)
+    else:
+        campaign = simulate(true, SECTION_5_2, seed)
+        data, truth = campaign.identification, campaign.truth
+    if task.trackers:
+        found = registered(cell.vjm, data, "tracker")
+        true, data = replace(true, vjm=found.vjm), found.data
+    return Problem(true, all153(cell.arm), data, prior_of(cell, prior, seed), truth, own)
+
+
+def _weight(task: Task, true: Cell, seed: int) -> tuple[Dataset, Dataset]:
+    """A weight in poses of section 6, and its true deflections all over the workspace."""
+    scenario = Scenario(
+        arm=true.arm.name,
+        truth="linear",  # for poses and loads alone
+        noise=False,
+        identification_poses=task.poses,
+        identification_runs=task.poses * len(task.loads),
+        check_poses=1,
+        check_runs=1,
+        workspace_poses=JUDGED,
+    )
+    campaign = simulate_at(true, scenario, seed, draw_poses(true, scenario, seed))
+    runs = campaign.identification
+    share: Array = np.array(task.loads)[np.arange(runs.runs) % len(task.loads)]
+    loaded = replace(campaign, identification=replace(runs, wrench=share[:, None] * runs.wrench))
+    clean, truth = disturbed(true, loaded, disturbances(1.0)[ALL] if task.disturbed else Disturbances(), seed)
+    if task.trackers:
+        return by_trackers(clean, task.trackers, seed), truth
+    return reread(clean, SIGMA, stream(seed, 1)), truth

@@ -1,0 +1,177 @@
+"""A trial: every task of a seed, with the prior and without, given to all entries and to the default."""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from testbench.arm.catalogue import find_arm
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.evaluation import unseen
+from testbench.campaign.model_selection import with_priors
+from testbench.campaign.models import named_models
+from testbench.campaign.own_estimator import LimitOptions, engaged, parameters
+from testbench.campaign.own_process import Own, ask
+from testbench.campaign.rows import FAILED, MM, NO_ERRORS, DatasetRow, ErrorRow, dataset_row, error_row
+from testbench.data.write import csv_text
+from testbench.errors import Array, BenchError
+from testbench.identify.estimate import Constraint, is_conservative
+from testbench.identify.evaluate import deflections, score
+from testbench.identify.posterior import CONFIDENCE, quantile
+from testbench.identify.prior import Prior
+from testbench.model.vjm import chain, marker_points, observation
+from testbench.studies.bench.entries import DEFAULT, read_entries
+from testbench.studies.bench.tasks import TASKS, Problem, problem
+from testbench.studies.factorial.trial import LEARNS, Cover, cover, covers
+from testbench.trials.spread import Number, Share
+
+DONE, SKIPPED = "done", "skipped: "
+SKIP = "raised NotImplementedError: "  #: How an entry says that a task, or class, is none of its own.
+
+
+@dataclass(frozen=True)
+class Options(LimitOptions):
+    """Flags of the bench."""
+
+    entries: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="ENTRY.py...", help="Files with a function estimate; see docs/own_estimator.md."
+        ),
+    ] = None
+    task: Annotated[list[str] | None, typer.Option(help="Only this task; again for more.")] = None
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is tried."""
+
+    tasks: tuple[str, ...]  #: Names.
+    versions: tuple[int, ...]  #: Of them.
+    own: tuple[Own, ...]  #: Entries.
+    first: int  #: The first seed.
+    secret: str = ""  #: What judged seeds were drawn from; empty where they are public.
+
+
+@dataclass(frozen=True)
+class EntryRow:
+    """One answer."""
+
+    name: str  #: Of the entry.
+    structure: str  #: For its look.
+    constraint: Constraint
+    prior: bool  #: Its class: whether a prior was given.
+    task: str
+    true_arm: str
+    status: str
+    workspace: ErrorRow  #: Against true deflections that were not given.
+    deflection_mm: float  #: What was to be predicted, RMS: the error of who predicts nothing.
+    conservative: Share | None
+    cover: Cover | None  #: 95 % intervals; None where the entry gives none.
+    cpu_seconds: Number  #: Processor time.
+    measured: DatasetRow | None = None  #: The dataset of the first seed and task.
+    data_file: str | None = None
+
+
+def settings(options: Options, quick: bool, seeds: range) -> Settings:
+    """What the flags ask for; raises BenchError for a task or an entry that there is not."""
+    names = tuple(dict.fromkeys(options.task or TASKS))
+    for name in names:
+        if name not in TASKS:
+            raise BenchError(f"--task: expected some of {', '.join(TASKS)}, got {name!r}")
+    names = names[:2] if quick and not options.task else names
+    own = read_entries(options.entries or (), options.limits)
+    return Settings(names, tuple(TASKS[name].version for name in names), own, seeds[0])
+
+
+def trials(asked: Settings, seeds: Sequence[int]) -> list[list[EntryRow]]:
+    """Rows of some seeds, one an answer."""
+    cells = {arm: build_cell(find_arm(arm)) for arm in {TASKS[name].arm for name in asked.tasks}}
+    with engaged(asked.own) as link:
+        found = []
+        for seed in seeds:
+            rows: list[EntryRow] = []
+            for name in asked.tasks:
+                own = problem(TASKS[name], cells[TASKS[name].arm], seed)
+                rows += _task(asked, name, own, link, shown=seed == asked.first and not rows)
+            found.append(rows)
+    return found
+
+
+def _task(asked: Settings, task: str, own: Problem, link: Connection, *, shown: bool) -> Iterator[EntryRow]:
+    """Rows of a task, those without a prior first."""
+    left = {"measured": dataset_row(own.data), "data_file": csv_text(own.data, own.cell.arm)} if shown else {}
+    size = MM * float(np.sqrt((own.truth.deflection**2).sum(axis=-1).mean()))
+    about = {"task": task, "true_arm": own.true_arm, "deflection_mm": size}
+    for prior in (None, own.prior):
+        for k, entry in enumerate(asked.own, 1):
+            who = {
+                "name": entry.name,
+                "structure": f"own {k}",
+                "constraint": "own",
+                "prior": prior is not None,
+            }
+            yield EntryRow(**who, **about, **_answer(own, link, entry, prior), **left)  # type: ignore[arg-type]
+            left = {}
+    yield EntryRow(name=DEFAULT, structure=LEARNS[0], constraint="psd", prior=True, **about, **_default(own))  # type: ignore[arg-type]
+
+
+def _default(own: Problem) -> dict[str, object]:
+    """What identify's default makes of it."""
+    [model] = with_priors(named_models(own.cell, LEARNS), own.prior)
+    start = time.process_time()
+    estimate = model.estimator(own.cell.vjm, model.structure, own.data)
+    seconds = time.process_time() - start
+    moved = deflections(own.cell.vjm, estimate, own.truth)
+    return {
+        "status": DONE,
+        "workspace": error_row(score(moved, own.truth.deflection)),
+        "conservative": estimate.conservative,
+        "cover": cover(own.cell, estimate, own.truth),
+        "cpu_seconds": seconds,
+    }
+
+
+def _answer(own: Problem, link: Connection, entry: Own, prior: Prior | None) -> dict[str, object]:
+    """What an entry makes of it, or why it makes nothing."""
+    nothing = {"workspace": NO_ERRORS, "conservative": None, "cover": None, "cpu_seconds": None}
+    try:
+        answer = ask(link, entry, (unseen(own.cell.vjm), own.structure, own.data, prior))
+        pi = parameters(own.structure, answer.found)
+        K = None if answer.covariance is None else covariance(answer.covariance, len(pi))
+    except BenchError as err:
+        why = str(err)
+        skipped = why.startswith(SKIP)
+        return {"status": SKIPPED + why.removeprefix(SKIP) if skipped else FAILED + why, **nothing}
+    where, points = chain(own.cell.vjm, own.truth.q), marker_points(own.cell.vjm, own.truth.markers)
+    rows, true = (
+        observation(where, own.structure, own.truth.wrench, own.truth.point, points),
+        own.truth.deflection,
+    )
+    moved = rows @ pi
+    return {
+        "status": DONE,
+        "workspace": error_row(score(moved, true)),
+        "conservative": is_conservative(own.structure, own.structure.matrix(pi)),
+        "cover": None if K is None else covers(moved, half_widths(rows, K), true),
+        "cpu_seconds": answer.cpu_seconds,
+    }
+
+
+def covariance(found: Array, n: int) -> Array:
+    """Covariance of parameters, (n, n); BenchError for what is none."""
+    if found.shape != (n, n):
+        raise BenchError(f"wrong shape of the covariance: expected ({n}, {n}), got {found.shape}")
+    if not np.isfinite(found).all() or (np.diag(found) < 0).any():
+        raise BenchError("covariance: expected finite numbers and variances of at least 0")
+    return (found + found.T) / 2
+
+
+def half_widths(rows: Array, K: Array) -> Array:
+    """Of 95 % intervals of rows @ pi, rows (..., n), where pi is normal with covariance K, (n, n)."""
+    z = quantile(np.inf, (1 + CONFIDENCE) / 2)
+    return np.asarray(z * np.sqrt(((rows @ K) * rows).sum(axis=-1).clip(0)))

@@ -1,0 +1,142 @@
+"""Standings of the bench are those of its trials, of trials that are made up."""
+
+import numpy as np
+import pytest
+from made_up import of_one_trial
+from reports import check, table_of
+
+from testbench.campaign.rows import NO_ERRORS, DatasetRow, ErrorRow
+from testbench.studies.bench.entries import DEFAULT, JOINTS
+from testbench.studies.bench.scores import errors, overall, standings
+from testbench.studies.bench.study import figures, report
+from testbench.studies.bench.trial import DONE, SKIPPED, EntryRow, Settings, covariance, half_widths
+
+TASKS, SEEDS, WHOLE = ("gravity-8", "loads"), range(1, 25), 7.0
+TIMES = {
+    "joints": 3.0,
+    "least-squares": 8.0,
+    "ridge": 5.0,
+    "prior": 40.0,
+    "good": 0.8,
+    "alike": 1.0,
+    "shaky": 0.9,
+}
+"""Error over the default's in every arm; half of the arms of shaky fail."""
+
+
+def answer(name, task, seed, prior, k):
+    rng = np.random.default_rng([seed, *map(ord, task)])  # the same for all entries
+    size = float(np.exp(rng.normal()))
+    own = np.random.default_rng([seed, *map(ord, name + task)])
+    mm = (
+        0.1 * size * TIMES.get(name, 1.0) * (1 if name in (DEFAULT, "alike") else np.exp(0.05 * own.normal()))
+    )
+    status = DONE
+    if name == "shaky" and seed % 2:
+        status = "failed: raised ValueError: odd"
+    if name == "prior" and not prior:
+        status = f"{SKIPPED}needs a prior"
+    done = status == DONE
+    first = (seed, task, prior, k) == (SEEDS[0], TASKS[0], False, 0)
+    fixed = {
+        "name": name,
+        "task": task,
+        "prior": prior,
+        "status": status,
+        "deflection_mm": WHOLE,
+        "cover": None,
+    }
+    fixed |= {"structure": f"own {k + 1}", "constraint": "own", "true_arm": "cast", "data_file": None}
+    fixed |= {"workspace": of_one_trial(ErrorRow, own, rms_mm=mm) if done else NO_ERRORS}
+    fixed |= {"conservative": True if done else None, "cpu_seconds": 0.01 if done else None}
+    fixed |= {"measured": of_one_trial(DatasetRow, own) if first else None}
+    return of_one_trial(EntryRow, own, **fixed)
+
+
+def rows(seed):
+    for task in TASKS:
+        for prior in (False, True):
+            for k, name in enumerate([*TIMES, *([DEFAULT] if prior else [])]):
+                yield answer(name, task, seed, prior, k)
+
+
+@pytest.fixture(scope="module")
+def trials():
+    return table_of(SEEDS, lambda seed: list(rows(seed)))
+
+
+def made(trials, secret=""):
+    return report(Settings(TASKS, (1, 1), (), 1, secret), SEEDS, trials)
+
+
+def test_words_tables_and_picture_say_what_the_trials_hold(trials):
+    found = made(trials)
+    check(found, ("short",))
+    board = {row.name: row for row in found.numbers["board"]["with prior"]}
+    for name, times in TIMES.items():
+        own = [errors(trials.where(task=task, prior=True)) for task in TASKS]
+        logs = np.mean([np.log(e[name] / e[DEFAULT]) for e in own], axis=0)
+        assert board[name].ratio == pytest.approx(np.exp(logs.mean()), rel=1e-12)
+        if name != "shaky":
+            assert board[name].ratio == pytest.approx(times, rel=0.04)
+            assert board[name].ratio_low <= times <= board[name].ratio_high
+    assert found.winner == "good"
+    assert board["good"].rank == board["good"].rank_high == 1
+    assert (board["alike"].rank, board[DEFAULT].rank, board["alike"].tied) == (2, 2, True)
+    assert board[DEFAULT].tied is None
+    assert [row.name for row in found.numbers["board"]["with prior"]][-1] == "prior"
+    assert "prior" not in {row.name for row in found.numbers["board"]["without prior"]}
+    text = found.whole()
+    assert "shaky failed in 24 of 48 calls with prior." in text
+    assert "Tied with the default over all tasks: alike." in text
+    drawn = figures(found)["bench.png"].axes[0]
+    assert next(label.get_text().split()[0] for label in drawn.get_yticklabels()) == "good"
+
+
+def test_who_fails_errs_by_the_whole_deflection_and_who_skips_always_takes_no_part(trials):
+    rows = trials.where(task=TASKS[0], prior=True)
+    own = errors(rows)["shaky"]
+    assert (own[::2] == WHOLE).all()
+    assert (own[1::2] < WHOLE).all()
+    without = errors(trials.where(task=TASKS[0], prior=False))
+    assert "prior" not in without
+    assert "ridge" in without
+    once = rows.add(
+        status=[f"{SKIPPED}odd" if s.startswith("failed") else s for s in rows["status"].tolist()]
+    )
+    np.testing.assert_array_equal(errors(once)["shaky"], own)  # to skip hard arms is to fail
+
+
+def test_an_entry_of_one_task_is_in_no_standing_over_two():
+    tasks = [{"a": np.array([1.0, 4.0]), "b": np.array([1.0, 1.0])}, {"a": np.array([4.0, 1.0])}]
+    assert overall(tasks).keys() == {"a"}
+    np.testing.assert_allclose(overall(tasks)["a"], [2.0, 2.0])
+
+
+def test_intervals_of_a_ratio_hold_the_truth_as_often_as_they_say():
+    """100 draws of 40 arms: of 95 % intervals at least 88 hold it (fewer have a chance of 1 in 400)."""
+    inside = 0
+    for seed in range(1000, 1100):
+        L = np.random.default_rng(seed).normal(0.1, 0.4, 40)
+        [row] = [r for r in standings({"a": np.exp(L), JOINTS: np.ones(40)}, JOINTS) if r.name == "a"]
+        inside += row.ratio_low <= np.exp(0.1) <= row.ratio_high
+    assert inside >= 88
+
+
+def test_a_secret_and_what_it_was_committed_to_by_stand_in_the_report(trials):
+    text = made(trials, "ab" * 32).whole()
+    assert "ab" * 32 in text
+    assert "SHA-256" in text
+    assert "public seeds" not in text
+
+
+def test_half_widths_are_those_of_a_normal_distribution():
+    rng = np.random.default_rng(3)
+    B, rows = rng.normal(size=(4, 4)), rng.normal(size=(5, 2, 3, 4))
+    drawn = rng.multivariate_normal(np.zeros(4), B @ B.T, size=100_000)
+    spread = np.quantile(np.abs(np.einsum("abcn,kn->kabc", rows, drawn)), 0.95, axis=0)
+    np.testing.assert_allclose(half_widths(rows, B @ B.T), spread, rtol=0.03)
+    with pytest.raises(Exception, match="wrong shape of the covariance"):
+        covariance(np.eye(3), 4)
+    with pytest.raises(Exception, match="variances of at least 0"):
+        covariance(-np.eye(4), 4)

@@ -1,0 +1,186 @@
+"""The bench as a stranger runs it: one file, bad entries, workers, resumed runs, frozen tasks, judging."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+from run_here import ROOT, check_files, here, numbers_alone
+from test_own_estimator import BAD, EXAMPLE, PAGE, TIMEOUT, WHY
+
+from testbench.campaign.campaign import build_cell
+from testbench.campaign.evaluation import unseen
+from testbench.campaign.own_limits import Limits
+from testbench.campaign.own_process import ask, server
+from testbench.cli.program import program
+from testbench.studies.bench.entries import FLOORS, read_entries
+from testbench.studies.bench.secret import first_seed
+from testbench.studies.bench.tasks import TASKS, problem
+
+ENTRIES = sorted((ROOT / "entries").glob("*.py"))
+DRAWS = '''
+import numpy as np
+
+
+def estimate(kinematics, structure, data, prior):
+    """Draws from the global generator, keeps state, and fails in some arms."""
+    if prior is None:
+        raise NotImplementedError("needs a prior")
+    estimate.calls = getattr(estimate, "calls", 0) + 1
+    if data.deflection[0, 0, 0] * 1e6 % 2 < 1:
+        raise RuntimeError("odd")
+    pi = structure.entries(prior.C_theta) * (1 + np.random.uniform() + estimate.calls) / 4
+    return pi, np.diag((0.3 * pi) ** 2)
+'''
+FROZEN = {
+    "gravity-8": (1, "off_40", 16, 3.3068099, 2.8635779, 8.5680232),
+    "gravity-12": (1, "off_40", 24, 3.3770282, 2.6319992, 8.5680232),
+    "gravity-20": (1, "off_40", 40, 3.4170019, 2.6518415, 8.5680232),
+    "loads": (1, "off_40", 24, 2.3750226, 2.8635779, 8.5680232),
+    "section-5-2": (1, "off_40", 108, 8.8467802, 13.099153, 199.15934),
+    "disturbed": (1, "off_40", 24, 3.012124, 2.3824887, 8.5680232),
+    "frame": (1, "off_40", 24, 3.3723642, 2.6319992, 8.5680232),
+    "stations": (1, "off_40", 24, 3.0065009, 2.3824887, 8.5680232),
+    "other-arms": (1, "soft_link", 24, 3.4883196, 2.7340126, 8.5680232),
+    "wrong-prior": (1, "off_40", 24, 3.3770282, 2.6319992, 7.8361716),
+}
+"""By task, with seed 3: version, true arm, runs, RMS of readings and of the truth [mm], size of the prior."""
+
+
+def bench(*asked):
+    return here(program(["bench"]), "bench", *asked)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bench")
+    (folder / "shrunk.py").write_text(EXAMPLE)
+    (folder / "bad.py").write_text(BAD)
+    (folder / "draws.py").write_text(DRAWS)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def run(folder):
+    """The page's file beside eight bad ones, in two tasks of two arms."""
+    bad = [f"{name}={folder / 'bad.py'}:{name}" for name in WHY]
+    asked = (folder / "shrunk.py", *bad, "--quick", "--estimator-timeout", TIMEOUT, "--workers", 1)
+    return folder / "run", bench(*asked, "--out", folder / "run")
+
+
+def test_one_short_file_and_one_command_lead_to_a_row(run):
+    assert "testbench bench shrunk.py" in PAGE
+    assert len(EXAMPLE.splitlines()) <= 15
+    check_files(run, "bench.png")
+    report = json.loads((run[0] / "report.json").read_text())
+    board = {row["name"]: row for row in report["board"]["with prior"]}
+    assert {"shrunk", "default", *FLOORS} <= board.keys()
+    assert board["shrunk"]["failed"] is None
+    assert 0 < board["shrunk"]["ratio_low"] <= board["shrunk"]["ratio"] <= board["shrunk"]["ratio_high"]
+    assert "shrunk" not in {row["name"] for row in report["board"]["without prior"]}
+    manifest = json.loads((run[0] / "manifest.json").read_text())
+    assert manifest["estimators"]["shrunk"] == hashlib.sha256(EXAMPLE.encode()).hexdigest()
+
+
+def test_bad_entries_leave_a_complete_table_with_named_failures(run):
+    rows = parquet.read_table(run[0] / "trials.parquet").to_pylist()
+    given = {(row["task"], row["prior"], row["seed"]) for row in rows}
+    assert len(given) == 2 * 2 * 2
+    names = {"shrunk", *FLOORS, *WHY}
+    assert {(r["name"], *key) for r in rows for key in [(r["task"], r["prior"], r["seed"])]} == {
+        (name, *key) for name in names for key in given
+    } | {("default", *key) for key in given if key[1]}
+    told = {row["name"]: row["status"] for row in rows if row["prior"] and row["name"] in WHY}
+    assert told == {name: f"failed: {why}" for name, why in WHY.items()}
+    report = json.loads((run[0] / "report.json").read_text())
+    board = {row["name"]: row for row in report["board"]["with prior"]}
+    assert all(board[name]["failed"] == "4 of 4" for name in WHY)
+    counted = {row["name"]: row["count"] for row in report["failures"] if row["given"] == "with prior"}
+    assert counted == dict.fromkeys(WHY, 4)
+    assert all(board[name]["failed"] is None for name in ("default", *FLOORS))
+
+
+def test_workers_and_a_resumed_run_find_the_same(folder):
+    asked, found = (folder / "draws.py", "--task", "frame", "--task", "section-5-2"), []
+    for name, workers, seeds in (("one", 1, 5), ("two", 2, 5), ("again", 2, 2), ("again", 1, 5)):
+        resumed = ("--resume",) if (name, seeds) == ("again", 5) else ()
+        with numbers_alone():
+            flags = ("--seeds", seeds, "--workers", workers, "--out", folder / name)
+            done = bench(*asked, *flags, *resumed)
+        assert done.returncode == 0, done.stderr
+        table = parquet.read_table(folder / name / "trials.parquet").to_pylist()
+        found.append([{k: v for k, v in row.items() if k != "cpu_seconds"} for row in table])
+    assert found[0] == found[1] == found[3]
+    own = [row for row in found[0] if row["name"] == "draws" and row["prior"]]
+    assert {row["status"] for row in own} == {"done", "failed: raised RuntimeError: odd"}
+    assert all(row["cover.half_mm"] > 0 for row in own if row["status"] == "done")
+    assert {r["status"] for r in found[0] if r["name"] == "draws" and not r["prior"]} == {
+        "skipped: needs a prior"
+    }
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_a_task_is_what_it_was_under_its_version(name, kr500):
+    """To the digits that processors share: who changes a task counts its version up."""
+    task = TASKS[name]
+    cell = kr500 if task.arm == "kr500_l480" else build_cell(ROOT / "models" / task.arm)
+    own = problem(task, cell, 3)
+    sizes = [1e3 * np.sqrt((part.deflection**2).mean()) for part in (own.data, own.truth)]
+    version, arm, *numbers = FROZEN[name]
+    assert (task.version, own.true_arm) == (version, arm)
+    found = (own.data.runs, *sizes, 1e6 * np.abs(own.prior.C_theta).sum())
+    assert found == pytest.approx(numbers, rel=1e-6)
+
+
+def test_judged_seeds_are_of_a_secret_that_is_committed_to_before_any_entry(folder, tmp_path):
+    file = tmp_path / "secret.txt"
+    committed = bench("--judge", file)
+    secret = file.read_text()
+    sum_ = hashlib.sha256(secret.encode()).hexdigest()
+    assert (committed.returncode, committed.stderr) == (0, "")
+    assert sum_ in committed.stdout
+    assert secret not in committed.stdout
+    assert (tmp_path / "secret.txt.sha256").read_text() == f"{sum_}  secret.txt\n"
+    asked = ("--task", "gravity-8", "--seeds", 2, "--judge", file, "--out", tmp_path / "out", "--workers", 1)
+    with numbers_alone():
+        done = bench(folder / "shrunk.py", *asked)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.index(sum_) < done.stdout.index("1 task")
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["judged"] == {"secret": secret, "sha256": sum_}
+    assert report["seed"] == [first_seed(secret), first_seed(secret) + 1]
+    assert report["seed"][0] >= 2**32
+    refused = bench(folder / "shrunk.py", "--judge", folder / "shrunk.py")
+    assert refused.returncode == 2
+    assert "expected a secret" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (("--task", "gravity-9"), "--task: expected some of gravity-8"),
+        (("{}/none.py",), "none.py"),
+        (("ridge={}/shrunk.py:estimate",), "the name 'ridge' is taken"),
+        (("default={}/shrunk.py:estimate",), "the name 'default' is taken"),
+        (("{}/bad.py",), "bad.py: it has no function 'estimate'"),
+    ],
+)
+def test_what_is_asked_for_wrongly_is_told_in_one_line(folder, tmp_path, asked, said):
+    done = bench(*(word.format(folder) for word in asked), "--quick", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_every_entry_of_ours_is_short_and_answers(kr500):
+    assert len(ENTRIES) >= 14
+    assert max(len(file.read_text().splitlines()) for file in ENTRIES) <= 40
+    own = problem(TASKS["gravity-12"], kr500, 4)
+    entries = read_entries([*map(str, ENTRIES)], Limits())
+    assert len(entries) == len(ENTRIES)
+    with server() as link:
+        for entry in entries:
+            given = (unseen(own.cell.vjm), own.structure, own.data, own.prior)
+            assert np.isfinite(ask(link, entry, given).found).all()
