@@ -66,7 +66,6 @@ class JobsRow:
     poses: int  #: How many were measured; 0 for the same.
     name: str  #: Of the model.
     chosen: str | None  #: Of the default: what it chose.
-    status: str  #: "solved", or why not; of an estimator of one's own that failed, why: it corrects nothing.
     #: Distance of the loaded tool from where it was asked, not corrected, point by point, (points,) [mm].
     before_mm: tuple[float, ...]
     after_mm: tuple[float, ...]  #: The same, corrected.
@@ -74,6 +73,7 @@ class JobsRow:
     of: int  #: So many have one; 0 for a model that has no intervals.
     unseen: int  #: And so many have none, as the readings say nothing of them.
     buckled: bool  #: Whether the model had no equilibrium under the process; nothing is corrected then.
+    status: str = "solved"  #: Or why not; of an estimator of one's own that failed, why: it corrects nothing.
     #: Where the tool is off, not corrected, then corrected, (2, points, 3) in a row [mm]; of what is drawn of
     #: the first trial.
     off_mm: tuple[float, ...] | None = None
