@@ -71,8 +71,8 @@ def run(
     plain, own = TypeAdapter(type(settings)).dump_python(settings, mode="json"), estimators.own
     plain |= {"own": [asdict(each) for each in own]} if own else {}
     text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
-    known, hired = sums(study.trials), digests_of((*study.own(settings), *own))
-    scenario = {"settings": plain, "models": digests(arms), **hired, **known}
+    known, sha = sums(study.trials), digests_of((*study.own(settings), *own))
+    scenario = {"settings": plain, "models": digests(arms), **sha, **known}
     script = f"scenarios/{study.name}.py"
     experiment = Experiment(study.name, scenario, seeds)
     backend, remote = choose_backend(common), common.cluster is not None
@@ -92,13 +92,7 @@ def run(
         figures = _write(study, Run(study.name, settings, seeds, report, folder, text))
         seconds = time.perf_counter() - start
         files.write_manifest(
-            folder,
-            command=script,
-            scenario=plain,
-            seeds=seeds,
-            models=digests(arms),
-            seconds=seconds,
-            **hired,
+            folder, command=script, scenario=plain, seeds=seeds, models=digests(arms), seconds=seconds, **sha
         )
     console.print(terminal.as_plain(report.title))
     terminal.print_words(console, report, _shown(study, report))

@@ -42,7 +42,7 @@ class OneFactor:
 
         Args:
             settings: What is tried, by whether it has to be quick and the first seed; it names the `arm`.
-            trials: Rows of some seeds: see `each_seed_with_own`.
+            trials: Rows of some seeds: see `each_seed`.
         """
         return Study(
             name=self.name,

@@ -122,20 +122,10 @@ def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Fits:
     return Fits(found, seconds, [m.name for m in models if m.filled])
 
 
-def each_seed(trial: Callable[[S, int], Iterable[R]]) -> Callable[[S, Sequence[int]], list[list[R]]]:
-    """The trials of a study, of a function of its settings and one seed."""
-
-    @wraps(trial)
-    def trials(asked: S, seeds: Sequence[int]) -> list[list[R]]:
-        return [list(trial(asked, seed)) for seed in seeds]
-
-    return trials
-
-
-def each_seed_with_own(
+def each_seed(
     trial: Callable[[S, int, Models], Iterable[R]],
 ) -> Callable[[S, Sequence[int], Sequence[Own]], list[list[R]]]:
-    """The same where the function also takes what makes the models of estimators of one's own."""
+    """The trials of a study, of a function of settings, a seed and what makes models of own estimators."""
 
     @wraps(trial)
     def trials(asked: S, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[R]]:

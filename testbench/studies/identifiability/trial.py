@@ -39,7 +39,7 @@ from testbench.studies.estimators.stein import (
     gco_stein,
     stein_parameters,
 )
-from testbench.studies.factorial.trial import Case, FitRow, each_seed_with_own, fitted, judged, plain_models
+from testbench.studies.factorial.trial import Case, FitRow, each_seed, fitted, judged, plain_models
 from testbench.studies.identifiability import coverage
 from testbench.studies.identifiability.coverage import Covered
 from testbench.trials.spread import Number
@@ -127,7 +127,7 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
     return replace(found, structures=VARIED, scales=(0.5, 2.0), poses=(8, 20)) if quick else found
 
 
-@each_seed_with_own
+@each_seed
 def trials(asked: Settings, seed: int, own: Models) -> Iterator[TrialRow]:
     """Fits of the campaign of a seed, then intervals."""
     cell = build_cell(find_arm(asked.arm))

@@ -27,7 +27,7 @@ from testbench.studies.factorial.trial import (
     Cover,
     FitRow,
     cover,
-    each_seed_with_own,
+    each_seed,
     fitted,
     judged,
     reread,
@@ -52,7 +52,7 @@ class DisturbedRow(FitRow):
     cover: Cover | None  #: Of models whose intervals are judged, with noise.
 
 
-@each_seed_with_own
+@each_seed
 def trials(asked: Settings, seed: int, estimators: Models) -> Iterator[DisturbedRow]:
     """Rows of a seed, one a fit."""
     cell = build_cell(find_arm(asked.arm))

@@ -30,7 +30,7 @@ from testbench.errors import BenchError
 from testbench.studies.factorial.trial import (
     Case,
     FitRow,
-    each_seed_with_own,
+    each_seed,
     fitted,
     judged,
     reread,
@@ -98,7 +98,7 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
     return replace(found, sigmas=tuple(value / 1e6 for value in sorted({0.0, *levels})))
 
 
-@each_seed_with_own
+@each_seed
 def trials(asked: Settings, seed: int, own: Models) -> Iterator[FitRow]:
     """Rows of a seed, one a fit."""
     arm = member(asked.true_arm, seed)

@@ -28,7 +28,7 @@ from testbench.identify.regression import RANK_TOLERANCE, Regression
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
-from testbench.studies.factorial.trial import Case, FitRow, Fits, each_seed_with_own, fitted, judged, reread
+from testbench.studies.factorial.trial import Case, FitRow, Fits, each_seed, fitted, judged, reread
 from testbench.studies.regimes.fits import Compared, with_prior, without_prior
 
 Kind = Literal["gravity", "full_pose"]
@@ -122,7 +122,7 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
     return replace(found, judged=40, gravity=gravity, full_pose=full_pose)
 
 
-@each_seed_with_own
+@each_seed
 def trials(asked: Settings, seed: int, own: Models) -> Iterator[MethodRow]:
     """Rows of a seed, one a method, structure, truth, prior and cell of the grids."""
     for kind, grid in asked.grids.items():

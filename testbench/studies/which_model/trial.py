@@ -33,7 +33,7 @@ from testbench.studies.factorial.trial import (
     FitRow,
     Fits,
     cover,
-    each_seed_with_own,
+    each_seed,
     fitted,
     judged,
     plain_models,
@@ -99,7 +99,7 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
     return Settings(options.arm, seeds[0], workspace=workspace, stiffer=options.stiffer)
 
 
-@each_seed_with_own
+@each_seed
 def trials(asked: Settings, seed: int, own: Models) -> Iterator[MethodRow]:
     """Rows of a seed, one a truth, method and number of poses."""
     cell = build_cell(find_arm(asked.arm))
