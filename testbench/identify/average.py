@@ -30,7 +30,10 @@ LINEAR = 10.0
 """Odds of linear joints beforehand. On undisturbed arms of the family even odds lose more than 5 % in 18 % of
 arms, these in 5 %; disturbed ones do not mind (`kr500_l480`, seeds 1 to 40, 8 poses)."""
 NEGLIGIBLE = 0.01  #: Weight below which joints alone are left out.
-OPEN = 0.05  #: Weight below which laws are left out, and above one less it all else.
+ROOT = 0.5
+"""Power with which odds of laws count in widths, even beforehand: of few readings Laplace's evidence is not
+sure. Coverage in the worst tenth of disturbed arms rises by it from 78 to 84 % (seeds 1 to 40, 11 poses)."""
+OPEN = 0.05  #: Probability, and weight, below which laws are left out, and above one less it all else.
 
 
 def averaged(r: Regression, constraint: Constraint, prior: Metric, *, widths: bool) -> Estimate:
@@ -52,12 +55,15 @@ def averaged(r: Regression, constraint: Constraint, prior: Metric, *, widths: bo
         return straight
     belief = learn(r, prior, widths=widths)
     assert belief.log_evidence is not None
-    weight = _logistic(belief.log_evidence - log_evidence - math.log(LINEAR))
-    if weight < OPEN:
+    odds = belief.log_evidence - log_evidence
+    weight, likely = _logistic(odds - math.log(LINEAR)), _logistic(ROOT * odds)
+    if likely < OPEN:
         return straight
     lawful = solve(r, constraint, belief)
-    if weight > 1 - OPEN:
-        weight = 1.0
+    if likely > 1 - OPEN:
+        weight = likely = 1.0
+    elif weight < OPEN:
+        weight = 0.0
     pi = weight * lawful.pi
     pi[r.structure.a < r.structure.plain] += (1 - weight) * straight.pi
     mean = make_estimate(r, pi, method=lawful.method, constraint=constraint)
@@ -67,7 +73,7 @@ def averaged(r: Regression, constraint: Constraint, prior: Metric, *, widths: bo
         belief=belief if weight > 0.5 else own.whole.belief,
         status=lawful.status if straight.status == "solved" else straight.status,
         solver_seconds=straight.solver_seconds + lawful.solver_seconds,
-        average=replace(own, laws=weight, lawful=lawful),
+        average=replace(own, laws=weight, likely=likely, lawful=lawful),
     )
 
 

@@ -70,6 +70,7 @@ DECLARED = (
     Column("stiffer_percent", "stiffer per mrad", "%", ".1f"),
     Column("backlash_urad", "backlash", "urad", ".0f"),
     Column("friction_urad", "friction", "urad", ".0f"),
+    Column("strut_percent", "compensator takes off", "%", ".1f"),
     # an arm that is checked
     Column("part", "link or joint"),
     Column("hangs_percent", "contribution to the sag", "%", ".0f"),

@@ -19,6 +19,7 @@ from testbench.identify.prior import Strength
 from testbench.identify.registration import Frame
 from testbench.identify.regression import Regression, regression_of, term_of
 from testbench.identify.solve import solve
+from testbench.model.turn import turned
 
 OPEN = 1e-10  #: Share of a column that no other has, below which it is not seen at all.
 
@@ -135,7 +136,7 @@ def moved(state: State, own: Choice, x: Array) -> State:
 
 def moved_frame(frame: Frame, step: Array) -> Frame:
     """A frame after the base moved by a step, base axes: x + move + turn x x."""
-    turn = _rotation(step[3:])
+    [turn] = turned(step[None, 3:])
     return Frame(frame.rotation @ turn, frame.translation + frame.rotation @ step[:3])
 
 
@@ -143,12 +144,5 @@ def moved_mount(mount: Mount, step: Array) -> Mount:
     """A mount whose targets moved, tool axes, and whose target with an orientation turned."""
     m = len(mount.points)
     points = mount.points + step[: 3 * m].reshape(m, 3)
-    turned = len(step) > 3 * m
-    rotation = _rotation(step[3 * m :]) @ mount.rotation if turned else mount.rotation
-    return replace(mount, points=points, rotation=rotation)
-
-
-def _rotation(vector: Array) -> Array:
-    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
-
-    return np.asarray(Rotation.from_rotvec(vector).as_matrix())
+    [turn] = turned(step[None, 3 * m :]) if len(step) > 3 * m else np.eye(3)[None]
+    return replace(mount, points=points, rotation=turn @ mount.rotation)

@@ -122,7 +122,7 @@ def _task(asked: Settings, task: str, own: Problem, link: Connection, *, shown: 
 
 def _default(own: Problem) -> dict[str, object]:
     """What identify's default makes of it."""
-    [model] = with_priors(named_models(own.cell, LEARNS), own.prior)
+    [model] = with_priors(own.cell.arm, named_models(own.cell, LEARNS), own.prior)
     start = time.process_time()
     estimate = model.estimator(own.cell.vjm, model.structure, own.data)
     seconds = time.process_time() - start

@@ -237,7 +237,7 @@ def with_wrong_priors(
         own: Makes the models of estimators of one's own.
     """
     prior = wrong_prior(cell, seed)
-    default = with_priors(named_models(cell, LEARNS), prior)
+    default = with_priors(cell.arm, named_models(cell, LEARNS), prior)
     first, *others = with_wrong_prior(cell, plain_models(cell, names), filled, seed)
     return [first, *own(cell, prior), *others, *default]
 
