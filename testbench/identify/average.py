@@ -16,10 +16,10 @@ from testbench.errors import BenchError
 from testbench.identify.estimate import Average, Constraint, Estimate, make_estimate
 from testbench.identify.hierarchy import learn, log_evidence_alone
 from testbench.identify.metric import Metric
-from testbench.identify.regression import Regression, regression_of, term_of, triangle
+from testbench.identify.regression import Regression, some_columns
 from testbench.identify.solve import solve
 from testbench.model.laws import without_laws as linear
-from testbench.model.structure import Ids, Structure
+from testbench.model.structure import Ids
 
 ODDS = 3.0
 """Of joints alone beforehand: links count half where the readings make them three times likelier.
@@ -127,15 +127,6 @@ def joint_columns(metric: Metric) -> Ids:
     """Parameters that are joints of their own, (joints,)."""
     s = metric.structure
     return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.plain))
-
-
-def some_columns(regression: Regression, structure: Structure) -> Regression:
-    """The same readings with fewer unknowns, all else rigid."""
-    whole = regression.structure
-    place = {pair: k for k, pair in enumerate(zip(whole.a.tolist(), whole.b.tolist(), strict=True))}
-    columns = np.array([place[pair] for pair in zip(structure.a.tolist(), structure.b.tolist(), strict=True)])
-    parts = ((triangle(np.c_[own.R[:, columns], own.z]), own) for own in regression.terms)
-    return regression_of(structure, tuple(term_of(T, own.rest, own.equations) for T, own in parts))
 
 
 def _metric_of_joints(metric: Metric, own: Regression, joints: Ids) -> Metric:
