@@ -13,7 +13,7 @@ from testbench.data.dataset import Ids
 from testbench.data.read_series import read_series
 from testbench.data.series import Series, select_rows
 from testbench.errors import BenchError, InputError, stem_of
-from testbench.identify.absolute.align import Misfit, aligned, far_off
+from testbench.identify.absolute.align import Misfit, aligned, far_off, too_few
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
 from testbench.identify.absolute.posterior import inside, known, place, predict
 from testbench.identify.absolute.scatter import WILD, Outliers, outliers, residuals
@@ -127,6 +127,11 @@ def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequ
         said.append(of_masses(masses))
     with explained(vjm):
         found = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
+    said += [
+        f"{one.name}: {few}; taken from the series that share it"
+        for one in series
+        if (few := too_few(vjm, one))
+    ]
     wild = outliers(found.state, found.series, found.pulls)
     words = (doubt.said(one, vjm.arm).sentence for one in found.found)
     return Calibrated(found, found.series, (*said, *words, *([of_outliers(wild)] if wild else [])))
