@@ -160,6 +160,13 @@ def _claims(f: Row) -> Iterator[Markdown]:
             "not show all directions in which the tasks' loads move the arm.",
             hidden=hidden,
         )
+    if f.untold:
+        who = {k: listed(own) if len(own) < len(f.joints) else "all joints" for k, own in f.untold.items()}
+        yield say(
+            "**These readings leave laws of joints mostly open**: {laws}. A second, lighter load in every "
+            "pose tells more.",
+            laws="; ".join(f"{kind} of {joints}" for kind, joints in who.items()),
+        )
     if f.pulls_n:
         yield say(
             "**No rope was checked**: a pull is a force at the load point in world axes. In every pose the "

@@ -19,6 +19,7 @@ from testbench.campaign.predicted_error import (
     joints_alone,
     overall,
     unshown,
+    untold,
     within,
 )
 from testbench.campaign.rows import MM
@@ -114,6 +115,7 @@ def _pairs(made: Planned) -> Row:
         greedy_mm=[finite(MM * error) for error in others.greedy],
         advice=_advice(MM * others.greedy),
         map=error_map(cell, plan, around),
+        untold=untold(plan, cad_prior(cell.arm)),
         unshown=unshown(plan, hidden / (MM * made.forecast.overall)),
     )
 
