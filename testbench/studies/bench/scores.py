@@ -68,10 +68,8 @@ def standings(found: Errors, rival: str) -> list[Row]:
         row = Row(zip(("rank", "rank_low", "rank_high"), place, strict=True), name=names[k], trials=arms)
         row |= {"ratio": size, "ratio_low": low, "ratio_high": high}
         row |= {"tied": None if names[k] == rival else low <= 1 <= high, "over": spread(np.exp(L[k]))}
-        row |= {
-            "standing": _with(*map(str, place)),
-            "over_default": _with(*map("{:.3g}".format, (size, low, high))),
-        }
+        shown = _with(*map("{:.3g}".format, (size, low, high)))
+        row |= {"standing": _with(*map(str, place)), "over_default": shown}
         board.append(row)
     return board
 

@@ -48,6 +48,9 @@ SECTION_5_2 = FullPose(
 )
 
 ELASTIC = Options(only=frozenset({SPRINGS, LINKS}))  #: What explains the UR10 beside geometry.
+FAMILY = ("tubes", "off_10", "off_20", "off_40", "cast", "joints")
+OTHERS = ("stiffer_3", "stiffer_10", "stiffer_30", "soft_link", "coupled", "far_joints")
+WRONG = ("link", "joints", "axes", "uncoupled")
 
 
 @dataclass(frozen=True)
@@ -60,21 +63,12 @@ class Task:
     arm: str = HEAVY
     #: What hangs in every pose in turn, over the payload [1]; empty: six wrenches and full poses read.
     loads: tuple[float, ...] = (1.0, 1.0)
-    arms: tuple[str, ...] = (
-        "tubes",
-        "off_10",
-        "off_20",
-        "off_40",
-        "cast",
-        "joints",
-    )  #: True, by seed in turn.
+    arms: tuple[str, ...] = FAMILY  #: True ones, by seed in turn.
     disturbed: bool = False  #: Whether all disturbances are on.
     trackers: tuple[Place, ...] = ()  #: Where trackers stand whose frames nobody knows [m].
     priors: tuple[str, ...] = ("scaled",)  #: What is wrong with the prior, by seed in turn.
 
 
-OTHERS = ("stiffer_3", "stiffer_10", "stiffer_30", "soft_link", "coupled", "far_joints")
-WRONG = ("link", "joints", "axes", "uncoupled")
 NEAR, ASIDE = (5.5, -2.0, 1.0), (5.0, 3.0, 1.4)
 TASKS: Mapping[str, Task] = {
     "gravity-8": Task("a weight in 8 poses, twice", 8),
