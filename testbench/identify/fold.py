@@ -9,13 +9,14 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Protocol, TypeVar
 
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
+from scipy.sparse import block_diag, csr_array
 
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.data.series import Series, select_rows
@@ -252,6 +253,12 @@ class Reduced:
     def gram(self) -> Array:
         """Of all parts."""
         return total(self.parts)
+
+    def turned(self, basis: csr_array) -> "Reduced":
+        """The same in another basis of the unknowns, theirs by those, (size, size)."""
+        B = block_diag((basis, 1.0), format="csr").T
+        parts = [replace(one, gram=np.array([B @ (B @ own).T for own in one.gram])) for one in self.parts]
+        return Reduced(self.kinds, tuple(parts), {key: (B @ R.T).T for key, R in self.factors.items()})
 
     @property
     def positions(self) -> Mask:

@@ -5,13 +5,14 @@ series, are foretold better by a share that is worth its unknowns, and neither i
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from testbench.data.series import Series
 from testbench.errors import Array
 from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, learn, solve, squares, usual
+from testbench.identify.absolute.pattern import find, waves
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.crossval import paired
 from testbench.identify.fold import Part, Reduced, total
@@ -56,6 +57,7 @@ class Chosen:
 
     own: Choice
     learnt: Learnt
+    reduced: Reduced  #: The readings, in the basis of its unknowns.
     kinds: frozenset[str]  #: Kinds of errors that are on.
     steps: tuple[Step, ...]  #: What was tried, in order.
 
@@ -68,6 +70,7 @@ class Candidate:
     kinds: frozenset[str] = frozenset()  #: Groups of columns that it puts on.
     elastic: Metric | None = None  #: Compliances that it puts on, in place of those before.
     sure: bool = False  #: Whether it is kept whatever it foretells: every arm has it.
+    pattern: bool = False  #: Whether it looks for a `pattern` in what was kept, and is kept where it harms not.
 
 
 def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
@@ -107,20 +110,41 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
     tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns, len(reduced.kinds)), unit)
     steps: dict[str, Step] = {}
     for one in candidates:
-        more = kinds | one.kinds, one.elastic or elastic
-        other = _tried(choice(unknowns, *more), reduced, tried.learnt, unit)
+        more, found = (kinds | one.kinds, one.elastic or elastic), (unknowns, reduced)
+        if one.pattern and not (found := patterned(tried.own, reduced, tried.learnt)):
+            continue
+        other = _tried(choice(found[0], *more), found[1], tried.learnt, unit)
         steps[one.name] = _step(one, tried, other)
         if steps[one.name].kept:
-            tried, (kinds, elastic) = other, more
-    kept = [one for one in candidates if steps[one.name].kept]
+            tried, (kinds, elastic), (unknowns, reduced) = other, more, found
+    kept = [one for one in candidates if one.name in steps and steps[one.name].kept]
     for one in kept[:-1]:  # the next one that was kept may explain the same
-        if one.kinds and not one.sure:
+        if one.kinds and not one.kinds & {"harmonics", "pattern"} and not one.sure:
             fewer = choice(unknowns, kinds - one.kinds, elastic)
             other = _tried(fewer, reduced, tried.learnt, unit)
             again = _step(one, other, tried)
             if not again.kept:
                 tried, kinds, steps[one.name] = other, kinds - one.kinds, again
-    return Chosen(tried.own, tried.learnt, kinds, tuple(steps.values()))
+    return Chosen(tried.own, tried.learnt, reduced, kinds, tuple(steps.values()))
+
+
+def patterned(own: Choice, reduced: Reduced, learnt: Learnt) -> tuple[Unknowns, Reduced] | None:
+    """Unknowns and readings in the basis of the pattern that joints share; None where none is found."""
+    unknowns, n = own.unknowns, own.unknowns.vjm.arm.n_joints
+    at = unknowns.starts["errors"] + unknowns.errors.size * np.arange(n)[:, None] + waves(unknowns.errors)
+    if not at.size or not np.isin(at, own.columns).all():
+        return None
+    places, variance = np.searchsorted(own.columns, at), learnt.deviation[at[0]] ** 2
+    solved = solve(own, squares(own, reduced.gram), learnt, LOOSE)
+    V, told = solved.covariance, []
+    for joint, j in zip(unknowns.vjm.arm.joints, places, strict=True):
+        precision = np.linalg.inv(V[np.ix_(j, j)])
+        known = not joint.prismatic
+        told.append((known * (precision - np.diag(1 / variance)), known * (precision @ solved.x[j])))
+    orders = np.array(unknowns.errors.orders)
+    pattern = find(told, variance, orders[waves(unknowns.errors)[: at.shape[1] // 2]])
+    found = replace(unknowns, pattern=pattern)
+    return None if found.basis is None else (found, reduced.turned(found.basis))
 
 
 @dataclass(frozen=True)
@@ -188,7 +212,8 @@ def _step(tried: Candidate, before: _Tried, after: _Tried) -> Step:
     deviation = max(1, len(saved)) * paired(saved)[1] / old
     gain = 1 - after.series[:, 1].sum() / before.series[:, 1].sum() if len(before.series) else 0.0
     blocks = 1 - new / old
-    pays = (blocks > max(PAYS, deviation) or gain > PAYS) and min(blocks, gain) > -HURTS
+    pays = blocks > max(PAYS, deviation) or gain > PAYS or tried.pattern
+    pays = pays and min(blocks, gain) > -HURTS
     rms = [_rms(sums) for sums in (before.blocks, after.blocks, before.series, after.series)]
     return Step(tried.name, bool(pays or tried.sure), rms[0], rms[1], deviation, rms[2], rms[3])
 
