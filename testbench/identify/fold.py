@@ -257,8 +257,8 @@ class Reduced:
     def turned(self, basis: csr_array) -> "Reduced":
         """The same in another basis of the unknowns, theirs by those, (size, size)."""
         B = block_diag((basis, 1.0), format="csr").T
-        parts = [replace(one, gram=np.array([B @ (B @ own).T for own in one.gram])) for one in self.parts]
-        return Reduced(self.kinds, tuple(parts), {key: (B @ R.T).T for key, R in self.factors.items()})
+        parts = tuple(replace(one, gram=in_basis(one.gram, basis)) for one in self.parts)
+        return Reduced(self.kinds, parts, {key: (B @ R.T).T for key, R in self.factors.items()})
 
     @property
     def positions(self) -> Mask:
@@ -322,6 +322,12 @@ def equations(at: Point, series: Series) -> tuple[Array, Ids]:
     A = A * W[:, None, None, :, 0, 0] if isotropic else np.einsum("srxy,sycr->sxcr", W, A)
     read = np.concatenate([series.seen.T, series.turned[None]])[: len(kinds)]
     return A, np.where(read, kinds, -1)
+
+
+def in_basis(gram: Array, basis: csr_array) -> Array:
+    """Sums of squares in another basis of the unknowns, theirs by those, (size, size)."""
+    B = block_diag((basis, 1.0), format="csr").T
+    return np.array([B @ (B @ own).T for own in gram])
 
 
 def total(parts: Sequence[Part]) -> Array:

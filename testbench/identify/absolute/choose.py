@@ -15,7 +15,7 @@ from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, 
 from testbench.identify.absolute.pattern import find, waves
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.crossval import paired
-from testbench.identify.fold import Part, Reduced, total
+from testbench.identify.fold import Part, Reduced, in_basis, total
 from testbench.identify.metric import Metric
 from testbench.model.structure import Ids
 
@@ -27,6 +27,7 @@ HURTS = 0.01  #: The same by which it may foretell the others worse.
 OPENED = 100.0
 """Times the variance of a frame or mount by all readings beyond which those left tell it no more: a fold that
 opens it so far is fitted to it anew."""
+OWN = 0.3  #: Share of the variance of waves that is taken as each joint's own until it is learnt.
 LEFT = 0.2  #: Share of all equations below which what is left of them is too little to foretell a series.
 LOAD = 2.0
 """Distance of the largest load from none, where sine and cosine of a joint are at most 2 apart: loads that
@@ -70,7 +71,7 @@ class Candidate:
     kinds: frozenset[str] = frozenset()  #: Groups of columns that it puts on.
     elastic: Metric | None = None  #: Compliances that it puts on, in place of those before.
     sure: bool = False  #: Whether it is kept whatever it foretells: every arm has it.
-    pattern: bool = False  #: Whether it looks for a `pattern` in what was kept, and is kept where it harms not.
+    pattern: bool = False  #: Whether it looks for a `pattern` in what was kept, and is kept unless it harms.
 
 
 def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
@@ -110,13 +111,18 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
     tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns, len(reduced.kinds)), unit)
     steps: dict[str, Step] = {}
     for one in candidates:
-        more, found = (kinds | one.kinds, one.elastic or elastic), (unknowns, reduced)
-        if one.pattern and not (found := patterned(tried.own, reduced, tried.learnt)):
-            continue
-        other = _tried(choice(found[0], *more), found[1], tried.learnt, unit)
+        more = kinds | one.kinds, one.elastic or elastic
+        found = choice(unknowns, *more), tried.learnt, reduced
+        if one.pattern:
+            shared = patterned(tried.own, kinds, tried.learnt, reduced)
+            if shared is None:
+                continue
+            found = shared
+        own, learnt, equations = found
+        other = _tried(own, equations, learnt, unit)
         steps[one.name] = _step(one, tried, other)
         if steps[one.name].kept:
-            tried, (kinds, elastic), (unknowns, reduced) = other, more, found
+            tried, (kinds, elastic), unknowns, reduced = other, more, own.unknowns, equations
     kept = [one for one in candidates if one.name in steps and steps[one.name].kept]
     for one in kept[:-1]:  # the next one that was kept may explain the same
         if one.kinds and not one.kinds & {"harmonics", "pattern"} and not one.sure:
@@ -128,23 +134,35 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
     return Chosen(tried.own, tried.learnt, reduced, kinds, tuple(steps.values()))
 
 
-def patterned(own: Choice, reduced: Reduced, learnt: Learnt) -> tuple[Unknowns, Reduced] | None:
-    """Unknowns and readings in the basis of the pattern that joints share; None where none is found."""
-    unknowns, n = own.unknowns, own.unknowns.vjm.arm.n_joints
-    at = unknowns.starts["errors"] + unknowns.errors.size * np.arange(n)[:, None] + waves(unknowns.errors)
-    if not at.size or not np.isin(at, own.columns).all():
+def patterned(
+    own: Choice, kinds: frozenset[str], learnt: Learnt, reduced: Reduced
+) -> tuple[Choice, Learnt, Reduced] | None:
+    """The unknowns of some kinds, and the pattern that joints share; None where no two share one.
+
+    It is sought by sizes that are usual, then again by those that were learnt with it.
+    """
+    unknowns, errors, joints = own.unknowns, own.unknowns.errors, own.unknowns.vjm.arm.joints
+    some = waves(errors)
+    if "harmonics" not in kinds or not len(some):
         return None
-    places, variance = np.searchsorted(own.columns, at), learnt.deviation[at[0]] ** 2
-    solved = solve(own, squares(own, reduced.gram), learnt, LOOSE)
+    at = unknowns.starts["errors"] + errors.size * np.arange(len(joints))[:, None] + some
+    whole, orders = learnt.deviation[at[0]] ** 2, np.array(errors.orders)[some[: len(some) // 2]]
+    sizes, solved = (OWN * whole, (1 - OWN) * whole), solve(own, squares(own, reduced.gram), learnt, LOOSE)
     V, told = solved.covariance, []
-    for joint, j in zip(unknowns.vjm.arm.joints, places, strict=True):
+    for joint, j in zip(joints, np.searchsorted(own.columns, at), strict=True):
         precision = np.linalg.inv(V[np.ix_(j, j)])
-        known = not joint.prismatic
-        told.append((known * (precision - np.diag(1 / variance)), known * (precision @ solved.x[j])))
-    orders = np.array(unknowns.errors.orders)
-    pattern = find(told, variance, orders[waves(unknowns.errors)[: at.shape[1] // 2]])
-    found = replace(unknowns, pattern=pattern)
-    return None if found.basis is None else (found, reduced.turned(found.basis))
+        known = float(not joint.prismatic)
+        told.append((known * (precision - np.diag(1 / whole)), known * (precision @ solved.x[j])))
+    for _ in range(2):
+        pattern = find(told, *sizes, orders)
+        unknowns = replace(unknowns, pattern=pattern)
+        if pattern is None or unknowns.basis is None:
+            return None
+        found = choice(unknowns, kinds | {"pattern"}, own.elastic)
+        S = squares(found, in_basis(reduced.gram, unknowns.basis))
+        learnt = learn(found, S, reduced.counts, learnt)
+        sizes = learnt.deviation[at[pattern.joints[1]]] ** 2, learnt.deviation[at[pattern.joints[0]]] ** 2
+    return found, learnt, reduced.turned(unknowns.basis)
 
 
 @dataclass(frozen=True)

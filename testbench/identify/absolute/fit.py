@@ -221,9 +221,8 @@ def _choose(found: Gathered, options: Options, unit: Array) -> Chosen:
     elastic = [one.elastic for one in on if one.elastic is not None]
     own = choice(unknowns, kinds, elastic[-1] if elastic else None)
     learnt = learn(own, squares(own, reduced.gram), reduced.counts, usual(unknowns, len(reduced.kinds)))
-    if PATTERN in options.may and (other := patterned(own, reduced, learnt)):
-        own, reduced = choice(other[0], kinds, own.elastic), other[1]
-        learnt = learn(own, squares(own, reduced.gram), reduced.counts, learnt)
+    shared = patterned(own, kinds - {"pattern"}, learnt, reduced) if PATTERN in options.may else None
+    own, learnt, reduced = shared or (own, learnt, reduced)
     return Chosen(own, learnt, reduced, kinds, ())
 
 

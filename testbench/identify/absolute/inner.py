@@ -75,7 +75,7 @@ def eliminate(
     spent = float(np.maximum(known, 0).sum() + (~held).sum() + c - r)
     if (basis := own.unknowns.basis) is not None:
         B = basis[own.columns][:, own.columns]  # its columns are orthogonal
-        x, root = B @ x, np.linalg.qr((B @ (root / B.power(2).sum(axis=0)).T).T, mode="r")
+        x, root = B @ x, np.asarray(np.linalg.qr((B @ (root / (B**2).sum(axis=0)).T).T, mode="r"))
     return Solved(x, root, estimate, spent)
 
 

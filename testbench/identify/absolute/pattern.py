@@ -3,7 +3,7 @@
     error_j(q) = s_j f(s_j q + phi_j) + what is the joint's own,    s_j 1 or -1
 
 f is periodic. Of the joints' waves, each turned back by phi_j, the mean is f's and the differences (Helmert)
-are the joints' own; both have a Gaussian prior. A range of a joint that was never read is known by the others.
+are the joints' own; both have a Gaussian prior. What one joint was not read in, others may tell.
 """
 
 from collections.abc import Sequence
@@ -19,10 +19,10 @@ from testbench.model.structure import Ids
 
 FIRST = 3
 """Lowest order that counts: an axis that is not where it is drawn looks like orders 1 and 2."""
-OWN = 0.2  #: Share of the variance that is taken as a joint's own while the turns are sought.
 SURE = 10.0
 """Logarithm of the odds against any other turn, and against none, from which a joint has the pattern."""
-APART = np.radians(8)  #: Turns farther from each other than this are others.
+RIVALS = 8  #: Turns, each the best near it, that are compared.
+SENSES = (1, -1)
 TURNS = np.radians(np.arange(0, 360, 0.5))  #: Turns that are tried, then finer ones beside the best.
 FINER = np.radians(np.linspace(-0.5, 0.5, 21))
 
@@ -79,10 +79,10 @@ class _Told:
 
     W: Array  #: Precision, (2 k, 2 k).
     g: Array  #: Its product with the most likely waves, (2 k,).
-    alone: float  #: Logarithm of the odds of an error that is all its own, against no pattern.
+    alone: float  #: Logarithm of the odds of waves that are all its own, as large, over none but its own.
 
 
-def find(told: Sequence[tuple[Array, Array]], variance: Array, orders: Ids) -> Pattern | None:
+def find(told: Sequence[tuple[Array, Array]], own: Array, shared: Array, orders: Ids) -> Pattern | None:
     """The pattern of some joints, None where no two share one.
 
     The two that share it best begin; then whoever is surest by those before, one after the other. In the end
@@ -91,20 +91,18 @@ def find(told: Sequence[tuple[Array, Array]], variance: Array, orders: Ids) -> P
     Args:
         told: Of every joint the precision of its waves by the readings, (2 k, 2 k), and its product with
             the most likely ones, (2 k,); zero of a joint without.
-        variance: Of the waves before any reading, (2 k,).
+        own: Variance of waves that are a joint's own, (2 k,).
+        shared: Of those of the pattern, (2 k,).
         orders: Of these, (k,).
     """
-    every = [_told(*one, variance) for one in told]
-
-    def common(others: dict[int, tuple[float, int]]) -> Array:
-        P, b = np.diag(1 / ((1 - OWN) * variance)), np.zeros(len(variance))
-        for j, (turn, sense) in others.items():
-            R = turned(np.eye(len(b)), turn, sense, orders)
-            P, b = P + R @ every[j].W @ R.T, b + R @ every[j].g
-        return np.asarray(np.linalg.solve(P, b))
+    every = [_told(*one, own, own + shared) for one in told]
 
     def best(j: int, others: dict[int, tuple[float, int]]) -> tuple[float, int, float, int]:
-        return (*_best(every[j], common(others), orders), j)
+        P, b = np.diag(1 / shared), np.zeros(len(shared))
+        for i, (turn, sense) in others.items():
+            R = turned(np.eye(len(b)), turn, sense, orders)
+            P, b = P + R @ every[i].W @ R.T, b + R @ every[i].g
+        return (*_best(every[j], P, b, orders), j)
 
     joints = range(len(every))
     pairs = [[best(j, {i: (0.0, 1)})[2] for j in joints if j != i] for i in joints]
@@ -123,10 +121,10 @@ def find(told: Sequence[tuple[Array, Array]], variance: Array, orders: Ids) -> P
     return None
 
 
-def _told(precision: Array, pull: Array, variance: Array) -> _Told:
-    solved = np.linalg.solve(precision + np.diag(1 / (OWN * variance)), np.column_stack([precision, pull]))
-    odds = [_evidence(precision, pull, share * variance) for share in (1.0, OWN)]
-    return _Told(precision - precision @ solved[:, :-1], pull - precision @ solved[:, -1], odds[0] - odds[1])
+def _told(precision: Array, pull: Array, own: Array, whole: Array) -> _Told:
+    solved = np.linalg.solve(precision + np.diag(1 / own), np.column_stack([precision, pull]))
+    alone = _evidence(precision, pull, whole) - _evidence(precision, pull, own)
+    return _Told(precision - precision @ solved[:, :-1], pull - precision @ solved[:, -1], alone)
 
 
 def _evidence(precision: Array, pull: Array, variance: Array) -> float:
@@ -136,19 +134,38 @@ def _evidence(precision: Array, pull: Array, variance: Array) -> float:
     return float((d * pull) @ np.linalg.solve(M, d * pull) - np.linalg.slogdet(M)[1]) / 2
 
 
-def _best(own: _Told, f: Array, orders: Ids) -> tuple[float, int, float]:
-    """Turn and sense in which a joint has the pattern f, and the odds against all others."""
+def _best(own: _Told, P: Array, b: Array, orders: Ids) -> tuple[float, int, float]:
+    """Turn and sense in which a joint has a pattern, and the logarithm of the odds against all others.
+
+    Args:
+        own: What the joint tells.
+        P: Precision of the pattern by others, (2 k, 2 k).
+        b: Its product with the most likely one, (2 k,).
+        orders: Of its waves, (k,).
+    """
+    f, before = np.linalg.solve(P, b), _log_sum(P, b)
 
     def likely(turns: Array, sense: int) -> Array:
         x = turned(f, turns, sense, orders)
         return np.asarray(x @ own.g - ((x @ own.W) * x).sum(axis=1) / 2)
 
-    every = np.stack([likely(TURNS, sense) for sense in (1, -1)])
-    way, k = np.unravel_index(every.argmax(), every.shape)
-    others = np.delete(every, way, axis=0).max(), every[way, np.cos(TURNS - TURNS[k]) < np.cos(APART)].max()
-    sense, beside = (1, -1)[way], TURNS[k] + FINER
-    finer = likely(beside, sense)
-    return float(beside[finer.argmax()]), sense, float(finer.max() - max(*others, own.alone))
+    every = np.stack([likely(TURNS, sense) for sense in SENSES])
+    peaks = (every > np.roll(every, 1, axis=1)) & (every >= np.roll(every, -1, axis=1))
+    rivals, odds = np.argwhere(peaks)[np.argsort(-every[peaks], kind="stable")[:RIVALS]], [own.alone]
+    for way, k in rivals:
+        R = turned(np.eye(len(f)), TURNS[k], SENSES[way], orders)
+        odds.append(_log_sum(P + R @ own.W @ R.T, b + R @ own.g) - before)
+    first, *others = np.argsort(odds)[::-1]
+    if not first:
+        return 0.0, 1, odds[others[0]] - own.alone if others else 0.0
+    way, k = rivals[first - 1]
+    finer = TURNS[k] + FINER
+    return float(finer[likely(finer, SENSES[way]).argmax()]), SENSES[way], odds[first] - odds[others[0]]
+
+
+def _log_sum(P: Array, b: Array) -> float:
+    """Logarithm of the integral of exp(b x - x P x / 2), but for a constant."""
+    return float(b @ np.linalg.solve(P, b) - np.linalg.slogdet(P)[1]) / 2
 
 
 def _of_first(found: dict[int, tuple[float, int]]) -> Pattern:
