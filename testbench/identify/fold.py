@@ -258,7 +258,8 @@ class Reduced:
         """The same in another basis of the unknowns, theirs by those, (size, size)."""
         B = block_diag((basis, 1.0), format="csr").T
         parts = tuple(replace(one, gram=in_basis(one.gram, basis)) for one in self.parts)
-        return Reduced(self.kinds, parts, {key: (B @ R.T).T for key, R in self.factors.items()})
+        factors = {key: np.asarray(B @ R.T).T for key, R in self.factors.items()}
+        return Reduced(self.kinds, parts, factors)
 
     @property
     def positions(self) -> Mask:
@@ -327,7 +328,7 @@ def equations(at: Point, series: Series) -> tuple[Array, Ids]:
 def in_basis(gram: Array, basis: csr_array) -> Array:
     """Sums of squares in another basis of the unknowns, theirs by those, (size, size)."""
     B = block_diag((basis, 1.0), format="csr").T
-    return np.array([B @ (B @ own).T for own in gram])
+    return np.array([B @ np.asarray(B @ own).T for own in gram])
 
 
 def total(parts: Sequence[Part]) -> Array:

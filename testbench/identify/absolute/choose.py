@@ -11,11 +11,21 @@ import numpy as np
 
 from testbench.data.series import Series
 from testbench.errors import Array
-from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, learn, solve, squares, usual
+from testbench.identify.absolute.evidence import (
+    LOOSE,
+    WAVES,
+    Choice,
+    Learnt,
+    choice,
+    learn,
+    solve,
+    squares,
+    usual,
+)
 from testbench.identify.absolute.pattern import find, waves
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.crossval import paired
-from testbench.identify.fold import Part, Reduced, in_basis, total
+from testbench.identify.fold import Part, Reduced, total
 from testbench.identify.metric import Metric
 from testbench.model.structure import Ids
 
@@ -27,7 +37,7 @@ HURTS = 0.01  #: The same by which it may foretell the others worse.
 OPENED = 100.0
 """Times the variance of a frame or mount by all readings beyond which those left tell it no more: a fold that
 opens it so far is fitted to it anew."""
-OWN = 0.3  #: Share of the variance of waves that is taken as each joint's own until it is learnt.
+OWN = 0.2  #: Share of the variance of waves that is taken as each joint's own while a pattern is sought.
 LEFT = 0.2  #: Share of all equations below which what is left of them is too little to foretell a series.
 LOAD = 2.0
 """Distance of the largest load from none, where sine and cosine of a joint are at most 2 apart: loads that
@@ -112,20 +122,20 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
     steps: dict[str, Step] = {}
     for one in candidates:
         more = kinds | one.kinds, one.elastic or elastic
-        found = choice(unknowns, *more), tried.learnt, reduced
+        found = choice(unknowns, *more), reduced
         if one.pattern:
             shared = patterned(tried.own, kinds, tried.learnt, reduced)
             if shared is None:
                 continue
             found = shared
-        own, learnt, equations = found
-        other = _tried(own, equations, learnt, unit)
+        own, equations = found
+        other = _tried(own, equations, tried.learnt, unit)
         steps[one.name] = _step(one, tried, other)
         if steps[one.name].kept:
             tried, (kinds, elastic), unknowns, reduced = other, more, own.unknowns, equations
     kept = [one for one in candidates if one.name in steps and steps[one.name].kept]
     for one in kept[:-1]:  # the next one that was kept may explain the same
-        if one.kinds and not one.kinds & {"harmonics", "pattern"} and not one.sure:
+        if one.kinds and not one.sure and not ("pattern" in kinds and one.kinds & set(WAVES)):
             fewer = choice(unknowns, kinds - one.kinds, elastic)
             other = _tried(fewer, reduced, tried.learnt, unit)
             again = _step(one, other, tried)
@@ -136,33 +146,25 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
 
 def patterned(
     own: Choice, kinds: frozenset[str], learnt: Learnt, reduced: Reduced
-) -> tuple[Choice, Learnt, Reduced] | None:
-    """The unknowns of some kinds, and the pattern that joints share; None where no two share one.
-
-    It is sought by sizes that are usual, then again by those that were learnt with it.
-    """
+) -> tuple[Choice, Reduced] | None:
+    """The unknowns of some kinds, and the pattern that joints share; None where no two share one."""
     unknowns, errors, joints = own.unknowns, own.unknowns.errors, own.unknowns.vjm.arm.joints
     some = waves(errors)
     if "harmonics" not in kinds or not len(some):
         return None
     at = unknowns.starts["errors"] + errors.size * np.arange(len(joints))[:, None] + some
     whole, orders = learnt.deviation[at[0]] ** 2, np.array(errors.orders)[some[: len(some) // 2]]
-    sizes, solved = (OWN * whole, (1 - OWN) * whole), solve(own, squares(own, reduced.gram), learnt, LOOSE)
-    V, told = solved.covariance, []
+    solved, told = solve(own, squares(own, reduced.gram), learnt, LOOSE), []
+    V = solved.covariance
     for joint, j in zip(joints, np.searchsorted(own.columns, at), strict=True):
-        precision = np.linalg.inv(V[np.ix_(j, j)])
+        precision = np.asarray(np.linalg.inv(V[np.ix_(j, j)]), dtype=float)
         known = float(not joint.prismatic)
-        told.append((known * (precision - np.diag(1 / whole)), known * (precision @ solved.x[j])))
-    for _ in range(2):
-        pattern = find(told, *sizes, orders)
-        unknowns = replace(unknowns, pattern=pattern)
-        if pattern is None or unknowns.basis is None:
-            return None
-        found = choice(unknowns, kinds | {"pattern"}, own.elastic)
-        S = squares(found, in_basis(reduced.gram, unknowns.basis))
-        learnt = learn(found, S, reduced.counts, learnt)
-        sizes = learnt.deviation[at[pattern.joints[1]]] ** 2, learnt.deviation[at[pattern.joints[0]]] ** 2
-    return found, learnt, reduced.turned(unknowns.basis)
+        told.append((known * (precision - np.diag(1 / whole)), np.asarray(known * (precision @ solved.x[j]))))
+    unknowns = replace(unknowns, pattern=find(told, OWN * whole, (1 - OWN) * whole, orders))
+    if unknowns.basis is None:
+        return None
+    found, equations = choice(unknowns, kinds | {"pattern"}, own.elastic), reduced.turned(unknowns.basis)
+    return found, equations
 
 
 @dataclass(frozen=True)

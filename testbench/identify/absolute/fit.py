@@ -15,7 +15,7 @@ from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import aligned, alike
 from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, blocks_of, choose, patterned
-from testbench.identify.absolute.evidence import Choice, choice, learn, squares, usual
+from testbench.identify.absolute.evidence import Choice, Learnt, choice, learn, squares, usual
 from testbench.identify.absolute.inner import eliminate, moved
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.scatter import distance, expected_of, pulls_of, scatter, single, units
@@ -219,11 +219,16 @@ def _choose(found: Gathered, options: Options, unit: Array) -> Chosen:
         return choose(unknowns, reduced, on, unit)
     kinds = GEOMETRY.union(*(one.kinds for one in on))
     elastic = [one.elastic for one in on if one.elastic is not None]
-    own = choice(unknowns, kinds, elastic[-1] if elastic else None)
-    learnt = learn(own, squares(own, reduced.gram), reduced.counts, usual(unknowns, len(reduced.kinds)))
-    shared = patterned(own, kinds - {"pattern"}, learnt, reduced) if PATTERN in options.may else None
-    own, learnt, reduced = shared or (own, learnt, reduced)
-    return Chosen(own, learnt, reduced, kinds, ())
+    own = choice(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)
+
+    def learnt(own: Choice, reduced: Reduced, start: Learnt) -> Learnt:
+        return learn(own, squares(own, reduced.gram), reduced.counts, start)
+
+    sizes = learnt(own, reduced, usual(unknowns, len(reduced.kinds)))
+    if PATTERN in options.may and (shared := patterned(own, kinds, sizes, reduced)):
+        own, reduced = shared
+        sizes = learnt(own, reduced, sizes)
+    return Chosen(own, sizes, reduced, kinds, ())
 
 
 def thinned(series: Sequence[Series]) -> tuple[Series, ...]:

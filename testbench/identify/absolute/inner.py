@@ -74,8 +74,8 @@ def eliminate(
     known = 1 - (inverse[held] ** 2).sum(axis=1) / deviation[held] ** 2
     spent = float(np.maximum(known, 0).sum() + (~held).sum() + c - r)
     if (basis := own.unknowns.basis) is not None:
-        B = basis[own.columns][:, own.columns]  # its columns are orthogonal
-        x, root = B @ x, np.asarray(np.linalg.qr((B @ (root / (B**2).sum(axis=0)).T).T, mode="r"))
+        B = basis[own.columns][:, own.columns].toarray()  # its columns are orthogonal
+        x, root = B @ x, np.asarray(np.linalg.qr(root / (B**2).sum(axis=0) @ B.T, mode="r"))
     return Solved(x, root, estimate, spent)
 
 

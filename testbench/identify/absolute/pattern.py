@@ -23,8 +23,8 @@ SURE = 10.0
 """Logarithm of the odds against any other turn, and against none, from which a joint has the pattern."""
 RIVALS = 8  #: Turns, each the best near it, that are compared.
 SENSES = (1, -1)
-TURNS = np.radians(np.arange(0, 360, 0.5))  #: Turns that are tried, then finer ones beside the best.
-FINER = np.radians(np.linspace(-0.5, 0.5, 21))
+TURNS: Array = np.radians(np.arange(0, 360, 1.0))  #: Turns that are tried, then finer ones beside the best.
+FINER: Array = np.radians(np.linspace(-1, 1, 41))
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def waves(errors: JointErrors) -> Ids:
 
 def turned(f: Array, turn: Array | float, sense: int, orders: Ids) -> Array:
     """Waves of s f(s q + phi), by those of f, (..., 2 k), sines first."""
-    (a, b), angle = np.split(f, 2, axis=-1), np.asarray(turn)[..., None] * orders
+    (a, b), angle = np.split(f, 2, axis=-1), np.asarray(turn, dtype=float)[..., None] * orders
     c, s = np.cos(angle), np.sin(angle)
     return np.concatenate([a * c - b * s, sense * (a * s + b * c)], axis=-1)
 
@@ -143,7 +143,8 @@ def _best(own: _Told, P: Array, b: Array, orders: Ids) -> tuple[float, int, floa
         b: Its product with the most likely one, (2 k,).
         orders: Of its waves, (k,).
     """
-    f, before = np.linalg.solve(P, b), _log_sum(P, b)
+    f = np.asarray(np.linalg.solve(P, b), dtype=float)
+    before = _log_sum(P, b)
 
     def likely(turns: Array, sense: int) -> Array:
         x = turned(f, turns, sense, orders)
