@@ -12,6 +12,7 @@ from typing import Any
 
 from testbench import __version__
 from testbench.errors import open_file
+from testbench.session import SESSION
 
 ROOT = Path(__file__).resolve().parents[1]  #: The checkout, where the package runs from one.
 MOST = 10**11  #: Size up to which a file has a digest [byte]: readings that were read before are smaller.
@@ -47,11 +48,15 @@ def write_manifest(
         models: Digests of the files of every arm, by its name.
         measured: Of the run itself, such as its seconds, or digests of what it left elsewhere.
     """
+    own = SESSION.get()
+    if log := own.log():
+        (folder / "run.log").write_text(log, encoding="utf-8")
     manifest = {
         "command": command,
         "scenario": scenario,
         **({"seed": seeds[0], "seeds": len(seeds)} if seeds else {}),
         **measured,
+        **({"project": own.project} if own.project else {}),
         "versions": versions(),
         "git": git_commit(ROOT),
         "models": models,

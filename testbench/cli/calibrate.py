@@ -69,18 +69,10 @@ def command(asked: Options) -> None:
         if asked.least_squares:
             tried = replace(tried, constraint="none")
         console = plain_console()
-        with console.status("calibrating") as status:
-            found = calibrated(cell.vjm, series, tried, notes)
-            status.update("writing")
-            left = left_of(found)
-            said = report(found, left)
-            write(
-                found,
-                said,
-                seen(cell, found, left),
-                plain(asked, read="readings", without=("arm",)),
-                asked.out,
-            )
+        found = calibrated(cell.vjm, series, tried, notes)
+        left = left_of(found)
+        said, drawn = report(found, left), seen(cell, found, left)
+        write(found, said, drawn, plain(asked, read="readings", without=("arm",)), asked.out)
         out = asked.out
         lines = [
             *(f"- {note}" for note in found.notes),

@@ -1,20 +1,21 @@
 """Results with a row a pose in every field: some of them, in parts, joined, put in place of others."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from typing import TypeVar
 
 import numpy as np
 
 from testbench.data.dataset import Ids
+from testbench.session import stepwise
 
 T = TypeVar("T")
 TOGETHER = 512  #: Poses computed side by side: enough for numpy, few for its cache.
 
 
-def batches(poses: int) -> list[slice]:
+def batches(poses: int) -> Iterator[slice]:
     """Places of some poses at a time; one empty part of none."""
-    return [slice(k, k + TOGETHER) for k in range(0, max(poses, 1), TOGETHER)]
+    return stepwise([slice(k, k + TOGETHER) for k in range(0, max(poses, 1), TOGETHER)], "solving poses")
 
 
 def at(rows: T, some: Ids | slice) -> T:

@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from functools import partial
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import Progress
 
 from testbench.errors import BenchError, Interrupted
+from testbench.shell.follow import COLUMNS
 from testbench.shell.interrupt import STANDS
 from testbench.shell.options import Common
 from testbench.trials.cluster import check_address, check_certificates, on_cluster
@@ -39,15 +40,9 @@ def show_progress(
     Raises:
         Interrupted: After Ctrl-C; says what is stored, where trials are `kept`.
     """
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
     done = next(counts, 0)
     try:
-        with Progress(*columns, console=console, transient=True, speed_estimate_period=REMEMBERED) as bar:
+        with Progress(*COLUMNS, console=console, transient=True, speed_estimate_period=REMEMBERED) as bar:
             task = bar.add_task(words, total=total, completed=done)
             for done in counts:
                 bar.update(task, completed=done)
