@@ -48,15 +48,13 @@ def write_manifest(
         models: Digests of the files of every arm, by its name.
         measured: Of the run itself, such as its seconds, or digests of what it left elsewhere.
     """
-    own = SESSION.get()
-    if log := own.log():
-        (folder / "run.log").write_text(log, encoding="utf-8")
+    project = SESSION.get().project
     manifest = {
         "command": command,
         "scenario": scenario,
         **({"seed": seeds[0], "seeds": len(seeds)} if seeds else {}),
         **measured,
-        **({"project": own.project} if own.project else {}),
+        **({"project": project} if project else {}),
         "versions": versions(),
         "git": git_commit(ROOT),
         "models": models,
@@ -64,6 +62,11 @@ def write_manifest(
         "sha256": {name: digest(folder / name) for name in inside(folder) if name != "manifest.json"},
     }
     write_json(manifest, folder / "manifest.json")
+
+
+def write_log(folder: Path) -> None:
+    """run.log: what the command did so far, and when; before the manifest, which has its SHA-256."""
+    (folder / "run.log").write_text(SESSION.get().log(), encoding="utf-8")
 
 
 def inside(folder: Path) -> list[str]:

@@ -60,6 +60,7 @@ def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
             views.insert(1, lambda: save(error_map(places, asked.map), folder / MAP))
         for view in stepwise(views, "writing"):
             view()
+        files.write_log(folder)
         models = digests(asked.arms)
         plain = dict(asked.flags)
         files.write_manifest(

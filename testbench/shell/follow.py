@@ -17,6 +17,7 @@ from testbench.session import Session, session
 COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
 """Of every bar: what is done, how many of how many, the time left."""
 
+REMEMBERED = 600.0  #: Time over which the speed is averaged, for the time left [s].
 SHORT = 0.05  #: What takes less has no line in run.log [s].
 
 
@@ -32,6 +33,7 @@ class Follower:
             *COLUMNS,
             console=console,
             transient=True,
+            speed_estimate_period=REMEMBERED,
             redirect_stdout=False,
             redirect_stderr=False,
             disable=quiet or not console.is_terminal,

@@ -26,6 +26,7 @@ def test_a_check_leaves_a_picture_and_a_whole_recording(folder):
     assert sorted(file.name for file in folder.iterdir()) == [
         "arm.png",
         "manifest.json",
+        "run.log",
         "recording.rrd",
         "report.html",
         "report.json",
