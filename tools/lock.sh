@@ -1,5 +1,5 @@
 #!/bin/sh
-# Re-compile both locks from pyproject.toml, keeping the versions that still fit.
+# Re-compile the three locks from pyproject.toml, keeping the versions that still fit.
 #
 #     sh tools/lock.sh [--upgrade | --upgrade-package NAME]
 #
@@ -14,13 +14,15 @@ command -v "$uv" >/dev/null || {
 }
 
 compile() {
-  "$uv" pip compile --quiet --universal --python-version 3.11 --generate-hashes --only-binary :all: \
+  "$uv" pip compile --quiet --universal --python-version 3.11 --generate-hashes \
     --no-header --no-annotate --no-emit-index-url --no-emit-find-links --no-emit-build-options "$@" >/dev/null
 }
 
-compile "$@" pyproject.toml --all-extras --group test --group build --group qa --group docs -o requirements.lock
-compile "$@" --group bench --constraints requirements.lock -o requirements-bench.lock
-if grep -nE '://|^ *--(index|extra|find|trusted|no-|only)| @ ' requirements.lock requirements-bench.lock; then
+compile "$@" --only-binary :all: pyproject.toml --all-extras --group test --group build --group qa --group docs -o requirements.lock
+compile "$@" --only-binary :all: --group bench --constraints requirements.lock -o requirements-bench.lock
+# FIGAROH needs picos, which has no wheel.
+compile "$@" --group peer --constraints requirements.lock -o requirements-peer.lock
+if grep -nE '://|^ *--(index|extra|find|trusted|no-|only)| @ ' requirements.lock requirements-bench.lock requirements-peer.lock; then
   echo "the locks must hold names, versions and hashes only" >&2
   exit 1
 fi

@@ -23,7 +23,7 @@ def advice(estimate: Estimate) -> tuple[str, ...]:
         *_of_rank(estimate),
         *_of_fit(estimate.average.whole if estimate.average else estimate),
         *_of_method(estimate),
-        *([of_average(estimate.average)] if estimate.average else []),
+        *of_average(estimate.average),
         *_of_outliers(estimate),
         *estimate.advice,
     )
@@ -82,19 +82,21 @@ def of_prior(belief: Belief) -> str:
     return f"prior: {name}, uncertainty {100 * strength.uncertainty:.3g} %, {scale}"
 
 
-def of_average(average: Average) -> str:
-    """How much joints alone count, or laws of the joints."""
-    if average.lawful is not None:
-        if average.laws == 1:
-            return "the evidence is for joints that stiffen, have backlash or friction"
-        return (
+def of_average(average: Average | None) -> list[str]:
+    """How much joints alone count, or laws of the joints; nothing where neither does."""
+    if average is None or not (average.laws or average.weight):
+        return []
+    if average.laws == 1:
+        return ["the evidence is for joints that stiffen, have backlash or friction"]
+    if average.laws:
+        return [
             f"linear joints, averaged with joints that stiffen, have backlash or friction, which weigh "
             f"{100 * average.laws:.3g} % by evidence"
-        )
+        ]
     share = f"{100 * average.weight:.3g} %"
     if average.weight > 0.5:
-        return f"link compliances do not improve the model: joint stiffness only weighs {share} by evidence"
-    return f"links and joints, averaged with joint stiffness only, which weighs {share} by evidence"
+        return [f"link compliances do not improve the model: joint stiffness only weighs {share} by evidence"]
+    return [f"links and joints, averaged with joint stiffness only, which weighs {share} by evidence"]
 
 
 def _of_outliers(estimate: Estimate) -> list[str]:

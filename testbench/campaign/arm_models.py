@@ -113,7 +113,7 @@ def _stiffness(
 
 def _structure(found: StiffnessDocument, arm: Arm) -> Structure:
     row = found.structure
-    lawful = with_laws(all153(arm))
+    lawful = with_laws(all153(arm), arm)
     labels, compliances = lawful.labels, labels_of(arm)
     place = {label: k for k, label in enumerate(labels)}
     names = {name for entry in row.entries for name in (entry.row, entry.column)}

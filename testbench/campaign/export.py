@@ -30,7 +30,7 @@ from testbench.campaign.export_own import own_origins, place, read_own
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State
 from testbench.model.kinematics import body_pose, urdf_poses
-from testbench.model.laws import PLAY, STICK, STIFFER, TURN
+from testbench.model.laws import BESIDE, PLAY, STICK, STIFFER, TURN, sizes_of
 from testbench.output.whole import whole_files
 
 NEAR = 1e-6  #: Most that the written URDF may differ from the model [m, rad].
@@ -51,7 +51,8 @@ WORDS = {
     "x_0 of own weight and compensator and x_1 under the load too, it turns by "
     f"s (f(x_1) - x_1 - f(x_0) + x_0), f + {STIFFER / TURN**2:g} f^3 = x (stiffening), "
     f"s {PLAY:g} (tanh(x_1 / {PLAY:g}) - tanh(x_0 / {PLAY:g})) (backlash), and "
-    f"-s {STICK:g} clip((x_1 - x_0) / {STICK:g}, -1, 1) (friction) [rad, m]",
+    f"-s {STICK:g} clip((x_1 - x_0) / {STICK:g}, -1, 1) (friction) [rad, m], and with the lever r of "
+    f"elastic.toml's compensator over its longest, -s (x_1 - x_0) {BESIDE:g} r^2 / (1 + {BESIDE:g} r^2)",
     "weights": "masses [kg] and centres [m] in the frame of urdf_link that the model bends under",
     "root": "the URDF's first link in the model's world",
     "tool": "the URDF's tip in the model's tool",
@@ -205,6 +206,7 @@ def _joints(state: State) -> list[dict[str, object]]:
     arm, errors = state.vjm.arm, state.errors
     first, orders = 6 * len(arm.links), len(errors.orders)
     found: list[dict[str, object]] = []
+    sizes = sizes_of(state.vjm, state.C_theta)
     for k, joint in enumerate(arm.joints):
         sine, cosine, single = np.split(state.n[k], [orders, 2 * orders])
         row: dict[str, object] = {
@@ -216,9 +218,8 @@ def _joints(state: State) -> list[dict[str, object]]:
             "sine": sine.tolist(),
             "cosine": cosine.tolist(),
         }
-        if state.vjm.laws is not None:
-            sizes = np.diag(state.C_theta)[arm.n_theta + k :: arm.n_joints]
-            row["laws"] = dict(zip(state.vjm.laws.kinds, sizes.tolist(), strict=True))
+        if sizes:
+            row["laws"] = sizes[joint.name]
         found.append(row | dict(zip(errors.kinds[2 * orders :], single.tolist(), strict=True)))
     return found
 

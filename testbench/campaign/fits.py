@@ -24,7 +24,7 @@ from testbench.identify.fold import BLOCK_RUNS
 from testbench.identify.metric import metric
 from testbench.identify.regression import ROUNDING
 from testbench.identify.weighed import MOST_READINGS
-from testbench.model.laws import KINDS, UNIT_SIZES
+from testbench.model.laws import UNIT_SIZES, sizes_of, vjm_of
 from testbench.model.vjm import chain, generalised_load
 from testbench.session import stepwise
 
@@ -320,11 +320,10 @@ def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
 
 def _laws(cell: Cell, estimate: Estimate) -> dict[str, dict[str, float]]:
     """What every joint does beyond a linear spring; nothing of a linear model."""
-    if not estimate.structure.laws:
+    if estimate.average is None or not estimate.average.laws:
         return {}
-    sizes = np.diag(estimate.C_theta)[estimate.structure.plain :].reshape(len(KINDS), -1)
-    rows = zip(cell.arm.joints, (np.array(UNIT_SIZES)[:, None] * sizes).T.tolist(), strict=True)
-    return {joint.name: dict(zip(KINDS, row, strict=True)) for joint, row in rows}
+    found = sizes_of(vjm_of(cell.vjm, estimate.structure), estimate.C_theta)
+    return {joint: {kind: UNIT_SIZES[kind] * own[kind] for kind in own} for joint, own in found.items()}
 
 
 def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> IntervalsRow:

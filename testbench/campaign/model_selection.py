@@ -63,7 +63,7 @@ def default_models(cell: Cell, prior: Prior | None, strength: Strength | None = 
     if prior is None:
         return named_models(cell, _possible(cell, tuple(MODELS)))
     plain, filled = (named_models(cell, _possible(cell, names)) for names in (PLAIN, WITH_PRIOR))
-    return [*plain, *with_priors(filled, prior, strength)]
+    return [*plain, *with_priors(cell.arm, filled, prior, strength)]
 
 
 def default_name(arm: Arm) -> str:
@@ -76,22 +76,24 @@ def _possible(cell: Cell, kinds: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(name for kind in kinds if (name := own_name(cell, kind))))
 
 
-def with_priors(models: Sequence[Model], prior: Prior, strength: Strength | None = None) -> list[Model]:
-    """Models with a prior, named so."""
-    return [_with_prior(m, prior, strength) for m in models]
+def with_priors(
+    arm: Arm, models: Sequence[Model], prior: Prior, strength: Strength | None = None
+) -> list[Model]:
+    """Models of an arm with a prior, named so."""
+    return [_with_prior(arm, m, prior, strength) for m in models]
 
 
-def _with_prior(model: Model, prior: Prior, strength: Strength | None) -> Model:
+def _with_prior(arm: Arm, model: Model, prior: Prior, strength: Strength | None) -> Model:
     """With a prior; where it is learnt the model of all links and joints has the joints' laws beside."""
     method, s = with_prior(model.estimator, prior, strength), model.structure
     whole = s.whole and len(s.blocks) == 2 * s.links - 1
-    structure = with_laws(s) if method.learns and whole else s
+    structure = with_laws(s, arm) if method.learns and whole else s
     return Model(f"{model.name}{FILLED}", structure, method)
 
 
 def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
     """The default, or joints alone where these predict what is held out clearly better."""
-    models = [*named_models(cell, (JOINTS,)), *with_priors(named_models(cell, (EVERY,)), prior)]
+    models = [*named_models(cell, (JOINTS,)), *with_priors(cell.arm, named_models(cell, (EVERY,)), prior)]
     found = recommend(cell, models, data)
     [model] = [m for m in models if m.name == found.name]
     estimate = of_model(cell, model, data)
@@ -100,7 +102,7 @@ def choose(cell: Cell, data: Dataset, prior: Prior) -> Choice:
 
 def why(found: Recommendation, estimate: Estimate) -> str:
     """Why a model is taken, and how much other models count in it."""
-    return found.why if estimate.average is None else f"{of_average(estimate.average)}; {found.why}"
+    return "; ".join([*of_average(estimate.average), found.why])
 
 
 @dataclass(frozen=True)

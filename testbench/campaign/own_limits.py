@@ -17,10 +17,10 @@ FILE = 2**24  #: Largest file [byte].
 CREATE, RESTRICT = 444, 446  #: Landlock's system calls.
 NO_NEW_PRIVILEGES = 38
 """What `prctl` is asked for: without it Landlock refuses all but root."""
-WRITE = 1 << 1 | sum(1 << k for k in range(4, 13))  #: To write, to remove, and to make anything.
-LATER = {2: 1 << 13, 3: 1 << 14}  #: To link across folders, and to truncate, by Landlock's version.
-CONNECT = 4, 0b11  #: Version from which on TCP is refused, and to bind and to connect.
-SCOPE = 6, 0b11  #: The same of abstract sockets and signals.
+FILES = {1: 1 << 1 | sum(1 << k for k in range(4, 13)), 2: 1 << 13, 3: 1 << 14}
+"""To write, remove and make anything; to link across folders; to truncate: from which version on."""
+NETWORK, SCOPED = {4: 0b11}, {6: 0b11}
+"""The same of TCP, to bind and to connect, and of abstract sockets and signals."""
 
 
 class Rules(ctypes.Structure):
@@ -59,10 +59,8 @@ def _landlock() -> None:
     version = call.syscall(CREATE, None, 0, 1)
     if version < 1:
         return
-    files = WRITE | sum(bit for least, bit in LATER.items() if version >= least)
-    network, scoped = (bits if version >= least else 0 for least, bits in (CONNECT, SCOPE))
-    rules = Rules(files, network, scoped)
-    size = 8 * (1 + (version >= CONNECT[0]) + (version >= SCOPE[0]))
+    refused = [sum(bit for least, bit in own.items() if version >= least) for own in (FILES, NETWORK, SCOPED)]
+    rules, size = Rules(*refused), 8 * sum(bits > 0 for bits in refused)
     handle = call.syscall(CREATE, ctypes.byref(rules), size, 0)
     call.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0)
     if handle < 0 or call.syscall(RESTRICT, handle, 0):

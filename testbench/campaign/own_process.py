@@ -20,6 +20,7 @@ from testbench.campaign.own_limits import Limits, limit
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, shown
 from testbench.identify.prior import Prior
+from testbench.identify.regression import Regression
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 from testbench.trials.local import ONE_THREAD, started
@@ -30,7 +31,7 @@ LONGEST = 200  #: Of a message [characters].
 WELL, ILL = b"+", b"-"  #: First byte of an answer: an array of numpy follows, or why there is none.
 ENDED = "its process ended without an answer"
 
-Given = tuple[Vjm, Structure, Dataset, Prior | None]
+Given = tuple[Vjm, Structure, Dataset | Regression, Prior | None]
 """What `estimate(kinematics, structure, data, prior)` is called with."""
 
 

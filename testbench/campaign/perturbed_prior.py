@@ -56,7 +56,7 @@ def wrong_link(cell: Cell, seed: int) -> int:
 def with_wrong_prior(cell: Cell, models: Sequence[Model], names: Sequence[str], seed: int) -> list[Model]:
     """Models without a prior, then those of these names with one that is wrong; the seed is of its errors."""
     chosen = [m for m in models if m.name in names]
-    return [*models, *with_priors(chosen, wrong_prior(cell, seed), Strength(UNCERTAINTY))]
+    return [*models, *with_priors(cell.arm, chosen, wrong_prior(cell, seed), Strength(UNCERTAINTY))]
 
 
 def _one_link(C: Array, links: int, rng: np.random.Generator) -> Array:

@@ -21,10 +21,15 @@ TrueArm = Callable[[Arm, np.random.Generator], Arm]
 
 UNEQUAL = 0.5  #: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
 FAR = 0.3, 3.0  #: Range of a joint's compliance over the folder's, where all are far off [1].
+STIFFER = 3, 10, 30, 100  #: How many times stiffer links are where joints give way most.
+RADIUS, TILTS = 0.15, (0.1, 1.0)
+"""Of a bearing [m], and range of its tilt under a moment over the turn of the folder's joint [1]."""
 SOFTER = 5.0  #: How many times softer one link is than the others of its arm [1].
 DRAWS = 7  #: Vectors of a random correlation matrix.
 FamilyName = Literal["family", "tubes", "off_10", "off_20", "off_40", "cast", "joints"]
-HeldOutName = Literal["stiffer_3", "stiffer_10", "stiffer_30", "soft_link", "coupled", "far_joints"]
+HeldOutName = Literal[
+    "stiffer_3", "stiffer_10", "stiffer_30", "stiffer_100", "soft_link", "coupled", "far_joints", "bearings"
+]
 TrueArmName = Literal[FamilyName, HeldOutName]
 FAMILY: TrueArmName = "family"  #: All of TRUTHS, a seed each in turn.
 HALVINGS = 24  #: Of the interval in which the size of a link's deformation is sought.
@@ -146,15 +151,27 @@ def _coupled(arm: Arm, rng: np.random.Generator) -> Arm:
     return replace(arm, links=tuple(own(link) for link in arm.links))
 
 
+def _soft_bearings(arm: Arm, rng: np.random.Generator) -> Arm:
+    """A bearing at the end of every link before a hinge, alike in all directions."""
+    own, unit = _of_family(arm, rng), np.diag([RADIUS**2] * 3 + [1.0] * 3)
+    shares = np.exp(rng.uniform(np.log(TILTS[0]), np.log(TILTS[1]), arm.n_joints))
+    tilts = [0.0 if j.prismatic else s * j.compliance for j, s in zip(arm.joints, shares, strict=True)]
+    links = zip(own.links, [*tilts, 0.0], strict=True)
+    return replace(
+        own, links=tuple(replace(link, compliance=link.compliance + t * unit) for link, t in links)
+    )
+
+
 def _far_joints(arm: Arm, rng: np.random.Generator) -> Arm:
     return _scaled_joints(arm, np.exp(rng.uniform(np.log(FAR[0]), np.log(FAR[1]), arm.n_joints)))
 
 
 HELD_OUT: Mapping[str, TrueArm] = {
-    **{f"stiffer_{n}": partial(_stiffer, n) for n in (3, 10, 30)},
+    **{f"stiffer_{n}": partial(_stiffer, n) for n in STIFFER},
     "soft_link": _soft_link,
     "coupled": _coupled,
     "far_joints": _far_joints,
+    "bearings": _soft_bearings,
 }
 """True arms of kinds that nothing here was made with: a study judges by them, the family is without them."""
 CALLED = {
@@ -162,10 +179,11 @@ CALLED = {
     **{f"off_{percent}": f"links {percent} % off tubes" for percent in (10, 20, 40)},
     "cast": "cast links",
     "joints": "unequal joints",
-    **{f"stiffer_{n}": f"links {n} times stiffer" for n in (3, 10, 30)},
+    **{f"stiffer_{n}": f"links {n} times stiffer" for n in STIFFER},
     "soft_link": "one link softer",
     "coupled": "coupled links",
     "far_joints": "joints far off",
+    "bearings": "soft bearings",
 }
 """The same for readers."""
 TRUTH_WORDS = {
@@ -181,10 +199,12 @@ TRUTH_WORDS = {
 }
 """What they are."""
 HELD_OUT_WORDS = {
-    **{f"stiffer_{n}": f"any arm of the family, its links {n} times stiffer" for n in (3, 10, 30)},
+    **{f"stiffer_{n}": f"any arm of the family, its links {n} times stiffer" for n in STIFFER},
     "soft_link": f"any arm of the family, one of its links {SOFTER:g} times softer",
     "coupled": "the folder's links with random couplings, uniform over all correlation matrices",
     "far_joints": f"every joint {FAR[0]:g} to {FAR[1]:g} times as compliant as the folder's, log-uniform",
+    "bearings": "any arm of the family, in every joint a bearing that gives way sideways too and tilts "
+    f"{TILTS[0]:g} to {TILTS[1]:g} times as much as the folder's joint turns",
 }
 """The same of those held out."""
 

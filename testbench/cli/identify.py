@@ -106,7 +106,9 @@ def _models(cell: Cell, asked: Options) -> list[Model]:
         with of_flag("--model"):
             models = named_models(cell, asked.model)
         if prior is not None:
-            models = [with_priors([m], prior, strength)[0] if m.structure.whole else m for m in models]
+            models = [
+                with_priors(cell.arm, [m], prior, strength)[0] if m.structure.whole else m for m in models
+            ]
     if asked.robust:
         models = [replace(m, estimator=robust(m.estimator)) for m in models]
     return models

@@ -12,7 +12,7 @@ from testbench.campaign.rows import MM
 from testbench.commands.calibrate_numbers import FAR, Left, numbers, unread
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array
-from testbench.identify.absolute.state import State, forward, targets
+from testbench.identify.absolute.state import State, forward
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
@@ -247,7 +247,7 @@ def _shown(state: State, series: Series, left: Sequence[Array], m: int) -> Row:
     read, and reading minus arm as drawn and calibrated, (rows, m, 3) [m].
     """
     told = forward(state, series)
-    read = targets(told.where, state.mount(series)) + left[1]
+    read = told.where.points(state.mount(series).points) + left[1]
     before, after, at = (np.full((series.rows, m, 3), np.nan) for _ in range(3))
     for values, own in ((before, left[0]), (after, left[1]), (at, read)):
         values[:, : len(series.markers)] = np.where(series.seen[..., None], own, np.nan)

@@ -12,7 +12,7 @@ from testbench.commands.compensate_rows import AFTER, BEFORE, CORRECTED, LOOKS, 
 from testbench.correct.rest import rest
 from testbench.data.dataset import Ids
 from testbench.errors import Array
-from testbench.model.laws import turns
+from testbench.model.vjm import turns
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.report import Report
 from testbench.report.table import Row

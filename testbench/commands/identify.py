@@ -29,10 +29,11 @@ MODELS = (
     "intervals.half_width_mm f_m_held_out elsewhere.half_width_mm elsewhere.apart_mm"
 )
 PAGE = 3  #: Of these columns, the last ones, that a terminal has no room for.
-LAWS = "part stiffer_percent backlash_urad friction_urad"
+LAWS, STRUT = "part stiffer_percent backlash_urad friction_urad", "strut_percent"
 ABOUT_LAWS = Markdown(
     "Sizes of laws beside the compliances. *Stiffer*: when the spring is turned by a milliradian, over no "
-    "load. *Backlash*, *friction*: half widths; of a slide in um and millimetres."
+    "load. *Backlash*, *friction*: half widths; of a slide in um and millimetres. *Compensator takes off*: "
+    "share of the joint's turn under a load, where the compensator's lever is longest."
 )
 READING = Markdown(
     "*F_M held out*: the mean on poses and load levels held out in turn. *+- (95 %)*: median half width of "
@@ -89,7 +90,7 @@ def report(f: Row) -> Report:
         tables={
             "models": _models(f, MODELS.split()),
             "runs": Table(columns("which_run pose moved_mm taken_mm"), runs, "What is left in each run"),
-            **({"laws": Table(columns(LAWS), f.laws, "Joints beyond a spring")} if f.laws else {}),
+            **({"laws": _laws(f.laws)} if f.laws else {}),
             "told": Table(
                 columns("part parameters told_percent decided_by_prior"), f.seen.blocks, "What the runs tell"
             ),
@@ -106,6 +107,12 @@ def report(f: Row) -> Report:
         ],
         badge=f.get("badge"),
     )
+
+
+def _laws(rows: Sequence[Row]) -> Table:
+    """Sizes of laws, a joint each; of a compensator where there is one."""
+    keys = f"{LAWS} {STRUT}" if any(row.get(STRUT) is not None for row in rows) else LAWS
+    return Table(columns(keys), rows, "Joints beyond a spring")
 
 
 def _models(f: Row, keys: Sequence[str]) -> Table:

@@ -12,8 +12,8 @@ from testbench.campaign.workspace_errors import ErrorPlaces
 from testbench.commands.identify_rows import COUNTS, compared, longest
 from testbench.data.dataset import Ids
 from testbench.errors import Array
-from testbench.model.laws import turns, vjm_of
-from testbench.model.vjm import chain, generalised_load
+from testbench.model.laws import vjm_of
+from testbench.model.vjm import chain, generalised_load, turns
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.table import Row, find
 from testbench.views.colours import MEASURED, NOMINAL, look

@@ -18,6 +18,7 @@ from testbench.errors import Array, NoEquilibrium, PoseError
 from testbench.identify.arm_model import of_estimate
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.prior import Strength, cad_prior
+from testbench.model.laws import STRUT
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose
 from testbench.report.badge import Badge, decide, incumbents
@@ -88,6 +89,7 @@ def _laws(found: Identified) -> list[Row]:
             stiffer_percent=100 * own["stiffening"],
             backlash_urad=UM * own["backlash"],
             friction_urad=UM * own["friction"],
+            strut_percent=100 * own[STRUT] if STRUT in own else None,
         )
         for name, own in taken.laws.items()
     ]

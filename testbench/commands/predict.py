@@ -16,7 +16,7 @@ from testbench.data.dataset import Ids
 from testbench.data.lines import as_cell
 from testbench.errors import Array
 from testbench.identify.posterior import CONFIDENCE
-from testbench.model.laws import turns
+from testbench.model.vjm import turns
 from testbench.output.whole import whole_file
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.columns import columns

@@ -8,10 +8,10 @@ import math
 
 import numpy as np
 
-from testbench.correct.batches import at, joined, replaced
+from testbench.correct.batches import joined, replaced
 from testbench.correct.newton import Target
 from testbench.correct.reach import Reached, reach
-from testbench.data.dataset import Ids, Mask
+from testbench.data.dataset import Ids, Mask, in_order
 from testbench.errors import Array, BenchError, check_array
 from testbench.model.turn import turn_between
 from testbench.model.vjm import Vjm
@@ -60,7 +60,7 @@ def joints_along(
         return reach(vjm, target, near)
     if not len(position):
         raise BenchError("position [m]: expected at least one point")
-    tries = _first(vjm, at(target, slice(1)), start)
+    tries = _first(vjm, in_order(target, slice(1)), start)
     return _track(vjm, target, _chosen(vjm, target, tries))
 
 
@@ -71,7 +71,7 @@ def _chosen(vjm: Vjm, target: Target, tries: Array) -> Array:
     some = np.arange(0, len(target.position), math.ceil(len(target.position) / SAMPLE))
     counts: list[int] = []
     for q in tries:
-        counts.append(int(_pass(vjm, at(target, some), q)[0].there.sum()))
+        counts.append(int(_pass(vjm, in_order(target, some), q)[0].there.sum()))
         if counts[-1] == len(some):
             break
     return np.asarray(tries[int(np.argmax(counts))])
@@ -87,7 +87,7 @@ def _first(vjm: Vjm, target: Target, start: Array | None) -> Array:
             return own.q
     near = np.clip(0.0 if start is None else start, lower, upper)
     seeds = np.random.default_rng(0).uniform(lower, upper, (SEEDS, arm.n_joints))
-    many = reach(vjm, at(target, np.zeros(SEEDS, dtype=int)), seeds)
+    many = reach(vjm, in_order(target, np.zeros(SEEDS, dtype=int)), seeds)
     if not many.there.any():
         return many.q[[np.argmin(many.distance + vjm.reach * many.angle)]]
     q = _unwound(vjm, many.q[many.there], near)
@@ -122,17 +122,17 @@ def _track(vjm: Vjm, target: Target, first: Array) -> Reached:
         if i is None:
             break
         tried, after = i, np.arange(i, len(target.position))
-        rest, more = _pass(vjm, at(target, after), found.q[i])
+        rest, more = _pass(vjm, in_order(target, after), found.q[i])
         if rest.there.sum() >= found.there[after].sum() and 0 not in more:
             found, rough = replaced(found, after, rest), i + more
             continue
         before = np.arange(i + 1, -1, -1)
-        back, _ = _pass(vjm, at(target, before), found.q[i + 1])
+        back, _ = _pass(vjm, in_order(target, before), found.q[i + 1])
         gap = np.abs(back.q[::-1][1:] - found.q[: i + 1]).max(axis=1)
         meet = int(np.argmin(gap)) + 1
         own = np.arange(meet, i + 2)
         if gap[meet - 1] < STEADY and back.there[: len(own)].sum() >= found.there[own].sum():
-            found = replaced(found, own, at(back, i + 1 - own))
+            found = replaced(found, own, in_order(back, i + 1 - own))
     return found
 
 
@@ -174,8 +174,8 @@ def _again(vjm: Vjm, target: Target, found: Reached) -> Reached:
     right = np.minimum(np.searchsorted(there, lost), len(there) - 1)
     left = np.maximum(right - 1, 0)
     nearer = np.where(np.abs(there[left] - lost) < np.abs(there[right] - lost), left, right)
-    other = reach(vjm, at(target, lost), found.q[there[nearer]])
-    return replaced(found, lost[other.there], at(other, np.flatnonzero(other.there)))
+    other = reach(vjm, in_order(target, lost), found.q[there[nearer]])
+    return replaced(found, lost[other.there], in_order(other, np.flatnonzero(other.there)))
 
 
 def settle(vjm: Vjm, target: Target, found: Reached, open_: Ids, free: Mask) -> Reached:
@@ -189,11 +189,11 @@ def settle(vjm: Vjm, target: Target, found: Reached, open_: Ids, free: Mask) -> 
         free: Which may change, (poses,). One that was reached stays so.
     """
     while len(open_):
-        own, old = reach(vjm, at(target, open_), found.q[open_ - 1]), at(found, open_)
+        own, old = reach(vjm, in_order(target, open_), found.q[open_ - 1]), in_order(found, open_)
         moved = np.abs(own.q - old.q).max(axis=1) > SAME
         nearer = own.distance + own.angle * vjm.reach < CLOSER * (old.distance + old.angle * vjm.reach)
         change = np.where(own.there, moved | ~old.there, nearer & ~old.there)
-        found = replaced(found, open_[change], at(own, np.flatnonzero(change)))
+        found = replaced(found, open_[change], in_order(own, np.flatnonzero(change)))
         following = open_[change] + 1
         following = following[following < len(free)]
         open_ = following[free[following]]
@@ -209,18 +209,18 @@ def supported(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[Ids,
         places: Which points are supports, (k,).
         first: Joints near the first point, (n,) [rad, m].
     """
-    found = reach(vjm, at(target, places), np.tile(first, (len(places), 1)))
+    found = reach(vjm, in_order(target, places), np.tile(first, (len(places), 1)))
     open_ = np.arange(1, len(places))
     for _ in range(HALVINGS):
-        found = settle(vjm, at(target, places), found, open_, np.ones(len(places), dtype=bool))
+        found = settle(vjm, in_order(target, places), found, open_, np.ones(len(places), dtype=bool))
         far = np.abs(np.diff(found.q, axis=0)).max(axis=1, initial=0) > APART
         wide = np.flatnonzero(far & found.there[1:] & found.there[:-1] & (np.diff(places) > 1))
         if not len(wide):
             break
         between = (places[wide] + places[wide + 1]) // 2
-        own = reach(vjm, at(target, between), found.q[wide])
+        own = reach(vjm, in_order(target, between), found.q[wide])
         order = np.argsort(np.concatenate([places, between]))
         places = np.concatenate([places, between])[order]
-        found = at(joined([found, own]), order)
+        found = in_order(joined([found, own]), order)
         open_ = np.flatnonzero(np.isin(places, between)) + 1
     return places, found.q

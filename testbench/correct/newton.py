@@ -14,10 +14,10 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from testbench.correct.batches import at, batches, joined, put
+from testbench.correct.batches import batches, joined, put
 from testbench.correct.rest import rest
 from testbench.correct.step import Hold, solutions
-from testbench.data.dataset import Ids, Mask
+from testbench.data.dataset import Ids, Mask, in_order
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.absolute.state import State, loads_at, unbent
 from testbench.model.load import Load
@@ -112,7 +112,7 @@ class Points:
 
     def of(self, some: slice | Ids) -> "Points":
         """Some of them."""
-        loads, target = [load.of(some) for load in self.loads], at(self.target, some)
+        loads, target = [load.of(some) for load in self.loads], in_order(self.target, some)
         return replace(self, start=self.start[some], loads=loads, target=target, free=self.free[some])
 
 
@@ -162,7 +162,7 @@ def solve(points: Points) -> Corrected:
         if len(bad):
             again = _in_batches(replace(points.of(bad), aim=aim), MOST, renewed=renewed)
             better = np.flatnonzero(again.solved)
-            put(found, bad[better], at(again, better))
+            put(found, bad[better], in_order(again, better))
     return found
 
 
@@ -183,7 +183,7 @@ def _correct(points: Points, most: int, *, renewed: bool) -> Corrected:
         found.left[moving], found.turned[moving] = off.left, off.turned
         found.balance[moving], found.steps[moving] = np.abs(off.springs).max(axis=1), step + 1
         if step == 0 or renewed:
-            J = _jacobian(now.aim, off.where, slice(-q.shape[1], None)) * now.free[:, None]
+            J = _jacobian(now.aim, off.where, now.state.vjm.own) * now.free[:, None]
             G = solutions(J, now.aim.hold, now.target.rotation @ np.array(now.aim.spindle))
         move = _move(now, off, q[moving], G, J) / 2 ** min(2, step // SHORTER)
         still = found.solved[moving] & (np.abs(move).max(axis=1) <= STILL)

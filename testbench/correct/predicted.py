@@ -83,7 +83,7 @@ def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool, confid
     half = half_widths(model, loaded, free, points, confidence)
     (deflection, turn), straight = _moved(before, after, points), _linear(model, loaded, points)
     apart = np.linalg.norm(deflection[:, 0] - straight[0][:, 0], axis=1)
-    start = _places(before, points)
+    start = before.points(points)
     rotation = after.rotation
     if linear:
         curved = curvature(model, loaded, points)
@@ -96,15 +96,10 @@ def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool, confid
     return Prediction(deflection, half, turn, start + deflection, known, rotation, apart)
 
 
-def _places(where: Rest, points: Array) -> Array:
-    """Points of the tool in the world, (poses, k, 3) [m]."""
-    return np.asarray(where.position[:, None] + np.einsum("rxy,py->rpx", where.rotation, points))
-
-
 def _moved(before: Rest, after: Rest, points: Array) -> tuple[Array, Array]:
     """How far points, (poses, k, 3) [m], and the tool, (poses, 3) [rad], have moved."""
     turn = turn_between(before.rotation, after.rotation)
-    return _places(after, points) - _places(before, points), turn
+    return after.points(points) - before.points(points), turn
 
 
 def _linear(model: ArmModel, stand: Poses, points: Array) -> tuple[Array, Array]:

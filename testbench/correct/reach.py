@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.correct.batches import at
 from testbench.correct.newton import Target
-from testbench.data.dataset import Mask
+from testbench.data.dataset import Mask, in_order
 from testbench.errors import Array
 from testbench.model.tool_motion import tool_motion
 from testbench.model.turn import turn_between
@@ -58,7 +57,7 @@ def reach(vjm: Vjm, target: Target, start: Array) -> Reached:
             break
         weight = damping[some] * cost[some] + FLOOR * lever**2
         trial = np.clip(q[some] + _step(J[some], e[some], weight, q[some], vjm.arm.limits), lower, upper)
-        e_trial, J_trial = _error(vjm, lever, trial, at(target, some))
+        e_trial, J_trial = _error(vjm, lever, trial, in_order(target, some))
         gain = 1 - _square(e_trial) / cost[some]
         better = gain > 0
         taken = some[better]

@@ -9,6 +9,7 @@ from testbench.correct.batches import batches, joined
 from testbench.errors import Array, check_array
 from testbench.identify.absolute.state import State, equilibrium
 from testbench.model.load import Load
+from testbench.model.vjm import on_tool
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,10 @@ class Rest:
     def at(self, point: Array) -> Array:
         """Positions of a point of the tool's frame, (3,) or (poses, 3) [m], in the world, (poses, 3) [m]."""
         return np.asarray(self.position + np.matvec(self.rotation, point))
+
+    def points(self, points: Array) -> Array:
+        """Points of the tool's frame, (k, 3) [m], in the world, (poses, k, 3) [m]."""
+        return on_tool((self.position, self.rotation), points)
 
 
 def rest(state: State, q: Array, loads: Sequence[Load] = ()) -> Rest:

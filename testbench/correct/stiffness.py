@@ -12,10 +12,10 @@ from testbench.correct.uncertainty import Poses, half_widths
 from testbench.errors import Array
 from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import ArmModel
-from testbench.model.laws import tangent, turns
+from testbench.model.laws import tangent
 from testbench.model.load import Load, on_joints
 from testbench.model.loaded import geometric_stiffness, loaded_compliance
-from testbench.model.vjm import chain
+from testbench.model.vjm import chain, turns
 
 
 @dataclass(frozen=True)

@@ -10,16 +10,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.correct.batches import at, batches
+from testbench.correct.batches import batches
 from testbench.correct.rest import Rest, rest
-from testbench.data.dataset import Ids
+from testbench.data.dataset import Ids, in_order
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.posterior import CONFIDENCE, check_confidence, conditional, quantile
 from testbench.identify.rows import jacobian, straight
 from testbench.model.joint_errors import basis
-from testbench.model.laws import KINDS
 from testbench.model.load import Load, on_joints
 from testbench.model.loaded import displacement
 from testbench.model.vjm import chain, tool_pose
@@ -47,7 +46,7 @@ class Poses:
 
     def of(self, some: slice | Ids) -> "Poses":
         """Some of the poses."""
-        known = None if self.rest is None else at(self.rest, some)
+        known = None if self.rest is None else in_order(self.rest, some)
         return Poses(self.q[some], [load.of(some) for load in self.loads], self.heavy, known)
 
     def at_rest(self, state: State) -> Rest:
@@ -145,7 +144,7 @@ def _rows(model: ArmModel, poses: Poses, points: Array) -> Array:
         told = replace(told, theta=theta, where=where, u=on_joints(where, poses.loads))
     if model.absolute or poses.heavy:
         told = replace(told, u=own_weight(told.where, state.weights) + told.u)
-    phi = basis(state.errors, model.arm, poses.q, told.u[-model.arm.n_joints :], state.torque_scale)
+    phi = basis(state.errors, model.arm, poses.q, told.u[model.vjm.own], state.torque_scale)
     A = jacobian(model.unknowns, replace(told, phi=phi), points, turned=False)
     return A[:, :, model.columns].transpose(3, 0, 1, 2)
 
@@ -228,7 +227,9 @@ def _parts(model: ArmModel) -> Iterator[tuple[str, Ids]]:
         yield name, np.flatnonzero(np.isin(model.columns, inside))
     first, links = unknowns.starts["elastic"], [link.name for link in model.arm.links]
     joints = [joint.name for joint in model.arm.joints]
-    names = [*np.repeat(links, 6), *joints, *joints * len(KINDS)]  # laws count as their joint's
+    laws = model.vjm.laws
+    of_laws = [] if laws is None else [joints[k] for k in laws.joints]  # they count as their joint's
+    names = [*np.repeat(links, 6), *joints, *of_laws]
     owner = np.array(names)[structure.a]
     for name in dict.fromkeys(owner.tolist()):
         inside = first + np.flatnonzero(owner == name)

@@ -170,13 +170,13 @@ Rows = TypeVar("Rows", bound="DataclassInstance")
 
 
 def arrays(data: "DataclassInstance") -> dict[str, npt.NDArray[np.generic]]:
-    """The fields of a dataset or a series that are arrays, a row a run or a reading."""
+    """The fields that are arrays, a row a run, a reading or a pose."""
     every = {field.name: getattr(data, field.name) for field in fields(data)}
     return {name: own for name, own in every.items() if isinstance(own, np.ndarray)}
 
 
-def in_order(data: Rows, rows: Ids | Mask) -> Rows:
-    """Runs of a dataset, or rows of a series, by a mask or by their indices in any order."""
+def in_order(data: Rows, rows: Ids | Mask | slice) -> Rows:
+    """Rows of what has one a run, a reading or a pose, by a mask or by their indices in any order."""
     return replace(data, **{name: own[rows] for name, own in arrays(data).items()})
 
 

@@ -15,7 +15,7 @@ from testbench.data.series import Series
 from testbench.design.planning import CandidateSet
 from testbench.design.rows import SCALE_UNCERTAINTY, Problem
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.state import State, forward, targets
+from testbench.identify.absolute.state import State, forward
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
@@ -105,7 +105,8 @@ def sag(union: Union, q: Array) -> Array:
     """RMS distance that own weight and the last load are expected to move targets, (poses,) [m]."""
     series, state = at(union, q), union.state
     rigid = replace(state, C_theta=np.zeros_like(state.C_theta))
-    bent, straight = (targets(forward(one, series).where, one.mount(series)) for one in (state, rigid))
+    points = state.mount(series).points
+    bent, straight = (forward(one, series).where.points(points) for one in (state, rigid))
     moved = np.square(bent - straight).sum(axis=2).mean(axis=1)
     return np.asarray(np.sqrt(moved.reshape(len(q), -1)[:, -1]))
 

@@ -39,7 +39,6 @@ what rounding changes in the trace does not.
 """
 EXACT = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
 PROVEN = 1e-9  #: Gap in the unit of F_M up to which the dense answer is taken; most are far nearer.
-SHARES = 0.9, 0.6  #: Shares of the way to the boundary that a step goes, of a first try and of a second one.
 SHARP = 100.0  #: Residuals in their squares, over the unit of F_M: so that squares decide, not the trace.
 UNSEEN_WEIGHT = 1e-3
 """Sensitivity of an axis that the data do not load, as a share of the largest: for scaling only."""
@@ -127,15 +126,13 @@ def by_interior(regression: Regression, program: Program) -> Answer | None:
     unit = np.where(s.mirrored[order], math.sqrt(0.5), 1.0)  # parameters over svec
     sizes, x = tuple(len(block) for block in s.blocks), np.empty(len(order))
     norms = Norms(program.R[:, :, order] * unit, program.z, program.rest, program.trace[order] * unit, sizes)
-    for bold in SHARES:
-        x[order] = unit * interior(norms, bold)[0]
-        pi = program.parameters(x, n)
-        dual = gradient_dual(regression, pi)
-        gap = bound(regression, pi, dual).duality_gap / program.unit
-        if gap <= PROVEN:
-            failure = f"proven to {gap:.1g} of F_M without a model"
-            return Answer(pi, time.perf_counter() - start, failure, dual)
-    return None
+    x[order] = unit * interior(norms).x
+    pi = program.parameters(x, n)
+    dual = gradient_dual(regression, pi)
+    gap = bound(regression, pi, dual).duality_gap / program.unit
+    if gap > PROVEN:
+        return None
+    return Answer(pi, time.perf_counter() - start, f"proven to {gap:.1g} of F_M without a model", dual)
 
 
 def by_squares(regression: Regression, program: Program) -> Array:

@@ -69,6 +69,7 @@ class Average:
     weight: float  #: Of joints alone, over both that are linear: their probability given the readings [1].
     whole: "Estimate"  #: Of links and joints.
     laws: float = 0.0  #: Weight of the model with laws [1].
+    likely: float = 0.0  #: Its probability, as widths count it [1].
     lawful: "Estimate | None" = None  #: That model; None where nobody asked for it.
 
 

@@ -31,7 +31,7 @@ from testbench.identify.absolute.noise import (
 )
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import Unknowns, compliances
-from testbench.identify.regression import Regression, regression_of, term_of, triangle
+from testbench.identify.regression import Regression, regression_of, some_columns, term_of, triangle
 from testbench.identify.robust_loss import READINGS, Loss
 from testbench.identify.rows import pair_rows, rows_of, straight
 from testbench.identify.weighed import check_runs
@@ -141,13 +141,13 @@ def in_threads(blocks: Blocks, work: Callable[[Sequence[int]], Found]) -> list[F
         return list(pool.map(work, shares))
 
 
-def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
+def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regression:
     """Boil a dataset down to the triangular factors of its weighted rows; memory does not grow with the runs.
 
     Args:
         vjm: The model.
         structure: The unknowns.
-        data: The runs.
+        data: The runs, or what was reduced of a larger structure.
 
     Returns:
         F_M of the structure on them; `rows` are its equations in standard deviations.
@@ -155,6 +155,8 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset) -> Regression:
     Raises:
         BenchError: When the dataset is empty or names a marker that the arm lacks.
     """
+    if isinstance(data, Regression):
+        return some_columns(data, structure)
     [parts] = reduce_parts(vjm, [structure], data, np.broadcast_to(0, data.runs))
     return parts.together()
 

@@ -2,11 +2,11 @@
 
     minimise   sum_k |(R_k x - z_k, rest_k)| + c . x   over   x, svec of positive semi-definite blocks
 
-or half the squares of these norms. Mehrotra's predictor and corrector along the direction of Nesterov and
-Todd (Todd, Toh and Tutuncu 1998), but that the last step's length, not the predicted one, says how much
-smaller a gap to aim at. The norms are not cones here: away from zero they are smooth, and their tangent
-enters Newton's matrix. Where they change much from step to step the residuals are weighted by the last ones
-instead (Weiszfeld), which never overshoots.
+or half the squares of these norms, with a barrier or without. Mehrotra's predictor and corrector along the
+direction of Nesterov and Todd (Todd, Toh and Tutuncu 1998), but that the last step's length, not the
+predicted one, says how much smaller a gap to aim at; to a barrier a step is Newton's. The norms are not
+cones here: away from zero they are smooth, and their tangent enters Newton's matrix. Where they change much
+from step to step the residuals are weighted by the last ones instead (Weiszfeld), which never overshoots.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ STUCK = 1e-6  #: Step length below which it ends.
 STALLED = 1e-7  #: Distance below which an iteration that gains less than half is the last.
 STEADY = 0.3  #: Relative change of the norms below which their tangent is trusted.
 LEAST = 1e-6  #: Least share of the gap that a step aims at.
-BOLD = 0.9  #: Share of the way to the boundary that a step of least squares goes.
+BOLD = 0.9  #: Share of the way to the boundary that a step goes at least.
 SINGULAR = 3e-6  #: Least pivot of a matrix over its largest: the root of what Cholesky loses to rounding.
 ROUNDING = 1e-12  #: Share of a trace that an eigenvalue may lie below zero.
 TINY = 1e-300
@@ -44,6 +44,7 @@ class Program:
     c: Array  #: (n,).
     sizes: tuple[int, ...]  #: Orders of the blocks.
     squares: bool = False  #: Whether half the squares of the norms count.
+    barrier: float = 0.0  #: Weight of -log det of every block.
 
     @cached_property
     def gram(self) -> Array:
@@ -54,9 +55,17 @@ class Program:
         """What a residual pulls over its length, (K,)."""
         return np.ones_like(norms) if self.squares else 1 / np.maximum(norms, TINY)
 
+    def fit(self, norms: Array) -> float:
+        """What counts of the norms, (K,)."""
+        return float((norms**2 / 2 if self.squares else norms).sum())
+
     def cost(self, x: Array, norms: Array) -> float:
         """Cost of x, (n,), whose norms are (K,)."""
-        return float((norms**2 / 2 if self.squares else norms).sum() + x @ self.c)
+        cost = self.fit(norms) + float(x @ self.c)
+        if self.barrier:
+            blocks = (cone.smat(x[at]) for at in cone.groups_of(self.sizes))
+            cost -= self.barrier * sum(float(np.linalg.slogdet(X)[1].sum()) for X in blocks)
+        return cost
 
     def at(self, x: Array) -> tuple[Array, Array]:
         """Norms, (K,), and the gradients of what counts of them, (K, n)."""
@@ -77,35 +86,37 @@ class State:
     step: float = 0.5  #: How far the last step went, 1 for all the way.
     steady: bool = False  #: Whether the tangent of the norms is trusted.
 
-    @property
-    def left(self) -> float:
-        """Gap and what the gradient is not yet the multipliers, times the length of x."""
-        return float(self.x @ self.s + np.linalg.norm(self.x) * np.linalg.norm(self.missing))
+    def left(self, program: Program) -> float:
+        """Gap, or how far products are from the barrier; and what the gradient lacks, by the length of x."""
+        gap = float(self.x @ self.s)
+        if program.barrier:
+            groups = cone.groups_of(program.sizes)
+            products = (cone.smat(self.x[at]) @ cone.smat(self.s[at]) for at in groups)
+            gap = sum(float(np.linalg.norm(XS - program.barrier * np.eye(len(XS[0])))) for XS in products)
+        return gap + float(np.linalg.norm(self.x) * np.linalg.norm(self.missing))
 
 
-def interior(program: Program, bold: float) -> tuple[Array, Array]:
-    """Positive definite x as near the optimum as rounding allows, (n,); how near, the caller asks.
-
-    `bold` is the share of the way to the boundary that a step goes at least. Beside x its multipliers, (n,).
-    """
+def interior(program: Program) -> State:
+    """As near the optimum as rounding allows; how near, the caller asks."""
     state = _start(program)
     found, best = state, program.cost(state.x, state.norms)
     near, least = (FINEST, 0.0) if program.squares else (LEFT, EXACT)
     with np.errstate(all="ignore"):  # a step that is not finite is not taken
         for _ in range(ITERATIONS):
-            before = state.left
+            before = state.left(program)
             try:
-                state = _iterate(program, state, bold)
+                state = _iterate(program, state)
             except (np.linalg.LinAlgError, ValueError):  # a pair lost its last digits, or is not finite
                 break
             cost = program.cost(state.x, state.norms)
             if cost <= best + near:  # near no residual at all rounding makes steps wild
                 found, best = state, min(best, cost)
-            if not (state.left > near and state.norms.min() > least and state.step >= STUCK):
+            left = state.left(program)
+            if not (left > near and state.norms.min() > least and state.step >= STUCK):
                 break
-            if state.left < STALLED and state.left > before / 2:
+            if left < STALLED and left > before / 2:
                 break
-    return found.x, found.s
+    return found
 
 
 def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Array, float]:
@@ -130,8 +141,8 @@ def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Arra
         T: Array = np.asarray(np.linalg.qr(np.c_[M, r], mode="r"))[:n]
         unit = max(float(np.linalg.norm(T[:, n])), TINY)
         R, z = T[None, :, :n] / unit, T[None, :, n] / unit
-        x, s = interior(Program(R, z, np.zeros(1), np.zeros(n), sizes, squares=True), BOLD)
-        s = unit**2 * s
+        found = interior(Program(R, z, np.zeros(1), np.zeros(n), sizes, squares=True))
+        x, s = found.x, unit**2 * found.s
         if not all(_inside(part, sizes, ROUNDING) for part in (x, s)):
             return lost
     F = M.T @ (M @ x - r) - s
@@ -153,11 +164,11 @@ def _start(program: Program) -> State:
     square = max(float((moved**2).sum()), TINY)
     size = max(np.vdot(moved, program.z) / square, SMALL * float(np.linalg.norm(program.z)) / square**0.5)
     norms, pulls = program.at(size * one)
-    s = CENTRED * program.cost(0 * one, norms) / sum(program.sizes) / size * one
+    s = CENTRED * program.fit(norms) / sum(program.sizes) / size * one
     return State(size * one, s, norms, pulls, pulls.sum(axis=0) + program.c - s)
 
 
-def _iterate(program: Program, state: State, bold: float) -> State:
+def _iterate(program: Program, state: State) -> State:
     """A step, predicted for terms of second order, then corrected.
 
     Newton's system is (hessian + E) dx = w - missing, E dx + ds = w.
@@ -173,14 +184,14 @@ def _iterate(program: Program, state: State, bold: float) -> State:
     for own in scalings:
         A[own.at[:, :, None], own.at[:, None]] += cone.congruence(own.inverse.swapaxes(1, 2) @ own.inverse)
     root, w, sums = cho_factor(A, lower=True), np.empty_like(x), []
-    predicted = cho_solve(root, -s - missing)
-    aim = max((1 - state.step) ** 2, LEAST) * float(x @ s) / sum(program.sizes)
+    predicted = cho_solve(root, -s - missing) * (not program.barrier)
+    aim = max(program.barrier, max((1 - state.step) ** 2, LEAST) * float(x @ s) / sum(program.sizes))
     for own in scalings:
         sums.append(own.corrected(aim, own.scaled(predicted)))
         w[own.at] = cone.svec(own.inverse.swapaxes(1, 2) @ sums[-1] @ own.inverse)
     dx = cho_solve(root, w - missing)
     step = min(1.0, *(own.longest(own.scaled(dx), both) for own, both in zip(scalings, sums, strict=True)))
-    step *= bold + (0.99 - bold) * step
+    step *= BOLD + (0.99 - BOLD) * step
     x, s = x + step * dx, s + step * (missing + hessian @ dx)
     norms, pulls = program.at(x)
     steady = not program.squares and np.abs(norms * share - 1).max() < STEADY

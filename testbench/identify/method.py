@@ -8,13 +8,13 @@ from typing import Literal
 
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
-from testbench.identify.average import averaged, some_columns
+from testbench.identify.average import averaged
 from testbench.identify.estimate import Constraint, Estimate, Estimator
 from testbench.identify.fold import reduce
 from testbench.identify.huber import without_outliers
 from testbench.identify.metric import Belief, metric, rescaled
 from testbench.identify.prior import Prior, Strength
-from testbench.identify.regression import Regression
+from testbench.identify.regression import Regression, some_columns
 from testbench.identify.solve import solve
 from testbench.model.laws import without_laws
 from testbench.model.structure import Structure

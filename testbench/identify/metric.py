@@ -152,6 +152,8 @@ def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
     d = np.full(len(metric.expected), strength.uncertainty)
     if strength.coupling is not None:  # of a structure of whole blocks
         d[metric.couplings] = strength.coupling
+    if strength.shares is not None:
+        d = d * np.repeat(strength.shares, [cone.triangle(n) for n in metric.sizes])
     e = metric.expected / d
     size = np.linalg.norm(e)
     e, along = e / size, 1 / np.hypot(1, size * strength.scale_uncertainty)

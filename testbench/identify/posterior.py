@@ -206,7 +206,7 @@ def conditional(K: Array, own: Ids, known: Ids) -> Array:
 
 
 def _averaged(estimate: Estimate, average: Average) -> Posterior:
-    """The mixture of the models: each wider by how far the mean lies from it.
+    """The mixture of the models, as likely as they are: each wider by how far the mean lies from it.
 
     Joints alone would count noise and nothing else, as if no link could bend: links and joints stand in.
     """
@@ -214,16 +214,16 @@ def _averaged(estimate: Estimate, average: Average) -> Posterior:
     if average.lawful is None:
         root = np.vstack([whole.root, pi - whole.x])
         return replace(whole, x=pi, root=root, heavy=whole.heavy + 1)
-    lawful, w, s = linearise(average.lawful), average.laws, estimate.structure
-    if w == 1:
+    lawful, p, s = linearise(average.lawful), average.likely, estimate.structure
+    if p == 1:
         return lawful
     plain = s.a < s.plain
     straight = np.zeros((len(whole.root), s.n))
     straight[:, plain] = whole.root
-    x, mean = np.zeros(s.n), (pi - w * lawful.x) / (1 - w)
+    x = np.zeros(s.n)
     x[plain] = whole.x
-    parts = [(np.sqrt(w) * lawful.root, lawful.heavy), (np.sqrt(1 - w) * straight, whole.heavy)]
-    apart = [np.sqrt(1 - w) * (mean - x), np.sqrt(w * (1 - w)) * (lawful.x - mean)]
+    parts = [(np.sqrt(p) * lawful.root, lawful.heavy), (np.sqrt(1 - p) * straight, whole.heavy)]
+    apart = [np.sqrt(p) * (pi - lawful.x), np.sqrt(1 - p) * (pi - x)]
     noise = [root[: len(root) - heavy] for root, heavy in parts]
     heavy = [*(root[len(root) - heavy :] for root, heavy in parts), np.array(apart)]
     return replace(

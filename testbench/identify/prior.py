@@ -40,6 +40,7 @@ class Strength:
     #: The same of the factor common to all; infinite leaves it to the data.
     scale_uncertainty: float = np.inf
     coupling: float | None = None  #: u of the entries that no straight beam has; None for that of all others.
+    shares: tuple[float, ...] | None = None  #: What u of every block is times these [1]; None for all alike.
 
     def __post_init__(self) -> None:
         """Refuse an uncertainty out of RANGE, or one of the scale below 0, by BenchError."""

@@ -96,6 +96,15 @@ def regression_of(structure: Structure, terms: tuple[Term, ...]) -> Regression:
     return Regression(structure, terms, columns, weight)
 
 
+def some_columns(regression: Regression, structure: Structure) -> Regression:
+    """The same readings with fewer unknowns, all else rigid."""
+    whole = regression.structure
+    place = {pair: k for k, pair in enumerate(zip(whole.a.tolist(), whole.b.tolist(), strict=True))}
+    columns = np.array([place[pair] for pair in zip(structure.a.tolist(), structure.b.tolist(), strict=True)])
+    parts = ((triangle(np.c_[own.R[:, columns], own.z]), own) for own in regression.terms)
+    return regression_of(structure, tuple(term_of(T, own.rest, own.equations) for T, own in parts))
+
+
 def check_symmetric(structure: Structure) -> None:
     """Refuse by BenchError a structure that no Gramian has: one that leaves the symmetry open."""
     if not structure.symmetric:

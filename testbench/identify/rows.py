@@ -12,7 +12,7 @@ import numpy as np
 from testbench.data.dataset import Dataset, Ids, turn
 from testbench.data.series import Series
 from testbench.errors import Array
-from testbench.identify.absolute.state import Equilibrium, State, forward, targets
+from testbench.identify.absolute.state import Equilibrium, State, forward
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.model.load import Load, on_joints
 from testbench.model.vjm import Vjm, chain, cross, marker_points, parameter_rows, translation_rows
@@ -41,12 +41,11 @@ def jacobian(
     if turned:
         J = np.concatenate([J, where.J_theta[3:][None]])
     if series is not None:
-        x = where.position[:, None] + points @ where.rotation.swapaxes(1, 2)
-        _add_frame(A[:, :, unknowns.columns(f"frame {series.frame}")], x, m)
+        _add_frame(A[:, :, unknowns.columns(f"frame {series.frame}")], where.points(points), m)
         _add_mount(A[:, :, unknowns.columns(f"mount {series.target}")], where.rotation)
     A[:, :, unknowns.columns("geometry")] = J[:, :, unknowns.inner]
     if unknowns.errors.size:
-        own = J[:, :, -unknowns.vjm.arm.n_joints :, None] * told.phi
+        own = J[:, :, unknowns.vjm.own, None] * told.phi
         A[:, :, unknowns.columns("errors")] = own.reshape(*A.shape[:2], -1, runs)
     elastic = unknowns.columns("elastic")
     lines = parameter_rows(unknowns.structure, J.reshape(-1, *J.shape[2:]), told.u)
@@ -82,7 +81,7 @@ def rows_of(unknowns: Unknowns, state: State, series: Series) -> Array:
 def left_over(state: State, series: Series, told: Equilibrium) -> Array:
     """Readings minus model in base axes, (s, 3, runs) [m, rad]; zero where nothing was read."""
     frame, mount = state.frame(series), state.mount(series)
-    x = targets(told.where, mount)
+    x = told.where.points(mount.points)
     position = ((series.position - frame.translation) @ frame.rotation - x) * series.seen[..., None]
     found = position.transpose(1, 2, 0)
     if series.rotation is None:

@@ -8,7 +8,9 @@ compliance, the shapes are
 - stiffening: f(x_1) - x_1 less f(x_0) - x_0, with f + beta f^3 / phi^2 = x the turn of a spring that is
   1 + beta times as stiff at the turn phi;
 - backlash: half its width, the side taken from the torque's sign where |x| is well above it;
-- friction: half the width of its loop, against the turn; no more than the turn itself.
+- friction: half the width of its loop, against the turn; no more than the turn itself;
+- compensator, of joint 2 alone: what a strut takes off as the arm deflects, K s^2 / (1 + K s^2) of x_1 - x_0,
+  K its stiffness over the joint's at its longest lever, s its lever over that.
 
 tau_0 is the torque of the arm's own weight, less what a compensator carries, tau_1 that under the load too.
 Backlash and friction of a gear: Ruderman et al., Modeling and identification of elastic robot joints with
@@ -22,15 +24,18 @@ import numpy as np
 
 from testbench.arm.folder import Arm, Compensator
 from testbench.errors import Array, InputError
-from testbench.model.structure import Structure
+from testbench.model.structure import Ids, Structure
 from testbench.model.vjm import Chain, Vjm
 from testbench.model.weights import Weights, own_weight, read_weights
 
 KINDS = ("stiffening", "backlash", "friction")
+STRUT = "compensator"  #: Kind of joint 2 alone, where there is one.
 TURN, STIFFER = 1e-3, 0.1
 """Turn phi [rad, m] and share beta [1] of a joint whose stiffening has the size one."""
 PLAY, STICK = 5e-5, 3e-5  #: Half-widths of backlash and of a loop of friction of size one [rad, m].
-UNIT_SIZES = STIFFER, PLAY, STICK  #: What a size of one means, in the order of `KINDS` [1, rad, rad].
+BESIDE = 0.3  #: Stiffness K of a compensator of size one over that of joint 2 [1].
+UNIT_SIZES = {**dict(zip(KINDS, (STIFFER, PLAY, STICK), strict=True)), STRUT: BESIDE / (1 + BESIDE)}
+"""What a size of one means [1, rad, rad, 1]; of a compensator the largest share that it takes off a turn."""
 VJMS = 32  #: How many models with laws are remembered.
 
 
@@ -41,10 +46,21 @@ class JointLaws:
     compliance: Array  #: Nominal, of every joint, (n,) [rad/(N m), m/N].
     weights: Weights | None  #: What the arm weighs; None where nobody knows.
     compensator: Compensator | None  #: From link 1 to link 2.
-    kinds: tuple[str, ...] = KINDS
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Of every law's virtual joint."""
+        every = tuple(np.repeat(KINDS, len(self.compliance)).tolist())
+        return every if self.compensator is None else (*every, STRUT)
+
+    @property
+    def joints(self) -> Ids:
+        """Joint that each of them turns with, (laws,)."""
+        every = np.tile(np.arange(len(self.compliance)), len(KINDS))
+        return every if self.compensator is None else np.append(every, 1)
 
     def load(self, where: Chain, u: Array) -> Array:
-        """Turn of every law's virtual joint per unit of its size, (3 n, runs) [rad, m].
+        """Turn of every law's virtual joint per unit of its size, (laws, runs) [rad, m].
 
         Args:
             where: The arm, in the poses.
@@ -55,7 +71,7 @@ class JointLaws:
         stiffened = (_spring(end) - end) - (_spring(x) - x)
         taken = PLAY * (np.tanh(end / PLAY) - np.tanh(x / PLAY))
         held = -STICK * np.clip((end - x) / STICK, -1, 1)
-        return np.concatenate([stiffened, taken, held])
+        return np.concatenate([stiffened, taken, held, self._beside(where) * (c * u)[1]])
 
     def before(self, where: Chain) -> Array:
         """Torques of own weight and compensator, (n, runs) [N m, N]."""
@@ -65,27 +81,36 @@ class JointLaws:
         else:
             found = own_weight(where, self.weights)[links : links + n].copy()
         if self.compensator is not None:
-            found[1] += _carried(self.compensator, where, where.J_theta[3:, links + 1])
+            lever, _, length = _levers(self.compensator, where)
+            found[1] += self.compensator.rate * (length - self.compensator.rest_length) * lever
         return found
 
     def slope(self, where: Chain, u: Array) -> Array:
-        """Change of these turns with the torques, (3 n, runs) [rad/(N m), m/N]."""
+        """Change of these turns with the torques, (laws, runs) [rad/(N m), m/N]."""
         c, before = self.compliance[:, None], self.before(where)
         x, end = c * before, c * (before + u)
         stiffened = 1 / (1 + 3 * STIFFER * (_spring(end) / TURN) ** 2) - 1
         taken = 1 - np.tanh(end / PLAY) ** 2
         held = -1.0 * (np.abs(end - x) < STICK)
-        return np.concatenate([c * stiffened, c * taken, c * held])
+        return np.concatenate([c * stiffened, c * taken, c * held, c[1] * self._beside(where)])
+
+    def _beside(self, where: Chain) -> Array:
+        """What a compensator of size one adds to the turn of joint 2, over that turn, (1 or 0, runs) [1]."""
+        if self.compensator is None:
+            return np.zeros((0, len(where.position)))
+        lever, longest, _ = _levers(self.compensator, where)
+        stiffer = BESIDE * (lever / longest) ** 2
+        return -(stiffer / (1 + stiffer))[None]
 
 
-def _carried(spring: Compensator, where: Chain, axis: Array) -> Array:
-    """Torque of a spring from link 1 to link 2 about joint 2, whose axis is (3, runs), (runs,) [N m]."""
+def _levers(spring: Compensator, where: Chain) -> tuple[Array, Array, Array]:
+    """Of a spring from link 1 to link 2 its lever about joint 2, the longest one, its length, (runs,) [m]."""
     (foot, R_1), (joint, R_2) = where.bodies[1], where.bodies[2]
-    arm = spring.head @ R_2
+    axis, arm = where.J_theta[3:, 6 * (len(where.bodies) - 1) + 1], spring.head @ R_2
     along = foot + spring.foot @ R_1 - joint - arm
     length = np.linalg.norm(along, axis=0)
-    force = spring.rate * (length - spring.rest_length) * along / length
-    return np.asarray((axis * np.cross(arm, force, axis=0)).sum(axis=0))
+    lever = (axis * np.cross(arm, along / length, axis=0)).sum(axis=0)
+    return lever, np.linalg.norm(np.cross(axis, arm, axis=0), axis=0), length
 
 
 def _spring(x: Array) -> Array:
@@ -109,6 +134,17 @@ def laws_of(arm: Arm) -> JointLaws:
     return JointLaws(np.array([joint.compliance for joint in arm.joints]), weights, arm.compensator)
 
 
+def sizes_of(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
+    """Sizes of laws by joint and kind, from C_theta (n_theta, n_theta) of a model that may have some."""
+    if vjm.laws is None:
+        return {}
+    found: dict[str, dict[str, float]] = {joint.name: {} for joint in vjm.arm.joints}
+    sizes = np.diag(C_theta)[vjm.arm.n_theta :].tolist()
+    for joint, kind, size in zip(vjm.laws.joints, vjm.laws.kinds, sizes, strict=True):
+        found[vjm.arm.joints[joint].name][kind] = size
+    return found
+
+
 def vjm_of(vjm: Vjm, structure: Structure) -> Vjm:
     """The model that a structure is of: with laws where it has sizes of them."""
     return lawful(vjm) if structure.laws else vjm
@@ -130,34 +166,26 @@ def tangent(vjm: Vjm, C_theta: Array, where: Chain, u: Array) -> Array:
     if vjm.laws is not None:
         more = np.diag(C_theta)[plain:, None] * vjm.laws.slope(where, u[plain - n :])
         own = np.arange(plain - n, plain)
-        C[:, own, own] = np.maximum(C[:, own, own] + more.reshape(len(KINDS), n, -1).sum(axis=0).T, 0.0)
+        joints = C[:, own, own].T
+        np.add.at(joints, vjm.laws.joints, more)
+        C[:, own, own] = np.maximum(joints.T, 0.0)
     return C
 
 
-def turns(vjm: Vjm, theta: Array) -> Array:
-    """Coordinates of links and joints, (runs, 7 n + 6), the turns of laws added to those of their joints."""
-    if vjm.laws is None:
-        return theta
-    plain, joints = theta[:, : vjm.arm.n_theta].copy(), 6 * len(vjm.arm.links)
-    more = theta[:, vjm.arm.n_theta :].reshape(len(theta), -1, vjm.arm.n_joints)
-    plain[:, joints:] += more.sum(axis=1)
-    return plain
-
-
-def with_laws(structure: Structure) -> Structure:
-    """A structure with the laws of all joints; itself where it has them, or the arm has no joints."""
-    n = structure.links - 1
-    if structure.laws or not n:
+def with_laws(structure: Structure, arm: Arm) -> Structure:
+    """A structure with the laws of an arm's joints; itself where it has them, or the arm has no joints."""
+    if structure.laws or not arm.joints:
         return structure
-    more = structure.n_theta + np.arange(len(KINDS) * n)
-    joints = structure.labels[-n:]
+    laws = laws_of(arm)
+    more = structure.n_theta + np.arange(len(laws.joints))
+    names = [arm.joints[k].name for k in laws.joints]
     return replace(
         structure,
         name=f"{structure.name} + laws",
         n_theta=structure.n_theta + len(more),
         a=np.append(structure.a, more),
         b=np.append(structure.b, more),
-        labels=(*structure.labels, *(f"{joint} {kind}" for kind in KINDS for joint in joints)),
+        labels=(*structure.labels, *map(" ".join, zip(names, laws.kinds, strict=True))),
         laws=len(more),
     )
 

@@ -15,7 +15,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array
-from testbench.model.structure import Structure
+from testbench.model.structure import Ids, Structure
 
 
 class Laws(Protocol):
@@ -23,13 +23,17 @@ class Laws(Protocol):
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """What they do: a virtual joint of every kind for every joint."""
+        """What each does, (laws,)."""
+
+    @property
+    def joints(self) -> Ids:
+        """Joint that each turns with, (laws,)."""
 
     def load(self, where: "Chain", u: Array) -> Array:
-        """Turn of each per unit of its size, (kinds n, runs) [rad, m], under torques u, (n, runs)."""
+        """Turn of each per unit of its size, (laws, runs) [rad, m], under torques u, (n, runs)."""
 
     def slope(self, where: "Chain", u: Array) -> Array:
-        """Change of these with the torques, (kinds n, runs) [rad/(N m), m/N]."""
+        """Change of these with the torques, (laws, runs) [rad/(N m), m/N]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,7 +52,12 @@ class Vjm(Displayed):
     @property
     def n_theta(self) -> int:
         """Number of virtual joints, those of the laws last."""
-        return self.arm.n_theta + (len(self.laws.kinds) * self.arm.n_joints if self.laws else 0)
+        return self.arm.n_theta + (len(self.laws.joints) if self.laws else 0)
+
+    @property
+    def own(self) -> slice:
+        """Where the virtual joints of joints are among all."""
+        return slice(6 * len(self.arm.links), self.arm.n_theta)
 
     def about(self) -> dict[str, object]:
         """The arm, and how many virtual joints it has."""
@@ -104,6 +113,10 @@ class Chain:
     bodies: tuple[tuple[Array, Array], ...]
     laws: Laws | None = None  #: As of the model.
 
+    def points(self, points: Array) -> Array:
+        """Points of the tool's frame, (k, 3) [m], in the world, (runs, k, 3) [m]."""
+        return on_tool((self.position, self.rotation), points)
+
 
 def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     """Tool and virtual joints of every run, Eq. (1) and (3).
@@ -117,9 +130,8 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     q = check_array(q, (None, vjm.arm.n_joints), "q [rad, m]")
     runs, n = len(q), vjm.arm.n_joints
     links = 6 * (n + 1)
-    bent = None if theta is None else check_array(theta, (runs, vjm.n_theta), "theta [m, rad]")
-    turns = np.zeros(q.shape) if bent is None else bent[:, links:].reshape(runs, -1, max(n, 1)).sum(axis=1)
-    moved = (q + turns).T
+    bent = None if theta is None else turns(vjm, check_array(theta, (runs, vjm.n_theta), "theta [m, rad]"))
+    moved = (q if bent is None else q + bent[:, links:]).T
     sine, less = np.sin(moved), 1 - np.cos(moved)
     J = np.zeros((6, vjm.arm.n_theta, runs))
     origins = np.empty((3, vjm.arm.n_theta, runs))
@@ -149,8 +161,17 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
             R = R + sine[i] * of[:, :3] + less[i] * of[:, 3:6]
     J[:3] += cross(J[3:], p[:, None] - origins)
     if vjm.laws is not None:
-        J = np.concatenate([J, np.tile(J[:, links:], (1, len(vjm.laws.kinds), 1))], axis=1)
+        J = np.concatenate([J, J[:, links + vjm.laws.joints]], axis=1)
     return Chain(J, p.T, R.transpose(2, 0, 1), (*bodies, (p, R)), vjm.laws)
+
+
+def turns(vjm: Vjm, theta: Array) -> Array:
+    """Coordinates of links and joints, (runs, 7 n + 6), the turns of laws added to those of their joints."""
+    if vjm.laws is None:
+        return theta
+    plain, links = theta[:, : vjm.arm.n_theta].copy(), 6 * len(vjm.arm.links)
+    np.add.at(plain.T, links + vjm.laws.joints, theta[:, vjm.arm.n_theta :].T)
+    return plain
 
 
 def tool_pose(vjm: Vjm, q: Array) -> tuple[Array, Array]:
@@ -160,7 +181,12 @@ def tool_pose(vjm: Vjm, q: Array) -> tuple[Array, Array]:
 
 def tool_points(vjm: Vjm, q: Array, points: Array) -> Array:
     """Points of the tool's frame, (k, 3) [m], in the world, the arm rigid, (runs, k, 3) [m]."""
-    position, rotation = tool_pose(vjm, q)
+    return on_tool(tool_pose(vjm, q), points)
+
+
+def on_tool(pose: tuple[Array, Array], points: Array) -> Array:
+    """The same of tool positions, (runs, 3) [m], and orientations, (runs, 3, 3)."""
+    position, rotation = pose
     return np.asarray(position[:, None] + points @ rotation.transpose(0, 2, 1))
 
 

@@ -73,11 +73,16 @@ def collisions(room: Room, q: Array) -> list[tuple[str, str] | None]:
         collide(room.arm.rigid, model, data)
         touching = data.contact.geom[data.contact.dist < 0]
         if len(touching):
-            bodies = [model.body(int(model.geom_bodyid[g])).name for g in touching[0]]
-            found.append((bodies[0] or "world", bodies[1] or "world"))
+            one, other = (body_name(model, model.geom_bodyid[g]) for g in touching[0])
+            found.append((one, other))
         else:
             found.append(None)
     return found
+
+
+def body_name(model: mujoco.MjModel, body: int) -> str:
+    """Name of a body; body_K where the MJCF gives none."""
+    return model.body(int(body)).name or f"body_{body}"
 
 
 def collide(path: Path, model: mujoco.MjModel, data: mujoco.MjData) -> None:

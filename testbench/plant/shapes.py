@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array, check_array
 from testbench.plant.build import Plant
-from testbench.plant.feasible import Room
+from testbench.plant.feasible import Room, body_name
 
 Kind = Literal["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"]
 
@@ -64,9 +64,8 @@ class Frames:
 
 
 def body_names(room: Room) -> list[str]:
-    """Names of all bodies in the order of `Frames`, the world first; body_K where the MJCF gives none."""
-    model = room.model
-    return [model.body(i).name or f"body_{i}" for i in range(model.nbody)]
+    """Names of all bodies in the order of `Frames`, the world first."""
+    return [body_name(room.model, k) for k in range(room.model.nbody)]
 
 
 def origins(room: Room, names: Sequence[str], frames: "Frames") -> Array:
@@ -103,7 +102,7 @@ def _shape(model: mujoco.MjModel, g: int) -> Shape:
         body=int(model.geom_bodyid[g]),
         size=half_sizes(kind, model.geom_size[g]),
         position=model.geom_pos[g].copy(),
-        rotation=_matrix(model.geom_quat[g]),
+        rotation=rotation_of(model.geom_quat[g]),
         rgba=geom_rgba(model, g),
         mesh=_mesh(model, int(model.geom_dataid[g])) if kind == "mesh" else None,
     )
@@ -165,16 +164,17 @@ def _sticks(model: mujoco.MjModel) -> list[Shape]:
                 body=int(model.body_parentid[i]),
                 size=np.array([radius, radius, length[i] / 2]),
                 position=model.body_pos[i] / 2,
-                rotation=_matrix(turn),
+                rotation=rotation_of(turn),
                 rgba=np.array([0.6, 0.6, 0.6, 1.0]),
             )
         )
     return sticks
 
 
-def _matrix(quaternion: Array) -> Array:
+def rotation_of(quaternion: Array) -> Array:
+    """The rotation, (3, 3), of MuJoCo's quaternion w, x, y, z, (4,)."""
     rotation = np.empty(9)
-    mujoco.mju_quat2Mat(rotation, quaternion)
+    mujoco.mju_quat2Mat(rotation, np.asarray(quaternion, dtype=float))
     return rotation.reshape(3, 3)
 
 

@@ -19,7 +19,7 @@ from testbench.arm.folder import Arm
 from testbench.arm.mjcf import read_mjcf
 from testbench.errors import Array, BenchError, check_array, check_least
 from testbench.plant.build import compile_mjcf
-from testbench.plant.feasible import COLLIDES, collide, lay_floor
+from testbench.plant.feasible import COLLIDES, body_name, collide, lay_floor
 from testbench.plant.shapes import VISUAL_GROUPS
 
 Index = npt.NDArray[np.int_]
@@ -152,7 +152,7 @@ def build_site(
         station=where,
         model=model,
         data=mujoco.MjData(model),
-        names=tuple(_name(model, body) for body in range(model.nbody)),
+        names=tuple(body_name(model, body) for body in range(model.nbody)),
         joints=np.array([model.joint(j.name).qposadr[0] for j in arm.joints], dtype=int),
         slides=model.jnt_qposadr[slides].astype(int),
         load=model.body(arm.load).id,
@@ -229,7 +229,7 @@ def _check_head(model: mujoco.MjModel, part: Index, where: Array | None) -> None
         if mujoco.mj_geomDistance(model, data, head, g, 1e-3, None) < 0:
             raise BenchError(
                 f"station at {where.tolist()} m: the tracker's head (radius {HEAD_RADIUS} m) is inside "
-                f"{_name(model, model.geom_bodyid[g])}, which does not move; expected a free place"
+                f"{body_name(model, model.geom_bodyid[g])}, which does not move; expected a free place"
             )
 
 
@@ -247,10 +247,6 @@ def _facing(model: mujoco.MjModel, tool: int, markers: Index) -> Array:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return np.asarray(data.xmat[markers].reshape(-1, 3, 3)[:, :, 2] @ data.xmat[tool].reshape(3, 3))
-
-
-def _name(model: mujoco.MjModel, body: int) -> str:
-    return model.body(int(body)).name or ("world" if body == 0 else f"body_{body}")
 
 
 def _poses(site: Site, q: Array) -> Iterator[mujoco.MjData]:

@@ -6,13 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.linalg import helmert
+from scipy.spatial.transform import Rotation
 
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.data.series import select_rows
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.evidence import Learnt, choice, learn, usual
 from testbench.identify.absolute.fit import Options, calibrate
-from testbench.identify.absolute.inner import eliminate
+from testbench.identify.absolute.inner import eliminate, moved_frame, moved_mount
 from testbench.identify.absolute.noise import Noise, repeated, roots
 from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.absolute.scatter import expected_of, single
@@ -22,6 +23,7 @@ from testbench.identify.fold import Point, reduce_series
 from testbench.identify.metric import metric
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.robust_loss import SQUARE
+from testbench.identify.rows import rows_of
 from testbench.model.joint_errors import JointErrors
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
@@ -74,6 +76,20 @@ def test_blocks_and_series_add_up_to_all_equations(kr500, series, reduced):
         alone = reduce_series(point, [select_rows(one, own)])
         check_same(part.gram, alone.gram)
         np.testing.assert_array_equal(part.counts, alone.counts)
+
+
+def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series, rng):
+    """Of a target that is turned on the tool by any angle."""
+    W = Rotation.from_rotvec((0.4, -1.2, 0.7)).as_matrix()
+    one = replace(series[0], rotation=series[0].rotation @ W)
+    state = aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (one,))
+    unknowns = unknowns_of(kr500.vjm, (one,), JointErrors(), joints_only(kr500.arm))
+    step = 1e-5 * rng.standard_normal(unknowns.starts["geometry"])
+    frame, mount = moved_frame(state.frame(one), step[:6]), moved_mount(state.mount(one), step[6:])
+    rows = rows_of(unknowns, state, one)
+    after = rows_of(unknowns, replace(state, frames={one.frame: frame}, mounts={one.target: mount}), one)
+    left = rows[:, :, -1] - np.einsum("sxcr,c->sxr", rows[:, :, : len(step)], step)
+    np.testing.assert_allclose(after[:, :, -1], left, rtol=0, atol=1e-7)  # of 1e-5
 
 
 def test_what_a_model_leaves_open_is_common_to_the_readings_of_a_pose(series):

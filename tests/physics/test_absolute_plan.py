@@ -15,7 +15,7 @@ from testbench.design.criteria import criterion_of, mean_square
 from testbench.design.exchange import exchange, greedy
 from testbench.design.rows import information as of_plan
 from testbench.identify.absolute.pull import information, pull_of
-from testbench.identify.absolute.state import forward, targets
+from testbench.identify.absolute.state import forward
 from testbench.identify.observability import Hidden, hidden
 
 POSES = 12
@@ -47,7 +47,8 @@ def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, poses):
     draws = rng.normal(0, union.rest, (4000, len(union.rest)))
 
     def places(moved):
-        return targets(forward(state, replace(series, q=series.q + moved)).where, state.mount(series)).ravel()
+        where = forward(state, replace(series, q=series.q + moved)).where
+        return where.points(state.mount(series).points).ravel()
 
     still = places(0 * draws[0])
     J = np.stack([(places(h) - still) / 1e-6 for h in 1e-6 * np.eye(len(union.rest))], axis=1)

@@ -8,7 +8,7 @@ import pytest
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import Cell
 from testbench.identify.absolute import state as absolute
-from testbench.identify.absolute.state import Mount, forward, nominal, targets
+from testbench.identify.absolute.state import forward, nominal
 from testbench.model.joint_errors import JointErrors
 from testbench.model.weights import read_weights
 from testbench.plant import Disturbances, build_plant
@@ -37,7 +37,7 @@ def off(cell, disturbances, mass):
         state = replace(state, errors=JointErrors(orders=orders), n=n)
     tool = forward(state, series).where
     points = truth.markers @ mount.rotation.T + mount.position
-    seen = targets(tool, Mount(points, np.eye(3), series.markers)) @ station.rotation.T + station.position
+    seen = tool.points(points) @ station.rotation.T + station.position
     return np.linalg.norm(seen - series.position, axis=2)[:, 0]
 
 

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from testbench.campaign.advice import of_average
 from testbench.campaign.campaign import Scenario, simulate
-from testbench.campaign.model_selection import DEFAULT, choose
+from testbench.campaign.model_selection import with_priors
+from testbench.campaign.models import named_models
 from testbench.campaign.perturbed_prior import prior_of
 from testbench.campaign.true_arms import true_cell
 from testbench.identify import gco, intervals, reduce, with_prior
 from testbench.identify.average import ODDS, averaged
 from testbench.identify.evaluate import deflections, score
-from testbench.identify.hierarchy import ALONE, MISFIT, learn, log_evidence_alone
+from testbench.identify.hierarchy import ALONE, LOOSE, MISFIT, learn, log_evidence_alone
 from testbench.identify.metric import metric, whitened
 from testbench.identify.posterior import linearise
 from testbench.identify.prior import cad_prior
@@ -35,17 +37,18 @@ def errors(cell, campaign, *estimates):
 
 
 @pytest.mark.parametrize("prior", ["right", "scaled"])
-def test_where_links_are_rigid_the_default_is_joints_alone_but_for_a_tenth(kr500, rigid, prior):
-    """Before it erred by a quarter to a half more; joints of a prior and without differ by some percent."""
+def test_where_links_are_rigid_the_default_is_joints_alone(kr500, rigid, prior):
+    """Before it erred by a quarter to a half more."""
     for seed, campaign in rigid.items():
         data = campaign.identification
-        chosen = choose(kr500, data, prior_of(kr500, prior, seed))
+        [model] = with_priors(kr500.arm, named_models(kr500, ["ALL153"]), prior_of(kr500, prior, seed))
+        found = model.estimator(kr500.vjm, model.structure, data)
         alone = gco(kr500.vjm, joints_only(kr500.arm), data)
-        ours, theirs = errors(kr500, campaign, chosen.estimate, alone)
-        assert chosen.name == DEFAULT
-        assert chosen.estimate.average.weight > 0.75
-        assert chosen.why.startswith("link compliances do not improve the model: joint stiffness only weighs")
-        assert ours < 1.1 * theirs
+        ours, theirs = errors(kr500, campaign, found, alone)
+        assert found.average.weight > 0.75
+        [said] = of_average(found.average)
+        assert said.startswith("link compliances do not improve the model: joint stiffness only weighs")
+        assert ours < 1.05 * theirs
 
 
 def test_the_average_is_a_mean_of_gramians_whose_intervals_hold_both(kr500, rigid):
@@ -72,7 +75,7 @@ def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
     for name in ("right", "scaled", "uncoupled"):
         own = metric(prior_of(kr500, name, 2), kr500.vjm, s)
         log_evidence, belief = log_evidence_alone(regression, own)
-        kappa, e = ALONE / belief.strength.uncertainty, belief.metric.expected
+        kappa, e = LOOSE / belief.strength.uncertainty, belief.metric.expected
         A, y = whitened(regression, belief.metric)
         S = kappa**2 * np.eye(len(y)) + ALONE**2 * A @ A.T
         best = float(y @ np.linalg.solve(S, A @ e))

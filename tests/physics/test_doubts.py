@@ -19,7 +19,7 @@ from testbench.data.dataset import Dataset, select
 from testbench.identify.diagnosis.find import AT_A_TIME, HandedIn, doubts
 from testbench.identify.diagnosis.finding import MOST, Finding, one_by_one
 from testbench.identify.diagnosis.finding import test as score
-from testbench.identify.diagnosis.loads import allowed, learnt
+from testbench.identify.diagnosis.loads import PLAY, STIFFER, allowed, learnt
 from testbench.identify.diagnosis.place import Free, Seen
 from testbench.identify.diagnosis.steps import chance
 from testbench.identify.diagnosis.undone import placed
@@ -29,7 +29,7 @@ from testbench.identify.registered import Registered, registered
 from testbench.identify.weighed import MOST_READINGS
 from testbench.model.loaded import displacement
 from testbench.model.structure import all153
-from testbench.model.vjm import chain, generalised_load, tool_pose
+from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose
 
 SEEDS = {"levels": 10, "pressed": 11, "tracker": 17}
 """A set of every kind, of a KR 500: three hung masses, forces in all directions, a tracker's frame."""
@@ -85,6 +85,22 @@ def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets)
     known = np.eye(len(G)) / fitted.misfit**2 - fitted.shared @ fitted.shared.T
     np.testing.assert_allclose(known @ (S + joints @ joints.T), np.eye(len(G)), rtol=0, atol=1e-5)
     np.testing.assert_allclose(fitted.surprise, known @ apart, rtol=0, atol=1e-6 * np.abs(apart).max())
+
+
+def test_sound_joints_play_and_stiffen_as_if_they_turned(sets):
+    """By half the play in the sense of their torque, and by a share of the turn a radian of it."""
+    own = sets["levels"]
+    vjm, data, s = own.cell.vjm, own.data, all153(own.cell.arm)
+    C = own.cell.arm.C_theta
+    found = allowed(vjm, data, s, s.entries(C)).reshape(data.runs, len(data.markers), 3, -1, 2)
+    turn = (C @ generalised_load(chain(vjm, data.q), data.wrench, data.point))[-len(data.q[0]) :].T
+    for j in range(turn.shape[1]):
+        for k, size in enumerate((PLAY * np.sign(turn), STIFFER * turn * np.abs(turn))):
+            q = data.q + size * np.eye(turn.shape[1])[j]
+            moved = tool_points(vjm, q, vjm.markers) - tool_points(vjm, data.q, vjm.markers)
+            moved /= np.sqrt(2) * data.sigma
+            limit = 1e-3 * np.abs(moved).max() + 1e-9
+            np.testing.assert_allclose(found[..., j, k], moved, rtol=0, atol=limit)
 
 
 def test_a_reading_that_outweighs_all_others_is_named(sets):

@@ -266,13 +266,17 @@ def test_what_cannot_be_written_leaves_nothing(ur10, rng, tmp_path):
 
 def test_an_exported_arm_has_its_laws_beside_the_urdf_as_its_words_say(kr500, tmp_path):
     arm, q = kr500.arm, random_joints(kr500.vjm)[:12]
-    C, vjm = np.diag(np.r_[np.diag(arm.C_theta), np.linspace(0.1, 1.8, 18)]), lawful(kr500.vjm)
+    C, vjm = np.diag(np.r_[np.diag(arm.C_theta), np.linspace(0.1, 1.9, 19)]), lawful(kr500.vjm)
     state = bending(vjm, C, read_weights(kr500.arm))
     done = export(state, draft_new(state), tmp_path / "arm.urdf")
     said = json.loads(done.beside.read_text())
     where = chain(vjm, q)
     u = plain_load(where, np.tile([300.0, -200, -3000, 0, 0, 90], (12, 1)), np.tile(vjm.load, (12, 1)))[42:]
-    turned = (C[48:, 48:] @ vjm.laws.load(where, u)).reshape(3, 6, -1).sum(axis=0)
+    turned = C[48:, 48:] @ vjm.laws.load(where, u)
+    turned = turned[:18].reshape(3, 6, -1).sum(axis=0) + np.outer(np.eye(6)[1], turned[18])
+    step = 1e-6 * np.eye(6)[1]
+    lever = (strut_length(vjm, q + step) - strut_length(vjm, q - step)) / 2e-6
+    r = lever / np.linalg.norm(np.cross(vjm.axes[1], arm.compensator.head))
     before = vjm.laws.before(where)
     for row, joint, tau_0, tau, own in zip(said["joints"], arm.joints, before, u, turned, strict=True):
         x_0, x_1, s = joint.compliance * tau_0, joint.compliance * (tau_0 + tau), row["laws"]
@@ -283,8 +287,16 @@ def test_an_exported_arm_has_its_laws_beside_the_urdf_as_its_words_say(kr500, tm
         found = s["stiffening"] * (f_1 - x_1 - f_0 + x_0)
         found += s["backlash"] * 5e-5 * (np.tanh(x_1 / 5e-5) - np.tanh(x_0 / 5e-5))
         found -= s["friction"] * 3e-5 * np.clip((x_1 - x_0) / 3e-5, -1, 1)
+        found -= s.get("compensator", 0) * (x_1 - x_0) * 0.3 * r**2 / (1 + 0.3 * r**2)
         np.testing.assert_allclose(found, own, rtol=0, atol=1e-12)
     assert "f + 100000 f^3 = x (stiffening), s 5e-05 (tanh" in said["words"]["laws"]
+    assert "-s (x_1 - x_0) 0.3 r^2 / (1 + 0.3 r^2)" in said["words"]["laws"]
+
+
+def strut_length(vjm, q):
+    (foot, R_1), (joint, R_2) = chain(vjm, q).bodies[1:3]
+    spring = vjm.arm.compensator
+    return np.linalg.norm(foot + spring.foot @ R_1 - joint - spring.head @ R_2, axis=0)
 
 
 def ur10_yaml():

@@ -55,12 +55,13 @@ def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, camp
     seen = evidence(regression, own)
     h, other = seen.start.copy(), seen.start.copy()
     h[-3:], other[-3:] = np.log([0.3, 0.2, 1.2]), np.log([0.5, 0.1, 1.0])
+    other[-6:-3] = np.log([0.5, 1.0, 2.0])  # of links 0, 2 and 3
 
     def density(h):
         """Minus its logarithm, from all rows as they are, the scales at one."""
         A, y = whitened(regression, seen.metric)
         u, c, kappa = np.exp(h[-3:])
-        D = np.where(seen.metric.couplings, c, u) ** 2
+        D = (np.where(seen.metric.couplings, c, u) * shares(seen, h)[seen.block]) ** 2
         S = kappa**2 * np.eye(len(y)) + A * D @ A.T
         e = y - A @ seen.metric.expected
         more = sum(t.equations / 3 * t.rest for t in regression.terms) / kappa**2 / 2
@@ -68,11 +69,18 @@ def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, camp
         return (np.linalg.slogdet(S)[1] + e @ np.linalg.solve(S, e)) / 2 + more + beyond
 
     def hyper(h):
-        z = (h[-3:] - seen.start[-3:]) / np.array([0.4, 0.7, 0.7])
+        z = (h[-6:] - seen.start[-6:]) / np.array([0.5, 0.5, 0.5, 0.4, 0.7, 0.7])
         return z @ z / 2
 
     found = [posterior(seen.problem, point).loss - hyper(point) - density(point) for point in (h, other)]
     np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-6)  # but for a constant
+
+
+def shares(seen, h):
+    """What u and c of every block are times, (blocks,)."""
+    found = np.ones(seen.blocks)
+    found[seen.whole] = np.exp(h[-3 - len(seen.whole) : -3])
+    return found
 
 
 def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, campaign):
@@ -80,7 +88,9 @@ def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, cam
     belief = learn(regression, own)
     (A, y), D = whitened(regression, belief.metric), belief.misfit**2
     e, strength = belief.metric.expected, belief.strength
-    P = D * np.where(belief.metric.couplings, strength.coupling, strength.uncertainty) ** 2
+    assert np.std(np.log(strength.shares[:7])) > 0.01  # links of one arm are unlike
+    own = np.repeat(strength.shares, [21] * 7 + [1] * 6)
+    P = D * (own * np.where(belief.metric.couplings, strength.coupling, strength.uncertainty)) ** 2
     S = D * np.eye(len(y)) + A * P @ A.T
     expected = e + P * (A.T @ np.linalg.solve(S, y - A @ e))
     estimate = solve(regression, "none", belief)
@@ -115,7 +125,8 @@ def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(
     def estimate(h):
         L = seen.metric.L * np.exp(h[: seen.blocks])[seen.block]
         u, c, kappa = np.exp(h[-3:])
-        there = Belief(replace(seen.metric, L=L), Strength(u / kappa, 0.0, coupling=c / kappa))
+        own = Strength(u / kappa, 0.0, coupling=c / kappa, shares=tuple(shares(seen, h)))
+        there = Belief(replace(seen.metric, L=L), own)
         return solve(regression, "none", there).pi
 
     steps = 1e-4 * np.eye(len(h))[:-1]
@@ -128,12 +139,17 @@ def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(
 
 
 @pytest.mark.parametrize("make", [all153, mgco68])
-def test_diagnosis_starts_from_the_estimate_with_the_learnt_prior(kr500, campaign, make):
+def test_diagnosis_starts_from_the_estimate_with_a_learnt_prior_of_links_alike(kr500, campaign, make):
     regression, own = seen_by(kr500, campaign, make(kr500.arm))
-    [fitted, own_pi] = [
-        learnt(kr500.vjm, own, campaign.identification).pi,
-        solve(regression, "none", learn(regression, own, widths=False)).pi,
-    ]
+    fitted = learnt(kr500.vjm, own, campaign.identification).pi
+    seen = evidence(regression, own, alike=True)
+    h = greatest(seen.problem, seen.start)
+    u, c, kappa = np.exp(h[-3:])
+    L = seen.metric.L * np.exp(h[: seen.blocks])[seen.block]
+    own_pi = solve(
+        regression, "none", Belief(replace(seen.metric, L=L), Strength(u / kappa, 0.0, c / kappa))
+    ).pi
+    assert (shares(seen, h) == 1).all()
     np.testing.assert_allclose(fitted, own_pi, rtol=0, atol=1e-4 * np.abs(own_pi).max())
 
 

@@ -5,10 +5,11 @@ import pytest
 from serial_arms import write_arm
 
 from testbench.arm.folder import load_arm
-from testbench.correct.batches import at, replaced
+from testbench.correct.batches import replaced
 from testbench.correct.inverse import joints_along, settle
 from testbench.correct.newton import Target
 from testbench.correct.reach import THERE, reach
+from testbench.data.dataset import in_order
 from testbench.model.kinematics import build_vjm
 from testbench.model.turn import turn_between
 from testbench.model.vjm import Vjm, rotation, tool_pose
@@ -132,9 +133,9 @@ def test_poses_settled_together_are_those_solved_one_by_one(kr500, rng):
     q = planted(vjm, rng, 40)
     target = Target(*tool_pose(vjm, q))
     guess = reach(vjm, target, rng.uniform(*vjm.arm.limits, (40, 6)))
-    guess = replaced(guess, np.array([0]), reach(vjm, at(target, slice(1)), q[:1]))
+    guess = replaced(guess, np.array([0]), reach(vjm, in_order(target, slice(1)), q[:1]))
     found = settle(vjm, target, guess, np.arange(1, 40), np.ones(40, dtype=bool))
     for k in range(1, 40):
-        own = reach(vjm, at(target, slice(k, k + 1)), found.q[k - 1 : k])
+        own = reach(vjm, in_order(target, slice(k, k + 1)), found.q[k - 1 : k])
         np.testing.assert_allclose(own.q[0], found.q[k], rtol=0, atol=1e-8)
     assert np.abs(guess.q - found.q).max() > 1

@@ -26,6 +26,7 @@ from testbench.identify.hierarchy import LAW, evidence
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior, cad_prior
 from testbench.model.laws import (
+    BESIDE,
     KINDS,
     PLAY,
     STICK,
@@ -33,7 +34,6 @@ from testbench.model.laws import (
     lawful,
     laws_of,
     tangent,
-    turns,
     vjm_of,
     with_laws,
     without_laws,
@@ -41,7 +41,7 @@ from testbench.model.laws import (
 from testbench.model.load import Load
 from testbench.model.loaded import displacement
 from testbench.model.structure import all153, joints_only
-from testbench.model.vjm import chain, plain_load, skew
+from testbench.model.vjm import chain, plain_load, skew, turns
 from testbench.model.weights import read_weights
 from testbench.plant import TYPICAL, Disturbances, disturb, settle_disturbed, settle_pair
 from testbench.plant.compensator import KR500_COMPENSATOR
@@ -91,6 +91,27 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind, what):
     np.testing.assert_allclose(more, expected, rtol=0, atol=0.06 * np.abs(expected).max())
 
 
+def test_a_compensator_of_size_one_takes_off_what_the_true_strut_does(kr500):
+    """But for link 1, which it spans too, and which turns a little less."""
+    spring, joint = kr500.arm.compensator, kr500.arm.joints[1]
+    axis = kr500.vjm.axes[1]
+    longest = np.linalg.norm(np.cross(axis, spring.head))
+    strut = replace(
+        KR500_COMPENSATOR,
+        foot=tuple(spring.foot),
+        head=tuple(spring.head),
+        stiffness=BESIDE / joint.compliance / longest**2,
+    )
+    q, wrench, point = loaded(kr500, 3)
+    free, held = (
+        true_turns(kr500, Disturbances(compensator=own), q, wrench, point)[:, 1] for own in (None, strut)
+    )
+    where = chain(lawful(kr500.vjm), q)
+    expected = where.laws.load(where, plain_load(where, wrench, point)[LINKS:])[-1]
+    assert np.abs(expected).max() > 0.15 * np.abs(free).max()
+    np.testing.assert_allclose(held - free, expected, rtol=0, atol=0.06 * np.abs(expected).max())
+
+
 def replace_compensator(cell):
     return replace(cell.vjm, arm=replace(cell.arm, compensator=None))
 
@@ -127,29 +148,32 @@ def test_slopes_are_the_change_of_the_turns_with_the_torque(kr500):
 
 def test_a_structure_gains_and_loses_its_laws(kr500):
     s = all153(kr500.arm)
-    own = with_laws(s)
-    assert (own.n, own.n_theta, own.laws, own.links) == (153 + 18, 48 + 18, 18, 7)
+    own = with_laws(s, kr500.arm)
+    assert (own.n, own.n_theta, own.laws, own.links) == (153 + 19, 48 + 19, 19, 7)
     assert own.labels[48:50] == ("joint_1 stiffening", "joint_2 stiffening")
-    assert with_laws(own) is own
+    assert own.labels[-1] == "joint_2 compensator"
+    assert with_laws(s, replace(kr500.arm, compensator=None)).labels == own.labels[:-1]
+    assert with_laws(own, kr500.arm) is own
     back = without_laws(own)
     assert (back.name, back.labels, back.laws) == (s.name, s.labels, 0)
     np.testing.assert_array_equal(back.a, s.a)
     assert vjm_of(kr500.vjm, s) is kr500.vjm
-    assert vjm_of(kr500.vjm, own).n_theta == 66
+    assert vjm_of(kr500.vjm, own).n_theta == 67
 
 
 def test_turns_of_laws_are_turns_of_their_joints(kr500):
-    theta = np.random.default_rng(1).standard_normal((3, 66)) * 1e-3
+    theta = np.random.default_rng(1).standard_normal((3, 67)) * 1e-3
     vjm = lawful(kr500.vjm)
     q = loaded(kr500, 6, runs=3)[0]
     ours, theirs = chain(vjm, q, theta), chain(kr500.vjm, q, turns(vjm, theta))
     np.testing.assert_allclose(ours.position, theirs.position, rtol=0, atol=1e-12)
     np.testing.assert_allclose(ours.J_theta[:, :48], theirs.J_theta, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(ours.J_theta[:, 60:], theirs.J_theta[:, LINKS:48], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(ours.J_theta[:, 60:66], theirs.J_theta[:, LINKS:48], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(ours.J_theta[:, 66], theirs.J_theta[:, LINKS + 1], rtol=0, atol=1e-12)
 
 
 def default(cell):
-    [model] = with_priors(named_models(cell, ["ALL153"]), cad_prior(cell.arm))
+    [model] = with_priors(cell.arm, named_models(cell, ["ALL153"]), cad_prior(cell.arm))
     return model
 
 
@@ -181,10 +205,15 @@ def test_where_joints_obey_laws_the_default_finds_them(kr500, campaigns):
 
 
 def test_where_joints_are_linear_the_default_is_linear(kr500, campaigns):
-    data, _ = campaigns["plain"]
+    """Nearly: laws keep a small weight, and widths count that they are not ruled out."""
+    data, truth = campaigns["plain"]
     found, linear = with_and_without(kr500, data)
-    assert found.structure.laws == 0
-    np.testing.assert_allclose(found.pi, linear.pi, rtol=1e-6, atol=1e-9 * np.abs(linear.pi).max())
+    assert found.average.laws == 0
+    assert 0.05 < found.average.likely < 0.5
+    ours, theirs = (deflections(kr500.vjm, own, truth) for own in (found, linear))
+    assert score(ours, theirs).rms < 3e-6
+    half = [own.upper - own.lower for own in (intervals(kr500.vjm, e, truth) for e in (found, linear))]
+    assert 1 < np.median(half[0] / half[1]) < 1.4
 
 
 def test_a_mean_of_both_is_between_them_and_its_intervals_hold_both(kr500, campaigns):
@@ -195,7 +224,9 @@ def test_a_mean_of_both_is_between_them_and_its_intervals_hold_both(kr500, campa
     lawful_, whole, w, s = own.average.lawful, own.average.whole, 0.4, own.structure
     pi = w * lawful_.pi
     pi[s.a < s.plain] += (1 - w) * whole.pi
-    mean = replace(own, pi=pi, C_theta=s.matrix(pi), average=replace(own.average, weight=0.0, laws=w))
+    mean = replace(
+        own, pi=pi, C_theta=s.matrix(pi), average=replace(own.average, weight=0.0, laws=w, likely=w)
+    )
     both = [deflections(kr500.vjm, e, truth) for e in (lawful_, whole)]
     np.testing.assert_allclose(
         deflections(kr500.vjm, mean, truth), w * both[0] + (1 - w) * both[1], rtol=0, atol=1e-12
@@ -209,10 +240,10 @@ def test_a_mean_of_both_is_between_them_and_its_intervals_hold_both(kr500, campa
 
 def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
     data, _ = campaigns["all"]
-    s = with_laws(all153(kr500.arm))
+    s = with_laws(all153(kr500.arm), kr500.arm)
     for estimator in (least_squares, gco):
         assert estimator(kr500.vjm, s, data).structure.laws == 0
-    [model] = with_priors(named_models(kr500, ["Joints"]), cad_prior(kr500.arm))
+    [model] = with_priors(kr500.arm, named_models(kr500, ["Joints"]), cad_prior(kr500.arm))
     assert model.structure.laws == 0
     with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, joints_only(kr500.arm), data)
     firm = robust(with_prior(gco, cad_prior(kr500.arm)))  # as cross-validation has it, reduced with laws
@@ -255,7 +286,7 @@ def test_without_a_law_the_tangent_is_the_compliance(kr500):
 
 def test_a_joint_that_sticks_more_than_it_bends_gives_nothing_to_a_small_load(kr500):
     vjm, joints = lawful(kr500.vjm), slice(LINKS, 48)
-    C = np.diag(np.r_[np.diag(kr500.arm.C_theta), np.repeat([0.0, 0.0, 3.0], 6)])
+    C = np.diag(np.r_[np.diag(kr500.arm.C_theta), np.repeat([0.0, 0.0, 3.0], 6), 0.0])
     where = chain(vjm, loaded(kr500, 8, runs=2)[0])
     found = tangent(vjm, C, where, np.zeros((48, 2)))
     np.testing.assert_array_equal(found[:, joints, joints], np.zeros((2, 6, 6)))
@@ -274,6 +305,8 @@ def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_pat
     joint_2 = said["laws"][1]
     assert 2 < joint_2["stiffer_percent"] < 40
     assert 10 < joint_2["backlash_urad"] < 150
+    assert 0 < joint_2["strut_percent"] < 15
+    assert said["laws"][0]["strut_percent"] is None
     own = load_model(tmp_path / "fit")
     assert own.vjm.laws is not None
     again = deflected(own, campaigns["all"][0])
@@ -316,7 +349,7 @@ def at_the_base_links_end(kr500, C):
 
 def test_a_prior_wrong_in_scale_costs_laws_nothing(kr500, campaigns):
     """The scale common to compliances is the data's; sizes of laws have none."""
-    data, s = campaigns["all"][0], with_laws(all153(kr500.arm))
+    data, s = campaigns["all"][0], with_laws(all153(kr500.arm), kr500.arm)
     found = [
         with_prior(gco, Prior("scaled", scale * kr500.arm.C_theta))(kr500.vjm, s, data) for scale in (1, 3)
     ]
@@ -324,7 +357,7 @@ def test_a_prior_wrong_in_scale_costs_laws_nothing(kr500, campaigns):
 
 
 def test_sizes_of_laws_scatter_about_their_median_as_the_prior_says(kr500, campaigns):
-    data, s = campaigns["all"][0], with_laws(all153(kr500.arm))
+    data, s = campaigns["all"][0], with_laws(all153(kr500.arm), kr500.arm)
     vjm = vjm_of(kr500.vjm, s)
     own = evidence(reduce(vjm, s, data), metric(cad_prior(kr500.arm), kr500.vjm, s))
     normal, size = own.problem.priors[0], math.log(LAW[0])
@@ -340,6 +373,9 @@ def test_how_much_laws_weigh_is_said(kr500, campaigns):
     data, _ = campaigns["all"]
     model = default(kr500)
     own = model.estimator(kr500.vjm, model.structure, data).average
-    assert of_average(own) == "the evidence is for joints that stiffen, have backlash or friction"
-    assert "friction, which weigh 37 % by evidence" in of_average(replace(own, laws=0.37))
-    assert "friction" not in of_average(replace(own, weight=0.3, laws=0.0, lawful=None))
+    assert of_average(own) == ["the evidence is for joints that stiffen, have backlash or friction"]
+    [said] = of_average(replace(own, laws=0.37))
+    assert "friction, which weigh 37 % by evidence" in said
+    [said] = of_average(replace(own, weight=0.3, laws=0.0))
+    assert "friction" not in said
+    assert of_average(replace(own, weight=0.0, laws=0.0)) == of_average(None) == []

@@ -70,7 +70,7 @@ def test_a_recommendation_holds_poses_out_of_an_estimator_of_ones_own_too(kr500,
 def test_the_default_gives_way_to_joints_alone_only_where_these_are_clearly_better(kr500, campaign):
     data, cad = campaign.identification, cad_prior(kr500.arm)
     chosen = choose(kr500, data, cad)
-    assert (chosen.name, chosen.estimate.structure.n) == (DEFAULT, 153)
+    assert (chosen.name, chosen.estimate.of_compliances.structure.n) == (DEFAULT, 153)
     assert chosen.why.startswith("the default; in cross-validation no rival")
     found = recommend(kr500, default_models(kr500, cad), data)
     by_name = {c.name: c.errors for c in found.candidates}

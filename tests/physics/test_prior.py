@@ -203,7 +203,7 @@ def test_cross_validation_takes_the_strength_that_predicts_best(kr500):
     for u in UNCERTAINTIES:
         fits = [solve(fold.fitted, "none", Belief(own, Strength(u))).pi for fold in folds]
         errors[u] = np.mean([f_m(fold.held_out, pi) for fold, pi in zip(folds, fits, strict=True)])
-    chosen = choose_strength(folds, own, lambda cases: np.array([answer("none", case).pi for case in cases]))
+    chosen = choose_strength(folds, own, lambda case: answer("none", case).pi)
     assert chosen.uncertainty == min(errors, key=errors.get)
 
 

@@ -31,12 +31,15 @@ def campaigns(kr500):
 
 @pytest.mark.parametrize("kind", ["kind", *NASTY])
 def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
+    own = 0
     for k in range(8):
         case = with_random_prior(random_regression(kind, rng), STRENGTHS[k % len(STRENGTHS)], rng)
         found = compared(case)
+        own += found.own
         assert found.over <= WORSE
         assert not found.own or found.gap <= APART
         assert least_squares_off(case) <= OFF
+    assert own >= 6 or kind != "kind"  # of random ones 97 of 100 are proven
 
 
 @pytest.mark.parametrize("kind", ["kind", *NASTY])
@@ -123,7 +126,7 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
     own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, regression.structure), regression)
     belief = Belief(own, Strength(3.0))
     right, squares = solve(regression, "psd", belief), interior.interior
-    monkeypatch.setattr(interior, "interior", lambda *args: (wrong(squares(*args)[0]), squares(*args)[1]))
+    monkeypatch.setattr(interior, "interior", lambda own: replace(squares(own), x=wrong(squares(own).x)))
     assert not answer("psd", Case(regression, belief)).own
     again = solve(regression, "psd", belief)
     assert again.conservative

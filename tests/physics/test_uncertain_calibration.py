@@ -14,7 +14,7 @@ from testbench.identify.absolute import evidence as sizes
 from testbench.identify.absolute.noise import Noise, repeated, roots, weights
 from testbench.identify.absolute.posterior import deviations_root, known, place, predict
 from testbench.identify.absolute.scatter import scatter
-from testbench.identify.absolute.state import Mount, forward, nominal, targets
+from testbench.identify.absolute.state import Mount, forward, nominal
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.evidence import ALIKE, TAIL
@@ -145,7 +145,7 @@ def read_by(state, series):
     """The series with the targets where the state has them."""
     told = forward(state, series)
     frame = state.frame(series)
-    x = targets(told.where, state.mount(series)) @ frame.rotation.T + frame.translation
+    x = told.where.points(state.mount(series).points) @ frame.rotation.T + frame.translation
     return replace(series, position=x)
 
 

@@ -9,6 +9,7 @@ from pyarrow import parquet
 from run_here import ROOT, check_files, here, numbers_alone
 from test_own_estimator import BAD, EXAMPLE, PAGE, TIMEOUT, WHY
 
+import testbench as tb
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.evaluation import unseen
 from testbench.campaign.own_limits import Limits
@@ -34,18 +35,19 @@ def estimate(kinematics, structure, data, prior):
     return pi, np.diag((0.3 * pi) ** 2)
 '''
 FROZEN = {
-    "gravity-8": (1, "off_40", 16, 3.3068099, 2.8635779, 8.5680232),
-    "gravity-12": (1, "off_40", 24, 3.3770282, 2.6319992, 8.5680232),
-    "gravity-20": (1, "off_40", 40, 3.4170019, 2.6518415, 8.5680232),
-    "loads": (1, "off_40", 24, 2.3750226, 2.8635779, 8.5680232),
-    "section-5-2": (1, "off_40", 108, 8.8467802, 13.099153, 199.15934),
-    "disturbed": (1, "off_40", 24, 3.012124, 2.3824887, 8.5680232),
-    "frame": (1, "off_40", 24, 3.3723642, 2.6319992, 8.5680232),
-    "stations": (1, "off_40", 24, 3.0065009, 2.3824887, 8.5680232),
-    "other-arms": (1, "soft_link", 24, 3.4883196, 2.7340126, 8.5680232),
-    "wrong-prior": (1, "off_40", 24, 3.3770282, 2.6319992, 7.8361716),
+    "gravity-8": (1, "off_40", 561.1843, 6.729526, 2.863578),
+    "gravity-12": (1, "off_40", 701.8159, 6.147792, 2.631999),
+    "gravity-20": (1, "off_40", 916.7116, 6.253121, 2.651842),
+    "loads": (1, "off_40", 493.5155, 6.729526, 2.863578),
+    "section-5-2": (1, "off_40", 6430.079, 25.89255, 13.09915),
+    "disturbed": (1, "off_40", 625.9618, 6.147792, 2.382489),
+    "frame": (1, "off_40", 2741.171, 6.1478, 2.631999),
+    "stations": (1, "off_40", 2237.785, 6.15007, 2.382489),
+    "other-arms": (1, "soft_link", 724.9501, 6.147792, 2.734013),
+    "ur10": (1, "ur10", 15.81004, 0.3162947, 0),
+    "wrong-prior": (1, "off_40", 701.8159, 5.69154, 2.631999),
 }
-"""By task, with seed 3: version, true arm, runs, RMS of readings and of the truth [mm], size of the prior."""
+"""With seed 3: version, true arm; sizes of readings [1], of what the prior predicts and of the truth [mm]."""
 
 
 def bench(*asked):
@@ -126,11 +128,13 @@ def test_a_task_is_what_it_was_under_its_version(name, kr500):
     task = TASKS[name]
     cell = kr500 if task.arm == "kr500_l480" else build_cell(ROOT / "models" / task.arm)
     own = problem(task, cell, 3)
-    sizes = [1e3 * np.sqrt((part.deflection**2).mean()) for part in (own.data, own.truth)]
-    version, arm, *numbers = FROZEN[name]
+    _, y = tb.reduce(own.cell.vjm, own.structure, own.data).rows
+    moved = own.predict(own.structure.entries(own.prior.C_theta))
+    version, arm, *sizes = FROZEN[name]
     assert (task.version, own.true_arm) == (version, arm)
-    found = (own.data.runs, *sizes, 1e6 * np.abs(own.prior.C_theta).sum())
-    assert found == pytest.approx(numbers, rel=1e-6)
+    found = (np.linalg.norm(y), *(1e3 * np.sqrt((part**2).mean()) for part in (moved, own.true)))
+    learnt = name == "ur10"  # last digits decide where learning the sizes of its errors stops
+    assert found == pytest.approx(sizes, rel=0.05 if learnt else 1e-4)
 
 
 def test_judged_seeds_are_of_a_secret_that_is_committed_to_before_any_entry(folder, tmp_path):

@@ -54,7 +54,7 @@ def folder(kr500, tmp_path_factory):
     models = {
         "true": Model("truth", all153(kr500.arm), partial(the_truth, kr500.arm.C_theta)),
         "joints": named_models(kr500, ["Joints"])[0],
-        "sure": with_priors(named_models(kr500, ["ALL"]), cad_prior(kr500.arm), Strength(0.3))[0],
+        "sure": with_priors(kr500.arm, named_models(kr500, ["ALL"]), cad_prior(kr500.arm), Strength(0.3))[0],
     }
     for name, model in models.items():
         (out / name).mkdir()

@@ -34,7 +34,7 @@ def first_poses(spec, _criterion, q, *_):
 
 def undisputed(cell, data, prior):
     """The default without rivals: that these are beaten is tested elsewhere."""
-    [model] = with_priors(named_models(cell, ["ALL153"]), prior)
+    [model] = with_priors(cell.arm, named_models(cell, ["ALL153"]), prior)
     return Choice(model.name, model.estimator(cell.vjm, model.structure, data), "")
 
 

@@ -33,7 +33,7 @@ def runs(kr500):
 def written(cell, runs, name, folder, prior=False):
     folder.mkdir()
     models = named_models(cell, [name])
-    models = with_priors(models, tb.cad_prior(cell.arm)) if prior else models
+    models = with_priors(cell.arm, models, tb.cad_prior(cell.arm)) if prior else models
     found = fit(cell, models, Runs("runs.csv", runs, runs, None), lambda: 0.0)
     write_stiffness(cell, found, Runs("runs.csv", runs, runs, None), {"runs.csv": "0" * 64}, folder)
     return found.taken

@@ -44,7 +44,7 @@ def folder_of(cell, parent, prior):
     """A model of few poses of a hung weight; without a prior some of it stays open."""
     runs = simulate(cell, Scenario(arm="kr500_l480", workspace_poses=1), 7).identification
     models = named_models(cell, ["MGCO56"])
-    models = with_priors(models, tb.cad_prior(cell.arm)) if prior else models
+    models = with_priors(cell.arm, models, tb.cad_prior(cell.arm)) if prior else models
     found = fit(cell, models, Runs("runs.csv", runs, runs, None), lambda: 0.0)
     folder = parent / ("prior" if prior else "bare")
     folder.mkdir()

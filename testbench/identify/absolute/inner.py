@@ -19,6 +19,7 @@ from testbench.identify.prior import Strength
 from testbench.identify.registration import Frame
 from testbench.identify.regression import Regression, regression_of, term_of
 from testbench.identify.solve import solve
+from testbench.model.turn import turned
 
 OPEN = 1e-10  #: Share of a column that no other has, below which it is not seen at all.
 
@@ -52,18 +53,16 @@ def eliminate(
     Raises:
         BenchError: When the readings leave a frame or target open.
     """
-    T = _factor(own, reduced, learnt)
+    T = factor_of(own, reduced, learnt)
     r, c = own.rigid, len(own.columns)
-    R, z = T[:r, :r], T[:r, c]
+    R = T[:r, :r]
     if own.elastic is None:
-        x, root, estimate = solve_triangular(R, z), R, None
+        x, root, estimate = solve_triangular(R, T[:r, c]), R, None
     else:
-        equations = int(reduced.counts.sum())
-        term = term_of(T[r:, r:] / np.sqrt(equations / 3), 0.0, equations)
-        regression = regression_of(own.elastic.structure, (term,))
+        regression = of_compliances(T, own.elastic, int(reduced.counts.sum()))
         belief = Belief(own.elastic, strength) if strength else _believed(regression, own.elastic)
         estimate = solve(regression, constraint, belief)
-        x = np.r_[solve_triangular(R, z - T[:r, r:c] @ estimate.pi), estimate.pi]
+        x = with_others(T, estimate.pi)
         L, B = own.elastic.L, precision_root(belief.metric, belief.strength)[0]
         B = B @ np.linalg.solve(belief.metric.L, L)
         below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
@@ -77,6 +76,20 @@ def eliminate(
     return Solved(x, root, estimate, spent)
 
 
+def of_compliances(T: Array, elastic: Metric, equations: int) -> Regression:
+    """What is left of so many equations for compliances, of the factor T of all, compliances last."""
+    r = len(T) - 1 - len(elastic.expected)
+    term = term_of(T[r:, r:] / np.sqrt(equations / 3), 0.0, equations)
+    return regression_of(elastic.structure, (term,))
+
+
+def with_others(T: Array, pi: Array) -> Array:
+    """All unknowns, (c,), of compliances (n,): the others as they are most likely then."""
+    r = len(T) - 1 - len(pi)
+    others: Array = solve_triangular(T[:r, :r], T[:r, -1] - T[:r, r:-1] @ pi)
+    return np.concatenate([others, pi])
+
+
 def _widened(root: Array, moves: Array) -> Array:
     """Triangular root of a precision, (e, e), when moves, one a column, add to the covariance."""
     deviations = np.hstack([solve_triangular(root, np.eye(len(root))), moves])
@@ -84,7 +97,7 @@ def _widened(root: Array, moves: Array) -> Array:
     return np.asarray(np.linalg.qr(solve_triangular(R, np.eye(len(R)), trans="T"), mode="r"))
 
 
-def _factor(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:
+def factor_of(own: Choice, reduced: Reduced, learnt: Learnt) -> Array:
     """Triangular factor of all equations and of the priors but compliances', readings last."""
     some = np.r_[own.columns, own.unknowns.size]
     deviation = learnt.deviation[own.columns[: own.rigid]]
@@ -135,7 +148,7 @@ def moved(state: State, own: Choice, x: Array) -> State:
 
 def moved_frame(frame: Frame, step: Array) -> Frame:
     """A frame after the base moved by a step, base axes: x + move + turn x x."""
-    turn = _rotation(step[3:])
+    [turn] = turned(step[None, 3:])
     return Frame(frame.rotation @ turn, frame.translation + frame.rotation @ step[:3])
 
 
@@ -143,12 +156,5 @@ def moved_mount(mount: Mount, step: Array) -> Mount:
     """A mount whose targets moved, tool axes, and whose target with an orientation turned."""
     m = len(mount.points)
     points = mount.points + step[: 3 * m].reshape(m, 3)
-    turned = len(step) > 3 * m
-    rotation = _rotation(step[3 * m :]) @ mount.rotation if turned else mount.rotation
-    return replace(mount, points=points, rotation=rotation)
-
-
-def _rotation(vector: Array) -> Array:
-    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
-
-    return np.asarray(Rotation.from_rotvec(vector).as_matrix())
+    [turn] = turned(step[None, 3 * m :]) if len(step) > 3 * m else np.eye(3)[None]
+    return replace(mount, points=points, rotation=turn @ mount.rotation)

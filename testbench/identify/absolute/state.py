@@ -143,11 +143,6 @@ def forward(state: State, series: Series) -> Equilibrium:
     return equilibrium(state, series.q, loads, LOAD_STEPS)
 
 
-def targets(where: Chain, mount: Mount) -> Array:
-    """Targets in base axes, (runs, m, 3) [m]."""
-    return np.asarray(where.position[:, None] + np.einsum("rxy,my->rmx", where.rotation, mount.points))
-
-
 def torque_scale(vjm: Vjm, weights: Weights, series: tuple[Series, ...]) -> Array:
     """Root mean square torque of every joint over all rows, (n,) [N m, N]."""
     total = np.zeros(vjm.arm.n_joints)

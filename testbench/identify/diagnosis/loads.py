@@ -63,12 +63,12 @@ class Learnt:
 def learnt(vjm: Vjm, metric: Metric, data: Dataset, h: Array | None = None) -> Learnt:
     """Learn the prior from a dataset, or take hyperparameters of others; its readings against it."""
     structure = metric.structure
-    seen = evidence(reduce(vjm, structure, data), metric)
+    seen = evidence(reduce(vjm, structure, data), metric, alike=True)
     h = greatest(seen.problem, seen.start) if h is None else h
     read = one_by_one(vjm, structure, data)
     G = read.A.reshape(-1, structure.n) @ seen.metric.L
     s, kappa = np.exp(h[: seen.blocks])[seen.block], np.exp(h[-1])
-    width = s * np.exp(np.where(seen.metric.couplings, h[-2], h[-3]))
+    width = np.exp(seen.problem.drawn @ h)
     residual = read.y.ravel() - G @ (s * seen.metric.expected)
     half = G * width
     expected = np.concatenate([residual, np.zeros(len(width))])

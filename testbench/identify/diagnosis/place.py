@@ -81,7 +81,7 @@ def fit(seen: Seen, free: Free) -> Fit:
     now = Fit(STILL, seen.markers, np.zeros(seen.vjm.arm.n_theta), seen.read, np.inf, count)
     where = _chain(seen, now)
     if free.frame:
-        base = places(where, now.markers)
+        base = where.points(now.markers)
         now = replace(
             now, frame=Frame(*kabsch(base[seen.there], seen.read[seen.there], mirrored=free.mirrored))
         )
@@ -100,15 +100,15 @@ def _chain(seen: Seen, now: Fit) -> Chain:
     return chain(seen.vjm, seen.q, np.tile(now.theta, (len(seen.q), 1)) if now.theta.any() else None)
 
 
-def places(where: Chain, markers: Array) -> Array:
-    """Where the kinematics has targets, in the arm's base, (poses, m, 3) [m]."""
-    return np.asarray(where.position[:, None] + markers @ where.rotation.transpose(0, 2, 1))
-
-
 def _judged(seen: Seen, where: Chain, now: Fit) -> Fit:
-    x = places(where, now.markers) @ now.frame.rotation.T + now.frame.translation
-    off = np.where(seen.there[..., None], x - seen.read, 0)
+    off = residuals(seen, where, now)
     return replace(now, residual=off, loss=float(losses(off, seen.scale).sum()))
+
+
+def residuals(seen: Seen, where: Chain, now: Fit) -> Array:
+    """Where the arm has the targets minus readings, (poses, m, 3) [m]; 0 where nothing was read."""
+    x = where.points(now.markers) @ now.frame.rotation.T + now.frame.translation
+    return np.where(seen.there[..., None], x - seen.read, 0.0)
 
 
 def _refined(seen: Seen, free: Free, where: Chain, now: Fit) -> Fit:

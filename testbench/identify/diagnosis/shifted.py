@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.data.dataset import Ids
 from testbench.errors import Array
-from testbench.identify.diagnosis.place import Fit, Free, Seen, away, fit, losses, places
+from testbench.identify.diagnosis.place import Fit, Free, Seen, away, fit, losses, residuals
 from testbench.model.vjm import chain
 
 ENOUGH = 300  #: Rows that tell frame and targets, or whether anything slipped.
@@ -37,7 +37,7 @@ def slipped(seen: Seen, free: Free, far: float, better: float) -> Slip | None:
     head = _head(seen, free, far)
     if head is None or _many(seen, head, far, np.arange(len(seen.q))[-ENOUGH:]) < LEAST:
         return None
-    own = losses(_off(seen, head, seen.q), seen.scale).sum(axis=1)
+    own = losses(residuals(seen, chain(seen.vjm, seen.q), head), seen.scale).sum(axis=1)
     cost, first, shift, q = min(_tried(seen, head, own, better), key=lambda one: one[0])
     while first > 1 and _many(seen, head, far, np.array([first - 1])):
         first -= 1  # the row that was deleted has no pose at all
@@ -52,7 +52,7 @@ def _tried(seen: Seen, head: Fit, own: Array, better: float) -> Iterator[tuple[f
     rows = np.arange(len(seen.q))[:, None]
     for shift in (1, -1):
         q = np.roll(seen.q, shift, axis=0)
-        other = losses(_off(seen, head, q), seen.scale).sum(axis=1)
+        other = losses(residuals(seen, chain(seen.vjm, q), head), seen.scale).sum(axis=1)
         cost = np.cumsum(own - other)[:-LEAST] + other.sum()
         alike = cost < cost.min() + better * seen.there.shape[1]  # a row that was inserted fits either way
         first = 1 + int(np.flatnonzero(alike)[-1])
@@ -81,16 +81,10 @@ def _rows(seen: Seen, some: Ids) -> Seen:
 def _many(seen: Seen, head: Fit, far: float, rows: Ids) -> int:
     """How many of some rows do not fit."""
     one = _rows(seen, rows)
-    return int((np.linalg.norm(_off(one, head, one.q), axis=2) > far).any(axis=1).sum())
-
-
-def _off(seen: Seen, found: Fit, q: Array) -> Array:
-    """Readings minus where the arm has the targets in some angles, (poses, m, 3) [m]; 0 where none is."""
-    x = places(chain(seen.vjm, q), found.markers) @ found.frame.rotation.T + found.frame.translation
-    return np.where(seen.there[..., None], seen.read - x, 0.0)
+    return int((np.linalg.norm(residuals(one, chain(one.vjm, one.q), head), axis=2) > far).any(axis=1).sum())
 
 
 def _typical(seen: Seen, found: Fit, q: Array, first: int) -> float:
     """Median distance of readings from a row on [m]; 0 without any."""
-    size = np.linalg.norm(_off(seen, found, q)[first:], axis=2)[seen.there[first:]]
+    size = np.linalg.norm(residuals(seen, chain(seen.vjm, q), found)[first:], axis=2)[seen.there[first:]]
     return float(np.median(size)) if len(size) else 0.0

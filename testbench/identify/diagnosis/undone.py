@@ -18,11 +18,10 @@ from testbench.identify.diagnosis.place import (
     away,
     fit,
     losses,
-    places,
 )
 from testbench.identify.diagnosis.shifted import slipped
 from testbench.identify.registration import Frame
-from testbench.model.vjm import chain as chain_of
+from testbench.model.vjm import tool_points
 
 PRECISE = 1.5e-3  #: How far targets of a sound arm lie from its kinematics, over its reach [1].
 UNITS = (1e-3, 1e-2, 0.1, 0.0254, 1 / 25.4, 10.0, 25.4, 1e3)
@@ -113,7 +112,7 @@ def exchanges(seen: Seen, frame: Frame) -> Iterator[list[int]]:
     if m <= FEW:
         yield from (list(order) for order in list(permutations(range(m)))[1:])
         return
-    x = places(chain_of(seen.vjm, seen.q), seen.markers) @ frame.rotation.T + frame.translation
+    x = tool_points(seen.vjm, seen.q, seen.markers) @ frame.rotation.T + frame.translation
     pairs = np.empty((m, m))  # of a place and the target that was read there
     for k in range(m):
         pairs[k] = losses(np.where(seen.there[..., None], x[:, [k]] - seen.read, 0), seen.scale).sum(axis=0)

@@ -12,10 +12,11 @@ import numpy as np
 
 from testbench.errors import Array, InputError
 from testbench.plant.build import REFUSED
+from testbench.plant.feasible import body_name
 from testbench.plant.import_robot.meshes import MAX_ALL_FACES
 from testbench.plant.import_robot.robot import Body, Joint, Mesh, Note, Robot, Shape, Site, pose_of
 from testbench.plant.import_robot.solids import outermost, primitive
-from testbench.plant.shapes import KINDS, VISUAL_GROUPS, geom_rgba
+from testbench.plant.shapes import KINDS, VISUAL_GROUPS, geom_rgba, rotation_of
 
 ODD = {int(mujoco.mjtJoint.mjJNT_FREE): "is free", int(mujoco.mjtJoint.mjJNT_BALL): "is a ball"}
 NO_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
@@ -140,7 +141,7 @@ def _split(model: mujoco.MjModel, b: int, parent: int, before: Array, count: int
     Returns:
         The bodies, and the origin of the last one in MuJoCo's body, (3,) [m].
     """
-    name = model.body(b).name or f"body_{b}"
+    name = body_name(model, b)
     joints = range(int(model.body_jntadr[b]), int(model.body_jntadr[b] + model.body_jntnum[b]))
     if not joints:
         return [Body(name, parent, before)], np.zeros(3)
@@ -186,7 +187,7 @@ def _filled(model: mujoco.MjModel, b: int, body: Body, origin: Array, *, weighed
     """A body with its mass and sites, as seen from an origin in MuJoCo's body."""
     mass = float(model.body_mass[b])
     mass = mass if mass > NOTHING else 0.0
-    axes = _pose(np.zeros(3), model.body_iquat[b])[:3, :3]
+    axes = rotation_of(model.body_iquat[b])
     sites = [s for s in range(model.nsite) if model.site_bodyid[s] == b and model.site(s).name]
     return replace(
         body,
@@ -223,6 +224,4 @@ def _shape(
 
 
 def _pose(position: Array, quat: Array) -> Array:
-    rotation = np.empty(9)
-    mujoco.mju_quat2Mat(rotation, np.asarray(quat, dtype=float))
-    return pose_of(rotation.reshape(3, 3), position)
+    return pose_of(rotation_of(quat), position)

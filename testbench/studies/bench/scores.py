@@ -30,7 +30,7 @@ def begins(rows: Trials, words: str) -> Array:
 
 
 def errors(rows: Trials) -> dict[str, Array]:
-    """Errors in one task and class, (arms,) [mm]; who fails errs by the whole deflection.
+    """Errors in one task and class, (arms,) [mm], the whole deflection at most: who fails errs by that.
 
     To skip is to fail, but for who skips every arm: such entries are left out.
     """
@@ -38,7 +38,7 @@ def errors(rows: Trials) -> dict[str, Array]:
     for (name,), own in rows.groups("name"):
         done = own["status"] == DONE
         if done.any() or not begins(own, SKIPPED).all():
-            found[name] = np.where(done, own[ERROR], own["deflection_mm"])
+            found[name] = np.fmin(own[ERROR], own["deflection_mm"])
     return found
 
 
@@ -62,30 +62,21 @@ def standings(found: Errors, rival: str) -> list[Row]:
     own = rankdata(L.mean(axis=1).round(DECIMALS), method="min")
     ends = np.exp(np.quantile(drawn, (TAIL, 1 - TAIL), axis=0))
     places = np.quantile(ranks, (TAIL, 1 - TAIL), axis=0, method="nearest")
-    order = L.mean(axis=1).argsort(kind="stable")
-    return [
-        Row(
-            name=names[k],
-            rank=int(own[k]),
-            rank_low=int(places[0, k]),
-            rank_high=int(places[1, k]),
-            ratio=float(np.exp(L[k].mean())),
-            ratio_low=float(ends[0, k]),
-            ratio_high=float(ends[1, k]),
-            tied=None if names[k] == rival else bool(ends[0, k] <= 1 <= ends[1, k]),
-            over=spread(np.exp(L[k])) if arms > 1 else float(np.exp(L[k, 0])),
-            trials=arms,
-        )
-        for k in order.tolist()
-    ]
+    board: list[Row] = []
+    for k in L.mean(axis=1).argsort(kind="stable").tolist():
+        place, size = [int(own[k]), *places[:, k].astype(int).tolist()], float(np.exp(L[k].mean()))
+        low, high = ends[:, k].tolist()
+        row = Row(zip(("rank", "rank_low", "rank_high"), place, strict=True), name=names[k], trials=arms)
+        row |= {"ratio": size, "ratio_low": low, "ratio_high": high}
+        row |= {"tied": None if names[k] == rival else low <= 1 <= high, "over": spread(np.exp(L[k]))}
+        row |= {"standing": _with(*map(str, place)), "over_default": _with(*map(ratio, (size, low, high)))}
+        board.append(row)
+    return board
 
 
-def in_words(row: Row) -> Row:
-    """The same with ratio and rank as tables show them."""
-    low, high = ratio(row.ratio_low), ratio(row.ratio_high)
-    places = f" ({row.rank_low} to {row.rank_high})" if row.rank_low < row.rank_high else ""
-    interval = f" ({low} to {high})" if low != high else ""
-    return Row(row, over_default=f"{ratio(row.ratio)}{interval}", standing=f"{row.rank}{places}")
+def _with(value: str, low: str, high: str) -> str:
+    """A number and its interval, where that has a width."""
+    return f"{value} ({low} to {high})" if low != high else value
 
 
 def quantities(rows: Trials) -> Row:

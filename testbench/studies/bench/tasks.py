@@ -4,11 +4,12 @@ A task never changes under its version. Poses, loads, the true arm, what disturb
 of the prior come of the seed.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from testbench.campaign.absolute import FRAME_POSES, evenly
 from testbench.campaign.absolute_truth import by_trackers
 from testbench.campaign.campaign import Cell, Scenario, draw_poses, simulate_at, stream
 from testbench.campaign.perturbed_prior import PRIORS, prior_of
@@ -16,16 +17,24 @@ from testbench.campaign.plan_input import Place
 from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.campaign.true_arms import HELD_OUT, TRUTHS, true_cell
 from testbench.data.dataset import Dataset
+from testbench.data.series import select_rows
 from testbench.errors import Array
-from testbench.identify.prior import Prior
+from testbench.identify import Regression
+from testbench.identify.absolute.fit import Options, explain, gather
+from testbench.identify.absolute.inner import factor_of, moved, of_compliances, with_others
+from testbench.identify.absolute.posterior import model_of, place
+from testbench.identify.absolute.scatter import residuals
+from testbench.identify.prior import Prior, cad_prior
 from testbench.identify.registered import registered
 from testbench.model.structure import Structure, all153
+from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant import Disturbances
 from testbench.studies.factorial.trial import reread
 from testbench.studies.model_error.settings import ALL, disturbances
 from testbench.studies.model_error.trial import disturbed
+from testbench.studies.real_ur10.trial import LINKS, SPRINGS, read
 
-HEAVY, SIX_AXES = "kr500_l480", "arm_6r"
+HEAVY, SIX_AXES, REAL = "kr500_l480", "arm_6r", "ur10"
 JUDGED = 100  #: Poses of a weight's deflections that judge, never measured.
 SIGMA, PER_READING = 50e-6, 2**-0.5
 """Noise of a reading along an axis [m]; section 5.2 states that of a deflection, of two readings [1]."""
@@ -37,6 +46,8 @@ SECTION_5_2 = FullPose(
     least=9e-3,
     most=41e-3,
 )
+
+ELASTIC = Options(only=frozenset({SPRINGS, LINKS}))  #: What explains the UR10 beside geometry.
 
 
 @dataclass(frozen=True)
@@ -68,6 +79,7 @@ TASKS: Mapping[str, Task] = {
     "frame": Task("one tracker in an unknown frame, 12 poses", 12, trackers=(NEAR,)),
     "stations": Task("two trackers, disturbed arm, 12 poses", 12, disturbed=True, trackers=(NEAR, ASIDE)),
     "other-arms": Task("true arms of kinds held out of the family, 12 poses", 12, held_out=True),
+    "ur10": Task("a real UR10's own weight, poses of series C; series A judges", 200, arm=REAL),
     "wrong-prior": Task("a prior wrong in a part of it, 12 poses", 12, priors=tuple(PRIORS)[2:]),
 }
 """By name."""
@@ -78,15 +90,24 @@ class Problem:
     """What an entry is given, and what judges its answer."""
 
     cell: Cell  #: The arm; its model has the targets where they were found.
-    structure: Structure  #: All links and joints.
-    data: Dataset  #: Readings.
+    data: Dataset | Regression  #: Readings, or their equations where frame and geometry were unknown too.
     prior: Prior  #: Of the class that has one.
-    truth: Dataset  #: True deflections, never given.
     true_arm: str
+    true: Array  #: Deflections that are never given, (runs, m, 3) [m].
+    #: The same by parameters, (n,); a model's own law of joints counts where the estimate has one.
+    predict: Callable[[Array], Array]
+    truth: Dataset | None = None  #: Poses, loads and targets of these; None where no pair was read.
+
+    @property
+    def structure(self) -> Structure:
+        """All links and joints."""
+        return all153(self.cell.arm)
 
 
 def problem(task: Task, cell: Cell, seed: int) -> Problem:
     """What a task is with this seed; the cell is of its arm."""
+    if task.arm == REAL:
+        return _real(task, cell, seed)
     kinds = list(HELD_OUT if task.held_out else TRUTHS)
     own, prior = kinds[seed % len(kinds)], task.priors[seed % len(task.priors)]
     true = true_cell(cell, own, seed)
@@ -98,7 +119,41 @@ def problem(task: Task, cell: Cell, seed: int) -> Problem:
     if task.trackers:
         found = registered(cell.vjm, data, "tracker")
         true, data = replace(true, vjm=found.vjm), found.data
-    return Problem(true, all153(cell.arm), data, prior_of(cell, prior, seed), truth, own)
+    rows = observation_of(true, truth)
+    return Problem(
+        true, data, prior_of(cell, prior, seed), own, truth.deflection, lambda pi: rows @ pi, truth
+    )
+
+
+def _real(task: Task, cell: Cell, seed: int) -> Problem:
+    """Random poses of one series of the UR10 train, every sixth of the other one judges.
+
+    Geometry, frame and target are as likely as the compliances let them be; those of the other series are
+    found by some of its poses. A position off is a deflection off.
+    """
+    _, (a, c) = read(1)
+    train, prior = select_rows(c, stream(seed).permutation(c.rows)[: task.poses]), cad_prior(cell.arm)
+    found = gather(cell.vjm, (train,), prior, ELASTIC)
+    known = explain(found, ELASTIC)
+    assert known.own.elastic
+    T = factor_of(known.own, found.reduced, known.chosen.learnt)
+    judge = select_rows(a, np.arange(0, a.rows, 6))
+    register = evenly(judge, FRAME_POSES)
+    rest = select_rows(judge, np.setdiff1d(np.arange(judge.rows), register))
+
+    def off(pi: Array) -> Array:
+        state = moved(found.state, known.own, with_others(T, pi))
+        placed = place(model_of(replace(known, state=state)), judge, register)
+        return -residuals(placed.state, rest)[:1].transpose(2, 0, 1)
+
+    data = of_compliances(T, known.own.elastic, int(found.reduced.counts.sum()))
+    return Problem(cell, data, prior, REAL, np.zeros((rest.rows, 1, 3)), off)
+
+
+def observation_of(cell: Cell, truth: Dataset) -> Array:
+    """How parameters of all links and joints move targets, (runs, m, 3, n)."""
+    where, points = chain(cell.vjm, truth.q), marker_points(cell.vjm, truth.markers)
+    return observation(where, all153(cell.arm), truth.wrench, truth.point, points)
 
 
 def _weight(task: Task, true: Cell, seed: int) -> tuple[Dataset, Dataset]:

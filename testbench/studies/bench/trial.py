@@ -2,7 +2,8 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from io import StringIO
 from multiprocessing.connection import Connection
 from typing import Annotated
 
@@ -17,15 +18,15 @@ from testbench.campaign.models import named_models
 from testbench.campaign.own_estimator import LimitOptions, engaged, parameters
 from testbench.campaign.own_process import Own, ask
 from testbench.campaign.rows import FAILED, MM, NO_ERRORS, DatasetRow, ErrorRow, dataset_row, error_row
+from testbench.data.dataset import Dataset
 from testbench.data.write import csv_text
 from testbench.errors import Array, BenchError
 from testbench.identify.estimate import Constraint, is_conservative
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.posterior import CONFIDENCE, quantile
 from testbench.identify.prior import Prior
-from testbench.model.vjm import chain, marker_points, observation
 from testbench.studies.bench.entries import DEFAULT, read_entries
-from testbench.studies.bench.tasks import TASKS, Problem, problem
+from testbench.studies.bench.tasks import TASKS, Problem, observation_of, problem
 from testbench.studies.factorial.trial import LEARNS, Cover, cover, covers
 from testbench.trials.spread import Number, Share
 
@@ -67,12 +68,12 @@ class EntryRow:
     prior: bool  #: Its class: whether a prior was given.
     task: str
     true_arm: str
-    status: str
-    workspace: ErrorRow  #: Against true deflections that were not given.
     deflection_mm: float  #: What was to be predicted, RMS: the error of who predicts nothing.
-    conservative: Share | None
-    cover: Cover | None  #: 95 % intervals; None where the entry gives none.
-    cpu_seconds: Number  #: Processor time.
+    status: str = DONE
+    workspace: ErrorRow = NO_ERRORS  #: Against true deflections that were not given.
+    conservative: Share | None = None
+    cover: Cover | None = None  #: 95 % intervals; None where the entry gives none.
+    cpu_seconds: Number = None  #: Processor time.
     measured: DatasetRow | None = None  #: The dataset of the first seed and task.
     data_file: str | None = None
 
@@ -91,75 +92,73 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[EntryRow]]:
     """Rows of some seeds, one an answer."""
     cells = {arm: build_cell(find_arm(arm)) for arm in {TASKS[name].arm for name in asked.tasks}}
+    found: list[list[EntryRow]] = []
     with engaged(asked.own) as link:
-        found = []
         for seed in seeds:
-            rows: list[EntryRow] = []
-            for name in asked.tasks:
-                own = problem(TASKS[name], cells[TASKS[name].arm], seed)
-                rows += _task(asked, name, own, link, shown=seed == asked.first and not rows)
-            found.append(rows)
+            made = [problem(TASKS[name], cells[TASKS[name].arm], seed) for name in asked.tasks]
+            each = zip(asked.tasks, made, strict=True)
+            rows = [row for name, own in each for row in _task(name, own, asked.own, link)]
+            first = _with_data(rows[0], made[0]) if seed == asked.first else rows[0]
+            found.append([first, *rows[1:]])
     return found
 
 
-def _task(asked: Settings, task: str, own: Problem, link: Connection, *, shown: bool) -> Iterator[EntryRow]:
+def _with_data(row: EntryRow, own: Problem) -> EntryRow:
+    """The same with what was given."""
+    if isinstance(own.data, Dataset):
+        return replace(row, measured=dataset_row(own.data), data_file=csv_text(own.data, own.cell.arm))
+    text = StringIO()
+    np.savetxt(text, np.column_stack(own.data.rows), delimiter=",")
+    return replace(row, data_file=text.getvalue())
+
+
+def _task(task: str, own: Problem, entries: Sequence[Own], link: Connection) -> Iterator[EntryRow]:
     """Rows of a task, those without a prior first."""
-    left = {"measured": dataset_row(own.data), "data_file": csv_text(own.data, own.cell.arm)} if shown else {}
-    size = MM * float(np.sqrt((own.truth.deflection**2).sum(axis=-1).mean()))
-    about = {"task": task, "true_arm": own.true_arm, "deflection_mm": size}
+    size = MM * score(own.predict(np.zeros(own.structure.n)), own.true).rms
+    about = (task, own.true_arm, size)
     for prior in (None, own.prior):
-        for k, entry in enumerate(asked.own, 1):
-            who = {
-                "name": entry.name,
-                "structure": f"own {k}",
-                "constraint": "own",
-                "prior": prior is not None,
-            }
-            yield EntryRow(**who, **about, **_answer(own, link, entry, prior), **left)  # type: ignore[arg-type]
-            left = {}
-    yield EntryRow(name=DEFAULT, structure=LEARNS[0], constraint="psd", prior=True, **about, **_default(own))  # type: ignore[arg-type]
+        for k, entry in enumerate(entries, 1):
+            row = EntryRow(entry.name, f"own {k}", "own", prior is not None, *about)
+            yield _answered(row, own, link, entry, prior)
+    yield _by_default(EntryRow(DEFAULT, LEARNS[0], "psd", True, *about), own)
 
 
-def _default(own: Problem) -> dict[str, object]:
-    """What identify's default makes of it."""
-    [model] = with_priors(named_models(own.cell, LEARNS), own.prior)
+def _by_default(row: EntryRow, own: Problem) -> EntryRow:
+    """What identify's default makes of it; of equations without laws of joints, which these do not tell."""
+    [model] = with_priors(own.cell.arm, named_models(own.cell, LEARNS), own.prior)
+    structure = own.structure if own.truth is None else model.structure
     start = time.process_time()
-    estimate = model.estimator(own.cell.vjm, model.structure, own.data)
+    estimate = model.estimator(own.cell.vjm, structure, own.data)  # type: ignore[arg-type]
     seconds = time.process_time() - start
-    moved = deflections(own.cell.vjm, estimate, own.truth)
-    return {
-        "status": DONE,
-        "workspace": error_row(score(moved, own.truth.deflection)),
-        "conservative": estimate.conservative,
-        "cover": cover(own.cell, estimate, own.truth),
-        "cpu_seconds": seconds,
-    }
+    moved = deflections(own.cell.vjm, estimate, own.truth) if own.truth else own.predict(estimate.pi)
+    return replace(
+        row,
+        workspace=error_row(score(moved, own.true)),
+        conservative=estimate.conservative,
+        cover=cover(own.cell, estimate, own.truth) if own.truth else None,
+        cpu_seconds=seconds,
+    )
 
 
-def _answer(own: Problem, link: Connection, entry: Own, prior: Prior | None) -> dict[str, object]:
+def _answered(row: EntryRow, own: Problem, link: Connection, entry: Own, prior: Prior | None) -> EntryRow:
     """What an entry makes of it, or why it makes nothing."""
-    nothing = {"workspace": NO_ERRORS, "conservative": None, "cover": None, "cpu_seconds": None}
     try:
         answer = ask(link, entry, (unseen(own.cell.vjm), own.structure, own.data, prior))
         pi = parameters(own.structure, answer.found)
         K = None if answer.covariance is None else covariance(answer.covariance, len(pi))
     except BenchError as err:
         why = str(err)
-        skipped = why.startswith(SKIP)
-        return {"status": SKIPPED + why.removeprefix(SKIP) if skipped else FAILED + why, **nothing}
-    where, points = chain(own.cell.vjm, own.truth.q), marker_points(own.cell.vjm, own.truth.markers)
-    rows, true = (
-        observation(where, own.structure, own.truth.wrench, own.truth.point, points),
-        own.truth.deflection,
+        skips = why.startswith(SKIP)
+        return replace(row, status=SKIPPED + why.removeprefix(SKIP) if skips else FAILED + why)
+    moved = own.predict(pi)
+    half = half_widths(observation_of(own.cell, own.truth), K) if own.truth and K is not None else None
+    return replace(
+        row,
+        workspace=error_row(score(moved, own.true)),
+        conservative=is_conservative(own.structure, own.structure.matrix(pi)),
+        cover=None if half is None else covers(moved, half, own.true),
+        cpu_seconds=answer.cpu_seconds,
     )
-    moved = rows @ pi
-    return {
-        "status": DONE,
-        "workspace": error_row(score(moved, true)),
-        "conservative": is_conservative(own.structure, own.structure.matrix(pi)),
-        "cover": None if K is None else covers(moved, half_widths(rows, K), true),
-        "cpu_seconds": answer.cpu_seconds,
-    }
 
 
 def covariance(found: Array, n: int) -> Array:

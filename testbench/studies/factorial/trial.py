@@ -215,7 +215,7 @@ def with_wrong_priors(cell: Cell, names: Sequence[str], filled: Sequence[str], s
         filled: Of those that are fitted with the prior too.
         seed: Of the prior's errors.
     """
-    default = with_priors(named_models(cell, LEARNS), wrong_prior(cell, seed))
+    default = with_priors(cell.arm, named_models(cell, LEARNS), wrong_prior(cell, seed))
     return [*with_wrong_prior(cell, plain_models(cell, names), filled, seed), *default]
 
 

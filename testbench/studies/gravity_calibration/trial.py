@@ -68,5 +68,5 @@ def results(cell: Cell, campaign: Campaign) -> list[Result]:
     """The baselines and the paper's models, then structures with a prior that is wrong."""
     plain = named_models(cell, WITHOUT_PRIOR)
     plain.insert(WITHOUT_PRIOR.index("MLS56") + 1, equal_fit(cell))
-    filled = with_priors(named_models(cell, WITH_PRIOR), wrong_prior(cell, campaign.seed))
+    filled = with_priors(cell.arm, named_models(cell, WITH_PRIOR), wrong_prior(cell, campaign.seed))
     return identify(cell, campaign, [*plain, *filled], time.perf_counter)

@@ -95,7 +95,11 @@ def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
     *plain, whole = (
         replace(MODELS[name](cell), name=name) for name in (*s.PLAIN, WHOLE.removesuffix(FILLED))
     )
-    found = [*with_priors(plain, prior, Strength(UNCERTAINTY)), *plain, *with_priors([whole], prior)]
+    found = [
+        *with_priors(cell.arm, plain, prior, Strength(UNCERTAINTY)),
+        *plain,
+        *with_priors(cell.arm, [whole], prior),
+    ]
     return {model.name: model for model in found}
 
 

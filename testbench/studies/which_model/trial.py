@@ -117,7 +117,7 @@ def trials(asked: Settings, seed: int) -> Iterator[MethodRow]:
             )
             for runs, n in zip(read(campaign), POSES, strict=True)
         ]
-        yield from _rows(true, [*plain, *with_priors(bare, prior)], cases, prior, seed)
+        yield from _rows(true, [*plain, *with_priors(cell.arm, bare, prior)], cases, prior, seed)
 
 
 def to_fill(cell: Cell) -> list[Model]:
