@@ -19,8 +19,8 @@ from testbench.errors import Array, InputError, read_bytes
 MAX_BYTES = 16_000_000
 BYTES = "latin-1"  #: A byte a character, whatever the encoding is.
 STAMP = "testbench export: as identified"
-NUMBER = r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])"
-UR_LINE = rf"(?m)^[ \t]+(?P<key>\w+):[ \t]*(?:{NUMBER})?[ \t]*(?:#.*)?\r?$"
+NUMBER = r"(?P<number>[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?)(?![\w.])"
+UR_LINE = rf"(?m)^[ \t]++(?P<key>\w++):[ \t]*+(?:{NUMBER})?[ \t]*+(?:#.*)?\r?$"
 KUKA_LINE = rf"(?mi)^[ \t]*\$MAMES\[(?P<key>\d+)\][ \t]*=[ \t]*{NUMBER}"
 ABB_LINE = rf'(?s)-name\s+"(?P<key>[^"]*)"(?:(?!-name\s).)*?\s-cal_offset\s+{NUMBER}'
 
@@ -40,7 +40,7 @@ class Format:
 
 UR = Format("kinematics of a UR driver", "{}", r"(?ms)^kinematics:.*", UR_LINE, 12, "#", "")
 KUKA = Format(
-    "KUKA's $machine.dat", "$MAMES[{}]", r"(?is)\$MAMES\[.*", KUKA_LINE, 8, ";", r"(?ims)(.*?^DEFDAT.*?\n)?"
+    "KUKA's $machine.dat", "$MAMES[{}]", r"(?is)\$MAMES.*", KUKA_LINE, 8, ";", r"(?ims)(.*?^DEFDAT.*?\n)?"
 )
 ABB = Format("ABB's MOC.cfg", 'cal_offset of "{}"', r"(?m)^MOTOR_CALIB:[^#]*", ABB_LINE, 8, "#", r"[^\n]*\n")
 

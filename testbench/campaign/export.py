@@ -110,8 +110,7 @@ def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
     own = read_own(file, state.vjm.arm, tip)
     frames, off = place(own, state)
     text = with_origins(file, own.text, own_origins(own, frames, identified(state)))
-    names = tuple(joint.name for joint in own.joints)
-    return Draft(text, names, frames, off, loose_meshes=own.loose_meshes)
+    return Draft(text, tuple(j.name for j in own.joints), frames, off, loose_meshes=own.loose_meshes)
 
 
 def export(state: State, draft: Draft, out: Path) -> Exported:
@@ -125,8 +124,7 @@ def export(state: State, draft: Draft, out: Path) -> Exported:
     with whole_files([out, document]) as (urdf, other):
         urdf.write_bytes(draft.text.encode(draft.encoding))
         off = read_back(state, draft, out, urdf.read_bytes().decode(draft.encoding))
-        moved = displacements(state, q)
-        sizes = {kind: far(rows) for kind, rows in moved.items()}
+        sizes = {kind: far(rows) for kind, rows in displacements(state, q).items()}
         geometry = sizes.pop(GEOMETRY)
         done = Exported(out, document, draft, len(q), 1e6 * off[0], 1e6 * off[1], geometry, sizes)
         files.write_json(beside(state, draft.frames, urdf, done), other)

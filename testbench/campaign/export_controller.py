@@ -63,19 +63,11 @@ def _ur_urdf(arm: Arm, values: Array) -> str:
     return f'<robot name="ur">{"".join(parts)}</robot>'
 
 
-def export_offsets(
-    state: State, file: Path, out: Path, gears: Sequence[float] = ()
-) -> tuple[BestOffsets, float]:
+def export_offsets(state: State, file: Path, out: Path, gears: Sequence[float]) -> tuple[BestOffsets, float]:
     """Write the offsets of the joints into a controller's file, and in comments what it cannot hold.
 
-    Args:
-        state: The arm.
-        file: The robot's own, of KUKA or ABB.
-        out: Where to write.
-        gears: Of ABB how motors turn with the axes, n or (n, n) row by row [1].
-
-    Returns:
-        The offsets, and how far the file's are from them at the tool at most [m].
+    Gears are of ABB: how motors turn with the axes, n numbers or (n, n) row by row [1]. Returns the offsets
+    and how far those of the file move the tool from them at most [m].
 
     Raises:
         InputError: When the file is not such a one, or one cannot be written.
@@ -92,7 +84,10 @@ def export_offsets(
     written = exchanged(form, text, numbers, new.tolist(), "beyond offsets are, at the tool", *said)
     change = read_numbers(form, out, written, keys) - old
     change -= TURN * np.round((change - turns @ best.offsets) / TURN) if form is ABB else 0
-    off = _read_back(state, q, best.offsets, np.asarray(np.linalg.solve(turns, change), dtype=np.float64))
+    read = np.asarray(np.linalg.solve(turns, change), dtype=np.float64)
+    off, _ = apart(tool_poses(state.vjm, q + read), tool_poses(state.vjm, q + best.offsets))
+    if not off <= NEAR:
+        raise BenchError(f"the offsets, read back, are up to {1e6 * off:.3g} um off; nothing is written")
     with whole_file(out) as own:
         own.write_bytes(written.encode(BYTES))
     return best, off
@@ -107,8 +102,6 @@ def _six_axes(form: Format, state: State) -> Arm:
 
 def _axes(form: Format, n: int, gears: Sequence[float]) -> tuple[list[str], Array]:
     """Keys of the axes in a file, and what a radian of offset adds to their numbers, (n, n)."""
-    if form is KUKA and gears:
-        raise BenchError("--gears: is for ABB's motors alone")
     if form is KUKA:
         return [str(k + 1) for k in range(n)], np.degrees(np.eye(n))
     if len(gears) not in (n, n * n):
@@ -117,13 +110,3 @@ def _axes(form: Format, n: int, gears: Sequence[float]) -> tuple[list[str], Arra
     if not abs(np.linalg.det(turns)) >= 1:
         raise BenchError("--gears: expected turns of the motors for one of their axes, such as 120 or -98.5")
     return [f"rob1_{k + 1}" for k in range(n)], -turns
-
-
-def _read_back(state: State, q: Array, offsets: Array, found: Array) -> float:
-    """How far the offsets of the file move the tool from the arm with those that were found [m]."""
-    theta, first = np.zeros_like(state.theta_0), 6 * len(state.vjm.arm.links)
-    theta[first : first + AXES] = offsets
-    off, _ = apart(tool_poses(state.vjm, q + found), tool_poses(state.vjm, q, theta))
-    if not off <= NEAR:
-        raise BenchError(f"the offsets, read back, are up to {1e6 * off:.3g} um off; nothing is written")
-    return off

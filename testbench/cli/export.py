@@ -2,7 +2,6 @@
 
 import contextlib
 import re
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
 from testbench.campaign.arm_models import load_model
-from testbench.campaign.controller_files import STAMP, UR, read_controller
+from testbench.campaign.controller_files import ABB, STAMP, UR, read_controller
 from testbench.campaign.export import BEGINS, Draft, Exported, beside_of, draft_new, draft_own, export
 from testbench.campaign.export_controller import draft_ur, export_offsets
 from testbench.campaign.export_geometry import POSES
@@ -60,39 +59,39 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Write a model into a URDF or a controller's file, what that cannot hold as JSON beside it."""
-    if (asked.urdf is None) == (asked.into is None):
-        raise BenchError("expected one of --urdf and --into")
-    if asked.urdf is not None:
+    if asked.urdf is not None and asked.into is None:
         _write_urdf(asked, asked.urdf)
-    elif asked.tip is not None:
-        raise BenchError("--tip: expected --urdf with it")
-    elif asked.into is not None:
+    elif asked.into is not None and asked.urdf is None and asked.tip is None:
         _write_into(asked, asked.into)
+    else:
+        raise BenchError("expected one of --urdf and --into; --tip is for --urdf")
 
 
 def _write_urdf(asked: Options, urdf: Path) -> None:
-    scratch = _new(urdf)  # with --out it is read as any other
-    own = look(urdf) is not None and not (scratch and asked.out is None)
-    out = _place(asked, urdf, own=own)
+    own = look(urdf) is not None and not (_new(urdf) and asked.out is None)  # with --out it is as any other
+    if not own and (asked.out or asked.tip):
+        problem = "expected the robot's own URDF; to write one from scratch leave --out and --tip away"
+        raise InputError(urdf, "", problem)
+    out = (asked.out or Path(f"{urdf.stem}_calibrated.urdf")) if own else urdf
+    if out.suffix.lower() != ".urdf":
+        raise InputError(out, "", "expected the name of a URDF, ending with .urdf")
     with _claimed(asked, out, URDF, [urdf] if own else []) as model:
         _export(model, draft_own(model.state, urdf, asked.tip) if own else draft_new(model.state), out)
 
 
 def _write_into(asked: Options, file: Path) -> None:
-    out, (form, _) = _beside(asked, file), read_controller(file)
+    out, (form, _) = asked.out or Path(f"{file.stem}_calibrated{file.suffix}"), read_controller(file)
     try:
         gears = read_decimals(word.strip() for word in asked.gears.split(",") if asked.gears)
     except ValueError as err:
         raise BenchError(f"--gears: expected numbers with commas between, got {asked.gears!r}") from err
+    if gears and form is not ABB:
+        raise BenchError("--gears: is for ABB's motors alone")
     with _claimed(asked, out, CONTROLLER, [file]) as model:
         if form is UR:
             _export(model, draft_ur(model.state, file), out)
         else:
             _say(model, _offset_words(model.arm, out, *export_offsets(model.state, file, out, gears)))
-
-
-def _beside(asked: Options, file: Path) -> Path:
-    return asked.out or Path(f"{file.stem}_calibrated{file.suffix}")
 
 
 @contextlib.contextmanager
@@ -104,7 +103,8 @@ def _claimed(asked: Options, out: Path, kind: Kind, files: list[Path]) -> Iterat
         claim_file(beside_of(out), BESIDE, inputs=inputs, force=asked.force),
     ):
         model = load_model(asked.model)
-        _refuse_another(out, model.arm.name, force=asked.force)
+        if not asked.force:
+            _refuse_another(out, model.arm.name)
         yield model
 
 
@@ -127,48 +127,13 @@ def _new(urdf: Path) -> bool:
         return re.match(BEGINS_NEW, file.read(HEAD)) is not None
 
 
-def _place(asked: Options, urdf: Path, *, own: bool) -> Path:
-    """Where to write."""
-    if own:
-        out = _beside(asked, urdf.with_suffix(".urdf"))
-    elif asked.out is not None:
-        problem = "expected the robot's own URDF; to write one from scratch leave --out away"
-        raise InputError(urdf, "", problem)
-    elif asked.tip is not None:
-        raise BenchError(f"--tip: is for a robot's own URDF; {urdf} is written from scratch")
-    else:
-        out = urdf
-    if out.suffix.lower() != ".urdf":
-        raise InputError(out, "", "expected the name of a URDF, ending with .urdf")
-    return out
-
-
-def _refuse_another(out: Path, arm: str, *, force: bool) -> None:
-    """Refuse to replace what an earlier call wrote of another arm."""
-    named = {_arm_of(out), _arm_beside(beside_of(out))} - {None, arm}
-    if named and not force:
-        other = " and ".join(sorted(filter(None, named)))
-        raise InputError(out, "", f"testbench export wrote it of another arm, {other}; {INSTEAD}")
-
-
-def _arm_of(urdf: Path) -> str | None:
-    """The arm of a URDF from scratch; None of any other file."""
-    if not _new(urdf):
-        return None
-    try:
-        return ET.parse(urdf).getroot().get("name")
-    except ET.ParseError as err:
-        raise InputError(urdf, "", f"not XML: {err}") from err
-
-
-def _arm_beside(document: Path) -> str | None:
-    """The arm of the JSON beside a URDF; None where there is none that can be read."""
-    try:
-        found = read_plain(document)
-    except InputError:
-        return None
-    name = found.get("arm") if isinstance(found, dict) else None
-    return name if isinstance(name, str) else None
+def _refuse_another(out: Path, arm: str) -> None:
+    """Refuse to replace what an earlier call wrote of another arm, as the JSON beside it says."""
+    with contextlib.suppress(InputError):
+        found = read_plain(beside_of(out))
+        other = found.get("arm") if isinstance(found, dict) else None
+        if isinstance(other, str) and other != arm:
+            raise BenchError(f"{out}: testbench export wrote it of another arm, {other}; {INSTEAD}")
 
 
 def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:

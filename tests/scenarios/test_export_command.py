@@ -88,8 +88,8 @@ def test_a_urdf_of_another_arm_is_not_replaced_and_one_from_scratch_may_be_the_r
     assert run("model", "--urdf", "identified.urdf").returncode == 0
     done = run("model", "--urdf", "identified.urdf", "--out", "mine.urdf")
     assert "wrote it from scratch, with the geometry of a calibration" in done.stderr
-    text = (place / "new.urdf").read_text().replace('<robot name="ur10"', '<robot name="arm_6r"')
-    (place / "new.urdf").write_text(text)
+    beside = (place / "new.json").read_text().replace('"arm": "ur10"', '"arm": "arm_6r"')
+    (place / "new.json").write_text(beside)
     before = held(place)
     done = run("model", "--urdf", "new.urdf")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
@@ -121,7 +121,7 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
         (("model", "--urdf", "in/robot.urdf", "--out", "in/notes.urdf"), "expected a URDF that testbench"),
         (("model", "--urdf", "in/robot.urdf", "--out", "in/robot.xml"), "ending with .urdf"),
         (("model", "--urdf", "in/robott.urdf", "--out", "x.urdf"), "expected the robot's own URDF; to write"),
-        (("model", "--urdf", "new.urdf", "--tip", "tool0"), "--tip: "),
+        (("model", "--urdf", "new.urdf", "--tip", "tool0"), "leave --out and --tip away"),
         (("model", "--urdf", "in/robot.urdf", "--tip", "tool1"), "no link 'tool1' for the tip"),
         (("model", "--urdf", "in"), "expected a file, got a folder"),
         (("model", "--urdf", "model/rigid.xml"), "expected URDF"),
@@ -141,7 +141,7 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
         (("model", "--into", "in/MOC.cfg", "--gears", "9,9,9,9,9,9"), 'at cal_offset of "rob1_1"'),
         (("model", "--into", "in/ur.yaml"), "kinematics of a UR driver with a number at shoulder.y"),
         (("model", "--into", "in/huge.yaml"), "from that of ur10 as drawn"),
-        (("model", "--into", "in/ur.yaml", "--tip", "a"), "--tip: expected --urdf with it"),
+        (("model", "--into", "in/ur.yaml", "--tip", "a"), "--tip is for --urdf"),
         (("model", "--into", "in/robot.urdf"), "expected kinematics of a UR driver, KUKA's $machine.dat or"),
         (("model", "--into", "in/ours.yaml"), "testbench export wrote it; expected the robot's own file"),
     ],

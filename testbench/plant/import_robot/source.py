@@ -44,12 +44,10 @@ def read_xml(file: Path) -> ET.Element:
 
 def _expand(file: Path, text: str) -> str:
     """The command that does it without ROS, with the folders of the packages that the file names."""
-    new = ".urdf" if file.suffix == ".xacro" else "_expanded.urdf"  # never the file itself
-    target = file.with_name(file.name.removesuffix(".xacro").removesuffix(".urdf") + new)
+    target = file.with_name(f"{file.name.split('.')[0]}_expanded.urdf")
     found = [packages(Path(os.path.realpath(file)).parent, name) for name in FIND.findall(text)]
-    folders = dict.fromkeys(word(roots[0].parent) for roots in found if roots)
-    where = "".join(f" -d {folder}" for folder in folders)
-    done = f"xacrodoc {word(file)}{where} -o {word(target)}"
+    where = dict.fromkeys(f" -d {word(roots[0].parent)}" for roots in found if roots)
+    done = f"xacrodoc {word(file)}{''.join(where)} -o {word(target)}"
     return f"pip install xacrodoc; {done}; arguments of the file follow as NAME:=VALUE"
 
 
