@@ -8,6 +8,7 @@ import numpy as np
 from testbench.campaign.campaign import Campaign, Cell
 from testbench.campaign.models import Model
 from testbench.campaign.rows import (
+    FAILED,
     NO_ERRORS,
     DatasetRow,
     ErrorRow,
@@ -22,7 +23,9 @@ from testbench.data.dataset import Dataset
 from testbench.data.write import csv_text
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method
+from testbench.identify.estimate import make_estimate
 from testbench.identify.evaluate import Score, all_deflections, score
+from testbench.identify.fold import reduce
 from testbench.model.vjm import Vjm
 
 
@@ -61,21 +64,8 @@ def identify(
     found = []
     for model in models:
         start = clock()
-        found.append((model, of_model(cell, model, campaign.identification), clock() - start))
+        found.append((model, attempted(cell, model, campaign.identification), clock() - start))
     return _judged(cell, campaign, found)
-
-
-def attempt(
-    cell: Cell, campaign: Campaign, models: Sequence[Model], clock: Callable[[], float]
-) -> tuple[list[Result], list[EstimatorFailed]]:
-    """The same of estimators of one's own, and those that failed."""
-    found, failed = [], []
-    for model in models:
-        try:
-            found += identify(cell, campaign, [model], clock)
-        except EstimatorFailed as err:
-            failed.append(err)
-    return found, failed
 
 
 def judge(cell: Cell, campaign: Campaign, model: Model, estimate: Estimate, seconds: float) -> Result:
@@ -121,6 +111,21 @@ def of_model(cell: Cell, model: Model, data: Dataset) -> Estimate:
     if found.pi.shape != (n,) or not (np.isfinite(found.pi).all() and np.isfinite(found.C_theta).all()):
         raise EstimatorFailed(model, f"expected {n} finite parameters, got shape {found.pi.shape}")
     return found
+
+
+def attempted(cell: Cell, model: Model, data: Dataset) -> Estimate:
+    """The same; of an estimator that fails a rigid arm, whose status says why: see `has_failed`."""
+    try:
+        return of_model(cell, model, data)
+    except EstimatorFailed as err:
+        regression = reduce(cell.vjm, model.structure, data)
+        rigid = make_estimate(regression, np.zeros(model.structure.n), method="own estimator")
+        return replace(rigid, status=FAILED + err.why)
+
+
+def has_failed(estimate: Estimate) -> bool:
+    """Whether it is of an estimator of one's own that failed: its numbers say nothing."""
+    return estimate.status.startswith(FAILED)
 
 
 def unseen(vjm: Vjm) -> Vjm:
@@ -173,39 +178,31 @@ def campaign_rows(
     """A row a model; `placed` with its errors pose by pose, and what pictures need."""
     data, found = measured(campaign), []
     for k, result in enumerate(results):
-        prior = result.model.filled or result.estimate.belief is not None
+        lost = has_failed(result.estimate)
+        shown = placed and not lost
         own = CampaignRow(
-            **vars(fit_row(result.model.name, result.estimate, result.seconds, prior=prior)),
-            identification=error_row(result.identification),
-            check=error_row(result.check),
-            check_true=error_row(result.check_true),
-            workspace=error_row(result.truth),
+            **vars(_fit(result)),
+            identification=NO_ERRORS if lost else error_row(result.identification),
+            check=NO_ERRORS if lost else error_row(result.check),
+            check_true=NO_ERRORS if lost else error_row(result.check_true),
+            workspace=NO_ERRORS if lost else error_row(result.truth),
             measured=data,
             true_arm=true_arm,
-            places=places_of(cell, campaign.truth) if placed else None,
-            place_mm=kept_mm(result.places) if placed else None,
-            drawn=_drawn(cell, campaign, result, whole=k == 0) if placed else None,
+            places=places_of(cell, campaign.truth) if shown else None,
+            place_mm=kept_mm(result.places) if shown else None,
+            drawn=_drawn(cell, campaign, result, whole=k == 0) if shown else None,
         )
         found.append(own)
     return found
 
 
-def failed_rows(campaign: Campaign, failed: Sequence[EstimatorFailed], true_arm: str) -> list[CampaignRow]:
-    """A row an estimator that failed in a trial: it has no errors."""
-    return [
-        CampaignRow(
-            **vars(failed_row(err)),
-            identification=NO_ERRORS,
-            check=NO_ERRORS,
-            check_true=NO_ERRORS,
-            workspace=NO_ERRORS,
-            measured=measured(campaign),
-            true_arm=true_arm,
-            places=None,
-            place_mm=None,
-        )
-        for err in failed
-    ]
+def _fit(result: Result) -> FitRow:
+    model, estimate = result.model, result.estimate
+    if has_failed(estimate):
+        why = estimate.status.removeprefix(FAILED)
+        return no_fit(model.name, model.structure, why, prior=model.filled)
+    prior = model.filled or estimate.belief is not None
+    return fit_row(model.name, estimate, result.seconds, prior=prior)
 
 
 def failed_row(err: EstimatorFailed) -> FitRow:

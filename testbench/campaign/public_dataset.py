@@ -6,7 +6,6 @@ the true arm has that of its first campaign.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -34,35 +33,23 @@ Row = dict[str, dict[str, Cells]]
 """Of one campaign what stands in every table, by table and column."""
 
 
-@dataclass(frozen=True)
-class Wanted:
-    """A true arm, and the first of its campaigns: one a prior."""
+def kind_of(first: int) -> str:
+    """The true arm, a name of TRUTHS, whose campaigns begin with this one, a multiple of the priors."""
+    return list(TRUTHS)[first % GRID // len(PRIORS)]
 
-    number: int  #: Of that campaign, a multiple of the number of priors.
 
-    @property
-    def kind(self) -> str:
-        """A name of TRUTHS."""
-        return list(TRUTHS)[self.number % GRID // len(PRIORS)]
-
-    @property
-    def arm(self) -> int:
-        """Number of the arm."""
-        return 0 if self.kind == FOLDER else self.number
-
-    @property
-    def split(self) -> str:
-        """What all its campaigns are for; kinds are not all in the same turn of a round."""
-        turn = 0 if self.kind == FOLDER else self.number // GRID + self.number % GRID // len(PRIORS)
-        return TURNS[turn % len(TURNS)]
+def split_of(first: int) -> str:
+    """What all campaigns of an arm are for; kinds are not all in the same turn of a round."""
+    turn = 0 if kind_of(first) == FOLDER else first // GRID + first % GRID // len(PRIORS)
+    return TURNS[turn % len(TURNS)]
 
 
 def write_rounds(root: int, folder: str, rounds: Sequence[int]) -> list[list[object]]:
     """Simulate some rounds, each into tables of a folder of its own; see `trials.engine.Work`."""
     cell = build_cell(ARM)
     for k in rounds:
-        arms = (Wanted(first) for first in range(GRID * k, GRID * (k + 1), len(PRIORS)))
-        own, rows = Path(folder) / str(k), [row for arm in arms for row in _rows(cell, arm, root)]
+        arms = range(GRID * k, GRID * (k + 1), len(PRIORS))
+        own, rows = Path(folder) / str(k), [row for first in arms for row in _rows(cell, first, root)]
         own.mkdir()
         for name in TABLES:
             write_table(own / name, _joined([row[name] for row in rows]))
@@ -79,20 +66,21 @@ def _joined(tables: Sequence[Mapping[str, Cells]]) -> dict[str, Cells]:
     return {name: np.concatenate([own[name] for own in tables]) for name in tables[0]}
 
 
-def _rows(cell: Cell, wanted: Wanted, root: int) -> Iterator[Row]:
+def _rows(cell: Cell, first: int, root: int) -> Iterator[Row]:
     """All campaigns of an arm: what is known of each, and apart from that what is true."""
-    true = true_cell(cell, wanted.kind, root + wanted.number)
-    for number, error in enumerate(PRIORS, wanted.number):
+    kind = kind_of(first)
+    true = true_cell(cell, kind, root + first)
+    for number, error in enumerate(PRIORS, first):
         seed = root + number
         own = simulate_at(true, SCENARIO, seed, draw_poses(cell, SCENARIO, seed))
-        head = {"campaign": number, "split": wanted.split}
-        about = _repeated(1, head | {"arm": wanted.arm, "seed": seed})
+        head = {"campaign": number, "split": split_of(first)}
+        about = _repeated(1, head | {"arm": 0 if kind == FOLDER else first, "seed": seed})
         yield {
             CAMPAIGNS: about | _compliances(cell, prior_of(cell, error, seed).C_theta, "prior_"),
             READINGS: _points(cell, head, {"identification": own.identification, "check": own.check}),
             DEFLECTIONS: _points(cell, head, {"check": own.check_true, "workspace": own.truth}),
             ARMS: about
-            | _repeated(1, {"true_arm": wanted.kind, "prior_error": error})
+            | _repeated(1, {"true_arm": kind, "prior_error": error})
             | _compliances(cell, true.plant.arm.C_theta, ""),
         }
 

@@ -21,9 +21,7 @@ class Judged(Options):
 
     judge: Annotated[
         Path | None,
-        typer.Option(
-            help="Fresh seeds of the secret in this file, drawn where there is none; says its SHA-256."
-        ),
+        typer.Option(help="Fresh seeds of the secret in this file, drawn where there is none."),
     ] = None
 
 

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from testbench.campaign.own_estimator import EstimatorOptions
 from testbench.campaign.true_arms import TrueArmName
 from testbench.shell.options import Common, takes
 from testbench.studies.gravity_calibration.study import STUDY
@@ -21,7 +22,8 @@ class Demo(Options):
     true_arm: Annotated[TrueArmName, typer.Option(help="The true arm.")] = "cast"
 
 
-@takes(Common, Demo)
-def command(common: Common, options: Demo) -> None:
+@takes(Common, Demo, EstimatorOptions)
+def command(common: Common, options: Demo, estimators: EstimatorOptions) -> None:
     """Run the study."""
-    run(STUDY, replace(common, out=common.out or Path("runs/demo")), options, plain_console())
+    asked = replace(common, out=common.out or Path("runs/demo"))
+    run(STUDY, asked, options, plain_console(), estimators)

@@ -1,18 +1,13 @@
 """What studies that judge models by campaigns share: the best of a method, pairs, the map, the recording."""
 
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-
-import numpy as np
+from collections.abc import Mapping, Sequence
 
 from testbench.campaign.models import JOINTS
-from testbench.campaign.rows import FAILED
 from testbench.campaign.workspace_errors import ErrorPlaces, Places, error_places
 from testbench.identify import Constraint
 from testbench.report.columns import columns
 from testbench.report.report import say
-from testbench.report.table import Cells, Row, Trials, aligned, merged, nested, paired
+from testbench.report.table import Row, Trials, aligned, merged, nested, paired
 from testbench.trials.spread import span, wins
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
@@ -127,52 +122,6 @@ def distinct(models: Sequence[Row]) -> list[Row]:
     return [m for m in models if m.constraint != "free" or m.conservative is not False]
 
 
-def fitted(trials: Trials) -> Trials:
-    """Rows without those of estimators that failed."""
-    return trials.pick(~_failed(trials))
-
-
-def _failed(trials: Trials) -> Cells:
-    return np.array([status.startswith(FAILED) for status in trials["status"].tolist()], dtype=bool)
-
-
-def failures(trials: Trials) -> list[Row]:
-    """Every trial in which an estimator of one's own failed: what it is, seed and status."""
-    return merged(trials.pick(_failed(trials)).drop(*NOT_OF_A_MODEL[1:]), "seed", "name")
-
-
-def with_failures(models: Sequence[Row], lost: Sequence[Row], trials: int) -> list[Row]:
-    """Models, each that failed with in how many trials; those that never worked without numbers."""
-    count = Counter(row.name for row in lost)
-    known, rest = {m.name for m in models}, {row.name: row for row in lost}
-    never = [row for name, row in rest.items() if name not in known]
-    every = [*models, *(Row(row, rank=None, conservative=None, seed=None) for row in never)]
-    return [Row(m, failed=f"{count[m.name]} of {trials}" if count[m.name] else None) for m in every]
-
-
 def own(models: Sequence[Row]) -> list[str]:
     """Estimators of one's own that worked in a trial, by name."""
-    return [m.name for m in models if m.constraint == "own" and not m.status.startswith(FAILED)]
-
-
-def with_failed(known: tuple[Column, ...], lost: Sequence[Row]) -> tuple[Column, ...]:
-    """Columns of models, with how often they failed where one did, which has no numbers."""
-    if not lost:
-        return known
-    without = {"times_less": "not compared", "failed": "never"}
-    every = (*known, *columns("failed"))
-    return tuple(replace(column, none=without.get(column.key, "not fitted")) for column in every)
-
-
-def failure_table(lost: Sequence[Row]) -> dict[str, Table]:
-    """A row a failure; nothing without any."""
-    return {"failures": Table(columns("name seed status"), lost, "Failures, by trial")} if lost else {}
-
-
-def failures_told(models: Sequence[Row]) -> Iterator[Markdown]:
-    """What is said of every estimator that failed."""
-    for model in models:
-        if model.failed:
-            yield say(
-                "Your estimator {name} failed in {failed} trials: its numbers are of the others.", model
-            )
+    return [m.name for m in models if m.constraint == "own"]

@@ -7,24 +7,26 @@ from dataclasses import is_dataclass
 from types import ModuleType
 from typing import TypeVar
 
+from testbench.campaign.own_process import Own
 from testbench.errors import BenchError
 
-S = TypeVar("S")
 W = TypeVar("W")
 
 ROOMS = ("testbench.studies.", "testbench.campaign.")  #: What is tried is said in these.
-Trials = Callable[[S, Sequence[int]], Sequence[Sequence[W]]]
+Trials = Callable[..., Sequence[Sequence[W]]]
 
 
-def sums(trials: Trials[S, W]) -> dict[str, str]:
+def sums(trials: Trials[W]) -> dict[str, str]:
     """Sums of what the modules hold that the trials use, by module."""
     return {name: _sum(vars(sys.modules[name])) for name in _used(trials.__module__)}
 
 
 def checked(
-    trials: Trials[S, W], ours: Mapping[str, str], settings: S, seeds: Sequence[int]
+    trials: Trials[W], ours: Mapping[str, str], settings: object, own: Sequence[Own], seeds: Sequence[int]
 ) -> Sequence[Sequence[W]]:
     """The trials of some seeds, where this process has what the study was begun with.
+
+    Estimators of one's own go to those that take them.
 
     Raises:
         BenchError: When it has not: a script has changed it, and a worker has not run the script.
@@ -34,7 +36,7 @@ def checked(
         if theirs.get(name) != value:
             problem = f"{name} was changed by a script, which a worker knows nothing of: --workers 1"
             raise BenchError(f"{trials.__module__}: {problem}")
-    return trials(settings, seeds)
+    return trials(settings, seeds, own) if own else trials(settings, seeds)
 
 
 def _used(first: str) -> list[str]:

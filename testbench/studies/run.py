@@ -5,7 +5,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,11 @@ from rich.console import Console
 
 from testbench import files
 from testbench.campaign.model_folder import digests
-from testbench.campaign.own_estimator import digests_of
+from testbench.campaign.own_estimator import EstimatorOptions, digests_of
 from testbench.errors import InputError
 from testbench.output.place import claim_folder, whole_folder
+from testbench.report.failures import FAILURES, failures, fitted, with_failures
+from testbench.report.report import Report
 from testbench.report.table import Trials
 from testbench.shell.options import Common, takes
 from testbench.shell.trials import choose_backend, show_progress
@@ -32,7 +34,9 @@ from testbench.views.figure import headed, save
 from testbench.views.page.page import write_page
 from testbench.views.recording.run import write_run
 from testbench.views.scene import Seen
+from testbench.views.schema import Table
 
+NOBODY = EstimatorOptions()  #: No estimator of one's own.
 PREPARED = "prepared"  #: Folder in a run's, of what is made once for all trials.
 
 
@@ -46,14 +50,16 @@ def app(study: AnyStudy) -> typer.Typer:
 def as_command(study: AnyStudy) -> Any:
     """The study as a command with its flags."""
 
-    @takes(Common, study.options)
-    def body(common: Common, options: Any) -> None:
-        run(study, common, options, terminal.plain_console())
+    @takes(Common, study.options, *([EstimatorOptions] if study.models else []))
+    def body(common: Common, options: Any, estimators: EstimatorOptions = NOBODY) -> None:
+        run(study, common, options, terminal.plain_console(), estimators)
 
     return body
 
 
-def run(study: AnyStudy, common: Common, options: Any, console: Console) -> None:
+def run(
+    study: AnyStudy, common: Common, options: Any, console: Console, estimators: EstimatorOptions = NOBODY
+) -> None:
     """Do the trials, write the folder, print the answer.
 
     Raises:
@@ -62,10 +68,11 @@ def run(study: AnyStudy, common: Common, options: Any, console: Console) -> None
     start, out = time.perf_counter(), common.out or Path("runs") / study.name
     seeds = _seeds(study, common)
     settings = study.settings(options, common.quick, seeds)
-    plain = TypeAdapter(type(settings)).dump_python(settings, mode="json")
+    plain, own = TypeAdapter(type(settings)).dump_python(settings, mode="json"), estimators.own
+    plain |= {"own": [asdict(each) for each in own]} if own else {}
     text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
-    known, own = sums(study.trials), digests_of(study.own(settings))
-    scenario = {"settings": plain, "models": digests(arms), **own, **known}
+    known, sha = sums(study.trials), digests_of((*study.own(settings), *own))
+    scenario = {"settings": plain, "models": digests(arms), **sha, **known}
     script = f"scenarios/{study.name}.py"
     experiment = Experiment(study.name, scenario, seeds)
     backend, remote = choose_backend(common), common.cluster is not None
@@ -77,17 +84,17 @@ def run(study: AnyStudy, common: Common, options: Any, console: Console) -> None
     ):
         if study.prepare:
             settings = study.prepare(settings, _everywhere(experiment, backend, common, out / PREPARED))
-        work = partial(checked, study.trials, known, settings)
+        work = partial(checked, study.trials, known, settings, own)
         show_progress(run_study(work, store, backend, size=study.size, remote=remote), len(seeds), "trials")
-        report = study.report(settings, seeds, Trials.read(write_parquet(store, folder)))
+        report = _reported(study, settings, seeds, Trials.read(write_parquet(store, folder)))
         figures = _write(study, Run(study.name, settings, seeds, report, folder, text))
         seconds = time.perf_counter() - start
         files.write_log(folder)
         files.write_manifest(
-            folder, command=script, scenario=plain, seeds=seeds, models=digests(arms), seconds=seconds, **own
+            folder, command=script, scenario=plain, seeds=seeds, models=digests(arms), seconds=seconds, **sha
         )
     console.print(terminal.as_plain(report.title))
-    terminal.print_words(console, report, [report.tables[name] for name in study.printed])
+    terminal.print_words(console, report, _shown(study, report))
     terminal.print_places(console, out, figures=figures, data=study.data)
 
 
@@ -106,6 +113,13 @@ def _of_stored(out: Path, *, resume: bool) -> Iterator[None]:
         raise InputError(out, "", f"{problem}; choose another folder to start afresh") from err
 
 
+def _reported(study: AnyStudy, settings: Any, seeds: range, trials: Trials) -> Report:
+    """What trials say, without those in which an estimator of one's own failed; and which these are."""
+    lost = failures(trials, study.models) if study.models else {}
+    report = study.report(settings, seeds, fitted(trials, study.models, lost) if lost else trials)
+    return with_failures(report, lost, len(seeds)) if lost else report
+
+
 def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     """Numbers, words, figures, and what else the study leaves; names of the figures."""
     report, folder = found.report, found.folder
@@ -121,9 +135,14 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     write_run(
         folder / "recording.rrd", found.header, report, seen, {_title(name): folder / name for name in names}
     )
-    tables = [report.tables[name] for name in study.printed]
-    write_page(folder, _title(study.name), report, replace(seen, tables=tables))
+    write_page(folder, _title(study.name), report, replace(seen, tables=_shown(study, report)))
     return names
+
+
+def _shown(study: AnyStudy, report: Report) -> list[Table]:
+    """What terminal and page show."""
+    own = [FAILURES] if study.models and FAILURES in report.tables else []
+    return [report.tables[name] for name in (*study.printed, *own)]
 
 
 def _title(name: str) -> str:

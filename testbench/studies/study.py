@@ -53,7 +53,7 @@ class Study(Generic[O, S, W]):
     seeds: tuple[int, int]  #: How many trials by default, and with `--quick` at most.
     row: type[W]  #: Type of a trial's rows.
     #: Rows of some seeds, one sequence a seed; a function of a module (see `trials.engine.Work`).
-    trials: Callable[[S, Sequence[int]], Sequence[Sequence[W]]]
+    trials: Callable[..., Sequence[Sequence[W]]]
     report: Callable[[S, range, Trials], Report]  #: What all trials say.
     printed: tuple[str, ...]  #: Names of the tables that the terminal shows.
     figures: Callable[[Report], Mapping[str, Figure]]  #: PNGs made of the report alone, by name.
@@ -68,7 +68,9 @@ class Study(Generic[O, S, W]):
     #: Adds to the settings what all trials share and what is too dear for each of them.
     prepare: Callable[[S, Everywhere], S] | None = None
     arms: Callable[[S], Sequence[Path]] = _own_arm  #: Folders of the arms that it needs.
-    own: Callable[[S], Sequence[Own]] = lambda _: ()  #: Estimators of one's own that it tries.
+    own: Callable[[S], Sequence[Own]] = lambda _: ()  #: Estimators that its settings name.
+    #: Column that names the models where `trials` takes estimators of one's own; beside it is `status`.
+    models: str = ""
 
 
 AnyStudy = Study[Any, Any, Any]

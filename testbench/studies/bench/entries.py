@@ -8,7 +8,6 @@ from testbench.campaign.own_estimator import read_own
 from testbench.campaign.own_limits import Limits
 from testbench.campaign.own_process import SUFFIX, Own
 
-FUNCTION = "estimate"
 DEFAULT = "default"  #: What identify does by default, with the class's prior.
 JOINTS = "joints"
 FLOORS = (JOINTS, "least-squares", "ridge", "prior")
@@ -18,11 +17,7 @@ FOLDERS = (PACKAGE / "entries", PACKAGE.parent / "entries")
 
 
 def read_entries(asked: Sequence[str], limits: Limits) -> tuple[Own, ...]:
-    """The floors, then the others that were asked for, FILE.py or as of `--estimator`.
-
-    Raises:
-        BenchError: When one cannot be imported, has no function, or has the name of another.
-    """
+    """The floors, then the others that were asked for, FILE.py or as `--estimator`; raises as `read_own`."""
     folder = next((folder for folder in FOLDERS if folder.is_dir()), FOLDERS[-1])
     floors = [folder / f"{name}{SUFFIX}" for name in FLOORS]
     others = [text for text in asked if Path(text).resolve() not in floors]
@@ -30,5 +25,5 @@ def read_entries(asked: Sequence[str], limits: Limits) -> tuple[Own, ...]:
 
 
 def _full(text: str) -> str:
-    """An entry as `--estimator` has it: a file alone is called by its stem and has the usual function."""
-    return f"{Path(text).stem}={text}:{FUNCTION}" if text.endswith(SUFFIX) and "=" not in text else text
+    """An entry as `--estimator` has it: a file alone is called by its stem."""
+    return f"{Path(text).stem}={text}:estimate" if text.endswith(SUFFIX) and "=" not in text else text

@@ -12,11 +12,7 @@ SECRET = re.compile(r"[0-9a-f]{64}")
 
 
 def kept_secret(file: Path) -> str:
-    """The secret in a file; drawn where there is none, its commitment beside it as `sha256sum -c` reads it.
-
-    Raises:
-        InputError: When the file holds something else.
-    """
+    """The secret in a file, drawn where there is none; its commitment beside it, for `sha256sum -c`."""
     if not file.exists():
         new = secrets.token_hex(32)
         write_whole(f"{commitment(new)}  {file.name}\n", file.with_name(f"{file.name}.sha256"))

@@ -126,11 +126,7 @@ def problem(task: Task, cell: Cell, seed: int) -> Problem:
 
 
 def _real(task: Task, cell: Cell, seed: int) -> Problem:
-    """Random poses of one series of the UR10 train, every sixth of the other one judges.
-
-    Geometry, frame and target are as likely as the compliances let them be; those of the other series are
-    found by some of its poses. A position off is a deflection off.
-    """
+    """Random poses of series C train, every sixth of A judges; geometry and frames follow compliances."""
     _, (a, c) = read(1)
     train, prior = select_rows(c, stream(seed).permutation(c.rows)[: task.poses]), cad_prior(cell.arm)
     found = gather(cell.vjm, (train,), prior, ELASTIC)

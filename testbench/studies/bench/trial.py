@@ -40,9 +40,7 @@ class Options(LimitOptions):
 
     entries: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="ENTRY.py...", help="Files with a function estimate; see docs/own_estimator.md."
-        ),
+        typer.Argument(metavar="ENTRY.py...", help="Files with a function estimate: docs/own_estimator.md."),
     ] = None
     task: Annotated[list[str] | None, typer.Option(help="Only this task; again for more.")] = None
 

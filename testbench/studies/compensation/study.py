@@ -166,9 +166,14 @@ def _groups(asked: s.Settings, trials: Trials) -> list[Row]:
         _group(way, own)
         for arm in s.ARMS
         for way in (NOWHERE, *asked.ways(arm))
-        for name in s.MODELS
+        for name in (*s.MODELS, *own_names(trials))
         if (own := groups.get((arm, *vars(way).values(), name)))
     ]
+
+
+def own_names(trials: Trials) -> list[str]:
+    """Estimators of one's own."""
+    return [name for name in trials.values("name") if name not in s.MODELS]
 
 
 def _group(way: Way, own: Trials) -> Row:
@@ -217,11 +222,14 @@ def _tables(f: Row) -> dict[str, Table]:
 def figures(found: Report) -> dict[str, Figure]:
     """What is left by campaign and number of poses, with an undisturbed arm and a disturbed one."""
     f = Row(found.numbers)
-    groups = [Row(g, campaign=f"{g.campaign},\n{g.poses} poses") for g in f.groups if g.name in s.IDENTIFIED]
+    shown = [g for g in f.groups if g.name not in (s.NOMINAL, s.PRIOR, s.PERFECT)]
+    groups = [Row(g, campaign=f"{g.campaign},\n{g.poses} poses") for g in shown]
+    own = [name for name in dict.fromkeys(g.name for g in shown) if name not in LOOKS]
+    looks = LOOKS | {name: look(f"own {k}", "own", prior=True) for k, name in enumerate(own, 1)}
     *named, left = columns("campaign name after.median_mm")
     error = replace(left, heading="error after correction")
     panes = {
-        title: Table((*named, error), [g for g in groups if g.arm == arm], looks=LOOKS)
+        title: Table((*named, error), [g for g in groups if g.arm == arm], looks=looks)
         for title, arm in (("arm that bends as a model can", IDEAL), ("disturbed arm", REAL))
     }
     gains = {"least squares": f.gains.least_squares, "joint stiffness only": f.gains.joints}
@@ -281,4 +289,5 @@ STUDY = Study(
     figures=figures,
     write=seen,
     prepare=prepare,
+    models="name",
 )

@@ -20,11 +20,13 @@ from testbench.campaign.campaign import (
     settle_both,
     stream,
 )
-from testbench.campaign.evaluation import of_model
+from testbench.campaign.evaluation import attempted
 from testbench.campaign.model_selection import choose
-from testbench.campaign.models import named_models
+from testbench.campaign.models import Model, named_models
+from testbench.campaign.own_estimator import Models, hired
+from testbench.campaign.own_process import Own
 from testbench.campaign.perturbed_prior import PRIORS, prior_of
-from testbench.campaign.rows import MM
+from testbench.campaign.rows import FAILED, MM
 from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
 from testbench.correct.compensated import Compensated, compensate
 from testbench.correct.newton import Aim
@@ -71,6 +73,7 @@ class JobsRow:
     of: int  #: So many have one; 0 for a model that has no intervals.
     unseen: int  #: And so many have none, as the readings say nothing of them.
     buckled: bool  #: Whether the model had no equilibrium under the process; nothing is corrected then.
+    status: str = "solved"  #: Or why not; of an estimator of one's own that failed, why: it corrects nothing.
     #: Where the tool is off, not corrected, then corrected, (2, points, 3) in a row [mm]; of what is drawn of
     #: the first trial.
     off_mm: tuple[float, ...] | None = None
@@ -85,21 +88,23 @@ class Fit:
     name: str
     model: ArmModel
     chosen: str | None = None  #: Of the default: what it chose.
+    status: str = "solved"
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[JobsRow]]:
+def trials(asked: Settings, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[JobsRow]]:
     """Rows of some seeds; `asked` holds the scene."""
     cell = build_cell(find_arm(asked.arm))
-    return [_trial(cell, asked, seed) for seed in seeds]
+    with hired(own) as models:
+        return [_trial(cell, asked, seed, models) for seed in seeds]
 
 
-def _trial(cell: Cell, asked: Settings, seed: int) -> list[JobsRow]:
+def _trial(cell: Cell, asked: Settings, seed: int, own: Models) -> list[JobsRow]:
     truth, work, rows = member(FAMILY, seed), tasks_of(asked, seed), []
     true, prior = true_cell(cell, truth, seed), prior_in_turn(cell, seed)
     for arm in s.ARMS:
         ways, (measured, working) = asked.ways(arm), true_arm(true, seed, arm)
         data = dict(zip(ways, measure(true, measured, asked, ways, seed), strict=True))
-        fits = known(true, prior) + identified(true, data, prior)
+        fits = known(true, prior) + identified(true, data, prior, own(true, prior))
         orders = [order(fit, work) for fit in fits]
         before, *after = execute(working, work, orders)
         for fit, command, off in zip(fits, orders, after, strict=True):
@@ -184,20 +189,27 @@ def sure(state: State, name: str) -> ArmModel:
     return of_compliances(state, structure, Posterior.normal(pi, np.zeros((0, structure.n))), About(name))
 
 
-def identified(cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior) -> list[Fit]:
-    """All models from all campaigns."""
+def identified(
+    cell: Cell, campaigns: Mapping[Way, Dataset], prior: Prior, more: Sequence[Model] = ()
+) -> list[Fit]:
+    """All models, and more, from all campaigns."""
     weights, found = read_weights(cell.arm), []
-    for model in named_models(cell, s.IDENTIFIED[:-1]):
-        every = ((way, of_model(cell, model, runs)) for way, runs in campaigns.items())
-        found += [Fit(way, model.name, of_estimate(cell.vjm, one, weights)) for way, one in every]
+    for model in (*named_models(cell, s.IDENTIFIED[:-1]), *more):
+        for way, runs in campaigns.items():
+            one = attempted(cell, model, runs)
+            found.append(Fit(way, model.name, of_estimate(cell.vjm, one, weights), status=one.status))
     for way, runs in campaigns.items():
         own = choose(cell, runs, prior)
-        found.append(Fit(way, s.DEFAULT, of_estimate(cell.vjm, own.estimate, weights), own.name))
+        found.append(
+            Fit(way, s.DEFAULT, of_estimate(cell.vjm, own.estimate, weights), own.name, own.estimate.status)
+        )
     return found
 
 
 def order(fit: Fit, work: Tasks) -> Compensated | None:
-    """The joints that a model commands; None, for those of the program, where it has the arm buckle."""
+    """The joints that a model commands; None, for the program's, where it failed or has the arm buckle."""
+    if fit.status.startswith(FAILED):
+        return None
     try:
         return compensate(fit.model, work.q, [work.load], AIM)
     except NoEquilibrium:
@@ -219,6 +231,7 @@ def row_of(fit: Fit, order: Compensated | None, before: Array, after: Array) -> 
     bounded = np.isfinite(half)
     return JobsRow(
         **{"true_arm": "", "arm": "", **vars(fit.way), "name": fit.name, "chosen": fit.chosen},
+        status=fit.status,
         before_mm=_distances(before),
         after_mm=_distances(after),
         inside=int((bounded & (np.abs(after[: len(half)]) <= half)).sum()),

@@ -34,6 +34,7 @@ METHODS: Mapping[Constraint, str] = {
     "none": "least squares",
     "psd": "GCO",
     "free": "least squares, conservative of equal fit",
+    "own": "own estimator",
 }
 
 

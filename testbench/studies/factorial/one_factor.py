@@ -1,6 +1,6 @@
 """The report of a study with one factor: errors by its levels, one model beside its rivals at one level."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -36,7 +36,7 @@ class OneFactor:
     ours: str  #: The model of the answer.
 
     def study(
-        self, settings: Callable[[bool, int], S], trials: Callable[[S, Sequence[int]], list[list[FitRow]]]
+        self, settings: Callable[[bool, int], S], trials: Callable[..., list[list[FitRow]]]
     ) -> Study[NoFlags, S, FitRow]:
         """The whole study.
 
@@ -55,6 +55,7 @@ class OneFactor:
             report=lambda _, seeds, rows: self.report(seeds, rows),
             printed=("errors",),
             figures=self.figures,
+            models="name",
         )
 
     def report(self, seeds: range, trials: Trials) -> Report:

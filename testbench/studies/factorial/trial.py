@@ -15,11 +15,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from testbench.campaign.campaign import Cell, Truth
-from testbench.campaign.evaluation import of_model
+from testbench.campaign.evaluation import attempted, has_failed
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import Model, equal_fit, named_models
+from testbench.campaign.own_estimator import Models, hired
+from testbench.campaign.own_process import Own
 from testbench.campaign.perturbed_prior import with_wrong_prior, wrong_prior
-from testbench.campaign.rows import MM, UM, DatasetRow, ErrorRow, dataset_row, error_row, fit_row
+from testbench.campaign.rows import MM, NO_ERRORS, UM, DatasetRow, ErrorRow, dataset_row, error_row, fit_row
 from testbench.campaign.tracker import Tracker, read_orientations, read_positions
 from testbench.data.dataset import Dataset
 from testbench.data.write import csv_text
@@ -47,15 +49,16 @@ class FitRow:
     structure: str
     constraint: Constraint
     prior: bool
-    rms_um: float
-    p95_um: float
-    max_um: float
+    status: str  #: "solved", or why not; of an estimator of one's own that failed, why: it has no errors.
+    rms_um: float | None
+    p95_um: float | None
+    max_um: float | None
     conservative: Share
     solved: Share  #: Whether the method found what it looks for.
     parameters: int  #: Unknowns.
     rank: int  #: Directions of them that the data see.
-    min_eigenvalue: float  #: Smallest eigenvalue of a block [m/N, rad/(N m)].
-    f_m: float  #: Cost of Eq. (19).
+    min_eigenvalue: float | None  #: Smallest eigenvalue of a block [m/N, rad/(N m)].
+    f_m: float | None  #: Cost of Eq. (19).
     f_m_floor: float  #: What noise alone leaves of it.
     duality_gap: float | None  #: How well the program is solved; None where none is.
     solve_seconds: float | None  #: Wall time of a fit, of all cases at once; None where it was not taken.
@@ -97,9 +100,15 @@ class Case:
 class Fits(dict[str, Sequence[Estimate]]):
     """Estimates by model, one a case."""
 
-    def __init__(self, found: Mapping[str, Sequence[Estimate]], seconds: Mapping[str, float] | None = None):
+    def __init__(
+        self,
+        found: Mapping[str, Sequence[Estimate]],
+        seconds: Mapping[str, float] | None = None,
+        filled: Sequence[str] = (),
+    ):
         super().__init__(found)
         self.seconds = seconds or {}  #: Wall time of a fit, by model.
+        self.filled = filled  #: Models that were given a prior.
 
 
 def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Fits:
@@ -108,17 +117,20 @@ def fitted(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Fits:
     found, seconds = {}, {}
     for model in models:
         start = perf_counter()
-        found[model.name] = [of_model(cell, model, one) for one in runs]
+        found[model.name] = [attempted(cell, model, one) for one in runs]
         seconds[model.name] = (perf_counter() - start) / len(runs)
-    return Fits(found, seconds)
+    return Fits(found, seconds, [m.name for m in models if m.filled])
 
 
-def each_seed(trial: Callable[[S, int], Iterable[R]]) -> Callable[[S, Sequence[int]], list[list[R]]]:
-    """The trials of a study, of a function of its settings and one seed."""
+def each_seed(
+    trial: Callable[[S, int, Models], Iterable[R]],
+) -> Callable[[S, Sequence[int], Sequence[Own]], list[list[R]]]:
+    """The trials of a study, of a function of settings, a seed and what makes models of own estimators."""
 
     @wraps(trial)
-    def trials(asked: S, seeds: Sequence[int]) -> list[list[R]]:
-        return [list(trial(asked, seed)) for seed in seeds]
+    def trials(asked: S, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[R]]:
+        with hired(own) as models:
+            return [list(trial(asked, seed, models)) for seed in seeds]
 
     return trials
 
@@ -145,7 +157,9 @@ def judged(
         shown = {} if case.shown is None else _left(cell, case.shown)
         for name, estimates in fits.items():
             fields = _fields(name, estimates[k], far[k, name], fits.seconds.get(name))
-            identification = error_row(near[k, name])
+            fields["prior"] = fields["prior"] or name in fits.filled
+            lost = has_failed(estimates[k])
+            identification = NO_ERRORS if lost else error_row(near[k, name])
             own = {**fields, "identification": identification, **case.factors, **more(name, k), **shown}
             yield kind(**own)
             shown = {}
@@ -182,21 +196,23 @@ def _left(cell: Cell, data: Dataset) -> dict[str, object]:
     return {"measured": dataset_row(data), "data_file": csv_text(data, cell.arm)}
 
 
+OF_ANSWER = ("rms_um", "p95_um", "max_um", "min_eigenvalue", "f_m")  #: What who failed has not.
 OF_FIT = (
-    "name structure constraint prior conservative parameters rank min_eigenvalue f_m f_m_floor duality_gap "
-    "solve_seconds"
+    "name structure constraint prior status conservative parameters rank min_eigenvalue f_m f_m_floor "
+    "duality_gap solve_seconds"
 ).split()
 
 
 def _fields(name: str, estimate: Estimate, error: Score, seconds: float | None) -> dict[str, object]:
     """Fields of a row that all studies have."""
     own = fit_row(name, estimate, seconds, prior=estimate.belief is not None)
-    return {key: getattr(own, key) for key in OF_FIT} | {
+    found = {key: getattr(own, key) for key in OF_FIT} | {
         "rms_um": UM * error.rms,
         "p95_um": UM * error.p95,
         "max_um": UM * error.max,
         "solved": estimate.status == "solved",
     }
+    return found | (dict.fromkeys(OF_ANSWER) | {"conservative": False} if has_failed(estimate) else {})
 
 
 def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
@@ -206,17 +222,24 @@ def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
     return models
 
 
-def with_wrong_priors(cell: Cell, names: Sequence[str], filled: Sequence[str], seed: int) -> list[Model]:
+def with_wrong_priors(
+    cell: Cell, names: Sequence[str], filled: Sequence[str], seed: int, own: Models
+) -> list[Model]:
     """Models without a prior, some with one that is wrong and believed as firmly for each, and the default.
+
+    Behind the first one stand estimators of one's own; the default is the last.
 
     Args:
         cell: The arm of the model: the prior is wrong about its folder.
         names: Of all models.
         filled: Of those that are fitted with the prior too.
         seed: Of the prior's errors.
+        own: Makes the models of estimators of one's own.
     """
-    default = with_priors(cell.arm, named_models(cell, LEARNS), wrong_prior(cell, seed))
-    return [*with_wrong_prior(cell, plain_models(cell, names), filled, seed), *default]
+    prior = wrong_prior(cell, seed)
+    default = with_priors(cell.arm, named_models(cell, LEARNS), prior)
+    first, *others = with_wrong_prior(cell, plain_models(cell, names), filled, seed)
+    return [first, *own(cell, prior), *others, *default]
 
 
 def reread(clean: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:

@@ -49,10 +49,7 @@ READING = Markdown(
 
 def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     """Medians and spreads of every model, and which is best where."""
-    lost, trials = campaigns.failures(trials), campaigns.fitted(trials)
     f = _numbers(asked, seeds, trials)
-    f |= {"failures": [Row(name=row.name, seed=row.seed, status=row.status) for row in lost]}
-    f |= {"models": campaigns.with_failures(f.models, lost, len(seeds))}
     told = distinct(f.models)
     own = badge.of_models(trials, told, DEFAULT, TRUE)
     mark = own.winner if own else DEFAULT
@@ -61,7 +58,6 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         badge.drawn(own, trials["name"], *campaigns.own(told), best(told, "none", prior=False)),
     )
     arms = [row for row in f.by_arm if row.name in {m.name for m in told}]
-    short = campaigns.with_failed(columns(SHORT, paper=False), lost)
     by_arm = Table((), arms, "RMS error over the workspace by true arm, mm", mark)
     return Report(
         scenario=STUDY.name,
@@ -81,12 +77,11 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         claims=list(_claims(f)),
         numbers=f,
         tables={
-            "short": Table(short, told, bold=mark, headline=TRUE),
-            "models": Table(campaigns.with_failed(columns(MODELS), lost), f.models, bold=mark),
-            **campaigns.failure_table(lost),
+            "short": Table(columns(SHORT, paper=False), told, bold=mark, headline=TRUE),
+            "models": Table(columns(MODELS), f.models, bold=mark),
             "by_arm": campaigns.arm_table(by_arm, KNOWN[TRUE]),
         },
-        body=["models", READING, *campaigns.failure_table(lost), "by_arm"],
+        body=["models", READING, "by_arm"],
         badge=own,
     )
 
@@ -161,7 +156,6 @@ def _claims(f: Row) -> Iterator[Markdown]:
         a=f.gains.same_prior,
         b=f.gains.gco_joints,
     )
-    yield from campaigns.failures_told(f.models)
     if names := [m.name for m in f.models if m.held_by_trace_weight > 0.5]:
         yield say(
             "Do not use {names:list} away from the measured poses: only the trace weight limits the "
@@ -173,15 +167,10 @@ def _claims(f: Row) -> Iterator[Markdown]:
 def figures(found: Report) -> dict[str, Figure]:
     """Errors of every model."""
     f = Row(found.numbers)
-    known = campaigns.with_failed(columns(MODELS), f.failures)
     paper = "; grey diamonds: the paper" if any(m.paper for m in f.models) else ""
     return {
         "models.png": forest(
-            Table(
-                known,
-                distinct(f.models),
-                bold=found.tables["models"].bold,
-            ),
+            Table(columns(MODELS), distinct(f.models), bold=found.tables["models"].bold),
             PANES,
             f"{f.arm} under {f.payload_kg:g} kg, RMS over the workspace: {campaigns.gains_told(f.gains)}",
             f"RMS errors. Band: winner; filled: prior; dotted: joint stiffness only{paper}.",
@@ -212,5 +201,5 @@ STUDY = Study(
     figures=figures,
     write=write,
     size=4,
-    own=lambda asked: asked.own,
+    models="name",
 )

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at
 from testbench.campaign.campaign_flags import CampaignOptions
-from testbench.campaign.evaluation import CampaignRow, Result, attempt, campaign_rows, failed_rows, identify
+from testbench.campaign.evaluation import CampaignRow, Result, campaign_rows, identify
 from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import JOINTS, equal_fit, named_models
-from testbench.campaign.own_estimator import EstimatorOptions, hired
+from testbench.campaign.models import JOINTS, Model, equal_fit, named_models
+from testbench.campaign.own_estimator import hired
 from testbench.campaign.own_process import Own
 from testbench.campaign.perturbed_prior import wrong_prior
 from testbench.campaign.true_arms import FAMILY, member, true_cell
@@ -22,9 +22,7 @@ WITH_PRIOR = (JOINTS, "MLS56", "MGCO56", "MGCO68", "ALL153")
 """Models that are fitted with a prior, which learns from the readings how wrong it is."""
 
 
-@dataclass(frozen=True)
-class Options(CampaignOptions, EstimatorOptions):
-    """Flags of the study."""
+Options = CampaignOptions  #: Flags of the study.
 
 
 @dataclass(frozen=True)
@@ -36,25 +34,23 @@ class Settings:
     magnification: float  #: Of the drawn deflections [1].
     true_arm: str = FAMILY  #: A name of `TRUTHS`, or all of them in turn.
     first: int = 1  #: The first seed: its errors are kept pose by pose.
-    own: tuple[Own, ...] = ()  #: Estimators of one's own.
 
 
-def settings(options: Options, quick: bool, seeds: range) -> Settings:
+def settings(options: CampaignOptions, quick: bool, seeds: range) -> Settings:
     """What the flags ask for."""
     own = options.scenario(QUICK_WORKSPACE if quick else 200)
-    return Settings(options.arm, own, options.magnification, options.true_arm, seeds[0], options.own)
+    return Settings(options.arm, own, options.magnification, options.true_arm, seeds[0])
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[CampaignRow]]:
-    """Rows of some seeds, one a model."""
+def trials(asked: Settings, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[CampaignRow]]:
+    """Rows of some seeds, one a model; estimators of one's own are the last."""
     cell, found = build_cell(find_arm(asked.arm)), []
-    with hired(asked.own) as own:
+    with hired(own) as models:
         for seed in seeds:
             true, campaign = calibrate(cell, asked, seed)
-            more, failed = attempt(true, campaign, own(true, wrong_prior(true, seed)), time.perf_counter)
-            every, arm = [*results(true, campaign), *more], member(asked.true_arm, seed)
-            rows = campaign_rows(true, campaign, every, arm, placed=seed == asked.first)
-            found.append([*rows, *failed_rows(campaign, failed, arm)])
+            every = results(true, campaign, models(true, wrong_prior(true, seed)))
+            arm, placed = member(asked.true_arm, seed), seed == asked.first
+            found.append(campaign_rows(true, campaign, every, arm, placed=placed))
     return found
 
 
@@ -64,9 +60,9 @@ def calibrate(cell: Cell, asked: Settings, seed: int) -> tuple[Cell, Campaign]:
     return true, simulate_at(true, asked.scenario, seed, draw_poses(cell, asked.scenario, seed))
 
 
-def results(cell: Cell, campaign: Campaign) -> list[Result]:
-    """The baselines and the paper's models, then structures with a prior that is wrong."""
+def results(cell: Cell, campaign: Campaign, more: Sequence[Model] = ()) -> list[Result]:
+    """The baselines and the paper's models, structures with a prior that is wrong, and more."""
     plain = named_models(cell, WITHOUT_PRIOR)
     plain.insert(WITHOUT_PRIOR.index("MLS56") + 1, equal_fit(cell))
     filled = with_priors(cell.arm, named_models(cell, WITH_PRIOR), wrong_prior(cell, campaign.seed))
-    return identify(cell, campaign, [*plain, *filled], time.perf_counter)
+    return identify(cell, campaign, [*plain, *filled, *more], time.perf_counter)

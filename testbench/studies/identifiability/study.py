@@ -222,4 +222,5 @@ STUDY = Study(
     printed=("models",),
     figures=figures,
     size=2,
+    models="fit.name",
 )

@@ -24,6 +24,7 @@ from testbench.campaign.campaign import (
     simulate_at,
 )
 from testbench.campaign.models import JOINTS, Model, named_models
+from testbench.campaign.own_estimator import Models
 from testbench.campaign.perturbed_prior import SCALE, wrong_prior
 from testbench.data.dataset import Dataset
 from testbench.identify import Estimate, Estimator, gco, least_squares, reduce, with_prior
@@ -127,12 +128,12 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
 
 
 @each_seed
-def trials(asked: Settings, seed: int) -> Iterator[TrialRow]:
+def trials(asked: Settings, seed: int, own: Models) -> Iterator[TrialRow]:
     """Fits of the campaign of a seed, then intervals."""
     cell = build_cell(find_arm(asked.arm))
     heavy = coverage.gravity_cases(cell)
     if seed - asked.first < asked.campaigns:
-        for row in _fits(cell, asked, seed):
+        for row in _fits(cell, asked, seed, own):
             yield TrialRow(fit=replace(row, data_file=None), data_file=row.data_file)
     yield from (TrialRow(intervals=row) for row in _intervals(cell, heavy, asked, seed - asked.first))
 
@@ -149,17 +150,18 @@ def _intervals(cell: Cell, heavy: Sequence[coverage.Case], asked: Settings, k: i
         yield from coverage.of_family(cell, asked.first + k)
 
 
-def _fits(cell: Cell, asked: Settings, seed: int) -> Iterator[MethodRow]:
+def _fits(cell: Cell, asked: Settings, seed: int, own: Models) -> Iterator[MethodRow]:
     """All fits of one campaign."""
     straight, bent = _campaigns(cell, asked.scenario, seed)
     linear = asked.scenario.model_copy(update={"truth": "linear"})
     plain = [FilledModel(**vars(model)) for model in plain_models(cell, PLAIN)]
-    every = [*plain, *_filled(cell, seed, asked.structures, FILLERS)]
+    hired = [FilledModel(**vars(model)) for model in own(cell, wrong_prior(cell, seed))]
+    every = [*plain, *_filled(cell, seed, asked.structures, FILLERS), *hired]
     seen = replace(_case(bent, "nonlinear"), shown=bent.measured if seed == asked.first else None)
     yield from _judged(cell, every, [_case(straight, "linear"), seen])
     for scale in asked.scales:
-        _, *own = _filled(cell, seed, VARIED, (LS, GCO), scale)
-        yield from _judged(cell, own, [_case(straight, "scale", scale=scale)])
+        _, *filled = _filled(cell, seed, VARIED, (LS, GCO), scale)
+        yield from _judged(cell, filled, [_case(straight, "scale", scale=scale)])
     cases = []
     for count in asked.poses:
         runs = round(count * asked.scenario.identification_runs / asked.scenario.identification_poses)

@@ -233,4 +233,5 @@ STUDY = Study(
     printed=("noisy",),
     figures=figures,
     size=2,
+    models="name",
 )

@@ -16,6 +16,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, simulate, stream
 from testbench.campaign.model_selection import DEFAULT, FILLED
 from testbench.campaign.models import JOINTS, Model
+from testbench.campaign.own_estimator import Hired, Models
 from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import member, true_cell
 from testbench.data.dataset import Dataset
@@ -52,16 +53,16 @@ class DisturbedRow(FitRow):
 
 
 @each_seed
-def trials(asked: Settings, seed: int) -> Iterator[DisturbedRow]:
+def trials(asked: Settings, seed: int, estimators: Models) -> Iterator[DisturbedRow]:
     """Rows of a seed, one a fit."""
     cell = build_cell(find_arm(asked.arm))
-    every = with_wrong_priors(cell, MODELS, MODELS, seed)
+    every = with_wrong_priors(cell, MODELS, MODELS, seed, estimators)
     models = [model for model in every if model.name != ONLY_WITH_PRIOR]
     own = member(asked.true_arm, seed)
     true = true_cell(cell, own, seed)
     cases = list(_cases(true, asked, seed, {"true_arm": own, "part": IN_FAMILY, "size": 1.0}))
     yield from _rows(true, models, cases)
-    few = [model for model in models if model.name in BESIDE]
+    few = [model for model in models if model.name in BESIDE or isinstance(model.estimator, Hired)]
     for arm, size in [*((own, size) for size in asked.sizes), *((arm, 1.0) for arm in asked.arms)]:
         true = true_cell(cell, arm, seed)
         case = _beside(true, asked, seed, size, {"true_arm": arm, "part": BESIDE_IT, "size": size})

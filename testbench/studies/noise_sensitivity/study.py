@@ -205,4 +205,5 @@ STUDY = Study(
     report=report,
     printed=tuple(PARTS),
     figures=figures,
+    models="name",
 )

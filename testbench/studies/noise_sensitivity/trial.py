@@ -19,6 +19,7 @@ from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, dr
 from testbench.campaign.campaign_flags import TrueArmFlag
 from testbench.campaign.model_selection import DEFAULT
 from testbench.campaign.models import JOINTS, Model
+from testbench.campaign.own_estimator import Models
 from testbench.campaign.pose_campaign import FullPose
 from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.campaign.rows import UM
@@ -98,17 +99,20 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
 
 
 @each_seed
-def trials(asked: Settings, seed: int) -> Iterator[FitRow]:
+def trials(asked: Settings, seed: int, own: Models) -> Iterator[FitRow]:
     """Rows of a seed, one a fit."""
     arm = member(asked.true_arm, seed)
     light, heavy = build_cell(find_arm(LIGHT)), build_cell(find_arm(HEAVY))
-    cell, models = true_cell(light, arm, seed), with_wrong_priors(light, SIX_DOF, SIX_DOF_PRIOR, seed)
+    cell, models = true_cell(light, arm, seed), with_wrong_priors(light, SIX_DOF, SIX_DOF_PRIOR, seed, own)
     scenario = FullPose(arm=LIGHT, least=9e-3, most=41e-3, noise=False)
     levels = _levels(asked, "six_dof", arm, simulate_full_pose(cell, scenario, seed))
     yield from judged(cell, levels, fitted(cell, models, levels))
     gravity, instruments = (seed - asked.first < n for n in (asked.gravity_trials, asked.instrument_trials))
     if gravity or instruments:
-        cell, models = true_cell(heavy, arm, seed), with_wrong_priors(heavy, GRAVITY, GRAVITY_PRIOR, seed)
+        cell, models = (
+            true_cell(heavy, arm, seed),
+            with_wrong_priors(heavy, GRAVITY, GRAVITY_PRIOR, seed, own),
+        )
         linear, bent = _campaigns(cell, seed)
     if gravity:
         levels = _levels(asked, "gravity", arm, bent)

@@ -196,9 +196,10 @@ def _kept(promised: str, own: Trials) -> Row:
 def _grounds(rows: Trials) -> Iterator[Row]:
     """Every fit with its own plan on both grounds, beside random poses and beside joints alone."""
     for (ground,), here in rows.groups("ground"):
-        for fit in FITS:
+        for fit in here.values("fit"):
             ways = (("test", fit), (RANDOM, fit), ("test", INCUMBENT))
-            own = [here.where(plan=plan, fit=name) for plan, name in ways]
+            seeds = {*here.where(fit=fit)["seed"].tolist()}
+            own = [here.where(plan=plan, fit=name, seed=seeds) for plan, name in ways]
             for key, where in PLACES.items():
                 plan, chance, joints = (way[key] for way in own)
                 yield Row(
@@ -266,6 +267,7 @@ def figures(found: Report) -> dict[str, Figure]:
     if len(f.study.poses) == 1:
         note = f"{reading} {PLANNED}, plans by criterion; dotted line: random poses."
         return {"pose_selection.png": forest(found.tables["criteria"], PLACES, answer, note, RANDOM)}
+    own = [fit for fit in dict.fromkeys(row.fit for row in f.errors) if fit not in FITS]
     panes = {
         f"{PLACES[key]}{words}": Table(
             columns(f"plan poses {key}"),
@@ -277,6 +279,7 @@ def figures(found: Report) -> dict[str, Figure]:
             (PLANNED, "workspace_mm", ""),
             (BARE, "tasks_mm", ", identified without prior"),
             (INCUMBENT, "tasks_mm", ", joint stiffness only by least squares"),
+            *((fit, "tasks_mm", f", {fit}") for fit in own),
         )
     }
     seeds = len(f.seed) if isinstance(f.seed, list) else 1
@@ -322,4 +325,5 @@ STUDY = Study(
     figures=figures,
     write=write,
     prepare=prepare,
+    models="fit",
 )

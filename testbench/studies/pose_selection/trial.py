@@ -12,9 +12,18 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Setup, build_cell, hanging, stream
 from testbench.campaign.campaign import measure as read
-from testbench.campaign.evaluation import CampaignRow, campaign_rows, judge, of_model
+from testbench.campaign.evaluation import (
+    CampaignRow,
+    attempted,
+    campaign_rows,
+    has_failed,
+    judge,
+    of_model,
+)
 from testbench.campaign.model_selection import FILLED, with_priors
 from testbench.campaign.models import MODELS, Model
+from testbench.campaign.own_estimator import Models, hired
+from testbench.campaign.own_process import Own
 from testbench.campaign.perturbed_prior import PRIORS, UNCERTAINTY, prior_of, wrong_prior
 from testbench.campaign.predicted_error import Expected, fitted, half_widths, joints_alone, overall
 from testbench.campaign.rows import MM
@@ -53,10 +62,11 @@ class Bench:
         """Predicted minus true deflections, (estimates, poses, m, 3) [m]."""
         return np.asarray(all_deflections(self.cell.vjm, estimates, data) - data.deflection)
 
-    def errors_mm(self, estimates: Sequence[Estimate]) -> Iterator[tuple[float, float]]:
-        """RMS errors at the tasks and over the workspace [mm]."""
+    def errors_mm(self, estimates: Sequence[Estimate]) -> Iterator[tuple[float | None, float | None]]:
+        """RMS errors at the tasks and over the workspace [mm]; none of an estimator that failed."""
         every = (rms_mm(self.off(estimates, data), 1, 2).tolist() for data in (self.tasks, self.workspace))
-        return zip(*every, strict=True)
+        for estimate, tasks, workspace in zip(estimates, *every, strict=True):
+            yield (None, None) if has_failed(estimate) else (tasks, workspace)
 
 
 @dataclass(frozen=True)
@@ -67,7 +77,7 @@ class Row:
     plan: str  #: Criterion of the plan, or "random".
     poses: int  #: How many were measured.
     fit: str  #: How they were identified.
-    tasks_mm: float  #: At the tasks.
+    tasks_mm: float | None  #: At the tasks; of an estimator of one's own that failed none.
     workspace_mm: float | None = None  #: Over the workspace, where it is asked for.
     ground: str = ""  #: Name of the ground, of that part.
     expected: Expected | None = None  #: The promise that was tried.
@@ -77,17 +87,29 @@ class Row:
     model: CampaignRow | None = None  #: Of the featured number of poses; the tasks are its check runs.
     each_task_mm: tuple[float, ...] | None = None  #: Task by task, of the featured plan for the tasks.
     each_place_mm: tuple[float, ...] | None = None  #: Pose by pose of the workspace; the same.
+    status: str | None = None  #: Of the fit: "solved", or why not.
     data_file: str | None = None  #: dataset.csv: what the first trial measured of that plan.
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[Row]]:
+def trials(asked: Settings, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[Row]]:
     """Rows of some seeds; `asked` holds the plans."""
     cell = build_cell(find_arm(asked.arm))
     bench, places = build_bench(cell, asked), (asked, s.elsewhere(asked))
-    return [
-        [*of_plans(bench, seed), *(row for there in places for row in of_ground(cell, there, seed))]
-        for seed in seeds
-    ]
+    with hired(own) as models:
+        return [
+            [
+                *of_plans(bench, seed, models),
+                *(row for there in places for row in of_ground(cell, there, seed, models)),
+            ]
+            for seed in seeds
+        ]
+
+
+def tried(cell: Cell, seed: int, own: Models) -> dict[str, Model]:
+    """The models of `FITS`, then estimators of one's own, with the prior of a trial."""
+    prior = wrong_prior(cell, seed)
+    known = fits(cell, prior)
+    return {fit: known[fit] for fit in FITS} | {model.name: model for model in own(cell, prior)}
 
 
 def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
@@ -103,18 +125,18 @@ def fits(cell: Cell, prior: Prior) -> dict[str, Model]:
     return {model.name: model for model in found}
 
 
-def of_plans(bench: Bench, seed: int) -> Iterator[Row]:
+def of_plans(bench: Bench, seed: int, own: Models) -> Iterator[Row]:
     """Every plan and random poses, identified in every way."""
-    scope, models = bench.asked.scope, fits(bench.cell, wrong_prior(bench.cell, seed))
+    scope, models = bench.asked.scope, tried(bench.cell, seed, own)
     levels = [(name, n) for name in (*scope.criteria, RANDOM) for n in scope.numbers(name)]
     runs = [measure(bench, poses_of(bench.asked, name, n, seed), seed) for name, n in levels]
-    for fit in FITS:
-        estimates = [of_model(bench.cell, models[fit], one) for one in runs]
+    for fit, model in models.items():
+        estimates = [attempted(bench.cell, model, one) for one in runs]
         found = zip(levels, runs, estimates, bench.errors_mm(estimates), strict=True)
         for (name, n), data, estimate, errors in found:
-            row = Row("measured", name, n, fit, *errors)
+            row = Row("measured", name, n, fit, *errors, status=estimate.status)
             if (n, fit) == (scope.featured, PLANNED):
-                row = featured(bench, row, models[fit], estimate, data)
+                row = featured(bench, row, model, estimate, data)
                 if (name, seed) == ("test", bench.asked.seed):
                     row = replace(row, data_file=csv_text(data, bench.cell.arm))
             yield row
@@ -137,21 +159,24 @@ def featured(bench: Bench, row: Row, model: Model, estimate: Estimate, data: Dat
     )
 
 
-def of_ground(cell: Cell, asked: Settings, seed: int) -> Iterator[Row]:
-    """Plans for the very fit against random poses, on one ground, the true arm one of the family."""
-    n, ground, models = asked.scope.featured, asked.scope.ground.name, fits(cell, wrong_prior(cell, seed))
+def of_ground(cell: Cell, asked: Settings, seed: int, own: Models) -> Iterator[Row]:
+    """Plans for the very fit against random poses, on one ground, the true arm one of the family.
+
+    An estimator of one's own has the plan for `PLANNED`.
+    """
+    n, ground, models = asked.scope.featured, asked.scope.ground.name, tried(cell, seed, own)
     bench = build_bench(true_cell(cell, member(FAMILY, seed), seed), asked)
     drawn = poses_of(asked, RANDOM, n, seed)
     chance = measure(bench, drawn, seed)
     yield from of_promise(bench, seed, (RANDOM, drawn, chance))
-    for fit in FITS:
-        chosen = poses_of(asked, "test", n, seed, fit)
+    for fit, model in models.items():
+        chosen = poses_of(asked, "test", n, seed, fit if fit in FITS else PLANNED)
         data = measure(bench, chosen, seed)
         if fit == PLANNED:
             yield from of_promise(bench, seed, ("test", chosen, data))
-        estimates = [of_model(bench.cell, models[fit], own) for own in (data, chance)]
-        for name, errors in zip(("test", RANDOM), bench.errors_mm(estimates), strict=True):
-            yield Row("ground", name, n, fit, *errors, ground)
+        both = [attempted(bench.cell, model, runs) for runs in (data, chance)]
+        for name, errors, one in zip(("test", RANDOM), bench.errors_mm(both), both, strict=True):
+            yield Row("ground", name, n, fit, *errors, ground, status=one.status)
 
 
 def prior_in_turn(seed: int) -> str:

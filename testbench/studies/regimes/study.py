@@ -42,7 +42,7 @@ MATTERS = 0.95  #: Ratio of errors, median, above which a gain is too small to c
 CELL = ("part", "structure", "poses", "sigma_um")
 LOOKS = {SQUARES: look("MLS56", "none"), LENT: look("MLS56", "free"), JOINTS: look("Joints", "none")}
 """Of those that GCO is drawn beside."""
-PAIRS = [(GCO, theirs) for theirs in (SQUARES, LENT, EQUAL, JOINTS)]
+RIVALS = (SQUARES, LENT, EQUAL, JOINTS)
 HOW = Markdown(
     "## How to read the maps\n\n"
     "GCO and least squares of one structure differ in what they take for the directions that no reading "
@@ -60,7 +60,7 @@ HOW = Markdown(
 def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     """Medians and spreads by cell and by the error to expect."""
     plain = trials.where(uncertainty=NONE)
-    cells = compare.duels(plain, PAIRS, *CELL, within=("true_arm",))
+    cells = compare.duels(plain, _pairs(plain), *CELL, within=("true_arm",))
     errors = compare.cells(plain, *CELL, also=("free",))
     at = {"part": "gravity", "poses": FEATURED[0], "sigma_um": UM * FEATURED[1]}
     here = [row for row in errors if all(row[key] == value for key, value in at.items())]
@@ -101,6 +101,12 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     )
 
 
+def _pairs(plain: Trials) -> list[tuple[str, str]]:
+    """GCO beside all others, estimators of one's own among them."""
+    own = [name for name in plain.values("name") if name not in (GCO, *RIVALS)]
+    return [(GCO, theirs) for theirs in (*RIVALS, *own)]
+
+
 def _of(cells: Sequence[Row], kind: str, theirs: str) -> list[Row]:
     """Cells of one kind of reading, beside one method."""
     return [row for row in cells if (row.part, row.theirs) == (kind, theirs)]
@@ -123,7 +129,9 @@ def _levels(plain: Trials) -> list[Row]:
     """By the error that noise is expected to leave where the cone binds, ascending; and where it does not."""
     names = (*NAMES, FREE)
     level = np.where(plain["binds"], np.digitize(plain["expected"], LEVELS), len(NAMES))
-    duels = compare.duels(plain.add(level=level), PAIRS, "part", "level", within=("true_arm", *CELL[1:]))
+    duels = compare.duels(
+        plain.add(level=level), _pairs(plain), "part", "level", within=("true_arm", *CELL[1:])
+    )
     fits = {kind: sum(row.trials for row in _of(duels, kind, SQUARES)) for kind in KINDS}
     return [
         Row(row, level=names[int(row.level)], fits_share=row.trials / fits[row.part])
@@ -186,9 +194,12 @@ def _gained(f: Row) -> Markdown:
 def figures(found: Report) -> dict[str, Figure]:
     """GCO over others by the error that noise is expected to leave, a pane a kind of reading."""
     f, shown = Row(found.numbers), columns("level theirs ratio")
-    looks = {shown[1].text(theirs): own for theirs, own in LOOKS.items()}
+    drawn = [r for r in f.levels if r.theirs != EQUAL]
+    others = [name for name in dict.fromkeys(r.theirs for r in drawn) if name not in LOOKS]
+    looks = LOOKS | {name: look(f"own {k}", "own") for k, name in enumerate(others, 1)}
+    looks = {shown[1].text(theirs): own for theirs, own in looks.items()}
     panes = {
-        words: Table(shown, [r for r in f.levels if r.part == kind and r.theirs in LOOKS], looks=looks)
+        words: Table(shown, [r for r in drawn if r.part == kind], looks=looks)
         for kind, words in KINDS.items()
     }
     reading = (
@@ -212,4 +223,5 @@ STUDY = Study(
     report=report,
     printed=tuple(KINDS),
     figures=figures,
+    models="name",
 )

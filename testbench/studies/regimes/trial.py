@@ -13,20 +13,22 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Cell, Scenario, build_cell, draw_poses, simulate_at, stream
+from testbench.campaign.models import Model
+from testbench.campaign.own_estimator import Models
 from testbench.campaign.pose_campaign import FullPose
 from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset, Mask, select
 from testbench.errors import Array, BenchError
-from testbench.identify import Estimate, reduce
+from testbench.identify import reduce
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import RANK_TOLERANCE, Regression
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
-from testbench.studies.factorial.trial import Case, FitRow, Fits, each_seed, judged, reread
+from testbench.studies.factorial.trial import Case, FitRow, Fits, each_seed, fitted, judged, reread
 from testbench.studies.regimes.fits import Compared, with_prior, without_prior
 
 Kind = Literal["gravity", "full_pose"]
@@ -121,10 +123,11 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
 
 
 @each_seed
-def trials(asked: Settings, seed: int) -> Iterator[MethodRow]:
+def trials(asked: Settings, seed: int, own: Models) -> Iterator[MethodRow]:
     """Rows of a seed, one a method, structure, truth, prior and cell of the grids."""
     for kind, grid in asked.grids.items():
-        yield from _rows(build_cell(find_arm(grid.arm)), kind, asked, seed)
+        cell = build_cell(find_arm(grid.arm))
+        yield from _rows(cell, kind, asked, seed, own(cell, None))
 
 
 @dataclass(frozen=True)
@@ -176,8 +179,10 @@ MEASURE: Mapping[Kind, Callable[[Cell, Grid, int, Sequence[str], int], list[Clea
 """Of an arm, its grid, the poses to judge by, names of truths and a seed: what is true, a truth each."""
 
 
-def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[MethodRow]:
-    """Rows of one kind of reading."""
+def _rows(
+    cell: Cell, kind: Kind, asked: Settings, seed: int, estimators: Sequence[Model]
+) -> Iterator[MethodRow]:
+    """Rows of one kind of reading; estimators of one's own fit every structure without a prior."""
     grid, prior, truths = asked.grids[kind], cad_prior(cell.arm), asked.arms(seed)
     structures = [make(cell.arm) for make in STRUCTURES]
     for truth, clean in zip(truths, MEASURE[kind](cell, grid, asked.judged, truths, seed), strict=True):
@@ -191,6 +196,7 @@ def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[Method
             found |= {name: with_prior(cell.vjm, own, prior, believed) for name, believed in PRIORS.items()}
             noise = expected(cell.vjm, clean, grid, own)
             for name, compared in found.items():
+                tried = estimators if name == NONE else ()
                 same = {"part": kind, "true_arm": truth, "structure": structure.name, "uncertainty": name}
                 cases = [
                     Case(
@@ -201,14 +207,15 @@ def _rows(cell: Cell, kind: Kind, asked: Settings, seed: int) -> Iterator[Method
                     )
                     for runs, at in zip(data, grid.cells, strict=True)
                 ]
-                yield from _compared(cell, cases, compared, joints, noise)
+                fits = Fits({GCO: compared.gco, SQUARES: compared.ls, JOINTS: joints})
+                fits |= fitted(cell, [replace(m, structure=structure) for m in tried], cases)
+                yield from _compared(cell, cases, compared, fits, noise)
 
 
 def _compared(
-    cell: Cell, cases: Sequence[Case], own: Compared, joints: Sequence[Estimate], noise: Array
+    cell: Cell, cases: Sequence[Case], own: Compared, fits: Fits, noise: Array
 ) -> Iterator[MethodRow]:
     """Rows of one structure with one prior; noise is what it is expected to leave least squares [um]."""
-    fits = Fits({GCO: own.gco, SQUARES: own.ls, JOINTS: joints})
     fits |= {EQUAL: own.equal, LENT: own.lent} if own.equal and own.lent else {}
     moved, binds = all_deflections(cell.vjm, own.gco, cases[0].judge), own.binds
     share = noise / (UM * np.sqrt(np.square(moved).sum(axis=3).mean(axis=(1, 2))))

@@ -98,7 +98,9 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     straight = trials.where(m=0, truth=TRUTHS[0])
     own = badge.of_models(straight, f.models, f.take, ERROR)
     mark = own.winner if own else f.take
-    f["map"] = campaigns.error_map(straight, badge.drawn(own, straight["name"], f.gains.least_squares.theirs))
+    f["map"] = campaigns.error_map(
+        straight, badge.drawn(own, straight["name"], *campaigns.own(f.models), f.gains.least_squares.theirs)
+    )
     return Report(
         scenario=STUDY.name,
         question=say("{arm} under any load: which stiffness model predicts its deflection best?", f),
@@ -305,4 +307,5 @@ STUDY = Study(
     printed=("short",),
     figures=figures,
     write=write,
+    models="name",
 )

@@ -12,6 +12,8 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Truth, build_cell
 from testbench.campaign.evaluation import CampaignRow, campaign_rows, identify, judge
 from testbench.campaign.models import JOINTS, Model, equal_fit, named_models
+from testbench.campaign.own_estimator import hired
+from testbench.campaign.own_process import Own
 from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.identify import gco
 from testbench.studies.paper import every_order
@@ -77,11 +79,12 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
     )
 
 
-def trials(asked: Settings, seeds: Sequence[int]) -> list[list[SixDofRow]]:
+def trials(asked: Settings, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[SixDofRow]]:
     """Rows of some seeds: all models under two truths, and in the first seeds every order m."""
     cell = build_cell(find_arm(asked.arm))
-    own = models(cell)
-    return [list(_trial(cell, own, asked, seed)) for seed in seeds]
+    with hired(own) as more:
+        every = [*models(cell), *more(cell, None)]
+        return [list(_trial(cell, every, asked, seed)) for seed in seeds]
 
 
 def models(cell: Cell) -> list[Model]:

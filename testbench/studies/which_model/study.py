@@ -273,4 +273,5 @@ STUDY = Study(
     report=report,
     printed=("short",),
     figures=figures,
+    models="name",
 )

@@ -16,6 +16,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.campaign.model_selection import choose, with_priors
 from testbench.campaign.models import JOINTS, MODELS, Model
+from testbench.campaign.own_estimator import Models
 from testbench.campaign.perturbed_prior import PRIORS, prior_of, wrong_link
 from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import TRUTHS, true_cell
@@ -99,7 +100,7 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
 
 
 @each_seed
-def trials(asked: Settings, seed: int) -> Iterator[MethodRow]:
+def trials(asked: Settings, seed: int, own: Models) -> Iterator[MethodRow]:
     """Rows of a seed, one a truth, method and number of poses."""
     cell = build_cell(find_arm(asked.arm))
     plain, bare = plain_models(cell, PLAIN), to_fill(cell)
@@ -117,7 +118,9 @@ def trials(asked: Settings, seed: int) -> Iterator[MethodRow]:
             )
             for runs, n in zip(read(campaign), POSES, strict=True)
         ]
-        yield from _rows(true, [*plain, *with_priors(cell.arm, bare, prior)], cases, prior, seed)
+        yield from _rows(
+            true, [*plain, *with_priors(cell.arm, bare, prior), *own(true, prior)], cases, prior, seed
+        )
 
 
 def to_fill(cell: Cell) -> list[Model]:
@@ -158,7 +161,7 @@ def _rows(
     """What is chosen by default and every method, from few and from many poses, in one truth."""
     chosen = [choose(cell, case.runs, prior) for case in cases]
     found = fitted(cell, models, cases)
-    fits = Fits({CHOSEN: [own.estimate for own in chosen], **found}, found.seconds)
+    fits = Fits({CHOSEN: [own.estimate for own in chosen], **found}, found.seconds, found.filled)
     truth, far = cases[0].judge, PRIORS[str(cases[0].factors["prior_error"])].far
     link = wrong_link(cell, seed) if far == "link" else None
     share = None if link is None else _share(cell, link, truth, chosen[0].estimate)

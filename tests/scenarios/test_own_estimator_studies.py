@@ -1,0 +1,80 @@
+"""An estimator of one's own in every study that takes one: in all views, and counted where it fails."""
+
+import json
+import re
+from unittest import mock
+
+import pytest
+from matplotlib.text import Text
+from pyarrow import parquet
+from read_back import chunks_of, columns
+from run_here import ROOT, app_of_study, here
+
+from testbench.studies import run
+
+MINE = """
+import testbench as tb
+
+
+def plain(kinematics, structure, data, prior):
+    assert all(joint.compliance != joint.compliance for joint in kinematics.arm.joints)
+    return tb.least_squares(kinematics, structure, data).pi
+
+
+def never(kinematics, structure, data, prior):
+    raise ValueError("not today")
+"""
+WITH = {
+    "gravity_calibration": "workspace.rms_mm",
+    "six_dof_arm": "workspace.rms_mm",
+    "noise_sensitivity": "rms_um",
+    "model_error": "rms_um",
+    "which_model": "rms_um",
+    "regimes": "rms_um",
+    "identifiability": "fit.rms_um",
+    "compensation": None,
+    "pose_selection": "tasks_mm",
+}
+"""Studies, and the column of the error that who failed has not; compensation has one a point."""
+WITHOUT = set("absolute_calibration bench loaded_stiffness real_ur10 single_link solver_comparison".split())
+
+
+def test_every_study_takes_estimators_or_has_no_place_for_them():
+    scripts = {file.stem for file in (ROOT / "scenarios").glob("*.py")}
+    assert scripts == {*WITH} | WITHOUT
+    for name in scripts:
+        said = here(app_of_study(name), "--help").stdout
+        assert bool(re.search(r"--estimator\s", said)) == (name in WITH), name
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("name", WITH)
+def test_it_is_in_table_picture_page_and_recording_and_a_failure_costs_nobody_else(tmp_path, name):
+    (tmp_path / "mine.py").write_text(MINE)
+    own = [part for one in ("plain", "never") for part in ("--estimator", f"{tmp_path}/mine.py:{one}")]
+    out, words, save = tmp_path / "out", set(), run.save
+
+    def look(figure, path):
+        save(figure, path)
+        words.update(text.get_text() for text in figure.findobj(Text))
+
+    with mock.patch.object(run, "save", look):
+        done = here(app_of_study(name), "--quick", "--seeds", 1, "--workers", 1, *own, "--out", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    report = json.loads((out / "report.json").read_text())
+    assert report["failures"] == [
+        {"name": "never", "seed": 1, "status": "failed: raised ValueError: not today"}
+    ]
+    assert "never" in done.stdout
+    assert "plain" in (out / "report.md").read_text()
+    assert "plain" in "".join(file.read_text() for file in [*out.glob("*.html"), *out.glob("tables/*.csv")])
+    told = json.dumps(columns(chunks_of(out / "recording.rrd"), "/tables"), default=str)
+    assert "plain" in told
+    if name != "pose_selection":  # with one number of poses its picture is of one fit
+        assert any("plain" in text for text in words)
+    assert {*json.loads((out / "manifest.json").read_text())["estimators"]} == {"plain", "never"}
+    if column := WITH[name]:
+        rows = parquet.read_table(out / "trials.parquet").to_pylist()
+        lost = [row for row in rows if "failed: raised ValueError: not today" in row.values()]
+        assert lost
+        assert all(row[column] is None for row in lost)
