@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.campaign.absolute import Calibrated
 from testbench.campaign.campaign import Cell, stream
 from testbench.campaign.candidates import Candidates, Conditions, build_checks, feasible, find
 from testbench.campaign.plan_settings import HIGHEST_ORDER, PlanSettings, structure
@@ -20,18 +21,22 @@ from testbench.campaign.unobservable import LOOSE, unobservable
 from testbench.data.series import Series, select_rows
 from testbench.design import absolute
 from testbench.design.absolute import Union
+from testbench.design.baselines import error_after
 from testbench.design.criteria import criterion_of
+from testbench.design.exchange import greedy
 from testbench.design.forecast import Forecast, open_to, widened, without_bound
 from testbench.design.observability import observability
-from testbench.design.planning import Chosen, Plan, candidate_set, make_plan, promise
+from testbench.design.planning import Chosen, Plan, candidate_set, choose_greedily, make_plan, promise
 from testbench.design.planning import choose as search_best
 from testbench.design.refine import Reach, Search
 from testbench.design.rows import Experiment, Specification, Tasks, loads_of, task_rows, workspace_rows
 from testbench.design.whole_arm import promise_on
 from testbench.errors import Array, BenchError, check_array
+from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.pull import pull_of
 from testbench.identify.absolute.state import Mount, nominal
 from testbench.identify.absolute.unknowns import unknowns_of
+from testbench.identify.arm_model import ArmModel
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import Frame
@@ -45,6 +50,7 @@ WORKSPACE = 200  #: Poses that stand for the workspace.
 STEP, SLIDE_STEP = math.radians(5), 0.02
 """Largest steps of a hinge [rad] and a slide [m] between collision checks on the way from pose to pose."""
 NAMED = 5  #: Tasks that a message names; more are counted.
+MORE, FEW = 50, 120  #: Further poses of which a calibration tells what they bring, and candidates for them.
 FRAME, MOUNT = "tracker", "target"  #: Names of what is unknown of the set-up of absolute readings.
 
 
@@ -68,6 +74,7 @@ class AbsolutePlanned(Planned):
     union: Union  #: What is unknown.
     q: Array  #: Poses over which it is judged, (poses, n) [rad, m].
     wanted: Array  #: Predictions there, `absolute.position_rows`.
+    given: Calibrated | None  #: What was known before.
 
 
 def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
@@ -195,11 +202,22 @@ def _check_without_prior(spec: Specification, q: Array) -> None:
         )
 
 
-def plan_absolute(cell: Cell, settings: PlanSettings) -> AbsolutePlanned:
-    """The poses whose absolute readings calibrate an arm best, and what they promise."""
+def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None = None) -> AbsolutePlanned:
+    """The poses whose absolute readings calibrate an arm best, and what they promise.
+
+    Args:
+        cell: The arm.
+        settings: What is asked for.
+        given: The arm by readings that were taken before; None where there are none.
+
+    Raises:
+        BenchError: When the arm has no joints.
+    """
     if not cell.arm.joints:
         raise BenchError(f"{cell.arm.name}: expected an arm with joints")
-    union, found, q = union_of(cell, settings), search(cell, settings), around(cell, settings)
+    known = given and model_of(given.calibration)
+    union = union_after(known, settings) if known else union_of(cell, settings)
+    found, q = search(cell, settings), around(cell, settings)
     wanted = absolute.position_rows(union, q)
     examined = absolute.candidate_set(union, found.q, settings.poses)
     asked = Search(
@@ -209,9 +227,32 @@ def plan_absolute(cell: Cell, settings: PlanSettings) -> AbsolutePlanned:
         reach=reach_of(cell, settings),
         rng=stream(settings.seed, 1),
     )
-    best = search_best(asked, criterion_of(settings.criterion, examined.problem, wanted), examined)
+    best_of = search_best if given is None else choose_greedily
+    best = best_of(asked, criterion_of(settings.criterion, examined.problem, wanted), examined)
     there, over = (promise(best, rows) for rows in (absolute.position_rows(union, best.q), wanted))
-    return AbsolutePlanned(cell, settings, found, best, there, over, over, union, q, wanted)
+    return AbsolutePlanned(cell, settings, found, best, there, over, over, union, q, wanted, given)
+
+
+def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, float]:
+    """RMS errors over the workspace [m]: now, frame and mount fitted, and after `MORE` further poses.
+
+    Args:
+        cell: The arm.
+        given: What is known of it.
+        sigma: Standard deviation of a reading along an axis [m].
+
+    Raises:
+        BenchError: When the arm can be nowhere.
+    """
+    settings = PlanSettings(
+        absolute=True, criterion="I", poses=MORE, sigma_um=UM * sigma, candidates_wanted=FEW
+    )
+    union = replace(union_after(given, settings), little=float(MORE))
+    wanted = absolute.position_rows(union, around(cell, settings)[:FEW])
+    problem = absolute.candidate_set(union, search(cell, settings).q, MORE).problem
+    criterion = criterion_of("I", problem, wanted)
+    chosen = greedy(problem, criterion, problem.rows, MORE)
+    return absolute.realigned(union, wanted), error_after(problem, wanted)(chosen)
 
 
 def union_of(cell: Cell, settings: PlanSettings) -> Union:
@@ -242,11 +283,31 @@ def union_of(cell: Cell, settings: PlanSettings) -> Union:
     return Union(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0))
 
 
-def _one_pose(vjm: Vjm, settings: PlanSettings) -> Series:
+def union_after(given: ArmModel, settings: PlanSettings) -> Union:
+    """What is unknown after readings were taken; further ones have a frame and a mount of their own."""
+    if given.noise is None or not given.state.mounts:
+        raise BenchError("given: expected a model of absolute readings")
+    mount, noise = next(iter(given.state.mounts.values())), given.noise
+    pose = _one_pose(given.vjm, settings, mount.markers)
+    open_ = (noise.open_position, noise.open_rotation)
+    sigma, turn = (
+        float(f * math.hypot(settings.sigma_um / UM, s)) for f, s in zip(noise.factor, open_, strict=False)
+    )
+    pose = replace(pose, sigma=sigma, sigma_rotation=turn if settings.orientations else None)
+    unknowns = unknowns_of(given.vjm, (pose,), given.state.errors, given.structure)
+    state = replace(given.state, frames={FRAME: Frame(np.eye(3), np.zeros(3))}, mounts={MOUNT: mount})
+    first, root = unknowns.starts["geometry"], given.posterior.root
+    L = np.zeros((unknowns.size, first + len(root)))
+    L[:first, :first] = absolute.LOOSE * np.eye(first)
+    L[first + given.columns, first:] = root.T
+    return Union(unknowns, state, L, pose, np.zeros(given.arm.n_joints), absolute.LITTLE_MORE)
+
+
+def _one_pose(vjm: Vjm, settings: PlanSettings, targets: tuple[str, ...] | None = None) -> Series:
     """How a pose is read: under own weight, then under one load after the other."""
     load = weight(vjm, np.array([0.0, *settings.loads_kg]))
     rows, sigma = len(load.wrench), settings.sigma_um / UM
-    markers = vjm.arm.markers[:1] if settings.orientations else vjm.arm.markers
+    markers = targets or (vjm.arm.markers[:1] if settings.orientations else vjm.arm.markers)
     return Series(
         name="plan",
         markers=markers,

@@ -31,6 +31,7 @@ class PlanSettings:
 
     #: Whether the tracker's frame, targets, geometry and joint errors are unknown too: no tasks then.
     absolute: bool = False
+    given: tuple[str, ...] = ()  #: Names of files of readings that were taken before.
     #: Name of the model whose structure is to be identified; "ALL" for all links and joints.
     model: str = EVERY
     criterion: str = "test"  #: One of criteria.CRITERIA; of absolute readings not "test".

@@ -1,6 +1,7 @@
 """testbench calibrate ARM READINGS.csv ... --out MODEL: geometry, gears, elasticity by absolute readings."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -10,12 +11,14 @@ import typer
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.absolute import File, calibrated, read_all
 from testbench.campaign.campaign import build_cell
+from testbench.campaign.plan import gain_of_more
 from testbench.cli.arguments import ArmName, SigmaUm, mass, plain
 from testbench.commands.calibrate import COMMAND, PICTURE, report, seen, write
 from testbench.commands.calibrate_numbers import left_of
-from testbench.errors import BenchError
+from testbench.errors import BenchError, PoseError
 from testbench.identify.absolute.fit import NAMES, ORDERS
 from testbench.identify.absolute.fit import Options as Tried
+from testbench.identify.absolute.posterior import model_of
 from testbench.output.place import claim_folder
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.terminal import looked_at, plain_console, print_words
@@ -71,7 +74,10 @@ def command(asked: Options) -> None:
         console = plain_console()
         found = calibrated(cell.vjm, series, tried, notes)
         left = left_of(found)
-        said, drawn = report(found, left), seen(cell, found, left)
+        more = None
+        with suppress(PoseError):  # an arm that can be nowhere has no workspace
+            more = gain_of_more(cell, model_of(found.calibration), series[0].sigma)
+        said, drawn = report(found, left, more), seen(cell, found, left)
         write(found, said, drawn, plain(asked, read="readings", without=("arm",)), asked.out)
         out = asked.out
         lines = [

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from testbench.arm.catalogue import find_arm
+from testbench.campaign.absolute import Calibrated, File, calibrated, read_all
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.models import EVERY, plain_name, right_name
 from testbench.campaign.plan import plan_absolute, plan_for
@@ -17,6 +18,7 @@ from testbench.commands.plan import COMMAND, printed, report, write
 from testbench.commands.plan_numbers import numbers
 from testbench.design.criteria import check_criterion
 from testbench.errors import BenchError
+from testbench.identify.absolute.fit import Options as Fit
 from testbench.model.load import weight
 from testbench.output.place import claim_folder
 from testbench.plant import Payload
@@ -96,6 +98,10 @@ class Absolute:
             help="For absolute readings: frame, targets, geometry, joint errors and compliances unknown.",
         ),
     ] = False
+    given: Annotated[
+        list[Path] | None,
+        typer.Option(help="Absolute readings taken before; the plan fills what they leave open. Repeatable."),
+    ] = None
     orientations: Orientations = False
     geometry_mm: Annotated[
         float, typer.Option(help="Expected error of geometry along an axis, and in mrad, with --absolute.")
@@ -118,7 +124,7 @@ def command(asked: Options, absolute: Absolute) -> None:
     if not absolute.absolute and asked.task is None:
         raise BenchError("--task: expected a CSV of tasks, or --absolute")
     folder = find_arm(asked.arm)
-    given = [folder, *filter(None, [asked.task, asked.mapping])]
+    given = [folder, *(absolute.given or []), *filter(None, [asked.task, asked.mapping])]
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         cell = replace(build_cell(asked.arm), floor=asked.floor_z)
         settings = _settings(cell, asked, absolute)
@@ -130,7 +136,10 @@ def command(asked: Options, absolute: Absolute) -> None:
         )
         for doubt in overloads(cell.arm, (0.0, *settings.loads_kg), settings.pulls_n):
             console.print(f"Doubt: {doubt}", soft_wrap=True)
-        made = plan_for(cell, settings, tasks) if tasks else plan_absolute(cell, settings)
+        if tasks:
+            made = plan_for(cell, settings, tasks)
+        else:
+            made = plan_absolute(cell, settings, _known(cell, asked, absolute))
         said, out = report(numbers(made), cell.arm), asked.out
         write(made, said, folder, asked.task, out)
         console.print(as_plain(said.title))
@@ -142,6 +151,15 @@ def command(asked: Options, absolute: Absolute) -> None:
             *looked_at(out, arm=asked.arm),
         ]
         print_words(console, said, [printed(said)], lines, MORE)
+
+
+def _known(cell: Cell, asked: Options, flags: Absolute) -> Calibrated | None:
+    """The arm by the readings that were taken before."""
+    if not flags.given:
+        return None
+    files = [File(path, asked.mapping, sigma_um=asked.sigma_um) for path in flags.given]
+    series, notes = read_all(files, cell.arm)
+    return calibrated(cell.vjm, series, Fit(), notes)
 
 
 def _settings(cell: Cell, asked: Options, flags: Absolute) -> PlanSettings:
@@ -157,7 +175,7 @@ def _settings(cell: Cell, asked: Options, flags: Absolute) -> PlanSettings:
     loads = asked.load or ([] if flags.absolute else [payload_of(cell.arm, None, "--load")])
     percent = 30.0 if asked.uncertainty_percent is None else asked.uncertainty_percent
     settings = PlanSettings(
-        **vars(flags),
+        **{**vars(flags), "given": tuple(path.name for path in flags.given or ())},
         model=model,
         criterion=criterion,
         poses=poses if asked.poses is None else asked.poses,
@@ -185,7 +203,7 @@ def _check(asked: Options, flags: Absolute) -> None:
         "--task": asked.task,
         "--no-prior": asked.no_prior,
         "--pull": asked.pull,
-        "--map": asked.mapping,
+        "--map": None if flags.given else asked.mapping,
     }
     if named := [flag for flag, given in others.items() if flags.absolute and given]:
         raise BenchError(f"{named[0]}: expected no --absolute with it")

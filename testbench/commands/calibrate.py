@@ -8,6 +8,7 @@ import numpy as np
 from testbench.campaign.absolute import Calibrated
 from testbench.campaign.arm_models import write_model
 from testbench.campaign.campaign import Cell
+from testbench.campaign.plan import MORE
 from testbench.campaign.rows import MM
 from testbench.commands.calibrate_numbers import FAR, Left, numbers, unread
 from testbench.data.series import Series, select_rows
@@ -72,9 +73,16 @@ def write(found: Calibrated, said: Report, drawn: Seen, asked: Mapping[str, obje
     leave(out, Asked(COMMAND, arm.name, asked, [arm.rigid.parent], PICTURE, more=model), said, drawn)
 
 
-def report(found: Calibrated, left: Left) -> Report:
-    """What there is to say of a calibration."""
+def report(found: Calibrated, left: Left, more: tuple[float, float] | None = None) -> Report:
+    """What there is to say of a calibration.
+
+    Args:
+        found: The calibration.
+        left: What both arms leave of the readings.
+        more: Errors now, and after further poses, by `gain_of_more`.
+    """
     f = numbers(found, left)
+    f["more"] = more and Row(poses=MORE, now_mm=MM * more[0], after_mm=MM * more[1])
     f["doubts"] = [f"{name}: {text}" for name, text in _doubts(f)]
     return Report(
         scenario="calibrate",
@@ -179,6 +187,12 @@ def _claims(f: Row) -> Iterator[Markdown]:
         why = ", as they improve held-out readings by less than 5 %" if f.held_out_mm else ""
         yield lines([first, say(f"**Dropped**{why}: {{own:list}}.", own=dropped) if dropped else ""])
     yield from doubts[int(f.worse) :]
+    if f.more and f.more.after_mm < f.more.now_mm:
+        yield say(
+            "**{poses} more poses** that `testbench plan --absolute --given` chooses would take the expected "
+            "error over the workspace from {now_mm:.3f} to {after_mm:.3f} mm (RMS).",
+            f.more,
+        )
     if f.outliers:
         yield say(
             "{less_pull_percent:.1f} % of the positions count less than sound ones (0.7 % expected); the "

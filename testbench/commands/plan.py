@@ -48,6 +48,8 @@ def report(f: Row, arm: Arm) -> Report:
     """What there is to say of a plan of an arm, from its `numbers`."""
     absolute = f.absolute
     middle = [Markdown("## What stays unknown"), bullets(f.hidden or [NOTHING])] if absolute else ["tasks"]
+    if f.given:
+        middle = []
     rests = bullets([*(_of_absolute(f) if absolute else _of_pairs(f)), *_of_both(f)])
     after = [Markdown("## What this rests on"), rests]
     return Report(
@@ -81,12 +83,13 @@ def _answer(f: Row) -> Iterator[str]:
         f,
     )
     chance, own = f.random_plans, f.random_plans.get("planned_mm", f.error_mm.expected)
+    certified = "" if f.given else "; this plan is at least {percent} % efficient{by}"
     same = math.isclose(own, f.error_mm.expected, rel_tol=0.01)
     median = "The median of {plans} random plans leaves {median}"
     if not same:
         median = "Were the arm {model} alone: {own:.3f} mm, the median of {plans} random plans {median}"
     yield say(
-        f"{median}; this plan is at least {{percent}} % efficient{{by}}.",
+        f"{median}{certified}.",
         f,
         own=own,
         plans=chance.plans,
@@ -157,6 +160,13 @@ def _claims(f: Row) -> Iterator[Markdown]:
             "not show all directions in which the tasks' loads move the arm.",
             hidden=hidden,
         )
+    if f.untold:
+        who = {k: listed(own) if len(own) < len(f.joints) else "all joints" for k, own in f.untold.items()}
+        yield say(
+            "**These readings leave laws of joints mostly open**: {laws}. A second, lighter load in every "
+            "pose tells more.",
+            laws="; ".join(f"{kind} of {joints}" for kind, joints in who.items()),
+        )
     if f.pulls_n:
         yield say(
             "**No rope was checked**: a pull is a force at the load point in world axes. In every pose the "
@@ -177,6 +187,15 @@ def _claims(f: Row) -> Iterator[Markdown]:
 
 
 def _absolute_claims(f: Row) -> Iterator[Markdown]:
+    if f.given:
+        ranges = [f"{row.joint} {row.unread_percent:.0f} % ({row.poses})" for row in f.filled]
+        yield say(
+            "Expected now: {before_mm:.3f} mm, frame and target fitted. Not read yet, and poses of the plan "
+            "that go there: {ranges:list}.",
+            f,
+            ranges=ranges,
+        )
+        return
     own, chance = (math.hypot(mm, f.beyond_mm) for mm in (f.error_mm.expected, f.random_plans.median_mm))
     yield say(
         "What joints do beyond order {orders} adds {beyond_mm:.3f} mm at the targets, of which a calibration "
@@ -288,6 +307,13 @@ def _of_pairs(f: Row) -> Iterator[Markdown]:
 
 def _of_absolute(f: Row) -> Iterator[Markdown]:
     """What a plan of absolute readings rests on."""
+    if f.given:
+        yield say(
+            "Expected beforehand: what {given:list} leave of geometry, joint errors and compliances. Frame "
+            "and target are new. Each pose is the best next one of those examined.",
+            f,
+        )
+        return
     yield say(
         "Expected beforehand, one standard deviation: {geometry_mm:g} mm and mrad an error of geometry, "
         "{gear_urad:g} urad a coefficient of a joint's periodic errors up to order 30, compliances "
@@ -305,13 +331,14 @@ def _of_both(f: Row) -> Iterator[Markdown]:
         "measure two or three further poses and check on them.",
         f,
     )
-    yield say(
-        "No choice of {poses} among the {examined:,} examined can be better than {times:.3f} times this plan "
-        "by criterion {criterion}.",
-        f,
-        examined=f.certificate.examined,
-        times=1 / f.certificate.efficiency,
-    )
+    if not f.get("given"):
+        yield say(
+            "No choice of {poses} among the {examined:,} examined can be better than {times:.3f} times this "
+            "plan by criterion {criterion}.",
+            f,
+            examined=f.certificate.examined,
+            times=1 / f.certificate.efficiency,
+        )
     margins = [f"{n} {x:.1f} {u}" for n, x, u in zip(f.joints, f.margins, f.units, strict=True)]
     yield say("From their limits the joints stay at least {margins:list}.", margins=margins)
     own = f.candidates

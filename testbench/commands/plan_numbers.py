@@ -19,10 +19,12 @@ from testbench.campaign.predicted_error import (
     joints_alone,
     overall,
     unshown,
+    untold,
     within,
 )
 from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at, rms
+from testbench.commands.unread import filled
 from testbench.design import absolute
 from testbench.design.baselines import RANDOM, PriorInfluence, baselines, error_after, prior_influence
 from testbench.design.criteria import Linear, mean_square
@@ -113,6 +115,7 @@ def _pairs(made: Planned) -> Row:
         greedy_mm=[finite(MM * error) for error in others.greedy],
         advice=_advice(MM * others.greedy),
         map=error_map(cell, plan, around),
+        untold=untold(plan, cad_prior(cell.arm)),
         unshown=unshown(plan, hidden / (MM * made.forecast.overall)),
     )
 
@@ -264,8 +267,10 @@ def _absolute(made: AbsolutePlanned) -> Row:
         unknowns=_counts(made),
         beyond_mm=MM * float(np.sqrt(np.square(absolute.joint_rest(union, q)).mean())),
         random_plans=Row(plans=CHANCE, median_mm=middle, best_tenth_mm=low),
+        before_mm=None if made.given is None else MM * absolute.realigned(union, made.wanted),
+        filled=[] if made.given is None else list(filled(arm, made.given.series, plan.q)),
         plan=_measured(made, ("sag", absolute.sag(union, plan.q))),
-        hidden=list(left_open(union, plan.q)),
+        hidden=[] if made.given is not None else list(left_open(union, plan.q)),
         curve=[_count(k, MM * error(order[:k]), _random(made, error, k, rng)) for k in counts],
         map=error_places(at, {CALIBRATED: bounded_mm(made.forecast.error)}, means=POSITION),
     )

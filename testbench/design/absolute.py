@@ -26,6 +26,8 @@ BATCH = 250  #: Poses whose rows of all unknowns are in memory at a time.
 LOOSE = 1.0
 """Standard deviation that is expected of frames and mounts, which a few poses find [m, rad]."""
 LITTLE = 1e-3  #: Information of a plan of average poses, over the prior's, below which nothing is seen [1].
+LITTLE_MORE = 0.5
+"""The same after other readings: a quarter of a thousand unknowns are left, those that more of them tell."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +36,11 @@ class Union:
 
     unknowns: Unknowns
     state: State  #: Where the unknowns are expected.
-    L: Array  #: Unknowns per unit of what is expected of them, (size, size).
+    L: Array  #: Unknowns per unit of what is expected of them, (size, r).
     #: One pose: a row a load, in the order of reading; its targets and its noise.
     pose: Series
     rest: Array  #: What each joint does beyond the model, standard deviation, (n,) [rad, m].
+    little: float = LITTLE  #: Information of a plan of average poses, as `LITTLE`.
 
     @property
     def loads(self) -> int:
@@ -80,12 +83,12 @@ def at(union: Union, q: Array) -> Series:
 
 
 def measured_rows(union: Union, q: Array) -> Array:
-    """Whitened rows of poses (poses, n) [rad, m] per unit of x, (poses, k, size) [1]."""
-    return np.concatenate([_whitened(union, some) for some in _batches(q)])
+    """Whitened rows of poses (poses, n) [rad, m] per unit of x, (poses, k, r) [1]."""
+    return np.concatenate([_whitened(union, some) @ union.L for some in _batches(q)])
 
 
 def position_rows(union: Union, q: Array) -> Array:
-    """Positions under one load after the other per unit of x, (poses, 3 loads m, size) [m]."""
+    """Positions under one load after the other per unit of x, (poses, 3 loads m, r) [m]."""
     m = len(union.pose.markers)
 
     def rows(some: Array) -> Array:
@@ -93,6 +96,15 @@ def position_rows(union: Union, q: Array) -> Array:
         return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(some), -1, A.shape[2]) @ union.L)
 
     return np.concatenate([rows(some) for some in _batches(q)])
+
+
+def realigned(union: Union, rows: Array) -> float:
+    """RMS error of `position_rows` before any of the poses is read, frame and mount fitted to them [m]."""
+    first = union.unknowns.starts["geometry"]
+    A = rows.reshape(-1, rows.shape[2])
+    Q = np.linalg.svd(A[:, :first], full_matrices=False)[0]
+    arm = A[:, first:] - Q @ (Q.T @ A[:, first:])
+    return float(np.sqrt(3 * np.square(arm).sum() / len(arm)))
 
 
 def joint_rest(union: Union, q: Array) -> Array:
@@ -113,24 +125,24 @@ def sag(union: Union, q: Array) -> Array:
 
 def candidate_set(union: Union, q: Array, poses: int) -> CandidateSet:
     """Poses (candidates, n) [rad, m] to choose so many from, in the directions that such a plan can see."""
-    mean = np.zeros((union.unknowns.size,) * 2)
+    mean = np.zeros((union.L.shape[1],) * 2)
     for some in _batches(q):
-        A = _whitened(union, some).reshape(-1, len(mean))
+        A = measured_rows(union, some).reshape(-1, len(mean))
         mean += A.T @ A / len(q)
     values, V = np.linalg.eigh(mean)
-    seen = poses * values > LITTLE
+    seen = poses * values > union.little
     if not seen.any():
         raise BenchError("candidates: expected poses that move a target")
     lift, rest = V[:, seen], V[:, ~seen]
-    rows = np.concatenate([_whitened(union, some) @ lift for some in _batches(q)])
+    rows = np.concatenate([measured_rows(union, some) @ lift for some in _batches(q)])
     problem = Problem(rows, np.eye(lift.shape[1]), lift, rest @ rest.T, np.zeros((len(V), 0)))
     return CandidateSet(q, np.zeros(len(q), dtype=int), problem)
 
 
 def information_of(union: Union, q: Array) -> Array:
     """What readings in poses (poses, n) [rad, m] tell of the unknowns, no prior, (size, size)."""
-    M = sum(A.T @ A for A in (_whitened(union, some).reshape(-1, len(union.L)) for some in _batches(q)))
-    return np.asarray(np.linalg.solve(union.L.T, np.linalg.solve(union.L.T, M).T))
+    rows = (_whitened(union, some).reshape(-1, union.unknowns.size) for some in _batches(q))
+    return np.asarray(sum(A.T @ A for A in rows))
 
 
 def _batches(q: Array) -> Iterator[Array]:
@@ -138,7 +150,7 @@ def _batches(q: Array) -> Iterator[Array]:
 
 
 def _whitened(union: Union, q: Array) -> Array:
-    """Rows over the root of their covariance, (poses, k, size)."""
+    """Rows over the root of their covariance, (poses, k, size) [1/m, 1/rad]."""
     one = union.pose
     A = rows_of(union.unknowns, union.state, at(union, q))[:, :, :-1]
     A = A.transpose(3, 0, 1, 2).reshape(len(q), -1, A.shape[2])
@@ -146,7 +158,7 @@ def _whitened(union: Union, q: Array) -> Array:
     sigma[:, 3 * len(one.markers) :] = one.sigma_rotation or one.sigma
     G = np.tile(_joint_rows(union, q), (1, union.loads, 1))
     root = np.linalg.cholesky(G @ G.swapaxes(1, 2) + np.diag(sigma.ravel() ** 2))
-    return np.asarray(np.linalg.solve(root, A) @ union.L)
+    return np.asarray(np.linalg.solve(root, A))
 
 
 def _joint_rows(union: Union, q: Array) -> Array:

@@ -14,9 +14,9 @@ from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.conic import optimum
 from testbench.identify.estimate import Constraint, Estimate, make_estimate
-from testbench.identify.interior import least_squares
 from testbench.identify.least_squares import completed, minimum_norm
 from testbench.identify.metric import Belief, Case, with_prior_rows
+from testbench.identify.projected import least_squares
 from testbench.identify.regression import Regression
 
 NEAR = 1e-8
@@ -59,7 +59,7 @@ class Answer:
 
 
 def answer(constraint: Constraint, case: Case) -> Answer:
-    """Our own answer with a prior; an independent solver's where it is not proven."""
+    """Newton's answer with a prior; an independent solver's where it is not proven."""
     start, metric = time.perf_counter(), case.belief.metric
     M, r = with_prior_rows(case.regression, metric, case.belief.strength)
     x, gap = least_squares(M, r, metric.sizes if constraint == "psd" else ())

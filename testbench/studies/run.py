@@ -69,7 +69,7 @@ def run(
     seeds = _seeds(study, common)
     settings = study.settings(options, common.quick, seeds)
     plain, own = TypeAdapter(type(settings)).dump_python(settings, mode="json"), estimators.own
-    plain |= {"own": [asdict(each) for each in own]} if own else {}
+    plain |= {"own": {each.name: asdict(each) for each in own}} if own else {}
     text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
     known, sha = sums(study.trials), digests_of((*study.own(settings), *own))
     scenario = {"settings": plain, "models": digests(arms), **sha, **known}

@@ -53,7 +53,7 @@ def test_the_advice_on_xacro_works_without_ros(tmp_path):
     pytest.importorskip("xacrodoc")  # absent where .venv is older than requirements.lock
     text = heavy_urdf(tmp_path).read_text()
     home, other = tmp_path / "ws/my robot", tmp_path / "ws/parts"
-    for folder, name in ((home, "mine"), (other, "parts")):
+    for folder, name in ((home, "mine"), (other, "parts"), (tmp_path / "ws/more", "more")):
         (folder / "urdf").mkdir(parents=True)
         (folder / "package.xml").write_text(f"<package><name>{name}</name></package>")
     xacro = 'xmlns:xacro="http://ros.org/wiki/xacro"'
@@ -61,9 +61,12 @@ def test_the_advice_on_xacro_works_without_ros(tmp_path):
     inside = inside.replace('upper="1.5"', 'upper="${deep * 3}"').replace(
         "</robot>", "</xacro:macro></robot>"
     )
-    (other / "arm.xacro").write_text(inside)
+    called = '<xacro:include filename="$(find more)/deep.xacro"/>'
+    (other / "arm.xacro").write_text(inside.replace("<xacro:macro", f"{called}<xacro:macro", 1))
+    deep = '<xacro:property name="deep" value="0.4"/>'
+    (tmp_path / "ws/more/deep.xacro").write_text(f"<robot {xacro}>{deep}</robot>")
     file = home / "urdf/robot.urdf.xacro"
-    called = '<xacro:include filename="$(find parts)/arm.xacro"/><xacro:arm deep="0.4"/>'
+    called = '<xacro:include filename="$(find parts)/arm.xacro"/><xacro:arm deep="${deep}"/>'
     file.write_text(f'<robot name="r" {xacro}>{called}</robot>')
     said = refused(new(tmp_path / "mine", "--from", file))
     command = re.search("pip install xacrodoc; (xacrodoc .*); arguments", said)[1]

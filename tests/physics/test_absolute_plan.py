@@ -5,21 +5,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import stream
 from testbench.campaign.candidates import Conditions, build_checks, find
-from testbench.campaign.plan import around, left_open, union_of
+from testbench.campaign.plan import around, left_open, union_after, union_of
 from testbench.campaign.plan_settings import PlanSettings
 from testbench.campaign.unobservable import quantities, sentences, unobservable
+from testbench.commands.unread import filled
 from testbench.design import absolute
+from testbench.design.baselines import error_after
 from testbench.design.criteria import criterion_of, mean_square
 from testbench.design.exchange import exchange, greedy
 from testbench.design.rows import information as of_plan
+from testbench.identify.absolute.fit import Options, calibrate
+from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.pull import information, pull_of
 from testbench.identify.absolute.state import forward
 from testbench.identify.observability import Hidden, hidden
+from testbench.identify.prior import cad_prior
 
 POSES = 12
 ASKED = PlanSettings(absolute=True, criterion="I", model="Joints", poses=POSES, orders=1, loads_kg=(300.0,))
+ALONE = replace(ASKED, loads_kg=())
 
 
 @pytest.fixture(scope="module")
@@ -157,3 +164,45 @@ def test_errors_of_a_joint_are_said_together():
     )
     assert second.startswith("swing's errors of orders 3 to 4, 5 to 7 hide behind each other (60 to 80 %")
     assert third.startswith("3 bands of swing's errors, boom's error of order 1 are not seen (70 to 90 %")
+
+
+@pytest.fixture(scope="module")
+def before(kr500):
+    """Readings of 250 poses with joint_1 on one side, and the arm by them."""
+    q = find(build_checks(kr500, Conditions()), 250, stream(5)).q
+    q[:, 0] = np.abs(q[:, 0])
+    series, _ = simulate_series(kr500, AbsoluteCampaign(poses=250), 5, q)
+    on = frozenset({"joint springs", "joint errors"})
+    return series, calibrate(kr500.vjm, series, cad_prior(kr500.arm), Options(orders=30, only=on))
+
+
+def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, poses):
+    """The error by roots of covariances is that by sums of precisions in SI units."""
+    model = model_of(before[1])
+    own, q = replace(union_after(model, ALONE), little=0.0), poses[:6]
+    first, across = own.unknowns.starts["geometry"], replace(own, L=np.eye(own.unknowns.size))
+    on = np.r_[:first, first + model.columns]
+    P = np.eye(len(on)) / absolute.LOOSE**2
+    P[first:, first:] = np.linalg.inv(model.posterior.root.T @ model.posterior.root)
+    P += absolute.information_of(own, q)[np.ix_(on, on)]
+    A = absolute.position_rows(across, poses[-20:])[:, :, on].reshape(-1, len(on))
+    error = np.sqrt(3 * np.einsum("ki,ik->k", A, np.linalg.solve(P, A.T)).mean())
+    problem = absolute.candidate_set(own, q, len(q)).problem
+    assert error_after(problem, absolute.position_rows(own, poses[-20:]))(np.arange(6)) == pytest.approx(
+        error
+    )
+
+
+def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, poses):
+    """Asked for the other side of joint_1, to which one in five candidates turns it."""
+    series, found = before
+    own, other = union_after(model_of(found), ALONE), poses[:, 0] < 0
+    q = np.vstack([poses[~other][:40], poses[other][:10]])
+    wanted = absolute.position_rows(own, poses[other][-20:])
+    problem = absolute.candidate_set(own, q, 8).problem
+    plan = greedy(problem, criterion_of("I", problem, wanted), problem.rows, 8)
+    assert (plan >= 40).sum() >= 4
+    [row, *_] = filled(kr500.arm, series, q[plan])
+    assert (row.joint, row.poses) == ("joint_1", pytest.approx((plan >= 40).sum(), abs=1))
+    error = error_after(problem, wanted)
+    assert error(plan) < min(error(stream(k).choice(50, 8, replace=False)) for k in range(10))

@@ -392,6 +392,7 @@ def test_offsets_are_the_best_and_what_they_leave_is_told_by_kind(ur10, rng):
     state, turned = planted(ur10, rng), np.array([0, 3, 4, 5, -6, 0]) * 1e-2
     q, theta = random_joints(state.vjm)[:60], state.theta_0.copy()
     theta[-6:] += turned
+    theta[:6], theta[36:39] = 1e-3, 2e-3  # base and tool, which are measured anew
     found, more = best_offsets(state, q), best_offsets(replace(state, theta_0=theta), q)
     np.testing.assert_allclose(more.offsets - found.offsets, turned, rtol=0, atol=2e-4)
     assert more.drawn_mm[0] > 10 * found.drawn_mm[0] > 10 * found.corrected_mm[0] > 0

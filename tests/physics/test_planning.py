@@ -1,6 +1,7 @@
 """Plans of the KR 500: what their rows say against the library, feasibility, certificate, kept promises."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -97,6 +98,26 @@ def test_deflections_in_tool_axes_are_as_long_as_those_of_the_observation_matrix
     A = observation(chain(kr500.vjm, q), mgco68(kr500.arm), *args, kr500.vjm.markers)
     theirs = A @ (spec.experiment.metric.L @ x)
     np.testing.assert_allclose(np.linalg.norm(ours, axis=2), np.linalg.norm(theirs, axis=2), rtol=1e-9)
+
+
+def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spec, poses):
+    """Fewer with a lighter load beside; of exact readings in many poses joint 1's, which nothing turns."""
+    prior, heavy = cad_prior(kr500.arm), spec.loads[0]
+    light = Load(heavy.wrench / 3, heavy.point)
+    own = metric(prior, kr500.vjm, all153(kr500.arm))
+    whole = replace(spec, experiment=replace(spec.experiment, metric=own), loads=(heavy, light))
+
+    def left(poses, loads, spec=whole):
+        q, load = np.tile(poses, (loads, 1)), np.repeat(np.arange(loads), len(poses))
+        found = predicted_error.untold(SimpleNamespace(specification=spec, q=q, load=load), prior)
+        return {kind: joints for kind, joints in found.items() if joints}
+
+    one, two = (left(poses[:11], loads) for loads in (1, 2))
+    assert {"stiffening", "backlash", "friction"} == set(one)
+    assert sum(map(len, two.values())) < sum(map(len, one.values()))
+    exact = replace(whole, experiment=replace(whole.experiment, sigma=1e-9))
+    assert left(poses, 2, exact) == {kind: ["joint_1"] for kind in one}
+    assert left(poses[:11], 1, replace(whole, uncertainty=None)) == left(poses[:11], 1, spec) == {}
 
 
 def test_gravity_shows_49_of_68_directions_and_the_rest_stays_with_the_prior(spec, poses):

@@ -13,9 +13,9 @@ from testbench.identify import gco, huber, least_squares, reduce, weighed
 from testbench.identify.estimate import TOOL
 from testbench.identify.evaluate import deflections
 from testbench.identify.huber import REJECT, search, without_outliers
-from testbench.identify.interior import least_squares as psd_least_squares
 from testbench.identify.metric import Belief, metric, precision_root
 from testbench.identify.prior import Strength, cad_prior, distorted
+from testbench.identify.projected import least_squares as psd_least_squares
 from testbench.identify.regression import f_m
 from testbench.identify.robust_loss import PAIRS
 from testbench.identify.solve import answer, solve

@@ -67,8 +67,8 @@ def test_eq_22_differs_from_the_truth_as_noise_of_a_deflection_under_axis_loads(
     assert pin.likelihood_ratio_deflection_to_reading > 2
     assert pin.random_loads_share_as_small < 0.03
     facts = tables(printed)["facts"]
-    assert facts.rows[0].value == pin.position_rms_over_sigma
-    assert "share of random loads that give as little" in [row.what for row in facts.rows]
+    assert facts.rows[0].value == pin.rms_over_sigma
+    assert "RMS that six random loads would give" in [row.what for row in facts.rows]
 
 
 def test_eq_22_has_a_negative_eigenvalue_and_eq_23_is_of_rank_4_within_its_rounding(printed):

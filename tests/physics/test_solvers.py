@@ -10,7 +10,7 @@ from programs import NASTY, random_regression, with_random_prior
 
 from testbench.campaign.campaign import Scenario, build_cell, simulate
 from testbench.data.dataset import in_order
-from testbench.identify import conic, interior, reduce
+from testbench.identify import conic, projected, reduce
 from testbench.identify.certify import total_trace, trace_weight
 from testbench.identify.conic import by_clarabel, by_interior, by_squares, optimum, scale_program
 from testbench.identify.evaluate import deflections
@@ -108,12 +108,16 @@ def test_what_is_not_near_enough_is_not_called_solved(kr500, campaigns, off, sta
     assert optimum(regression).status == status
 
 
+def not_projected(path, start, cost, groups):
+    return start.u, np.zeros_like(start.u)
+
+
 WRONG = {
     "too small": (lambda x: 0.99 * x),
     "too large": (lambda x: 1.01 * x),
     "nothing": (lambda x: 0.0 * x),
     "not a number": (lambda x: np.nan * x),
-    "outside the cone": (lambda x: x - 0.1),
+    "outside the cone": None,
 }
 
 
@@ -125,8 +129,11 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
     regression = reduce(kr500.vjm, structure(kr500.arm), campaigns[0].identification)
     own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, regression.structure), regression)
     belief = Belief(own, Strength(3.0))
-    right, squares = solve(regression, "psd", belief), interior.interior
-    monkeypatch.setattr(interior, "interior", lambda own: replace(squares(own), x=wrong(squares(own).x)))
+    right, squares = solve(regression, "psd", belief), projected.follow
+    if wrong is None:
+        monkeypatch.setattr(projected, "follow", not_projected)
+    else:
+        monkeypatch.setattr(projected, "follow", lambda *args: (wrong(squares(*args)[0]), squares(*args)[1]))
     assert not answer("psd", Case(regression, belief)).own
     again = solve(regression, "psd", belief)
     assert again.conservative

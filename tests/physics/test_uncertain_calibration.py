@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, helmert
 from scipy.spatial.transform import Rotation
+from unsure import unsure_everywhere
 
+from testbench.campaign.absolute import DRIFT, drifted
 from testbench.campaign.named_parameters import functionals
 from testbench.data.series import Series, select_rows
 from testbench.identify.absolute import evidence as sizes
@@ -201,6 +203,14 @@ def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, 
         arm = M[row] - F[row] @ taken
         dense = arm @ V @ arm.T + F[row] @ frame @ F[row].T + S[row]
         np.testing.assert_allclose(covariance[row, 0], dense, rtol=1e-6, atol=1e-3 * np.trace(S[row]) / 3)
+
+
+def test_of_a_series_to_come_a_model_is_less_sure_by_how_far_geometry_moves(kr500, rng):
+    """Of the 30 numbers of geometry alone, each by itself."""
+    model = unsure_everywhere(kr500)
+    a = rng.standard_normal((3, len(model.columns)))
+    before, after = (one.posterior.covariance(a) for one in (model, drifted(model)))
+    np.testing.assert_allclose(after - before, DRIFT**2 * a[:, :30] @ a[:, :30].T, atol=1e-6 * DRIFT**2)
 
 
 def test_compliances_are_shown_under_their_names_and_in_the_units_of_their_axes(slides, rng):

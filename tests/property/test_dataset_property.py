@@ -35,7 +35,7 @@ ID = st.integers(-(2**63), 2**63 - 1)
 
 @st.composite
 def datasets(draw: st.DrawFn) -> Dataset:
-    """One to four runs of any numbers that are read, subnormal and extreme, with or without orientations."""
+    """One to four runs of any numbers that are read, extreme ones too; orientations and set-ups or none."""
     runs, m = draw(st.integers(1, 4)), draw(st.integers(1, 3))
 
     def numbers(*shape: int) -> np.ndarray:
@@ -62,6 +62,7 @@ def datasets(draw: st.DrawFn) -> Dataset:
         rotation_before=numbers(runs, 3) if turned else None,
         rotation_after=numbers(runs, 3) if turned else None,
         sigma_rotation=draw(SIGMA) if turned else None,
+        station=np.array(draw(st.lists(ID, min_size=runs, max_size=runs))) if draw(st.booleans()) else None,
     )
 
 

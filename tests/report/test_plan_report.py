@@ -127,7 +127,7 @@ def test_the_answer_has_error_interval_rivals_and_efficiency(f, kr500):
     assert "random plans no bound;" in report(changed(f, random_plans=Row(median_mm=None)), kr500.arm).answer
 
 
-KNOWN = {"error_mm": Expected(0.234, 0.1, 0.3), "joints_alone_mm": 0.5, "unshown": None}
+KNOWN = {"error_mm": Expected(0.234, 0.1, 0.3), "joints_alone_mm": 0.5, "unshown": None, "untold": {}}
 ADVICE = {"target_mm": 0.1, "examined_up_to": 40, "more": 4, "little_percent": 10.0}
 SAID = [
     ({"tracker_m": None}, "**Visibility was NOT checked**", "NOT"),
@@ -153,6 +153,11 @@ SAID = [
         "No load turns",
     ),
     ({"pulls_n": (PULL,)}, "**No rope was checked**", "rope"),
+    (
+        {"untold": {"friction": list("abcdef"), "backlash": ["b"]}},
+        "readings leave laws of joints mostly open**: friction of all joints; backlash of b. A second",
+        "mostly open",
+    ),
     (
         {"advice": Row(ADVICE, fewest=1, enough=17)},
         "1 pose reaches 0.1 mm at the tasks. From 17 on, 4 more",

@@ -222,6 +222,7 @@ def test_one_short_file_and_one_command_lead_to_a_row_everywhere(files, run):
     assert any("shrunk" in str(chunk.entity_path) for chunk in chunks_of(out / "recording.rrd"))
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["estimators"]["shrunk"] == hashlib.sha256((files / "shrunk.py").read_bytes()).hexdigest()
+    assert manifest["scenario"]["own"]["shrunk"]["sha256"] == manifest["estimators"]["shrunk"]  # for compare
     assert all153(cell.arm).n == own["parameters"]
 
 

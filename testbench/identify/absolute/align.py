@@ -19,11 +19,12 @@ from testbench.identify.closed_form import residuals as left_by
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.registered import FAR
 from testbench.identify.registration import POSES, Frame, reach, register, turning
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import Vjm, tool_pose
 
 MOST = 300  #: Rows that an alignment uses, evenly spaced.
 HALF = 12  #: Rows of half a series below which it may fit anything.
-TURNING = 3  #: Joints that turn in a series at least.
+TURNING, WITH_ORIENTATIONS = 3, 2
+"""Joints that turn in a series at least, and where orientations are read: their axes are not parallel."""
 SURE = np.radians(0.2)
 """Standard deviation of a frame's rotation from which few poses and a known mount do not tell it [rad]."""
 TURNED = 0.1  #: Median angle of orientations from it beyond which they are in another notation [rad].
@@ -44,12 +45,21 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
         BenchError: When a series has too few rows, or does not fit the arm.
     """
     frames, mounts = dict(state.frames), dict(state.mounts)
-    # who has few poses is told by others, and who reads orientations knows the mount
-    for one in sorted(series, key=lambda one: (_poses(one) < POSES, not one.turned.any())):
+    # who tells too little alone is told by others, and who reads orientations knows the mount
+    waiting = sorted(series, key=lambda one: (bool(too_few(state.vjm, one)), not one.turned.any()))
+    late: list[Series] = []
+    while waiting:
+        one = waiting.pop(0)
         known = mounts.get(one.target)
         if one.frame in frames and known is not None and set(one.markers) <= set(known.markers):
             continue
-        frame, mount = align(replace(state, frames=frames, mounts=mounts), read_only(one))
+        try:
+            frame, mount = align(replace(state, frames=frames, mounts=mounts), read_only(one))
+        except BenchError:
+            if one in late or not any(_shares(one, other) for other in waiting):
+                raise
+            late, waiting = [*late, one], [*waiting, one]  # what another tells may settle it
+            continue
         frames.setdefault(one.frame, frame)
         mounts[one.target] = mount if known is None else _joined(known, mount)
     found = replace(state, frames=frames, mounts=mounts)
@@ -65,12 +75,14 @@ def align(state: State, series: Series) -> tuple[Frame, Mount]:
     """
     if lost := [name for name in series.markers if name not in _read(series)]:
         raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
-    if few := _too_few(state, series):
-        found = _placed(state, series, shared=True)
-        if found is None or not found.fits:
-            raise BenchError(f"{series.name}: {few}")
-        return found.frame, found.mount
-    found = _placed(state, series)
+    few = too_few(state.vjm, series)
+    found = None if few else _placed(state, series)
+    if found is None or not found.fits:
+        shared = _placed(state, series, shared=True)
+        found = shared if shared is not None and shared.fits else found
+    if found is None and (few or len(turning(state.vjm, (series,))) < TURNING):
+        open_ = "its poses leave frame or target open; expected turning joints whose axes are not parallel"
+        raise BenchError(f"{series.name}: {few or open_}")
     if found is None or not found.fits:
         halves = np.array_split(np.argsort(series.row, kind="stable"), 2)
         parts = [select_rows(series, half) for half in halves if len(half) >= HALF]
@@ -149,17 +161,24 @@ def _poses(series: Series) -> int:
     return len(np.unique(series.q[series.seen.any(axis=1)], axis=0))
 
 
-def _too_few(state: State, series: Series) -> str:
+def too_few(vjm: Vjm, series: Series) -> str:
     """Why a series alone cannot tell its frame and mount; "" if it may."""
-    poses, joints = _poses(series), turning(state.vjm, (series,))
+    poses, joints = _poses(series), turning(vjm, (series,))
+    turn = WITH_ORIENTATIONS if series.turned.any() else TURNING
     count = 6 + 3 * len(series.markers) + 3 * bool(series.turned.any())
     numbers = f"the {count} numbers of its frame and mount"
     if poses < POSES:
         few = f"{poses} poses with a reading are too few for {numbers}"
-        return f"{few}; expected at least {POSES}, in which {TURNING} joints turn"
-    if len(joints) < min(TURNING, state.vjm.arm.n_joints):
-        return f"only {' and '.join(joints)} turn; expected {TURNING} joints that do, for {numbers}"
+        return f"{few}; expected at least {POSES}, in which {turn} joints turn"
+    if len(joints) < min(turn, vjm.arm.n_joints):
+        told = f"expected {turn} joints that do, for {numbers}, or another series of its frame or mount"
+        return f"only {' and '.join(joints)} turn; {told}"
     return ""
+
+
+def _shares(one: Series, other: Series) -> bool:
+    """Whether another series has its frame or its mount."""
+    return other is not one and (other.frame == one.frame or other.target == one.target)
 
 
 def _misfit(state: State, series: Series, found: _Placed | None) -> Misfit:

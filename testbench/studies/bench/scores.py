@@ -11,7 +11,6 @@ from testbench.report.table import Row, Trials, number
 from testbench.studies.bench.entries import DEFAULT, JOINTS
 from testbench.studies.bench.trial import DONE, SKIPPED
 from testbench.trials.spread import TAIL, spread
-from testbench.views.gains import ratio
 
 DRAWS = 2000  #: Of the bootstrap, the same in every run.
 DECIMALS = 6  #: Of a logarithm of errors: entries nearer than that have one rank.
@@ -69,7 +68,8 @@ def standings(found: Errors, rival: str) -> list[Row]:
         row = Row(zip(("rank", "rank_low", "rank_high"), place, strict=True), name=names[k], trials=arms)
         row |= {"ratio": size, "ratio_low": low, "ratio_high": high}
         row |= {"tied": None if names[k] == rival else low <= 1 <= high, "over": spread(np.exp(L[k]))}
-        row |= {"standing": _with(*map(str, place)), "over_default": _with(*map(ratio, (size, low, high)))}
+        shown = _with(*map("{:.3g}".format, (size, low, high)))
+        row |= {"standing": _with(*map(str, place)), "over_default": shown}
         board.append(row)
     return board
 

@@ -20,7 +20,7 @@ from testbench.studies.factorial import compare
 from testbench.studies.study import Study
 from testbench.trials.spread import ENOUGH
 from testbench.views.figure import Figure, forest
-from testbench.views.markdown import Markdown, as_markdown, counted
+from testbench.views.markdown import Markdown, counted
 from testbench.views.schema import Table
 
 CLASSES = {True: "with prior", False: "without prior"}
@@ -68,8 +68,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         question=Markdown("Which estimator predicts an arm's deflections best?"),
         title=_title(f),
         answer=say(
-            "Over {tasks}, with the prior: {name} errs {over_default} times as much as the default of "
-            "identify, rank {standing}.",
+            "Over {tasks}, with the prior: best beside the default of identify is {name}, rank {standing}.",
             best,
             tasks=counted(len(simulated), "simulated task"),
         ),
@@ -125,6 +124,11 @@ def _worst(f: Row, name: str) -> Markdown:
 def _claims(f: Row) -> Iterator[Markdown]:
     if f.judged:
         yield say("Seeds were drawn from the secret {secret}, committed to as SHA-256 {sha256}.", f.judged)
+    for name in dict.fromkeys(row.name for row in f.failures):
+        own = [row for row in f.failures if row.name == name]
+        count = sum(row["count"] for row in own)
+        why = own[0].status.removeprefix(FAILED).lstrip(": ")
+        yield say("{name} failed {times}: {why}.", name=name, times=counted(count, "time"), why=why)
     board, plain = (f.board[words] for words in CLASSES.values())
     tied = [row.name for row in board if row.tied]
     yield say(
@@ -160,11 +164,9 @@ def figures(found: Report) -> Mapping[str, Figure]:
     """Ratios arm by arm."""
     f = Row(found.numbers)
     board = f.board[CLASSES[True]]
-    best = next(row for row in board if row.name != DEFAULT)
     table = Table(columns("name over"), board, bold=found.winner)
-    title = f"{as_markdown(best.name)} errs {best.over_default} times as much as the default of identify"
     words = "Error over that of the default, geometric mean over tasks. Dotted: the default."
-    return {"bench.png": forest(table, {"over": "all simulated tasks, with prior"}, title, words, 1.0)}
+    return {"bench.png": forest(table, {"over": "all simulated tasks, with prior"}, found.title, words, 1.0)}
 
 
 STUDY = Study(
