@@ -136,14 +136,12 @@ def command(asked: Options, absolute: Absolute) -> None:
         )
         for doubt in overloads(cell.arm, (0.0, *settings.loads_kg), settings.pulls_n):
             console.print(f"Doubt: {doubt}", soft_wrap=True)
-        with console.status(f"choosing {settings.poses} poses") as status:
-            if tasks:
-                made = plan_for(cell, settings, tasks)
-            else:
-                made = plan_absolute(cell, settings, _known(cell, asked, absolute))
-            said, out = report(numbers(made), cell.arm), asked.out
-            status.update("writing")
-            write(made, said, folder, asked.task, out)
+        if tasks:
+            made = plan_for(cell, settings, tasks)
+        else:
+            made = plan_absolute(cell, settings, _known(cell, asked, absolute))
+        said, out = report(numbers(made), cell.arm), asked.out
+        write(made, said, folder, asked.task, out)
         console.print(as_plain(said.title))
         tables = f", {out / 'tasks_expected.csv'}" if tasks else ""
         lines = [

@@ -7,7 +7,7 @@ from pydantic import JsonValue
 
 from testbench.errors import shown, word
 from testbench.output.manifest import read_manifest
-from testbench.output.session import SESSION
+from testbench.session import SESSION
 
 MISSING = {
     "check": "points to confirm in elastic.toml, poses of the work in a table",

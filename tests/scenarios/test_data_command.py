@@ -58,7 +58,15 @@ def test_a_spreadsheet_is_understood_and_shown(spreadsheet):
     assert words.startswith("16 runs in 8 poses, 3 targets: they move ")
     assert re.search(r"Most moves P\d in run \d+: \S+ mm; P\d in run \d+ is read farthest from where", words)
     assert re.search(r"deflections are (0\.9|1\.0)\d times those that the arm's folder predicts", words)
-    made = {"data.png", "manifest.json", "recording.rrd", "report.html", "report.json", "report.md"}
+    made = {
+        "data.png",
+        "manifest.json",
+        "run.log",
+        "recording.rrd",
+        "report.html",
+        "report.json",
+        "report.md",
+    }
     assert {p.name for p in out.iterdir()} == made
     sound(out / "recording.rrd", "16 runs in 8 poses, 3 targets: they move ")
 
