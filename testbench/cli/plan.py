@@ -148,7 +148,7 @@ def command(asked: Options, absolute: Absolute) -> None:
             f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}",
             f"numbers    {out / 'plan.json'}{tables}",
             f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
-            *looked_at(out, arm=asked.arm),
+            *looked_at(out, absolute.given or (), arm=asked.arm),
         ]
         print_words(console, said, [printed(said)], lines, MORE)
 

@@ -147,7 +147,7 @@ def test_damaged_files_are_one_line(tmp_path):
         (
             '"Point"',
             '"Pint"',
-            "columns.marker: no such column in spatialanalyzer.csv; columns are 'Collection'",
+            "columns.marker: no column like 'pint' in spatialanalyzer.csv; columns are 'Collection'",
         ),
         ("A{n}", "A{k}", "columns.joint_{n}_deg: expected one of our quantities"),
         ("P3 =", "P4 =", "words.P4: expected one of before, after, P1, P2, P3, ignore, lost, or"),
