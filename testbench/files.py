@@ -12,6 +12,7 @@ from typing import Any
 
 from testbench import __version__
 from testbench.errors import open_file
+from testbench.session import SESSION
 
 ROOT = Path(__file__).resolve().parents[1]  #: The checkout, where the package runs from one.
 MOST = 10**11  #: Size up to which a file has a digest [byte]: readings that were read before are smaller.
@@ -47,11 +48,13 @@ def write_manifest(
         models: Digests of the files of every arm, by its name.
         measured: Of the run itself, such as its seconds, or digests of what it left elsewhere.
     """
+    project = SESSION.get().project
     manifest = {
         "command": command,
         "scenario": scenario,
         **({"seed": seeds[0], "seeds": len(seeds)} if seeds else {}),
         **measured,
+        **({"project": project} if project else {}),
         "versions": versions(),
         "git": git_commit(ROOT),
         "models": models,
@@ -59,6 +62,11 @@ def write_manifest(
         "sha256": {name: digest(folder / name) for name in inside(folder) if name != "manifest.json"},
     }
     write_json(manifest, folder / "manifest.json")
+
+
+def write_log(folder: Path) -> None:
+    """run.log: what the command did so far, and when; before the manifest, which has its SHA-256."""
+    (folder / "run.log").write_text(SESSION.get().log(), encoding="utf-8")
 
 
 def inside(folder: Path) -> list[str]:

@@ -14,6 +14,7 @@ from testbench.errors import Array, BenchError, PoseError, check_array
 from testbench.model.poses import WorkArea, in_area
 from testbench.model.vjm import Vjm, chain
 from testbench.plant import Kind, Payload, Site, build_site, contacts, hidden
+from testbench.session import tell
 
 BATCH = 1024
 PATIENCE = 200_000
@@ -164,6 +165,8 @@ def find(
         drawn += asked
         for reason in filter(None, reasons[:asked]):
             rejected[reason] += 1
+        tell("finding feasible poses", len(kept), count)
+    tell("finding feasible poses", count, count)
     if len(kept) < least:
         raise PoseError(_too_few(len(kept), count, drawn, rejected))
     return Candidates(np.array(kept), drawn, rejected)

@@ -26,6 +26,7 @@ from testbench.identify.regression import ROUNDING
 from testbench.identify.weighed import MOST_READINGS
 from testbench.model.laws import UNIT_SIZES, sizes_of, vjm_of
 from testbench.model.vjm import chain, generalised_load
+from testbench.session import stepwise
 
 Clock = Callable[[], float]  #: Wall time [s].
 UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
@@ -149,7 +150,10 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
         arm=cell.arm.name,
         runs=runs.used.runs if runs.many is None else int(runs.many.used.sum()),
         poses=len(np.unique(runs.used.pose)) if runs.many is None else runs.many.poses,
-        models=tuple(_fit(cell, own, k, widest if wanted else None) for k, wanted in enumerate(sure)),
+        models=tuple(
+            _fit(cell, own, k, widest if wanted else None)
+            for k, wanted in enumerate(stepwise(sure, "intervals"))
+        ),
         recommended=taken.name,
         why=why(taken, estimates[taken.name]),
         held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
@@ -223,7 +227,7 @@ def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, own:
     """Fit, judge and choose models; BenchError when a method cannot fit its structure."""
     many, estimates, seconds = runs.many, [], []
     reduced = folded(cell, models, runs.used, many)
-    for model in models:
+    for model in stepwise(models, "fitting models"):
         start = clock()
         if plain := _plain(model):
             estimate = plain.of(cell.vjm, reduced.parts[model.structure.name].together())

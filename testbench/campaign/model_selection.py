@@ -27,6 +27,7 @@ from testbench.identify.fold import Parts, reduce_parts
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import f_m
 from testbench.model.laws import with_laws
+from testbench.session import stepwise
 
 FILLED = " + prior"
 DEFAULT = f"ALL153{FILLED}"  #: Of an arm of six joints; of any arm `default_name`.
@@ -166,4 +167,4 @@ def _errors(cell: Cell, model: Model, runs: Folded) -> Array:
         return of_model(cell, model, select(runs.data, np.isin(runs.part, fold.kept))).pi
 
     held = folds(runs.parts[model.structure.name])
-    return np.array([f_m(fold.held_out, fit(fold)) for fold in held])
+    return np.array([f_m(fold.held_out, fit(fold)) for fold in stepwise(held, "cross-validating")])

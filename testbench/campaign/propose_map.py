@@ -118,7 +118,7 @@ def _columns(table: Table, arm: Arm) -> Iterator[Entry]:
     for k, name in enumerate(table.names):
         known.setdefault(meaning(name), []).append(k)
     first = 0 if "joint 0" in known else 1
-    needed = {f"joint {k + first}": f"joint_{k + 1}" for k in range(arm.n_joints)}
+    needed = {f"joint {k + first}": joint.name for k, joint in enumerate(arm.joints)}
     ours = [recognise(name, series_names(arm)) for name in table.names]
     if set(XYZ) <= known.keys():
         needed |= {axis: axis for axis in XYZ}

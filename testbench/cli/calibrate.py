@@ -72,21 +72,13 @@ def command(asked: Options) -> None:
         if asked.least_squares:
             tried = replace(tried, constraint="none")
         console = plain_console()
-        with console.status("calibrating") as status:
-            found = calibrated(cell.vjm, series, tried, notes)
-            status.update("writing")
-            left = left_of(found)
-            more = None
-            with suppress(PoseError):  # an arm that can be nowhere has no workspace
-                more = gain_of_more(cell, model_of(found.calibration), series[0].sigma)
-            said = report(found, left, more)
-            write(
-                found,
-                said,
-                seen(cell, found, left),
-                plain(asked, read="readings", without=("arm",)),
-                asked.out,
-            )
+        found = calibrated(cell.vjm, series, tried, notes)
+        left = left_of(found)
+        more = None
+        with suppress(PoseError):  # an arm that can be nowhere has no workspace
+            more = gain_of_more(cell, model_of(found.calibration), series[0].sigma)
+        said, drawn = report(found, left, more), seen(cell, found, left)
+        write(found, said, drawn, plain(asked, read="readings", without=("arm",)), asked.out)
         out = asked.out
         lines = [
             *(f"- {note}" for note in found.notes),

@@ -136,21 +136,19 @@ def command(asked: Options, absolute: Absolute) -> None:
         )
         for doubt in overloads(cell.arm, (0.0, *settings.loads_kg), settings.pulls_n):
             console.print(f"Doubt: {doubt}", soft_wrap=True)
-        with console.status(f"choosing {settings.poses} poses") as status:
-            if tasks:
-                made = plan_for(cell, settings, tasks)
-            else:
-                made = plan_absolute(cell, settings, _known(cell, asked, absolute))
-            said, out = report(numbers(made), cell.arm), asked.out
-            status.update("writing")
-            write(made, said, folder, asked.task, out)
+        if tasks:
+            made = plan_for(cell, settings, tasks)
+        else:
+            made = plan_absolute(cell, settings, _known(cell, asked, absolute))
+        said, out = report(numbers(made), cell.arm), asked.out
+        write(made, said, folder, asked.task, out)
         console.print(as_plain(said.title))
         tables = f", {out / 'tasks_expected.csv'}" if tasks else ""
         lines = [
             f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}",
             f"numbers    {out / 'plan.json'}{tables}",
             f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
-            *looked_at(out, arm=asked.arm),
+            *looked_at(out, absolute.given or (), arm=asked.arm),
         ]
         print_words(console, said, [printed(said)], lines, MORE)
 

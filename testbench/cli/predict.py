@@ -55,11 +55,9 @@ def command(asked: Options) -> None:
             asked.poses, model, asked.mapping, lambda: payload_of(model.arm, asked.payload, "--load")
         )
         console = plain_console()
-        with console.status("predicting") as status:
-            made = predicted(model, poses, _push(model, asked.push), area, linear=asked.linear)
-            said, out = report(made), asked.out
-            status.update("writing")
-            write(made, said, plain(asked, read="poses") | {"model": asked.model.name}, out)
+        made = predicted(model, poses, _push(model, asked.push), area, linear=asked.linear)
+        said, out = report(made), asked.out
+        write(made, said, plain(asked, read="poses") | {"model": asked.model.name}, out)
         heavy = overloads(model.arm, poses.hung.tolist())
         lines = [
             *(f"- {words}" for words in heavy),

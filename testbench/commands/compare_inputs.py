@@ -12,7 +12,7 @@ from testbench.report.table import Row
 
 ABSENT, NONE = "not said", "none"
 SEEDS = ("first", "seed")  #: Last keys of settings that say the first seed once more.
-SHOWN = (".md", ".html", ".png", ".rrd", "manifest.json", "report.json")
+SHOWN = (".md", ".html", ".png", ".rrd", "manifest.json", "report.json", "run.log")
 """Ends of files in the folder of a model that only tell of it."""
 DIGITS = 10  #: Of a checksum that are shown.
 LONGEST = 60  #: Text of a setting [characters].

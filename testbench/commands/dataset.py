@@ -40,7 +40,7 @@ def build(out: Path, seeds: range, workers: int | None, console: Console, *, for
     ):
         work = partial(write_rounds, seeds[0], str(parts))
         chunks = on_cores(work, ([k] for k in rounds), workers=workers)
-        show_progress(_counted(chunks), len(rounds), "rounds", console, kept=False)
+        show_progress(_counted(chunks), len(rounds), "rounds", kept=False)
         join_rounds(parts, len(rounds), folder)
         home = folder / "arms" / ARM
         home.mkdir(parents=True)

@@ -1,17 +1,18 @@
 """Results with a row a pose in every field: in parts, joined, put in place of others."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from testbench.data.dataset import Ids, Rows, arrays, with_arrays
+from testbench.session import stepwise
 
 TOGETHER = 512  #: Poses computed side by side: enough for numpy, few for its cache.
 
 
-def batches(poses: int) -> list[slice]:
+def batches(poses: int) -> Iterator[slice]:
     """Places of some poses at a time; one empty part of none."""
-    return [slice(k, k + TOGETHER) for k in range(0, max(poses, 1), TOGETHER)]
+    return stepwise([slice(k, k + TOGETHER) for k in range(0, max(poses, 1), TOGETHER)], "solving poses")
 
 
 def joined(parts: Sequence[Rows]) -> Rows:

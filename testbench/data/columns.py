@@ -192,9 +192,10 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
 def _check_map(table: Table, names: Names, named: dict[int, Named]) -> None:
     """Every line of the map has a column in the file."""
     used = {own.mapped for own in named.values()}
-    for own in names.theirs.values():
+    for name, own in names.theirs.items():
         if own.mapped not in used and not own.optional:
-            problem = f"no such column in {table.path.name}; columns are {', '.join(map(repr, table.names))}"
+            columns = ", ".join(map(repr, table.names))
+            problem = f"no column like {name!r} in {table.path.name}; columns are {columns}"
             raise names.error(table.path, f"columns.{own.mapped}", problem)
 
 

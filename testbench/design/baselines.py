@@ -12,6 +12,7 @@ from testbench.design.observability import observability
 from testbench.design.planning import Plan
 from testbench.design.rows import Ids, Problem, information
 from testbench.errors import Array
+from testbench.session import stepwise
 
 RANDOM = 200  #: Random plans that the plan is compared with.
 COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses for which errors are told.
@@ -74,7 +75,7 @@ def baselines(plan: Plan, rows: Array, *, drawn: int, rng: np.random.Generator) 
         greedy=errors(order[: k + 1] for k in range(len(order))),
         random={
             count: errors([rng.choice(drawn, count, replace=drawn < count) for _ in range(RANDOM)])
-            for count in counts
+            for count in stepwise(counts, "drawing random plans")
         },
     )
 

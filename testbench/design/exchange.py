@@ -13,6 +13,7 @@ from testbench.design.criteria import Criterion, Largest
 from testbench.design.relaxation import Relaxed, sensitivity
 from testbench.design.rows import Ids, Problem, behind, information, total
 from testbench.errors import Array
+from testbench.session import stepwise
 
 STARTS, FEWER, DRAWN = 12, 4, 190
 """Most starts from the relaxed weights, beside the greedy one; those of G and E, whose trials cost more;
@@ -39,7 +40,7 @@ def select(
     share[relaxed.support] = relaxed.weights / relaxed.weights.sum()
     starts = [greedy(problem, criterion, rows, poses)]
     starts += [rng.choice(len(short), poses, p=share[short]) for _ in range(min(most, DRAWN // poses))]
-    plans = [exchange(problem, criterion, rows, start) for start in starts]
+    plans = [exchange(problem, criterion, rows, start) for start in stepwise(starts, "exchanging poses")]
     best = max(plans, key=lambda plan: criterion.information(information(problem, short[plan])))
     return np.sort(exchange(problem, criterion, problem.rows, short[best]))
 
@@ -47,7 +48,7 @@ def select(
 def greedy(problem: Problem, criterion: Criterion, rows: Array, poses: int) -> Ids:
     """One pose after the other of the candidates (candidates, k, r), each the best next one, (poses,)."""
     M, plan = problem.prior, np.zeros(poses, dtype=int)
-    for k in range(poses):
+    for k in stepwise(range(poses), "choosing poses"):
         plan[k] = criterion.after(M, rows).argmax()
         M = M + rows[plan[k]].T @ rows[plan[k]]
     return plan

@@ -15,6 +15,7 @@ from testbench.design.criteria import Criterion
 from testbench.design.relaxation import sensitivity
 from testbench.design.rows import Ids, behind, total
 from testbench.errors import Array
+from testbench.session import stepwise
 
 NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time.
 FEWER = 16  #: The same where many poses climb at once.
@@ -63,7 +64,7 @@ def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: Sea
     """
     q, step, own = q.copy(), np.full(len(q), STEP), rows(q, np.arange(len(q)))
     M = total(prior, own)
-    for _ in range(ROUNDS):
+    for _ in stepwise(range(ROUNDS), "refining poses"):
         before, after = prior, behind(own)
         for places in np.array_split(np.arange(len(q)), -(-len(q) // TOGETHER)):
             trials = search.around(q[places, None], np.tile(step[places, None, None], (NEIGHBOURS, 1)))

@@ -1,13 +1,13 @@
 """What comes after a run: the last lines of a command, and `testbench next`."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pydantic import JsonValue
 
 from testbench.errors import shown, word
 from testbench.output.manifest import read_manifest
-from testbench.output.session import SESSION
+from testbench.session import SESSION
 
 MISSING = {
     "check": "points to confirm in elastic.toml, poses of the work in a table",
@@ -29,7 +29,7 @@ COMMANDS = {
     ],
     "plan absolute": [
         "simulate {arm} {run}/plan.csv{flags} --out rehearsal.csv",
-        "calibrate {arm} MEASURED.csv --out {beside}model",
+        "calibrate {arm} {given}MEASURED.csv --out {beside}model",
     ],
     "data check": ["identify {arm} {data} --out {beside}model"],
     "identify": ["predict {run} POSES.csv", "compensate {run} PROGRAM.csv --out CORRECTED.csv"],
@@ -48,11 +48,12 @@ LEFT_OUT = {
 }  #: Their words that a project file makes needless, by its keys.
 
 
-def next_lines(run: Path, **known: str | Path) -> list[str]:
+def next_lines(run: Path, given: Sequence[Path] = (), **known: str | Path) -> list[str]:
     """What is missing after a run, and the next command, filled in as far as the run tells.
 
     Args:
         run: Its folder.
+        given: Readings that a plan was made beside; else their names that the run has.
         known: `arm`, `model` or `data` as the user named it; else the name that the run has.
 
     Returns:
@@ -63,13 +64,16 @@ def next_lines(run: Path, **known: str | Path) -> list[str]:
     asked = about.scenario if isinstance(about.scenario, dict) else {}
     absolute = bool(asked.get("absolute"))
     named = shown(next(iter(about.models), "ARM"))
-    data = asked.get("data")
+    data, names = asked.get("data"), asked.get("given")
+    if not given and isinstance(names, list):
+        given = [Path(str(name)) for name in names]
     fields = {
         "run": word(run),
         "beside": "" if run.parent == Path() else f"{word(run.parent)}/",
         "readings": "in the tracker's frame" if absolute else "without and with the load",
         "flags": _rehearsal(asked) if absolute else "",
         "fit": _fit(asked),
+        "given": "".join(f"{word(path)} " for path in given),
         "arm": named,
         "model": named,
         "data": shown(data) if isinstance(data, str) else "MEASURED.csv",

@@ -19,6 +19,7 @@ from testbench.plant.build import Index, Plant
 from testbench.plant.compensator import Compensator, Strut, attached, stiffen, strut, strut_force
 from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
 from testbench.plant.state import Row, State, evaluate, generalised_force, open_row, place
+from testbench.session import stepwise
 
 TOGETHER = 512  #: Poses that take their Newton steps together: enough for numpy, few for memory.
 STEP_TOLERANCE = 1e-9  #: A pose is in equilibrium when the last Newton step is below this [m, rad].
@@ -107,7 +108,8 @@ def settle(
 def in_parts(plant: Plant, runs: int, settled: Callable[[slice, Row], Equilibrium]) -> Equilibrium:
     """Equilibria of all runs, from those of parts of them."""
     row = open_row(plant)
-    found = [settled(slice(start, start + TOGETHER), row) for start in range(0, max(runs, 1), TOGETHER)]
+    starts = stepwise(range(0, max(runs, 1), TOGETHER), "settling the arm")
+    found = [settled(slice(start, start + TOGETHER), row) for start in starts]
     return Equilibrium(*(np.concatenate([getattr(e, f.name) for e in found]) for f in fields(Equilibrium)))
 
 

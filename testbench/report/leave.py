@@ -10,8 +10,8 @@ import numpy as np
 from testbench import files
 from testbench.campaign.model_folder import digests
 from testbench.output.place import whole_folder
-from testbench.output.session import SESSION
 from testbench.report.report import Report
+from testbench.session import stepwise
 from testbench.views.scene import Seen
 
 More = Callable[[Path], Mapping[str, object]]
@@ -49,16 +49,20 @@ def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
         (folder / f"{asked.stem}.md").write_text(report.whole(), encoding="utf-8")
         picture = folder / asked.picture
         drawn = replace(seen, tables=seen.tables or [own for own in report.tables.values() if own.rows])
-        save(overview(report, drawn), picture)
-        if asked.map and seen.map and any(np.isfinite(line.values).any() for line in seen.map.lines):
-            save(error_map(seen.map, asked.map), folder / MAP)
         header = Header(asked.command, json.dumps(asked.flags, sort_keys=True), next(iter(asked.seeds), 0))
-        write_run(folder / "recording.rrd", header, report, drawn, {"Charts": picture})
-        write_page(folder, f"{asked.command}: {asked.name}", report, drawn)
+        views: list[Callable[[], object]] = [
+            lambda: save(overview(report, drawn), picture),
+            lambda: write_run(folder / "recording.rrd", header, report, drawn, {"Charts": picture}),
+            lambda: write_page(folder, f"{asked.command}: {asked.name}", report, drawn),
+        ]
+        if asked.map and seen.map and any(np.isfinite(line.values).any() for line in seen.map.lines):
+            places = seen.map
+            views.insert(1, lambda: save(error_map(places, asked.map), folder / MAP))
+        for view in stepwise(views, "writing"):
+            view()
+        files.write_log(folder)
         models = digests(asked.arms)
         plain = dict(asked.flags)
-        if project := SESSION.get().project:
-            found = {**found, "project": project}
         files.write_manifest(
             folder, command=asked.command, scenario=plain, seeds=asked.seeds, models=models, **found
         )

@@ -11,13 +11,15 @@ from typing import Annotated, TypeVar, get_type_hints
 import typer
 
 from testbench.errors import BenchError
-from testbench.output.session import session
+from testbench.shell.follow import followed
 from testbench.shell.project import merged
 
 D = TypeVar("D")
 Force = Annotated[
     bool, typer.Option("--force", help="Replace existing results, even those of another command.")
 ]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
+QUIET = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet)
 CONTEXT = inspect.Parameter("ctx", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
 
 
@@ -36,11 +38,11 @@ def takes(kind: type[D], *more: type) -> Callable[[Callable[..., None]], Callabl
         def command(ctx: typer.Context, **values: object) -> None:
             values, own = merged(ctx, values)
             _check_finite(values)
-            with session(own):
+            with followed(own, quiet=bool(values.pop("quiet"))):
                 body(*(k(**{f.name: values[f.name] for f in fields(k)}) for k in kinds))
 
         parameters = [parameter for k in kinds for parameter in _parameters(k)]
-        parameters.append(CONTEXT)
+        parameters += [CONTEXT, QUIET]
         parameters.sort(key=lambda p: p.default is not inspect.Parameter.empty)
         command.__name__, command.__doc__ = body.__name__, body.__doc__
         command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]

@@ -18,7 +18,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.arm.document import Strict, parse_toml
 from testbench.arm.lines import toml_place
 from testbench.errors import BenchError, InputError, read_text, sheet_of
-from testbench.output.session import NONE, Session
+from testbench.session import NONE, Session
 
 NAME = Path("testbench.toml")
 TEMPLATE = Path(__file__).with_suffix(".toml")  #: All keys, as comments.

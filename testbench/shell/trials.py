@@ -3,17 +3,13 @@
 from collections.abc import Iterator
 from functools import partial
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
 from testbench.errors import BenchError, Interrupted
+from testbench.session import tell
 from testbench.shell.interrupt import STANDS
 from testbench.shell.options import Common
 from testbench.trials.cluster import check_address, check_certificates, on_cluster
 from testbench.trials.engine import Backend
 from testbench.trials.local import on_cores
-
-REMEMBERED = 600.0  #: Time over which the speed is averaged, for the time left [s].
 
 
 def choose_backend(asked: Common) -> Backend:
@@ -31,26 +27,17 @@ def choose_backend(asked: Common) -> Backend:
     return partial(on_cluster, address=asked.cluster, insecure=asked.insecure)
 
 
-def show_progress(
-    counts: Iterator[int], total: int, words: str, console: Console, *, kept: bool = True
-) -> None:
-    """Run a study with a bar that shows how many trials are done and the time left.
+def show_progress(counts: Iterator[int], total: int, words: str, *, kept: bool = True) -> None:
+    """Run a study; whoever follows is told how many trials are done.
 
     Raises:
         Interrupted: After Ctrl-C; says what is stored, where trials are `kept`.
     """
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
     done = next(counts, 0)
     try:
-        with Progress(*columns, console=console, transient=True, speed_estimate_period=REMEMBERED) as bar:
-            task = bar.add_task(words, total=total, completed=done)
-            for done in counts:
-                bar.update(task, completed=done)
+        tell(words, done, total)
+        for done in counts:
+            tell(words, done, total)
     except KeyboardInterrupt as err:
         if not done or not kept:
             raise

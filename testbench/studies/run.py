@@ -85,12 +85,11 @@ def run(
         if study.prepare:
             settings = study.prepare(settings, _everywhere(experiment, backend, common, out / PREPARED))
         work = partial(checked, study.trials, known, settings, own)
-        show_progress(
-            run_study(work, store, backend, size=study.size, remote=remote), len(seeds), "trials", console
-        )
+        show_progress(run_study(work, store, backend, size=study.size, remote=remote), len(seeds), "trials")
         report = _reported(study, settings, seeds, Trials.read(write_parquet(store, folder)))
         figures = _write(study, Run(study.name, settings, seeds, report, folder, text))
         seconds = time.perf_counter() - start
+        files.write_log(folder)
         files.write_manifest(
             folder, command=script, scenario=plain, seeds=seeds, models=digests(arms), seconds=seconds, **sha
         )
@@ -161,12 +160,7 @@ def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder
             raise InputError(folder, "", "expected a folder of this run, got a link; move it away")
         own = replace(experiment, name=f"{experiment.name}: {words}", seeds=range(pieces))
         with open_store(folder, own, row=row, resume=common.resume) as store:
-            show_progress(
-                run_study(work, store, backend, remote=common.cluster is not None),
-                pieces,
-                words,
-                terminal.plain_console(),
-            )
+            show_progress(run_study(work, store, backend, remote=common.cluster is not None), pieces, words)
             write_parquet(store, folder)
             return [found for _, rows in store.trials() for found in rows]
 

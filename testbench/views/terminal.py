@@ -143,12 +143,12 @@ def print_statements(console: Console, words: Told, where: str = MORE) -> None:
         console.print(f" {len(words.block('more').splitlines())} more {where}")
 
 
-def looked_at(out: Path, **known: str | Path) -> list[str]:
+def looked_at(out: Path, given: Sequence[Path] = (), **known: str | Path) -> list[str]:
     """Where page and recording of a run are, how to open them, and what comes next (`next_lines`)."""
     return [
         f"page       {out / 'report.html'}: opens in any browser",
         f"recording  {out / 'recording.rrd'}; open it with: testbench view {word(out)}",
-        *next_lines(out, **known),
+        *next_lines(out, given, **known),
     ]
 
 

@@ -30,6 +30,7 @@ def test_a_check_leaves_a_picture_and_a_whole_recording(folder):
         "report.html",
         "report.json",
         "report.md",
+        "run.log",
     ]
     picture = matplotlib.image.imread(folder / "arm.png")[..., :3]
     assert (picture.std(axis=2) > 0.1).sum() > 500  # markers and load, in colour

@@ -28,6 +28,7 @@ FILES = {
     "report.md",
     "report.html",
     "manifest.json",
+    "run.log",
     "recording.rrd",
     "trials.parquet",
 }
@@ -103,7 +104,7 @@ def check_files(quick, *figures, data="dataset.csv"):
     files = {*FILES - {"dataset.csv"}, data, *figures}
     assert {p.name for p in out.iterdir() if p.is_file()} == files
     assert done.stderr == ""
-    for name in files - {"manifest.json"}:
+    for name in files - {"manifest.json", "run.log"}:
         assert str(out / name) in done.stdout
     text = (out / "report.md").read_text()
     check_markdown(text)

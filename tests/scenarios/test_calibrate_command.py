@@ -43,6 +43,7 @@ FILES = {"model.json", "posterior.npz", "rigid.xml", "elastic.toml", "report.jso
     "calibration.png",
     "recording.rrd",
     "manifest.json",
+    "run.log",
     "meshes",
 }
 SHOWN = {

@@ -155,6 +155,7 @@ def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
         "compensation.png",
         "report.html",
         "manifest.json",
+        "run.log",
     }
 
 

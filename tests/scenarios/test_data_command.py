@@ -58,7 +58,15 @@ def test_a_spreadsheet_is_understood_and_shown(spreadsheet):
     assert words.startswith("16 runs in 8 poses, 3 targets: they move ")
     assert re.search(r"Most moves P\d in run \d+: \S+ mm; P\d in run \d+ is read farthest from where", words)
     assert re.search(r"deflections are (0\.9|1\.0)\d times those that the arm's folder predicts", words)
-    made = {"data.png", "manifest.json", "recording.rrd", "report.html", "report.json", "report.md"}
+    made = {
+        "data.png",
+        "manifest.json",
+        "run.log",
+        "recording.rrd",
+        "report.html",
+        "report.json",
+        "report.md",
+    }
     assert {p.name for p in out.iterdir()} == made
     sound(out / "recording.rrd", "16 runs in 8 poses, 3 targets: they move ")
 
@@ -139,7 +147,7 @@ def test_damaged_files_are_one_line(tmp_path):
         (
             '"Point"',
             '"Pint"',
-            "columns.marker: no such column in spatialanalyzer.csv; columns are 'Collection'",
+            "columns.marker: no column like 'pint' in spatialanalyzer.csv; columns are 'Collection'",
         ),
         ("A{n}", "A{k}", "columns.joint_{n}_deg: expected one of our quantities"),
         ("P3 =", "P4 =", "words.P4: expected one of before, after, P1, P2, P3, ignore, lost, or"),

@@ -19,7 +19,15 @@ from testbench.model.vjm import chain
 from testbench.views.recording.stream import snake
 
 ROOT = Path(__file__).resolve().parents[2]
-FILES = {"model.json", "posterior.npz", "models.json", "rigid.xml", "elastic.toml", "manifest.json"} | {
+FILES = {
+    "model.json",
+    "posterior.npz",
+    "models.json",
+    "rigid.xml",
+    "elastic.toml",
+    "manifest.json",
+    "run.log",
+} | {
     "report.json",
     "report.md",
     "report.html",
@@ -60,7 +68,7 @@ def test_the_folder_is_whole_and_the_places_are_said(made):
     out, said = made
     assert {path.name for path in out.iterdir()} == FILES
     assert set(json.loads((out / "manifest.json").read_text())["files"]) == FILES
-    for name in FILES - {"posterior.npz", "rigid.xml", "elastic.toml", "manifest.json"}:
+    for name in FILES - {"posterior.npz", "rigid.xml", "elastic.toml", "manifest.json", "run.log"}:
         assert str(out / name) in said
 
 

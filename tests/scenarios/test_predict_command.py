@@ -31,7 +31,8 @@ from testbench.views.schema import show
 ROOT = Path(__file__).resolve().parents[2]
 POSES, MASS, PULL = 8, 300.0, 9500.0  #: Of the file; hung [kg]; of one pose [N].
 FILES = {"predictions.csv", "report.json", "report.md", "report.html", "predict.png", "recording.rrd"} | {
-    "manifest.json"
+    "manifest.json",
+    "run.log",
 }
 
 

@@ -206,3 +206,9 @@ def test_a_wrong_number_of_campaigns_and_a_folder_of_others_are_refused(tmp_path
     assert done.returncode == 2
     assert "notes.txt" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_datacite_s_own_schema_takes_its_record():
+    """Its package is in no lock."""
+    schema = pytest.importorskip("datacite.schema45", reason="pip install datacite: no lock has it")
+    assert not list(schema.validator.iter_errors(json.loads((SAMPLE / "datacite.json").read_text())))

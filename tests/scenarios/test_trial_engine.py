@@ -18,8 +18,11 @@ import pyarrow
 import pytest
 import trial_work
 from listening import listening
-from run_here import heed_ctrl_c
+from pyarrow import parquet
+from run_here import heed_ctrl_c, here
+from test_bench import DRAWS
 
+from testbench.cli.program import program
 from testbench.errors import BenchError
 from testbench.trials import cluster
 from testbench.trials.cluster import on_cluster
@@ -300,6 +303,21 @@ def test_a_cluster_gives_the_same_bytes_and_uses_all_its_workers(tmp_path, alone
     environment = {**os.environ, "DASK_CONFIG": str(file)}
     assert run(tmp_path / "script", "--cluster", address, env=environment).returncode == 0
     assert (tmp_path / "script" / "trials.parquet").read_bytes() == alone
+
+
+def test_the_bench_finds_on_a_cluster_what_it_finds_here(tmp_path, secure):
+    address, *_ = secure
+    entry, found = tmp_path / "draws.py", []
+    entry.write_text(DRAWS)
+    until(lambda: workers_of(address) == 2)
+    for name, *flags in (["here", "--workers", 1], ["there", "--cluster", address]):
+        asked = (entry, "--task", "frame", "--seeds", 4, *flags, "--out", tmp_path / name)
+        done = here(program(["bench"]), "bench", *asked)
+        assert done.returncode == 0, done.stderr
+        rows = parquet.read_table(tmp_path / name / "trials.parquet").to_pylist()
+        found.append([{k: v for k, v in row.items() if k != "cpu_seconds"} for row in rows])
+    assert found[0] == found[1]
+    assert {row["status"] for row in found[1] if row["name"] == "draws" and row["prior"]} >= {"done"}
 
 
 def workers_of(address):

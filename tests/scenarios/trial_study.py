@@ -10,7 +10,6 @@ from typing import Annotated
 
 import trial_work
 import typer
-from rich.console import Console
 
 from testbench.output.place import whole_folder
 from testbench.shell import command, interrupt
@@ -40,7 +39,6 @@ class Toy:
 @takes(Common, Toy)
 def main(common: Common, toy: Toy) -> None:
     """Run trials of a toy."""
-    console = Console(highlight=False)
     roots = range(FIRST, FIRST + toy.trials)
     study = Experiment(toy.name, {"size": trial_work.SIZE}, roots)
     pids = str(toy.pids) if toy.pids else ""
@@ -51,7 +49,7 @@ def main(common: Common, toy: Toy) -> None:
         whole_folder(toy.where) as folder,
     ):
         counts = run_study(work, store, chosen, size=2)
-        show_progress(counts, toy.trials, "trials", console)
+        show_progress(counts, toy.trials, "trials")
         write_parquet(store, folder)
 
 

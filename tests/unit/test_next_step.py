@@ -34,6 +34,11 @@ def run_of(folder, command, scenario=None, arm="my arm"):
             "simulate ../arms/a runs/one/plan.csv --absolute --gear-urad 30 --geometry-mm 1.5 "
             "--orientations --loads 0,5 --out rehearsal.csv",
         ),
+        (
+            "testbench plan",
+            {**ABSOLUTE, "given": ["a.csv", "b 2.csv"]},
+            "calibrate ../arms/a a.csv 'b 2.csv' MEASURED.csv --out runs/model",
+        ),
         ("testbench data check", {"data": "export.csv"}, "identify ../arms/a export.csv --out runs/model"),
         ("testbench identify", {}, "compensate runs/one PROGRAM.csv --out CORRECTED.csv"),
         ("testbench calibrate", {}, "score runs/one READINGS.csv --frame-poses 50"),

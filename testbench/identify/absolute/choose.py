@@ -28,6 +28,7 @@ from testbench.identify.crossval import paired
 from testbench.identify.fold import Part, Reduced, total
 from testbench.identify.metric import Metric
 from testbench.model.structure import Ids
+from testbench.session import stepwise
 
 GEOMETRY = frozenset({"geometry shift", "geometry turn"})
 BLOCKS = 16  #: Blocks of joint space over all series.
@@ -120,7 +121,7 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
     kinds, elastic = GEOMETRY, None
     tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns, len(reduced.kinds)), unit)
     steps: dict[str, Step] = {}
-    for one in candidates:
+    for one in stepwise(candidates, "trying errors"):
         more = kinds | one.kinds, one.elastic or elastic
         found = choice(unknowns, *more), reduced
         if one.pattern:

@@ -19,6 +19,7 @@ from testbench.identify.registered import Registered, with_markers
 from testbench.identify.weighed import MOST_READINGS, check_runs
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm, marker_points
+from testbench.session import stepwise
 
 HUGE = 20.0  #: Deflection over that distance from which loaded readings are of something else.
 AT_A_TIME, PARTS = 90, 12  #: Runs that are weighed together, and how often at most.
@@ -91,7 +92,8 @@ def _loads(vjm: Vjm, data: Dataset, prior: Prior) -> list[Finding]:
     found = deflected(vjm, model, chunks[0])
     if any(doubt.kind not in SINGLE for doubt in found):
         return found
-    more = (doubt for chunk in chunks[1:] for doubt in deflected(vjm, model, chunk) if doubt.kind in SINGLE)
+    rest = stepwise(chunks[1:], "looking for mistakes")
+    more = (doubt for chunk in rest for doubt in deflected(vjm, model, chunk) if doubt.kind in SINGLE)
     return sorted([*found, *more], key=lambda doubt: -(doubt.nats or 0))
 
 
