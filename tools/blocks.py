@@ -114,7 +114,7 @@ def expected() -> str:
         ["with every disturbance", *(_spread(every, name, 1e-3) for name in methods)],
         ["undisturbed", *(_spread(models[name], "RMS workspace, true, mm", 1.0) for name in methods)],
     ]
-    names = ("joint errors", "joint springs", "links, LS")
+    names = ("common pattern", "joint springs", "links, LS")
     for what, key in (("held-out poses", "blocks, mm"), ("series A by C", "C to A, mm")):
         ours, springs, least = (real[f"+ {name}"][key] for name in names)
         rows.append([f"real UR10, {what}", ours, springs, "", least])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from run_here import app_of_study, check_files, quick_study
 
-SPRINGS, WAVES = "+ joint springs", "+ joint errors"
+SPRINGS, WAVES, SHARED = "+ joint springs", "+ joint errors", "+ common pattern"
 quick, report, rows = quick_study(app_of_study("real_ur10"), "--seed", 3)
 
 
@@ -24,7 +24,7 @@ def test_a_run_leaves_its_files_and_says_what_its_numbers_say(quick, report, bla
     check_files(quick, "real_ur10.png", data="errors.csv")
     assert blank_panes(quick[0] / "recording.rrd") == []
     assert (report["scenario"], report["seed"], report["arm"]) == ("real_ur10", 3, "ur10")
-    assert [model["name"] for model in report["models"]] == ["geometry", SPRINGS, WAVES]
+    assert [model["name"] for model in report["models"]] == ["geometry", SPRINGS, WAVES, SHARED]
     assert all(model["conservative"] and model["min_eigenvalue"] > -1e-15 for model in report["models"])
     for line in report["ladder"]:
         e = line["error"]
@@ -68,3 +68,11 @@ def test_rows_of_errors_csv_are_the_positions_that_were_judged(quick, report):
         far = 1e-3 * np.linalg.norm(off, axis=1)
         assert len(far) == sum(e["n"] for e in errors(report, model, "blocks"))
         assert far.mean() == pytest.approx(mean(report, model, "blocks"), rel=1e-4)  # rounded to 0.01 um
+
+
+def test_joints_share_a_pattern_that_tells_of_angles_that_a_series_lacks(report):
+    """Of a sixth of the rows C's are enough to find it."""
+    for split in ("C to A", "C and 50 of A to A", "C and 50 planned of A to A"):
+        assert mean(report, SHARED, split) < 0.97 * mean(report, WAVES, split)
+        [error] = errors(report, SHARED, split)
+        assert error["coverage_95"] > 0.8

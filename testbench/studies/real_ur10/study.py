@@ -10,6 +10,7 @@ from testbench.arm.folder import Joint
 from testbench.campaign.rows import MM, UM
 from testbench.data.series import Series
 from testbench.errors import Array
+from testbench.identify.absolute.pattern import FIRST
 from testbench.report.badge import Badge, decide
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
@@ -30,8 +31,6 @@ LASTS = 0.7  #: Correlation above which a joint's error counts as the same: half
 STRANGE = 2.0
 """Distance of an angle from those that trained, beyond which order 60 has turned by a third [deg]."""
 ANGLES = np.arange(-180.0, 180.0, 1.0)  #: Where the error of a joint is compared [deg].
-FIRST = 3
-"""Lowest order that counts: an axis that is not where it is drawn looks like orders 1 and 2."""
 FEW = 15  #: Angles that both series visited, below which their errors are not compared.
 TRAINED = {trial.TO_C: "A", trial.TO_A: "C", trial.BOTH: "both"}
 """What trains on a split."""
@@ -40,6 +39,8 @@ MEANS = {
     trial.TO_C: "a_to_c_mm",
     trial.TO_A: "c_to_a_mm",
     trial.AGAIN: "realigned_mm",
+    trial.EVENLY: "evenly_mm",
+    trial.PLANNED: "planned_mm",
 }
 """Where the mean error of a split is in a row of a model."""
 PANES = {
@@ -54,6 +55,7 @@ LOOKS = {
     trial.LINKS_GCO: look("ALL153", "psd"),
     trial.LINKS_PRIOR: look("ALL153", "psd", prior=True),
     trial.WAVES: Look(colours.JOINTS_PRIOR, 0, prior=True),
+    trial.SHARED: Look(colours.JOINTS_PRIOR, 3, prior=True),
     trial.ALL: Look(colours.GCO, 3, prior=True),
     trial.CHOSEN: CHOICE,
 }
@@ -254,6 +256,20 @@ def _worst(f: Row, own: Models) -> Markdown:
 
 def _claims(f: Row, own: Models) -> Iterator[Markdown]:
     """What else there is to say, what matters most first."""
+    if trial.SHARED in own:
+        yield say(
+            "Joints share one periodic error, each turned by its own angle. With that known A predicts C "
+            "to {s.a_to_c_mm:.3f} mm ({w.a_to_c_mm:.3f} without), C predicts A to {s.c_to_a_mm:.3f} mm "
+            "({w.c_to_a_mm:.3f}).",
+            s=own[trial.SHARED],
+            w=own[trial.WAVES],
+        )
+        if own[trial.SHARED].planned_mm is not None:
+            yield say(
+                "C and 50 poses of A leave {planned_mm:.3f} mm on the others of A if "
+                "`plan --absolute --given` chooses them among A's, {evenly_mm:.3f} mm evenly spaced.",
+                own[trial.SHARED],
+            )
     if alike := [joint.correlation for joint in f.joints if joint.correlation is not None]:
         lasts = " It is the joint's own, and it lasts." if min(alike) > LASTS else ""
         yield say(

@@ -10,16 +10,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.campaign.absolute import FRAME_POSES, File, Score, read_all, score
+from testbench.campaign.absolute import FRAME_POSES, File, Score, evenly, read_all, score
 from testbench.campaign.campaign import Cell, build_cell, stream
+from testbench.campaign.plan import MORE, best_of
 from testbench.campaign.rows import UM
+from testbench.data.dataset import Ids
 from testbench.data.series import Series, select_rows
 from testbench.identify.absolute.choose import blocks_of
-from testbench.identify.absolute.fit import ORDERS, Calibration, Options, explain, gather
+from testbench.identify.absolute.fit import ORDERS, PATTERN, Calibration, Options, explain, gather
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.prior import Strength, cad_prior
-from testbench.model.vjm import Vjm
 from testbench.report.table import Row
 
 ARM = "ur10"
@@ -29,7 +30,7 @@ SPRINGS, ERRORS, LINKS = "joint springs", "joint errors", "links"
 WEAK = Strength(5.0)  #: Compliances five times as uncertain as they are large: hardly a prior.
 GEOMETRY, JOINTS, WAVES, CHOSEN = "geometry", "+ joint springs", "+ joint errors", "chosen"
 LINKS_LS, LINKS_GCO, LINKS_PRIOR = "+ links, LS", "+ links, GCO", "+ links, GCO + prior"
-ALL = "+ joint errors + links"
+ALL, SHARED = "+ joint errors + links", "+ common pattern"
 
 
 def _with(*names: str) -> Options:
@@ -43,17 +44,21 @@ LADDER: Mapping[str, Options] = {
     LINKS_GCO: replace(_with(SPRINGS, LINKS), strength=WEAK),
     LINKS_PRIOR: _with(SPRINGS, LINKS),
     WAVES: _with(SPRINGS, ERRORS),
+    SHARED: _with(SPRINGS, ERRORS, PATTERN),
     ALL: _with(SPRINGS, ERRORS, LINKS),
     CHOSEN: Options(),
 }
 """Models, from geometry alone to what cross-validation keeps: gear ratio, play and stiffening tried too."""
 TWO = (JOINTS, WAVES)  #: Without joint errors and with them.
+EVENLY, PLANNED = "C and 50 of A to A", "C and 50 planned of A to A"
 BLOCKS, TO_C, TO_A, BOTH, AGAIN = "blocks", "A to C", "C to A", "both", "blocks, realigned"
 SPLITS = {
     BLOCKS: "trained on half of the blocks of joint space of both series, judged on the others",
     TO_C: "trained on A, judged on C, its frame and target by 50 of its poses",
     TO_A: "trained on C, judged on A, its frame and target by 50 of its poses",
     AGAIN: "as blocks, frames and targets of the others by 50 of their poses",
+    EVENLY: "trained on C and 50 evenly spaced poses of A, judged on the others of A",
+    PLANNED: "the same with 50 poses of A that the criterion of `plan --absolute --given` chooses after C",
     BOTH: "trained on both series, judged on nothing",
 }
 DRAW = "random poses of C"  #: What trains where the number of poses is in question.
@@ -80,7 +85,7 @@ class Settings:
 def settings(_: Flags, quick: bool, seeds: range) -> Settings:
     """What the flags ask for: many random poses are dear, hence tried in few seeds."""
     if quick:
-        return Settings(6, 30, (GEOMETRY, *TWO), seeds[0], {60: 1})
+        return Settings(6, 30, (GEOMETRY, *TWO, SHARED), seeds[0], {60: 1})
     return Settings(1, ORDERS, tuple(LADDER), seeds[0], {50: 20, 100: 20, 200: 6, 500: 3, 1000: 3})
 
 
@@ -97,9 +102,14 @@ def read(thin: int) -> tuple[Cell, tuple[Series, ...]]:
     return cell, tuple(replace(one, name=name) for name, one in zip(FILES, some, strict=True))
 
 
-def split(name: str, series: Sequence[Series]) -> tuple[tuple[Series, ...], tuple[Judged, ...]]:
-    """Readings that train, and others that judge; those of blocks judge twice."""
+def split(
+    name: str, series: Sequence[Series], some: Ids | None = None
+) -> tuple[tuple[Series, ...], tuple[Judged, ...]]:
+    """Readings that train, C's and some of A's if any, and others that judge; those of blocks judge twice."""
     a, c = series
+    if some is not None:
+        rest = select_rows(a, np.setdiff1d(np.arange(a.rows), some))
+        return (c, select_rows(a, some)), ((name, rest, None),)
     if name == TO_C:
         return (a,), ((TO_C, c, FRAME_POSES),)
     if name == TO_A:
@@ -138,8 +148,8 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
     cell, series = read(asked.thin)
     found = []
     for seed in seeds:
-        ladder = _ladder(asked, cell.vjm, series) if seed == asked.first else ()
-        found.append([*ladder, *_draws(asked, cell.vjm, series, seed)])
+        ladder = _ladder(asked, cell, series) if seed == asked.first else ()
+        found.append([*ladder, *_draws(asked, cell, series, seed)])
     return found
 
 
@@ -150,15 +160,19 @@ def models_of(asked: Settings, name: str) -> list[str]:
     """
     if name == BOTH:
         return [one for one in asked.models if one in (*TWO, CHOSEN)]
+    if name in (EVENLY, PLANNED):
+        return [one for one in asked.models if one in (*TWO, SHARED)]
     return [one for one in asked.models if name == BLOCKS or one != CHOSEN]
 
 
-def _ladder(asked: Settings, vjm: Vjm, series: Sequence[Series]) -> Iterator[FitRow]:
-    """Every model on every split: gathered once a split."""
-    for name in (BOTH, BLOCKS, TO_A, TO_C):
-        (train, judged), tried = split(name, series), models_of(asked, name)
-        options = Options() if CHOSEN in tried else Options(only=frozenset({SPRINGS, ERRORS, LINKS}))
-        found = gather(vjm, train, cad_prior(vjm.arm), replace(options, orders=asked.orders))
+def _ladder(asked: Settings, cell: Cell, series: Sequence[Series]) -> Iterator[FitRow]:
+    """Every model on every split: gathered once a split. C with the common pattern plans the poses of A."""
+    fifty = {EVENLY: evenly(series[0], MORE)}
+    for name in (BOTH, BLOCKS, TO_A, TO_C, EVENLY, PLANNED):
+        (train, judged), tried = split(name, series, fifty.get(name)), models_of(asked, name)
+        only = None if CHOSEN in tried else frozenset({SPRINGS}).union(*(LADDER[one].may for one in tried))
+        options = Options(only=only, orders=asked.orders)
+        found = gather(cell.vjm, train, cad_prior(cell.arm), options)
         poses = sum(one.rows for one in train)
         for model in tried:
             own = explain(found, LADDER[model])
@@ -167,9 +181,11 @@ def _ladder(asked: Settings, vjm: Vjm, series: Sequence[Series]) -> Iterator[Fit
             for one in judged:
                 if one[0] != AGAIN or model in (GEOMETRY, *TWO):
                     yield _row(own, Row(name=model, poses=poses), one)
+            if (name, model) == (TO_A, SHARED):
+                fifty[PLANNED] = best_of(cell, model_of(own), series[0].q, series[0].sigma)
 
 
-def _draws(asked: Settings, vjm: Vjm, series: Sequence[Series], seed: int) -> Iterator[FitRow]:
+def _draws(asked: Settings, cell: Cell, series: Sequence[Series], seed: int) -> Iterator[FitRow]:
     """Models of random poses of C, judged on poses of C that they never saw, and on A."""
     a, c = series
     order = stream(seed).permutation(c.rows)
@@ -177,7 +193,7 @@ def _draws(asked: Settings, vjm: Vjm, series: Sequence[Series], seed: int) -> It
     few = select_rows(a, np.unique(np.linspace(0, a.rows - 1, JUDGING + FRAME_POSES).astype(int)))
     tried = Options(orders=min(asked.orders, ENOUGH), only=frozenset({SPRINGS, ERRORS}))
     for poses in [n for n, draws in asked.draws.items() if seed < asked.first + draws]:
-        found = gather(vjm, (select_rows(c, order[:poses]),), cad_prior(vjm.arm), tried)
+        found = gather(cell.vjm, (select_rows(c, order[:poses]),), cad_prior(cell.arm), tried)
         for model in TWO:
             own = explain(found, LADDER[model])
             for one, frame_poses in ((rest, None), (few, FRAME_POSES)):
