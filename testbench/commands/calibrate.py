@@ -187,6 +187,15 @@ def _claims(f: Row) -> Iterator[Markdown]:
         why = ", as they improve held-out readings by less than 5 %" if f.held_out_mm else ""
         yield lines([first, say(f"**Dropped**{why}: {{own:list}}.", own=dropped) if dropped else ""])
     yield from doubts[int(f.worse) :]
+    if f.pattern:
+        yield say(
+            "**One periodic error in {k} joints**, each turned: {text}. Where one of them was not read, the "
+            "others tell.",
+            k=len(f.pattern),
+            text=", ".join(
+                f"{row.joint} {row.turn_deg:.1f} deg{' mirrored' * row.mirrored}" for row in f.pattern
+            ),
+        )
     if f.more and f.more.after_mm < f.more.now_mm:
         yield say(
             "**{poses} more poses** that `testbench plan --absolute --given` chooses would take the expected "

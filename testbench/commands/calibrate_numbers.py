@@ -73,6 +73,7 @@ def numbers(found: Calibrated, left: Left) -> Row:
         steps=[_step(step) for step in calibration.chosen.steps],
         places=[row for k, joint in enumerate(vjm.arm.joints) for row in _ranges(joint, q[:, k], q, *every)],
         spectrum=list(_spectrum(calibration)),
+        pattern=_pattern(calibration.own.unknowns),
         geometry=(geometry := _values(calibration, "geometry")),
         far_geometry=_far_geometry(found, geometry),
         compliances=_compliances(calibration),
@@ -207,6 +208,15 @@ def _spectrum(calibration: Calibration) -> Iterator[Row]:
             significant=int((amplitude > SIGNIFICANT * deviation).sum()),
             orders=rows,
         )
+
+
+def _pattern(unknowns: Unknowns) -> list[Row]:
+    """Joints that share a periodic error, and how each has it, of one: f(q + turn), mirrored -f(turn - q)."""
+    if (found := unknowns.pattern) is None:
+        return []
+    joints = [unknowns.vjm.arm.joints[k].name for k in found.joints]
+    every = zip(joints, np.degrees(found.turns).tolist(), found.senses, strict=True)
+    return [Row(joint=name, turn_deg=turn, mirrored=sense < 0) for name, turn, sense in every]
 
 
 def _values(calibration: Calibration, part: Part) -> list[Row]:

@@ -9,13 +9,14 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Protocol, TypeVar
 
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
+from scipy.sparse import block_diag, csr_array
 
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.data.series import Series, select_rows
@@ -253,6 +254,13 @@ class Reduced:
         """Of all parts."""
         return total(self.parts)
 
+    def turned(self, basis: csr_array) -> "Reduced":
+        """The same in another basis of the unknowns, theirs by those, (size, size)."""
+        B = block_diag((basis, 1.0), format="csr").T
+        parts = tuple(replace(one, gram=in_basis(one.gram, basis)) for one in self.parts)
+        factors = {key: np.asarray(B @ R.T).T for key, R in self.factors.items()}
+        return Reduced(self.kinds, parts, factors)
+
     @property
     def positions(self) -> Mask:
         """Which kinds are positions, (kinds,)."""
@@ -315,6 +323,12 @@ def equations(at: Point, series: Series) -> tuple[Array, Ids]:
     A = A * W[:, None, None, :, 0, 0] if isotropic else np.einsum("srxy,sycr->sxcr", W, A)
     read = np.concatenate([series.seen.T, series.turned[None]])[: len(kinds)]
     return A, np.where(read, kinds, -1)
+
+
+def in_basis(gram: Array, basis: csr_array) -> Array:
+    """Sums of squares in another basis of the unknowns, theirs by those, (size, size)."""
+    B = block_diag((basis, 1.0), format="csr").T
+    return np.array([B @ np.asarray(B @ own).T for own in gram])
 
 
 def total(parts: Sequence[Part]) -> Array:

@@ -199,7 +199,7 @@ def test_what_unknowns_spend_is_the_trace_of_the_hat_matrix(rng):
     A, y, deviation = rigid(rng)
     count = A.shape[1]
     own = SimpleNamespace(
-        rigid=count, columns=np.arange(count), elastic=None, unknowns=SimpleNamespace(size=count)
+        rigid=count, columns=np.arange(count), elastic=None, unknowns=SimpleNamespace(size=count, basis=None)
     )
     R = np.linalg.qr(np.column_stack([A, y]), mode="r")
     reduced = SimpleNamespace(factors={0: R}, counts=np.array([len(A)]))

@@ -5,13 +5,24 @@ series, are foretold better by a share that is worth its unknowns, and neither i
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from testbench.data.series import Series
 from testbench.errors import Array
-from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, learn, solve, squares, usual
+from testbench.identify.absolute.evidence import (
+    LOOSE,
+    WAVES,
+    Choice,
+    Learnt,
+    choice,
+    learn,
+    solve,
+    squares,
+    usual,
+)
+from testbench.identify.absolute.pattern import find, waves
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.crossval import paired
 from testbench.identify.fold import Part, Reduced, total
@@ -27,6 +38,7 @@ HURTS = 0.01  #: The same by which it may foretell the others worse.
 OPENED = 100.0
 """Times the variance of a frame or mount by all readings beyond which those left tell it no more: a fold that
 opens it so far is fitted to it anew."""
+OWN = 0.2  #: Share of the variance of waves that is taken as each joint's own while a pattern is sought.
 LEFT = 0.2  #: Share of all equations below which what is left of them is too little to foretell a series.
 LOAD = 2.0
 """Distance of the largest load from none, where sine and cosine of a joint are at most 2 apart: loads that
@@ -57,6 +69,7 @@ class Chosen:
 
     own: Choice
     learnt: Learnt
+    reduced: Reduced  #: The readings, in the basis of its unknowns.
     kinds: frozenset[str]  #: Kinds of errors that are on.
     steps: tuple[Step, ...]  #: What was tried, in order.
 
@@ -69,6 +82,7 @@ class Candidate:
     kinds: frozenset[str] = frozenset()  #: Groups of columns that it puts on.
     elastic: Metric | None = None  #: Compliances that it puts on, in place of those before.
     sure: bool = False  #: Whether it is kept whatever it foretells: every arm has it.
+    pattern: bool = False  #: Whether it looks for a `pattern` in what was kept, and is kept unless it harms.
 
 
 def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
@@ -109,19 +123,49 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
     steps: dict[str, Step] = {}
     for one in stepwise(candidates, "trying errors"):
         more = kinds | one.kinds, one.elastic or elastic
-        other = _tried(choice(unknowns, *more), reduced, tried.learnt, unit)
+        found = choice(unknowns, *more), reduced
+        if one.pattern:
+            shared = patterned(tried.own, kinds, tried.learnt, reduced)
+            if shared is None:
+                continue
+            found = shared
+        own, equations = found
+        other = _tried(own, equations, tried.learnt, unit)
         steps[one.name] = _step(one, tried, other)
         if steps[one.name].kept:
-            tried, (kinds, elastic) = other, more
-    kept = [one for one in candidates if steps[one.name].kept]
+            tried, (kinds, elastic), unknowns, reduced = other, more, own.unknowns, equations
+    kept = [one for one in candidates if one.name in steps and steps[one.name].kept]
     for one in kept[:-1]:  # the next one that was kept may explain the same
-        if one.kinds and not one.sure:
+        if one.kinds and not one.sure and not ("pattern" in kinds and one.kinds & set(WAVES)):
             fewer = choice(unknowns, kinds - one.kinds, elastic)
             other = _tried(fewer, reduced, tried.learnt, unit)
             again = _step(one, other, tried)
             if not again.kept:
                 tried, kinds, steps[one.name] = other, kinds - one.kinds, again
-    return Chosen(tried.own, tried.learnt, kinds, tuple(steps.values()))
+    return Chosen(tried.own, tried.learnt, reduced, kinds, tuple(steps.values()))
+
+
+def patterned(
+    own: Choice, kinds: frozenset[str], learnt: Learnt, reduced: Reduced
+) -> tuple[Choice, Reduced] | None:
+    """The unknowns of some kinds, and the pattern that joints share; None where no two share one."""
+    unknowns, errors, joints = own.unknowns, own.unknowns.errors, own.unknowns.vjm.arm.joints
+    some = waves(errors)
+    if "harmonics" not in kinds or not len(some):
+        return None
+    at = unknowns.starts["errors"] + errors.size * np.arange(len(joints))[:, None] + some
+    whole, orders = learnt.deviation[at[0]] ** 2, np.array(errors.orders)[some[: len(some) // 2]]
+    solved, told = solve(own, squares(own, reduced.gram), learnt, LOOSE), []
+    V = solved.covariance
+    for joint, j in zip(joints, np.searchsorted(own.columns, at), strict=True):
+        precision = np.asarray(np.linalg.inv(V[np.ix_(j, j)]), dtype=float)
+        known = float(not joint.prismatic)
+        told.append((known * (precision - np.diag(1 / whole)), np.asarray(known * (precision @ solved.x[j]))))
+    unknowns = replace(unknowns, pattern=find(told, OWN * whole, (1 - OWN) * whole, orders))
+    if unknowns.basis is None:
+        return None
+    found, equations = choice(unknowns, kinds | {"pattern"}, own.elastic), reduced.turned(unknowns.basis)
+    return found, equations
 
 
 @dataclass(frozen=True)
@@ -189,7 +233,8 @@ def _step(tried: Candidate, before: _Tried, after: _Tried) -> Step:
     deviation = max(1, len(saved)) * paired(saved)[1] / old
     gain = 1 - after.series[:, 1].sum() / before.series[:, 1].sum() if len(before.series) else 0.0
     blocks = 1 - new / old
-    pays = (blocks > max(PAYS, deviation) or gain > PAYS) and min(blocks, gain) > -HURTS
+    pays = blocks > max(PAYS, deviation) or gain > PAYS or tried.pattern
+    pays = pays and min(blocks, gain) > -HURTS
     rms = [_rms(sums) for sums in (before.blocks, after.blocks, before.series, after.series)]
     return Step(tried.name, bool(pays or tried.sure), rms[0], rms[1], deviation, rms[2], rms[3])
 

@@ -22,11 +22,13 @@ USUAL: Mapping[str, float] = {
     "geometry shift": 1e-3,
     "geometry turn": 1e-3,
     "harmonics": 3e-5,
+    "pattern": 3e-5,
     "ratio": 1e-4,
     "play": 3e-5,
     "stiffening": 3e-5,
 }
 """Standard deviations before any reading [m, rad; rad a rad]."""
+WAVES = ("harmonics", "pattern")  #: Kinds that have bands: each joint's own, and what joints share.
 MOST = 10.0  #: Times the usual size beyond which no error is: it stands for one that was left out.
 HELD = 2.0  #: Imagined unknowns of the usual size in every small group.
 LARGE, SHARE = 40, 1 / 6
@@ -174,8 +176,8 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
         over = np.exp(-2 * z)
         return count * (z + over / 2), count * (1 - over), 2 * count * over
 
-    bands = np.eye(m)[[k for k, (kind, _) in enumerate(groups) if kind == "harmonics"]]
-    neighbours = (bands[1:] - bands[:-1]) / ALIKE
+    bands = [np.eye(m)[[k for k, (own, _) in enumerate(groups) if own == kind]] for kind in WAVES]
+    neighbours = np.concatenate([own[1:] - own[:-1] for own in bands]) / ALIKE
     return (
         Hyperprior(np.eye(m), np.log(usual_), imagined),
         Hyperprior(neighbours, np.zeros(len(neighbours)), student_density),

@@ -14,8 +14,8 @@ import numpy as np
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.align import aligned, alike
-from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, blocks_of, choose
-from testbench.identify.absolute.evidence import Choice, choice, learn, squares, usual
+from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, blocks_of, choose, patterned
+from testbench.identify.absolute.evidence import Choice, Learnt, choice, learn, squares, usual
 from testbench.identify.absolute.inner import eliminate, moved
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.scatter import distance, expected_of, pulls_of, scatter, single, units
@@ -28,7 +28,7 @@ from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.fold import Point, Reduced, reduce_series
 from testbench.identify.metric import Metric, metric
 from testbench.identify.prior import Prior, Strength
-from testbench.model.joint_errors import JointErrors
+from testbench.model.joint_errors import KINDS, JointErrors
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm
 from testbench.model.weights import Weights, read_weights
@@ -40,7 +40,8 @@ MANY = 3.0
 """Unknowns of periodic errors over readings at most. More than one: their learnt sizes hold them, and orders
 that are left out harm. 50 poses of a UR10 leave 0.17 mm in all others, 0.38 mm with 0.6 of them."""
 
-NAMES = ("joint springs", "joint errors", "links", "ratio", "play", "stiffening")
+PATTERN = "common pattern"
+NAMES = ("joint springs", "joint errors", PATTERN, "links", *KINDS[1:])
 """Errors beside those of geometry, in the order in which they are tried."""
 
 
@@ -163,7 +164,7 @@ def explain(found: Gathered, options: Options) -> Calibration:
     series, reduced = found.series, found.reduced
     expected = expected_of(series)
     chosen = _choose(found, options, units(expected, found.noise)[list(reduced.kinds)])
-    solved = eliminate(chosen.own, reduced, chosen.learnt, options.constraint, options.strength)
+    solved = eliminate(chosen.own, chosen.reduced, chosen.learnt, options.constraint, options.strength)
     after = moved(found.state, chosen.own, solved.x)
     factor = found.noise.factor.copy()
     factor[list(reduced.kinds)] = chosen.learnt.factor
@@ -200,7 +201,7 @@ def _errors(series: Sequence[Series], options: Options) -> JointErrors:
     readings = sum(3 * int(one.seen.sum() + one.turned.sum()) for one in series)
     told = int(MANY * readings / (2 * series[0].q.shape[1]))
     most = max(1, min(options.orders, told)) if "joint errors" in options.may else 0
-    return JointErrors(tuple(range(1, most + 1)), **{name: name in options.may for name in NAMES[3:]})
+    return JointErrors(tuple(range(1, most + 1)), **{name: name in options.may for name in KINDS[1:]})
 
 
 def _choose(found: Gathered, options: Options, unit: Array) -> Chosen:
@@ -210,16 +211,24 @@ def _choose(found: Gathered, options: Options, unit: Array) -> Chosen:
     every = {
         "joint springs": Candidate("joint springs", elastic=joints, sure=True),
         "joint errors": Candidate("joint errors", frozenset({"harmonics"})),
+        PATTERN: Candidate(PATTERN, frozenset({"pattern"}), pattern=True),
         "links": Candidate("links", elastic=links),
-    } | {name: Candidate(name, frozenset({name})) for name in NAMES[3:]}
+    } | {name: Candidate(name, frozenset({name})) for name in KINDS[1:]}
     on = [every[name] for name in NAMES if name in options.may]
     if options.only is None:
         return choose(unknowns, reduced, on, unit)
     kinds = GEOMETRY.union(*(one.kinds for one in on))
     elastic = [one.elastic for one in on if one.elastic is not None]
-    own = choice(unknowns, kinds, elastic[-1] if elastic else None)
-    learnt = learn(own, squares(own, reduced.gram), reduced.counts, usual(unknowns, len(reduced.kinds)))
-    return Chosen(own, learnt, kinds, ())
+    own = choice(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)
+
+    def learnt(own: Choice, reduced: Reduced, start: Learnt) -> Learnt:
+        return learn(own, squares(own, reduced.gram), reduced.counts, start)
+
+    sizes = learnt(own, reduced, usual(unknowns, len(reduced.kinds)))
+    if PATTERN in options.may and (shared := patterned(own, kinds, sizes, reduced)):
+        own, reduced = shared
+        sizes = learnt(own, reduced, sizes)
+    return Chosen(own, sizes, reduced, kinds, ())
 
 
 def thinned(series: Sequence[Series]) -> tuple[Series, ...]:

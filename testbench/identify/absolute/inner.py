@@ -45,7 +45,7 @@ def eliminate(
 
     Args:
         own: The unknowns.
-        reduced: The equations.
+        reduced: The equations, in the basis of the unknowns.
         learnt: Sizes of errors, and scatters.
         constraint: "psd" for GCO, "none" for least squares.
         strength: How firmly expected compliances are believed; None to learn it from the readings.
@@ -73,6 +73,9 @@ def eliminate(
     held = np.isfinite(deviation)
     known = 1 - (inverse[held] ** 2).sum(axis=1) / deviation[held] ** 2
     spent = float(np.maximum(known, 0).sum() + (~held).sum() + c - r)
+    if (basis := own.unknowns.basis) is not None:
+        B = basis[own.columns][:, own.columns].toarray()  # its columns are orthogonal
+        x, root = B @ x, np.asarray(np.linalg.qr(root / (B**2).sum(axis=0) @ B.T, mode="r"))
     return Solved(x, root, estimate, spent)
 
 

@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from testbench.data.series import Series
 from testbench.errors import Array
+from testbench.identify.absolute.pattern import FIRST, Pattern, basis
 from testbench.identify.absolute.state import State
-from testbench.model.joint_errors import JointErrors
+from testbench.model.joint_errors import BANDS, JointErrors
 from testbench.model.structure import Ids, Structure
 from testbench.model.vjm import Vjm
 
@@ -28,6 +30,7 @@ class Unknowns:
     errors: JointErrors  #: Errors of the joints.
     structure: Structure  #: Compliances.
     geometry: bool = True  #: Whether geometry is unknown; it cancels in pairs.
+    pattern: Pattern | None = None  #: What joints share; then their waves are in its `basis`.
 
     @cached_property
     def inner(self) -> slice:
@@ -73,10 +76,22 @@ class Unknowns:
             self.vjm.arm.n_joints, self.errors.size
         )
         kinds, bands = np.array(self.errors.kinds), self.errors.bands
-        for band in np.unique(bands[bands >= 0]):
-            found.append(("harmonics", of[:, bands == band].ravel()))
+        alike = np.full(len(of), self.pattern is not None)  # where the pattern is, and waves as large as it
+        alike[list(self.pattern.joints[1:]) if self.pattern else []] = False
+        for kind, some in (("harmonics", ~alike), ("pattern", alike)):
+            for band in np.unique(bands[bands >= 0]):
+                these = some if BANDS[band] >= FIRST else np.full(len(of), kind == "harmonics")
+                if these.any():
+                    found.append((kind, of[these][:, bands == band].ravel()))
         found += [(kind, of[:, kinds == kind].ravel()) for kind in dict.fromkeys(kinds[bands < 0])]
         return tuple(found)
+
+    @cached_property
+    def basis(self) -> csr_array | None:
+        """Unknowns in SI units by those of the equations where joints share a pattern, (size, size)."""
+        if self.pattern is None:
+            return None
+        return basis(self.pattern, self.errors, self.starts["errors"], self.size)
 
     def current(self, state: State) -> Array:
         """What a state has for every unknown, (size,); zero for frames and mounts."""
