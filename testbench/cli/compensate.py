@@ -17,7 +17,7 @@ from testbench.correct.newton import Aim, Asked
 from testbench.correct.step import Hold
 from testbench.data.motion import CSV, WRITERS, format_of
 from testbench.data.program import read_program
-from testbench.errors import InputError
+from testbench.errors import BenchError, InputError
 from testbench.output.place import Kind, claim_file, claim_folder
 from testbench.output.replace import inside
 from testbench.shell.options import Force, of_flag, takes
@@ -86,6 +86,8 @@ def command(asked: Options) -> None:
     ):
         aim = _aim(asked)
         model = load_model(asked.model, asked.arm)
+        if not model.arm.joints:
+            raise BenchError(f"{model.arm.name} has no joints: nothing could correct it")
         cell = build_cell(asked.model)
         program = read_program(asked.program, model.arm, asked.mapping, jumps=asked.jumps)
         program, notes = with_payload(model, program, lambda: payload_of(model.arm, asked.payload, "--load"))

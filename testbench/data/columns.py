@@ -157,7 +157,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     named = {k: own for k, name in enumerate(read_as) if (own := names.find(name))}
     if not named:
         hint = "names that are not ours need a map, a file without a header too"
-        wanted = ", ".join(joint.shown_column for joint in arm.joints)
+        wanted = ", ".join(joint.shown_column for joint in arm.joints) or "mass_kg"
         got = ", ".join(table.names[:3])
         raise table.header_error(f"no column is known, expected {wanted}, got {got} ...; {hint}")
     _check_map(table, names, named)

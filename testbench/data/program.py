@@ -206,7 +206,7 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
 def _joints(columns: Columns, arm: Arm) -> Array | None:
     """Joints of every point; None where the table has poses of the tool alone."""
     stated = any(slot.what == "joint" for slot in columns.names.values)
-    if columns.every("joint") or stated:
+    if columns.every("joint") or stated or not arm.joints:
         return joint_coordinates(columns, arm)
     if columns.every("set_point"):
         return None

@@ -117,10 +117,14 @@ def test_what_to_simulate_is_asked_for_in_one_line(flags, words, tmp_path):
     assert not (tmp_path / "data.csv").exists()
 
 
-def test_a_link_without_joints_is_identified_and_exported(tmp_path):
+def test_a_link_without_joints_is_identified_predicted_and_exported(tmp_path):
     data, fit = tmp_path / "data.csv", tmp_path / "fit"
     run("simulate", "single_link", "--poses", 4, "--out", data)
     assert "ALL21 + prior" in run("identify", "single_link", data, "--out", fit)
     [*_, found] = json.loads((fit / "models.json").read_text())["models"]
     assert (found["name"], found["parameters"]) == ("ALL21 + prior", 21)
+    (loads := tmp_path / "loads.csv").write_text("mass_kg\n1\n")
+    assert "Under 1 kg the tool moves" in run("predict", fit, loads, "--out", tmp_path / "predicted")
+    out = ("--out", tmp_path / "corrected.csv")
+    assert "single_link has no joints" in refused("compensate", fit, loads, *out)
     assert "its tool is 'tool'" in run("export", fit, "--urdf", tmp_path / "arm.urdf")
