@@ -29,16 +29,7 @@ from testbench.design.observability import observability
 from testbench.design.planning import Chosen, Plan, candidate_set, choose_greedily, make_plan, promise
 from testbench.design.planning import choose as search_best
 from testbench.design.refine import Reach, Search
-from testbench.design.rows import (
-    Experiment,
-    Ids,
-    Problem,
-    Specification,
-    Tasks,
-    loads_of,
-    task_rows,
-    workspace_rows,
-)
+from testbench.design.rows import Experiment, Specification, Tasks, loads_of, task_rows, workspace_rows
 from testbench.design.whole_arm import promise_on
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.absolute.posterior import model_of
@@ -258,21 +249,14 @@ def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, floa
     )
     union = replace(union_after(given, settings), little=float(MORE))
     wanted = absolute.position_rows(union, around(cell, settings)[:FEW])
-    chosen, problem = _best_of(union, search(cell, settings).q, wanted)
-    return absolute.realigned(union, wanted), error_after(problem, wanted)(chosen)
+    return absolute.realigned(union, wanted), best_of(union, search(cell, settings).q, wanted)[1]
 
 
-def best_of(cell: Cell, given: ArmModel, q: Array, sigma: float) -> Ids:
-    """Places of `MORE` of some poses, (poses, n) [rad, m], that tell most about an arm over its workspace."""
-    settings = PlanSettings(absolute=True, criterion="I", poses=MORE, orientations=True, sigma_um=UM * sigma)
-    union = union_after(given, settings)
-    return _best_of(union, q, absolute.position_rows(union, around(cell, settings)))[0]
-
-
-def _best_of(union: Union, q: Array, wanted: Array) -> tuple[Ids, Problem]:
-    """`MORE` of some poses, one after the other, for what is wanted."""
+def best_of(union: Union, q: Array, wanted: Array) -> tuple[list[int], float]:
+    """`MORE` of some poses (poses, n) [rad, m], the best one after the other; RMS error of `wanted` then [m]."""
     problem = absolute.candidate_set(union, q, MORE).problem
-    return greedy(problem, criterion_of("I", problem, wanted), problem.rows, MORE), problem
+    chosen = greedy(problem, criterion_of("I", problem, wanted), problem.rows, MORE)
+    return chosen.tolist(), error_after(problem, wanted)(chosen)
 
 
 def union_of(cell: Cell, settings: PlanSettings) -> Union:

@@ -257,9 +257,9 @@ class Reduced:
     def turned(self, basis: csr_array) -> "Reduced":
         """The same in another basis of the unknowns, theirs by those, (size, size)."""
         B = block_diag((basis, 1.0), format="csr").T
-        parts = tuple(replace(one, gram=in_basis(one.gram, basis)) for one in self.parts)
-        factors = {key: np.asarray(B @ R.T).T for key, R in self.factors.items()}
-        return Reduced(self.kinds, parts, factors)
+        grams = [np.array([B @ np.asarray(B @ own).T for own in one.gram]) for one in self.parts]
+        parts = tuple(replace(one, gram=gram) for one, gram in zip(self.parts, grams, strict=True))
+        return Reduced(self.kinds, parts, {key: np.asarray(B @ R.T).T for key, R in self.factors.items()})
 
     @property
     def positions(self) -> Mask:
@@ -323,12 +323,6 @@ def equations(at: Point, series: Series) -> tuple[Array, Ids]:
     A = A * W[:, None, None, :, 0, 0] if isotropic else np.einsum("srxy,sycr->sxcr", W, A)
     read = np.concatenate([series.seen.T, series.turned[None]])[: len(kinds)]
     return A, np.where(read, kinds, -1)
-
-
-def in_basis(gram: Array, basis: csr_array) -> Array:
-    """Sums of squares in another basis of the unknowns, theirs by those, (size, size)."""
-    B = block_diag((basis, 1.0), format="csr").T
-    return np.array([B @ np.asarray(B @ own).T for own in gram])
 
 
 def total(parts: Sequence[Part]) -> Array:

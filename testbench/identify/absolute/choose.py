@@ -11,17 +11,7 @@ import numpy as np
 
 from testbench.data.series import Series
 from testbench.errors import Array
-from testbench.identify.absolute.evidence import (
-    LOOSE,
-    WAVES,
-    Choice,
-    Learnt,
-    choice,
-    learn,
-    solve,
-    squares,
-    usual,
-)
+from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, learn, solve, squares, usual
 from testbench.identify.absolute.pattern import find, waves
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.crossval import paired
@@ -136,7 +126,7 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
             tried, (kinds, elastic), unknowns, reduced = other, more, own.unknowns, equations
     kept = [one for one in candidates if one.name in steps and steps[one.name].kept]
     for one in kept[:-1]:  # the next one that was kept may explain the same
-        if one.kinds and not one.sure and not ("pattern" in kinds and one.kinds & set(WAVES)):
+        if one.kinds and not one.sure and not ("pattern" in kinds and one.kinds & {"harmonics", "pattern"}):
             fewer = choice(unknowns, kinds - one.kinds, elastic)
             other = _tried(fewer, reduced, tried.learnt, unit)
             again = _step(one, other, tried)

@@ -123,15 +123,8 @@ def find(told: Sequence[tuple[Array, Array]], own: Array, shared: Array, orders:
 
 def _told(precision: Array, pull: Array, own: Array, whole: Array) -> _Told:
     solved = np.linalg.solve(precision + np.diag(1 / own), np.column_stack([precision, pull]))
-    alone = _evidence(precision, pull, whole) - _evidence(precision, pull, own)
-    return _Told(precision - precision @ solved[:, :-1], pull - precision @ solved[:, -1], alone)
-
-
-def _evidence(precision: Array, pull: Array, variance: Array) -> float:
-    """Logarithm of how likely readings are by waves of a variance, over that by none."""
-    d = np.sqrt(variance)
-    M = np.eye(len(d)) + d[:, None] * precision * d
-    return float((d * pull) @ np.linalg.solve(M, d * pull) - np.linalg.slogdet(M)[1]) / 2
+    alone, none = (_log_sum(precision + np.diag(1 / d), pull) - np.log(d).sum() / 2 for d in (whole, own))
+    return _Told(precision - precision @ solved[:, :-1], pull - precision @ solved[:, -1], alone - none)
 
 
 def _best(own: _Told, P: Array, b: Array, orders: Ids) -> tuple[float, int, float]:

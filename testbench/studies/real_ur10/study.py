@@ -266,8 +266,8 @@ def _claims(f: Row, own: Models) -> Iterator[Markdown]:
         )
         if own[trial.SHARED].planned_mm is not None:
             yield say(
-                "C and 50 poses of A leave {planned_mm:.3f} mm on the others of A if "
-                "`plan --absolute --given` chooses them among A's, {evenly_mm:.3f} mm evenly spaced.",
+                "C and 50 poses of A leave {planned_mm:.3f} mm on its others if the plan's criterion chooses "
+                "them, {evenly_mm:.3f} mm evenly spaced.",
                 own[trial.SHARED],
             )
     if alike := [joint.correlation for joint in f.joints if joint.correlation is not None]:

@@ -12,14 +12,17 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.absolute import FRAME_POSES, File, Score, evenly, read_all, score
 from testbench.campaign.campaign import Cell, build_cell, stream
-from testbench.campaign.plan import MORE, best_of
+from testbench.campaign.plan import MORE, around, best_of, union_after
+from testbench.campaign.plan_settings import PlanSettings
 from testbench.campaign.rows import UM
 from testbench.data.dataset import Ids
 from testbench.data.series import Series, select_rows
+from testbench.design.absolute import position_rows
 from testbench.identify.absolute.choose import blocks_of
 from testbench.identify.absolute.fit import ORDERS, PATTERN, Calibration, Options, explain, gather
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.scatter import residuals
+from testbench.identify.arm_model import ArmModel
 from testbench.identify.prior import Strength, cad_prior
 from testbench.report.table import Row
 
@@ -182,7 +185,15 @@ def _ladder(asked: Settings, cell: Cell, series: Sequence[Series]) -> Iterator[F
                 if one[0] != AGAIN or model in (GEOMETRY, *TWO):
                     yield _row(own, Row(name=model, poses=poses), one)
             if (name, model) == (TO_A, SHARED):
-                fifty[PLANNED] = best_of(cell, model_of(own), series[0].q, series[0].sigma)
+                fifty[PLANNED] = _planned(cell, model_of(own), series[0])
+
+
+def _planned(cell: Cell, known: ArmModel, series: Series) -> Ids:
+    """Rows of a series that the criterion of a plan chooses by what is known of the arm."""
+    sigma = UM * series.sigma
+    settings = PlanSettings(absolute=True, criterion="I", poses=MORE, orientations=True, sigma_um=sigma)
+    union = union_after(known, settings)
+    return np.array(best_of(union, series.q, position_rows(union, around(cell, settings)))[0])
 
 
 def _draws(asked: Settings, cell: Cell, series: Sequence[Series], seed: int) -> Iterator[FitRow]:
