@@ -253,7 +253,7 @@ def gain_of_more(cell: Cell, given: ArmModel, sigma: float) -> tuple[float, floa
 
 
 def best_of(union: Union, q: Array, wanted: Array) -> tuple[list[int], float]:
-    """`MORE` of some poses (poses, n) [rad, m], the best one after the other; RMS error of `wanted` then [m]."""
+    """`MORE` of some poses (poses, n) [rad, m], each the best next one; RMS error of `wanted` then [m]."""
     problem = absolute.candidate_set(union, q, MORE).problem
     chosen = greedy(problem, criterion_of("I", problem, wanted), problem.rows, MORE)
     return chosen.tolist(), error_after(problem, wanted)(chosen)
