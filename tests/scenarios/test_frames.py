@@ -172,4 +172,4 @@ def test_file_of_frames_that_is_wrong_is_refused(text, expected, tmp_path):
 
 def test_frame_that_is_no_word_is_refused(runs, tmp_path):
     done = run("identify", ARM, runs / "base.csv", "--frame", "world", "--out", tmp_path / "fit")
-    assert done.stderr == "error: --frame: expected auto, base, tracker or a .toml file, got 'world'\n"
+    assert done.stderr == "error: frame: expected auto, base, tracker or a .toml file, got 'world'\n"
