@@ -17,7 +17,7 @@ from run_here import here
 
 import testbench as tb
 from testbench.arm.folder import load_arm
-from testbench.campaign.absolute import File, read_all, score
+from testbench.campaign.absolute import File, evenly, read_all, score
 from testbench.campaign.arm_models import read_model
 from testbench.campaign.model_folder import sealed
 from testbench.cli.program import program
@@ -190,6 +190,10 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, 
     assert found["n"] == 100
     words = run("score", made[0], readings[2], "--frame-poses", 20).stdout
     assert f"100 positions: {found['mean_mm']:.3f} mm mean" in words
+    assert "the fit had these very readings" not in words
+    assert "the fit had these very readings" in run("score", made[0], readings[0]).stdout
+    twice = replace(series[0], pose=np.arange(series[0].rows) // 2)
+    assert len(evenly(twice, 20)) == 40
     for share, code, head in ((1.01, 0, "Holds: "), (0.99, 1, "Do not use: ")):
         limit = ("--at-most", share * found["mean_mm"])
         done = run("score", made[0], readings[2], "--frame-poses", 20, *limit)

@@ -1,5 +1,6 @@
 """Runs in a laser tracker's frame through the command line: simulated, identified, given frames read."""
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -138,6 +139,17 @@ def test_the_base_is_told_wherever_it_stands_in_its_world(kr500, tmp_path):
     same = [as_rows(registration_row(own)) for own in found]
     assert same[1].rms_mm == pytest.approx(same[0].rms_mm, rel=1e-3)
     assert same[1].frames[1].position_mm == pytest.approx(rows[0].frames[1].position_mm)
+
+
+@pytest.mark.parametrize("sigma_um", [1.0, 400.0])
+def test_noise_that_is_asked_for_counts_more_than_the_tracker_s_own(sigma_um, tmp_path):
+    flags = ("--payload-kg", 460, "--tracker", "4,-2,1", "--sigma-um", sigma_um)
+    assert run("simulate", ARM, POSES, "--out", tmp_path / "d.csv", *flags).returncode == 0
+    rows = list(csv.DictReader((tmp_path / "d.csv").read_text().splitlines()))
+    assert {float(row["sigma_m"]) for row in rows} == {sigma_um / 1e6}
+    read = np.array([[float(row[f"before_{axis}_m"]) for axis in "xyz"] for row in rows]).reshape(-1, 3, 3)
+    apart = np.linalg.norm(read[:, 0] - read[:, 1], axis=1)  # of two targets of one plate
+    assert 0.3 < 1e6 * apart.std() / sigma_um < 4
 
 
 @pytest.mark.parametrize("text", ["1,2", "a,b,c", "1,2,3,4", "nan,0,0", "5000,0,0", ""])
