@@ -8,7 +8,7 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, permutations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,6 +29,7 @@ WORD = re.compile(r"\d+[.,]\d+|[^\W_]+")  #: Of a name such as P12_T1-loaded.
 SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
 SOON = 30.0  #: Farthest row of a log that may be of a reading [s].
 TURNS = 7.0  #: Joint coordinates beyond are degrees [rad].
+SCATTER = {f"{what}_{x}": f"sigma_{x}" for what in ("sigma", "u95") for x in XYZ}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 TYPICAL = {
     "sigma": 3e-5,
@@ -59,9 +60,23 @@ def map_text(entries: Sequence[Entry]) -> str:
 
 def meaning(name: str) -> str:
     """What a column is to us by its name; "" for an unknown one."""
-    plain = re.sub(r"[\W_]+", "", (split_unit(name) or (name,))[0]).casefold()
-    found = ((ours, re.fullmatch(own, plain)) for ours, own in KNOWN["columns"].items())
+    found = ((ours, re.fullmatch(own, _plain(name))) for ours, own in KNOWN["columns"].items())
     return next((ours.format(**match.groupdict()) for ours, match in found if match), "")
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\W_]+", "", (split_unit(name) or (name,))[0]).casefold()
+
+
+def _side_by_side(arm: Arm) -> dict[str, str]:
+    """Our names of unloaded and loaded positions, by what files call state, axis and target in any order."""
+    return {
+        _plain("".join(order)): "_".join(filter(None, (marker, when, axis)))
+        for word, when in STATES.items()
+        for axis in XYZ
+        for marker in ("", *arm.markers)
+        for order in permutations((marker, word, axis))
+    }
 
 
 def propose(path: Path, arm: Arm, log: Path | None, beside: Path) -> list[Entry]:
@@ -70,8 +85,13 @@ def propose(path: Path, arm: Arm, log: Path | None, beside: Path) -> list[Entry]
     Raises:
         InputError: When a file is no table, lacks joints or positions, or shares neither names nor times.
     """
-    table, entries = read_table(path, lambda name: bool(meaning(name))), list[Entry]()
-    if not any(map(meaning, table.names)):
+    paired, entries = _side_by_side(arm), list[Entry]()
+
+    def known(name: str) -> bool:
+        return bool(meaning(name)) or _plain(name) in paired
+
+    table = read_table(path, known)
+    if not any(map(known, table.names)):
         table = _headless(path, table.names)
         why = "no header: the first numbers are positions"
         entries.append(Entry("file", "names", list(table.names), why))
@@ -114,18 +134,18 @@ def _join(table: Table, log: Table) -> Log:
 
 def _columns(table: Table, arm: Arm) -> Iterator[Entry]:
     """Joints, positions, scatter, mass: which column, in which unit."""
-    known: dict[str, list[int]] = {}
+    known, paired = dict[str, list[int]](), _side_by_side(arm)
     for k, name in enumerate(table.names):
-        known.setdefault(meaning(name), []).append(k)
+        known.setdefault(paired.get(_plain(name)) or meaning(name), []).append(k)
     first = 0 if "joint 0" in known else 1
     needed = {f"joint {k + first}": joint.name for k, joint in enumerate(arm.joints)}
     ours = [recognise(name, series_names(arm)) for name in table.names]
-    if set(XYZ) <= known.keys():
-        needed |= {axis: axis for axis in XYZ}
+    both = [own for own in known if own in paired.values()]
+    if both or set(XYZ) <= known.keys():
+        needed |= {own: own for own in both or XYZ}
     elif not any(own and own[0].what == "reading" and own[0].marker for own in ours):
         needed |= {"axis": "axis", "position": "position"}
-    more = {f"{what}_{x}": f"sigma_{x}" for what in ("sigma", "u95") for x in XYZ}
-    for theirs, our in (needed | more | {"mass": "mass", "temperature": "temperature"}).items():
+    for theirs, our in (needed | SCATTER | {"mass": "mass", "temperature": "temperature"}).items():
         if theirs in known:
             unit, why = _unit(table, known, theirs)
             others = ", ".join(repr(table.names[k]) for k in known[theirs][1:])
@@ -134,8 +154,9 @@ def _columns(table: Table, arm: Arm) -> Iterator[Entry]:
             if theirs.startswith("u95"):
                 yield Entry("scale", our + unit, 0.5, "two standard deviations, as U95")
         elif theirs in needed:
-            raise table.header_error(f"no column looks like {our}; columns are {list(table.names)}")
-    places = [k for x in (*XYZ, "position") for k in known.get(x, [])[:1]]
+            hint = '[columns] of a map by hand says which it is, as x = "X", or before_x and after_x of pairs'
+            raise table.header_error(f"no column looks like {our}; columns are {list(table.names)}; {hint}")
+    places = [k for x in (*both, *XYZ, "position") for k in known.get(x, [])[:1]]
     if words := {
         text for k in places for text in table.texts(k) if text and not is_decimal(text.replace(",", "."))
     }:
@@ -155,15 +176,18 @@ def _unit(table: Table, known: dict[str, list[int]], theirs: str) -> tuple[str, 
         return "_deg" if size.max() > TURNS else "_rad", f"joints up to {size.max():.4g}"
     if theirs == "mass":
         return "_kg", "no unit"
-    middle, typical = float(np.median(size)) or 1.0, TYPICAL["sigma" if "_" in theirs else ""]
+    middle, typical = float(np.median(size)) or 1.0, TYPICAL["sigma" if theirs in SCATTER else ""]
     unit = min(LENGTHS, key=lambda unit: abs(np.log(middle * LENGTHS[unit] / typical)))
     return f"_{unit}", f"numbers around {middle:.4g}"
 
 
 def _names(table: Table, arm: Arm) -> Iterator[Entry]:
     """What columns of names say: poses, targets, states, loads, shots."""
-    shots = ""
-    for name in [name for name in table.names if meaning(name) == "name"]:
+    names = [name for name in table.names if meaning(name) in ("name", "state")]
+    every = keys_of(table, [*names, *(name for name in table.names if meaning(name) in ("mass", "axis"))])
+    again = 1 + sum(a != b for a, b in pairwise(every)) == len({*every}) < len(every) / 1.5
+    shots = "names stand several times in a row: shots" if again else ""
+    for name in names:
         texts = keys_of(table, [name])
         distinct, changes = list(dict.fromkeys(texts)), 1 + sum(a != b for a, b in pairwise(texts))
         if pattern := _pattern(texts, arm) if len(distinct) > 1 else "":
@@ -173,15 +197,14 @@ def _names(table: Table, arm: Arm) -> Iterator[Entry]:
         elif {squeeze(text) for text in texts} <= {*STATES}:
             yield Entry("columns", "state", name)
             yield from _states(distinct)
+        elif meaning(name) == "state":
+            continue  # in words that nobody knows
         elif 1 < len(distinct) < changes and len(distinct) <= TARGETS:
             yield Entry("columns", "marker", name)
             if not {*distinct} <= {*arm.markers}:
                 yield Entry("series", "markers", distinct, "no markers of the arm")
-            shots = ""
         elif len(distinct) > 1:
             yield Entry("columns", "pose", name)
-            again = changes == len(distinct) < len(texts) / 1.5
-            shots = "names stand several times in a row: shots" if again else shots
     if shots:
         yield Entry("file", "average", True, shots)
 

@@ -337,9 +337,27 @@ def _check_limits(columns: Columns, arm: Arm, q: Array) -> None:
     alike = [other.prismatic == joint.prismatic for other in arm.joints]
     most, suspect = SUSPECT[joint.unit]
     hint = f"; are these {suspect}?" if name == joint.unit and np.abs(q[:, alike]).max() > most else ""
-    if not hint and column and np.all((-q[:, k] >= lower[k]) & (-q[:, k] <= upper[k])):
-        other = column.name if column.sign < 0 else f"-{column.name}"
-        hint = f"; with the other sign all rows are within: [columns] of a map reads it so as {other!r}"
+    hint = hint or _other_columns(columns, arm, q, int(k))
     low, high, got = (x / scale for x in (joint.lower, joint.upper, q[i, k]))
     problem = f"expected {low:.4f} to {high:.4f} {name}, got {got:g}{hint}"
     raise columns.table.error(i, column.name if column else joint.name, problem)
+
+
+def _other_columns(columns: Columns, arm: Arm, q: Array, k: int) -> str:
+    """What brings a joint's column within the limits: the other sign, or another joint's column."""
+    (lower, upper), found = arm.limits, list[str]()
+
+    def within(joints: Sequence[int], values: Array) -> bool:
+        return bool(((values >= lower[joints]) & (values <= upper[joints])).all())
+
+    own, *others = (columns.get(Slot("joint", m)) for m in [k, *range(arm.n_joints)])
+    if own is None:
+        return ""
+    if within([k], -q[:, [k]]):
+        other = own.name if own.sign < 0 else f"-{own.name}"
+        found.append(f"with the other sign ([columns] of a map reads it so as {other!r})")
+    for m, column in enumerate(others):
+        alike = m != k and arm.joints[m].prismatic == arm.joints[k].prismatic
+        if column and alike and within([k, m], q[:, [m, k]]):
+            found.append(f"with {own.name!r} and {column.name!r} exchanged")
+    return f"; all rows are within {', or '.join(found)}" if found else ""

@@ -367,6 +367,30 @@ def test_a_joint_of_the_other_sign_is_told_as_such(tmp_path: Path) -> None:
         assert ("reads it so as '-joint_2_rad'" in str(caught.value)) == said
 
 
+@pytest.mark.parametrize(
+    ("third", "said"),
+    [
+        (-1.0, "(... as '-joint_2_rad'), or with 'joint_2_rad' and 'joint_3_rad' exchanged"),
+        (0.7, "(... as '-joint_2_rad')"),
+    ],
+)
+def test_joints_that_may_be_exchanged_are_told_beside_the_other_sign(
+    tmp_path: Path, third: float, said: str
+) -> None:
+    """Columns 1 to 6 hold (1.5, 1.2, third, 1.5, 1.5, 1.5) and minus the outer ones: only 3 may be 2."""
+    file = written(tmp_path)
+    head, *rows = (line.split(",") for line in file.read_text().splitlines())
+    for i, row in enumerate(rows):
+        turn = 1.5 * (-1) ** i
+        for n, value in enumerate((turn, 1.2, third, turn, turn, turn), start=1):
+            row[head.index(f"joint_{n}_rad")] = str(value)
+    file.write_text("\n".join(map(",".join, [head, *rows])) + "\n")
+    with pytest.raises(InputError) as caught:
+        read_csv(file, ARM)
+    words = str(caught.value).replace("[columns] of a map reads it so", "...")
+    assert words.endswith(f"got 1.2; all rows are within with the other sign {said}")
+
+
 # The dataset in memory
 
 
