@@ -117,13 +117,10 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
     beside = {"geometry": tried}
     for one in stepwise(candidates, "trying errors"):
         more = kinds | one.kinds, one.elastic or elastic
-        found = choice(unknowns, *more), reduced
-        if one.pattern:
-            shared = patterned(tried.own, kinds, tried.learnt, reduced)
-            if shared is None:
-                continue
-            found = shared
-        own, equations = found
+        found = patterned(tried.own, kinds, tried.learnt, reduced) if one.pattern else None
+        if one.pattern and found is None:
+            continue
+        own, equations = found or (choice(unknowns, *more), reduced)
         other = _tried(own, equations, tried.learnt, unit)
         steps[one.name] = _step(one, tried, other)
         if steps[one.name].kept:
@@ -162,8 +159,7 @@ def patterned(
     unknowns = replace(unknowns, pattern=find(told, OWN * whole, (1 - OWN) * whole, orders))
     if unknowns.basis is None:
         return None
-    found, equations = choice(unknowns, kinds | {"pattern"}, own.elastic), reduced.turned(unknowns.basis)
-    return found, equations
+    return choice(unknowns, kinds | {"pattern"}, own.elastic), reduced.turned(unknowns.basis)
 
 
 @dataclass(frozen=True)
