@@ -102,6 +102,14 @@ def numbers(found: Calibrated, left: Left) -> Row:
         **_pulled(calibration, series, left[1]),
     )
     f |= _validated(f)
+    held_out = Row(rms_mm=f.held_out_mm[1]) if f.held_out_mm else None
+    about = Row(
+        structure=estimate.structure.name if estimate else "rigid",
+        constraint=estimate.constraint if estimate else "none",
+        prior=True,
+        conservative=estimate and estimate.conservative,
+    )
+    f["models"] = [Row(about, name="calibrated", identification=f.total_after, check=held_out)]
     why = "too few poses, held-out positions do not get better" if f.worse else ""
     chosen = calibration.chosen
     plain, own = (MM * np.sqrt(3) * x for x in chosen.held_out)
