@@ -103,8 +103,10 @@ def numbers(found: Calibrated, left: Left) -> Row:
     )
     f |= _validated(f)
     why = "too few poses, held-out positions do not get better" if f.worse else ""
-    both = ("calibrated", MM * every[1]), ("as drawn", MM * every[0])
-    return Row(f, badge=decide(*both, "position", why))
+    chosen = calibration.chosen
+    plain, own = (MM * np.sqrt(3) * x for x in chosen.held_out)
+    badge = decide(("calibrated", own), (chosen.plain or "as drawn", plain), "block held out", why)
+    return Row(f, badge=badge)
 
 
 def _errors(distance: Array) -> Row:

@@ -40,7 +40,7 @@ MEANS = {
     trial.TO_A: "c_to_a_mm",
     trial.AGAIN: "realigned_mm",
     trial.EVENLY: "evenly_mm",
-    trial.PLANNED: "planned_mm",
+    trial.PLANNED: "by_plan_mm",
 }
 """Where the mean error of a split is in a row of a model."""
 PANES = {
@@ -263,9 +263,9 @@ def _claims(f: Row, own: Models) -> Iterator[Markdown]:
             s=own[trial.SHARED],
             w=own[trial.WAVES],
         )
-        if own[trial.SHARED].planned_mm is not None:
+        if own[trial.SHARED].by_plan_mm is not None:
             yield say(
-                "C and 50 poses of A leave {planned_mm:.3f} mm on its others if the plan's criterion chooses "
+                "C and 50 poses of A leave {by_plan_mm:.3f} mm on its others if the plan's criterion chooses "
                 "them, {evenly_mm:.3f} mm evenly spaced.",
                 own[trial.SHARED],
             )
