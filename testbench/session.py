@@ -20,6 +20,12 @@ class Session(NamedTuple):
     follow: Callable[[str, int, int], None] = _nobody  #: Is told how many steps of a kind are done.
     log: Callable[[], str] = str  #: What happened so far, for run.log; empty where nobody follows.
 
+    @property
+    def taken(self) -> frozenset[str]:
+        """Keys of the project file whose values were taken."""
+        found = self.project.get("taken")
+        return frozenset(found if isinstance(found, Mapping) else ())
+
 
 NONE = Session({}, frozenset())
 SESSION: ContextVar[Session] = ContextVar("session", default=NONE)  #: Of the command that runs.

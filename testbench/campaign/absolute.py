@@ -174,14 +174,17 @@ def of_masses(found: MassFit) -> str:
 
 
 def evenly(series: Series, poses: int) -> Ids:
-    """Places of evenly spaced rows, of those that were read."""
+    """Places of the rows of evenly spaced poses, of those that were read."""
     seen = np.flatnonzero(series.seen.any(axis=1))
-    if len(seen) < poses or poses < POSES:
+    pose = series.pose[seen]
+    every = pose[np.sort(np.unique(pose, return_index=True)[1])]  # in the order in which they came
+    if len(every) < poses or poses < POSES:
         raise BenchError(
-            f"{series.name}: expected at least {max(POSES, poses)} rows for its frame and target, got "
-            f"{min(len(seen), poses)}"
+            f"{series.name}: expected at least {max(POSES, poses)} poses for its frame and target, got "
+            f"{min(len(every), poses)}"
         )
-    return np.asarray(seen[np.unique(np.linspace(0, len(seen) - 1, poses).round().astype(int))])
+    kept = every[np.unique(np.linspace(0, len(every) - 1, poses).round().astype(int))]
+    return np.asarray(seen[np.isin(pose, kept)])
 
 
 def drifted(model: ArmModel) -> ArmModel:
@@ -195,8 +198,8 @@ def drifted(model: ArmModel) -> ArmModel:
 def score(model: ArmModel, series: Sequence[Series], frame_poses: int | None) -> Score:
     """How far readings are from a calibrated arm.
 
-    So many rows of each series tell its frame and mount, and are not counted; if not said, those of the
-    calibration count where it has them, else FRAME_POSES rows do; geometry may have moved by DRIFT then.
+    So many poses of each series tell its frame and mount, and are not counted; if not said, those of the
+    calibration count where it has them, else FRAME_POSES poses do; geometry may have moved by DRIFT then.
     """
     (far, within), state = ([], []), model.state
     for one in series:
@@ -210,7 +213,7 @@ def score(model: ArmModel, series: Sequence[Series], frame_poses: int | None) ->
                 )
             placed = known(model, one)
         else:
-            some = frame_poses or min(FRAME_POSES, max(POSES, one.rows // 2))
+            some = frame_poses or min(FRAME_POSES, max(POSES, len(np.unique(one.pose)) // 2))
             with explained(model.state.vjm):
                 placed = place(drifted(model), one, evenly(one, some))
         rest = select_rows(one, np.setdiff1d(np.arange(one.rows), placed.rows))

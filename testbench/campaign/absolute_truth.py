@@ -270,7 +270,7 @@ def _noisy(series: Series, rng: np.random.Generator) -> Series:
     return replace(read, rotation=Rotation.from_rotvec(turned).as_matrix())
 
 
-def by_trackers(clean: Dataset, trackers: Sequence[Place], seed: int) -> Dataset:
+def by_trackers(clean: Dataset, trackers: Sequence[Place], seed: int, sigma: float | None = None) -> Dataset:
     """Readings without noise, in world axes, as trackers at places (3,) [m] in turn read them, a pose each.
 
     Positions are in the frame of the tracker that read them, which has its origin there, an upright z axis
@@ -285,13 +285,17 @@ def by_trackers(clean: Dataset, trackers: Sequence[Place], seed: int) -> Dataset
         for own, true in ((before, clean.before), (after, clean.after)):
             own[station == k] = (true[station == k] - np.array(place)) @ R.T
     tracker = LaserTracker((0.0, 0.0, 0.0))
-    before, after = (read_positions(tracker, x, noise) for x in (before, after))
-    P = precision(tracker, before, after)
+    instrument = tracker if sigma is None else Tracker(sigma)
+    before, after = (read_positions(instrument, x, noise) for x in (before, after))
+    P = None
+    if sigma is None:
+        P = precision(tracker, before, after)
+        sigma = float(np.sqrt(np.trace(np.linalg.inv(P), axis1=2, axis2=3).mean() / 6))
     return replace(
         clean,
         before=before,
         after=after,
-        sigma=float(np.sqrt(np.trace(np.linalg.inv(P), axis1=2, axis2=3).mean() / 6)),
+        sigma=sigma,
         precision=P,
         station=station + 1 if len(trackers) > 1 else None,
     )

@@ -149,7 +149,7 @@ def read_parts(
         row, bodies = found.about, own.n_joints + 2
         about = About(found.KIND)
         if row is not None:
-            about = About(row.method, tuple(row.data), tuple(row.doubts), row.force_N, row.moment_Nm)
+            about = About(row.method, row.data, tuple(row.doubts), row.force_N, row.moment_Nm)
         weights = Weights(
             check_array(np.array(found.weights.mass_kg), (bodies,), "mass [kg]"),
             check_array(np.array(found.weights.centre_m), (bodies, 3), "centre [m]"),

@@ -240,7 +240,7 @@ def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Regis
         to_world = np.asarray(np.linalg.inv(cell.vjm.base), dtype=float)
         choice = {f"{STATION} {k}": one.of(to_world) for k, one in read_frames(files[0]).items()}
     else:
-        raise BenchError(f"--frame: expected {', '.join(words)} or a .toml file, got {frame[:80]!r}")
+        raise BenchError(f"frame: expected {', '.join(words)} or a .toml file, got {frame[:80]!r}")
     found = registered(cell.vjm, data, choice)
     return replace(cell, vjm=found.vjm), found
 

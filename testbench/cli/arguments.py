@@ -10,8 +10,9 @@ import typer
 
 from testbench import files
 from testbench.arm.decimal import is_decimal
-from testbench.errors import BenchError
+from testbench.errors import BenchError, word
 from testbench.output.place import claim_folder
+from testbench.session import SESSION
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -125,6 +126,18 @@ class RunFlags:
     new_target: Annotated[
         list[str] | None, typer.Option(help="Target in the file that the arm's folder lacks; again for more.")
     ] = None
+
+    @property
+    def words(self) -> str:
+        """How they are read, as flags of another command; without what the project file says."""
+        load, frame = None if self.load is None else f"{self.load:g}", self.frame
+        own = {"map": self.mapping, "sigma_um": self.sigma_um, "load": load}
+        own |= {"frame": None if frame == "auto" else frame}
+        flags = [(key, value) for key, value in own.items() if value is not None]
+        flags += [("new_target", name) for name in self.new_target or ()]
+        taken = SESSION.get().taken
+        kept = [(key, value) for key, value in flags if {"new_target": "targets"}.get(key, key) not in taken]
+        return "".join(f" --{key.replace('_', '-')} {word(Path(str(value)))}" for key, value in kept)
 
     @property
     def readings(self) -> "Readings":

@@ -58,7 +58,7 @@ def check(runs: RunFlags, asked: Options) -> None:
         said = report(found, registered)
         lines = [columns]
         if asked.out is not None:
-            write(cell, registered, said, asked.out)
+            write(cell, registered, said, runs.words, asked.out)
             lines += [
                 f"picture    {asked.out / 'data.png'}",
                 *looked_at(asked.out, arm=runs.arm, data=runs.dataset),

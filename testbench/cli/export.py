@@ -64,7 +64,7 @@ def command(asked: Options) -> None:
     elif asked.into is not None and asked.urdf is None and asked.tip is None:
         _write_into(asked, asked.into)
     else:
-        raise BenchError("expected one of --urdf and --into; --tip is for --urdf")
+        raise BenchError("expected --urdf or --into, one of the two; --tip is for --urdf")
 
 
 def _write_urdf(asked: Options, urdf: Path) -> None:

@@ -45,7 +45,12 @@ def command(asked: Options) -> None:
     with claim_file(NAME, PROJECT, inputs=[], force=True), whole_file(NAME) as part:
         part.write_text(text, encoding="utf-8")
     taken = [line for line in text.splitlines() if line and not line.startswith("#")]
-    plain_console().print("\n".join([f"{NAME}:", *taken]), soft_wrap=True)
+    several = [
+        f"{key} is not set: here are {', '.join(map(str, paths))}; testbench init --force {key}=ONE sets it"
+        for key, paths in _candidates().items()
+        if len(paths) > 1 and key not in told
+    ]
+    plain_console().print("\n".join([f"{NAME}:", *taken, *several]), soft_wrap=True)
 
 
 def _pair(word: str) -> tuple[str, object]:
@@ -59,13 +64,17 @@ def _pair(word: str) -> tuple[str, object]:
         return key, text
 
 
+def _candidates() -> dict[str, list[Path]]:
+    """Arms and URDFs in this folder."""
+    arms = [path.parent for path in Path().glob(f"*/{ARM[0]}") if (path.parent / ARM[1]).is_file()]
+    return {"arm": sorted(arms), "urdf": sorted(Path().glob("*.urdf"))}
+
+
 def _found() -> dict[str, object]:
     """The only arm, the only URDF, and maps beside the tables whose names they have."""
-    arms = [path.parent for path in Path().glob(f"*/{ARM[0]}") if (path.parent / ARM[1]).is_file()]
-    both = {"arm": arms, "urdf": list(Path().glob("*.urdf"))}
     tables = [path for path in sorted(Path().iterdir()) if path.suffix in TABLES]
     maps = {path.name: path.with_suffix(".toml").name for path in tables if is_map(path.with_suffix(".toml"))}
-    return {key: str(paths[0]) for key, paths in both.items() if len(paths) == 1} | {"files": maps}
+    return {key: str(paths[0]) for key, paths in _candidates().items() if len(paths) == 1} | {"files": maps}
 
 
 def _filled(template: str, values: dict[str, object]) -> str:

@@ -145,7 +145,7 @@ def command(asked: Options, absolute: Absolute) -> None:
         console.print(as_plain(said.title))
         tables = f", {out / 'tasks_expected.csv'}" if tasks else ""
         lines = [
-            f"plan       {out / 'plan.csv'}; in words {out / 'plan.md'}",
+            f"plan       {out / 'plan.csv'}, all {settings.poses} poses; in words {out / 'plan.md'}",
             f"numbers    {out / 'plan.json'}{tables}",
             f"figures    {out / 'plan.png'}, {out / 'error_map.png'}",
             *looked_at(out, absolute.given or (), arm=asked.arm),

@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+from testbench import files
 from testbench.campaign.absolute import File, read_all, score
 from testbench.campaign.arm_models import read_model
 from testbench.cli.arguments import Load, MapFile, SigmaUm
+from testbench.errors import sheet_of
 from testbench.identify.registration import POSES
 from testbench.shell.options import takes
 from testbench.views.terminal import plain_console
@@ -29,7 +31,7 @@ class Options:
     frame_poses: Annotated[
         int | None,
         typer.Option(
-            min=POSES, help="Evenly spaced rows that register frame and target of a new series; not scored."
+            min=POSES, help="Evenly spaced poses that register frame and target of a new series; not scored."
         ),
     ] = None
     at_most: Annotated[
@@ -45,6 +47,8 @@ def command(asked: Options) -> None:
     model = read_model(asked.model)
     file = File(asked.readings, asked.mapping, asked.load, asked.sigma_um)
     series, notes = read_all([file], model.arm)
+    if files.digest(sheet_of(asked.readings)[0]) in model.about.data.values():
+        notes += ("the fit had these very readings: only others say how far it can be believed",)
     found = score(model, series, asked.frame_poses)
     failed = asked.at_most is not None and not found.mean_mm <= asked.at_most
     if asked.json:

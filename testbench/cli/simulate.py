@@ -15,7 +15,7 @@ from testbench.campaign.absolute_truth import AbsoluteCampaign, by_trackers, sim
 from testbench.campaign.campaign import Cell, LoadedPoses, Scenario, build_cell, hanging, measure, stream
 from testbench.campaign.candidates import Conditions, build_checks, find
 from testbench.campaign.plan_input import Place, overloads, payload_of, place, read_loads, read_masses
-from testbench.cli.arguments import ArmName, MapFile, Noise, Orientations, absolute_alone, mass
+from testbench.cli.arguments import ArmName, MapFile, Orientations, absolute_alone, mass
 from testbench.data.program import read_poses
 from testbench.data.series import Series
 from testbench.data.write import write_csv, write_series
@@ -59,7 +59,14 @@ class Options:
     ] = None
     loads: Annotated[str | None, typer.Option(help="Several loads for each pose, such as 100,240kg.")] = None
     mapping: MapFile = None
-    sigma_um: Noise = 50.0
+    sigma_um: Annotated[
+        float | None,
+        typer.Option(
+            min=0.001,
+            max=10_000,
+            help="Noise of a reading along an axis; default: 50, for pairs by --tracker as its distance is.",
+        ),
+    ] = None
     tracker: Annotated[
         list[str] | None,
         typer.Option(
@@ -147,8 +154,8 @@ def _campaign(cell: Cell, asked: Options, flags: Absolute, masses: Sequence[floa
         masses=tuple(masses),
         targets=1 if flags.orientations else len(cell.arm.markers),
         orientations=flags.orientations,
-        sigma=asked.sigma_um / 1e6,
-        sigma_rotation=asked.sigma_um / 1e6,
+        sigma=_sigma(asked),
+        sigma_rotation=_sigma(asked),
         trackers=tuple(_trackers(asked)) or None,
         disturbances=Disturbances(own_weight=True, geometry=geometry, gear=gear),
     )
@@ -189,7 +196,7 @@ def _read_deflections(cell: Cell, asked: Options) -> None:
         q = find(build_checks(cell, Conditions()), asked.poses or 0, stream(asked.seed, 0)).q
     masses = _masses(cell, asked, len(q))
     pulls = None if asked.file is None else read_loads(asked.file)[1]
-    scenario = Scenario(arm=cell.arm.name, payload=float(masses.max()) or None, sigma=asked.sigma_um / 1e6)
+    scenario = Scenario(arm=cell.arm.name, payload=float(masses.max()) or None, sigma=_sigma(asked))
     if asked.geometry_mm:
         errors = Disturbances(own_weight=True, geometry=GeometryErrors(*[asked.geometry_mm / 1e3] * 2))
         cell = replace(cell, truth=disturb(cell.plant, errors, stream(asked.seed, 3)).plant)
@@ -197,12 +204,17 @@ def _read_deflections(cell: Cell, asked: Options) -> None:
     loaded = _loaded(cell, q, masses, pulls)
     data = measure(cell, scenario, loaded, None if trackers else stream(asked.seed, 1))
     if trackers:
-        data = by_trackers(data, trackers, asked.seed)
+        data = by_trackers(data, trackers, asked.seed, None if asked.sigma_um is None else _sigma(asked))
     write_csv(data, cell.arm, asked.out)
     console, size = plain_console(), 1e3 * np.linalg.norm(data.deflection, axis=-1)
     _say_overload(console, cell, masses.ravel().tolist(), () if pulls is None else pulls.tolist())
     text = f"{asked.out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"
     console.print(text, soft_wrap=True)
+
+
+def _sigma(asked: Options) -> float:
+    """Noise of a reading along an axis, without a tracker's own [m]."""
+    return (50.0 if asked.sigma_um is None else asked.sigma_um) / 1e6
 
 
 def _trackers(asked: Options) -> list[Place]:

@@ -102,9 +102,19 @@ def numbers(found: Calibrated, left: Left) -> Row:
         **_pulled(calibration, series, left[1]),
     )
     f |= _validated(f)
+    held_out = Row(rms_mm=f.held_out_mm[1]) if f.held_out_mm else None
+    about = Row(
+        structure=estimate.structure.name if estimate else "rigid",
+        constraint=estimate.constraint if estimate else "none",
+        prior=True,
+        conservative=estimate and estimate.conservative,
+    )
+    f["models"] = [Row(about, name="calibrated", identification=f.total_after, check=held_out)]
     why = "too few poses, held-out positions do not get better" if f.worse else ""
-    both = ("calibrated", MM * every[1]), ("as drawn", MM * every[0])
-    return Row(f, badge=decide(*both, "position", why))
+    chosen = calibration.chosen
+    plain, own = (MM * np.sqrt(3) * x for x in chosen.held_out)
+    badge = decide(("calibrated", own), (chosen.plain or "as drawn", plain), "block held out", why)
+    return Row(f, badge=badge)
 
 
 def _errors(distance: Array) -> Row:

@@ -133,7 +133,8 @@ def _model(run: Finished, own: Mapping[str, Any]) -> Row:
             raise InputError(run.file, f"models: {own['name']}, {kind}", problem)
         errors[kind] = mm
     keys = ("name", "structure", "constraint", "prior", "conservative")
-    return Row({key: own.get(key) for key in keys}, errors=errors)
+    drawn = {key: str(own.get(key) or "none") for key in ("structure", "constraint")}
+    return Row({key: own.get(key) for key in keys} | drawn, errors=errors)
 
 
 def models_compared(a: Finished, b: Finished) -> list[Row]:

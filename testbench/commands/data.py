@@ -216,10 +216,19 @@ def _nominal(registered: Registered) -> Array:
     return tool_points(vjm, data.q, marker_points(vjm, data.markers))
 
 
-def write(cell: Cell, registered: Registered, said: Report, out: Path) -> None:
-    """data.png, report, recording, page and manifest.json; InputError when they cannot be written."""
+def write(cell: Cell, registered: Registered, said: Report, flags: str, out: Path) -> None:
+    """data.png, report, recording, page and manifest.json, with the flags that say how the runs are read.
+
+    Raises:
+        InputError: When they cannot be written.
+    """
     name, arms = said.numbers["dataset"], [cell.arm.rigid.parent]
-    leave(out, Asked(COMMAND, name, {"data": name}, arms, "data.png"), said, seen(cell, registered))
+    leave(
+        out,
+        Asked(COMMAND, name, {"data": name, "flags": flags}, arms, "data.png"),
+        said,
+        seen(cell, registered),
+    )
 
 
 def seen(cell: Cell, registered: Registered) -> Seen:

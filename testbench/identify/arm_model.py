@@ -1,6 +1,7 @@
 """An arm as it was identified: its state, how sure that is, and where it comes from."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,7 +23,8 @@ class About:
     """Where a model comes from."""
 
     method: str  #: How it was found.
-    data: tuple[str, ...] = ()  #: Names of the files of readings.
+    #: SHA-256 of every file of readings, by its name.
+    data: Mapping[str, str] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()  #: What may be wrong, sentences.
     force: float | None = None  #: Largest force it was identified under [N]; None where nobody knows.
     moment: float | None = None  #: Largest moment about the tool's origin [N m]; the same.

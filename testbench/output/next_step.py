@@ -31,7 +31,7 @@ COMMANDS = {
         "simulate {arm} {run}/plan.csv{flags} --out rehearsal.csv",
         "calibrate {arm} {given}MEASURED.csv --out {beside}model",
     ],
-    "data check": ["identify {arm} {data} --out {beside}model"],
+    "data check": ["identify {arm} {data}{flags} --out {beside}model"],
     "identify": ["predict {run} POSES.csv", "compensate {run} PROGRAM.csv --out CORRECTED.csv"],
     "calibrate": [
         "score {run} READINGS.csv --frame-poses 50",
@@ -71,7 +71,7 @@ def next_lines(run: Path, given: Sequence[Path] = (), **known: str | Path) -> li
         "run": word(run),
         "beside": "" if run.parent == Path() else f"{word(run.parent)}/",
         "readings": "in the tracker's frame" if absolute else "without and with the load",
-        "flags": _rehearsal(asked) if absolute else "",
+        "flags": _rehearsal(asked) if absolute else shown(str(asked.get("flags", ""))),
         "fit": _fit(asked),
         "given": "".join(f"{word(path)} " for path in given),
         "arm": named,
@@ -82,7 +82,8 @@ def next_lines(run: Path, given: Sequence[Path] = (), **known: str | Path) -> li
     texts = list(COMMANDS.get(key, COMMANDS["study"] if name.startswith("scenarios/") else ()))
     for key, words in LEFT_OUT.items():
         texts = [text.replace(words, "") for text in texts] if key in SESSION.get().known else texts
-    lines = [f"{'missing':<11}{MISSING[name]}"] if name in MISSING else []
+    mapped = "--map" in fields["flags"] or "map" in SESSION.get().taken
+    lines = [f"{'missing':<11}{MISSING[name]}"] if name in MISSING and not mapped else []
     lines += [f"{'' if k else 'next':<11}testbench {text}" for k, text in enumerate(texts)]
     return [line.format_map(fields) for line in lines]
 

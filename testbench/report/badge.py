@@ -21,7 +21,7 @@ MOST = 1000.0  #: Errors below the largest one over this are rounding.
 PLACES = "place_mm"  #: Column of errors pose by pose in the rows of a first trial.
 POSES = "pose of one arm"  #: What is counted where a run has one trial.
 
-Verdict = Literal["holds", "tie", "do not use"]
+Verdict = Literal["holds", "tie", "too few", "do not use"]
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Badge:
         if self.why:
             return Markdown(f"Do not use {winner}: {as_markdown(self.why)}.")
         if self.factor is None:
-            return Markdown(f"Tie: nothing compares {winner} with {rival}.")
+            return Markdown(f"Too few: nothing compares {winner} with {rival}.")
         shown = ratio(max(self.factor, 1 / self.factor))
         side = "smaller" if self.factor >= 1 else "larger"
         size = f"the {self.what} of {winner} is {shown} times {side}"
@@ -53,9 +53,9 @@ class Badge:
         first, _, of = self.each.partition(" ")
         pairs = " ".join(filter(None, [counted(self.n, first), of]))
         if self.interval is None and abs(self.factor - 1) <= ALIKE:
-            return Markdown(f"Tie: {winner} and {rival} err the same in {pairs}; it takes {FEWEST} to tell.")
+            return Markdown(f"Too few: {winner} and {rival} err the same in {pairs}; it takes {FEWEST}.")
         if self.interval is None:
-            return Markdown(f"Tie: {times}, but {pairs} cannot tell; it takes {FEWEST}.")
+            return Markdown(f"Too few: {times} in {pairs}; to judge it takes {FEWEST}.")
         low, high = self.interval
         seen = f"{pairs}, 95 % interval {{}} to {{}}"
         if self.verdict == "tie":
@@ -90,13 +90,13 @@ def decide(
     known = np.isfinite(a) & np.isfinite(b)
     a, b = a[known], b[known]
     if not len(a):
-        return Badge(ours[0], theirs[0], None, None, 0, "do not use" if why else "tie", each, why=why)
+        return Badge(ours[0], theirs[0], None, None, 0, "do not use" if why else "too few", each, why=why)
     least = max(a.max(), b.max()) / MOST or 1.0  # nothing over nothing is 1
     a, b = np.maximum(a, least), np.maximum(b, least)
     factor, ends = _of_one(a, b)
     if each in ("trial", "case"):
         factor, ends = float(np.median(b / a)), median_interval(b / a)
-    names, verdict = (ours[0], theirs[0]), "tie"
+    names, verdict = (ours[0], theirs[0]), "too few" if ends is None else "tie"
     if ends is None and factor < 1 and not why:
         names, factor = names[::-1], 1 / factor
     if ends is not None and (ends[0] > 1 < factor - ALIKE):

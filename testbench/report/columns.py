@@ -135,7 +135,7 @@ DECLARED = (
     Column("c_to_a_mm", "C to A", "mm"),
     Column("realigned_mm", "realigned", "mm"),
     Column("evenly_mm", "C and 50 of A to A", "mm"),
-    Column("planned_mm", "C and 50 planned of A to A", "mm"),
+    Column("by_plan_mm", "C and 50 planned of A to A", "mm"),
     Column("error.n", "poses that judge", form="d"),
     Column("error.mean_mm", "mean error", "mm"),
     Column("error.rms_mm", "RMS", "mm"),

@@ -26,6 +26,7 @@ MAX_BYTES = 50_000
 READ = {"dataset", "readings"}  #: Parameters that are files of readings.
 FILES = (*READ, "program", "poses", "task")  #: Parameters whose files may have values of their own.
 ARM = "testbench.arm"  #: Where a context keeps the arm that was taken from the file.
+NEEDLESS = {"urdf": "into"}  #: Parameters that another flag makes needless, and that flag.
 ALIASES = {"map": "mapping", "targets": "new_target"}  #: Parameters by their keys where these differ.
 
 
@@ -178,6 +179,9 @@ def merged(ctx: typer.Context, values: Mapping[str, object]) -> tuple[dict[str, 
     if not isinstance(found, Project):
         return values, NONE
     source = {name: getattr(ctx.get_parameter_source(name), "name", "") for name in values}
+    for name, other in NEEDLESS.items():
+        if source.get(name) == "DEFAULT_MAP" and values.get(other) is not None:
+            values[name], source[name] = None, "DEFAULT"
     names = {key: ALIASES.get(key, key) for key in Project.model_fields}
     taken = {key: getattr(found, key) for key, name in names.items() if source.get(name) == "DEFAULT_MAP"}
     taken |= {"arm": found.arm} if ARM in ctx.meta else {}

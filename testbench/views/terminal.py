@@ -19,8 +19,8 @@ from testbench.views.markdown import Told
 from testbench.views.markdown import as_plain as as_plain
 from testbench.views.schema import Column, Table, brackets, narrowed
 
-BADGES = {"Holds": "bold green", "Tie": "bold yellow", "Do not": "bold red"}
-"""Styles of a badge by its first words."""
+BADGES = {"Holds": "bold green", "Do not": "bold red"}  #: Styles of a badge by its first words.
+GONE = 141  #: Exit code of a program whose output nobody reads, 128 + SIGPIPE.
 MORE = "under More in report.md"
 NARROW = 9  #: Letters of a heading's line, unless a word has more.
 
@@ -30,6 +30,13 @@ class PlainConsole(Console):
 
     def __init__(self) -> None:
         super().__init__(highlight=False, markup=False, emoji=False)
+
+    def on_broken_pipe(self) -> None:
+        """Whoever read the output is gone, as `head` is: not an exit code of ours."""
+        try:
+            super().on_broken_pipe()
+        except SystemExit as err:
+            raise SystemExit(GONE) from err
 
     def render_str(self, text: str, **how: object) -> Text:
         """Text on its way into a table or a line."""
@@ -129,7 +136,9 @@ def print_words(
 def print_answer(console: Console, words: Told) -> None:
     """The badge, the answer, and where it is worst."""
     if badge := as_plain(words.block("badge")):
-        console.print(badge, style=next(own for head, own in BADGES.items() if badge.startswith(head)))
+        console.print(
+            badge, style=next((own for k, own in BADGES.items() if badge.startswith(k)), "bold yellow")
+        )
     console.print(as_plain(words.block("answer")), style="bold")
     if words.block("worst"):
         console.print(as_plain(words.block("worst")))

@@ -85,6 +85,7 @@ def test_from_a_urdf_and_an_instrument_s_file_to_a_corrected_program_in_seven_co
     step("compensate", "runs/calibrate", "program.csv", "--out", "corrected.csv", "--jumps")
     step("export", "runs/calibrate")
     assert len(words) == 7
+    assert "error: none.yaml: " in run("export", "runs/calibrate", "--into", "none.yaml").stderr  # no --urdf
     assert Path("corrected.csv").is_file()
     assert Path("heavy_calibrated.urdf").is_file()
     flags = {word for args in words for word in args[1:] if str(word).startswith("--")}
@@ -130,7 +131,11 @@ def test_a_pair_without_a_mass_has_the_project_s_load(cell):
     words = " ".join(done("data", "check", "pairs.csv", "--out", "seen").split())
     assert "4512.6 N (as of 460 kg hung) in 11 runs" in words
     assert "no column says a mass: 460 kg in loaded rows, as was said" in words
+    assert "testbench identify pairs.csv --new-target" not in words
     assert "testbench identify pairs.csv --out" in words  # the arm is known
+    Path("hand.toml").write_text("")
+    words = done("data", "check", ARM, "pairs.csv", "--map", "hand.toml", "--frame", "base", "--out", "again")
+    assert "testbench identify pairs.csv --map hand.toml --frame base --out" in " ".join(words.split())
     assert taken(Path("seen"))["taken"] == {"arm": ARM, "targets": ["P9"], "load": ["460"]}
     NAME.write_text(f'arm = "{ARM}"\nload = [240, 460]\n')
     assert "missing columns ['mass_kg" in run("data", "check", "pairs.csv").stderr

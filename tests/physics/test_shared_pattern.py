@@ -1,9 +1,14 @@
 """A periodic error that joints share, each turned by an angle of its own, is found; others are left alone."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from testbench.identify.absolute.evidence import Learnt
+from testbench.identify.absolute.inner import eliminate
 from testbench.identify.absolute.pattern import Pattern, basis, find, turned, waves
+from testbench.identify.fold import Part, Reduced
 from testbench.model.joint_errors import JointErrors
 
 ORDERS = tuple(range(1, 21))
@@ -72,3 +77,25 @@ def test_errors_that_are_each_joints_own_share_no_pattern(seed):
     assert sought(told(errors, [(-3, 3)] * 4, rng)) is None
     lines = errors * np.isin(np.tile(HIGH, 2), (5, 10))  # a gear's own orders look alike at many turns
     assert sought(told(lines, [(-3, 3)] * 4, rng)) is None
+
+
+def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
+    """Unknowns and precision by normal equations in which the prior alone knows the pattern."""
+    pattern = Pattern((0, 1), (0.0, 1.1), (1, -1))
+    errors = JointErrors(tuple(range(1, 5)))
+    size = 2 * errors.size
+    B, A, y = basis(pattern, errors, 0, size), rng.normal(size=(40, size)), rng.normal(size=40)
+    deviation = rng.uniform(0.5, 2.0, size)
+    own = SimpleNamespace(
+        rigid=size, columns=np.arange(size), elastic=None, unknowns=SimpleNamespace(size=size, basis=B)
+    )
+    R = np.linalg.qr(np.column_stack([A, y]), mode="r")
+    plain = Reduced((0,), (Part(0, (R.T @ R)[None], np.array([40])),), {0: R})
+    found = eliminate(own, plain.turned(B), Learnt(deviation, np.ones(1)))
+    back = np.linalg.inv(B.toarray())
+    P = A.T @ A + back.T @ np.diag(deviation**-2.0) @ back
+    np.testing.assert_allclose(found.root.T @ found.root, P, atol=1e-9)
+    np.testing.assert_allclose(found.x, np.linalg.solve(P, A.T @ y))
+    assert not np.tril(found.root, -1).any()
+    [part] = plain.turned(B).parts
+    np.testing.assert_allclose(part.gram[0][:-1, :-1], B.T @ (A.T @ A) @ B, atol=1e-9)

@@ -55,8 +55,9 @@ def test_differences_within_two_percent_are_a_tie_however_sure():
 @pytest.mark.parametrize("n", [1, 2, 5])
 def test_few_pairs_cannot_tell_and_the_less_error_is_named_first(n):
     own = decide(("ours", 3 * NOISE[:n]), ("theirs", NOISE[:n]))
-    assert (own.verdict, own.interval, own.winner, own.n) == ("tie", None, "theirs", n)
-    assert "cannot tell; it takes 6." in own.words
+    assert (own.verdict, own.interval, own.winner, own.n) == ("too few", None, "theirs", n)
+    assert own.words.startswith("Too few: ")
+    assert own.words.endswith("to judge it takes 6.")
 
 
 def test_six_of_six_are_enough_and_five_of_six_are_not():
@@ -86,8 +87,8 @@ def test_poses_of_one_arm_are_compared_by_the_ratio_of_the_rms_errors_of_tables(
     assert 0.9 < inside / 300 <= 1
 
 
-def test_no_pairs_are_a_tie_and_a_reason_is_no_use_whatever_the_numbers():
-    assert decide(("a", []), ("b", [])).words == "Tie: nothing compares a with b."
+def test_no_pairs_are_not_judged_and_a_reason_is_no_use_whatever_the_numbers():
+    assert decide(("a", []), ("b", [])).words == "Too few: nothing compares a with b."
     own = decide(("a", NOISE), ("b", 9 * NOISE), why="see the doubt")
     assert (own.winner, own.verdict, own.words) == (
         "a",
@@ -155,7 +156,7 @@ def test_report_json_holds_the_badge_and_every_view_its_words(tmp_path):
         for k in (0.2, 0.99, 1, 3.7, 1e6)
         for each in ("trial", badge.POSES)
     ]
-    + [Badge("a", "b", None, None, 0, "tie"), decide(("a", [1]), ("b", [2]))],
+    + [Badge("a", "b", None, None, 0, "too few"), decide(("a", [1]), ("b", [2]))],
 )
 def test_the_words_are_one_short_sentence_that_begins_with_the_verdict(own):
     assert own.words.lower().startswith(own.verdict)

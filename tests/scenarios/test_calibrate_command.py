@@ -17,7 +17,7 @@ from run_here import here
 
 import testbench as tb
 from testbench.arm.folder import load_arm
-from testbench.campaign.absolute import File, read_all, score
+from testbench.campaign.absolute import File, evenly, read_all, score
 from testbench.campaign.arm_models import read_model
 from testbench.campaign.model_folder import sealed
 from testbench.cli.program import program
@@ -151,7 +151,8 @@ def test_what_was_planted_is_said_and_the_verdict_comes_first(made, report):
     assert start in words
     verdict = report["badge"]
     assert words.startswith("Holds: the error of calibrated is ")
-    assert (verdict["winner"], verdict["rival"], verdict["verdict"]) == ("calibrated", "as drawn", "holds")
+    assert (verdict["winner"], verdict["verdict"]) == ("calibrated", "holds")
+    assert verdict["rival"] == "geometry and joint springs"
     assert after < 0.2 * before
     assert "Kept: joint springs and joint errors. Dropped, as they improve" in words
     assert "by less than 5 %: ratio and play." in words
@@ -189,6 +190,10 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, 
     assert found["n"] == 100
     words = run("score", made[0], readings[2], "--frame-poses", 20).stdout
     assert f"100 positions: {found['mean_mm']:.3f} mm mean" in words
+    assert "the fit had these very readings" not in words
+    assert "the fit had these very readings" in run("score", made[0], readings[0]).stdout
+    twice = replace(series[0], pose=np.arange(series[0].rows) // 2)
+    assert len(evenly(twice, 20)) == 40
     for share, code, head in ((1.01, 0, "Holds: "), (0.99, 1, "Do not use: ")):
         limit = ("--at-most", share * found["mean_mm"])
         done = run("score", made[0], readings[2], "--frame-poses", 20, *limit)
@@ -297,7 +302,7 @@ def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, 
 def test_a_model_says_where_it_comes_from_and_one_of_format_1_does_not(made, readings, tmp_path):
     about = tb.load_model(made[0]).about
     assert about.method == "absolute calibration: geometry, joint springs, joint errors"
-    assert about.data == ("r_1.csv", "r_2.csv")
+    assert [*about.data] == ["r_1.csv", "r_2.csv"]
     assert (about.force, about.moment) == (0, 0)
     assert [doubt.split(":")[0] for doubt in about.doubts] == [
         "Not read, hence extrapolated",
@@ -311,7 +316,7 @@ def test_a_model_says_where_it_comes_from_and_one_of_format_1_does_not(made, rea
     old = {k: v for k, v in document.items() if k not in later} | {"format": 1, "digests": digests}
     (folder / "model.json").write_text(json.dumps(old))
     model = tb.load_model(folder)
-    assert (model.about.force, model.about.data) == (None, ())
+    assert (model.about.force, model.about.data) == (None, {})
     assert np.array_equal(model.state.C_theta, tb.load_model(made[0]).state.C_theta)
     assert run("score", folder, readings[2], "--frame-poses", 20).returncode == 0
 

@@ -76,6 +76,15 @@ def test_check_says_what_is_in_the_arm_and_what_to_confirm():
     assert not re.search(r"\de[+-]?\d", words)
 
 
+def test_a_reader_that_is_gone_is_no_missed_threshold():
+    start = "from testbench.cli import main; main()"
+    words = [sys.executable, "-c", start, "data", "check", "kr500_l480", "docs/example_dataset.csv"]
+    gone = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    gone.stdout.close()
+    assert gone.communicate()[1] == b""
+    assert gone.returncode == 141
+
+
 def test_elastic_writes_a_model_that_mujoco_opens(tmp_path):
     assert run("elastic", ARM, tmp_path / "elastic.xml").returncode == 0
     assert mujoco.MjModel.from_xml_path(str(tmp_path / "elastic.xml")).ntendon == 42

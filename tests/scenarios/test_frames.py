@@ -1,5 +1,6 @@
 """Runs in a laser tracker's frame through the command line: simulated, identified, given frames read."""
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -140,6 +141,17 @@ def test_the_base_is_told_wherever_it_stands_in_its_world(kr500, tmp_path):
     assert same[1].frames[1].position_mm == pytest.approx(rows[0].frames[1].position_mm)
 
 
+@pytest.mark.parametrize("sigma_um", [1.0, 400.0])
+def test_noise_that_is_asked_for_counts_more_than_the_tracker_s_own(sigma_um, tmp_path):
+    flags = ("--payload-kg", 460, "--tracker", "4,-2,1", "--sigma-um", sigma_um)
+    assert run("simulate", ARM, POSES, "--out", tmp_path / "d.csv", *flags).returncode == 0
+    rows = list(csv.DictReader((tmp_path / "d.csv").read_text().splitlines()))
+    assert {float(row["sigma_m"]) for row in rows} == {sigma_um / 1e6}
+    read = np.array([[float(row[f"before_{axis}_m"]) for axis in "xyz"] for row in rows]).reshape(-1, 3, 3)
+    apart = np.linalg.norm(read[:, 0] - read[:, 1], axis=1)  # of two targets of one plate
+    assert 0.3 < 1e6 * apart.std() / sigma_um < 4
+
+
 @pytest.mark.parametrize("text", ["1,2", "a,b,c", "1,2,3,4", "nan,0,0", "5000,0,0", ""])
 def test_tracker_that_is_no_place_is_refused(text, tmp_path):
     done = run("simulate", ARM, POSES, "--out", tmp_path / "d.csv", f"--tracker={text}")
@@ -172,4 +184,4 @@ def test_file_of_frames_that_is_wrong_is_refused(text, expected, tmp_path):
 
 def test_frame_that_is_no_word_is_refused(runs, tmp_path):
     done = run("identify", ARM, runs / "base.csv", "--frame", "world", "--out", tmp_path / "fit")
-    assert done.stderr == "error: --frame: expected auto, base, tracker or a .toml file, got 'world'\n"
+    assert done.stderr == "error: frame: expected auto, base, tracker or a .toml file, got 'world'\n"

@@ -312,7 +312,7 @@ FAULTS = {
     "loaded with nothing": (PLAIN | {"state": ["loaded"] * N}, "", "missing columns .'mass_kg"),
     "a torque is missing": (PLAIN | {"torque_joint_1_Nm": [1] * N}, "", "'torque_joint_2_Nm'"),
     "unknown key": (PLAIN, '[series]\nmount = "a"', "series.mount: unknown key; keys are frame, target"),
-    "a column that is not there": (PLAIN, '[columns]\ntime = "t"', "columns.time: no such column"),
+    "a column that is not there": (PLAIN, '[columns]\ntime = "t"', "columns.time: no column like 't'"),
     "a set-up without a name": (PLAIN | {"series": ["a"] * 6 + [""]}, "", "line 8, column series"),
 }  # fmt: skip
 

@@ -62,6 +62,9 @@ class Chosen:
     reduced: Reduced  #: The readings, in the basis of its unknowns.
     kinds: frozenset[str]  #: Kinds of errors that are on.
     steps: tuple[Step, ...]  #: What was tried, in order.
+    plain: str = ""  #: What stands beside all that was kept: geometry, with joint springs if more was kept.
+    #: Held-out positions of every block by that and by all that was kept, root mean square along an axis [m].
+    held_out: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -111,19 +114,19 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
     kinds, elastic = GEOMETRY, None
     tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns, len(reduced.kinds)), unit)
     steps: dict[str, Step] = {}
+    beside = {"geometry": tried}
     for one in stepwise(candidates, "trying errors"):
         more = kinds | one.kinds, one.elastic or elastic
-        found = choice(unknowns, *more), reduced
-        if one.pattern:
-            shared = patterned(tried.own, kinds, tried.learnt, reduced)
-            if shared is None:
-                continue
-            found = shared
-        own, equations = found
+        found = patterned(tried.own, kinds, tried.learnt, reduced) if one.pattern else None
+        if one.pattern and found is None:
+            continue
+        own, equations = found or (choice(unknowns, *more), reduced)
         other = _tried(own, equations, tried.learnt, unit)
         steps[one.name] = _step(one, tried, other)
         if steps[one.name].kept:
             tried, (kinds, elastic), unknowns, reduced = other, more, own.unknowns, equations
+        if one.sure:
+            beside[f"geometry and {one.name}"] = tried
     kept = [one for one in candidates if one.name in steps and steps[one.name].kept]
     for one in kept[:-1]:  # the next one that was kept may explain the same
         if one.kinds and not one.sure and not ("pattern" in kinds and one.kinds & {"harmonics", "pattern"}):
@@ -132,7 +135,9 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
             again = _step(one, other, tried)
             if not again.kept:
                 tried, kinds, steps[one.name] = other, kinds - one.kinds, again
-    return Chosen(tried.own, tried.learnt, reduced, kinds, tuple(steps.values()))
+    plain, other = [(name, one) for name, one in beside.items() if one is not tried or len(beside) == 1][-1]
+    held = _by_block(other.blocks), _by_block(tried.blocks)
+    return Chosen(tried.own, tried.learnt, reduced, kinds, tuple(steps.values()), plain, held)
 
 
 def patterned(
@@ -154,8 +159,7 @@ def patterned(
     unknowns = replace(unknowns, pattern=find(told, OWN * whole, (1 - OWN) * whole, orders))
     if unknowns.basis is None:
         return None
-    found, equations = choice(unknowns, kinds | {"pattern"}, own.elastic), reduced.turned(unknowns.basis)
-    return found, equations
+    return choice(unknowns, kinds | {"pattern"}, own.elastic), reduced.turned(unknowns.basis)
 
 
 @dataclass(frozen=True)
@@ -227,6 +231,11 @@ def _step(tried: Candidate, before: _Tried, after: _Tried) -> Step:
     pays = pays and min(blocks, gain) > -HURTS
     rms = [_rms(sums) for sums in (before.blocks, after.blocks, before.series, after.series)]
     return Step(tried.name, bool(pays or tried.sure), rms[0], rms[1], deviation, rms[2], rms[3])
+
+
+def _by_block(sums: Array) -> Array:
+    """Along an axis, of every block, (blocks,) [m]."""
+    return np.asarray(np.sqrt(sums[:, 2] / np.maximum(sums[:, 0], 1.0)))
 
 
 def _rms(sums: Array) -> float:

@@ -40,7 +40,7 @@ MEANS = {
     trial.TO_A: "c_to_a_mm",
     trial.AGAIN: "realigned_mm",
     trial.EVENLY: "evenly_mm",
-    trial.PLANNED: "planned_mm",
+    trial.PLANNED: "by_plan_mm",
 }
 """Where the mean error of a split is in a row of a model."""
 PANES = {
@@ -258,20 +258,19 @@ def _claims(f: Row, own: Models) -> Iterator[Markdown]:
     """What else there is to say, what matters most first."""
     if trial.SHARED in own:
         yield say(
-            "Joints share one periodic error, each turned by its own angle. With that known A predicts C "
-            "to {s.a_to_c_mm:.3f} mm ({w.a_to_c_mm:.3f} without), C predicts A to {s.c_to_a_mm:.3f} mm "
-            "({w.c_to_a_mm:.3f}).",
+            "Joints share one periodic error, turned: so A predicts C to {s.a_to_c_mm:.3f} mm "
+            "({w.a_to_c_mm:.3f} without), C predicts A to {s.c_to_a_mm:.3f} mm ({w.c_to_a_mm:.3f}).",
             s=own[trial.SHARED],
             w=own[trial.WAVES],
         )
-        if own[trial.SHARED].planned_mm is not None:
+        if own[trial.SHARED].by_plan_mm is not None:
             yield say(
-                "C and 50 poses of A leave {planned_mm:.3f} mm on its others if the plan's criterion chooses "
+                "C and 50 poses of A leave {by_plan_mm:.3f} mm on its others if the plan's criterion chooses "
                 "them, {evenly_mm:.3f} mm evenly spaced.",
                 own[trial.SHARED],
             )
     if alike := [joint.correlation for joint in f.joints if joint.correlation is not None]:
-        lasts = " It is the joint's own, and it lasts." if min(alike) > LASTS else ""
+        lasts = " It lasts." if min(alike) > LASTS else ""
         yield say(
             "Every joint's error by A alone and by C alone, months apart: correlation {least:.2f} to "
             f"{{most:.2f}}.{lasts}",
@@ -287,8 +286,7 @@ def _claims(f: Row, own: Models) -> Iterator[Markdown]:
         name=elbow,
     )
     yield say(
-        "A model knows a joint's error only where the joint was turned. {strange_to_A_percent:.0f} % of C's "
-        "poses are more than 2 degrees from all poses of A in {name}.",
+        "{strange_to_A_percent:.0f} % of C's poses are more than 2 degrees from all poses of A in {name}.",
         f.joints[0],
         name=pan,
     )

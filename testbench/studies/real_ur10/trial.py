@@ -12,7 +12,7 @@ import numpy as np
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.absolute import FRAME_POSES, File, Score, evenly, read_all, score
 from testbench.campaign.campaign import Cell, build_cell, stream
-from testbench.campaign.plan import MORE, around, best_of, union_after
+from testbench.campaign.plan import MORE, best_of, union_after
 from testbench.campaign.plan_settings import PlanSettings
 from testbench.campaign.rows import UM
 from testbench.data.dataset import Ids
@@ -61,7 +61,8 @@ SPLITS = {
     TO_A: "trained on C, judged on A, its frame and target by 50 of its poses",
     AGAIN: "as blocks, frames and targets of the others by 50 of their poses",
     EVENLY: "trained on C and 50 evenly spaced poses of A, judged on the others of A",
-    PLANNED: "the same with 50 poses of A that the criterion of `plan --absolute --given` chooses after C",
+    PLANNED: "the same with the 50 of A's poses that the criterion of `plan --absolute --given` chooses, "
+    "over A's poses and after C",
     BOTH: "trained on both series, judged on nothing",
 }
 DRAW = "random poses of C"  #: What trains where the number of poses is in question.
@@ -185,15 +186,16 @@ def _ladder(asked: Settings, cell: Cell, series: Sequence[Series]) -> Iterator[F
                 if one[0] != AGAIN or model in (GEOMETRY, *TWO):
                     yield _row(own, Row(name=model, poses=poses), one)
             if (name, model) == (TO_A, SHARED):
-                fifty[PLANNED] = _planned(cell, model_of(own), series[0])
+                fifty[PLANNED] = _planned(model_of(own), series[0])
 
 
-def _planned(cell: Cell, known: ArmModel, series: Series) -> Ids:
-    """Rows of a series that the criterion of a plan chooses by what is known of the arm."""
+def _planned(known: ArmModel, series: Series) -> Ids:
+    """Rows of a series that a plan's criterion chooses for all of its poses, by what is known of the arm."""
     sigma = UM * series.sigma
     settings = PlanSettings(absolute=True, criterion="I", poses=MORE, orientations=True, sigma_um=sigma)
     union = union_after(known, settings)
-    return np.array(best_of(union, series.q, position_rows(union, around(cell, settings)))[0])
+    wanted = position_rows(union, series.q[evenly(series, JUDGING)])
+    return np.sort(best_of(union, series.q, wanted)[0])
 
 
 def _draws(asked: Settings, cell: Cell, series: Sequence[Series], seed: int) -> Iterator[FitRow]:
