@@ -142,8 +142,8 @@ def _claims(f: Row) -> Iterator[Markdown]:
     """What else there is to say, what matters most first."""
     if "best" in f.gains:
         yield say(
-            "{ours} is the default of `testbench identify`. {theirs} is the conservative model of "
-            "least error: {it:more}.",
+            "{ours} is the default of `testbench identify`. {theirs} has the fewest unknowns of the "
+            "conservative models of least error: {it:more}.",
             f.gains.best,
             it=f.gains.best,
         )

@@ -104,7 +104,7 @@ def _badge(trials: Trials) -> Badge | None:
     there = trials.pick(np.isfinite(trials["seconds_to_1_percent"]))
     there = there.add(name=there["key"])
     own = of_rivals(there, "d", [key for key in there.values("key") if key != "d"], "seconds_to_1_percent")
-    return own and replace(own, what="time")
+    return own and replace(own, what="time to 1 %")
 
 
 def _solvers(asked: Settings, trials: Trials) -> Iterator[Row]:
