@@ -12,7 +12,7 @@ from testbench.arm.folder import Arm
 from testbench.data import read_series as read_series_module
 from testbench.data import stream
 from testbench.data.dataset import Dataset
-from testbench.data.read_pairs import Export, read_campaign, read_export
+from testbench.data.read_pairs import Export, read_export
 from testbench.data.read_series import SeriesExport, _gathered, read_series
 from testbench.data.series import Series
 from testbench.data.spool import together
@@ -24,7 +24,7 @@ SIZE = 1500  #: Of a block: a few lines [byte].
 def in_blocks(path: Path, arm: Arm, mapping: Path | None = None, size: int = SIZE) -> Export:
     """However small the file is."""
     with patch.multiple(stream, BLOCK=size, LEAST=0):
-        return read_campaign(path, arm, mapping)
+        return read_export(path, arm, mapping)
 
 
 def whole(found: Export) -> Dataset:

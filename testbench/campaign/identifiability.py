@@ -84,11 +84,6 @@ class Identifiability:
         """Directions lost to too few poses."""
         return self.rank_of_loads - self.rank
 
-    @property
-    def lost_to_experiment(self) -> int:
-        """Directions that another experiment would see: lost to loads, readings or too few poses."""
-        return self.rank_of_structure - self.rank
-
 
 def describe(
     vjm: Vjm, structure: Structure, data: Dataset, prior: Prior, strength: Strength

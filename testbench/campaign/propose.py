@@ -157,11 +157,6 @@ def estimated_payload(mass: float, long: float) -> float:
     return float(f"{math.sqrt(mass) * long:.2g}")
 
 
-def material_of(payload: float) -> Material:
-    """What links are made of, by the payload [kg]."""
-    return CAST_IRON if payload >= HEAVY else ALUMINIUM
-
-
 def _link(part: Body, line: Beam, payload: float, long: float) -> LinkProposal:
     """The tube of a link; of unknown shape between a Panda's 0.10 m and the 0.34 m of our KR 500."""
     surface, drawn = triangles(part.shapes), 0.0
@@ -174,7 +169,8 @@ def _link(part: Body, line: Beam, payload: float, long: float) -> LinkProposal:
             drawn = max(0.0, min(high, line.distance) - max(low, 0.0))
             low, high, told_by = 0.0, line.distance, "part"
         outer = outer_diameter(surface, line.frame, (low, high))
-    made, D = material_of(payload), OUTER * (payload * long / 1000) ** SLENDER if outer is None else outer
+    made = CAST_IRON if payload >= HEAVY else ALUMINIUM
+    D = OUTER * (payload * long / 1000) ** SLENDER if outer is None else outer
     length, D = max(line.distance, STUB * D), round(D, 4)
     try:
         tube = Tube(max(round(length, 6), 1e-3), D, round(HOLLOW * D, 4), made.E, made.nu)

@@ -16,7 +16,7 @@ from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset
 from testbench.data.write import columns
 from testbench.errors import Array
-from testbench.trials.tables import Cells, join_tables, write_table
+from testbench.trials.tables import Cells, write_table
 
 ARM = "kr500_l480"  #: Which of ours is measured, in its campaign of section 6.
 SCENARIO = Scenario(arm=ARM, workspace_poses=100)
@@ -54,12 +54,6 @@ def write_rounds(root: int, folder: str, rounds: Sequence[int]) -> list[list[obj
         for name in TABLES:
             write_table(own / name, _joined([row[name] for row in rows]))
     return [[] for _ in rounds]
-
-
-def join_rounds(parts: Path, rounds: int, folder: Path) -> None:
-    """The tables of all rounds, one behind the other."""
-    for name in TABLES:
-        join_tables([parts / str(k) / name for k in range(rounds)], folder / name)
 
 
 def _joined(tables: Sequence[Mapping[str, Cells]]) -> dict[str, Cells]:

@@ -19,7 +19,7 @@ from testbench.campaign.plan_input import overloads
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.rows import MM, UM
 from testbench.data.dataset import Dataset, Ids, Mask, select, split
-from testbench.data.read_pairs import Export, read_campaign, read_export
+from testbench.data.read_pairs import Export, held, read_export
 from testbench.data.spool import Campaign, some
 from testbench.errors import BenchError, InputError, read_text
 from testbench.identify.crossval import parts_of
@@ -122,7 +122,7 @@ def _frame_files(frame: str) -> list[Path]:
 
 def read(cell: Cell, asked: Readings) -> Export:
     """The runs as they were read; InputError names what is wrong with the file or its map."""
-    return _loaded(asked, read_export(*_how(cell, asked)))
+    return _loaded(asked, held(read_export(*_how(cell, asked))))
 
 
 def _how(cell: Cell, asked: Readings) -> tuple[Path, Arm, Path | None, float | None, float | None]:
@@ -185,7 +185,7 @@ def read_runs(cell: Cell, asked: Readings) -> tuple[Cell, Runs]:
         BenchError: When a pose is not in the data, none is left on one side, no target was read in those held
             back, or a frame cannot be found.
     """
-    export = _loaded(asked, read_campaign(*_how(cell, asked)))
+    export = _loaded(asked, read_export(*_how(cell, asked)))
     if asked.full_pose and export.data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
         raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")

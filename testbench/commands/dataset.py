@@ -10,7 +10,7 @@ from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
 from testbench.campaign.model_folder import copy_arm, digests
-from testbench.campaign.public_dataset import ARM, GRID, SCENARIO, TABLES, join_rounds, write_rounds
+from testbench.campaign.public_dataset import ARM, GRID, SCENARIO, TABLES, write_rounds
 from testbench.commands.dataset_card import describe
 from testbench.errors import BenchError
 from testbench.output.place import claim_folder, whole_folder
@@ -18,7 +18,7 @@ from testbench.output.whole import temporary_folder
 from testbench.shell.trials import show_progress
 from testbench.trials.engine import Chunks
 from testbench.trials.local import on_cores
-from testbench.trials.tables import kinds
+from testbench.trials.tables import join_tables, kinds
 
 COMMAND = "testbench dataset build"
 
@@ -41,7 +41,8 @@ def build(out: Path, seeds: range, workers: int | None, console: Console, *, for
         work = partial(write_rounds, seeds[0], str(parts))
         chunks = on_cores(work, ([k] for k in rounds), workers=workers)
         show_progress(_counted(chunks), len(rounds), "rounds", kept=False)
-        join_rounds(parts, len(rounds), folder)
+        for name in TABLES:
+            join_tables([parts / str(k) / name for k in rounds], folder / name)
         home = folder / "arms" / ARM
         home.mkdir(parents=True)
         copy_arm(load_arm(find_arm(ARM)), home)

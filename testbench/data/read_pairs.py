@@ -46,7 +46,7 @@ def read_csv(path: str | Path, arm: Arm) -> Dataset:
     Raises:
         InputError: Names the line and what was expected.
     """
-    return read_export(Path(path), arm).data
+    return held(read_export(Path(path), arm)).data
 
 
 def read_export(
@@ -56,7 +56,7 @@ def read_export(
     sigma: float | None = None,
     load: float | None = None,
 ) -> Export:
-    """Read and check the runs of an arm.
+    """Read and check the runs of an arm; memory does not grow with those of a large file.
 
     Args:
         path: The file; docs/formats.md has an example of every form.
@@ -68,10 +68,20 @@ def read_export(
     Raises:
         InputError: Names line and column, or key of the map, and what was expected.
     """
-    with open_file(path, MAX_BYTES):  # all of it is held
-        found = read_campaign(path, arm, mapping, sigma, load)
-    every = found.every
-    return found if every is None else replace(found, data=every.pick(np.arange(every.runs)), every=None)
+    names = replace(read_map(mapping, arm), load=load)
+
+    def compute(columns: Columns) -> Export:
+        return runs_of(columns, arm, sigma)
+
+    return read_source(Source(path, arm, names, _run_column, ("run", "pose", "station"), compute), _gathered)
+
+
+def held(found: Export) -> Export:
+    """The same with all of its runs; InputError where the file is too large for that."""
+    if found.every is None:
+        return found
+    with open_file(found.columns.table.path, MAX_BYTES):
+        return replace(found, data=found.every.pick(np.arange(found.every.runs)), every=None)
 
 
 def from_text(text: str, arm: Arm) -> Dataset:
@@ -79,22 +89,6 @@ def from_text(text: str, arm: Arm) -> Dataset:
     names = read_map(None, arm)
     table = table_of(Path("runs"), (text, "utf-8"), lambda name: names.find(name) is not None, names.layout)
     return runs_of(find_columns(table, names, arm), arm, None).data
-
-
-def read_campaign(
-    path: Path,
-    arm: Arm,
-    mapping: Path | None = None,
-    sigma: float | None = None,
-    load: float | None = None,
-) -> Export:
-    """The same, in blocks where the file is large: memory does not grow with its runs."""
-    names = replace(read_map(mapping, arm), load=load)
-
-    def compute(columns: Columns) -> Export:
-        return runs_of(columns, arm, sigma)
-
-    return read_source(Source(path, arm, names, _run_column, ("run", "pose", "station"), compute), _gathered)
 
 
 def _run_column(columns: Columns) -> list[int]:

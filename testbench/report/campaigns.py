@@ -5,13 +5,12 @@ from collections.abc import Mapping, Sequence
 from testbench.campaign.models import JOINTS
 from testbench.campaign.workspace_errors import ErrorPlaces, Places, error_places
 from testbench.identify import Constraint
-from testbench.report.columns import columns
 from testbench.report.report import say
 from testbench.report.table import Row, Trials, aligned, merged, nested, paired
 from testbench.trials.spread import span, wins
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
-from testbench.views.schema import Column, Table, best_of, pivot
+from testbench.views.schema import best_of
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
 NOT_OF_A_MODEL = ("seed", "truth", "true_arm", "measured.", "places.", "place_mm", "drawn.", "data_file")
@@ -101,12 +100,6 @@ def by_arm(trials: Trials, value: str, of: str = "name") -> list[Row]:
     """A quantity of every model, or of what another column names, by true arm; nothing of one arm."""
     several = len(trials.values("true_arm")) > 1
     return merged(trials.keep(of, "true_arm", value), of, "true_arm") if several else []
-
-
-def arm_table(rows: Table, value: Column, of: str = "name") -> Table:
-    """The same with a column a true arm."""
-    name, arm = columns(f"{of} true_arm")
-    return pivot(rows, name, arm, value)
 
 
 def error_map(trials: Trials, compared: Sequence[str]) -> ErrorPlaces:

@@ -19,8 +19,6 @@ UNITS = {
     "urad/N": 1e-6, "urad/(N m)": 1e-6,
 }  # fmt: skip
 """What a unit is in SI."""
-BARE = ("%", "ppm", "10^-6 SI")
-"""Units in a heading that no field's name has."""
 WORDS = {"percent": "%", "seconds": "s"}
 """Last words of a field's name that are units by another name; those that are no unit have none."""
 
@@ -48,19 +46,6 @@ def unit_of(path):
     return unit if (words or last == "seconds") and unit in UNITS and name != "f_m" else ""
 
 
-def in_unit(title, path, value):
-    """A report's value in the unit of a heading; the heading must have one where the field's name has one."""
-    _, _, unit = title.rpartition(", ")
-    own = unit_of(path)
-    assert not own or unit in UNITS, (title, path)
-    factor = UNITS.get(own, 1.0) / UNITS.get(unit, 1.0) if own or unit in BARE else 1.0
-    if isinstance(value, bool | str) or value is None or factor == 1:
-        return value
-    if isinstance(value, Spread):
-        return value.scaled(factor)
-    return factor * value
-
-
 def tables_of(text):
     """Tables of a Markdown text: headings and rows of cells, without bold marks."""
     found = []
@@ -71,26 +56,6 @@ def tables_of(text):
         )
         found.append((head, [[c.removeprefix("**").removesuffix("**") for c in row] for row in rows]))
     return found
-
-
-def check_table(table, rows, means):
-    """A table shows the report's numbers under headings with their units.
-
-    Args:
-        table: What the study declares.
-        rows: Those of the report that it must show, from top to bottom.
-        means: Path in a row by heading as people read it, unit included, from left to right.
-    """
-    [(head, cells)] = tables_of(markdown.grid(table))
-    assert head == list(means)
-    assert len(cells) == len(rows)
-    for row, line in zip(rows, cells, strict=True):
-        for (title, path), cell in zip(means.items(), line, strict=True):
-            [column] = [c for c in table.columns if c.title == title]
-            value = in_unit(title, path, at(row, path))
-            own = re.sub(r" \[.*\]$", "", cell)  # the paper's number
-            alone = isinstance(value, Spread) and (column.exact or len(set(ends_of(value))) == 1)
-            assert own == column.text(value.median if alone else value), (title, path, cell, value)
 
 
 def ends_of(value):

@@ -17,7 +17,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import scale_program
-from testbench.identify.estimate import Estimate, Estimator, make_estimate
+from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.fold import reduce
 from testbench.identify.regression import Regression, check_symmetric
 from testbench.model.structure import Structure
@@ -39,13 +39,9 @@ def cvxpy(solver: str) -> Any:
     return module
 
 
-def modelled(solver: str) -> Estimator:
-    """GCO by way of cvxpy and one of its solvers, at the solver's default settings."""
-
-    def estimator(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
-        return solve_modelled(reduce(vjm, structure, data), solver)
-
-    return estimator
+def modelled(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
+    """GCO by way of cvxpy and SCS, at the solver's default settings."""
+    return solve_modelled(reduce(vjm, structure, data), "SCS")
 
 
 def vectorised(s: Structure, blocks: list[Any]) -> Any:

@@ -22,7 +22,7 @@ from testbench.trials.spread import middle
 from testbench.views.figure import Figure, forest
 from testbench.views.markdown import Markdown
 from testbench.views.scene import Seen
-from testbench.views.schema import Table
+from testbench.views.schema import Table, pivot
 
 PAPERS_ARM = "kr500_l480"
 PANES = {
@@ -79,7 +79,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         tables={
             "short": Table(columns(SHORT, paper=False), told, bold=mark, headline=TRUE),
             "models": Table(columns(MODELS), f.models, bold=mark),
-            "by_arm": campaigns.arm_table(by_arm, KNOWN[TRUE]),
+            "by_arm": pivot(by_arm, *columns("name true_arm"), KNOWN[TRUE]),
         },
         body=["models", READING, "by_arm"],
         badge=own,

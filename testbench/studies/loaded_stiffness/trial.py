@@ -91,7 +91,7 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> li
     point = np.tile(cell.vjm.load, (len(q), 1))
     predicted, rows = predict(cell, q, wrench, point), []
     for truth, plant in plants.items():
-        moved = deflect(plant, q, wrench, point)
+        moved = settle(plant, q, wrench, point).tool - settle(plant, q).tool
         every = predicted | {"joints": joints_alone(cell, q, wrench, point, moved)}
         rows += [
             PoseRow(
@@ -107,11 +107,6 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> li
             for i, angles in enumerate(q)
         ]
     return rows
-
-
-def deflect(plant: Plant, q: Array, wrench: Array, point: Array) -> Array:
-    """True deflection of the tool, from unloaded to loaded, (poses, 3) [m]."""
-    return np.asarray(settle(plant, q, wrench, point).tool - settle(plant, q).tool)
 
 
 def predict(cell: Cell, q: Array, wrench: Array, point: Array) -> dict[Method, Array]:

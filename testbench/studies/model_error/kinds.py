@@ -10,7 +10,7 @@ from testbench.campaign.models import JOINTS
 from testbench.campaign.true_arms import CALLED, HELD_OUT, HELD_OUT_WORDS
 from testbench.report.columns import columns
 from testbench.report.report import say
-from testbench.report.table import TRIAL, Cells, Row, Trials, aligned, find, number
+from testbench.report.table import TRIAL, Row, Trials, aligned, find, number
 from testbench.studies.factorial.compare import ERROR
 from testbench.studies.model_error.settings import ALL, NONE, STIFF
 from testbench.studies.model_error.trial import BESIDE_IT, IN_FAMILY
@@ -66,14 +66,9 @@ def _row(kind: str, part: Trials) -> Row:
         beats_joints=wins(errors["default_um"], errors[f"{JOINTS}_um"]) / n,
         beats_same_prior=wins(errors["default_um"], errors["same_prior_um"]) / n,
         covered_percent=float(covered.mean()),  # every arm has as many components
-        worst_tenth_percent=worst_tenth(covered),
+        worst_tenth_percent=float(np.sort(covered)[: ceil(len(covered) / 10)].mean()),
         removed_percent=number(100 * (1 - default[ERROR] / default["deflection_um"])),
     )
-
-
-def worst_tenth(covered: Cells) -> float:
-    """Mean of the tenth that is least, rounded up to whole arms."""
-    return float(np.sort(covered)[: ceil(len(covered) / 10)].mean())
 
 
 def claims(rows: Sequence[Row]) -> Iterator[Markdown]:

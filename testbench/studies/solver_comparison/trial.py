@@ -169,7 +169,7 @@ def _trial(cell: Cell, model: Model, asked: Settings, seed: int) -> list[SolverR
     conic = _repeated("d", gco, cell, model, campaign)
     found = [*_factor_solvers(cell, model, asked, campaign), conic]
     if asked.scs:
-        found.append(_repeated("e", modelled("SCS"), cell, model, campaign))
+        found.append(_repeated("e", modelled, cell, model, campaign))
     proof = conic.estimate.certificate
     assert proof is not None
     proofs = [proof if own is conic else certify(own.estimate, dual=proof.dual) for own in found]
