@@ -65,6 +65,28 @@ def test_a_planted_mistake_is_named_first(sets, name):
     assert len(first.sentence) < 300
 
 
+@pytest.mark.parametrize(("k", "shift"), [(5, -1), (8, 1), (11, -1)])
+def test_rows_that_slipped_are_named_with_the_first_in_a_frame_that_nobody_declared(kr500, arm_6r, k, shift):
+    """Of 14 runs; where half of them fit a tracker's frame, that frame is no mistake."""
+    own = sound({"kr500_l480": kr500, "arm_6r": arm_6r}, 39)
+    assert own.tracker
+    assert not own.declared
+    own, d = replace(own, cell=kr500), own.data
+    q = np.where(np.arange(d.runs)[:, None] < k, d.q, np.roll(d.q, shift, axis=0))
+    [first, *_] = named(replace(own, data=select(replace(d, q=q), np.arange(d.runs) < 14)))
+    assert first.name == "order"
+    assert f"those of the pose {'after' if shift > 0 else 'before'} from run {k + 1} on" in first.sentence
+
+
+def test_rows_that_slipped_are_named_behind_a_sound_station_too(kr500, arm_6r):
+    own = sound({"kr500_l480": kr500, "arm_6r": arm_6r}, 20)
+    d, second = own.data, np.flatnonzero(own.data.station == 2)[0]
+    assert second > 5
+    q = np.where(np.arange(d.runs)[:, None] < second + 3, d.q, np.roll(d.q, 1, axis=0))
+    [first, *_] = named(replace(own, data=select(replace(d, q=q), np.arange(d.runs) < d.runs - 1)))
+    assert f"those of the pose after from run {second + 4} on" in first.sentence
+
+
 def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets):
     """Shapes and couplings have a width of their own: Bayes' formulas in the readings, dense."""
     own = sets["levels"]

@@ -80,26 +80,29 @@ def test_rows_that_would_not_fit_the_pose_before_either_are_not_said_to(ur10, se
     check_order(ur10.vjm, [replace(one, position=one.position + 0.05 * behind)])
 
 
-def test_runs_that_slipped_are_named_in_pairs_too(kr500):
-    q = np.random.default_rng(4).uniform(*kr500.arm.limits, (60, 6))
+@pytest.mark.parametrize(("rows", "k"), [(60, 40), (11, 5), (11, 8), (40, 3)])
+@pytest.mark.parametrize(("shift", "words"), [(-1, "before"), (1, "after")])
+def test_runs_that_slipped_are_named_in_pairs_too(kr500, rows, k, shift, words):
+    """Three rows before or behind are enough."""
+    q = np.random.default_rng(4).uniform(*kr500.arm.limits, (rows, 6))
     markers = marker_points(kr500.vjm, kr500.arm.markers)
     x = tool_points(kr500.vjm, q, markers)
     seen = Seen(
         vjm=kr500.vjm,
-        q=np.where(np.arange(60)[:, None] < 40, q, np.roll(q, -1, axis=0)),
+        q=np.where(np.arange(rows)[:, None] < k, q, np.roll(q, shift, axis=0)),
         markers=markers,
         read=x,
         there=np.ones(x.shape[:2], dtype=bool),
         names=kr500.arm.markers,
-        runs=np.arange(60) + 101,
-        poses=np.arange(60),
+        runs=np.arange(rows) + 101,
+        poses=np.arange(rows),
         scale=PRECISE * kr500.vjm.reach,
     )
     for free in (Free(), Free(frame=True, targets=True)):
         found, _ = placed(seen, free)
-        assert found.where == ("unloaded", "141")
+        assert found.where == ("unloaded", f"{101 + k}")
         assert said(found, kr500.arm).sentence.startswith(
-            "the unloaded readings are those of the pose before from run 141 on"
+            f"the unloaded readings are those of the pose {words} from run {101 + k} on"
         )
 
 

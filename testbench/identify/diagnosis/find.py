@@ -104,8 +104,9 @@ def _places(given: HandedIn) -> tuple[list[Finding], Fit, Seen]:
     if found.frame == "base" or guessed:
         seen = _seen(given.filed, given.data, given.data.before)
         raw, own = placed(seen, Free())
-        if found.registration is None and raw is not None and raw.kind == "kinematics":
-            raw = open_places(given.filed, given.data)
+        if found.registration is None and raw is not None and raw.kind in ("frame", "kinematics"):
+            # a tracker's frame is no mistake, but what kept it from being found
+            raw = open_places(given.filed, given.data) or (raw if raw.kind == "frame" else None)
         mistaken = raw is not None and raw.kind not in ("frame", "kinematics")
         if found.frame == "base" or mistaken:
             return ([] if raw is None else [raw]), own, seen
@@ -118,8 +119,10 @@ def _places(given: HandedIn) -> tuple[list[Finding], Fit, Seen]:
 
 def open_places(vjm: Vjm, data: Dataset) -> Finding | None:
     """The mistake that keeps readings from being brought into the base's frame, if one explains it."""
-    one = _of_one_station(data)
-    return placed(_seen(vjm, one, one.before), Free(frame=True, targets=True))[0]
+    names = np.zeros(data.runs) if data.station is None else data.station
+    every = (select(data, names == name) for name in np.unique(names))
+    found = [placed(_seen(vjm, one, one.before), Free(frame=True, targets=True))[0] for one in every]
+    return min(filter(None, found), key=lambda doubt: doubt.kind == "kinematics", default=None)
 
 
 def _near(found: Registered) -> Iterator[Finding]:

@@ -7,11 +7,11 @@ import numpy as np
 
 from testbench.data.dataset import Ids
 from testbench.errors import Array
-from testbench.identify.diagnosis.place import Fit, Free, Seen, away, fit, losses, residuals
+from testbench.identify.diagnosis.place import Fit, Free, Seen, fit, losses, residuals
 from testbench.model.vjm import chain
 
 ENOUGH = 300  #: Rows that tell frame and targets, or whether anything slipped.
-LEAST = 12  #: Rows of a sound beginning, and of what slipped.
+LEAST = 3  #: Rows of half a file, and of what slipped.
 
 
 @dataclass(frozen=True)
@@ -34,44 +34,46 @@ def slipped(seen: Seen, free: Free, far: float, better: float) -> Slip | None:
         far: Distance from which a reading does not fit [m].
         better: What a reading has to gain [nats].
     """
-    head = _head(seen, free, far)
+    head = _half(seen, free, slice(len(seen.q) // 2))
     if head is None or _many(seen, head, far, np.arange(len(seen.q))[-ENOUGH:]) < LEAST:
         return None
-    own = losses(residuals(seen, chain(seen.vjm, seen.q), head), seen.scale).sum(axis=1)
-    cost, first, shift, q = min(_tried(seen, head, own, better), key=lambda one: one[0])
-    while first > 1 and _many(seen, head, far, np.array([first - 1])):
+    _, gain, first, shift, found = min(_tried(seen, free, head, better), key=lambda one: one[0])
+    while first > 1 and _many(seen, found, far, np.array([first - 1])):
         first -= 1  # the row that was deleted has no pose at all
-    if own.sum() - cost <= better * seen.there[first:].sum():
+    if gain <= better * seen.there[first:].sum() or _typical(seen, found, seen.q, slice(first)) > far:
         return None
-    slip = Slip(first, shift, q, *(_typical(seen, head, angles, first) for angles in (seen.q, q)))
+    rest, q = slice(first, None), np.roll(seen.q, shift, axis=0)
+    q[:first] = seen.q[:first]
+    slip = Slip(first, shift, q, *(_typical(seen, found, angles, rest) for angles in (seen.q, q)))
     return slip if slip.now < far else None
 
 
-def _tried(seen: Seen, head: Fit, own: Array, better: float) -> Iterator[tuple[float, int, int, Array]]:
-    """What all readings cost if they slipped one way from the row that is best [nats], the row, the way."""
-    rows = np.arange(len(seen.q))[:, None]
+def _tried(seen: Seen, free: Free, head: Fit, better: float) -> Iterator[tuple[float, float, int, int, Fit]]:
+    """What all readings cost if they slipped one way from the row that is best, and what that gains [nats].
+
+    With them the row, the way and the fit: of the first half, all sound, or of the second, all slipped.
+    """
+    own_chain = chain(seen.vjm, seen.q)
     for shift in (1, -1):
-        q = np.roll(seen.q, shift, axis=0)
-        other = losses(residuals(seen, chain(seen.vjm, q), head), seen.scale).sum(axis=1)
-        cost = np.cumsum(own - other)[:-LEAST] + other.sum()
-        alike = cost < cost.min() + better * seen.there.shape[1]  # a row that was inserted fits either way
-        first = 1 + int(np.flatnonzero(alike)[-1])
-        yield float(cost.min()), first, shift, np.where(rows < first, seen.q, q)
+        moved = replace(seen, q=np.roll(seen.q, shift, axis=0))
+        moved_chain = chain(seen.vjm, moved.q)
+        for found in (head, _half(moved, free, slice(len(seen.q) // 2, None)) or head):
+            own, other = (
+                losses(residuals(seen, where, found), seen.scale).sum(axis=1)
+                for where in (own_chain, moved_chain)
+            )
+            cost = np.cumsum(own - other)[:-LEAST] + other.sum()
+            alike = cost < cost.min() + better * seen.there.shape[1]  # an inserted row fits either way
+            first = 1 + int(np.flatnonzero(alike)[-1])
+            yield float(cost.min()), float(own.sum() - cost.min()), first, shift, found
 
 
-def _head(seen: Seen, free: Free, far: float) -> Fit | None:
-    """Frame and targets by a beginning of the rows, the longest that fits; None if none does."""
-    rows = len(seen.q) // 2
-    while rows >= LEAST:
-        some = np.unique(np.linspace(0, rows - 1, min(ENOUGH, rows)).astype(int))
-        one = _rows(seen, some)
-        if not one.there.any():
-            return None
-        found = fit(one, free)
-        if np.median(away(one, found)) < far:
-            return found
-        rows //= 2
-    return None
+def _half(seen: Seen, free: Free, half: slice) -> Fit | None:
+    """Frame and targets by half of the rows; None where there are too few."""
+    rows = np.arange(len(seen.q))[half]
+    some = np.unique(rows[np.linspace(0, len(rows) - 1, min(ENOUGH, len(rows))).astype(int)])
+    one = _rows(seen, some)
+    return fit(one, free) if len(rows) >= LEAST and one.there.any() else None
 
 
 def _rows(seen: Seen, some: Ids) -> Seen:
@@ -84,7 +86,7 @@ def _many(seen: Seen, head: Fit, far: float, rows: Ids) -> int:
     return int((np.linalg.norm(residuals(one, chain(one.vjm, one.q), head), axis=2) > far).any(axis=1).sum())
 
 
-def _typical(seen: Seen, found: Fit, q: Array, first: int) -> float:
-    """Median distance of readings from a row on [m]; 0 without any."""
-    size = np.linalg.norm(residuals(seen, chain(seen.vjm, q), found)[first:], axis=2)[seen.there[first:]]
+def _typical(seen: Seen, found: Fit, q: Array, part: slice) -> float:
+    """Median distance of readings in some rows [m]; 0 without any."""
+    size = np.linalg.norm(residuals(seen, chain(seen.vjm, q), found)[part], axis=2)[seen.there[part]]
     return float(np.median(size)) if len(size) else 0.0
