@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
-import pyarrow as pa
-
 from testbench.arm.decimal import is_decimal, is_integer
 from testbench.arm.folder import Arm
 from testbench.data.columns import Columns, find_columns, read_columns
@@ -22,7 +20,7 @@ from testbench.data.lines import MAX_BYTES, Line, letters
 from testbench.data.mapping import Names
 from testbench.data.names import Slot, What
 from testbench.data.spool import Held
-from testbench.data.table import ID_CELL, NUMBER_CELL, WORD_CELL, read_numbers, table_of
+from testbench.data.table import ID_CELL, NUMBER_CELL, WORD_CELL, read_numbers, release, table_of
 from testbench.errors import InputError, open_file
 
 LEAST, MOST = 16_000_000, 20_000_000_000
@@ -76,7 +74,7 @@ def read_source(source: Source[Read], gather: Callable[[Iterator[Read]], Read]) 
     if large:
         try:
             found = gather(_Reader(source).blocks())
-            pa.default_memory_pool().release_unused()  # memory of tables that are gone
+            release()
             return found
         except Whole as err:
             if status.st_size > MAX_BYTES:

@@ -258,6 +258,11 @@ NUMBER_CELL, ID_CELL, WORD_CELL = pa.float64(), pa.int64(), pa.string()
 """What plain cells of a column hold: a finite number or nothing, an integer, anything."""
 
 
+def release() -> None:
+    """Give memory of tables that are gone back to the system."""
+    pa.default_memory_pool().release_unused()
+
+
 def read_numbers(
     table: Table, content: bytes, number: int, kinds: Mapping[int, "pa.DataType"]
 ) -> Table | None:
