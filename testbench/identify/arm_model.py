@@ -68,17 +68,16 @@ class ArmModel:
         return Unknowns(self.vjm, (), {}, self.state.errors, self.structure)
 
 
-def of_estimate(vjm: Vjm, estimate: Estimate, weights: Weights, about: About | None = None) -> ArmModel:
+def of_estimate(vjm: Vjm, estimate: Estimate, weights: Weights) -> ArmModel:
     """The model that an estimate of compliances is, of an arm as drawn.
 
     Args:
         vjm: The arm.
         estimate: From any estimator.
         weights: What its links weigh, such as `read_weights`.
-        about: Where it comes from; the method alone if not given.
     """
     state = bending(vjm_of(vjm, estimate.structure), estimate.C_theta, weights)
-    return of_compliances(state, estimate.structure, linearise(estimate), about or About(estimate.method))
+    return of_compliances(state, estimate.structure, linearise(estimate), About(estimate.method))
 
 
 def bending(vjm: Vjm, C_theta: Array, weights: Weights) -> State:

@@ -23,7 +23,8 @@ from testbench.plant import settle, weightless
 from testbench.plant.equilibrium import Poses
 from testbench.plant.equilibrium import tangent as plant_tangent
 from testbench.plant.state import open_row
-from testbench.studies.loaded_stiffness.equilibrium import STEP_TOLERANCE, loaded_equilibrium
+from testbench.studies.loaded_stiffness import equilibrium
+from testbench.studies.loaded_stiffness.equilibrium import loaded_equilibrium
 
 SEEDS = [1, 2, 3]
 HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0, "slides": 3_000.0}
@@ -142,29 +143,26 @@ def test_without_load_eq_7_is_eq_6(cell, rng):
     C = loaded_compliance(J, cell.arm.C_theta, zero)
     expected = J @ cell.arm.C_theta @ J.swapaxes(1, 2)
     np.testing.assert_allclose(C, expected, rtol=0, atol=1e-14 * np.abs(expected).max())
-    rest = loaded_equilibrium(cell.vjm, cell.arm.C_theta, q, np.zeros((5, 6)), np.zeros((5, 3)))
-    np.testing.assert_array_equal(rest.theta, 0)
-    np.testing.assert_array_equal(loaded_deflection(cell.vjm, q, rest.theta, cell.vjm.markers), 0)
+    theta = loaded_equilibrium(cell.vjm, cell.arm.C_theta, q, np.zeros((5, 6)), np.zeros((5, 3)))
+    np.testing.assert_array_equal(theta, 0)
+    np.testing.assert_array_equal(loaded_deflection(cell.vjm, q, theta, cell.vjm.markers), 0)
 
 
 # --- equilibrium under load ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("share", [0.1, 0.46, 1.0])
-def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng):
+def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng, monkeypatch):
     """Pinocchio's chain with Newton on Eq. (7), MuJoCo's with springs as tendons: one equilibrium."""
     plant, q = weightless(cell.plant), random_q(cell, rng, 40)
     wrench, point = hung(cell, 40, share * HEAVIEST[cell.arm.name.removesuffix("_l480")])
-    rest, ours = (
-        settle(plant, q, wrench, point),
-        loaded_equilibrium(cell.vjm, cell.arm.C_theta, q, wrench, point),
-    )
+    monkeypatch.setattr(equilibrium, "MAX_ITERATIONS", 7)  # quadratic convergence takes at most six
+    rest = settle(plant, q, wrench, point)
+    theta = loaded_equilibrium(cell.vjm, cell.arm.C_theta, q, wrench, point)
     # the plant stops at a step of 1e-9, which gains a factor of four or more
-    np.testing.assert_allclose(ours.theta, rest.theta, rtol=0, atol=1e-9)
-    moved = loaded_deflection(cell.vjm, q, ours.theta, cell.vjm.markers)
+    np.testing.assert_allclose(theta, rest.theta, rtol=0, atol=1e-9)
+    moved = loaded_deflection(cell.vjm, q, theta, cell.vjm.markers)
     np.testing.assert_allclose(moved, rest.markers - settle(plant, q).markers, rtol=0, atol=1e-8)
-    assert ours.step.max() < STEP_TOLERANCE
-    assert ours.iterations.max() <= 6  # quadratic convergence
 
 
 # --- order of the errors ---------------------------------------------------------------------------------
@@ -182,7 +180,7 @@ def second_order(cell, q, force):
     theta = (C_theta @ generalised_load(free, wrench, point)).T
     a = np.einsum("ri,rij,rj->r", theta, K_w, theta)
     rest = loaded_equilibrium(cell.vjm, C_theta, q, wrench, point)
-    under = chain(cell.vjm, q, rest.theta)
+    under = chain(cell.vjm, q, rest)
     C_under = loaded_compliance(
         load_jacobian(under, point), C_theta, geometric_stiffness(under, wrench, point)
     )
@@ -190,7 +188,7 @@ def second_order(cell, q, force):
         "linear": displacement(free, secant(free, C_theta, wrench, point), at_load)[:, 0],
         "once": displacement(free, secant(free, C_theta, wrench, point, K_w), at_load)[:, 0],
         "loaded": np.einsum("rxy,ry->rx", C_under[:, :3, :3], force),
-        "true": loaded_deflection(cell.vjm, q, rest.theta, at_load)[:, 0],
+        "true": loaded_deflection(cell.vjm, q, rest, at_load)[:, 0],
     }
     along = {name: (force * value).sum(axis=1) for name, value in moved.items()}
     return {name: (value - along["linear"]) / a for name, value in along.items()}
@@ -239,7 +237,7 @@ def test_loaded_stiffness_falls_to_zero_at_the_buckling_load_of_theory(kr500):
     critical = 1 / (compliance * height)
     for share in (0.0, 0.5, 0.9):
         wrench = np.array([[0, 0, -share * critical, 0, 0, 0]])
-        theta = loaded_equilibrium(kr500.vjm, C_theta, q, wrench, point).theta
+        theta = loaded_equilibrium(kr500.vjm, C_theta, q, wrench, point)
         where = chain(kr500.vjm, q, theta)
         K_w = geometric_stiffness(where, wrench, point)
         sideways = loaded_compliance(load_jacobian(where, point), C_theta, K_w)[0, 0, 0]

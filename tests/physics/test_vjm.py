@@ -1,6 +1,5 @@
-"""The model side against MuJoCo's kinematics, against Eq. 6, and against the known ranks."""
+"""The model side against MuJoCo's Jacobians, against Eq. 6, and against the known ranks."""
 
-import mujoco
 import numpy as np
 import pytest
 from loads import random_q, rotation_observation
@@ -11,8 +10,6 @@ from testbench.model.loaded import load_jacobian
 from testbench.model.structure import all153, template56
 from testbench.model.vjm import chain, observation
 from testbench.plant import settle_linear
-
-AGREE = 1e-10  # the bar; both libraries come within 1e-14
 
 
 def jacobian(vjm, q, point=(0.0, 0.0, 0.0)):
@@ -30,21 +27,6 @@ def random_load(rng, runs):
 @pytest.fixture(params=["kr500", "arm_6r"])
 def six_axes(request):
     return request.getfixturevalue(request.param)
-
-
-def test_mujoco_and_pinocchio_agree_on_forward_kinematics(cell, rng):
-    q = random_q(cell, rng, 20)
-    where = chain(cell.vjm, q)
-    data = mujoco.MjData(cell.room.model)
-    for i in range(20):
-        data.qpos[cell.room.joints] = q[i]
-        mujoco.mj_kinematics(cell.room.model, data)
-        np.testing.assert_allclose(where.position[i], data.body(cell.arm.tool).xpos, rtol=0, atol=AGREE)
-        frame = data.body(cell.arm.tool).xmat.reshape(3, 3)
-        np.testing.assert_allclose(where.rotation[i], frame, rtol=0, atol=AGREE)
-        for name, marker in zip(cell.arm.markers, cell.vjm.markers, strict=True):
-            world = where.position[i] + where.rotation[i] @ marker
-            np.testing.assert_allclose(world, data.body(name).xpos, rtol=0, atol=AGREE)
 
 
 def test_observation_matrix_times_parameters_is_the_congruence_of_eq_6(cell, rng):

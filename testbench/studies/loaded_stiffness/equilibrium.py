@@ -3,8 +3,6 @@
 The judge of the study and of the tests: products take `equilibrium`, whose fixed-point steps need no tangent.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -18,17 +16,11 @@ MAX_ITERATIONS = 50
 MAX_STEP = 0.5  #: A Newton step beyond this [m, rad] leads to no elastic deflection.
 
 
-@dataclass(frozen=True)
-class LoadedEquilibrium:
-    """Where the virtual joints rest under a load."""
-
-    theta: Array  #: Virtual joint coordinates, (runs, n_theta) [m, rad].
-    step: Array  #: Last Newton step, (runs,) [m, rad].
-    iterations: npt.NDArray[np.int_]  #: Newton steps taken, (runs,).
-
-
-def loaded_equilibrium(vjm: Vjm, C_theta: Array, q: Array, wrench: Array, point: Array) -> LoadedEquilibrium:
+def loaded_equilibrium(vjm: Vjm, C_theta: Array, q: Array, wrench: Array, point: Array) -> Array:
     """The non-linear VJM of a weightless arm: theta = C_theta J_theta(theta)^T w, by Newton with Eq. (7).
+
+    Returns:
+        Virtual joint coordinates at rest, (runs, n_theta) [m, rad].
 
     Raises:
         NoEquilibrium: When Newton does not converge, or to an unstable pose only; names the pose.
@@ -57,7 +49,7 @@ def loaded_equilibrium(vjm: Vjm, C_theta: Array, q: Array, wrench: Array, point:
         raise _no_equilibrium(
             "only an unstable equilibrium", vjm.arm.words(q[buckled[0]]), wrench[buckled[0]]
         )
-    return LoadedEquilibrium(theta, step, iterations)
+    return theta
 
 
 def _newton_step(where: Chain, C: Array, wrench: Array, point: Array, theta: Array) -> Array:

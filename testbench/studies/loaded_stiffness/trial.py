@@ -112,7 +112,7 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> li
 def predict(cell: Cell, q: Array, wrench: Array, point: Array) -> dict[Method, Array]:
     """Deflection of the tool by method, with the true compliances, (poses, 3) [m]."""
     unloaded, C_theta = chain(cell.vjm, q), cell.arm.C_theta
-    theta = loaded_equilibrium(cell.vjm, C_theta, q, wrench, point).theta
+    theta = loaded_equilibrium(cell.vjm, C_theta, q, wrench, point)
     K_w = geometric_stiffness(unloaded, wrench, point)
     return {
         "linear": displacement(unloaded, secant(unloaded, C_theta, wrench, point), AT_TOOL)[:, 0],
