@@ -11,7 +11,6 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from testbench.arm.document import Strict, parse_toml
-from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
 from testbench.campaign.doubt import Doubt, said
@@ -19,7 +18,7 @@ from testbench.campaign.plan_input import overloads
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.rows import MM, UM
 from testbench.data.dataset import Dataset, Ids, Mask, select, split
-from testbench.data.read_pairs import Export, held, read_export
+from testbench.data.read_pairs import Export, How, read_export, read_held
 from testbench.data.spool import Campaign, some
 from testbench.errors import BenchError, InputError, read_text
 from testbench.identify.crossval import parts_of
@@ -122,10 +121,10 @@ def _frame_files(frame: str) -> list[Path]:
 
 def read(cell: Cell, asked: Readings) -> Export:
     """The runs as they were read; InputError names what is wrong with the file or its map."""
-    return _loaded(asked, held(read_export(*_how(cell, asked))))
+    return _loaded(asked, read_held(*_how(cell, asked)))
 
 
-def _how(cell: Cell, asked: Readings) -> tuple[Path, Arm, Path | None, float | None, float | None]:
+def _how(cell: Cell, asked: Readings) -> How:
     """File, arm with the targets that its folder lacks, map, sigma [m] and load [kg]."""
     arm, sigma = cell.arm, None if asked.sigma_um is None else asked.sigma_um / UM
     markers = (*arm.markers, *(asked.new_target or ()))

@@ -46,7 +46,11 @@ def read_csv(path: str | Path, arm: Arm) -> Dataset:
     Raises:
         InputError: Names the line and what was expected.
     """
-    return held(read_export(Path(path), arm)).data
+    return read_held(Path(path), arm, None, None, None).data
+
+
+How = tuple[Path, Arm, Path | None, float | None, float | None]
+"""Arguments of `read_export`."""
 
 
 def read_export(
@@ -76,12 +80,12 @@ def read_export(
     return read_source(Source(path, arm, names, _run_column, ("run", "pose", "station"), compute), _gathered)
 
 
-def held(found: Export) -> Export:
-    """The same with all of its runs; InputError where the file is too large for that."""
-    if found.every is None:
-        return found
-    with open_file(found.columns.table.path, MAX_BYTES):
-        return replace(found, data=found.every.pick(np.arange(found.every.runs)), every=None)
+def read_held(*how: *How) -> Export:
+    """The same with all runs in memory; InputError where the file is too large for that."""
+    with open_file(how[0], MAX_BYTES):
+        found = read_export(*how)
+    every = found.every
+    return found if every is None else replace(found, data=every.pick(np.arange(every.runs)), every=None)
 
 
 def from_text(text: str, arm: Arm) -> Dataset:

@@ -127,8 +127,11 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
         (("model", "--urdf", "model/rigid.xml"), "expected URDF"),
         (("in", "--urdf", "new.urdf"), "expected the folder of a model"),
         (("model", "--urdf", "nowhere/deep/new.urdf", "--force", "--bad"), "No such option"),
-        (("model",), "expected one of --urdf and --into"),
-        (("model", "--urdf", "new.urdf", "--into", "in/ur.yaml"), "expected one of --urdf and --into"),
+        (("model",), "expected --urdf or --into, one of"),
+        (
+            ("model", "--urdf", "new.urdf", "--into", "in/ur.yaml"),
+            "expected --urdf or --into, one of",
+        ),
         (("model", "--into", "in/machine.dat", "--gears", "1"), "--gears: is for ABB's motors alone"),
         (("model", "--into", "in/machine.dat"), "$machine.dat with a number at $MAMES[2]"),
         (("model", "--into", "in/twice.dat"), "$MAMES[1]: stands twice"),
