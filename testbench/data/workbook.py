@@ -2,6 +2,7 @@
 
 import zipfile
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
 from xml.parsers import expat
 
@@ -10,7 +11,7 @@ from testbench.errors import InputError, sheet_of, shown
 MAX_LETTERS, MAX_TAG, MAX_DEPTH = 300_000_000, 10_000_000, 100  #: Of a part or table, a tag, elements nested.
 MAX_ELEMENTS = 3_000_000  #: Of a part: a cell with a number is two. Larger tables come as CSV.
 MAX_PARTS, ROWS, COLUMNS = 10_000, 1_048_576, 16_384  #: Of a workbook, and of its largest sheet.
-BLOCK = 1_000_000  #: Bytes that are parsed at a time.
+BLOCK = 100_000  #: Bytes that are parsed at a time: few, for the memory of their elements.
 BOOK, LINKS, TEXTS, STYLES = (
     f"xl/{name}.xml{more}"
     for name, more in (("workbook", ""), ("_rels/workbook", ".rels"), ("sharedStrings", ""), ("styles", ""))
@@ -44,7 +45,7 @@ def elements(book: zipfile.ZipFile, part: str) -> Iterator[Element]:
     def begin(name: str, own: dict[str, str]) -> None:
         if len(opened) == MAX_DEPTH:
             refuse(f"more than {MAX_DEPTH} elements in one another")
-        opened.append((name.rpartition(":")[2], {k.rpartition(":")[2]: v for k, v in own.items()}))
+        opened.append((_local(name), {_local(k): v for k, v in own.items()} if own else own))
         letters.clear()
 
     def end(_: str) -> None:
@@ -72,3 +73,9 @@ def elements(book: zipfile.ZipFile, part: str) -> Iterator[Element]:
             found.clear()
     parser.Parse(b"", True)
     yield from found
+
+
+@lru_cache(1000)
+def _local(name: str) -> str:
+    """A name without what stands before its colon."""
+    return name.rpartition(":")[2]
