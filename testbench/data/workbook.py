@@ -59,14 +59,19 @@ def elements(book: zipfile.ZipFile, part: str) -> Iterator[Element]:
     parser.StartElementHandler, parser.EndElementHandler = begin, end
     parser.CharacterDataHandler = letters.append
     parser.StartDoctypeDeclHandler = lambda *_: refuse("document types are not allowed")
+    most = f"expected at most {MAX_LETTERS} bytes, {MAX_TAG} of an element, {MAX_ELEMENTS} elements"
     size = silent = count = 0
+    with book.open(part) as file:  # to count is quick, to parse is not
+        while block := file.read(BLOCK):
+            size, count = size + len(block), count + block.count(b"<")
+            if size > MAX_LETTERS or count > 2 * MAX_ELEMENTS:
+                refuse(most)
+    count = 0
     with book.open(part) as file:
         while block := file.read(BLOCK):
-            size, silent = size + len(block), silent + len(block)
-            if size > MAX_LETTERS or silent > MAX_TAG or count > MAX_ELEMENTS:
-                refuse(
-                    f"expected at most {MAX_LETTERS} bytes, {MAX_TAG} of an element, {MAX_ELEMENTS} elements"
-                )
+            silent += len(block)
+            if silent > MAX_TAG or count > MAX_ELEMENTS:
+                refuse(most)
             parser.Parse(block)
             silent, count = 0 if found else silent, count + len(found)
             yield from found
