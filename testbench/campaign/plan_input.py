@@ -12,7 +12,8 @@ from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
-from testbench.data.columns import Columns, find_columns, joint_coordinates, vector
+from testbench.data.columns import Columns, find_columns, vector
+from testbench.data.joint_columns import joint_coordinates
 from testbench.data.mapping import read_map
 from testbench.data.table import Table, read_table
 from testbench.data.units import UNITS, find_unit

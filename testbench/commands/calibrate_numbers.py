@@ -24,6 +24,7 @@ from testbench.identify.absolute.pull import pull_of
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import nominal
 from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.estimate import Estimate
 from testbench.model.joint_errors import JointErrors
 from testbench.model.structure import Ids
 from testbench.report.badge import decide
@@ -59,7 +60,6 @@ def numbers(found: Calibrated, left: Left) -> Row:
         [np.linalg.norm(x, axis=2)[one.seen] for one, x in zip(series, every, strict=True)] for every in left
     )
     vjm, estimate, noise = calibration.state.vjm, calibration.estimate, calibration.noise
-    elastic = calibration.own.elastic
     q = np.concatenate([np.repeat(one.q, one.seen.sum(axis=1), axis=0) for one in series])
     every = np.concatenate(before), np.concatenate(after)
     f = Row(
@@ -77,19 +77,7 @@ def numbers(found: Calibrated, left: Left) -> Row:
         geometry=(geometry := _values(calibration, "geometry")),
         far_geometry=_far_geometry(found, geometry),
         compliances=_compliances(calibration),
-        blocks=[]
-        if estimate is None or elastic is None
-        else [
-            Row(name=name, smallest=float(own[0]), largest=float(own[-1]))
-            for name, own in zip(elastic.names, estimate.eigenvalues, strict=True)
-        ],
-        program=estimate
-        and Row(
-            method=estimate.method,
-            constrained=estimate.constraint == "psd",
-            status=estimate.status,
-            conservative=estimate.conservative,
-        ),
+        **_solved(calibration),
         noise=Row(
             sigma_um=float(UM * np.sqrt(np.mean([one.sigma**2 for one in series]))),
             open_position_um=UM * noise.open_position,
@@ -102,19 +90,43 @@ def numbers(found: Calibrated, left: Left) -> Row:
         **_pulled(calibration, series, left[1]),
     )
     f |= _validated(f)
-    held_out = Row(rms_mm=f.held_out_mm[1]) if f.held_out_mm else None
-    about = Row(
-        structure=estimate.structure.name if estimate else "rigid",
-        constraint=estimate.constraint if estimate else "none",
-        prior=True,
-        conservative=estimate and estimate.conservative,
-    )
-    f["models"] = [Row(about, name="calibrated", identification=f.total_after, check=held_out)]
+    f["models"] = [_model(estimate, f)]
     why = "too few poses, held-out positions do not get better" if f.worse else ""
     chosen = calibration.chosen
     plain, own = (MM * np.sqrt(3) * x for x in chosen.held_out)
     badge = decide(("calibrated", own), (chosen.plain or "as drawn", plain), "block held out", why)
     return Row(f, badge=badge)
+
+
+def _solved(calibration: Calibration) -> Row:
+    """Eigenvalues of every block of compliances, and how they were found."""
+    estimate, elastic = calibration.estimate, calibration.own.elastic
+    if estimate is None or elastic is None:
+        return Row(blocks=[], program=None)
+    blocks = [
+        Row(name=name, smallest=float(own[0]), largest=float(own[-1]))
+        for name, own in zip(elastic.names, estimate.eigenvalues, strict=True)
+    ]
+    program = Row(
+        method=estimate.method,
+        constrained=estimate.constraint == "psd",
+        status=estimate.status,
+        conservative=estimate.conservative,
+    )
+    return Row(blocks=blocks, program=program)
+
+
+def _model(estimate: Estimate | None, f: Row) -> Row:
+    """The calibrated arm as the model of a run that is compared with others."""
+    return Row(
+        name="calibrated",
+        structure=estimate.structure.name if estimate else "rigid",
+        constraint=estimate.constraint if estimate else "none",
+        prior=True,
+        conservative=estimate and estimate.conservative,
+        identification=f.total_after,
+        check=Row(rms_mm=f.held_out_mm[1]) if f.held_out_mm else None,
+    )
 
 
 def _errors(distance: Array) -> Row:

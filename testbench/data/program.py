@@ -17,11 +17,11 @@ from testbench.data.columns import (
     Columns,
     components,
     find_columns,
-    joint_coordinates,
     read_columns,
     vector,
 )
 from testbench.data.dataset import Ids
+from testbench.data.joint_columns import joint_coordinates
 from testbench.data.mapping import read_map
 from testbench.data.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, columns_of, program_names
 from testbench.data.rotation import read_rotations

@@ -10,8 +10,9 @@ import numpy as np
 from testbench.arm.decimal import is_integer
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY, find_body, numbers, read_mjcf
-from testbench.data.columns import Column, Columns, axes, joint_coordinates
+from testbench.data.columns import Column, Columns, axes
 from testbench.data.dataset import Ids, Mask
+from testbench.data.joint_columns import joint_coordinates
 from testbench.data.names import DEFLECTION, STATES, WHEN, XYZ, Slot, columns_of, squeeze
 from testbench.errors import Array
 
