@@ -21,6 +21,7 @@ from testbench.studies.real_ur10.trial import (
     GEOMETRY,
     JOINTS,
     LADDER,
+    SHARED,
     TWO,
     WAVES,
     FitRow,
@@ -32,7 +33,7 @@ from testbench.views.schema import show
 
 SEEDS, ORDERS, POSES = range(3, 6), 4, (50, 100)
 JUDGED = {"blocks": "AC", "blocks, realigned": "AC", "A to C": "C", "C to A": "A", "both": ""}
-SIZES = {GEOMETRY: 8.0, JOINTS: 6.0, WAVES: 2.0}
+SIZES = {GEOMETRY: 8.0, JOINTS: 6.0, WAVES: 2.0, SHARED: 2.0}
 """Mean error in blocks [mm]; from one series to the other joint errors are the worst."""
 
 
@@ -46,7 +47,7 @@ def rows(seed):
             row = of_one_trial(FitRow, rng, name=model, split=split, judged="", conservative=True, **own)
             yield from () if series else (row,)
             for k, judged in enumerate(series, 1):
-                mm = SIZES.get(model, 5.0) if split.startswith("blocks") else 3.0 + (model == WAVES)
+                mm = SIZES.get(model, 5.0) if split.startswith("blocks") else 3.0 + (model in (WAVES, SHARED))
                 error = of_one_trial(Score, rng, n=100 * k, mean_mm=mm * k)
                 yield replace(row, judged=judged, error=error)
     for poses in POSES:
@@ -75,11 +76,11 @@ def test_the_words_of_a_real_arm_are_those_of_its_ladder(made):
     )
     assert found.answer.endswith("Geometry alone leaves 13.333 mm, 4.0 times larger.")
     assert "joint errors 4.000 and 4.000 mm, joint springs 3.000 and 3.000 mm" in found.worst
-    most = max(r.error.max_mm for r in f["ladder"] if (r.name, r.split) == (WAVES, BLOCKS))
+    most = max(r.error.max_mm for r in f["ladder"] if (r.name, r.split) == (SHARED, BLOCKS))
     assert f"Single position: {most:.3f} mm" in found.worst
     text = "\n".join(found.claims)
     assert f"Links beside joint errors change 3.333 to {means[ALL].blocks_mm:.3f} mm in blocks" in text
-    for name, words in ((JOINTS, "biased: "), (WAVES, "with them ")):
+    for name, words in ((JOINTS, "biased: "), (SHARED, "with them ")):
         pair = [find(f["compliances"], name=name, trained=by).urad_per_Nm[2] for by in "AC"]
         assert "{}{:.1f} and {:.1f}".format(words, *pair) in text
 
@@ -119,6 +120,6 @@ def test_arrows_lead_from_where_a_model_has_the_target_to_the_reading(rng):
         np.testing.assert_allclose(line.values, 1e3 * np.linalg.norm(off, axis=1))
         assert (layer.name, layer.colour) == (f"error of {name}", LOOKS[name].colour)
         assert (line.name, line.look) == (name, LOOKS[name])
-    assert poses.first == np.linalg.norm(errors[WAVES], axis=1).argmax()
+    assert poses.first == np.linalg.norm(errors[SHARED], axis=1).argmax()
     assert f"{JOINTS} {chart.lines[0].values[1]:.3f} mm" in poses.words[1]
     assert (chart.title, [*chart.labels]) == ("Error at each position (mm)", [*"abcde"])

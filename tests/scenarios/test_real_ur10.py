@@ -31,7 +31,7 @@ def test_a_run_leaves_its_files_and_says_what_its_numbers_say(quick, report, bla
         assert 0 < e["mean_mm"] < e["rms_mm"] < e["p95_mm"] <= e["max_mm"] < 10
         assert 0 < e["coverage_95"] <= 1
     text = (quick[0] / "report.md").read_text()
-    assert f"{mean(report, WAVES, 'blocks'):.3f} mm with periodic joint errors" in text
+    assert f"{mean(report, SHARED, 'blocks'):.3f} mm with periodic joint errors" in text
 
 
 def test_joint_errors_halve_what_joint_springs_leave_where_the_joints_were(report):
@@ -56,14 +56,14 @@ def test_either_series_alone_finds_the_same_errors_of_the_joints_months_apart(re
 def test_joint_errors_mend_the_springs_that_they_bias(report):
     """The elbow's spring, 10 urad/(N m) by the whole public set, seems half as soft without them."""
     elbow = {one["name"]: one["urad_per_Nm"][2] for one in report["compliances"] if one["trained"] == "both"}
-    assert elbow[SPRINGS] < 0.75 * elbow[WAVES]
-    assert 7 < elbow[WAVES] < 14
+    assert elbow[SPRINGS] < 0.75 * elbow[SHARED]
+    assert 7 < elbow[SHARED] < 14
 
 
 def test_rows_of_errors_csv_are_the_positions_that_were_judged(quick, report):
     with (quick[0] / "errors.csv").open(newline="") as text:
         found = list(csv.DictReader(text))
-    for name, model in (("springs", SPRINGS), ("joint_errors", WAVES)):
+    for name, model in (("springs", SPRINGS), ("joint_errors", SHARED)):
         off = np.array([[float(row[f"{name}_{x}_um"]) for x in "xyz"] for row in found])
         far = 1e-3 * np.linalg.norm(off, axis=1)
         assert len(far) == sum(e["n"] for e in errors(report, model, "blocks"))

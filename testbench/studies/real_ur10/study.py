@@ -148,9 +148,9 @@ def _badge(rows: Trials) -> Badge:
         np.linalg.norm(
             np.concatenate([*map(np.array, rows.where(name=name)["left_um"])]).reshape(-1, 3), axis=1
         )
-        for name in (trial.WAVES, trial.JOINTS)
+        for name in (trial.SHARED, trial.JOINTS)
     ]
-    return decide((trial.WAVES, errors[0]), (trial.JOINTS, errors[1]), "position of one arm")
+    return decide((trial.SHARED, errors[0]), (trial.JOINTS, errors[1]), "position of one arm")
 
 
 def _series(series: Series) -> Row:
@@ -234,21 +234,21 @@ def _answer(own: Models) -> Iterator[str]:
     yield say(
         "Positions that were never fitted, mean: {ours_mm:.3f} mm with periodic joint errors, "
         "{theirs_mm:.3f} mm with joint springs; {it:less}.",
-        vars(gain := _gain(own, trial.WAVES, trial.JOINTS)),
+        vars(gain := _gain(own, trial.SHARED, trial.JOINTS)),
         it=gain,
     )
-    gain = _gain(own, trial.WAVES, trial.GEOMETRY)
+    gain = _gain(own, trial.SHARED, trial.GEOMETRY)
     yield say("Geometry alone leaves {blocks_mm:.3f} mm, {it:more}.", own[trial.GEOMETRY], it=gain)
 
 
 def _worst(f: Row, own: Models) -> Markdown:
     """Other angles, and a single position."""
-    held_out = [row.error.max_mm for row in f.ladder if (row.name, row.split) == (trial.WAVES, trial.BLOCKS)]
+    held_out = [row.error.max_mm for row in f.ladder if (row.name, row.split) == (trial.SHARED, trial.BLOCKS)]
     return say(
         "Worst from A to C and back, which share hardly any angle: joint errors {w.a_to_c_mm:.3f} and "
         "{w.c_to_a_mm:.3f} mm, joint springs {s.a_to_c_mm:.3f} and {s.c_to_a_mm:.3f} mm. Single position: "
         "{single:.3f} mm in held-out blocks.",
-        w=own[trial.WAVES],
+        w=own[trial.SHARED],
         s=own[trial.JOINTS],
         single=max(held_out),
     )
@@ -304,7 +304,7 @@ def _claims(f: Row, own: Models) -> Iterator[Markdown]:
 
 def figures(found: Report) -> dict[str, Figure]:
     """The ladder."""
-    gain = _gain({row["name"]: Row(row) for row in found.numbers["models"]}, trial.WAVES, trial.JOINTS)
+    gain = _gain({row["name"]: Row(row) for row in found.numbers["models"]}, trial.SHARED, trial.JOINTS)
     ladder = forest(
         found.tables["models"],
         PANES,

@@ -52,7 +52,8 @@ LADDER: Mapping[str, Options] = {
     CHOSEN: Options(),
 }
 """Models, from geometry alone to what cross-validation keeps: gear ratio, play and stiffening tried too."""
-TWO = (JOINTS, WAVES)  #: Without joint errors and with them.
+TWO = (JOINTS, SHARED)  #: Without joint errors and with them.
+RUNGS = (JOINTS, WAVES, SHARED)  #: The same, and errors that joints do not share.
 EVENLY, PLANNED = "C and 50 of A to A", "C and 50 planned of A to A"
 BLOCKS, TO_C, TO_A, BOTH, AGAIN = "blocks", "A to C", "C to A", "both", "blocks, realigned"
 SPLITS = {
@@ -89,7 +90,7 @@ class Settings:
 def settings(_: Flags, quick: bool, seeds: range) -> Settings:
     """What the flags ask for: many random poses are dear, hence tried in few seeds."""
     if quick:
-        return Settings(6, 30, (GEOMETRY, *TWO, SHARED), seeds[0], {60: 1})
+        return Settings(6, 30, (GEOMETRY, *RUNGS), seeds[0], {60: 1})
     return Settings(1, ORDERS, tuple(LADDER), seeds[0], {50: 20, 100: 20, 200: 6, 500: 3, 1000: 3})
 
 
@@ -163,9 +164,9 @@ def models_of(asked: Settings, name: str) -> list[str]:
     Choosing is dear: from one series to the other it is left out.
     """
     if name == BOTH:
-        return [one for one in asked.models if one in (*TWO, CHOSEN)]
+        return [one for one in asked.models if one in (*RUNGS, CHOSEN)]
     if name in (EVENLY, PLANNED):
-        return [one for one in asked.models if one in (*TWO, SHARED)]
+        return [one for one in asked.models if one in RUNGS]
     return [one for one in asked.models if name == BLOCKS or one != CHOSEN]
 
 
@@ -183,7 +184,7 @@ def _ladder(asked: Settings, cell: Cell, series: Sequence[Series]) -> Iterator[F
             if not judged:
                 yield _row(own, Row(split=name, name=model, poses=poses))
             for one in judged:
-                if one[0] != AGAIN or model in (GEOMETRY, *TWO):
+                if one[0] != AGAIN or model in (GEOMETRY, *RUNGS):
                     yield _row(own, Row(name=model, poses=poses), one)
             if (name, model) == (TO_A, SHARED):
                 fifty[PLANNED] = _planned(model_of(own), series[0])
@@ -204,7 +205,7 @@ def _draws(asked: Settings, cell: Cell, series: Sequence[Series], seed: int) -> 
     order = stream(seed).permutation(c.rows)
     rest = select_rows(c, order[max(asked.draws) :][:JUDGING])
     few = select_rows(a, np.unique(np.linspace(0, a.rows - 1, JUDGING + FRAME_POSES).astype(int)))
-    tried = Options(orders=min(asked.orders, ENOUGH), only=frozenset({SPRINGS, ERRORS}))
+    tried = Options(orders=min(asked.orders, ENOUGH), only=LADDER[SHARED].only)
     for poses in [n for n, draws in asked.draws.items() if seed < asked.first + draws]:
         found = gather(cell.vjm, (select_rows(c, order[:poses]),), cad_prior(cell.arm), tried)
         for model in TWO:
