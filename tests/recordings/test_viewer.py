@@ -87,6 +87,7 @@ def has_lavapipe():
 
 
 @pytest.mark.skipif(not has_lavapipe(), reason="needs mesa-vulkan-drivers")
+@pytest.mark.look
 def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch, tmp_path_factory):
     monkeypatch.setattr(headless, "SETTLE", 0.5)  # messages that have not faded do no harm here
     png, gif = folder / "made" / "picture.png", folder / "film.gif"

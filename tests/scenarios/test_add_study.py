@@ -24,6 +24,7 @@ def run(tmp_path_factory):
     return folder / "out", subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.study
 def test_it_leaves_what_every_study_leaves_and_is_short(run):
     check_files(run, "payload.png")
     files = list(run[0].parent.glob("*.py"))
@@ -31,6 +32,7 @@ def test_it_leaves_what_every_study_leaves_and_is_short(run):
     assert sum(len(file.read_text().splitlines()) for file in files) <= MOST
 
 
+@pytest.mark.study
 def test_its_numbers_are_those_of_its_trials(run):
     out, _ = run
     report = json.loads((out / "report.json").read_text())

@@ -204,6 +204,7 @@ def run(files):
     return out, here(APP, *own, *asked)
 
 
+@pytest.mark.study
 def test_one_short_file_and_one_command_lead_to_a_row_everywhere(files, run):
     assert len((files / "shrunk.py").read_text().splitlines()) <= 15
     check_files(run, "models.png")
@@ -226,6 +227,7 @@ def test_one_short_file_and_one_command_lead_to_a_row_everywhere(files, run):
     assert all153(cell.arm).n == own["parameters"]
 
 
+@pytest.mark.study
 def test_seven_bad_estimators_are_rows_with_seed_and_reason_and_cost_nobody_else(run):
     report = json.loads((run[0] / "report.json").read_text())
     models = {m["name"]: m for m in report["models"]}
@@ -245,6 +247,7 @@ def test_seven_bad_estimators_are_rows_with_seed_and_reason_and_cost_nobody_else
     )
 
 
+@pytest.mark.study
 def test_one_and_two_workers_find_the_same_and_a_changed_file_is_refused(files):
     """Who keeps state, or draws from global generators, depends on no other trial."""
     own = flags(files / "more.py", "as_matrix", "sometimes", "dies")
@@ -313,6 +316,7 @@ def test_identify_shows_own_estimators_and_names_those_that_fail(files):
         ("a b={}/bad.py:nan", "expected a name of letters"),
     ],
 )
+@pytest.mark.attack
 def test_what_cannot_be_imported_is_told_in_one_line_before_anything_is_done(files, tmp_path, flag, said):
     (files / "broken.py").write_text("def f(:\n")
     (files / "exits.py").write_text("raise SystemExit(3)\n")
@@ -359,6 +363,7 @@ def called(files, name, given):
 
 
 @pytest.mark.parametrize("name", ["writes", "makes", "removes", "connects", "kills", "spies"])
+@pytest.mark.attack
 def test_a_call_writes_no_file_reaches_no_network_and_no_other_process(files, tmp_path, monkeypatch, name):
     if LANDLOCK < 6:
         pytest.skip(f"Landlock of this kernel: version {LANDLOCK}")
@@ -373,6 +378,7 @@ def test_a_call_writes_no_file_reaches_no_network_and_no_other_process(files, tm
     assert list(tmp_path.iterdir()) == [target]
 
 
+@pytest.mark.attack
 def test_the_truth_is_not_in_the_memory_of_a_call_nor_in_that_of_the_process_it_is_forked_from(
     files, monkeypatch
 ):

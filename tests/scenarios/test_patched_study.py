@@ -40,6 +40,7 @@ def study(out, *args):
 
 
 @pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.study
 def test_workers_that_do_not_know_what_a_script_changed_say_so(tmp_path, monkeypatch, change):
     name = change(monkeypatch)
     done = study(tmp_path / "out", "--seeds", 5, "--workers", 2)
@@ -49,6 +50,7 @@ def test_workers_that_do_not_know_what_a_script_changed_say_so(tmp_path, monkeyp
 
 
 @pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.study
 def test_a_run_is_not_resumed_with_other_models(tmp_path, monkeypatch, change):
     out = tmp_path / "out"
     assert study(out, "--seeds", 1).returncode == 0

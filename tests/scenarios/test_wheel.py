@@ -48,6 +48,7 @@ def test_an_arm_that_comes_with_it_is_found_by_name(program, tmp_path):
     assert "markers P1, P2, P3" in run(program, tmp_path, "check", "kr500_l480")
 
 
+@pytest.mark.study
 def test_the_demo_runs_from_any_folder(program, tmp_path):
     said = run(program, tmp_path, "demo", "--quick", "--out", "results")
     report = json.loads((tmp_path / "results" / "report.json").read_text())
