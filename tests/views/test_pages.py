@@ -106,4 +106,6 @@ def test_readme_expects_what_the_tables_of_the_studies_hold():
     with (ROOT / "docs/studies/gravity_calibration/models.csv").open() as file:
         rows = {row["model"]: row["RMS workspace, true, mm"] for row in csv.DictReader(file)}
     cells = [cell.split()[0] for cell in expected().splitlines()[3].split("|")[2:7]]
-    assert cells == [rows[name] for name in ("ALL153 + prior", "LS153 + prior", "Joints", "MLS56 + prior", "MLS56")]
+    assert cells == [
+        rows[name] for name in ("ALL153 + prior", "LS153 + prior", "Joints", "MLS56 + prior", "MLS56")
+    ]
