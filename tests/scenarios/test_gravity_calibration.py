@@ -94,7 +94,7 @@ def test_report_has_the_contracts_keys(report):
         assert model["status"] == "solved" or model["constraint"] == "free"
         assert model["prior"] == model["name"].endswith("prior")
         if not model["prior"] and model["name"] != "Joints":
-            assert model["conservative"] == (model["constraint"] == "psd")
+            assert model["conservative"] == (model["constraint"] in ("psd", "clipped"))
 
 
 def test_the_map_holds_every_models_error_pose_by_pose(report):
