@@ -18,7 +18,7 @@ from testbench.errors import InputError
 from testbench.report.report import LISTS, PARTS, Report, read_report
 from testbench.studies.rivals import SAME
 from testbench.views.gains import share
-from testbench.views.markdown import grid, lines
+from testbench.views.markdown import grid, lines, titled
 
 FROM = re.compile(r"(<!-- from (\w+): ([^>]*?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 PLAIN = re.compile(r"(<!-- (bench|times|expected) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -99,7 +99,7 @@ def times(runs: Path) -> str:
         json.loads(file.read_text(encoding="utf-8")) for file in sorted(runs.glob("*/manifest.json"))
     ]
     rows = [
-        [Path(own["command"]).stem.replace("_", " "), str(own["seeds"]), f"{own['seconds']:.0f} s"]
+        [titled(Path(own["command"]).stem), str(own["seeds"]), f"{own['seconds']:.0f} s"]
         for own in manifests
         if "seconds" in own
     ]
