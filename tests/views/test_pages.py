@@ -79,7 +79,7 @@ def test_bars_and_times_are_those_of_the_runs(runs, tmp_path):
     assert "12 ms" not in own.read_text()  # no bar to hold
     seconds = json.loads((runs / "loaded_stiffness" / "manifest.json").read_text())["seconds"]
     assert seconds > 0.1
-    assert f"| loaded stiffness | 1 | {seconds:.0f} s |" in own.read_text()
+    assert f"| Loaded stiffness | 1 | {seconds:.0f} s |" in own.read_text()
 
 
 @pytest.mark.parametrize(
