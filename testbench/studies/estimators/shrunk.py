@@ -24,11 +24,12 @@ def ridge(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
     scale = np.linalg.norm(A, axis=0)
     scale[scale < UNSEEN * scale.max()] = np.inf  # what no reading sees is zero
     U, s, Vt = np.linalg.svd(A / scale, full_matrices=False)
-    z, rest = U.T @ y, y @ y - (U.T @ y) @ (U.T @ y)
+    z = U.T @ y
+    rest = y @ y - z @ z + sum(term.equations / 3 * term.rest for term in regression.terms)
 
     def score(size: float) -> float:
         left = size / (s**2 + size)
-        return float(((left * z) @ (left * z) + rest) / (len(y) - (1 - left).sum()) ** 2)
+        return float(((left * z) @ (left * z) + rest) / (regression.equations - (1 - left).sum()) ** 2)
 
     size = min(RIDGES * s[0] ** 2, key=score)
     pi = Vt.T @ (s / (s**2 + size) * z) / scale
