@@ -63,7 +63,10 @@ class Method:
         return without_outliers(vjm, data, regression, self.constraint, self.belief(vjm, regression))
 
     def of(self, vjm: Vjm, regression: Regression, *, widths: bool = True) -> Estimate:
-        """The same of a dataset that was reduced before, outliers among it."""
+        """The same of a dataset that was reduced before, outliers among it.
+
+        Without widths, as where poses are held out, links are as coupled as the prior's.
+        """
         if self.learns and self.prior is not None:
             own = metric(self.prior, vjm, regression.structure)
             if not widths or not regression.structure.laws:
