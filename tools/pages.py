@@ -23,7 +23,7 @@ from testbench.errors import BenchError
 from testbench.report import report
 from testbench.shell import command
 from testbench.trials.spread import Spread
-from testbench.views.markdown import capital, grid
+from testbench.views.markdown import capital, grid, titled
 from testbench.views.schema import Column, Table, narrowed
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -93,7 +93,7 @@ def _text(name: str, flags: str, found: report.Report, rows: int, links: list[st
     """The page with so many rows in its table."""
     badge = found.block("badge")
     parts = [
-        f"# {name.replace('_', ' ').capitalize()}",
+        f"# {titled(name)}",
         f"    python scenarios/{name}.py {flags} --out runs/{name}",
         found.question,
         f"**{found.answer}**",

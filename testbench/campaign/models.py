@@ -26,6 +26,7 @@ from testbench.model.structure import (
 from testbench.model.vjm import Vjm
 
 JOINTS = "Joints"  #: Key of `MODELS`: what most calibrations identify, the incumbent to beat.
+WITHOUT_CONE = "LS153"  #: All links and joints by least squares: what the default is without its cone.
 EQUAL_FIT = "MLS56, PSD of equal fit"
 
 

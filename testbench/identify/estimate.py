@@ -16,9 +16,9 @@ from testbench.identify.regression import Regression, f_m
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
-Constraint = Literal["none", "psd", "free", "own"]
+Constraint = Literal["none", "psd", "free", "ridge", "clipped", "own"]
 """What a method asks of every block: nothing; to be positive semi-definite; the same, but only as far as free
-directions allow, the fit being that of least squares."""
+directions allow, the fit being that of least squares; to be small; the same as "psd", but afterwards."""
 
 CONSERVATIVE_TOLERANCE = 1e-10
 """An eigenvalue above minus this share of the block's largest counts as zero: rounding of V^T V."""

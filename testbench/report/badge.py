@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.campaign.models import JOINTS
+from testbench.campaign.models import JOINTS, WITHOUT_CONE
 from testbench.errors import Array
 from testbench.report.table import MODEL, Row, Trials, aligned
 from testbench.trials.spread import TAIL, median_interval
@@ -20,6 +20,8 @@ BLOCKS = 500  #: Most that it draws from: of more poses or readings those side b
 MOST = 1000.0  #: Errors below the largest one over this are rounding.
 PLACES = "place_mm"  #: Column of errors pose by pose in the rows of a first trial.
 POSES = "pose of one arm"  #: What is counted where a run has one trial.
+
+LEAST_SQUARES = ("none", "ridge", "clipped")  #: What methods ask that are incumbents.
 
 Verdict = Literal["holds", "tie", "too few", "do not use"]
 
@@ -120,13 +122,19 @@ def _of_one(a: Array, b: Array) -> tuple[float, tuple[float, float] | None]:
 
 
 def incumbents(models: Iterable[Row], ours: str) -> list[str]:
-    """Rivals of a model's class: least squares and joint stiffness, with a prior only where it has one."""
+    """Rivals of a model's class: least squares and joint stiffness, with a prior only where it has one.
+
+    What the default is without its cone is no rival of its own: a claim says what the cone adds.
+    """
     known = {m.name: m for m in models}
     prior = bool(known[ours].prior)
     return [
         name
         for name, m in known.items()
-        if name != ours and (m.constraint == "none" or m.structure == JOINTS) and bool(m.prior) <= prior
+        if name != ours
+        and (m.constraint in LEAST_SQUARES or m.structure == JOINTS)
+        and m.structure != WITHOUT_CONE
+        and bool(m.prior) <= prior
     ]
 
 

@@ -17,7 +17,7 @@ from testbench.report.table import DRAWN, SPREAD, Row, plain, rows
 from testbench.trials.spread import Spread, middle
 from testbench.views.colours import Look
 from testbench.views.gains import less, more, ratio, share
-from testbench.views.markdown import MOST, Markdown, as_markdown, counted, ended, grid, listed, place
+from testbench.views.markdown import MOST, Markdown, as_markdown, counted, ended, grid, listed, place, titled
 from testbench.views.schema import Column, Table, looks, show, show_truth, written_out
 
 FORMS = {
@@ -126,7 +126,7 @@ class Report:
 
     def whole(self) -> str:
         """report.md."""
-        head = [f"# {self.scenario.replace('_', ' ').capitalize()}", self.title, f"**{self.answer}**"]
+        head = [f"# {titled(self.scenario)}", self.title, f"**{self.answer}**"]
         badge = Markdown(f"> {self.block('badge')}" if self.badge else "")
         parts = [*head[:2], badge, *head[2:], self.worst, self.block("statements"), self._rest()]
         return "\n\n".join(filter(None, parts)) + "\n"

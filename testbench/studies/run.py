@@ -31,6 +31,7 @@ from testbench.trials.experiment import Experiment
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 from testbench.views import terminal
 from testbench.views.figure import headed, save
+from testbench.views.markdown import titled
 from testbench.views.page.page import write_page
 from testbench.views.recording.run import write_run
 from testbench.views.scene import Seen
@@ -133,9 +134,9 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
         (folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")
     seen = study.write(found) or Seen()
     write_run(
-        folder / "recording.rrd", found.header, report, seen, {_title(name): folder / name for name in names}
+        folder / "recording.rrd", found.header, report, seen, {titled(name): folder / name for name in names}
     )
-    write_page(folder, _title(study.name), report, replace(seen, tables=_shown(study, report)))
+    write_page(folder, titled(study.name), report, replace(seen, tables=_shown(study, report)))
     return names
 
 
@@ -143,11 +144,6 @@ def _shown(study: AnyStudy, report: Report) -> list[Table]:
     """What terminal and page show."""
     own = [FAILURES] if study.models and FAILURES in report.tables else []
     return [report.tables[name] for name in (*study.printed, *own)]
-
-
-def _title(name: str) -> str:
-    """A name of a study or figure for people."""
-    return name.removesuffix(".png").replace("_", " ").capitalize()
 
 
 def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder: Path) -> Everywhere:

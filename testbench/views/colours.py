@@ -31,6 +31,8 @@ SHADES: Mapping[tuple[Constraint, str], Mapping[str, Colour]] = {
     ("none", "none"): {"56": LEAST_SQUARES, "32": (176, 106, 98)},
     ("none", "prior"): {"56": LEAST_SQUARES_PRIOR, "68": (150, 86, 92), "153": (210, 116, 98)},
     ("free", "none"): {"56": (213, 94, 0)},
+    ("ridge", "none"): {"56": (166, 118, 29)},
+    ("clipped", "none"): {"56": (217, 119, 87)},
     ("psd", "none"): {
         "56": GCO,
         "68": (122, 151, 6),
@@ -49,6 +51,9 @@ PLACES = {"Joints": 2, "56": 0, "32": 1, "68": 1, "47": 2, "147": 3, "153": 4}  
 FULL = 21  #: Entries of a link in full, of which an arm of any joints has a multiple.
 MARKS = "osD^vP*"  #: Markers, matplotlib's letters.
 
+
+HELD: Mapping[Constraint, str] = {"free": "P", "ridge": "s", "clipped": "D"}
+"""Marks of least squares that are held down in another way than by the cone."""
 
 OWN: tuple[Colour, ...] = ((206, 15, 95), (14, 91, 240), (248, 1, 23))
 OWN_MARKS = "Pv^"
@@ -134,7 +139,7 @@ def look(structure: str, constraint: Constraint, prior: bool = False, filling: s
         return Look(JOINTS_PRIOR if prior else JOINTS, PLACES[kind], prior)
     shades = SHADES.get((constraint, told), SHADES["psd", told])
     colour = shades.get(kind) or list(shades.values())[sum(map(ord, structure)) % len(shades)]
-    place = MARKS.index("P") if constraint == "free" else PLACES.get(kind, 0)
+    place = MARKS.index(HELD[constraint]) if constraint in HELD else PLACES.get(kind, 0)
     return Look(colour, place, prior)
 
 

@@ -78,6 +78,12 @@ def capital(sentence: str) -> str:
     return sentence[:1].upper() + sentence[1:]
 
 
+def titled(name: str) -> str:
+    """A name of a study or picture, such as real_ur10, for people."""
+    words = capital(name.removesuffix(".png").replace("_", " "))
+    return words.replace("ur10", "UR10").replace("dof", "DOF")
+
+
 def listed(names: list[str], word: str = "and") -> str:
     """Names as in a sentence: a, b and c, or with another word before the last."""
     return f" {word} ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))

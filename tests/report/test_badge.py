@@ -18,6 +18,8 @@ MODELS = [
     Row(name="MLS56", structure="MLS56", constraint="none", prior=False),
     Row(name="MGCO56", structure="MGCO56", constraint="psd", prior=False),
     Row(name="MLS56 + prior", structure="MLS56", constraint="none", prior=True),
+    Row(name="Ridge", structure="MLS56", constraint="ridge", prior=False),
+    Row(name="LS153 + prior", structure="LS153", constraint="none", prior=True),
     Row(name="ALL153 + prior", structure="ALL153", constraint="psd", prior=True),
 ]
 
@@ -99,8 +101,8 @@ def test_no_pairs_are_not_judged_and_a_reason_is_no_use_whatever_the_numbers():
 
 
 def test_a_class_is_least_squares_and_joints_with_a_prior_only_where_the_model_has_one():
-    assert incumbents(MODELS, "ALL153 + prior") == ["Joints", "MLS56", "MLS56 + prior"]
-    assert incumbents(MODELS, "MGCO56") == ["Joints", "MLS56"]
+    assert incumbents(MODELS, "ALL153 + prior") == ["Joints", "MLS56", "MLS56 + prior", "Ridge"]
+    assert incumbents(MODELS, "MGCO56") == ["Joints", "MLS56", "Ridge"]
 
 
 def table(**errors):

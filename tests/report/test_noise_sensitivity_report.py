@@ -24,7 +24,7 @@ DEFAULT = "ALL153 + prior"
 MODELS = {name: (name, c, False) for name, c in PLAIN.items()} | {
     f"{name} + prior": (name, PLAIN[name], True) for name in ("MLS56", "MGCO56", "MGCO69")
 }
-MODELS[DEFAULT] = ("ALL153", "psd", True)
+MODELS |= {"LS153 + prior": ("LS153", "none", True), DEFAULT: ("ALL153", "psd", True)}
 INSTRUMENTS = ("weighted", "flat weights", "weighted, maximum errors", "weighted, frame drifts")
 READ_BY = ("MGCO56 + prior", DEFAULT)
 TRUTHS = {"six_dof": "linear", "gravity": "nonlinear"}

@@ -30,7 +30,7 @@ SCORES = ("rms_mm", "p95_mm", "max_mm", "p95_relative_percent", "max_relative_pe
 MODELS = {
     "Joints": 6, "MLS32": 32, "MLS56": 56, "MLS56, PSD of equal fit": 56, "MGCO47": 47, "MGCO56": 56,
     "MGCO68": 68, "Joints + prior": 6, "MLS56 + prior": 56, "MGCO56 + prior": 56, "MGCO68 + prior": 68,
-    "ALL153 + prior": 153,
+    "ALL153 + prior": 153, "LS153 + prior": 153, "Ridge": 56, "Clipped LS": 56,
 }  # fmt: skip
 KEYS = {
     "method", "rank", "conservative", "min_eigenvalue", "f_m", "f_m_floor", "duality_gap", "solve_seconds",
@@ -94,7 +94,7 @@ def test_report_has_the_contracts_keys(report):
         assert model["status"] == "solved" or model["constraint"] == "free"
         assert model["prior"] == model["name"].endswith("prior")
         if not model["prior"] and model["name"] != "Joints":
-            assert model["conservative"] == (model["constraint"] == "psd")
+            assert model["conservative"] == (model["constraint"] in ("psd", "clipped"))
 
 
 def test_the_map_holds_every_models_error_pose_by_pose(report):
@@ -154,7 +154,7 @@ def test_every_prior_learns_how_wrong_it_is_and_is_that_of_the_folder():
     asked = Settings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=1), 50.0)
     true, campaign = calibrate(build_cell("kr500_l480"), asked, 4)
     filled = [r.estimate.belief for r in results(true, campaign) if r.model.name.endswith("prior")]
-    assert len(filled) == len(WITH_PRIOR)
+    assert len(filled) == len(WITH_PRIOR) + 1  # what the default is without its cone
     assert all(belief.scales for belief in filled)
     model = true.arm.links[2].compliance
     assert (model == build_cell("kr500_l480").arm.links[2].compliance).all()

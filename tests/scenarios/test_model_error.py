@@ -79,8 +79,8 @@ def test_gco_stays_conservative_whatever_the_arm_does(report):
 
 
 def test_joints_alone_and_both_methods_with_the_prior_are_judged_in_every_case(report):
-    filled = {f"{name} + prior" for name in ("Joints", "MLS56", "MGCO56", "MGCO68", "ALL153")}
-    plain = {"Joints", "MLS56", "MLS56, PSD of equal fit", "MGCO56"}
+    filled = {f"{name} + prior" for name in ("Joints", "MLS56", "MGCO56", "MGCO68", "LS153", "ALL153")}
+    plain = {"Joints", "MLS56", "MLS56, PSD of equal fit", "Ridge", "Clipped LS", "MGCO56"}
     assert {c["name"] for c in report["cells"]} == plain | filled
     for c in report["cells"]:  # what links give is no part of joints alone
         if c["structure"] == "Joints":

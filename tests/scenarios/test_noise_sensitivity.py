@@ -50,7 +50,7 @@ def test_no_pane_of_the_recording_is_blank_on_any_timeline(quick, blank_panes):
 
 def test_every_trial_is_in_the_parquet_file(rows):
     assert {row["seed"] for row in rows} == {6, 7}
-    assert sum(row["part"] == "six_dof" for row in rows) == 2 * 12 * 6
+    assert sum(row["part"] == "six_dof" for row in rows) == 2 * 15 * 6
     read_by = [row["name"] for row in rows if row["part"] == "instrument"]
     assert (read_by.count("MGCO56 + prior"), read_by.count("ALL153 + prior")) == (2 * 8, 2 * 2)
     assert {(row["seed"], row["true_arm"]) for row in rows} == {(6, "tubes"), (7, "off_10")}
@@ -58,8 +58,10 @@ def test_every_trial_is_in_the_parquet_file(rows):
     names = [
         row["name"] for row in rows if (row["seed"], row["part"], row["sigma_um"]) == (6, "gravity", 50.0)
     ]
-    plain = ["Joints", "MLS32", "MLS56", "MLS56, PSD of equal fit", "MGCO47", "MGCO56", "MGCO68"]
-    assert names == plain + [f"{name} + prior" for name in ("Joints", "MLS56", "MGCO56", "MGCO68", "ALL153")]
+    held = ["MLS56, PSD of equal fit", "Ridge", "Clipped LS"]
+    filled = ("Joints", "MLS56", "MGCO56", "MGCO68", "LS153", "ALL153")
+    plain = ["Joints", "MLS32", "MLS56", *held, "MGCO47", "MGCO56", "MGCO68"]
+    assert names == plain + [f"{name} + prior" for name in filled]
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ LINKS = [f"link_{k}" for k in range(7)]
 JOINTS = [f"joint_{k}" for k in range(1, 7)]
 APP = app_of_study("which_model")
 SEEDS = range(2, 3)
-METHODS = 11  # one is the default
+METHODS = 14  # one is the default
 quick, report, rows = quick_study(APP, "--seed", 2, "--seeds", len(SEEDS))
 
 

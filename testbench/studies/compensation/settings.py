@@ -12,6 +12,7 @@ from testbench.arm.catalogue import find_arm
 from testbench.campaign.models import JOINTS
 from testbench.errors import BenchError
 from testbench.model.poses import WorkArea
+from testbench.studies.rivals import SAME
 
 NAME = "compensation"
 ARM = "kr500_l480"  #: The panel stands in its work area.
@@ -35,7 +36,8 @@ NOMINAL, PRIOR, PERFECT = "nominal", "prior alone", "perfect"
 """Not identified: the folder's values; the same as the prior has them, wrong; the true compliances."""
 DEFAULT = "default"  #: What `identify` takes by default.
 LEAST_SQUARES = "MLS56"
-IDENTIFIED = (JOINTS, LEAST_SQUARES, "MGCO56", DEFAULT)
+PLAIN = (JOINTS, LEAST_SQUARES, "MGCO56")  #: Identified without a prior.
+IDENTIFIED = (*PLAIN, SAME, DEFAULT)
 MODELS = (NOMINAL, PRIOR, *IDENTIFIED, PERFECT)
 DRAWN = (JOINTS, DEFAULT)
 

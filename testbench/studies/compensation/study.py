@@ -6,7 +6,7 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import build_cell
-from testbench.campaign.models import JOINTS
+from testbench.campaign.models import JOINTS, WITHOUT_CONE
 from testbench.campaign.rows import MM, UM
 from testbench.campaign.true_arms import CALLED, FAMILY, TRUTH_WORDS, TRUTHS, member, true_cell
 from testbench.errors import Array
@@ -21,6 +21,7 @@ from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.plans import FORCE, jobs, prepare
 from testbench.studies.compensation.settings import ADVISED, DEFAULT, IDEAL, NOWHERE, REAL, Way
 from testbench.studies.compensation.trial import JobsRow, tasks_of, trials
+from testbench.studies.rivals import SAME
 from testbench.studies.study import Run, Study
 from testbench.trials.spread import span, spread
 from testbench.views.colours import CHOICE, LOAD, MEASURED, TASK, Look, look
@@ -35,6 +36,7 @@ LOOKS = {
     JOINTS: look("Joints", "none"),
     s.LEAST_SQUARES: look("MLS56", "none"),
     "MGCO56": look("MGCO56", "psd"),
+    SAME: look(WITHOUT_CONE, "none", prior=True),
     DEFAULT: CHOICE,
 }
 """How models are drawn."""

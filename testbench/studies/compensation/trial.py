@@ -21,7 +21,7 @@ from testbench.campaign.campaign import (
     stream,
 )
 from testbench.campaign.evaluation import attempted
-from testbench.campaign.model_selection import choose
+from testbench.campaign.model_selection import choose, with_priors
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.own_estimator import Models, hired
 from testbench.campaign.own_process import Own
@@ -44,6 +44,7 @@ from testbench.plant import TYPICAL, DisturbedPlant, Equilibrium, disturb, part_
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.plans import TIP, drawn, jobs, loads, tasks
 from testbench.studies.compensation.settings import Settings, Way
+from testbench.studies.rivals import without_cone
 
 AIM = Aim(point=TIP)  #: The whole pose of the tool is put right.
 SETUP = Setup(arm=s.ARM, truth="nonlinear", sigma=s.SIGMA)
@@ -194,7 +195,8 @@ def identified(
 ) -> list[Fit]:
     """All models, and more, from all campaigns."""
     weights, found = read_weights(cell.arm), []
-    for model in (*named_models(cell, s.IDENTIFIED[:-1]), *more):
+    plain, filled = named_models(cell, s.PLAIN), with_priors(cell.arm, [without_cone(cell)], prior)
+    for model in (*plain, *filled, *more):
         for way, runs in campaigns.items():
             one = attempted(cell, model, runs)
             found.append(Fit(way, model.name, of_estimate(cell.vjm, one, weights), status=one.status))

@@ -13,6 +13,7 @@ from testbench.report.campaigns import pairs
 from testbench.report.columns import columns
 from testbench.report.report import say
 from testbench.report.table import TRIAL, Row, Trials, matched, merged
+from testbench.studies.rivals import SAME
 from testbench.trials.spread import Number, Spread, middle, wins
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
@@ -27,13 +28,15 @@ JUDGED = (
     "identification.",
 )
 """Columns of a row whatever the factors are."""
-BY_CONE = (("MGCO56", "MLS56"), ("MGCO56 + prior", "MLS56 + prior"))
+BY_CONE = (("MGCO56", "MLS56"), (DEFAULT, SAME))
 DUELS = (*BY_CONE, ("MGCO56", JOINTS), ("MGCO56 + prior", JOINTS), (DEFAULT, JOINTS))
-"""What the cone does without a prior and with it, then both and the default against the incumbent."""
+"""What the cone does without a prior and to the default, then GCO and the default against the incumbent."""
 METHODS: Mapping[Constraint, str] = {
     "none": "least squares",
     "psd": "GCO",
     "free": "least squares, conservative of equal fit",
+    "ridge": "ridge regression",
+    "clipped": "least squares, clipped to the cone",
     "own": "own estimator",
 }
 
@@ -138,18 +141,18 @@ def duels(
 
 
 def by_cone(where: str, found: Sequence[Row]) -> Markdown:
-    """What the cone does by itself in one cell, without a prior and with it.
+    """What the cone does by itself in one cell, without a prior and to the default.
 
     Args:
         where: The cell.
         found: Its duels.
     """
     plain, filled = (next(d for d in found if (d.ours, d.theirs) == pair) for pair in BY_CONE)
-    same = "; in {tied:share {trials}} both err the same" if filled.tied else ""
+    same = ", both err the same in {tied:share {trials}}" if filled.tied else ""
     return say(
         "The cone by itself{where}: {plain.ours} beats {plain.theirs} in {plain.won:share {trials}} of "
-        "{trials} trials. "
-        f"With the prior it wins in {{won:share {{trials}}}}{same}.",
+        "{trials} trials. {ours} beats {theirs}, the same without the cone, in {won:share {trials}}"
+        f"{same}; its error is {{ratio:~.3f}} times theirs.",
         filled,
         plain=plain,
         where=where,

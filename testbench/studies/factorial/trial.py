@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from testbench.campaign.campaign import Cell, Truth
 from testbench.campaign.evaluation import attempted, has_failed
 from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import Model, equal_fit, named_models
+from testbench.campaign.models import Model, named_models
 from testbench.campaign.own_estimator import Models, hired
 from testbench.campaign.own_process import Own
 from testbench.campaign.perturbed_prior import with_wrong_prior, wrong_prior
@@ -29,6 +29,7 @@ from testbench.errors import Array
 from testbench.identify import Constraint, Estimate, intervals
 from testbench.identify.evaluate import Score, all_deflections, score
 from testbench.identify.posterior import CONFIDENCE
+from testbench.studies.rivals import plain_models, without_cone
 from testbench.trials.spread import Share
 
 S = TypeVar("S")
@@ -38,7 +39,7 @@ ANGLE_PER_LENGTH = 10.0
 """Standard deviation of an orientation over that of a position [rad/m]: 250 urad beside 25 um."""
 WEIGHT = 25e-6  #: Sigma by which noise-free readings are weighted [m]: any will do.
 LEARNS = ("ALL153",)
-"""What `DEFAULT` fits: it alone learns its prior, which takes longer than the fit."""
+"""What `DEFAULT` fits: it alone, with its cone and without, learns its prior, which takes long."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,19 +216,12 @@ def _fields(name: str, estimate: Estimate, error: Score, seconds: float | None) 
     return found | (dict.fromkeys(OF_ANSWER) | {"conservative": False} if has_failed(estimate) else {})
 
 
-def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
-    """Models without a prior; beside MLS56 stands what is conservative and fits as well."""
-    models = named_models(cell, names)
-    models.insert(names.index("MLS56") + 1, equal_fit(cell))
-    return models
-
-
 def with_wrong_priors(
     cell: Cell, names: Sequence[str], filled: Sequence[str], seed: int, own: Models
 ) -> list[Model]:
     """Models without a prior, some with one that is wrong and believed as firmly for each, and the default.
 
-    Behind the first one stand estimators of one's own; the default is the last.
+    Behind the first one stand estimators of one's own; last the default without its cone, and with it.
 
     Args:
         cell: The arm of the model: the prior is wrong about its folder.
@@ -237,7 +231,7 @@ def with_wrong_priors(
         own: Makes the models of estimators of one's own.
     """
     prior = wrong_prior(cell, seed)
-    default = with_priors(cell.arm, named_models(cell, LEARNS), prior)
+    default = with_priors(cell.arm, [without_cone(cell), *named_models(cell, LEARNS)], prior)
     first, *others = with_wrong_prior(cell, plain_models(cell, names), filled, seed)
     return [first, *own(cell, prior), *others, *default]
 

@@ -9,11 +9,12 @@ from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, dr
 from testbench.campaign.campaign_flags import CampaignOptions
 from testbench.campaign.evaluation import CampaignRow, Result, campaign_rows, identify
 from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import JOINTS, Model, equal_fit, named_models
+from testbench.campaign.models import JOINTS, Model, named_models
 from testbench.campaign.own_estimator import hired
 from testbench.campaign.own_process import Own
 from testbench.campaign.perturbed_prior import wrong_prior
 from testbench.campaign.true_arms import FAMILY, member, true_cell
+from testbench.studies.rivals import plain_models, without_cone
 
 QUICK_WORKSPACE = 40
 WITHOUT_PRIOR = (JOINTS, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
@@ -62,7 +63,6 @@ def calibrate(cell: Cell, asked: Settings, seed: int) -> tuple[Cell, Campaign]:
 
 def results(cell: Cell, campaign: Campaign, more: Sequence[Model] = ()) -> list[Result]:
     """The baselines and the paper's models, structures with a prior that is wrong, and more."""
-    plain = named_models(cell, WITHOUT_PRIOR)
-    plain.insert(WITHOUT_PRIOR.index("MLS56") + 1, equal_fit(cell))
-    filled = with_priors(cell.arm, named_models(cell, WITH_PRIOR), wrong_prior(cell, campaign.seed))
-    return identify(cell, campaign, [*plain, *filled, *more], time.perf_counter)
+    structures = [*named_models(cell, WITH_PRIOR), without_cone(cell)]
+    filled = with_priors(cell.arm, structures, wrong_prior(cell, campaign.seed))
+    return identify(cell, campaign, [*plain_models(cell, WITHOUT_PRIOR), *filled, *more], time.perf_counter)

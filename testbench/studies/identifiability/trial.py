@@ -39,9 +39,10 @@ from testbench.studies.estimators.stein import (
     gco_stein,
     stein_parameters,
 )
-from testbench.studies.factorial.trial import Case, FitRow, each_seed, fitted, judged, plain_models
+from testbench.studies.factorial.trial import Case, FitRow, each_seed, fitted, judged
 from testbench.studies.identifiability import coverage
 from testbench.studies.identifiability.coverage import Covered
+from testbench.studies.rivals import plain_models
 from testbench.trials.spread import Number
 
 SIX_DOF = "arm_6r"  #: The arm of section 5.2: the data see all its predictions.

@@ -36,9 +36,9 @@ from testbench.studies.factorial.trial import (
     each_seed,
     fitted,
     judged,
-    plain_models,
     reread,
 )
+from testbench.studies.rivals import plain_models, without_cone
 
 POSES = (8, 12, 20)  #: From how many is identified; the last one is how many there are.
 CHECK_POSES = 3
@@ -126,7 +126,8 @@ def trials(asked: Settings, seed: int, own: Models) -> Iterator[MethodRow]:
 def to_fill(cell: Cell) -> list[Model]:
     """Methods that are fitted with a prior, learnt from the readings."""
     joints, mgco56, mgco68, all153 = (MODELS[name](cell) for name in (JOINTS, "MGCO56", "MGCO68", "ALL153"))
-    return [joints, replace(mgco56, name="MLS56", estimator=least_squares), mgco56, mgco68, all153]
+    beams = replace(mgco56, name="MLS56", estimator=least_squares)
+    return [joints, beams, without_cone(cell), mgco56, mgco68, all153]
 
 
 def pairs(seed: int) -> list[tuple[str, str]]:

@@ -1,0 +1,27 @@
+"""What stands beside the default in every study: what it is without the cone, and LS that is held down."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from testbench.campaign.campaign import Cell
+from testbench.campaign.model_selection import FILLED
+from testbench.campaign.models import WITHOUT_CONE, Model, equal_fit, named_models
+from testbench.identify import least_squares
+from testbench.model.structure import all153, template56
+from testbench.studies.estimators.shrunk import clipped, ridge
+
+LEAST_SQUARES = "MLS56"
+SAME = f"{WITHOUT_CONE}{FILLED}"  #: Unknowns, prior and evidence of the default; what it lacks is the cone.
+
+
+def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
+    """Models without a prior; behind MLS56 what holds it down: equal fits, shrinking, clipping afterwards."""
+    models, behind = named_models(cell, names), names.index(LEAST_SQUARES) + 1
+    beams = template56(cell.arm, name=LEAST_SQUARES)
+    held = [equal_fit(cell), Model("Ridge", beams, ridge), Model("Clipped LS", beams, clipped)]
+    return [*models[:behind], *held, *models[behind:]]
+
+
+def without_cone(cell: Cell) -> Model:
+    """The unknowns of the default, to be given its prior."""
+    return Model(WITHOUT_CONE, replace(all153(cell.arm), name=WITHOUT_CONE), least_squares)
