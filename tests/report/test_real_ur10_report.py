@@ -35,6 +35,7 @@ SEEDS, ORDERS, POSES = range(3, 6), 4, (50, 100)
 JUDGED = {"blocks": "AC", "blocks, realigned": "AC", "A to C": "C", "C to A": "A", "both": ""}
 SIZES = {GEOMETRY: 8.0, JOINTS: 6.0, WAVES: 2.0, SHARED: 2.0}
 """Mean error in blocks [mm]; from one series to the other joint errors are the worst."""
+EFFECTS = tuple(np.array([[1, 2, 3, 4, 60, 5, 7, 40], [5, 6, 7, 8, 25, 9, 3, 20]], dtype=float).T.ravel())
 
 
 def rows(seed):
@@ -43,6 +44,7 @@ def rows(seed):
     for model in LADDER if seed == SEEDS[0] else ():
         for split, series in JUDGED.items():
             own = {"waves": tuple(rng.normal(size=12 * ORDERS)), "joints": tuple(rng.uniform(1, 9, 6) * 1e-6)}
+            own |= {"effects": EFFECTS * ((split, model) == ("both", SHARED))}
             own |= {"kept": ("joint springs",), "declined": ("links", "play"), "left_um": (), "error": None}
             row = of_one_trial(FitRow, rng, name=model, split=split, judged="", conservative=True, **own)
             yield from () if series else (row,)
@@ -54,6 +56,7 @@ def rows(seed):
         for model in TWO:
             for judged in "CA":
                 named = {"name": model, "split": DRAW, "judged": judged, "poses": poses, "waves": ()}
+                named["effects"] = ()
                 yield of_one_trial(FitRow, draws, **named, error=of_one_trial(Score, draws, n=200))
 
 
@@ -80,6 +83,8 @@ def test_the_words_of_a_real_arm_are_those_of_its_ladder(made):
     assert f"Single position: {most:.3f} mm" in found.worst
     text = "\n".join(found.claims)
     assert f"Links beside joint errors change 3.333 to {means[ALL].blocks_mm:.3f} mm in blocks" in text
+    assert "joint 5 differs by 60 +- 25 urad; z drifts by 40 +- 20 um in C." in text
+    assert [row.what for row in f["effects"]][4::3] == ["approach, wrist_2_joint", "drift of z, C"]
     for name, words in ((JOINTS, "biased: "), (SHARED, "with them ")):
         pair = [find(f["compliances"], name=name, trained=by).urad_per_Nm[2] for by in "AC"]
         assert "{}{:.1f} and {:.1f}".format(words, *pair) in text
