@@ -14,11 +14,7 @@ from testbench.campaign.workspace_errors import ErrorPlaces, Meaning, bounded_mm
 from testbench.data.dataset import Ids, Mask
 from testbench.design.forecast import BROAD, Forecast
 from testbench.design.planning import Plan
-from testbench.design.rows import (
-    Specification,
-    deflection_rows,
-    loads_of,
-)
+from testbench.design.rows import Specification, deflection_rows, loads_of
 from testbench.design.whole_arm import Fitted, error_on, fit_of
 from testbench.errors import Array
 from testbench.identify.metric import metric
