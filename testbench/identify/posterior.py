@@ -18,7 +18,7 @@ from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Average, Estimate
 from testbench.identify.metric import Belief, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
-from testbench.model.laws import vjm_of
+from testbench.model.laws import as_loaded, vjm_of
 from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.vjm import Vjm, chain, marker_points, observation
 
@@ -145,7 +145,8 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
     together, ends = max(1, TOGETHER // len(points)), []
     for first in range(0, data.runs, together):
         some = in_order(data, np.arange(first, min(first + together, data.runs)))
-        rows = observation(chain(vjm, some.q), estimate.structure, some.wrench, some.point, points)
+        where = chain(as_loaded(vjm, some.taken_off), some.q)
+        rows = observation(where, estimate.structure, some.wrench, some.point, points)
         found = own.intervals(rows.reshape(-1, estimate.structure.n), confidence)
         centre, upper = (end.reshape(rows.shape[:3]) for end in (found.centre, found.upper))
         half = np.hypot(upper - centre, CURVED * curvature(vjm, estimate.C_theta, some))
