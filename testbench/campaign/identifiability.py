@@ -262,7 +262,7 @@ def imagined(data: Dataset, **changes: object) -> Dataset:
     runs, markers = len(np.asarray(other["run"])), len(tuple(other["markers"]))  # type: ignore[arg-type]
     blank = np.zeros((runs, markers, 3))
     turned = None if data.rotation_before is None else np.zeros((runs, 3))
-    plain = {"precision": None, "station": None}
+    plain = {"precision": None, "station": None, "taken_off": None}
     fields = {"rotation_before": turned, "rotation_after": turned, **plain, **other}
     return replace(data, before=blank, after=blank, **fields)  # type: ignore[arg-type]
 

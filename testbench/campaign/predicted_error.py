@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from testbench.campaign.campaign import Cell
 from testbench.campaign.model_selection import FILLED
@@ -15,19 +14,12 @@ from testbench.campaign.workspace_errors import ErrorPlaces, Meaning, bounded_mm
 from testbench.data.dataset import Ids, Mask
 from testbench.design.forecast import BROAD, Forecast
 from testbench.design.planning import Plan
-from testbench.design.rows import (
-    SCALE_UNCERTAINTY,
-    Specification,
-    deflection_rows,
-    loads_of,
-    measured_rows,
-)
+from testbench.design.rows import Specification, deflection_rows, loads_of
 from testbench.design.whole_arm import Fitted, error_on, fit_of
 from testbench.errors import Array
-from testbench.identify.metric import metric, precision_root
+from testbench.identify.metric import metric
 from testbench.identify.posterior import CONFIDENCE
-from testbench.identify.prior import Prior, Strength, cad_prior
-from testbench.model.laws import lawful, with_laws
+from testbench.identify.prior import Prior, cad_prior
 from testbench.model.load import Load, on_joints
 from testbench.model.structure import Structure, all153, joints_only
 from testbench.model.vjm import Vjm, chain, tool_pose
@@ -40,7 +32,6 @@ EXPECTED = Meaning(
 )
 OTHERS = ("MLS56", JOINTS)  #: Kinds of models that stand beside: least squares of links, and joints alone.
 OPEN = 0.1  #: Share of the expected error that has to stay open for such joints to be told [1].
-LEFT = 0.5  #: Share of the variance of a law's size beyond which readings do not tell it [1].
 NONE = 1e-6  #: Share of the largest torque below which a joint is not turned [1].
 
 
@@ -117,28 +108,6 @@ class Unshown:
     pull_N: list[float] | None
 
 
-def untold(plan: Plan, prior: Prior) -> dict[str, list[str]]:
-    """Joints by the law of theirs that a plan's readings leave open: more than `LEFT` of its size's variance.
-
-    Sizes are uncertain by one before, compliances as the plan has them. Nothing where links are not all
-    identified with a prior: then joints are linear.
-    """
-    spec, every = plan.specification, plan.specification.experiment
-    plain, vjm = all153(every.vjm.arm), lawful(every.vjm)
-    if spec.uncertainty is None or every.metric.structure.n < plain.n or not vjm.arm.joints:
-        return {}
-    whole = metric(prior, vjm, with_laws(plain, vjm.arm))
-    B, _ = precision_root(metric(prior, every.vjm, plain), Strength(within(spec), SCALE_UNCERTAINTY))
-    measured = replace(spec, experiment=replace(every, vjm=vjm, metric=whole))
-    A = measured_rows(measured, plan.q, plan.load).reshape(-1, whole.structure.n)
-    M = A.T @ A + block_diag(B.T @ B, np.eye(whole.structure.laws))
-    left, found = np.diag(np.linalg.inv(M))[plain.n :], dict[str, list[str]]()
-    for label in np.array(whole.structure.labels[whole.structure.plain :])[left > LEFT].tolist():
-        joint, _, kind = label.rpartition(" ")
-        found.setdefault(kind, []).append(joint)
-    return found
-
-
 def unshown(plan: Plan, share: float) -> Unshown | None:
     """Which joints' compliances no load of a plan can show though the tasks need them; None where all are.
 
@@ -154,7 +123,7 @@ def unshown(plan: Plan, share: float) -> Unshown | None:
     closed = np.flatnonzero(needed & ~shown)
     if not len(closed):
         return None
-    size = _first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3])))
+    size = first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3])))
     pulls = [Load(np.append(force, np.zeros(3)), vjm.load) for force in size * np.eye(3)]
     torques = np.stack([_torques(vjm, plan.q, pull) for pull in pulls])  # (3, n, poses)
     names = [joint.name for joint in vjm.arm.joints]
@@ -177,7 +146,7 @@ def _turned(torques: Array) -> Mask:
     return np.asarray(most > NONE * most.max())
 
 
-def _first_digit(value: float) -> float:
+def first_digit(value: float) -> float:
     """A number above 0, all but its first digit left out."""
     step: float = 10.0 ** math.floor(math.log10(value))
     return step * math.floor(value / step)

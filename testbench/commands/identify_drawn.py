@@ -12,7 +12,7 @@ from testbench.campaign.workspace_errors import ErrorPlaces
 from testbench.commands.identify_rows import COUNTS, compared, longest
 from testbench.data.dataset import Ids
 from testbench.errors import Array
-from testbench.model.laws import vjm_of
+from testbench.model.laws import as_loaded, vjm_of
 from testbench.model.vjm import chain, generalised_load, turns
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.table import Row, find
@@ -75,7 +75,8 @@ def _runs(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array], some
     before = data.before[some] + hidden
     at = before + M * moved
     vjm = vjm_of(cell.vjm, found.taken.structure)
-    load = generalised_load(chain(vjm, data.q[some]), data.wrench[some], data.point[some])
+    where = chain(as_loaded(vjm, data.taken_off, some), data.q[some])
+    load = generalised_load(where, data.wrench[some], data.point[some])
     theta = turns(vjm, (found.taken.C_theta @ load).T)  # Eq. (6)
     rows = [f.residuals[k] for k in some]
     aside = ASIDE * reach * np.eye(3)[0] * (np.arange(len(off)) - (len(off) - 1) / 2)[:, None]

@@ -160,13 +160,14 @@ def _claims(f: Row) -> Iterator[Markdown]:
             "not show all directions in which the tasks' loads move the arm.",
             hidden=hidden,
         )
-    if f.untold:
-        who = {k: listed(own) if len(own) < len(f.joints) else "all joints" for k, own in f.untold.items()}
-        yield say(
-            "**These readings leave laws of joints mostly open**: {laws}. A second, lighter load in every "
-            "pose tells more.",
-            laws="; ".join(f"{kind} of {joints}" for kind, joints in who.items()),
-        )
+    for law in f.open_laws:
+        kind, joints = law.kind.capitalize(), law.joints
+        every = "all joints" if len(joints) == len(f.joints) else listed(joints)
+        told = "No reading examined tells it."
+        if law.by is not None:
+            told = f"One more reading in every pose tells that of {{told:list}}: {law.by}."
+            told += " No reading examined tells that of {never:list}." if law.never else ""
+        yield say(f"**{kind} of {{every}} stays mostly open.** {told}", vars(law), every=every)
     if f.pulls_n:
         yield say(
             "**No rope was checked**: a pull is a force at the load point in world axes. In every pose the "

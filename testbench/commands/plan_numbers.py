@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.campaign.campaign import stream
+from testbench.campaign.open_laws import open_laws
 from testbench.campaign.plan import AbsolutePlanned, Planned, left_open
 from testbench.campaign.plan_settings import pull_words
 from testbench.campaign.predicted_error import (
@@ -19,7 +20,6 @@ from testbench.campaign.predicted_error import (
     joints_alone,
     overall,
     unshown,
-    untold,
     within,
 )
 from testbench.campaign.rows import MM
@@ -115,7 +115,7 @@ def _pairs(made: Planned) -> Row:
         greedy_mm=[finite(MM * error) for error in others.greedy],
         advice=_advice(MM * others.greedy),
         map=error_map(cell, plan, around),
-        untold=untold(plan, cad_prior(cell.arm)),
+        open_laws=open_laws(plan, prior),
         unshown=unshown(plan, hidden / (MM * made.forecast.overall)),
     )
 

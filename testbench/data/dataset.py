@@ -42,6 +42,8 @@ class Dataset(Displayed):
     precision: Array | None = None
     #: Set-up of the tracker that read each run, (runs,): each has a frame of its own. None for one set-up.
     station: Ids | None = None
+    #: Whether the unloaded reading of a run came last, the load taken off again, (runs,); None for no run.
+    taken_off: Mask | None = None
 
     def __post_init__(self) -> None:
         """Refuse wrong shapes, identifiers, markers and sigmas, and what is not finite, by BenchError."""
@@ -62,6 +64,8 @@ class Dataset(Displayed):
             check_array(self.rotation_before, (runs, 3), "rotation_before [rad]")
             check_array(self.rotation_after, (runs, 3), "rotation_after [rad]")
             check_sigma(self.sigma_rotation, "rad")
+        if self.taken_off is not None:
+            check_array(self.taken_off, (runs,), "taken_off")
         if self.precision is not None:
             _check_precision(check_array(self.precision, (runs, m, 3, 3), "precision [1/m^2]"))
 

@@ -19,6 +19,9 @@ STATES = {"before": ("before", "unloaded"), "after": ("after", "loaded")}
 DEFLECTION = "deflection"
 """What stands in the place of a state where a file has loaded minus unloaded positions."""
 
+LOADING = ("on", "off")
+"""Words for how a pair was read: the load put on, or put on and taken off before the unloaded reading."""
+
 ALONG = ("feed", "cross", "axial")
 """Parts of a process force: along the feed, across it, along the spindle."""
 
@@ -29,6 +32,7 @@ What = Literal[
     "pose",
     "marker",
     "station",
+    "loading",
     "state",
     "axis",
     "joint",
@@ -131,7 +135,8 @@ def squeeze(text: str) -> str:
 
 def our_names(arm: Arm) -> dict[str, Slot]:
     """Every quantity of an arm's measurement by its squeezed name, without unit."""
-    found = {name: Slot(name) for name in ("run", "pose", "marker", "station", "state", "mass", "sigma")}
+    single: tuple[What, ...] = ("run", "pose", "marker", "station", "state", "loading", "mass", "sigma")
+    found: dict[str, Slot] = {name: Slot(name) for name in single}
     found |= {"when": Slot("state"), "axis": Slot("axis"), "position": Slot("reading", WHOLE)}
     for when, words in {**STATES, DEFLECTION: (DEFLECTION,)}.items():
         found |= {word: Slot("reading", WHOLE, when=when) for word in words}

@@ -165,7 +165,10 @@ def _belongs(table: Table, conditions: Conditions, idle: Ids, rows: Ids) -> Ids:
             homes.setdefault(key, []).append(k)
     found = []
     for row in rows.tolist():
-        near = homes.get(keys[row]) or homes.get(keys[row][:2])
+        own = homes.get(keys[row], []) if conditions.run is not None else []
+        if conditions.taken_off is not None and conditions.taken_off[row] and not own:
+            raise table.error(row, "", "loading off: expected an unloaded reading of the same run")
+        near = own or homes.get(keys[row][:2])
         if near is None:
             pose = conditions.pose[row]
             hint = "" if conditions.named else "; without a column of poses equal joints are one"

@@ -148,6 +148,7 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
         sigma_rotation=turn_sigma,
         precision=precision,
         station=None if conditions.station is None else conditions.station[runs.row],
+        taken_off=None if conditions.taken_off is None else conditions.taken_off[runs.row],
     )
     return Export(data, columns, (*conditions.notes, *runs.notes, *notes, *dropped, *shots))
 
@@ -155,6 +156,8 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
 def _check_once(columns: Columns, conditions: Conditions, runs: Paired, read: Readings) -> None:
     """What holds for a run is the same in all of its rows."""
     every, lead = {"pose": conditions.pose[:, None], "joint": conditions.q}, runs.leader
+    if conditions.taken_off is not None:
+        every["loading"] = conditions.taken_off[:, None].astype(int)
     if read.paired:
         every |= {"force": conditions.wrench[:, :3], "moment": conditions.wrench[:, 3:]}
         every |= {"mass": conditions.wrench[:, 2:3], "point": conditions.point}

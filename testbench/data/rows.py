@@ -13,7 +13,7 @@ from testbench.arm.mjcf import GRAVITY, find_body, numbers, read_mjcf
 from testbench.data.columns import Column, Columns, axes
 from testbench.data.dataset import Ids, Mask
 from testbench.data.joint_columns import joint_coordinates
-from testbench.data.names import DEFLECTION, STATES, WHEN, XYZ, Slot, columns_of, squeeze
+from testbench.data.names import DEFLECTION, LOADING, STATES, WHEN, XYZ, Slot, columns_of, squeeze
 from testbench.errors import Array
 
 SAME_POSE = 1e-6
@@ -29,6 +29,7 @@ class Conditions:
     pose: Ids  #: Identifier, (rows,).
     named: bool  #: Whether a column says the pose.
     station: Ids | None  #: Set-up of the tracker, (rows,).
+    taken_off: Mask | None  #: Whether the load was taken off again before the unloaded reading, (rows,).
     q: Array  #: Joint coordinates, (rows, n) [rad, m].
     wrench: Array  #: Force and moment, world axes, (rows, 6) [N, N m].
     point: Array  #: Where it acts, tool's frame, (rows, 3) [m].
@@ -64,7 +65,21 @@ def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> C
     if pose is None:
         pose = same_poses(q)
         notes.append(f"{POSES}: {len(np.unique(pose))} of them")
-    return Conditions(ids["run"], pose, named, ids["station"], q, wrench, point, tuple(notes))
+    taken_off = _taken_off(columns)
+    return Conditions(ids["run"], pose, named, ids["station"], taken_off, q, wrench, point, tuple(notes))
+
+
+def _taken_off(columns: Columns) -> Mask | None:
+    """What a column says of the loading, (rows,); blank is a load put on."""
+    column = columns.get(Slot("loading"))
+    if column is None:
+        return None
+    texts = columns.table.texts(column.index)
+    wrong = np.array([squeeze(text) not in ("", *LOADING) for text in texts], dtype=bool)
+    columns.table.refuse(
+        wrong, column.name, lambda row: f"expected {' or '.join(LOADING)}, got {texts[row][:80]!r}"
+    )
+    return np.array([squeeze(text) == LOADING[1] for text in texts], dtype=bool)
 
 
 def identifiers(columns: Columns, column: Column) -> tuple[Ids, str]:

@@ -15,7 +15,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.data.lines import as_cell
-from testbench.data.names import ENTRIES, WHEN, What, columns_of, torque_columns
+from testbench.data.names import ENTRIES, LOADING, WHEN, What, columns_of, torque_columns
 from testbench.data.program import Program
 from testbench.data.read_series import ALONE
 from testbench.data.rows import load_point, same_poses
@@ -44,7 +44,7 @@ def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> No
     the same for every marker of a run) and sigma_rad. Where every reading has a covariance of its own:
     deflection_cov_*_m2, of both readings together, world axes; a lost target leaves them and its readings
     empty. The set-up of the tracker stands in station, an integer, where there are several; readings are then
-    in its frame.
+    in its frame. loading, on or off, where some loads were taken off before the unloaded reading.
 
     Args:
         data: The runs.
@@ -87,7 +87,10 @@ def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids 
         _repeated(n, [(["run"], data.run), (["pose"], data.pose)])
     )
     found["marker"] = list(data.markers) * data.runs
-    return found | dict(_repeated(n, [*blocks, (["station"], data.station)]))
+    found |= dict(_repeated(n, [*blocks, (["station"], data.station)]))
+    if data.taken_off is not None:
+        found["loading"] = [LOADING[off] for off in np.repeat(data.taken_off, len(data.markers)).tolist()]
+    return found
 
 
 def write_series(

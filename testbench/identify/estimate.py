@@ -71,6 +71,8 @@ class Average:
     laws: float = 0.0  #: Weight of the model with laws [1].
     likely: float = 0.0  #: Its probability, as widths count it [1].
     lawful: "Estimate | None" = None  #: That model; None where nobody asked for it.
+    #: All of it by one prior and by another, and how likely each is; empty where one stands for both.
+    parts: "tuple[tuple[float, Estimate], ...]" = ()
 
 
 @dataclass(frozen=True, repr=False)

@@ -9,7 +9,7 @@ from testbench.data.dataset import Dataset, Ids, Mask
 from testbench.errors import Array, BenchError
 from testbench.identify.estimate import Estimate
 from testbench.identify.fold import BLOCK_RUNS, Blocks, in_threads
-from testbench.model.laws import vjm_of
+from testbench.model.laws import as_loaded, vjm_of
 from testbench.model.vjm import Vjm, chain, generalised_load, marker_points, translation_rows
 
 BINS, LEAST, DECADES = 30_000, 1e-12, 15
@@ -50,7 +50,7 @@ def all_deflections(vjm: Vjm, estimates: Sequence[Estimate], data: Dataset) -> A
     vjm = vjm_of(vjm, max((own.structure for own in estimates), key=lambda s: s.n_theta))
     for first in range(0, data.runs, BLOCK_RUNS):  # so that memory does not grow with the runs
         runs = slice(first, first + BLOCK_RUNS)
-        where = chain(vjm, data.q[runs])
+        where = chain(as_loaded(vjm, data.taken_off, runs), data.q[runs])
         load = generalised_load(where, data.wrench[runs], data.point[runs])
         rows = translation_rows(where, points)
         turns = [own.C_theta @ load[: len(own.C_theta)] for own in estimates]

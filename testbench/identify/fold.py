@@ -36,7 +36,7 @@ from testbench.identify.regression import Regression, regression_of, some_column
 from testbench.identify.robust_loss import READINGS, Loss
 from testbench.identify.rows import pair_rows, rows_of, straight
 from testbench.identify.weighed import check_runs
-from testbench.model.laws import vjm_of
+from testbench.model.laws import as_loaded, vjm_of
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -187,7 +187,10 @@ def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Bloc
                 check_runs(vjm, data)
                 for these in batches(part[at], np.arange(data.runs), BLOCK_RUNS):
                     load = Load(data.wrench[these], data.point[these])
-                    told = {v: straight(v, data.q[these], [load]) for v in {one.vjm for one in unknowns}}
+                    told = {
+                        v: straight(as_loaded(v, data.taken_off, these), data.q[these], [load])
+                        for v in {one.vjm for one in unknowns}
+                    }
                     for one, folded in zip(unknowns, found, strict=True):
                         folded.take(*pair_rows(one, told[one.vjm], data, these), part[at][these])
         return found

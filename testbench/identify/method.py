@@ -8,12 +8,12 @@ from typing import Literal
 
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
-from testbench.identify.average import averaged
+from testbench.identify.average import averaged, of_two_priors
 from testbench.identify.estimate import Constraint, Estimate, Estimator
 from testbench.identify.fold import reduce
 from testbench.identify.huber import without_outliers
 from testbench.identify.metric import Belief, metric, rescaled
-from testbench.identify.prior import Prior, Strength
+from testbench.identify.prior import Prior, Strength, softened
 from testbench.identify.regression import Regression, some_columns
 from testbench.identify.solve import solve
 from testbench.model.laws import without_laws
@@ -63,10 +63,16 @@ class Method:
         return without_outliers(vjm, data, regression, self.constraint, self.belief(vjm, regression))
 
     def of(self, vjm: Vjm, regression: Regression, *, widths: bool = True) -> Estimate:
-        """The same of a dataset that was reduced before, outliers among it."""
+        """The same of a dataset that was reduced before, outliers among it.
+
+        Without widths, as where poses are held out, links are as coupled as the prior's.
+        """
         if self.learns and self.prior is not None:
             own = metric(self.prior, vjm, regression.structure)
-            return averaged(regression, self.constraint, own, widths=widths)
+            if not widths or not regression.structure.laws:
+                return averaged(regression, self.constraint, own, widths=widths)
+            other = metric(softened(self.prior), vjm, regression.structure)
+            return of_two_priors(regression, self.constraint, own, other)
         if regression.structure.laws:
             regression = some_columns(regression, without_laws(regression.structure))
         return solve(regression, self.constraint, self.belief(vjm, regression))

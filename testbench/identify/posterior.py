@@ -6,6 +6,7 @@ infinite standard deviation. GCO away from the boundary of the cone has the same
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
@@ -17,7 +18,7 @@ from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Average, Estimate
 from testbench.identify.metric import Belief, precision_root
 from testbench.identify.regression import RANK_TOLERANCE
-from testbench.model.laws import vjm_of
+from testbench.model.laws import as_loaded, vjm_of
 from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.vjm import Vjm, chain, marker_points, observation
 
@@ -144,7 +145,8 @@ def intervals(vjm: Vjm, estimate: Estimate, data: Dataset, confidence: float = C
     together, ends = max(1, TOGETHER // len(points)), []
     for first in range(0, data.runs, together):
         some = in_order(data, np.arange(first, min(first + together, data.runs)))
-        rows = observation(chain(vjm, some.q), estimate.structure, some.wrench, some.point, points)
+        where = chain(as_loaded(vjm, some.taken_off), some.q)
+        rows = observation(where, estimate.structure, some.wrench, some.point, points)
         found = own.intervals(rows.reshape(-1, estimate.structure.n), confidence)
         centre, upper = (end.reshape(rows.shape[:3]) for end in (found.centre, found.upper))
         half = np.hypot(upper - centre, CURVED * curvature(vjm, estimate.C_theta, some))
@@ -210,25 +212,26 @@ def _averaged(estimate: Estimate, average: Average) -> Posterior:
 
     Joints alone would count noise and nothing else, as if no link could bend: links and joints stand in.
     """
-    whole, pi = linearise(average.whole), estimate.pi
+    if average.parts:
+        return _mixture(estimate.pi, [(p, linearise(own)) for p, own in average.parts])
+    whole, p = linearise(average.whole), average.likely
     if average.lawful is None:
-        root = np.vstack([whole.root, pi - whole.x])
-        return replace(whole, x=pi, root=root, heavy=whole.heavy + 1)
-    lawful, p, s = linearise(average.lawful), average.likely, estimate.structure
-    if p == 1:
-        return lawful
-    plain = s.a < s.plain
-    straight = np.zeros((len(whole.root), s.n))
-    straight[:, plain] = whole.root
-    x = np.zeros(s.n)
-    x[plain] = whole.x
-    parts = [(np.sqrt(p) * lawful.root, lawful.heavy), (np.sqrt(1 - p) * straight, whole.heavy)]
-    apart = [np.sqrt(p) * (pi - lawful.x), np.sqrt(1 - p) * (pi - x)]
-    noise = [root[: len(root) - heavy] for root, heavy in parts]
-    heavy = [*(root[len(root) - heavy :] for root, heavy in parts), np.array(apart)]
-    return replace(
-        lawful, x=pi, root=np.vstack([*noise, *heavy]), heavy=sum(map(len, heavy)), scale=lawful.scale
-    )
+        return _mixture(estimate.pi, [(1.0, whole)])
+    lawful = linearise(average.lawful)
+    return lawful if p == 1 else _mixture(estimate.pi, [(p, lawful), (1 - p, whole)])
+
+
+def _mixture(pi: Array, parts: Sequence[tuple[float, Posterior]]) -> Posterior:
+    """Posteriors as likely as these, about a mean of theirs; sizes of laws, the last unknowns, some lack."""
+    noise, heavy = [], []
+    for p, own in parts:
+        rows, first = np.zeros((len(own.root) + 1, len(pi))), len(own.root) - own.heavy
+        rows[:-1, : len(own.x)], rows[-1] = own.root, pi
+        rows[-1, : len(own.x)] -= own.x
+        noise.append(math.sqrt(p) * rows[:first])
+        heavy.append(math.sqrt(p) * rows[first:])
+    widest = max((own for _, own in parts), key=lambda own: len(own.x))
+    return replace(widest, x=pi, root=np.vstack([*noise, *heavy]), heavy=sum(map(len, heavy)))
 
 
 def _split(rows: list[Array], back: Array, belief: Belief, L: Array) -> tuple[Array, int]:

@@ -1,6 +1,7 @@
 """What is believed of the compliances before any data: how compliant, and how sure."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
 RANGE = 1e-6, 1e6  #: Relative uncertainties of a prior that mean something [1].
+SOFTENED = 0.5  #: Share of couplings that links lose whose bearings and flanges give way too [1].
+PRIORS = 32  #: How many priors are remembered so.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,6 +66,13 @@ def cad_prior(arm: Arm) -> Prior:
         Expected compliances, as right as the folder.
     """
     return Prior(f"CAD of {arm.name}", arm.C_theta)
+
+
+@lru_cache(maxsize=PRIORS)
+def softened(prior: Prior) -> Prior:
+    """A prior of links that are less of a beam: as compliant along their axes, less coupled."""
+    C = prior.C_theta
+    return replace(prior, C_theta=(1 - SOFTENED) * C + SOFTENED * np.diag(np.diag(C)))
 
 
 def distorted(prior: Prior, *, scale: float, shape: float, rng: np.random.Generator) -> Prior:

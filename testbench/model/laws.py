@@ -8,7 +8,8 @@ compliance, the shapes are
 - stiffening: f(x_1) - x_1 less f(x_0) - x_0, with f + beta f^3 / phi^2 = x the turn of a spring that is
   1 + beta times as stiff at the turn phi;
 - backlash: half its width, the side taken from the torque's sign where |x| is well above it;
-- friction: half the width of its loop, against the turn; no more than the turn itself;
+- friction: half the width of its loop, against the turn; no more than the turn itself. Of a load that was
+  put on in the pose and then taken off all of the width, as the joint that it left was held back too;
 - compensator, of joint 2 alone: what a strut takes off as the arm deflects, K s^2 / (1 + K s^2) of x_1 - x_0,
   K its stiffness over the joint's at its longest lever, s its lever over that.
 
@@ -21,6 +22,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 
 from testbench.arm.folder import Arm, Compensator
 from testbench.errors import Array, InputError
@@ -46,6 +48,7 @@ class JointLaws:
     compliance: Array  #: Nominal, of every joint, (n,) [rad/(N m), m/N].
     weights: Weights | None  #: What the arm weighs; None where nobody knows.
     compensator: Compensator | None  #: From link 1 to link 2.
+    widths: Array | float = 1.0  #: Of friction's loop in half widths, one a run or of all, (runs,) [1].
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -70,7 +73,8 @@ class JointLaws:
         x, end = c * before, c * (before + u)
         stiffened = (_spring(end) - end) - (_spring(x) - x)
         taken = PLAY * (np.tanh(end / PLAY) - np.tanh(x / PLAY))
-        held = -STICK * np.clip((end - x) / STICK, -1, 1)
+        width = self.widths * STICK
+        held = -width * np.clip((end - x) / width, -1, 1)
         return np.concatenate([stiffened, taken, held, self._beside(where) * (c * u)[1]])
 
     def before(self, where: Chain) -> Array:
@@ -143,6 +147,13 @@ def sizes_of(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
     for joint, kind, size in zip(vjm.laws.joints, vjm.laws.kinds, sizes, strict=True):
         found[vjm.arm.joints[joint].name][kind] = size
     return found
+
+
+def as_loaded(vjm: Vjm, taken_off: npt.NDArray[np.bool_] | None, some: Ids | slice = slice(None)) -> Vjm:
+    """The model for some runs of a load put on, or taken off again where a mask, (runs,), says so."""
+    if taken_off is None or not isinstance(vjm.laws, JointLaws):
+        return vjm
+    return replace(vjm, laws=replace(vjm.laws, widths=np.where(taken_off[some], 2.0, 1.0)))
 
 
 def vjm_of(vjm: Vjm, structure: Structure) -> Vjm:

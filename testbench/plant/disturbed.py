@@ -6,10 +6,11 @@ compensator and joint laws the forces and springs of its equilibrium. The nomina
 
 import copy
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import find_body
@@ -171,8 +172,17 @@ def settle_disturbed(
 
 
 def settle_pair(
-    disturbed: DisturbedPlant, q: Array, wrench: Array, point: Array
+    disturbed: DisturbedPlant,
+    q: Array,
+    wrench: Array,
+    point: Array,
+    taken_off: npt.NDArray[np.bool_] | None = None,
 ) -> tuple[Equilibrium, Equilibrium]:
-    """The disturbed arm unloaded, and then loaded from there."""
+    """The disturbed arm unloaded, then loaded from there; where `taken_off`, (runs,), unloaded again."""
     unloaded = settle_disturbed(disturbed, q)
-    return unloaded, settle_disturbed(disturbed, q, wrench, point, before=unloaded)
+    loaded = settle_disturbed(disturbed, q, wrench, point, before=unloaded)
+    if taken_off is not None:
+        again = settle_disturbed(disturbed, q, before=loaded)
+        for own in fields(Equilibrium):
+            getattr(unloaded, own.name)[taken_off] = getattr(again, own.name)[taken_off]
+    return unloaded, loaded

@@ -13,12 +13,12 @@ from testbench.campaign.models import named_models
 from testbench.campaign.perturbed_prior import prior_of
 from testbench.campaign.true_arms import true_cell
 from testbench.identify import gco, intervals, reduce, with_prior
-from testbench.identify.average import ODDS, averaged
+from testbench.identify.average import ODDS, averaged, of_two_priors
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.hierarchy import ALONE, LOOSE, MISFIT, learn, log_evidence_alone
 from testbench.identify.metric import metric, whitened
 from testbench.identify.posterior import linearise
-from testbench.identify.prior import cad_prior
+from testbench.identify.prior import cad_prior, softened
 from testbench.model.structure import all153, joints_only
 
 SCENARIO = Scenario(arm="kr500_l480", identification_poses=8, identification_runs=16, workspace_poses=60)
@@ -103,3 +103,39 @@ def test_the_weight_is_the_odds_beforehand_times_the_ratio_of_evidences(kr500, r
     odds = ODDS * math.exp(there - belief.log_evidence)
     found = averaged(regression, "psd", own, widths=True)
     assert found.average.weight == pytest.approx(odds / (1 + odds), rel=1e-5)
+
+
+@pytest.fixture(scope="module")
+def by_beams_and_both(kr500):
+    """Estimates by the folder's prior alone, and by the softened one too, of three arms a kind; truths."""
+    s, prior, found = all153(kr500.arm), cad_prior(kr500.arm), {}
+    beams, soft = (metric(own, kr500.vjm, s) for own in (prior, softened(prior)))
+    for kind in ("coupled", "tubes"):
+        arms = [simulate(true_cell(kr500, kind, seed), SCENARIO, seed) for seed in (1, 2, 3)]
+        reduced = [(arm, reduce(kr500.vjm, s, arm.identification)) for arm in arms]
+        found[kind] = [
+            (arm, averaged(r, "psd", beams, widths=True), of_two_priors(r, "psd", beams, soft))
+            for arm, r in reduced
+        ]
+    return found
+
+
+def test_links_that_are_no_beams_are_told_by_the_evidence(kr500, by_beams_and_both):
+    pairs = [errors(kr500, arm, *both) for arm, *both in by_beams_and_both["coupled"]]
+    assert np.mean([ours / alone for alone, ours in pairs]) < 0.95
+    for arm, *both in by_beams_and_both["tubes"]:
+        alone, ours = errors(kr500, arm, *both)
+        assert ours < 1.05 * alone
+
+
+def test_a_mean_by_two_priors_is_conservative_and_its_covariance_is_that_of_the_mixture(by_beams_and_both):
+    found = next(own for *_, own in by_beams_and_both["coupled"] if own.average.parts)
+    parts = found.average.parts
+    assert sum(share for share, _ in parts) == pytest.approx(1)
+    assert found.conservative
+    np.testing.assert_allclose(found.pi, sum(share * own.pi for share, own in parts), rtol=1e-12)
+    rows = np.eye(found.structure.n)
+    expected = sum(
+        share * (linearise(own).deviations(rows) ** 2 + (own.pi - found.pi) ** 2) for share, own in parts
+    )
+    np.testing.assert_allclose(linearise(found).deviations(rows) ** 2, expected, rtol=1e-9)

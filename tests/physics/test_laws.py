@@ -10,7 +10,7 @@ from run_here import here
 
 from testbench.campaign.advice import of_average
 from testbench.campaign.arm_models import load_model
-from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.campaign import Scenario, simulate, stream
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
 from testbench.cli.program import program
@@ -31,6 +31,7 @@ from testbench.model.laws import (
     PLAY,
     STICK,
     STIFFER,
+    as_loaded,
     lawful,
     laws_of,
     tangent,
@@ -63,10 +64,10 @@ def loaded(kr500, seed, runs=12):
     return q, wrench, np.tile(kr500.vjm.load, (runs, 1))
 
 
-def true_turns(kr500, what, q, wrench, point):
+def true_turns(kr500, what, q, wrench, point, taken_off=None):
     """Turns of MuJoCo's joints under the load, (runs, 6) [rad]."""
     plant = disturb(kr500.plant, what, np.random.default_rng(0))
-    before, after = settle_pair(plant, q, wrench, point)
+    before, after = settle_pair(plant, q, wrench, point, taken_off)
     return (after.theta - before.theta)[:, LINKS:48]
 
 
@@ -89,6 +90,40 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind, what):
     expected = own[6 * k : 6 * k + 6].T
     assert np.abs(expected).max() > 2e-5
     np.testing.assert_allclose(more, expected, rtol=0, atol=0.06 * np.abs(expected).max())
+
+
+def test_friction_holds_back_a_load_taken_off_by_all_of_its_width(kr500):
+    """On the way there by a half, on the way back by another: twice the one less the other has none."""
+    q, wrench, point = loaded(kr500, 3)
+    what, off = Disturbances(own_weight=True, hysteresis=STICK), np.arange(len(q)) % 2 == 0
+    clean = true_turns(kr500, replace(what, hysteresis=0.0), q, wrench, point)
+    on, back = (true_turns(kr500, what, q, wrench, point, own) for own in (None, off))
+    where = chain(as_loaded(lawful(kr500.vjm), off), q)
+    expected = where.laws.load(where, plain_load(where, wrench, point)[LINKS:])[12:18].T
+    np.testing.assert_allclose(back - clean, expected, rtol=0, atol=0.06 * STICK)
+    np.testing.assert_array_equal(back[~off], on[~off])
+    far = off[:, None] & (np.abs(clean) > 3 * STICK)
+    assert far.any(axis=0).sum() >= 3
+    np.testing.assert_allclose((2 * on - back)[far], clean[far], rtol=0, atol=0.1 * STICK)
+    assert np.abs(back - on)[far].min() > 0.9 * STICK
+
+
+def test_readings_of_loads_taken_off_are_of_use_where_they_say_so(kr500, campaigns):
+    """Fits, predictions and intervals take friction as the run was read."""
+    plain, truth = simulate(kr500, SCENARIO, 5).identification, campaigns["all"][1]
+    off = np.arange(plain.runs) % 2 == 1
+    arm = disturb(kr500.plant, TYPICAL, stream(5, 20))
+    before, after = settle_pair(arm, plain.q, plain.wrench, plain.point, off)
+    silent = replace(plain, before=before.markers, after=after.markers)
+    model, data = default(kr500), replace(silent, taken_off=off)
+    found, wrong = (model.estimator(kr500.vjm, model.structure, own) for own in (data, silent))
+    ours, theirs = (score(deflections(kr500.vjm, e, truth), truth.deflection).rms for e in (found, wrong))
+    assert ours < 0.9 * theirs
+    moved = deflections(kr500.vjm, found, data)
+    np.testing.assert_allclose(intervals(kr500.vjm, found, data).centre, moved, rtol=0, atol=1e-12)
+    less = np.abs(moved - deflections(kr500.vjm, found, silent)).max(axis=(1, 2))
+    assert (less[off] > 1e-5).any()
+    np.testing.assert_array_equal(less[~off], 0)
 
 
 def test_a_compensator_of_size_one_takes_off_what_the_true_strut_does(kr500):

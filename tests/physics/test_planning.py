@@ -10,6 +10,7 @@ from scipy.stats import wishart
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign import predicted_error
 from testbench.campaign.campaign import Scenario, hanging, measure, stream
+from testbench.campaign.open_laws import open_laws
 from testbench.data.dataset import Dataset
 from testbench.design.criteria import CRITERIA
 from testbench.design.forecast import forecast
@@ -109,14 +110,21 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
 
     def left(poses, loads, spec=whole):
         q, load = np.tile(poses, (loads, 1)), np.repeat(np.arange(loads), len(poses))
-        found = predicted_error.untold(SimpleNamespace(specification=spec, q=q, load=load), prior)
-        return {kind: joints for kind, joints in found.items() if joints}
+        found = open_laws(SimpleNamespace(specification=spec, q=q, load=load), prior)
+        return {law.kind: law for law in found}
 
     one, two = (left(poses[:11], loads) for loads in (1, 2))
     assert {"stiffening", "backlash", "friction"} == set(one)
-    assert sum(map(len, two.values())) < sum(map(len, one.values()))
+    assert sum(len(law.joints) for law in two.values()) < sum(len(law.joints) for law in one.values())
+    friction = one["friction"]
+    assert "`loading` off" in friction.by
+    assert "joint_3" in friction.told
+    assert set(friction.told) | set(friction.never) <= set(friction.joints)
+    assert not set(friction.told) & set(friction.never)
     exact = replace(whole, experiment=replace(whole.experiment, sigma=1e-9))
-    assert left(poses, 2, exact) == {kind: ["joint_1"] for kind in one}
+    every = left(poses, 2, exact)
+    assert {kind: law.joints for kind, law in every.items()} == {kind: ["joint_1"] for kind in one}
+    assert all(law.by.startswith("a pull") and law.told == ["joint_1"] for law in every.values())
     assert left(poses[:11], 1, replace(whole, uncertainty=None)) == left(poses[:11], 1, spec) == {}
 
 

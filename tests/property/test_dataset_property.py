@@ -63,6 +63,7 @@ def datasets(draw: st.DrawFn) -> Dataset:
         rotation_after=numbers(runs, 3) if turned else None,
         sigma_rotation=draw(SIGMA) if turned else None,
         station=np.array(draw(st.lists(ID, min_size=runs, max_size=runs))) if draw(st.booleans()) else None,
+        taken_off=draw(arrays(bool, runs)) if draw(st.booleans()) else None,
     )
 
 

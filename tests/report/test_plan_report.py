@@ -10,6 +10,7 @@ from reports import check
 from rich.console import Console
 
 from testbench.arm.folder import Joint
+from testbench.campaign.open_laws import OpenLaw
 from testbench.campaign.plan import Planned, plan_for
 from testbench.campaign.plan_input import FORCE, read_loads, read_tasks
 from testbench.campaign.plan_settings import PlanSettings
@@ -127,7 +128,7 @@ def test_the_answer_has_error_interval_rivals_and_efficiency(f, kr500):
     assert "random plans no bound;" in report(changed(f, random_plans=Row(median_mm=None)), kr500.arm).answer
 
 
-KNOWN = {"error_mm": Expected(0.234, 0.1, 0.3), "joints_alone_mm": 0.5, "unshown": None, "untold": {}}
+KNOWN = {"error_mm": Expected(0.234, 0.1, 0.3), "joints_alone_mm": 0.5, "unshown": None, "open_laws": []}
 ADVICE = {"target_mm": 0.1, "examined_up_to": 40, "more": 4, "little_percent": 10.0}
 SAID = [
     ({"tracker_m": None}, "**Visibility was NOT checked**", "NOT"),
@@ -154,8 +155,14 @@ SAID = [
     ),
     ({"pulls_n": (PULL,)}, "**No rope was checked**", "rope"),
     (
-        {"untold": {"friction": list("abcdef"), "backlash": ["b"]}},
-        "readings leave laws of joints mostly open**: friction of all joints; backlash of b. A second",
+        {"open_laws": [OpenLaw("friction", list("abcdef"), "the same again", ["c"], ["a", "b"])]},
+        "**Friction of all joints stays mostly open.** One more reading in every pose tells that of c: the "
+        "same again. No reading examined tells that of a and b.",
+        "mostly open",
+    ),
+    (
+        {"open_laws": [OpenLaw("backlash", ["b"], None, [], ["b"])]},
+        "**Backlash of b stays mostly open.** No reading examined tells it.",
         "mostly open",
     ),
     (

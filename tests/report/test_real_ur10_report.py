@@ -10,9 +10,14 @@ from reports import check, check_forest, table_of
 
 from testbench.campaign.absolute import Score
 from testbench.campaign.campaign import build_cell
+from testbench.data.series import Series
+from testbench.identify.absolute.state import Mount, nominal
+from testbench.identify.registration import Frame
 from testbench.model.vjm import tool_pose
+from testbench.model.weights import read_weights
 from testbench.report.table import find
 from testbench.studies.calibration_scene import amid_errors
+from testbench.studies.real_ur10.effects import approach, drift
 from testbench.studies.real_ur10.study import LOOKS, PANES, figures, report
 from testbench.studies.real_ur10.trial import (
     ALL,
@@ -35,6 +40,7 @@ SEEDS, ORDERS, POSES = range(3, 6), 4, (50, 100)
 JUDGED = {"blocks": "AC", "blocks, realigned": "AC", "A to C": "C", "C to A": "A", "both": ""}
 SIZES = {GEOMETRY: 8.0, JOINTS: 6.0, WAVES: 2.0, SHARED: 2.0}
 """Mean error in blocks [mm]; from one series to the other joint errors are the worst."""
+EFFECTS = tuple(np.array([[1, 2, 3, 4, 60, 5, 7, 40], [5, 6, 7, 8, 25, 9, 3, 20]], dtype=float).T.ravel())
 
 
 def rows(seed):
@@ -43,6 +49,7 @@ def rows(seed):
     for model in LADDER if seed == SEEDS[0] else ():
         for split, series in JUDGED.items():
             own = {"waves": tuple(rng.normal(size=12 * ORDERS)), "joints": tuple(rng.uniform(1, 9, 6) * 1e-6)}
+            own |= {"effects": EFFECTS * ((split, model) == ("both", SHARED))}
             own |= {"kept": ("joint springs",), "declined": ("links", "play"), "left_um": (), "error": None}
             row = of_one_trial(FitRow, rng, name=model, split=split, judged="", conservative=True, **own)
             yield from () if series else (row,)
@@ -54,6 +61,7 @@ def rows(seed):
         for model in TWO:
             for judged in "CA":
                 named = {"name": model, "split": DRAW, "judged": judged, "poses": poses, "waves": ()}
+                named["effects"] = ()
                 yield of_one_trial(FitRow, draws, **named, error=of_one_trial(Score, draws, n=200))
 
 
@@ -80,6 +88,8 @@ def test_the_words_of_a_real_arm_are_those_of_its_ladder(made):
     assert f"Single position: {most:.3f} mm" in found.worst
     text = "\n".join(found.claims)
     assert f"Links beside joint errors change 3.333 to {means[ALL].blocks_mm:.3f} mm in blocks" in text
+    assert "joint 5 differs by 60 +- 25 urad; z drifts by 40 +- 20 um in C." in text
+    assert [row.what for row in f["effects"]][4::3] == ["approach, wrist_2_joint", "drift of z, C"]
     for name, words in ((JOINTS, "biased: "), (SHARED, "with them ")):
         pair = [find(f["compliances"], name=name, trained=by).urad_per_Nm[2] for by in "AC"]
         assert "{}{:.1f} and {:.1f}".format(words, *pair) in text
@@ -123,3 +133,25 @@ def test_arrows_lead_from_where_a_model_has_the_target_to_the_reading(rng):
     assert poses.first == np.linalg.norm(errors[SHARED], axis=1).argmax()
     assert f"{JOINTS} {chart.lines[0].values[1]:.3f} mm" in poses.words[1]
     assert (chart.title, [*chart.labels]) == ("Error at each position (mm)", [*"abcde"])
+
+
+def test_direction_of_approach_and_drift_are_measured_where_they_are(rng):
+    """Of 1200 poses read within 30 um: 60 urad of one joint, and a slow wave of z whose RMS is 28 um."""
+    cell, rows, point = build_cell("ur10"), 1200, np.array([0.1, 0.0, 0.2])
+    state = nominal(cell.vjm, read_weights(cell.arm), np.ones(6))
+    mount = Mount(point[None], np.eye(3), ("P",))
+    state = replace(state, frames={"f": Frame(np.eye(3), np.zeros(3))}, mounts={"t": mount})
+    q, every, none = rng.uniform(-2, 2, (rows, 6)), np.arange(rows), np.zeros((rows, 6))
+    turned = q.copy()
+    turned[1:, 4] += 30e-6 * np.sign(np.diff(q[:, 4]))
+    place, rotation = tool_pose(cell.vjm, turned)
+    x = place + rotation @ point + 30e-6 * rng.standard_normal((rows, 3))
+    still = Series("s", ("P",), "f", "t", every, every, q, none, none[:, :3], x[:, None], 30e-6)
+    found = approach(state, still)
+    off = np.abs(found[:, 0] - 60e-6 * (np.arange(6) == 4))
+    assert (off < 2 * found[:, 1]).all()
+    assert found[4, 1] < 20e-6
+    wave = 40e-6 * np.sin(2 * np.pi * every / 400)
+    moving = replace(still, position=still.position + np.outer(wave, [0, 0, 1])[:, None])
+    assert drift(state, moving)[0] == pytest.approx(28e-6, rel=0.1)
+    assert drift(state, still)[0] < 5e-6

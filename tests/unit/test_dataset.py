@@ -121,6 +121,17 @@ def without_column(column: str) -> Callable[[Rows], Rows]:
     return edit
 
 
+def with_loading(line: int, word: str) -> Callable[[Rows], Rows]:
+    """A column more, on in all lines but one."""
+    return lambda rows: (
+        [[*row, "loading" if k == 0 else "on"] for k, row in enumerate(rows[: line - 1])]
+        + [
+            [*rows[line - 1], word],
+            *([*row, "on"] for row in rows[line:]),
+        ]
+    )
+
+
 # What is written; tests/property reads any of it back
 
 HEADER = f"""run pose marker {" ".join(f"{name}_rad" for name in JOINTS)}
@@ -326,6 +337,8 @@ PLAIN: list[tuple[Callable[[Rows], Rows], str]] = [
     (with_cell(6, "run", "99"), f"line 5: run 12: {EACH}"),
     (with_cell(6, "pose", "99"), f"line 6, column pose: {SAME}"),
     (lambda rows: rows + rows[4:7], "line 14: run 12 stands in the file twice"),
+    (with_loading(5, "up"), "line 5, column loading: expected on or off, got 'up'"),
+    (with_loading(7, "off"), f"line 7, column loading: {SAME}"),
 ]
 TURNED = [
     *(
@@ -422,6 +435,7 @@ def test_positions_alone_have_no_rotation() -> None:
         ({"sigma": np.nan}, r"sigma \[m\]: expected more than 0, got nan"),
         ({"sigma_rotation": None}, "orientations: expected before, after and sigma together, or none"),
         ({"rotation_after": np.zeros((4, 3, 3))}, r"rotation_after \[rad\]: expected shape \(4, 3\)"),
+        ({"taken_off": np.zeros(3, bool)}, r"taken_off: expected shape \(4\), got \(3,\)"),
         ({"station": np.zeros(3, int)}, r"station: expected 4 integers, got int64 \(3,\)"),
         ({"sigma_rotation": 0.0}, r"sigma \[rad\]: expected more than 0, got 0.0"),
     ],
@@ -438,6 +452,23 @@ def test_station_follows_its_runs() -> None:
     inside, outside = split(replace(dataset(), station=np.array([1, 2, 1, 3])), np.array([7]))
     np.testing.assert_array_equal(inside.station, [1, 2])
     np.testing.assert_array_equal(outside.station, [1, 3])
+
+
+def test_a_load_taken_off_belongs_to_the_unloaded_reading_of_its_own_run(tmp_path: Path) -> None:
+    """A row a run and state; the one before the load, which others of the pose may use, is not it."""
+    head = ["run", "state", "loading", "mass_kg", *(f"{name}_rad" for name in JOINTS)]
+    head += [f"P1_{axis}_m" for axis in "xyz"]
+    joints, rows = ["0.1"] * 6, [(1, "unloaded", "", 1), (1, "loaded", "On", 2), (2, "loaded", "off", 3)]
+    rows.append((2, "unloaded", "off", 4))
+    lines = [[run, when, way, 100, *joints, x, 0, 1] for run, when, way, x in rows]
+    file = tmp_path / "log.csv"
+    file.write_text("\n".join(",".join(map(str, line)) for line in [head, *lines]))
+    found = read_csv(file, ARM)
+    assert found.before[:, 0, 0].tolist() == [1, 4]
+    assert found.taken_off is not None
+    assert found.taken_off.tolist() == [False, True]
+    file.write_text("\n".join(",".join(map(str, line)) for line in [head, *lines[:3]]))
+    assert "line 4: loading off: expected an unloaded reading of the same run" in refusal(file)
 
 
 def test_split_by_a_missing_pose_lists_the_poses() -> None:

@@ -109,6 +109,7 @@ def report(asked: trial.Settings, seeds: range, trials: Trials) -> Report:
             for split, by in TRAINED.items()
             if (own := ladder.where(split=split, name=name))
         ],
+        effects=_effects(cell.arm.joints, ladder.where(split=trial.BOTH, name=trial.SHARED)),
         chosen=merged(ladder.where(name=trial.CHOSEN).keep("split", "kept", "declined"), "split"),
     )
     by_name = {row.name: row for row in models}
@@ -132,11 +133,12 @@ def report(asked: trial.Settings, seeds: range, trials: Trials) -> Report:
         tables={
             "models": Table(means, models, title, headline="blocks_mm", looks=LOOKS),
             "joints": Table(columns(JOINT), f.joints, "the joints and their errors"),
+            "effects": Table(columns("what value half_95 unit"), f.effects, "effects that no model has"),
             "errors": Table(
                 columns(ERRORS), [*judged, *f.by_number], "every error", headline="error.mean_mm", looks=LOOKS
             ),
         },
-        body=["models", OF_MODELS, "joints", OF_JOINTS, "errors", OF_ERRORS],
+        body=["models", OF_MODELS, "joints", OF_JOINTS, "effects", "errors", OF_ERRORS],
         badge=_badge(trials.where(split=trial.BLOCKS, judged=("A", "C"))),
     )
 
@@ -206,6 +208,14 @@ def _joint(name: str, a: Array, c: Array, waves: dict[str, Array]) -> Row:
         correlation=None if alike is None else float(alike),
         **{f"rms_{by}_urad": float(np.sqrt((own[seen[by]] ** 2).mean())) for by, own in curves.items()},
     )
+
+
+def _effects(joints: Sequence[Joint], own: Trials) -> list[Row]:
+    """Effects that no model has, with half intervals; none of joints where rows were left out."""
+    names = [(f"approach, {joint.name}", "urad") for joint in joints]
+    names += [(f"drift of z, {name}", "um") for name in trial.FILES]
+    every = zip(names, np.reshape(own["effects"][0], (-1, 2)).tolist(), strict=True)
+    return [Row(what=what, value=x, half_95=half, unit=unit) for (what, unit), (x, half) in every if half]
 
 
 def _curve(waves: Array) -> Array:
@@ -278,18 +288,20 @@ def _claims(f: Row, own: Models) -> Iterator[Markdown]:
             most=max(alike),
         )
     springs = [find(f.compliances, name=name, trained=by).urad_per_Nm[2] for name in trial.TWO for by in "AC"]
-    pan, elbow = (str(f.joints[k].joint).removesuffix("_joint").replace("_", " ") for k in (0, 2))
+    elbow = str(f.joints[2].joint).removesuffix("_joint").replace("_", " ")
     yield say(
         "Without joint errors springs are biased: {x[0]:.1f} and {x[1]:.1f} urad/(N m) of the {name} by A "
         "and C, with them {x[2]:.1f} and {x[3]:.1f}.",
         x=springs,
         name=elbow,
     )
-    yield say(
-        "{strange_to_A_percent:.0f} % of C's poses are more than 2 degrees from all poses of A in {name}.",
-        f.joints[0],
-        name=pan,
-    )
+    if len(f.effects) > len(trial.FILES):
+        yield say(
+            "By its direction of approach joint 5 differs by {x.value:.0f} +- {x.half_95:.0f} urad; z drifts "
+            "by {z.value:.0f} +- {z.half_95:.0f} um in C. No model has that.",
+            x=f.effects[4],
+            z=f.effects[-1],
+        )
     if trial.ALL in own:
         yield say(
             "Links beside joint errors change {w.blocks_mm:.3f} to {a.blocks_mm:.3f} mm in blocks. Without "

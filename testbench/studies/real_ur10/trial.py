@@ -25,6 +25,7 @@ from testbench.identify.absolute.scatter import residuals
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.prior import Strength, cad_prior
 from testbench.report.table import Row
+from testbench.studies.real_ur10.effects import approach, drift
 
 ARM = "ur10"
 FILES = {"A": "series_A_every_8th.csv", "C": "series_C.csv"}
@@ -146,6 +147,8 @@ class FitRow:
     waves: tuple[float, ...]  #: Coefficients of periodic errors, joint by joint, sines then cosines [rad].
     kept: tuple[str, ...]  #: Errors that cross-validation kept, and declined.
     declined: tuple[str, ...]
+    #: `approach` in C, whose rows are all there, and `drift` in A and C, by the common pattern [urad, um].
+    effects: tuple[float, ...]
 
 
 def trials(asked: Settings, seeds: Sequence[int]) -> list[list[FitRow]]:
@@ -225,7 +228,10 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> FitRow
         about |= Row(judged=series.name, error=score(model_of(found), [series], frame_poses))
         if about.split == BLOCKS and about.name in TWO:
             left = np.round(UM * residuals(found.state, series)[0].T, 2)
-    waves = "harmonics" in found.chosen.kinds and about.split != DRAW
+    waves, effects = "harmonics" in found.chosen.kinds and about.split != DRAW, np.zeros(0)
+    if (about.split, about.name) == (BOTH, SHARED):
+        slow = [drift(found.state, one) for one in found.series]
+        effects = np.vstack([approach(found.state, found.series[1]), *slow])
     return FitRow(
         **about,
         left_um=tuple(left.ravel().tolist()),
@@ -238,4 +244,5 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> FitRow
         waves=tuple(found.state.n[:, :K].ravel().tolist()) if waves else (),
         kept=tuple(step.name for step in steps if step.kept),
         declined=tuple(step.name for step in steps if not step.kept),
+        effects=tuple((UM * effects).ravel().tolist()),
     )
