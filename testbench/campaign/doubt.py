@@ -316,7 +316,8 @@ def of_noise(found: Iterable[Estimate]) -> list[Doubt]:
     if gammainc(free / 2, free / 2 * (least.f_m / least.f_m_floor) ** 2) > CHANCE:
         return []
     words = (
-        f"{least.structure.name} leaves F_M {least.f_m:.2g} where the stated noise alone leaves "
-        f"{least.f_m_floor:.3g}: is sigma too large, a U95 perhaps, or were readings averaged or copied?"
+        f"{least.structure.name} leaves F_M {least.f_m:.2g} where noise alone leaves "
+        f"{least.f_m_floor:.3g}: is sigma too large (50 um where none is stated), a U95 perhaps, or were "
+        "readings averaged or copied?"
     )
     return [Doubt("noise", words)]

@@ -16,6 +16,7 @@ from testbench.plant.import_robot.write import rigid_mjcf
 
 SPREAD = 1.9  #: The law misses the known compliances by this factor, root mean square of the logarithm [1].
 GUESSED = "so from payload and reach"  #: Ends the note of a diameter that no shape tells.
+CONFIRM = "#  "  #: Before each guess, in elastic.toml.
 TOLD = 4  #: Meshes that a note names; the others it counts.
 WORDS = {
     "density": "{0:.4g} kg in the file are {1:.0f} kg/m^3 inside of the shapes: check the masses",
@@ -75,7 +76,7 @@ def write_arm(chain: Chain, wishes: Wishes, folder: Path) -> list[str]:
         folder: An empty one.
 
     Returns:
-        What was understood and done, a sentence each; rigid.xml says it too.
+        What was understood and done, which rigid.xml says too, and what was guessed, a sentence each.
 
     Raises:
         BenchError: When MuJoCo refuses the arm.
@@ -90,12 +91,14 @@ def write_arm(chain: Chain, wishes: Wishes, folder: Path) -> list[str]:
         root.insert(k, ET.Comment(f" {re.sub('-(?=-)', '- ', note)} "))  # no comment may hold two hyphens
     ET.indent(root)
     (folder / "rigid.xml").write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
-    (folder / "elastic.toml").write_text(elastic_toml(chain, wishes, proposal), encoding="utf-8")
+    elastic = elastic_toml(chain, wishes, proposal)
+    (folder / "elastic.toml").write_text(elastic, encoding="utf-8")
     if meshes:
         (folder / "meshes").mkdir()
     for name, data in meshes.items():
         (folder / "meshes" / name).write_bytes(data)
-    return notes
+    guessed = [line.partition(". ")[2] for line in elastic.splitlines() if line.startswith(CONFIRM)]
+    return [*notes, *(f"guessed: {words}" for words in guessed)]
 
 
 def elastic_toml(chain: Chain, wishes: Wishes, proposal: Proposal) -> str:
@@ -145,7 +148,7 @@ def _to_confirm(name: str, proposal: Proposal, payload: str, proposed: Sequence[
     return [
         f"# {_plain(name)}: proposed from its geometry; nobody has measured these numbers.",
         "# To confirm, the largest effect on the sag first; `testbench check` puts numbers to it:",
-        *(f"#  {k}. {words}." for k, words in enumerate(confirm, start=1)),
+        *(f"{CONFIRM}{k}. {words}." for k, words in enumerate(confirm, start=1)),
         '# Where you know better, change the value and its origin: "published", "inferred" or "assumed".',
         "# Tool, load point and markers are bodies of rigid.xml; take out of to_confirm what stands right.",
     ]

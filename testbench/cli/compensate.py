@@ -66,7 +66,10 @@ class Options:
     ] = None
     tolerance: Annotated[
         float | None,
-        typer.Option(min=0, help="Largest error that passes [mm]: judged point by point, intervals counted."),
+        typer.Option(
+            min=0,
+            help="Largest error that passes [mm], interval counted; exits with 1 if a point fails.",
+        ),
     ] = None
     keep_unreachable: Annotated[
         bool, typer.Option("--keep-unreachable", help="Leave points that cannot be corrected unchanged.")
@@ -106,6 +109,8 @@ def command(asked: Options) -> None:
             *looked_at(folder),
         ]
         print_words(console, said, [said.tables["worst"]], lines)
+    if any(row.verdict == "fail" for row in said.numbers["rows"]):
+        raise typer.Exit(1)
 
 
 def _places(asked: Options) -> Places:

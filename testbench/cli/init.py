@@ -1,6 +1,7 @@
 """testbench init [KEY=VALUE ...]: the project file of a cell, from what it is told and finds here."""
 
 import json
+import re
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,8 +57,10 @@ def command(asked: Options) -> None:
 def _pair(word: str) -> tuple[str, object]:
     """Key and value of a word; what is no value of TOML is a text."""
     key, equals, text = word.partition("=")
-    if not equals or f"\n# {key} = " not in TEMPLATE.read_text(encoding="utf-8"):
-        raise BenchError(f"expected KEY=VALUE with a key of {NAME}, got {word[:80]!r}")
+    template = TEMPLATE.read_text(encoding="utf-8")
+    if not equals or f"\n# {key} = " not in template:
+        keys = ", ".join(re.findall(r"^# (\w+) = ", template, re.MULTILINE))
+        raise BenchError(f"expected KEY=VALUE with a key of {NAME}, {keys}, got {word[:80]!r}")
     try:
         return key, tomllib.loads(f"v = {text}")["v"]
     except ValueError:

@@ -76,7 +76,14 @@ class Options:
     geometry_mm: Annotated[
         float, typer.Option(min=0, max=10, help="Error of every joint's frame along an axis, and in mrad.")
     ] = 0.0
-    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of poses and noise.")] = 1
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=2**63 - 1,
+            help="Seed of poses and noise, of absolute readings of the arm too (--series: more of one).",
+        ),
+    ] = 1
     force: Force = False
 
 

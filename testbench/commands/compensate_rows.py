@@ -1,6 +1,7 @@
 """Numbers of `testbench compensate`: how far off a program is, and once corrected, point by point."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -158,7 +159,7 @@ def badge_of(f: Row) -> Badge | None:
     why = "the model does not know enough to promise an improvement" if f.harmful else ""
     if not why and f.tolerance and f.tolerance.failed:
         why = f"{counted(f.tolerance.failed, 'point')} may be off by more than {f.tolerance.mm:g} mm"
-    return decide((CORRECTED, half), (BEFORE, before), "point", why)
+    return replace(decide((CORRECTED, half), (BEFORE, before), "point", why), what="promised error")
 
 
 def within(half: float | None) -> str:

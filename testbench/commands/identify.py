@@ -179,7 +179,11 @@ def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
     yield from (say("Doubt: {text}", text=ended(doubt["sentence"])) for doubt in wrong)
     yield say("Why {recommended}: {why}", f, why=ended(f.why))
     yield from (say("Your estimator {name} {text}", m, text=ended(m.status)) for m in f.failed)
-    yield from (say("Not certified: {name} ({status}).", m) for m in f.models if m.status != "solved")
+    yield from (
+        say("Not certified: {name}{why}.", m, why="" if m.status == "not certified" else f" ({m.status})")
+        for m in f.models
+        if m.status != "solved"
+    )
     if taken.check is None:
         yield Markdown(
             "No pose was held out (--check-pose): a good fit alone does not show how well a model predicts."

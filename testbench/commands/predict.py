@@ -107,7 +107,8 @@ def report(made: Predicted) -> Report:
         title=say("Deflection under load: {arm}, {poses:counted pose} of {file}", f),
         answer=say(
             f"Under {{loads}} the tool moves {moves}. It is softest {{softest.softest}}{where}: "
-            "{softest.stiffness_n_per_um[0]:.3g} N/um; {map.force_n:,.0f} N move it by {push}.",
+            "{softest.stiffness_n_per_um[0]:.3g} N/um, so that {map.force_n:,.0f} N in that direction move "
+            "it by {push}.",
             f,
             pose=first.pose,
             moved=_sure(first.deflection_mm, first.half_mm),

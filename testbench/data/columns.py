@@ -127,6 +127,8 @@ class Columns:
     def lack(self, missing: Sequence[str], hint: str = "") -> InputError:
         """The error about columns that are not there."""
         ignored = f", ignored columns {list(self.ignored)}" if self.ignored else ""
+        if self.ignored and not hint:
+            hint = "; testbench data map proposes a map"
         return self.table.header_error(f"missing columns {list(missing)}{ignored}{hint}")
 
     def map_error(self, place: str, problem: str) -> InputError:

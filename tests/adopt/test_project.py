@@ -204,7 +204,7 @@ def test_init_writes_what_it_finds_and_is_told_and_replaces_nothing_by_itself(ce
     assert "exists already" in run("init").stderr
     assert "arm: expected the folder of an arm" in run("init", "--force", "arm=nowhere").stderr
     assert (
-        "expected KEY=VALUE with a key of testbench.toml, got 'out=x'"
+        "expected KEY=VALUE with a key of testbench.toml, arm, urdf, map, "
         in run("init", "--force", "out=x").stderr
     )
     assert NAME.read_text() != text

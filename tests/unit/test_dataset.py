@@ -306,7 +306,7 @@ PLAIN: list[tuple[Callable[[Rows], Rows], str]] = [
     (without_column("force_z_N"), "line 1: missing columns ['force_z_N']\n"),
     (
         with_cell(1, "force_z_N", "force_z_kg"),
-        "line 1: missing columns ['force_z_N'], ignored columns ['force_z_kg']\n",
+        "line 1: missing columns ['force_z_N'], ignored columns ['force_z_kg']; testbench data map ",
     ),
     (
         lambda rows: [[*row, row[3]] for row in rows],
