@@ -68,7 +68,7 @@ class Options:
         float | None,
         typer.Option(
             min=0,
-            help="Largest error that passes [mm], interval counted; exits with 1 if a point fails.",
+            help="Largest error that passes, in mm, interval counted; exits with 1 if a point fails.",
         ),
     ] = None
     keep_unreachable: Annotated[

@@ -36,7 +36,7 @@ class Options:
     ] = None
     at_most: Annotated[
         float | None,
-        typer.Option(min=0, help="Largest mean distance that passes [mm]; above, exit with 1."),
+        typer.Option(min=0, help="Largest mean distance that passes, in mm; above, exit with 1."),
     ] = None
     json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON, nothing else.")] = False
 

@@ -70,7 +70,7 @@ class Options:
     tracker: Annotated[
         list[str] | None,
         typer.Option(
-            help="Position of a laser tracker, x,y,z [m]; it reads in its own frame. Again for more."
+            help="Position of a laser tracker, x,y,z in m; it reads in its own frame. Again for more."
         ),
     ] = None
     geometry_mm: Annotated[

@@ -441,6 +441,8 @@ def test_every_command_says_its_flags(name):
     assert done.returncode == 0, done.stderr
     assert COMMANDS[name] in done.stdout
     assert "--help" in done.stdout
+    assert " ," not in done.stdout  # a unit in square brackets would be taken for a style, and be gone
+    assert " ;" not in done.stdout
 
 
 def test_our_arms_are_known_by_name_from_any_folder(tmp_path, monkeypatch):
