@@ -186,4 +186,7 @@ def test_noise_that_is_stated_far_too_large_is_doubted(kr500, campaign, times, d
     runs = Runs("runs.csv", *[replace(data, sigma=times * data.sigma)] * 2, None)
     found = fit(kr500, named_models(kr500, ["Joints", "MGCO56"]), runs, lambda: 0.0)
     assert [doubt.name for doubt in found.fits.doubts] == doubted
-    assert all("is sigma too large, a U95 perhaps" in doubt.sentence for doubt in found.fits.doubts)
+    assert all(
+        "is sigma too large (50 um where none is stated), a U95 perhaps" in doubt.sentence
+        for doubt in found.fits.doubts
+    )
