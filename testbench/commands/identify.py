@@ -176,6 +176,10 @@ def _least_sure(f: Row) -> Markdown:
 
 def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
     wrong = sorted(f.doubts, key=lambda doubt: doubt["name"] == "prior")
+    if taken.rejected:
+        yield say(
+            "{name} is fitted without {rejected:counted outlier}; errors here count all readings.", taken
+        )
     yield from (say("Doubt: {text}", text=ended(doubt["sentence"])) for doubt in wrong)
     yield say("Why {recommended}: {why}", f, why=ended(f.why))
     yield from (say("Your estimator {name} {text}", m, text=ended(m.status)) for m in f.failed)

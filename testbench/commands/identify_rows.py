@@ -119,6 +119,7 @@ def _model(own: Fitted, found: Identified, places: Row | None) -> Row:
     spread = vars(own.intervals) if own.intervals else {}
     return Row(
         {key: getattr(own, key) for key in OF_MODEL},
+        rejected=len(own.rejected),
         aggregated=[name for name, compliance in own.joints.items() if compliance is None],
         f_m_held_out=held.get(own.name),
         intervals=Row({key: value for key, value in spread.items() if key != "deflections"}),
