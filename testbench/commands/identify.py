@@ -176,7 +176,7 @@ def _least_sure(f: Row) -> Markdown:
 
 def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
     wrong = sorted(f.doubts, key=lambda doubt: doubt["name"] == "prior")
-    if taken.rejected:
+    if taken.get("rejected"):
         yield say(
             "{name} is fitted without {rejected:counted outlier}; errors here count all readings.", taken
         )

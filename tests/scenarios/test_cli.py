@@ -354,7 +354,9 @@ def test_prior_and_robust_loss_are_named_and_outliers_listed(simulated, tmp_path
     [model] = json.loads((tmp_path / "fit" / "models.json").read_text())["models"]
     run_id, marker = cells[lines[0].split(",").index("run")], cells[lines[0].split(",").index("marker")]
     assert [(r["run"], r["marker"]) for r in model["rejected"]] == [(int(run_id), marker)]
-    assert "uncertainty 30 %" in (tmp_path / "fit" / "report.md").read_text()
+    text = (tmp_path / "fit" / "report.md").read_text()
+    assert "uncertainty 30 %" in text
+    assert "is fitted without 1 outlier; errors here count all readings." in text
 
 
 def test_identifiability_is_said_before_any_fit(simulated, tmp_path, pixels):
