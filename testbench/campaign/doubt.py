@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import gammainc
 
 from testbench.arm.folder import Arm
+from testbench.data.scatter import SIGMA
 from testbench.errors import Array
 from testbench.identify import Estimate
 from testbench.identify.diagnosis.finding import Finding
@@ -317,7 +318,7 @@ def of_noise(found: Iterable[Estimate]) -> list[Doubt]:
         return []
     words = (
         f"{least.structure.name} leaves F_M {least.f_m:.2g} where noise alone leaves "
-        f"{least.f_m_floor:.3g}: is sigma too large (50 um where none is stated), a U95 perhaps, or were "
-        "readings averaged or copied?"
+        f"{least.f_m_floor:.3g}: is sigma too large ({1e6 * SIGMA[0]:g} um where none is stated), a U95 "
+        "perhaps, or were readings averaged or copied?"
     )
     return [Doubt("noise", words)]

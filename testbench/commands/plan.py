@@ -1,7 +1,7 @@
 """What `testbench plan` writes and says: the poses to measure, in their order, and what they promise."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +11,11 @@ from testbench.arm.folder import Arm
 from testbench.campaign.plan import Planned
 from testbench.campaign.plan_settings import pull_words
 from testbench.commands.plan_drawn import seen, write_poses, write_tasks
-from testbench.commands.plan_numbers import CURVE
+from testbench.commands.plan_numbers import CURVE, spread_rows
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, bullets, lines, say
 from testbench.report.table import Row
-from testbench.trials.spread import Spread
 from testbench.views.markdown import Markdown, listed
 from testbench.views.schema import Column, Table
 
@@ -221,7 +220,7 @@ def _tables(f: Row) -> dict[str, Table]:
     where = "over the workspace" if absolute else "at the tasks"
     random = f"beside {f.random_plans.plans} random plans"
     curve = f"How many poses: expected error {where}, each pose the best next one, {random}"
-    rows, title = _spread(f.plan[:MOST_ROWS]), f"Poses in the order of measuring{cut}"
+    rows, title = spread_rows(f.plan[:MOST_ROWS]), f"Poses in the order of measuring{cut}"
     found = {
         "poses": Table((*first, *joints, *last), rows, title, headline="error_there_mm"),
         "curve": Table(columns(CURVE), f.curve, curve),
@@ -229,14 +228,8 @@ def _tables(f: Row) -> dict[str, Table]:
     if not absolute:
         title = f"Tasks of the largest errors: {min(WORST, len(f.tasks))} of {len(f.tasks)}"
         own = columns("task expected_deflection_mm error_there_mm")
-        found["tasks"] = Table(own, _spread(_worst_tasks(f)[:WORST]), title)
+        found["tasks"] = Table(own, spread_rows(_worst_tasks(f)[:WORST]), title)
     return found
-
-
-def _spread(rows: Sequence[Row]) -> list[Row]:
-    """Rows with the error to expect and its interval as one."""
-    keys = [f"expected_error{end}_mm" for end in ("", "_p05", "_p95")]
-    return [Row(row, error_there_mm=Spread(*(row[key] for key in keys))) for row in rows]
 
 
 def printed(said: Report) -> Table:

@@ -40,6 +40,7 @@ from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.plant import has_surroundings
 from testbench.report.table import Row, finite
+from testbench.trials.spread import Spread
 
 TARGET = 0.1  #: Error for which the fewest poses are told [mm].
 MORE, LITTLE = 4, 0.10  #: So many more poses that bring less than this share are not worth their time.
@@ -292,3 +293,9 @@ def _random(
     drawn = len(made.found.q)
     plans = [rng.choice(drawn, poses, replace=drawn < poses) for _ in range(CHANCE)]
     return [float(x) for x in MM * np.percentile([error(plan) for plan in plans], [50, 10, 90])]
+
+
+def spread_rows(rows: Sequence[Row]) -> list[Row]:
+    """Rows with the error to expect and its interval as one."""
+    keys = [f"expected_error{end}_mm" for end in ("", "_p05", "_p95")]
+    return [Row(row, error_there_mm=Spread(*(row[key] for key in keys))) for row in rows]

@@ -6,17 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import Joint
 from testbench.campaign.rows import MM, UM
 from testbench.data.series import Series
-from testbench.errors import Array
-from testbench.identify.absolute.pattern import FIRST
 from testbench.report.badge import Badge, decide
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, find, merged
 from testbench.studies.calibration_scene import amid_errors
 from testbench.studies.real_ur10 import trial
+from testbench.studies.real_ur10.joints import TRAINED, effect_rows, joint_rows
 from testbench.studies.study import Run, Study
 from testbench.trials.spread import middle
 from testbench.views import colours
@@ -28,12 +26,6 @@ from testbench.views.scene import Seen
 from testbench.views.schema import Table
 
 LASTS = 0.7  #: Correlation above which a joint's error counts as the same: half of what either says.
-STRANGE = 2.0
-"""Distance of an angle from those that trained, beyond which order 60 has turned by a third [deg]."""
-ANGLES = np.arange(-180.0, 180.0, 1.0)  #: Where the error of a joint is compared [deg].
-FEW = 15  #: Angles that both series visited, below which their errors are not compared.
-TRAINED = {trial.TO_C: "A", trial.TO_A: "C", trial.BOTH: "both"}
-"""What trains on a split."""
 MEANS = {
     trial.BLOCKS: "blocks_mm",
     trial.TO_C: "a_to_c_mm",
@@ -102,14 +94,14 @@ def report(asked: trial.Settings, seeds: range, trials: Trials) -> Report:
             Row(merged(own)[0], draws=len(own))
             for _, own in errors.where(split=trial.DRAW).groups("judged", "name", "poses")
         ],
-        joints=_joints(cell.arm.joints, series, ladder),
+        joints=joint_rows(cell.arm.joints, series, ladder),
         compliances=[
             Row(trained=by, name=name, urad_per_Nm=[UM * c for c in own["joints"][0]])
             for name in trial.TWO
             for split, by in TRAINED.items()
             if (own := ladder.where(split=split, name=name))
         ],
-        effects=_effects(cell.arm.joints, ladder.where(split=trial.BOTH, name=trial.SHARED)),
+        effects=effect_rows(cell.arm.joints, ladder.where(split=trial.BOTH, name=trial.SHARED)),
         chosen=merged(ladder.where(name=trial.CHOSEN).keep("split", "kept", "declined"), "split"),
     )
     by_name = {row.name: row for row in models}
@@ -182,58 +174,6 @@ def _model(name: str, own: Trials, judged: Sequence[Row]) -> Row:
     return found
 
 
-def _joints(joints: Sequence[Joint], series: Sequence[Series], ladder: Trials) -> list[Row]:
-    """A row a joint: its angles, and its error by A, by C and by both."""
-    waves = {}
-    for name, by in TRAINED.items():
-        own = ladder.where(split=name, name=trial.WAVES)["waves"][0]
-        waves[by] = UM * np.array(own).reshape(len(joints), 2, -1)  # sines, cosines
-    a, c = (np.degrees(one.q) for one in series)
-    return [
-        _joint(joint.name, a[:, j], c[:, j], {by: own[j] for by, own in waves.items()})
-        for j, joint in enumerate(joints)
-    ]
-
-
-def _joint(name: str, a: Array, c: Array, waves: dict[str, Array]) -> Row:
-    at_a, at_c = (_far(ANGLES, q) <= STRANGE for q in (a, c))
-    common, seen = at_a & at_c, {"A": at_a, "C": at_c, "both": at_a | at_c}
-    curves = {by: _curve(own) for by, own in waves.items()}
-    alike = np.corrcoef(curves["A"][common], curves["C"][common])[0, 1] if common.sum() > FEW else None
-    return Row(
-        joint=name,
-        strange_to_A_percent=float(100 * (_far(c, a) > STRANGE).mean()),
-        strange_to_C_percent=float(100 * (_far(a, c) > STRANGE).mean()),
-        common_deg=float(common.mean() * 360),
-        correlation=None if alike is None else float(alike),
-        **{f"rms_{by}_urad": float(np.sqrt((own[seen[by]] ** 2).mean())) for by, own in curves.items()},
-    )
-
-
-def _effects(joints: Sequence[Joint], own: Trials) -> list[Row]:
-    """Effects that no model has, with half intervals; none of joints where rows were left out."""
-    names = [(f"approach, {joint.name}", "urad") for joint in joints]
-    names += [(f"drift of z, {name}", "um") for name in trial.FILES]
-    every = zip(names, np.reshape(own["effects"][0], (-1, 2)).tolist(), strict=True)
-    return [Row(what=what, value=x, half_95=half, unit=unit) for (what, unit), (x, half) in every if half]
-
-
-def _curve(waves: Array) -> Array:
-    """The error over `ANGLES` by sines and cosines, (2, orders), those below FIRST left out [urad]."""
-    angle = np.radians(np.outer(ANGLES, np.arange(1, waves.shape[1] + 1)))[:, FIRST - 1 :]
-    sines, cosines = waves[:, FIRST - 1 :]
-    return np.asarray(np.sin(angle) @ sines + np.cos(angle) @ cosines)
-
-
-def _far(angles: Array, known: Array) -> Array:
-    """Distance of some angles from the nearest of others, modulo a turn [deg]."""
-    ring = np.sort(known % 360)
-    ring = np.r_[ring[-1] - 360, ring, ring[0] + 360]
-    at = angles % 360
-    place = np.clip(np.searchsorted(ring, at), 1, len(ring) - 1)
-    return np.asarray(np.minimum(at - ring[place - 1], ring[place] - at))
-
-
 def _gain(own: Models, ours: str, theirs: str) -> Gain:
     """Two models in blocks that were held out."""
     return gained(ours, theirs, *([own[name].blocks_mm] for name in (ours, theirs)))
@@ -295,12 +235,13 @@ def _claims(f: Row, own: Models) -> Iterator[Markdown]:
         x=springs,
         name=elbow,
     )
-    if len(f.effects) > len(trial.FILES):
+    effects = {row.what: row for row in f.effects}
+    if fifth := effects.get(f"approach, {f.joints[4].joint}"):
         yield say(
             "By its direction of approach joint 5 differs by {x.value:.0f} +- {x.half_95:.0f} urad; z drifts "
             "by {z.value:.0f} +- {z.half_95:.0f} um in C. No model has that.",
-            x=f.effects[4],
-            z=f.effects[-1],
+            x=fifth,
+            z=effects[f"drift of z, {list(trial.FILES)[-1]}"],
         )
     if trial.ALL in own:
         yield say(
