@@ -79,14 +79,22 @@ def more(gain: Gain, each: str = "") -> str:
 
 
 def beside(gains: Mapping[str, Gain | None], unit: str = "mm") -> str:
-    """One model beside others, for the title of a figure; those that are not there are left out."""
+    """One model beside others, for the title of a figure: without spreads; what is not there is left out."""
     scale, form = UNITS[unit]
     known = {name: own for name, own in gains.items() if own is not None}
     ours = [f"{own.ours} {scale * middle(own.ours_mm):{form}} {unit}" for own in known.values()]
     theirs = [
-        f"{name} {scale * middle(own.theirs_mm):{form}} {unit}, {more(own)}" for name, own in known.items()
+        f"{name} {scale * middle(own.theirs_mm):{form}} {unit}, {_side(own, 1 / middle(own.times))}"
+        for name, own in known.items()
     ]
     return "; ".join([*ours[:1], *theirs])
+
+
+def _side(gain: Gain, size: float) -> str:
+    """The size alone, of an error that is so many times smaller."""
+    if gain.tie:
+        return "no clear difference"
+    return f"{ratio(max(size, 1 / size))} times {'larger' if size < 1 else 'smaller'}"
 
 
 def _words(gain: Gain, times: Number, interval: tuple[float, float] | None, each: str) -> str:
@@ -97,15 +105,14 @@ def _words(gain: Gain, times: Number, interval: tuple[float, float] | None, each
     inside, within = interval or (size, size), (low, high)
     if gain.tie:
         spread = f"{_range(within)} times{of}" if differ and each and high - low > SMALL else ""
-        return f"no clear difference{_bracketed(_median(inside), spread) if spread else ''}"
-    side = "smaller"
+        return f"{_side(gain, size)}{_bracketed(_median(inside), spread) if spread else ''}"
     if size < 1:
-        side, size, inside = "larger", 1 / size, (1 / inside[1], 1 / inside[0])
+        inside = (1 / inside[1], 1 / inside[0])
         within = within if differ else (1 / high, 1 / low)
     spread = (
         f"{_range(within)}{' times' if differ else ''}{of}" if ratio(within[0]) != ratio(within[1]) else ""
     )
-    return f"{ratio(size)} times {side}{_bracketed(_median(inside), spread)}"
+    return f"{_side(gain, size)}{_bracketed(_median(inside), spread)}"
 
 
 def _range(both: tuple[float, float]) -> str:

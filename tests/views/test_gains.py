@@ -37,7 +37,7 @@ def test_of_fewer_than_twenty_trials_the_range_is_told_and_their_number():
 def test_the_title_of_a_figure_says_how_much_more_the_others_err():
     gain = gained("ours", "theirs", [0.1, 1.0, 4.0], [1.0, 4.0, 8.0])
     known = {"least squares": gain, "joints alone": None, "both": gained("ours", "same", [0.2], [0.2])}
-    told = "ours 1.000 mm; least squares 4.000 mm, 4.0 times larger (2.0 to 10); "
+    told = "ours 1.000 mm; least squares 4.000 mm, 4.0 times larger; "
     told += "both 0.200 mm, no clear difference"
     assert beside(known) == told
     assert beside({"least squares": gain}, "um").startswith("ours 1000 um; least squares 4000 um, ")

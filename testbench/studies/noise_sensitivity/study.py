@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.model_selection import DEFAULT
-from testbench.campaign.models import JOINTS
+from testbench.campaign.models import EQUAL_FIT, JOINTS
 from testbench.campaign.rows import UM
 from testbench.report import badge
 from testbench.report.campaigns import distinct
@@ -19,6 +19,7 @@ from testbench.studies.factorial.compare import DUELS, ERROR, RMS
 from testbench.studies.factorial.trial import FitRow
 from testbench.studies.noise_sensitivity import trial
 from testbench.studies.noise_sensitivity.trial import HEAVY, INSTRUMENT, NEAR, Options, Settings
+from testbench.studies.rivals import SAME
 from testbench.studies.study import Study
 from testbench.trials.spread import middle, span
 from testbench.views.figure import Figure, sweeps
@@ -28,8 +29,10 @@ from testbench.views.schema import ALIKE, Table
 PARTS = {"gravity": "KR 500, 8 poses", "six_dof": "108 runs of section 5.2"}
 TRACKER_UM = {"gravity": 50.0, "six_dof": 25.0}  #: Noise of the paper's trackers, sections 6 and 5.2.
 JUDGED = {"gravity": "workspace", "six_dof": "check"}
-BANDS = (JOINTS, "MLS56", "MGCO56", DEFAULT)
-"""Lines whose spread is drawn: all of them would cover one another."""
+CROWD = ("MLS32", EQUAL_FIT, "Clipped LS", "MGCO47", "MGCO68", "MGCO69", "MGCO147")
+FILLED_CROWD = ("Joints + prior", "MGCO56 + prior", "MGCO68 + prior", "MGCO69 + prior", SAME)
+"""Models without a line in the figure, where more would cover one another."""
+BANDS = (JOINTS, DEFAULT)  #: Lines with their spread.
 HOW = Markdown(
     "## How it was done\n\n"
     "True arms: links of tubes, as in the model; links 10, 20 and 40 % off any tube; cast links; unequal "
@@ -179,15 +182,15 @@ def _tables(f: Row, winner: str) -> dict[str, Table]:
 
 def figures(found: Report) -> dict[str, Figure]:
     """Error against noise for both arms."""
-    f, shown = Row(found.numbers), (*columns("name sigma_um"), RMS)
+    f, shown, hidden = Row(found.numbers), (*columns("name sigma_um"), RMS), {*CROWD, *FILLED_CROWD}
     panes = {
-        words: Table(shown, [row for row in compare.existing(f.sweeps[part]) if row.sigma_um > 0])
+        words: Table(shown, [row for row in f.sweeps[part] if row.sigma_um > 0 and row.name not in hidden])
         for part, words in PARTS.items()
     }
     counts = sorted({pick(f.trials[part] for part in PARTS) for pick in (min, max)})
     reading = (
-        f"RMS errors against the truth. Marks: medians of {' to '.join(map(str, counts))} trials; bands, of "
-        f"some: {span(counts[0])} of them. Filled and dashed: with a prior."
+        f"RMS errors against the truth. Marks: medians of {' to '.join(map(str, counts))} trials; bands: "
+        f"{span(counts[0])} of them. Filled and dashed: with a prior. All models stand in the tables."
     )
     answer = f"{_at(f, 'gravity')} {compare.gains_told(f.gains.gravity)}"
     return {"noise_sensitivity.png": sweeps(panes, answer, reading, BANDS)}
