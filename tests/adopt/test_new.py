@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oracles import pinocchio_urdf
-from run_here import here
+from run_here import do, fine, is_refused
 from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, sliding_mjcf
 
 from testbench.arm.folder import load_arm
 from testbench.campaign.arm_check import check
-from testbench.cli.program import program
 from testbench.model.kinematics import build_vjm
 from testbench.model.vjm import body_poses, tool_pose
 from testbench.plant import build_room, collisions
@@ -24,24 +23,11 @@ STRANGERS = light_urdf, heavy_urdf, classes_mjcf, mounted_mjcf, sliding_mjcf
 FUZZED = 25
 
 
-def new(*args):
-    return here(program(["new"]), "new", *args)
-
-
-def refused(done):
-    assert done.returncode == 2, done.stdout
-    assert done.stderr.startswith("error: ")
-    assert done.stderr.count("\n") == 1
-    assert len(done.stderr) < 2100
-    return done.stderr
-
-
 def test_a_robot_s_file_is_an_arm_in_one_command(tmp_path):
     flags = "--payload-kg", 3, "--tool", "0,0,0.1,0,0,45", "--load", "0,0,0.05"
-    done = new(tmp_path / "mine", "--from", light_urdf(tmp_path), *flags)
-    assert done.returncode == 0, done.stderr
-    assert "7 joints, tool at 'tool0'" in done.stdout
-    assert "merged into link_7: hand" in done.stdout
+    said = fine("new", tmp_path / "mine", "--from", light_urdf(tmp_path), *flags)
+    assert "7 joints, tool at 'tool0'" in said
+    assert "merged into link_7: hand" in said
     assert "<!-- merged into link_7: hand" in (tmp_path / "mine/rigid.xml").read_text()
     arm = load_arm(tmp_path / "mine")
     assert (arm.payload, arm.n_joints) == (3, 7)
@@ -68,18 +54,18 @@ def test_the_advice_on_xacro_works_without_ros(tmp_path):
     file = home / "urdf/robot.urdf.xacro"
     called = '<xacro:include filename="$(find parts)/arm.xacro"/><xacro:arm deep="${deep}"/>'
     file.write_text(f'<robot name="r" {xacro}>{called}</robot>')
-    said = refused(new(tmp_path / "mine", "--from", file))
+    said = is_refused(do("new", tmp_path / "mine", "--from", file))
     command = re.search("pip install xacrodoc; (xacrodoc .*); arguments", said)[1]
     plain = {"PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin"}
     done = subprocess.run(command, shell=True, env=plain, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert new(tmp_path / "mine", "--from", file.with_name("robot_expanded.urdf")).returncode == 0
+    fine("new", tmp_path / "mine", "--from", file.with_name("robot_expanded.urdf"))
     assert load_arm(tmp_path / "mine").limits[1] == pytest.approx([1.2] * 6)
 
 
 def test_an_arm_that_exists_is_not_touched(tmp_path):
     (tmp_path / "mine").mkdir()
-    assert "exists already" in refused(new(tmp_path / "mine", "--from", heavy_urdf(tmp_path)))
+    assert "exists already" in is_refused(do("new", tmp_path / "mine", "--from", heavy_urdf(tmp_path)))
     assert not list((tmp_path / "mine").iterdir())
 
 
@@ -101,16 +87,15 @@ def with_rods(folder, flange):
 @pytest.mark.parametrize("flange", ["tool0", "mount"])
 def test_rods_that_follow_a_joint_do_not_cut_the_wrist_off_and_touch_nothing(tmp_path, flange):
     """What is drawn where it is not hinders no pose and thickens no tube."""
-    done = new(tmp_path / "mine", "--from", with_rods(tmp_path, flange), "--payload-kg", 300)
-    assert done.returncode == 0, done.stderr
-    assert f"6 joints, tool at '{flange}'" in done.stdout
+    said = fine("new", tmp_path / "mine", "--from", with_rods(tmp_path, flange), "--payload-kg", 300)
+    assert f"6 joints, tool at '{flange}'" in said
     names = ", ".join(f"rod_joint_{k}" for k in range(1, 5))
-    assert f"off the arm, so held at zero: {names}" in done.stdout
-    said = "held at zero they do not follow the arm, so their collisions do not count"
-    assert f"{said}: rod_1, rod_2, rod_3, rod_4" in done.stdout
-    assert "hulls that touch" not in done.stdout
+    assert f"off the arm, so held at zero: {names}" in said
+    still = "held at zero they do not follow the arm, so their collisions do not count"
+    assert f"{still}: rod_1, rod_2, rod_3, rod_4" in said
+    assert "hulls that touch" not in said
     assert (load_arm(tmp_path / "mine").limits[:, 2] == (-2, 1.5)).all()
-    assert new(tmp_path / "bare", "--from", tmp_path / "heavy.urdf", "--payload-kg", 300).returncode == 0
+    fine("new", tmp_path / "bare", "--from", tmp_path / "heavy.urdf", "--payload-kg", 300)
     mine, bare = ((tmp_path / name / "elastic.toml").read_text() for name in ("mine", "bare"))
     assert mine.replace(f"'{flange}'", "'tool0'") == bare
 
@@ -125,13 +110,13 @@ def test_a_parallelogram_is_read_as_its_refusal_says(tmp_path):
     own = '<origin xyz="0 0 1.25"/> <parent link="link_2"/><child link="link_3"/>'
     text = text.replace(own, '<parent link="held"/><child link="link_3"/>')
     (file := tmp_path / "rod.urdf").write_text(text)
-    said = refused(new(tmp_path / "mine", "--from", file))
+    said = is_refused(do("new", tmp_path / "mine", "--from", file))
     assert "joint 'rod' follows 'joint_a2' (mimic); it turns about the axis of 'joint_a3', as in a" in said
     assert "make it fixed, and let 'joint_a3' count the sum of both angles, in readings too" in said
     free = re.sub("<mimic[^>]*>", "", text)
     (tmp_path / "free.urdf").write_text(free)
     file.write_text(free.replace('name="rod" type="revolute"', 'name="rod" type="fixed"'))
-    assert new(tmp_path / "mine", "--from", file).returncode == 0
+    fine("new", tmp_path / "mine", "--from", file)
     names, q = [f"joint_a{k}" for k in range(1, 7)], np.random.default_rng(2).uniform(-1, 1, (5, 6))
     theirs = pinocchio_urdf(tmp_path / "free.urdf", "tool0", [*names, "rod"], np.c_[q, -q[:, 1]]).tips
     ours = build_vjm(load_arm(tmp_path / "mine"))
@@ -146,7 +131,7 @@ def test_rods_hinder_no_pose_of_a_robot_that_states_no_collision_shapes(tmp_path
     rooms = []
     for file in files:
         file.write_text(re.sub("<collision>.*?</collision>", "", file.read_text(), flags=re.DOTALL))
-        assert new(tmp_path / file.stem, "--from", file, "--payload-kg", 300).returncode == 0
+        fine("new", tmp_path / file.stem, "--from", file, "--payload-kg", 300)
         rooms.append(build_room(load_arm(tmp_path / file.stem)))
     lower, upper = rooms[0].arm.limits
     q = np.random.default_rng(0).uniform(lower, upper, (50, 6))
@@ -167,19 +152,18 @@ def test_a_joint_that_is_locked_at_zero_is_no_joint_of_the_arm(tmp_path, limits)
     ):
         file = tmp_path / f"{said[0]}.urdf"
         file.write_text(changed)
-        done = new(tmp_path / said[0], "--from", file)
-        assert done.returncode == 0, done.stderr
-        assert said in done.stdout
-        assert ("limits of 0 to 0, so held at zero: joint_a4\n" in done.stdout) == (said[0] == "5")
-        assert ("-360 to 360 deg stands in" in done.stdout) == (said[0] == "6")
+        done = fine("new", tmp_path / said[0], "--from", file)
+        assert said in done
+        assert ("limits of 0 to 0, so held at zero: joint_a4 " in done) == (said[0] == "5")
+        assert ("-360 to 360 deg stands in" in done) == (said[0] == "6")
 
 
 def test_a_gripper_whose_fingers_follow_one_of_them_is_no_part_of_the_arm(tmp_path):
     """No flange by name: the fingers that follow show that the last branch is a gripper."""
     file = light_urdf(tmp_path)
     file.write_text(file.read_text().replace("tool0", "mount"))
-    done = new(tmp_path / "mine", "--from", file)
-    assert "7 joints, tool at 'hand'" in done.stdout, done.stderr
+    done = fine("new", tmp_path / "mine", "--from", file)
+    assert "7 joints, tool at 'hand'" in done
 
 
 @pytest.mark.parametrize(
@@ -191,8 +175,8 @@ def test_the_frame_of_the_tool_is_known_by_its_name(tmp_path, name):
     camera = """<link name="camera_link"/><joint name="c" type="fixed"><parent link="link_6"/>
         <child link="camera_link"/></joint></robot>"""
     (tmp_path / "named.urdf").write_text(text.replace("</robot>", camera))
-    done = new(tmp_path / "mine", "--from", tmp_path / "named.urdf")
-    assert f"6 joints, tool at {name!r}" in done.stdout, done.stderr
+    done = fine("new", tmp_path / "mine", "--from", tmp_path / "named.urdf")
+    assert f"6 joints, tool at {name!r}" in done
 
 
 def test_a_gripper_of_one_jaw_is_no_joint_of_the_arm(tmp_path):
@@ -207,10 +191,9 @@ def test_a_gripper_of_one_jaw_is_no_joint_of_the_arm(tmp_path):
     ):
         file = tmp_path / f"{name}.urdf"
         file.write_text(text.replace("</robot>", jaw.format(name) + "</robot>"))
-        done = new(tmp_path / name, "--from", file)
-        assert done.returncode == 0, done.stderr
-        assert said in done.stdout
-        assert ("off the arm, so held at zero: jointGripper" in done.stdout) == (said[0] == "6")
+        done = fine("new", tmp_path / name, "--from", file)
+        assert said in done
+        assert ("off the arm, so held at zero: jointGripper" in done) == (said[0] == "6")
 
 
 @pytest.mark.parametrize(
@@ -233,7 +216,7 @@ def test_load_and_markers_lie_beyond_a_flange_in_the_last_joint(tmp_path, rpy, a
     text = text.replace('size="0.04 0.2 0.2"', f'size="{long} 0.2 0.2"')
     file = tmp_path / "wrist.urdf"
     file.write_text(text.replace(spot.format("0.1 0 0", "0 1.57 0"), spot.format("0 0 0", rpy)))
-    assert new(tmp_path / "mine", "--from", file, "--payload-kg", 100).returncode == 0
+    fine("new", tmp_path / "mine", "--from", file, "--payload-kg", 100)
     found = check(tmp_path / "mine")
     vjm = found.cell.vjm
     (wrist, _), (joint, _), (tool, turn) = body_poses(vjm, np.zeros((1, 6)))[-3:]
@@ -258,8 +241,7 @@ def test_guesses_are_doubted(tmp_path):
     markers = [
         flag for k in range(3) for flag in ("--marker", f"P{k}={0.1 * (k == 0)},{0.1 * (k == 1)},-0.3")
     ]
-    done = new(tmp_path / "mine", "--from", file, *markers, "--tool", "0,0,-0.2")
-    assert done.returncode == 0, done.stderr
+    fine("new", tmp_path / "mine", "--from", file, *markers, "--tool", "0,0,-0.2")
     checked = check(tmp_path / "mine")
     links = [link.name for link in checked.cell.arm.links if checked.doubted(link.name)]
     assert links == ["link_2", "link_3", "link_4"]
@@ -276,7 +258,7 @@ def test_guesses_are_doubted(tmp_path):
     text = (tmp_path / "mine/elastic.toml").read_text()
     assert text.count("its shape is on 100 of 900 mm, so from payload and reach") == 1
     assert text.count("no shape, so from payload and reach") == 2
-    assert new(tmp_path / "stated", "--from", heavy_urdf(tmp_path), "--payload-kg", 300).returncode == 0
+    fine("new", tmp_path / "stated", "--from", heavy_urdf(tmp_path), "--payload-kg", 300)
     assert not {"payload", "flange", "tube shape"} & {d.name for d in check(tmp_path / "stated").doubts}
 
 
@@ -286,7 +268,7 @@ def test_the_payload_names_the_links_that_have_no_mass(tmp_path):
     start = text.index('<link name="link_3">')
     bare = text[:start] + re.sub("<inertial>.*?</inertial>", "", text[start:], count=1)
     file.write_text(bare)
-    assert new(tmp_path / "mine", "--from", file).returncode == 0
+    fine("new", tmp_path / "mine", "--from", file)
     assert "the file has no mass of link_3" in (tmp_path / "mine/elastic.toml").read_text()
 
 
@@ -333,7 +315,7 @@ def test_a_robot_of_more_links_than_any_has_is_one_line(tmp_path, links, kind, s
         ends = f'<parent link="l{k}"/><child link="l{k + 1}"/>'
         text += f'<joint name="j{k}" type="{kind}">{ends}</joint>'
     (tmp_path / "long.urdf").write_text(f'<robot name="long">{text}</robot>')
-    assert said in refused(new(tmp_path / "mine", "--from", tmp_path / "long.urdf"))
+    assert said in is_refused(do("new", tmp_path / "mine", "--from", tmp_path / "long.urdf"))
 
 
 @pytest.mark.parametrize(("change", "said"), WRONG.items())
@@ -342,9 +324,9 @@ def test_a_wrong_urdf_is_one_line(tmp_path, change, said):
     text = file.read_text()
     assert change[0] in re.sub(r"\s+", " ", text)
     file.write_text(re.sub(r"\s+", " ", text).replace(*change))
-    done = new(tmp_path / "mine", "--from", file)
+    done = do("new", tmp_path / "mine", "--from", file)
     if said:
-        assert said in refused(done)
+        assert said in is_refused(done)
         assert [p.name for p in tmp_path.iterdir()] == ["heavy.urdf"]
     else:  # five joints are an arm as well, and what stands in a comment is nothing
         assert done.returncode == 0
@@ -367,7 +349,7 @@ def test_a_wrong_mjcf_is_one_line(tmp_path, change, said):
     text = re.sub(r"\s+", " ", file.read_text())
     assert change[0] in text
     file.write_text(text.replace(*change))
-    assert said in refused(new(tmp_path / "mine", "--from", file))
+    assert said in is_refused(do("new", tmp_path / "mine", "--from", file))
 
 
 @pytest.mark.parametrize(
@@ -379,8 +361,8 @@ def test_a_wrong_mjcf_is_one_line(tmp_path, change, said):
     }.items(),
 )
 def test_a_tip_must_be_there_and_lie_behind_three_joints_or_more(tmp_path, tip, said):
-    done = new(tmp_path / "mine", "--from", sliding_mjcf(tmp_path), "--tip", tip)
-    assert said in refused(done) if said else done.returncode == 0
+    done = do("new", tmp_path / "mine", "--from", sliding_mjcf(tmp_path), "--tip", tip)
+    assert said in is_refused(done) if said else done.returncode == 0
 
 
 def test_whatever_the_file_holds_nothing_but_an_arm_or_one_line_comes_of_it(tmp_path):
@@ -393,9 +375,9 @@ def test_whatever_the_file_holds_nothing_but_an_arm_or_one_line_comes_of_it(tmp_
         file.write_text(mutated(file.read_text(), rng))
         for mesh in home.rglob("*.stl"):
             mesh.write_bytes(mesh.read_bytes()[: rng.choice([0, 83, 100, 284, 284, 284])])
-        done = new(home / "arm", "--from", file)
+        done = do("new", home / "arm", "--from", file)
         if done.returncode:
-            assert str(home) in refused(done)  # the file at fault
+            assert str(home) in is_refused(done)  # the file at fault
         assert (home / "arm").exists() == (done.returncode == 0)
         assert not list(home.glob(".new-*"))
         made += done.returncode == 0

@@ -6,27 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from run_here import here
+from run_here import do, fine, refused
 from strangers import heavy_urdf
 
 from testbench.arm.folder import load_arm
-from testbench.cli.program import program
 from testbench.data.read_series import read_series
 from testbench.shell.project import NAME, Project, read_project
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = "kr500_l480"
 MAP = '[columns]\n"joint_{n}_rad" = "A{n}"\n"{axis}_m" = "Ist {axis}_m"\nmarker = "Ziel"\n'
-
-
-def run(*args):
-    return here(program([args[0]]), *args)
-
-
-def done(*args):
-    found = run(*args)
-    assert found.returncode == 0, found.stderr
-    return found.stdout
 
 
 def taken(folder):
@@ -37,7 +26,7 @@ def taken(folder):
 def export(tmp_path_factory):
     """An instrument's file in German."""
     file = tmp_path_factory.mktemp("instrument") / "may.csv"
-    done("simulate", ARM, "--poses", 24, "--absolute", "--tracker", "4,-2,1.5", "--out", file)
+    fine("simulate", ARM, "--poses", 24, "--absolute", "--tracker", "4,-2,1.5", "--out", file)
     head, rows = file.read_text().replace("marker", "Ziel", 1).split("\n", 1)
     for theirs, ours in [*((f"A{k} [rad]", f"joint_{k}_rad") for k in range(1, 7)), ("Ist ", "position_")]:
         head = head.replace(ours, theirs)
@@ -55,7 +44,7 @@ def cell(export, tmp_path, monkeypatch):
 
 def instrument(arm):
     """What a tracker writes in German of an arm in 30 poses, and a program of two of them."""
-    done("simulate", arm, "--poses", 30, "--absolute", "--tracker", "3,-2,1.5", "--out", "known.csv")
+    fine("simulate", arm, "--poses", 30, "--absolute", "--tracker", "3,-2,1.5", "--out", "known.csv")
     [series] = read_series("known.csv", load_arm(Path(arm))).series
     joints = [joint.shown_column for joint in load_arm(Path(arm)).joints]
     lines = [f"Punkt;X;Y;Z;{';'.join(f'Achse {k + 1} [°]' for k in range(len(joints)))}"]
@@ -74,7 +63,7 @@ def test_from_a_urdf_and_an_instrument_s_file_to_a_corrected_program_in_seven_co
 
     def step(*args):
         words.append(args)
-        return done(*args)
+        return fine(*args)
 
     step("new", "my_arm", "--from", "heavy.urdf", "--payload-kg", 300)
     instrument("my_arm")
@@ -85,7 +74,7 @@ def test_from_a_urdf_and_an_instrument_s_file_to_a_corrected_program_in_seven_co
     step("compensate", "runs/calibrate", "program.csv", "--out", "corrected.csv", "--jumps")
     step("export", "runs/calibrate")
     assert len(words) == 7
-    assert "error: none.yaml: " in run("export", "runs/calibrate", "--into", "none.yaml").stderr  # no --urdf
+    assert "error: none.yaml: " in do("export", "runs/calibrate", "--into", "none.yaml").stderr  # no --urdf
     assert Path("corrected.csv").is_file()
     assert Path("heavy_calibrated.urdf").is_file()
     flags = {word for args in words for word in args[1:] if str(word).startswith("--")}
@@ -105,40 +94,34 @@ def test_a_file_has_its_own_values_and_flags_count_more(cell):
     june = Path("may.csv").read_text().splitlines()
     Path("june.csv").write_text("\n".join([june[0], *june[40:]]) + "\n")
     Path("may.csv").write_text("\n".join(june[:40]) + "\n")
-    assert "june.csv" in run("calibrate", "may.csv", "june.csv").stderr  # whose names the map has
-    done("calibrate", "may.csv", "./june.csv", "--map", "may.toml", "--out", "both")
+    assert "june.csv" in do("calibrate", "may.csv", "june.csv").stderr  # whose names the map has
+    fine("calibrate", "may.csv", "./june.csv", "--map", "may.toml", "--out", "both")
     found = json.loads(Path("both/manifest.json").read_text())
     assert found["scenario"]["sigma_um"] == 40.0
-    assert found["scenario"]["load"] == [
-        pytest.approx(300.0),
-        None,
-    ]  # 460 kg hang in no file that says nothing
-    assert found["project"]["taken"] == {
-        "arm": ARM,
-        "sigma_um": 40.0,
-        "load": {"may.csv": "661.38678655lb"},
-    }
-    done("calibrate", ARM, "may.csv", "june.csv", "--map", "may.toml", "--sigma-um", 5, "--out", "flags")
+    assert found["scenario"]["load"] == [pytest.approx(300.0), None]  # 460 kg hang in no file without a word
+    loads = {"may.csv": "661.38678655lb"}
+    assert found["project"]["taken"] == {"arm": ARM, "sigma_um": 40.0, "load": loads}
+    fine("calibrate", ARM, "may.csv", "june.csv", "--map", "may.toml", "--sigma-um", 5, "--out", "flags")
     assert json.loads(Path("flags/manifest.json").read_text())["scenario"]["sigma_um"] == 5.0
 
 
 def test_a_pair_without_a_mass_has_the_project_s_load(cell):
-    done("simulate", ARM, ROOT / "docs" / "poses.csv", "--payload-kg", 460, "--out", "pairs.csv")
+    fine("simulate", ARM, ROOT / "docs" / "poses.csv", "--payload-kg", 460, "--out", "pairs.csv")
     names, *rows = [line.split(",") for line in Path("pairs.csv").read_text().splitlines()]
     kept = [k for k, name in enumerate(names) if not name.startswith(("force", "moment", "point"))]
     Path("pairs.csv").write_text("\n".join(",".join(row[k] for k in kept) for row in [names, *rows]) + "\n")
     NAME.write_text(f'arm = "{ARM}"\nload = 460\ntargets = ["P9"]\n')
-    words = " ".join(done("data", "check", "pairs.csv", "--out", "seen").split())
+    words = fine("data", "check", "pairs.csv", "--out", "seen")
     assert "4512.6 N (as of 460 kg hung) in 11 runs" in words
     assert "no column says a mass: 460 kg in loaded rows, as was said" in words
     assert "testbench identify pairs.csv --new-target" not in words
     assert "testbench identify pairs.csv --out" in words  # the arm is known
     Path("hand.toml").write_text("")
-    words = done("data", "check", ARM, "pairs.csv", "--map", "hand.toml", "--frame", "base", "--out", "again")
-    assert "testbench identify pairs.csv --map hand.toml --frame base --out" in " ".join(words.split())
+    words = fine("data", "check", ARM, "pairs.csv", "--map", "hand.toml", "--frame", "base", "--out", "again")
+    assert "testbench identify pairs.csv --map hand.toml --frame base --out" in words
     assert taken(Path("seen"))["taken"] == {"arm": ARM, "targets": ["P9"], "load": ["460"]}
     NAME.write_text(f'arm = "{ARM}"\nload = [240, 460]\n')
-    assert "missing columns ['mass_kg" in run("data", "check", "pairs.csv").stderr
+    assert "missing columns ['mass_kg" in do("data", "check", "pairs.csv").stderr
 
 
 @pytest.mark.parametrize(
@@ -169,29 +152,24 @@ def test_a_pair_without_a_mass_has_the_project_s_load(cell):
 )
 def test_a_mistake_is_one_line_and_nothing_is_written(cell, text, said):
     NAME.write_text(text + "\n")
-    before = sorted(cell.rglob("*"))
     for args in (("calibrate", ARM, "may.csv"), ("plan", ARM, "--absolute"), ("check", ARM, "--out", "seen")):
-        found = run(*args)
-        assert (found.returncode, found.stdout) == (2, "")
-        assert found.stderr.startswith(f"error: {NAME}: ")
-        assert said in found.stderr
-        assert found.stderr.count("\n") == 1
-    assert sorted(cell.rglob("*")) == before
-    assert run("calibrate", "--help").returncode == 0
+        line = refused(*args, said=said, below=cell)
+        assert line.startswith(f"error: {NAME}: ")
+    fine("calibrate", "--help")
 
 
 def test_words_that_are_no_arm_are_files_and_missing_ones_are_named(cell):
     NAME.write_text(f'arm = "{ARM}"\n')
-    assert "error: typo.csv: cannot be read" in run("data", "check", "typo.csv").stderr
-    assert "Missing argument 'dataset'" in run("data", "check", ARM).stderr
-    assert "no_arm: expected a folder with rigid.xml" in run("data", "check", "no_arm", "may.csv").stderr
-    assert "Missing argument 'arm'" in (NAME.unlink() or run("check").stderr)
+    assert "error: typo.csv: cannot be read" in do("data", "check", "typo.csv").stderr
+    assert "Missing argument 'dataset'" in do("data", "check", ARM).stderr
+    assert "no_arm: expected a folder with rigid.xml" in do("data", "check", "no_arm", "may.csv").stderr
+    assert "Missing argument 'arm'" in (NAME.unlink() or do("check").stderr)
 
 
 def test_init_writes_what_it_finds_and_is_told_and_replaces_nothing_by_itself(cell):
     Path("may.csv").with_name("odd.csv").write_text("a")
     Path("odd.toml").write_text("no_key_of_a_map = 1\n")
-    said = done("init", f"arm={ARM}", "tracker=4,-2,1.5", 'load=["120kg", 460]')
+    said = fine("init", f"arm={ARM}", "tracker=4,-2,1.5", 'load=["120kg", 460]')
     assert 'tracker = "4,-2,1.5"  # where it stands' in said
     found = read_project()
     assert (found.arm, found.tracker, found.files["may.csv"].map) == (ARM, "4,-2,1.5", "may.toml")
@@ -200,12 +178,12 @@ def test_init_writes_what_it_finds_and_is_told_and_replaces_nothing_by_itself(ce
     assert all(f"{key} = " in text for key in Project.model_fields if key != "files")
     examples = text[: text.index("[files")].splitlines(keepends=True)
     NAME.write_text("".join(line.removeprefix("# ") for line in examples if " = " in line))
-    assert "map: expected a file, there is none" in run("check").stderr  # all examples are sound
-    assert "exists already" in run("init").stderr
-    assert "arm: expected the folder of an arm" in run("init", "--force", "arm=nowhere").stderr
+    assert "map: expected a file, there is none" in do("check").stderr  # all examples are sound
+    assert "exists already" in do("init").stderr
+    assert "arm: expected the folder of an arm" in do("init", "--force", "arm=nowhere").stderr
     assert (
         "expected KEY=VALUE with a key of testbench.toml, arm, urdf, map, "
-        in run("init", "--force", "out=x").stderr
+        in do("init", "--force", "out=x").stderr
     )
     assert NAME.read_text() != text
-    assert run("init", "--force").returncode == 0
+    assert do("init", "--force").returncode == 0

@@ -1,26 +1,25 @@
 """Exports as instruments write them, of known readings, read by the map that is proposed for each."""
 
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
+from typing import Any
 
 import numpy as np
 import pytest
-from run_here import here
+from run_here import do, fine, is_refused
 from workbooks import packed, parts
 
 from testbench.arm.catalogue import find_arm
 from testbench.arm.folder import load_arm
-from testbench.cli.program import program
 from testbench.data.read_series import read_series
 from testbench.errors import InputError
 
 ARM = "kr500_l480"
 BEGAN = datetime(2026, 9, 14, 9, 1, 30)
 STEP = timedelta(seconds=47)
-JOINTS = range(6)
-
-
-def run(*args):
-    return here(program([args[0]]), *map(str, args))
+SHOTS = (-0.01, 0.0, 0.01)  #: What shots of a point are off [mm].
 
 
 @pytest.fixture(scope="module")
@@ -28,457 +27,378 @@ def known(tmp_path_factory):
     """Three targets in 20 poses, under own weight and then under 240 kg, as arrays."""
     file = tmp_path_factory.mktemp("known") / "known.csv"
     flags = ["--poses", 20, "--absolute", "--loads", "240kg", "--tracker", "4,-2,1.5", "--out", file]
-    done = run("simulate", ARM, *flags)
-    assert done.returncode == 0, done.stderr
+    fine("simulate", ARM, *flags)
     [series] = read_series(file, load_arm(find_arm(ARM))).series
     return series
 
 
-class Cells:
-    """What a file says of the unloaded readings, or of all: numbers as its country writes them."""
+@dataclass(frozen=True)
+class Reading:
+    """What a row of an export is of."""
 
-    def __init__(self, series, mark=".", loaded=False):
-        self.series, self.mark = series, mark
-        kept = np.arange(series.rows) if loaded else np.flatnonzero(~series.wrench.any(axis=1))
-        self.rows = kept.tolist()
+    series: Any
+    i: int  #: Row of the series: unloaded and loaded in turn.
+    m: int  #: Target.
+    part: Any  #: Shot, axis or second, where a reading has several rows.
+    mark: str  #: Of decimals.
 
-    def number(self, value, digits=4):
-        return f"{value:.{digits}f}".replace(".", self.mark)
+    def number(self, x, digits=4):
+        return f"{x:.{digits}f}".replace(".", self.mark)
 
-    def joints(self, i, scale=180 / np.pi, digits=5):
-        return [self.number(scale * q, digits) for q in self.series.q[i]]
-
-    def place(self, i, m=0, scale=1e3, digits=4):
-        return [self.number(scale * x, digits) for x in self.series.position[i, m]]
-
-    def time(self, i, form, late=0.0):
-        return (BEGAN + i * STEP + timedelta(seconds=late)).strftime(form)
+    @property
+    def loaded(self):
+        return bool(self.series.wrench[self.i].any())
 
 
-def table(rows, between=","):
-    return "\n".join(between.join(map(str, row)) for row in rows) + "\n"
+Columns = Mapping[str, Callable[[Reading], object]]
 
 
-def log(cells, names, head, between=",", where=str):
-    """A robot's log: something that tells the row, then its joints."""
-    return table(
-        [head, *([*where(i, name), *cells.joints(i)] for i, name in zip(cells.rows, names, strict=True))],
-        between,
-    )
+def text(form):
+    """Words with the number of the pose, of the target, and what the reading is of."""
+    return lambda r: form.format(pose=r.i // 2 + 1, target=r.m + 1, r=r)
 
 
-def named(cells, form):
-    return [form.format(k + 1) for k in range(len(cells.rows))]
+def xyz(form="{}", scale=1e3, digits=4, m=None, later=0) -> Columns:
+    """Three columns of a position; of a target that the heading says, of the reading after this one."""
+
+    def cell(r, k):
+        shot = r.part if r.part in SHOTS else 0
+        return r.number(scale * r.series.position[r.i + later, r.m if m is None else m, k] + shot, digits)
+
+    return {form.format(x): lambda r, k=k: cell(r, k) for k, x in enumerate("XYZ")}
 
 
-def only(_, name):
-    return [name]
+def joints(form, scale=180 / np.pi, digits=5, first=1) -> Columns:
+    """Six columns of the joints."""
+    return {
+        form.format(k + first): lambda r, k=k: r.number(scale * r.series.q[r.i, k], digits) for k in range(6)
+    }
 
 
-def analyzer_en(s):
-    """Comments, no units, three targets; joints by the group's name."""
-    c = Cells(s)
-    names = named(c, "Pose {:02}")
-    rows = [
-        ["A", n, f"P{m + 1}", *c.place(i, m)] for i, n in zip(c.rows, names, strict=True) for m in range(3)
-    ]
-    text = "// Job: cell 4\n// Frame: Instrument::0, units mm\n" + table(
-        [["Collection", "Group", "Point", "X", "Y", "Z"], *rows]
-    )
-    return text, log(c, names, ["Group", *(f"A{k + 1}" for k in JOINTS)], where=only), (0, 1, 2)
+def time(form, late=0) -> Callable[[Reading], str]:
+    return lambda r: (BEGAN + r.i * STEP + timedelta(seconds=late + (r.part or 0))).strftime(form)
 
 
-def nested(s):
-    """The same with a nest that is read now and then, which is no pose of the arm."""
-    content, joints, targets = analyzer_en(s)
-    *head, names, first, second, third = content.splitlines(keepends=True)[:6]
-    nest = "A,Drift,NEST1,1500.0,-800.0,120.0\n"
-    return (
-        "".join([*head, names, nest, first, second, third, nest, *content.splitlines(True)[6:]]),
-        joints,
-        targets,
-    )
+@dataclass(frozen=True)
+class Export:
+    """Columns of a file and of the robot's log beside it."""
 
+    columns: Columns
+    log: Columns | None = None
+    between: str = ","
+    mark: str = "."
+    log_between: str = ","
+    log_mark: str = "."
+    targets: int = 1
+    beside: bool = False  #: Whether the targets are in one row.
+    loaded: bool = False  #: Whether loaded readings have rows of their own.
+    over: Sequence[Any] = (None,)  #: Rows of a reading.
+    log_over: Sequence[Any] = (None,)
+    above: str = ""
+    sheet: str = ""  #: Of a workbook.
 
-def nested_beside(s):
-    """One target in a column, joints in the rows that have them."""
-    c = Cells(s)
-    rows = [[n, "P1", *c.place(i), *c.joints(i)] for i, n in zip(c.rows, named(c, "M{}"), strict=True)]
-    rows[10:10] = [["M0", "HOME", "1500.0", "-800.0", "120.0", *([""] * 6)]] * 2
-    head = ["Name", "Target", "X [mm]", "Y [mm]", "Z [mm]", *(f"A{k + 1}" for k in JOINTS)]
-    return table([head, *rows]), None, (0,)
-
-
-def analyzer_bare(s):
-    """No header at all; joints by the point's name."""
-    c = Cells(s)
-    names = named(c, "R{:02}")
-    text = table([[n, *c.place(i)] for i, n in zip(c.rows, names, strict=True)], ", ")
-    return text, log(c, names, ["Name", *(f"J{k + 1} [deg]" for k in JOINTS)], where=only), (0,)
-
-
-def analyzer_de(s):
-    """A workbook with the joints in it."""
-    c = Cells(s)
-    head = ["Sammlung", "Gruppe", "X [mm]", "Y [mm]", "Z [mm]", *(f"Achse {k + 1} [°]" for k in JOINTS)]
-    rows = [
-        ["A", n, *map(float, c.place(i)), *map(float, c.joints(i))]
-        for i, n in zip(c.rows, named(c, "Stellung {}"), strict=True)
-    ]
-    return packed(parts({"Messung": [["Messprotokoll"], head, *rows]})), None, (0,)
-
-
-def analyzer_fr(s):
-    """Decimal commas, date and time apart; a log that is 3 s late."""
-    c = Cells(s, ",")
-    head = ["Nom", "X (mm)", "Y (mm)", "Z (mm)", "Date", "Heure"]
-    rows = [
-        [n, *c.place(i), c.time(i, "%d/%m/%Y"), c.time(i, "%H:%M:%S")]
-        for i, n in zip(c.rows, named(c, "pt{}"), strict=True)
-    ]
-    joints = log(
-        c, c.rows, ["Date", "Heure", *(f"Axe {k + 1}" for k in JOINTS)], ";",
-        lambda i, _: [c.time(i, "%d/%m/%Y", 3), c.time(i, "%H:%M:%S", 3)],
-    )  # fmt: skip
-    return table([head, *rows], ";"), joints, (0,)
-
-
-def polyworks_en(s):
-    """A row an axis, the nominal value beside the measured one."""
-    c = Cells(s)
-    names = named(c, "point {}")
-    rows = [
-        [n, axis, "0.0000", x]
-        for i, n in zip(c.rows, names, strict=True)
-        for axis, x in zip("XYZ", c.place(i), strict=True)
-    ]
-    joints = log(c, names, ["Label", *(f"J{k + 1}" for k in JOINTS)], where=only)
-    return table([["Object Name", "Control", "Nom", "Meas"], *rows]), joints, (0,)
-
-
-def polyworks_de(s):
-    """Nominal values that must not be taken, decimal commas."""
-    c = Cells(s, ",")
-    names = named(c, "Punkt {}")
-    head = [
-        "Objekt",
-        *(f"Soll {x}" for x in "XYZ"),
-        *(f"Ist {x}" for x in "XYZ"),
-        *(f"Abw {x}" for x in "XYZ"),
-    ]
-    rows = [[n, "1,0", "2,0", "3,0", *c.place(i), *["0,0"] * 3] for i, n in zip(c.rows, names, strict=True)]
-    joints = log(c, names, ["Punkt", *(f"A{k + 1} [Grad]" for k in JOINTS)], ";", only)
-    return table([head, *rows], ";").encode("cp1252"), joints.replace("[Grad]", "[°]").encode("cp1252"), (0,)
-
-
-def polyworks_fr(s):
-    """Tabs, joints in the file."""
-    c = Cells(s, ",")
-    head = ["Objet", *(f"{x} mesurée [mm]" for x in "XYZ"), *(f"Axe {k + 1} [deg]" for k in JOINTS)]
-    return table([head, *([k, *c.place(i), *c.joints(i)] for k, i in enumerate(c.rows))], "\t"), None, (0,)
-
-
-def polyworks_xlsx(s):
-    """A workbook in metres; the log has radians counted from 0."""
-    c = Cells(s)
-    names = named(c, "M{:03}")
-    rows = [[n, *map(float, c.place(i, scale=1, digits=7))] for i, n in zip(c.rows, names, strict=True)]
-    joints = table([
-        ["name", *(f"q{k}" for k in JOINTS)],
-        *([n, *c.joints(i, 1, 7)] for i, n in zip(c.rows, names, strict=True)),
-    ])  # fmt: skip
-    return packed(parts({"Data": [["Name", "x", "y", "z"], *rows]})), joints, (0,)
-
-
-def leica_en(s):
-    """Runs of blanks, three shots of every point, units in brackets."""
-    c = Cells(s)
-    names, rng = named(c, "P{:02}"), np.random.default_rng(3)
-    rows = []
-    for i, n in zip(c.rows, names, strict=True):
-        off = rng.normal(size=(3, 3)) * 0.02
-        off -= off.mean(axis=0)
-        rows += [
-            [n, *(f"{1e3 * x + d:.5f}" for x, d in zip(s.position[i, 0], own, strict=True))] for own in off
-        ]
-    joints = log(c, names, ["PointName", *(f"A{k + 1}_deg" for k in JOINTS)], where=only)
-    return table([["PointName", "X[mm]", "Y[mm]", "Z[mm]"], *rows], "   "), joints, (0,)
-
-
-def leica_de(s):
-    """By time: the robot's log has a row a second, in another way of writing."""
-    c = Cells(s, ",")
-    rows = [
-        [n, *c.place(i), c.time(i, "%d.%m.%Y"), c.time(i, "%H:%M:%S")]
-        for i, n in zip(c.rows, named(c, "Pkt{}"), strict=True)
-    ]
-    head = ["PunktNr", "X", "Y", "Z", "Datum", "Uhrzeit"]
-    d = Cells(s)
-    lines = [
-        [d.time(i, "%Y-%m-%dT%H:%M:%S.250", second), *d.joints(i)]
-        for i in c.rows
-        for second in range(-10, 10)
-    ]
-    return table([head, *rows], ";"), table([["timestamp", *(f"joint{k + 1}" for k in JOINTS)], *lines]), (0,)
-
-
-def leica_fr(s):
-    """Metres, and uncertainties of two standard deviations."""
-    c = Cells(s, ",")
-    head = [
-        "Point",
-        *(f"{x} [m]" for x in "XYZ"),
-        *(f"U95 {x} [µm]" for x in "XYZ"),
-        *(f"Axe{k + 1} [deg]" for k in JOINTS),
-    ]
-    rows = [
-        [n, *c.place(i, 0, 1, 7), "60,0", "60,0", "60,0", *c.joints(i)]
-        for i, n in zip(c.rows, named(c, "{}"), strict=True)
-    ]
-    return table([head, *rows], ";"), None, (0,)
-
-
-def leica_shots(s):
-    """The last number of a name counts the shots; joints stand in every row."""
-    c = Cells(s)
-    rows = []
-    for i, n in zip(c.rows, named(c, "P{:02}"), strict=True):
-        for k, d in enumerate((-0.01, 0.0, 0.01)):
-            rows.append([f"{n}_{k + 1}", *(f"{1e3 * x + d:.5f}" for x in s.position[i, 0]), *c.joints(i)])
-    return table([["Point ID", "X", "Y", "Z", *(f"J{k + 1}" for k in JOINTS)], *rows], "\t"), None, (0,)
-
-
-def faro_inches(s):
-    """Inches, time of twelve hours, a log of epoch seconds is none: by name."""
-    c = Cells(s)
-    names = named(c, "Target-{:02}")
-    rows = [
-        [n, *c.place(i, 0, 1 / 0.0254, 6), c.time(i, "%m/%d/%Y %I:%M:%S %p")]
-        for i, n in zip(c.rows, names, strict=True)
-    ]
-    joints = log(c, names, ["Target", *(f"Axis {k + 1}" for k in JOINTS)], "\t", only)
-    return table([["Name", "X (in)", "Y (in)", "Z (in)", "Time"], *rows]), joints, (0,)
-
-
-def faro_de(s):
-    """All targets in a row."""
-    c = Cells(s, ",")
-    head = [
-        "Messung",
-        *(f"P{m + 1} {x} [mm]" for m in range(3) for x in "XYZ"),
-        *(f"Achse{k + 1}" for k in JOINTS),
-    ]
-    rows = [[k, *(x for m in range(3) for x in c.place(i, m)), *c.joints(i)] for k, i in enumerate(c.rows)]
-    return table([head, *rows], ";"), None, (0, 1, 2)
-
-
-def api_fr(s):
-    """Lost targets as a word, loads in a column."""
-    c = Cells(s, ",", loaded=True)
-    head = ["Pose", *(f"{x}" for x in "XYZ"), "Charge [kg]", *(f"Axe {k + 1}" for k in JOINTS)]
-    rows = [
-        [i // 2 + 1, *(["---"] * 3 if i == 5 else c.place(i)), f"{240 * s.wrench[i].any():.0f}", *c.joints(i)]
-        for i in c.rows
-    ]
-    return table([head, *rows], ";"), None, (0,)
-
-
-def api_en(s):
-    """Names of pose, target and state, mass of the loaded rows."""
-    c = Cells(s, loaded=True)
-    rows = [
-        [
-            f"S{i // 2 + 1:02}_P{m + 1}_{'loaded' if s.wrench[i].any() else 'unloaded'}",
-            *c.place(i, m),
-            240 * int(s.wrench[i].any()),
-            *c.joints(i),
-        ]
-        for i in c.rows
-        for m in range(3)
-    ]
-    return (
-        table([["Point", "X", "Y", "Z", "Payload (kg)", *(f"J{k + 1}" for k in JOINTS)], *rows]),
-        None,
-        (0, 1, 2),
-    )
-
-
-def side_by_side(unloaded, loaded, named):
-    """Pairs: both readings of a run in a row, the target in the column's name or in a column."""
-
-    def make(s):
-        c, targets = Cells(s, ",", loaded=True), (0, 1, 2)
-        states = (unloaded, loaded)
-        head = [f"{state} {x}" for state in states for x in "XYZ"]
-        if named:
-            head = [f"P{m + 1} {name} [mm]" for m in targets for name in head]
-        rows = []
-        for i in c.rows[::2]:
-            cells = [[*c.place(i, m), *c.place(i + 1, m)] for m in targets]
-            cells = (
-                [[x for own in cells for x in own]]
-                if named
-                else [[f"P{m + 1}", *own] for m, own in enumerate(cells)]
+    def write(self, series):
+        """The content of both files as bytes, None without a log."""
+        ms = range(1 if self.beside else self.targets)
+        every = itertools.product(range(0, series.rows, 1 if self.loaded else 2), ms, self.over)
+        rows = [Reading(series, *at, self.mark) for at in every]
+        content = cells(self.columns, rows)
+        if self.sheet:
+            whole = packed(
+                parts({self.sheet: [["Messprotokoll"], *([own(x) for x in row] for row in content)]})
             )
-            rows += [[i // 2 + 1, "240", *c.joints(i), *own] for own in cells]
-        first = ["Pose", "Last [kg]", *(f"A{k + 1} [°]" for k in JOINTS), *([] if named else ["Marker"])]
-        return table([[*first, *head], *rows], ";"), None, targets
+        else:
+            whole = (self.above + lines(content, self.between)).encode()
+        at = [
+            Reading(series, i, 0, part, self.log_mark)
+            for i in range(0, series.rows, 2)
+            for part in self.log_over
+        ]
+        return whole, self.log and lines(cells(self.log, at), self.log_between).encode()
 
-    make.__name__ = f"pairs_{unloaded}_{loaded}"
-    return make
+
+def cells(columns, rows):
+    return [list(columns), *([str(cell(r)) for cell in columns.values()] for r in rows)]
+
+
+def lines(rows, between):
+    return "\n".join(between.join(row) for row in rows) + "\n"
+
+
+def own(cell):
+    """A cell of a workbook: numbers are none of words."""
+    try:
+        return float(cell)
+    except ValueError:
+        return cell
+
+
+def nests(content, log):
+    """A nest that is read now and then, which is no pose of the arm."""
+    nest, rows = b"A,Drift,NEST1,1500.0,-800.0,120.0\n", content.splitlines(keepends=True)
+    return b"".join([*rows[:3], nest, *rows[3:6], nest, *rows[6:]]), log
+
+
+def headless(content, log):
+    return content.partition(b"\n")[2], log
+
+
+def home(content, log):
+    """Rows of a point without joints among the others."""
+    rows = content.splitlines(keepends=True)
+    return b"".join([*rows[:11], 2 * b"M0,HOME,1500.0,-800.0,120.0,,,,,,\n", *rows[11:]]), log
+
+
+def slipped(content, log):
+    """Rows of the log belong to the names before them, from the sixth on."""
+    head, *rows = [line.partition(b",") for line in log.splitlines()]
+    own = [row[2] for row in rows]
+    own[5:] = [own[-1], *own[5:-1]]
+    return content, b"\n".join(
+        [b"".join(head), *(b",".join([row[0], x]) for row, x in zip(rows, own, strict=True))]
+    )
+
+
+def in_log(old, new):
+    return lambda content, log: (content, log.replace(old, new))
+
+
+POSE, MARKER = "{pose}", text("P{target}")
+PAIR = {"Pose": text(POSE), "Last [kg]": text("240"), **joints("A{} [°]")}
+STATES = {"Pose": text("M{pose:02}"), "Marker": MARKER}
 
 
 def state_by_state(loaded):
-    """A row a target and state, the joints by the pose's name: no shots, no marker in the states."""
+    """A row a target and state: no shots, no marker in the states."""
+    states = STATES | {"Zustand": lambda r: loaded if r.loaded else "leer"}
+    states |= {"Last [kg]": lambda r: 240 * r.loaded, **xyz("{} [mm]")}
+    log = {"Pose": text("M{pose:02}"), **joints("A{}")}
+    return Export(states, log, ";", ",", ";", ",", targets=3, loaded=True)
 
-    def make(s):
-        c = Cells(s, ",", loaded=True)
-        rows = [
-            [f"M{i // 2 + 1:02}", f"P{m + 1}", loaded if i % 2 else "leer", 240 * (i % 2), *c.place(i, m)]
-            for i in c.rows
+
+EXPORTS = {
+    "analyzer_en": Export(  # comments, no units, three targets; joints by the group's name
+        {"Collection": text("A"), "Group": text("Pose {pose:02}"), "Point": MARKER, **xyz()},
+        {"Group": text("Pose {pose:02}"), **joints("A{}")},
+        targets=3,
+        above="// Job: cell 4\n// Frame: Instrument::0, units mm\n",
+    ),
+    "beside": Export({"Name": text("M{pose}"), "Target": text("P1"), **xyz("{} [mm]"), **joints("A{}")}),
+    "bare": Export(
+        {"Name": text("R{pose:02}"), **xyz()}, {"Name": text("R{pose:02}"), **joints("J{} [deg]")}, ", "
+    ),
+    "analyzer_de": Export(
+        {
+            "Sammlung": text("A"),
+            "Gruppe": text("Stellung {pose}"),
+            **xyz("{} [mm]"),
+            **joints("Achse {} [°]"),
+        },
+        sheet="Messung",
+    ),
+    "analyzer_fr": Export(  # date and time apart; a log that is 3 s late
+        {"Nom": text("pt{pose}"), **xyz("{} (mm)"), "Date": time("%d/%m/%Y"), "Heure": time("%H:%M:%S")},
+        {"Date": time("%d/%m/%Y", 3), "Heure": time("%H:%M:%S", 3), **joints("Axe {}")},
+        *(";", ",", ";", ","),
+    ),
+    "polyworks_en": Export(  # a row an axis, the nominal value beside the measured one
+        {
+            "Object Name": text("point {pose}"),
+            "Control": text("{r.part}"),
+            "Nom": text("0.0000"),
+            "Meas": lambda r: xyz()[r.part](r),
+        },
+        {"Label": text("point {pose}"), **joints("J{}")},
+        over="XYZ",
+    ),
+    "polyworks_de": Export(  # nominal values that must not be taken
+        {"Objekt": text("Punkt {pose}"), **dict.fromkeys(["Soll X", "Soll Y", "Soll Z"], text("1,0"))}
+        | {**xyz("Ist {}"), **dict.fromkeys(["Abw X", "Abw Y", "Abw Z"], text("0,0"))},
+        {"Punkt": text("Punkt {pose}"), **joints("A{} [°]")},
+        *(";", ",", ";", ","),
+    ),
+    "polyworks_fr": Export(
+        {"Objet": text(POSE), **xyz("{} mesurée [mm]"), **joints("Axe {} [deg]")}, None, "\t", ","
+    ),
+    "polyworks_xlsx": Export(  # metres; the log has radians counted from 0
+        {"Name": text("M{pose:03}"), **xyz(scale=1, digits=7)},
+        {"name": text("M{pose:03}"), **joints("q{}", 1, 7, first=0)},
+        sheet="Data",
+    ),
+    "leica_en": Export(  # three shots of every point, units in brackets
+        {"PointName": text("P{pose:02}"), **xyz("{}[mm]", digits=5)},
+        {"PointName": text("P{pose:02}"), **joints("A{}_deg")},
+        "   ",
+        over=SHOTS,
+    ),
+    "leica_de": Export(  # by time: the robot's log has a row a second, in another way of writing
+        {"PunktNr": text("Pkt{pose}"), **xyz(), "Datum": time("%d.%m.%Y"), "Uhrzeit": time("%H:%M:%S")},
+        {"timestamp": time("%Y-%m-%dT%H:%M:%S.250"), **joints("joint{}")},
+        *(";", ","),
+        log_over=range(-10, 10),
+    ),
+    "leica_fr": Export(  # metres, and uncertainties of two standard deviations
+        {"Point": text(POSE), **xyz("{} [m]", 1, 7)}
+        | {
+            **dict.fromkeys(["U95 X [µm]", "U95 Y [µm]", "U95 Z [µm]"], text("60,0")),
+            **joints("Axe{} [deg]"),
+        },
+        *(None, ";", ","),
+    ),
+    "leica_shots": Export(  # the last number of a name counts the shots
+        {
+            "Point ID": lambda r: f"P{r.i // 2 + 1:02}_{SHOTS.index(r.part) + 1}",
+            **xyz(digits=5),
+            **joints("J{}"),
+        },
+        None,
+        "\t",
+        over=SHOTS,
+    ),
+    "faro_inches": Export(
+        {
+            "Name": text("Target-{pose:02}"),
+            **xyz("{} (in)", 1 / 0.0254, 6),
+            "Time": time("%m/%d/%Y %I:%M:%S %p"),
+        },
+        {"Target": text("Target-{pose:02}"), **joints("Axis {}")},
+        log_between="\t",
+    ),
+    "faro_de": Export(
+        {"Messung": text(POSE), **xyz("P1 {} [mm]", m=0), **xyz("P2 {} [mm]", m=1), **xyz("P3 {} [mm]", m=2)}
+        | joints("Achse{}"),
+        *(None, ";", ","),
+        targets=3,
+        beside=True,
+    ),
+    "api_fr": Export(  # lost targets as a word, loads in a column
+        {"Pose": text(POSE)}
+        | {x: lambda r, cell=cell: "---" if r.i == 5 else cell(r) for x, cell in xyz().items()}
+        | {"Charge [kg]": lambda r: 240 * r.loaded, **joints("Axe {}")},
+        *(None, ";", ","),
+        loaded=True,
+    ),
+    "api_en": Export(  # names of pose, target and state
+        {"Point": lambda r: f"S{r.i // 2 + 1:02}_P{r.m + 1}_{'loaded' if r.loaded else 'unloaded'}", **xyz()}
+        | {"Payload (kg)": lambda r: 240 * r.loaded, **joints("J{}")},
+        targets=3,
+        loaded=True,
+    ),
+    "pairs_leer_beladen": Export(  # both readings of a run in a row
+        {**PAIR, "Marker": MARKER, **xyz("leer {}"), **xyz("beladen {}", later=1)},
+        *(None, ";", ","),
+        targets=3,
+    ),
+    "pairs_before_after": Export(
+        PAIR
+        | {
+            heading: cell
             for m in range(3)
-        ]
-        head = ["Pose", *(f"A{k + 1}" for k in JOINTS)]
-        joints = log(c, c.rows, head, ";", lambda i, _: [f"M{i // 2 + 1:02}"])
-        first, *lines = joints.splitlines(keepends=True)
-        own = [["Pose", "Marker", "Zustand", "Last [kg]", "X [mm]", "Y [mm]", "Z [mm]"], *rows]
-        return table(own, ";"), first + "".join(lines[::2]), (0, 1, 2)
+            for state, later in (("before", 0), ("after", 1))
+            for heading, cell in xyz(f"P{m + 1} {state} {{}} [mm]", m=m, later=later).items()
+        },
+        *(None, ";", ","),
+        targets=3,
+        beside=True,
+    ),
+    "leer_Last": state_by_state("Last"),
+    "leer_schwer": state_by_state("schwer"),
+}
+EDITED = {
+    "nested": ("analyzer_en", nests),
+    "nested_beside": ("beside", home),
+    "analyzer_bare": ("bare", headless),
+    "polyworks_latin": ("polyworks_de", lambda *both: [x.decode().encode("cp1252") for x in both]),
+}
+"""By another export, and what is changed in it."""
 
-    make.__name__ = f"leer_{loaded}"
-    return make
+
+NAME_LESS = {"Name": text("P{pose}"), **xyz(), **joints("A{}")}
+WRONG = {
+    "10 times too small: centimetres read as millimetres?": replace(
+        EXPORTS["beside"], columns={"Name": text(POSE), **xyz(scale=100), **joints("A{}")}
+    ),
+    "expected shots of one point within 0.002 m": Export(NAME_LESS, targets=3),
+    "column Axe 2 [deg]: expected -130": replace(
+        EXPORTS["polyworks_fr"],
+        columns=EXPORTS["polyworks_fr"].columns
+        | {"Axe 2 [deg]": lambda r: r.number(-180 / np.pi * r.series.q[r.i, 1])},
+    ),
+    "the readings are those of the pose after": ("analyzer_bare", slipped),
+    "one has none in 3590 s; do the clocks agree?": ("leica_de", in_log(b"T09:", b"T10:")),
+    "line 3: no row of robot.csv is called 'R03'": ("analyzer_bare", in_log(b"R03", b"R3x")),
+}
 
 
-EXPORTS = (
-    analyzer_en, nested, nested_beside, analyzer_bare, analyzer_de, analyzer_fr, polyworks_en, polyworks_de,
-    polyworks_fr, polyworks_xlsx,
-    leica_en, leica_de, leica_fr, leica_shots, faro_inches, faro_de, api_fr, api_en,
-    side_by_side("leer", "beladen", False), side_by_side("before", "after", True), state_by_state("Last"),
-    state_by_state("schwer"),
-)  # fmt: skip
+def made(name, series):
+    """The export that a name is of, and its files."""
+    kind = (EXPORTS | EDITED | WRONG)[name]
+    if isinstance(kind, Export):
+        return kind, *kind.write(series)
+    export, content, log = made(kind[0], series)
+    return export, *kind[1](content, log)
 
 
-def written(make, known, folder):
-    """The files of an export, and how it is read."""
-    content, joints, targets = make(known)
-    content = content.encode() if isinstance(content, str) else content
-    file = folder / ("export.xlsx" if content.startswith(b"PK") else "export.txt")
+def written(name, known, folder):
+    """The files of an export, the flags that it is read with, and its targets."""
+    export, content, log = made(name, known)
+    file = folder / ("export.xlsx" if export.sheet else "export.txt")
     file.write_bytes(content)
-    if joints is None:
-        return file, [], targets
-    (folder / "robot.csv").write_bytes(joints.encode() if isinstance(joints, str) else joints)
-    return file, ["--log", folder / "robot.csv"], targets
+    if log is None:
+        return file, [], list(range(export.targets))
+    (folder / "robot.csv").write_bytes(log)
+    return file, ["--log", folder / "robot.csv"], list(range(export.targets))
 
 
-@pytest.mark.parametrize("make", EXPORTS, ids=lambda make: make.__name__)
-def test_an_export_is_read_by_the_map_that_is_proposed(make, known, tmp_path):
-    file, flags, targets = written(make, known, tmp_path)
-    done = run("data", "map", ARM, file, *flags)
-    assert done.returncode == 0, done.stderr + done.stdout
+@pytest.mark.parametrize("name", [*EXPORTS, *EDITED])
+def test_an_export_is_read_by_the_map_that_is_proposed(name, known, tmp_path):
+    file, flags, targets = written(name, known, tmp_path)
+    said = fine("data", "map", ARM, file, *flags)
     found = read_series(file, load_arm(find_arm(ARM)), file.with_suffix(".toml"))
     [series] = found.series
     loaded = bool(series.wrench.any())
     rows = np.arange(known.rows) if loaded else np.flatnonzero(~known.wrench.any(axis=1))
-    rows = np.setdiff1d(rows, [5]) if make is api_fr else rows
-    if make.__name__.startswith("pairs"):  # all unloaded ones, then all loaded ones
+    rows = np.setdiff1d(rows, [5]) if name == "api_fr" else rows
+    if name.startswith("pairs"):  # all unloaded ones, then all loaded ones
         rows = np.r_[rows[::2], rows[1::2]]
-        check = run("data", "check", ARM, file, "--map", file.with_suffix(".toml"))
-        assert "20 runs in 20 poses" in check.stdout, check.stdout + check.stderr
+        assert "20 runs in 20 poses" in fine("data", "check", ARM, file, "--map", file.with_suffix(".toml"))
     order = [series.markers.index(f"P{m + 1}") for m in targets] if len(targets) > 1 else [0]
     np.testing.assert_allclose(series.q, known.q[rows], atol=3e-7)
-    np.testing.assert_allclose(series.position[:, order], known.position[rows][:, list(targets)], atol=2e-7)
+    np.testing.assert_allclose(series.position[:, order], known.position[rows][:, targets], atol=2e-7)
     np.testing.assert_allclose(series.wrench, known.wrench[rows] if loaded else 0, atol=1e-6)
-    assert f"{series.rows} readings" in done.stdout
-    assert "They fit the arm as drawn to" in done.stdout
-    assert ("NEST1 without joints" in done.stdout) is (make is nested)
-    assert ("shots" in done.stdout) is (make in (leica_en, leica_shots))
-    if make is leica_fr:
+    assert f"{series.rows} readings" in said
+    assert "They fit the arm as drawn to" in said
+    assert ("NEST1 without joints" in said) is (name == "nested")
+    shots = name in ("leica_en", "leica_shots")
+    assert ("shots" in said) is shots
+    assert any("60 shots are 20 readings" in note for note in found.notes) is shots
+    if name == "leica_fr":
         assert series.sigma == pytest.approx(30e-6)
-    if make in (leica_en, leica_shots):
-        assert any("60 shots are 20 readings" in note for note in found.notes)
 
 
-def centimetres(s):
-    """Lengths that look like millimetres, by their size alone."""
-    c = Cells(s)
-    rows = [[n, *c.place(i, 0, 100), *c.joints(i)] for i, n in zip(c.rows, named(c, "{}"), strict=True)]
-    return table([["Name", "X", "Y", "Z", *(f"A{k + 1}" for k in JOINTS)], *rows]), None, (0,)
-
-
-def slipped(s):
-    """A log whose rows belong to the names before them, from the sixth on."""
-    content, joints, targets = analyzer_bare(s)
-    head, *rows = joints.splitlines()
-    joints = [row.partition(",")[2] for row in rows]
-    joints[5:] = [joints[-1], *joints[5:-1]]
-    names = [row.partition(",")[0] for row in rows]
-    return content, table([head.split(","), *zip(names, joints, strict=True)]), targets
-
-
-def backwards(s):
-    """The second joint counts the other way."""
-    content, *rest = polyworks_fr(s)
-    head, *rows = [line.split("\t") for line in content.splitlines()]
-    rows = [[*row[:5], f"{-float(row[5].replace(',', '.')):.5f}".replace(".", ","), *row[6:]] for row in rows]
-    return table([head, *rows], "\t"), *rest
-
-
-def an_hour_apart(s):
-    content, joints, targets = leica_de(s)
-    return content, joints.replace("T09:", "T10:"), targets
-
-
-def without_targets(s):
-    """Three targets under one name: no shots."""
-    c = Cells(s)
-    rows = [
-        [n, *c.place(i, m), *c.joints(i)]
-        for i, n in zip(c.rows, named(c, "P{}"), strict=True)
-        for m in range(3)
-    ]
-    return table([["Name", "X", "Y", "Z", *(f"A{k + 1}" for k in JOINTS)], *rows]), None, (0,)
-
-
-def a_name_less(s):
-    content, joints, targets = analyzer_bare(s)
-    return content, joints.replace("R03", "R3x"), targets
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (centimetres, "10 times too small: centimetres read as millimetres?"),
-        (slipped, "the readings are those of the pose after"),
-        (backwards, "column Axe 2 [deg]: expected -130"),
-        (an_hour_apart, "one has none in 3590 s; do the clocks agree?"),
-        (without_targets, "expected shots of one point within 0.002 m"),
-        (a_name_less, "line 3: no row of robot.csv is called 'R03'"),
-    ],
-)
-def test_a_wrong_guess_is_not_silent(make, said, known, tmp_path):
-    file, flags, _ = written(make, known, tmp_path)
-    done = run("data", "map", ARM, file, *flags)
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert done.stderr.count("\n") == 1
+@pytest.mark.parametrize("said", WRONG)
+def test_a_wrong_guess_is_not_silent(said, known, tmp_path):
+    file, flags, _ = written(said, known, tmp_path)
+    done = do("data", "map", ARM, file, *flags)
+    is_refused(done, said)
     assert "They fit the arm" not in done.stdout
 
 
 def test_a_log_is_joined_or_refused_line_by_line(known, tmp_path):
-    file, flags, _ = written(leica_de, known, tmp_path)
-    own = tmp_path / "export.toml"
-    assert run("data", "map", ARM, file, *flags).returncode == 0
-    text = own.read_text()
-    arm = load_arm(find_arm(ARM))
+    file, flags, _ = written("leica_de", known, tmp_path)
+    fine("data", "map", ARM, file, *flags)
+    map_ = file.with_suffix(".toml")
+    whole = map_.read_text()
     for old, new, said in (
         (
             "within_s = 1.0",
             "within_s = 0.1",
-            r"line 2: expected a row of robot.csv within 0.1 s, the nearest is 0.25 s",
+            "line 2: expected a row of robot.csv within 0.1 s, the near",
         ),
         ('"robot.csv"', '"none.csv"', r"none.csv: cannot be read"),
         ('"Datum"', '"Tag"', r"no column 'Tag' to join by; columns are \['PunktNr'"),
         ("[log]", "[log]\nby = 3", r"log.by: unknown key; keys are file, on, to, within_s"),
     ):
-        own.write_text(text.replace(old, new))
+        map_.write_text(whole.replace(old, new))
         with pytest.raises(InputError, match=said):
-            read_series(file, arm, own)
+            read_series(file, load_arm(find_arm(ARM)), map_)

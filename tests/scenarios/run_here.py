@@ -1,6 +1,7 @@
 """A command or a scenario run in this process: starting Python and its libraries takes two seconds a time."""
 
 import contextlib
+import csv
 import importlib.util
 import io
 import json
@@ -17,6 +18,7 @@ from pyarrow import parquet
 from read_back import document, sound
 
 from testbench import files
+from testbench.cli.program import program
 from testbench.shell import command
 from testbench.studies import run
 from testbench.views.markdown import as_plain
@@ -32,7 +34,7 @@ FILES = {
     "recording.rrd",
     "trials.parquet",
 }
-"""What every study leaves beside its figures."""
+"""What every study leaves beside its figures, and every command but data and trials."""
 
 
 def here(app, *args):
@@ -42,6 +44,46 @@ def here(app, *args):
     with argv, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = command.run(app, err.write)
     return subprocess.CompletedProcess(args, code, out.getvalue(), err.getvalue())
+
+
+def do(*args):
+    """A command of testbench, its name first."""
+    return here(program([str(args[0])]), *args)
+
+
+def fine(*args):
+    """A command that does what it is asked for, with no word of trouble; all that it says on one line."""
+    done = do(*args)
+    assert (done.returncode, done.stderr) == (0, "")
+    return " ".join(done.stdout.split())
+
+
+def held(folder):
+    """All files below a folder, and what is in them."""
+    return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def is_refused(done, said=""):
+    """One line that says what is wrong, and exit code 2."""
+    assert done.returncode == 2, done.stdout
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+    assert len(done.stderr) < 2100
+    assert said in done.stderr
+    return done.stderr
+
+
+def refused(*args, said="", below=None):
+    """A command that says in one line what is wrong, and touches nothing below a folder; the line."""
+    before = below and {*below.rglob("*")}, below and held(below)
+    line = is_refused(do(*args), said)
+    assert (below and {*below.rglob("*")}, below and held(below)) == before
+    return line
+
+
+def table(path):
+    """Rows of a CSV file by column."""
+    return list(csv.DictReader(path.read_text().splitlines()))
 
 
 @contextlib.contextmanager
@@ -116,10 +158,15 @@ def check_files(quick, *figures, data="dataset.csv"):
     assert " ".join(as_plain(badge).split()) in " ".join(done.stdout.split())
 
 
+def check_folder(out, *more):
+    """What a command leaves in a folder: its views, these, and a badge that says the same everywhere."""
+    files = {*FILES - {"dataset.csv", "trials.parquet"}, *more}
+    assert {path.name for path in out.iterdir()} == files
+    assert set(json.loads((out / "manifest.json").read_text())["files"]) == files - {"meshes"}
+    check_winner(out)
+
+
 def check_refused(app, out, flags, said):
     """Flags that are wrong end with words and exit code 2, without a folder."""
-    done = here(app, "--quick", "--out", out, *flags)
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert "Traceback" not in done.stderr
+    is_refused(here(app, "--quick", "--out", out, *flags), said)
     assert not out.exists()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from run_here import app_of_study, check_files, check_refused, quick_study
+from run_here import app_of_study, check_files, quick_study
 
 from testbench.arm.folder import load_arm
 from testbench.data.read_series import read_series
@@ -46,8 +46,3 @@ def test_arms_take_turns_and_many_poses_are_rare():
     asked = settings(Options(), quick=False, seeds=range(1))
     assert [asked.arm_of(seed) for seed in range(4)] == ["ur10", "kr500_l480"] * 2
     assert [seed for seed in range(16) if 1000 in asked.numbers_of(seed)] == [0, 1, 8, 9]
-
-
-@pytest.mark.parametrize(("arms", "said"), [(["rust"], "got 'rust'"), (["ur10", "ur10"], "different ones")])
-def test_arms_that_are_unknown_or_asked_for_twice_are_refused(tmp_path, arms, said):
-    check_refused(APP, tmp_path / "out", [word for arm in arms for word in ("--arm", arm)], said)

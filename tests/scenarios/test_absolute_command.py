@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from run_here import here
+from run_here import fine, refused
 
 from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.cli.program import program
 from testbench.data.read_series import read_series
 from testbench.plant import Disturbances, GearErrors, GeometryErrors
 
@@ -29,19 +28,13 @@ REFUSED = {
 }
 
 
-def simulate(*flags):
-    args = ("simulate", "kr500_l480", *flags)
-    return here(program([str(x) for x in args]), *args)
-
-
 @pytest.mark.parametrize(("flags", "rows", "asked"), [LOADED, TURNED])
 def test_files_of_a_simulation_are_read_back_as_it_was(kr500, flags, rows, asked, tmp_path):
-    done = simulate("--absolute", *FLAGS, *flags, "--out", tmp_path / "new" / "ur.csv")
-    assert (done.returncode, done.stderr) == (0, "")
+    said = fine("simulate", "kr500_l480", "--absolute", *FLAGS, *flags, "--out", tmp_path / "new" / "ur.csv")
     expected, _ = simulate_series(kr500, ASKED.model_copy(update=asked), 7)
     for k, own in enumerate(expected, 1):
         path = tmp_path / "new" / f"ur_{k}.csv"
-        assert f"{path}: {rows} rows in 15 poses, targets P1" in done.stdout
+        assert f"{path}: {rows} rows in 15 poses, targets P1" in said
         [found] = read_series(path, kr500.arm).series
         assert found.name == found.frame == found.target == f"ur_{k}"
         for name in ("markers", "pose", "q", "wrench", "position", "sigma", "sigma_rotation"):
@@ -53,7 +46,5 @@ def test_files_of_a_simulation_are_read_back_as_it_was(kr500, flags, rows, asked
 @pytest.mark.parametrize("flags", REFUSED)
 def test_what_cannot_be_simulated_is_one_line(flags, tmp_path):
     (tmp_path / "o_2.csv").write_text("my notes")
-    done = simulate("--poses", 3, *flags, "--out", tmp_path / "o.csv")
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert REFUSED[flags] in done.stderr
-    assert [p.name for p in tmp_path.iterdir()] == ["o_2.csv"]
+    args = ("simulate", "kr500_l480", "--poses", 3, *flags, "--out", tmp_path / "o.csv")
+    refused(*args, said=REFUSED[flags], below=tmp_path)

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 from pyarrow import parquet
-from run_here import ROOT, check_files, here, numbers_alone
+from run_here import ROOT, check_files, do, fine, numbers_alone, refused
 from test_own_estimator import BAD, EXAMPLE, PAGE, TIMEOUT, WHY
 
 import testbench as tb
@@ -14,7 +14,6 @@ from testbench.campaign.campaign import build_cell
 from testbench.campaign.evaluation import unseen
 from testbench.campaign.own_limits import Limits
 from testbench.campaign.own_process import ask, server
-from testbench.cli.program import program
 from testbench.studies.bench.entries import FLOORS, read_entries
 from testbench.studies.bench.secret import first_seed
 from testbench.studies.bench.tasks import TASKS, problem
@@ -50,10 +49,6 @@ FROZEN = {
 """With seed 3: version, true arm; sizes of readings [1], of what the prior predicts and of the truth [mm]."""
 
 
-def bench(*asked):
-    return here(program(["bench"]), "bench", *asked)
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bench")
@@ -68,7 +63,7 @@ def run(folder):
     """The page's file beside eight bad ones, in two tasks of two arms."""
     bad = [f"{name}={folder / 'bad.py'}:{name}" for name in WHY]
     asked = (folder / "shrunk.py", *bad, "--quick", "--estimator-timeout", TIMEOUT, "--workers", 1)
-    return folder / "run", bench(*asked, "--out", folder / "run")
+    return folder / "run", do("bench", *asked, "--out", folder / "run")
 
 
 def test_one_short_file_and_one_command_lead_to_a_row(run):
@@ -108,9 +103,7 @@ def test_workers_and_a_resumed_run_find_the_same(folder):
     for name, workers, seeds in (("one", 1, 5), ("two", 2, 5), ("again", 2, 2), ("again", 1, 5)):
         resumed = ("--resume",) if (name, seeds) == ("again", 5) else ()
         with numbers_alone():
-            flags = ("--seeds", seeds, "--workers", workers, "--out", folder / name)
-            done = bench(*asked, *flags, *resumed)
-        assert done.returncode == 0, done.stderr
+            fine("bench", *asked, "--seeds", seeds, "--workers", workers, "--out", folder / name, *resumed)
         table = parquet.read_table(folder / name / "trials.parquet").to_pylist()
         found.append([{k: v for k, v in row.items() if k != "cpu_seconds"} for row in table])
     assert found[0] == found[1] == found[3]
@@ -139,25 +132,21 @@ def test_a_task_is_what_it_was_under_its_version(name, kr500):
 
 def test_judged_seeds_are_of_a_secret_that_is_committed_to_before_any_entry(folder, tmp_path):
     file = tmp_path / "secret.txt"
-    committed = bench("--judge", file)
+    committed = fine("bench", "--judge", file)
     secret = file.read_text()
     sum_ = hashlib.sha256(secret.encode()).hexdigest()
-    assert (committed.returncode, committed.stderr) == (0, "")
-    assert sum_ in committed.stdout
-    assert secret not in committed.stdout
+    assert sum_ in committed
+    assert secret not in committed
     assert (tmp_path / "secret.txt.sha256").read_text() == f"{sum_}  secret.txt\n"
     asked = ("--task", "gravity-8", "--seeds", 2, "--judge", file, "--out", tmp_path / "out", "--workers", 1)
     with numbers_alone():
-        done = bench(folder / "shrunk.py", *asked)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.index(sum_) < done.stdout.index("1 task")
+        said = fine("bench", folder / "shrunk.py", *asked)
+    assert said.index(sum_) < said.index("1 task")
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["judged"] == {"secret": secret, "sha256": sum_}
     assert report["seed"] == [first_seed(secret), first_seed(secret) + 1]
     assert report["seed"][0] >= 2**32
-    refused = bench(folder / "shrunk.py", "--judge", folder / "shrunk.py")
-    assert refused.returncode == 2
-    assert "expected a secret" in refused.stderr
+    refused("bench", folder / "shrunk.py", "--judge", folder / "shrunk.py", said="expected a secret")
 
 
 @pytest.mark.parametrize(
@@ -171,11 +160,8 @@ def test_judged_seeds_are_of_a_secret_that_is_committed_to_before_any_entry(fold
     ],
 )
 def test_what_is_asked_for_wrongly_is_told_in_one_line(folder, tmp_path, asked, said):
-    done = bench(*(word.format(folder) for word in asked), "--quick", "--out", tmp_path / "out")
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert not (tmp_path / "out").exists()
+    words = (word.format(folder) for word in asked)
+    refused("bench", *words, "--quick", "--out", tmp_path / "out", said=said, below=tmp_path)
 
 
 def test_every_entry_of_ours_is_short_and_answers(kr500):

@@ -16,13 +16,13 @@ import pytest
 import typer
 from listening import listening
 from made_up_run import REPORT
-from run_here import heed_ctrl_c, here
+from run_here import do, fine, heed_ctrl_c, held, refused
 
 from testbench import __version__
 from testbench.campaign.campaign import Scenario, build_cell, simulate
 from testbench.campaign.plan_input import read_masses
 from testbench.cli.arguments import mass
-from testbench.cli.program import COMMANDS, program
+from testbench.cli.program import COMMANDS
 from testbench.data.write import write_csv
 from testbench.views.recording.run import write_run
 from testbench.views.recording.stream import Header
@@ -32,18 +32,6 @@ ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"
 HEADER = ",".join(f"joint_{k}_rad" for k in range(1, 7))
 POSES = [[0, -90, 90, 0, 20, 0], [20, -80, 95, 10, -30, 15], [-30, -100, 70, 0, 45, 90]]
-
-
-def run(*args):
-    return here(program(args[:1]), *args)
-
-
-def refused(done):
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert done.stderr.startswith("error: ")
-    assert "Traceback" not in done.stderr + done.stdout
-    return done.stderr
 
 
 def write_poses(path, degrees, header=HEADER):
@@ -56,23 +44,21 @@ def write_poses(path, degrees, header=HEADER):
 def simulated(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cli")
     poses = write_poses(folder / "poses.csv", POSES * 3)
-    done = run("simulate", ARM, poses, "--out", folder / "data.csv", "--seed", 4)
-    assert done.returncode == 0, done.stderr
-    assert "9 runs, deflections" in done.stdout
+    assert "9 runs, deflections" in fine("simulate", ARM, poses, "--out", folder / "data.csv", "--seed", 4)
     return folder
 
 
 def test_check_says_what_is_in_the_arm_and_what_to_confirm():
-    done = run("check", ARM)
-    assert done.returncode == 0
-    assert "joint_2: -130 to 20 deg, 0.075 urad/(N m), inferred" in done.stdout
-    assert "markers P1, P2, P3" in done.stdout
-    assert "18 %  link_2's tube 340/310 mm, E 110 GPa, assumed" in done.stdout
-    words = " ".join(done.stdout.split())
-    sag = "460.3 kg move the tool by 3.46 mm (0.852 to 6.4 in nine of ten poses)."
-    assert f"{sag} No doubts about the arm. Most at x " in words
-    assert " m: 8.1 mm, joints at [" in words
-    assert "joint_2 does 34 % of the sag." in words
+    words = fine("check", ARM)
+    for said in (
+        "joint_2: -130 to 20 deg, 0.075 urad/(N m), inferred",
+        "markers P1, P2, P3",
+        "18 % link_2's tube 340/310 mm, E 110 GPa, assumed",
+        "460.3 kg move the tool by 3.46 mm (0.852 to 6.4 in nine of ten poses). No doubts about the arm.",
+        " m: 8.1 mm, joints at [",
+        "joint_2 does 34 % of the sag.",
+    ):
+        assert said in words
     assert not re.search(r"\de[+-]?\d", words)
 
 
@@ -86,8 +72,14 @@ def test_a_reader_that_is_gone_is_no_missed_threshold():
 
 
 def test_elastic_writes_a_model_that_mujoco_opens(tmp_path):
-    assert run("elastic", ARM, tmp_path / "elastic.xml").returncode == 0
+    fine("elastic", ARM, tmp_path / "elastic.xml")
     assert mujoco.MjModel.from_xml_path(str(tmp_path / "elastic.xml")).ntendon == 42
+
+
+def identified(data, out, *flags):
+    """What is said of a fit, and what is written of it."""
+    said = fine("identify", ARM, data, *flags, "--out", out)
+    return said, json.loads((out / "models.json").read_text())
 
 
 PLAIN = ["Joints", "MLS56", "MGCO56", "MGCO68"]
@@ -97,9 +89,7 @@ EVERY = ["Joints", "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68", "MGCO69", "MG
 
 @pytest.mark.parametrize(("flags", "wanted"), [([], [*PLAIN, *FILLED]), (["--no-prior"], EVERY)])
 def test_without_a_model_those_of_the_default_are_fitted(simulated, tmp_path, flags, wanted):
-    done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path / "fit")
-    assert done.returncode == 0, done.stderr
-    written = json.loads((tmp_path / "fit" / "models.json").read_text())
+    _, written = identified(simulated / "data.csv", tmp_path / "fit", *flags)
     assert [m["name"] for m in written["models"]] == wanted
     assert [m["intervals"] is not None for m in written["models"]] == [
         m in FILLED or bool(flags) for m in wanted
@@ -186,7 +176,7 @@ REFUSED = {
     "in the floor": (of_poses([POSES[0], [0, 20, 60, 0, 0, 0]]), "collides with"),
     "other columns": (of_poses(POSES, HEADER.replace("_rad", "_grad")), "joint_6_deg, got joint_1_grad, "),
     "an arm in pieces": (in_pieces, "elastic.toml: cannot be read"),
-    "nothing": (lambda *_: (), ""),
+    "no such command": (lambda *_: ("nothing",), "nothing"),
     "an endless name": (
         lambda runs, folder: ("simulate", ARM, runs / "poses.csv", "--out", folder / ("x" * 5000)),
         "255 bytes",
@@ -211,24 +201,25 @@ REFUSED = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_is_wrong_is_one_line_and_nothing_is_written(simulated, tmp_path, name):
-    args, said = REFUSED[name]
-    assert said in refused(run(*args(simulated, tmp_path)))
-    assert not (tmp_path / "out").exists()
+    asked, said = REFUSED[name]
+    args = asked(simulated, tmp_path)
+    before = held(simulated)
+    refused(*args, said=said, below=tmp_path)
+    assert held(simulated) == before
 
 
 def test_a_broken_dataset_leaves_earlier_results(simulated, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "models.json").write_text("earlier")
     args = of_data(lambda text: text.replace(",P2,", ",P9,", 1))(simulated, tmp_path)
-    refused(run(*args))
-    assert (tmp_path / "out" / "models.json").read_text() == "earlier"
+    refused(*args, below=tmp_path)
 
 
 def test_an_unwritable_place_is_one_line(simulated, tmp_path):
     (tmp_path / "file").write_text("")
     place = tmp_path / "file" / "inside"
-    assert "cannot be written" in refused(run("identify", ARM, simulated / "data.csv", "--out", place))
-    assert "elastic.xml" in refused(run("elastic", ARM, tmp_path / "file" / "elastic.xml"))
+    refused("identify", ARM, simulated / "data.csv", "--out", place, said="cannot be written", below=tmp_path)
+    refused("elastic", ARM, tmp_path / "file" / "elastic.xml", said="elastic.xml", below=tmp_path)
 
 
 def test_a_marker_that_did_not_move_is_no_fault(simulated, tmp_path):
@@ -236,32 +227,20 @@ def test_a_marker_that_did_not_move_is_no_fault(simulated, tmp_path):
     row = text[1].split(",")
     row[21:24] = row[18:21]  # after = before
     (tmp_path / "still.csv").write_text("\n".join([text[0], ",".join(row), *text[2:]]))
-    done = run("identify", ARM, tmp_path / "still.csv", "--model", "MGCO56", "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
+    fine("identify", ARM, tmp_path / "still.csv", "--model", "MGCO56", "--out", tmp_path / "out")
 
 
-@pytest.mark.parametrize(
-    ("text", "kilograms"),
-    {
+def test_masses_are_read_in_their_units():
+    for text, kilograms in {
         "240": 240,
         "240kg": 240,
-        " 0.24 t": None,
         "240 KG": 240,
         "100lb": 45.359237,
         "981 daN": 1000,
-    }.items(),
-)
-def test_a_mass_is_read_in_its_unit(text, kilograms):
-    if kilograms is None:
-        with pytest.raises(
-            typer.BadParameter, match="expected one of the units N, daN, kN, lbf, kgf, kg, lb"
-        ):
-            mass(text)
-    else:
+    }.items():
         assert mass(text) == pytest.approx(kilograms, rel=1e-4)
-
-
-def test_several_masses_are_read_in_their_units():
+    with pytest.raises(typer.BadParameter, match="expected one of the units N, daN, kN, lbf, kgf, kg, lb"):
+        mass(" 0.24 t")
     assert read_masses("100lb,240 kg, 981 daN") == pytest.approx([45.359237, 240, 1000], rel=1e-4)
 
 
@@ -273,26 +252,24 @@ def test_poses_of_other_names_are_read_by_a_map(tmp_path):
     named.write_text(",".join(f"Achse{k}" for k in range(1, 7)) + "\n" + row)
     table.write_text("[columns]\n" + "".join(f'joint_{k}_deg = "Achse{k}"\n' for k in range(1, 7)))
     for file, flags in ((plain, ()), (named, ("--map", table))):
-        out = tmp_path / f"runs_{file.stem}.csv"
-        done = run("simulate", "kr500_l480", file, *flags, "--out", out)
-        assert done.returncode == 0, done.stderr
+        fine("simulate", "kr500_l480", file, *flags, "--out", tmp_path / f"runs_{file.stem}.csv")
     assert (tmp_path / "runs_plain.csv").read_bytes() == (tmp_path / "runs_named.csv").read_bytes()
-    said = refused(run("simulate", "kr500_l480", named, "--out", tmp_path / "no.csv"))
-    assert "no column is known, expected joint_1_deg, joint_2_deg" in said
-    tasks = run("plan", "kr500_l480", "--task", named, "--map", table, "--out", tmp_path / "p", "--poses", 0)
-    assert "Achse" not in tasks.stderr  # what is wrong is the number of poses
+    said = "no column is known, expected joint_1_deg, joint_2_deg"
+    refused("simulate", "kr500_l480", named, "--out", tmp_path / "no.csv", said=said)
+    asked = ("--task", named, "--map", table, "--out", tmp_path / "p", "--poses", 0)
+    assert "Achse" not in refused("plan", "kr500_l480", *asked)  # what is wrong is the number of poses
 
 
 def test_view_without_a_display_says_what_else_there_is(tmp_path, monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     (tmp_path / "recording.rrd").write_bytes(b"RRF2")
-    said = refused(run("view", tmp_path))
+    said = refused("view", tmp_path)
     assert f"`testbench view {tmp_path} --web`" in said
     assert f"`testbench shot {tmp_path}`" in said
     assert "report.html" not in said
     (tmp_path / "report.html").touch()
-    assert f"{tmp_path / 'report.html'} opens anywhere" in refused(run("view", tmp_path))
+    refused("view", tmp_path, said=f"{tmp_path / 'report.html'} opens anywhere")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
@@ -348,10 +325,9 @@ def test_prior_and_robust_loss_are_named_and_outliers_listed(simulated, tmp_path
     cells = lines[8].split(",")
     cells[column] = repr(float(cells[column]) + 2e-3)
     (tmp_path / "spoiled.csv").write_text("\n".join([*lines[:8], ",".join(cells), *lines[9:]]) + "\n")
-    flags = ["--uncertainty-percent", "30", "--robust", "--model", "MGCO56", "--out", tmp_path / "fit"]
-    done = run("identify", ARM, tmp_path / "spoiled.csv", *flags)
-    assert done.returncode == 0, done.stderr
-    [model] = json.loads((tmp_path / "fit" / "models.json").read_text())["models"]
+    flags = ["--uncertainty-percent", "30", "--robust", "--model", "MGCO56"]
+    _, written = identified(tmp_path / "spoiled.csv", tmp_path / "fit", *flags)
+    [model] = written["models"]
     run_id, marker = cells[lines[0].split(",").index("run")], cells[lines[0].split(",").index("marker")]
     assert [(r["run"], r["marker"]) for r in model["rejected"]] == [(int(run_id), marker)]
     text = (tmp_path / "fit" / "report.md").read_text()
@@ -361,35 +337,28 @@ def test_prior_and_robust_loss_are_named_and_outliers_listed(simulated, tmp_path
 
 def test_identifiability_is_said_before_any_fit(simulated, tmp_path, pixels):
     with pixels():
-        done = run("identifiability", ARM, simulated / "data.csv", "--figure", tmp_path / "seen.png")
-    assert done.returncode == 0, done.stderr
-    assert "MGCO68 has 68 unknowns" in done.stdout
-    assert "What would help most: " in done.stdout
-    assert done.stdout.count(" • ") == 5
-    named = run("identifiability", ARM, simulated / "data.csv", "--more")
-    assert "No experiment tells apart: " in named.stdout
-    assert "more with --more" in done.stdout
-    assert "more with --more" not in named.stdout
+        said = fine("identifiability", ARM, simulated / "data.csv", "--figure", tmp_path / "seen.png")
+    assert "MGCO68 has 68 unknowns" in said
+    assert "What would help most: " in said
+    assert said.count(" • ") == 5
+    named = fine("identifiability", ARM, simulated / "data.csv", "--more")
+    assert "No experiment tells apart: " in named
+    assert ("more with --more" in said, "more with --more" in named) == (True, False)
     assert (tmp_path / "seen.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_one_of_several_models_is_recommended_by_cross_validation(simulated, tmp_path):
     flags = ["--uncertainty-percent", "30", "--model", "mgco56", "--model", "MGCO47"]
-    done = run("identify", ARM, simulated / "data.csv", *flags, "--out", tmp_path / "fit")
-    assert done.returncode == 0, done.stderr
-    written = json.loads((tmp_path / "fit" / "models.json").read_text())
-    words = " ".join(done.stdout.split())
+    words, written = identified(simulated / "data.csv", tmp_path / "fit", *flags)
     assert f"Take {written['recommended']}" in words
     assert f"Why {written['recommended']}: {written['why']}." in words
     assert [c["name"] for c in written["held_out"]] == ["MGCO56 + prior", "MGCO47 + prior"]
 
 
 def test_poses_held_back_are_scored_with_intervals_and_none_where_the_data_see_nothing(simulated, tmp_path):
-    held = ["--check-pose", "2", "--check-pose", "3"]
-    flags = ["--model", "MLS56", "--no-prior", *held, "--out", tmp_path / "fit"]
-    done = run("identify", ARM, simulated / "data.csv", *flags)
-    assert done.returncode == 0, done.stderr
-    [model] = json.loads((tmp_path / "fit" / "models.json").read_text())["models"]
+    flags = ["--model", "MLS56", "--no-prior", "--check-pose", "2", "--check-pose", "3"]
+    said, written = identified(simulated / "data.csv", tmp_path / "fit", *flags)
+    [model] = written["models"]
     found = model["intervals"]
     assert model["check"]["rms_mm"] > 0
     assert model["equations"] == 7 * 9
@@ -404,7 +373,7 @@ def test_poses_held_back_are_scored_with_intervals_and_none_where_the_data_see_n
     assert found["components"] == 18 == len(widths) + found["unbounded"]
     assert max(widths) == pytest.approx(found["half_width_max_mm"], rel=1e-9)
     assert found["confidence"] == 0.95
-    assert f"{found['half_width_mm']:.3f}" in done.stdout
+    assert f"{found['half_width_mm']:.3f}" in said
 
 
 def test_a_pose_whose_targets_were_all_lost_is_lived_with(tmp_path):
@@ -417,12 +386,9 @@ def test_a_pose_whose_targets_were_all_lost_is_lived_with(tmp_path):
     P[2] = 0
     write_csv(replace(clean, precision=P), tuple(j.name for j in cell.arm.joints), data)
     models = ["--model", "MGCO56", "--model", "MGCO47"]
-    done = run("identify", ARM, data, *models, "--out", out)
-    assert done.returncode == 0, done.stderr
-    assert "Doubt" not in done.stdout
-    held = run("identify", ARM, data, *models, "--check-pose", 3, "--out", out)
-    assert held.returncode == 2
-    assert "every target was lost there" in held.stderr
+    assert "Doubt" not in fine("identify", ARM, data, *models, "--out", out)
+    held_back = ("--check-pose", 3, "--out", out)
+    refused("identify", ARM, data, *models, *held_back, said="every target was lost there", below=tmp_path)
 
 
 HEAVY = {"mujoco", "pinocchio", "rerun", "matplotlib", "scipy", "pyarrow"}
@@ -437,18 +403,18 @@ def test_help_lists_every_command_and_imports_nothing_heavy():
         assert not HEAVY & set(done.stderr.split())
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_says_its_flags(name):
-    done = run(name, "--help")
-    assert done.returncode == 0, done.stderr
-    assert COMMANDS[name] in done.stdout
-    assert "--help" in done.stdout
-    assert " ," not in done.stdout  # a unit in square brackets would be taken for a style, and be gone
-    assert " ;" not in done.stdout
+def test_every_command_says_its_flags():
+    for name, words in COMMANDS.items():
+        done = do(name, "--help")
+        assert (done.returncode, done.stderr) == (0, "")
+        assert words in done.stdout
+        assert "--help" in done.stdout
+        assert " ," not in done.stdout  # a unit in square brackets would be taken for a style, and be gone
+        assert " ;" not in done.stdout
 
 
 def test_our_arms_are_known_by_name_from_any_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert "joint_2: -130 to 20 deg" in run("check", "kr500_l480").stdout
-    message = refused(run("check", "kr501"))
+    assert "joint_2: -130 to 20 deg" in fine("check", "kr500_l480")
+    message = refused("check", "kr501")
     assert message.endswith("or one of arm_6r, kr500_l480, single_link, ur10\n")

@@ -10,14 +10,12 @@ import pytest
 import read_back
 from checks import check_words
 from made_up_run import REPORT
-from page_checks import check_winner
 from read_back import document
-from run_here import here
+from run_here import check_folder, do, fine, refused
 
 from testbench import files
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.model_folder import digests
-from testbench.cli.program import program
 from testbench.commands.compare_rows import differ
 from testbench.report.columns import columns as quantities
 from testbench.report.report import read_report
@@ -34,10 +32,6 @@ from testbench.views.schema import Table
 NAMES = {"Joints": "none", "MLS56": "none", "MGCO56": "psd", "MGCO56 + prior": "psd", "ALL153 + prior": "psd"}
 SIZES = dict(zip(NAMES, (0.3, 1.4, 0.6, 0.2, 0.1), strict=True))
 """Error of every model over the workspace, typical [mm]."""
-
-
-def compare(*args):
-    return here(program(["compare"]), "compare", *args)
 
 
 @dataclass(frozen=True)
@@ -115,8 +109,8 @@ def many(folder):
 
 def said(tmp_path, *runs):
     """What the command says of runs, on one line, and its report."""
-    done = compare(*runs, "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
+    done = do("compare", *runs, "--out", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (0, "")
     words, places, _ = done.stdout.partition("\nA: ")
     assert places
     assert max(map(len, words.splitlines())) <= 80
@@ -130,9 +124,7 @@ def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path):
     assert "Inputs are the same: settings, arms, seeds, versions, commit." in text
     assert (report["inputs"], report["beside"][0]["equal"]) == ([], True)
     assert {own["verdict"] for own in report["beside"][0]["models"]} == {"same"}
-    check_winner(tmp_path / "out")
-    made = {path.name for path in (tmp_path / "out").iterdir()}
-    assert set(json.loads((tmp_path / "out" / "manifest.json").read_text())["files"]) == made
+    check_folder(tmp_path / "out", "compare.png")
 
 
 def test_a_difference_far_below_the_spread_is_seen_in_pairs_of_equal_seeds(many, folder, tmp_path):
@@ -145,7 +137,7 @@ def test_a_difference_far_below_the_spread_is_seen_in_pairs_of_equal_seeds(many,
     assert (badge["winner"], badge["rival"], badge["n"], badge["verdict"]) == ("A", "B", 20, "do not use")
     assert badge["interval"] == [pytest.approx(1.3)] * 2
     for runs, code in (((many, worse), 1), ((worse, many), 0), ((many, many), 0)):
-        done = compare(*runs, "--out", tmp_path / "out", "--force", "--fail-if-worse")
+        done = do("compare", *runs, "--out", tmp_path / "out", "--force", "--fail-if-worse")
         assert (done.returncode, done.stderr) == (code, "")
     assert "A errs less in 20 of 20 seeds." in text
     assert "Of 5 models 0 err less in B, 5 more, 0 show no clear difference." in text
@@ -329,11 +321,8 @@ def test_a_broken_folder_is_one_line_that_names_the_file_and_leaves_nothing(many
     run = shutil.copytree(many, tmp_path / "run")
     spoil, words = HOSTILE[fault]
     spoil(run)
-    done = compare(many, run, "--out", tmp_path / "out")
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
-    assert done.stderr.startswith(f"error: {run}")
-    assert words in done.stderr
-    assert not (tmp_path / "out").exists()
+    line = refused("compare", many, run, "--out", tmp_path / "out", said=words, below=tmp_path)
+    assert line.startswith(f"error: {run}")
 
 
 def test_runs_with_nothing_in_common_and_too_few_are_one_line(one, rng, tmp_path):
@@ -344,11 +333,9 @@ def test_runs_with_nothing_in_common_and_too_few_are_one_line(one, rng, tmp_path
         lambda report: report.update(models=[], tables={}, said={**report["said"], "body": []}),
     )
     other = changed(other, tmp_path / "plan", "manifest.json", lambda m: m.update(command="testbench plan"))
-    done = compare(one, other, "--out", tmp_path / "out")
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "no models by name in both, and no tables of one kind: nothing to compare" in done.stderr
-    done = compare(one, "--out", tmp_path / "out")
-    assert (done.returncode, done.stderr) == (2, "error: runs: expected 2 to 8 folders, got 1\n")
+    said = "no models by name in both, and no tables of one kind: nothing to compare"
+    refused("compare", one, other, "--out", tmp_path / "out", said=said, below=tmp_path)
+    refused("compare", one, "--out", tmp_path / "out", said="error: runs: expected 2 to 8 folders, got 1\n")
 
 
 def test_names_of_a_stranger_are_shown_as_they_are_and_steer_nothing(one, tmp_path):
@@ -364,7 +351,7 @@ def test_names_of_a_stranger_are_shown_as_they_are_and_steer_nothing(one, tmp_pa
         "report.json",
         lambda report: report["models"][1]["workspace"].update(rms_mm=1e-320),
     )
-    done = compare(run, other, "--out", tmp_path / "out")
+    done = do("compare", run, other, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert "[31m[/x]<b>|Joints" in done.stdout
     made = "".join(
@@ -407,11 +394,9 @@ def test_pairs_whose_ratios_lie_on_both_sides_are_alike_and_one_pair_is_none():
 
 
 def test_one_seed_beside_several_is_refused_unless_asked_for_and_has_no_spread(one, many, tmp_path):
-    done = compare(one, many, "--out", tmp_path / "out")
-    assert done.returncode == 2
-    assert "expected one seed in each or several in each, as one seed has no spread, got" in done.stderr
-    assert "1 to 20; --anyway compares them all the same" in done.stderr
-    assert not (tmp_path / "out").exists()
+    asked = "expected one seed in each or several in each, as one seed has no spread, got"
+    line = refused("compare", one, many, "--out", tmp_path / "out", said=asked, below=tmp_path)
+    assert "1 to 20; --anyway compares them all the same" in line
     text, report = said(tmp_path, one, many, "--anyway")
     assert "One number on a side: no spread tells whether that is chance." in text
     assert "intervals over the seeds" not in text
@@ -420,12 +405,10 @@ def test_one_seed_beside_several_is_refused_unless_asked_for_and_has_no_spread(o
 
 def test_runs_of_other_true_arms_are_refused_unless_asked_for(tmp_path):
     """One seed is one true arm; of all seeds of the family the arms are the same."""
-    for first, second, alike in ((range(1, 2), range(2, 3), False), (range(1, 15), range(15, 29), True)):
-        folders = [calibration(tmp_path / f"{own[0]}_{len(own)}", own) for own in (first, second)]
-        out = tmp_path / f"compared_{len(first)}"
-        done = compare(*folders, "--out", out)
-        assert (done.returncode == 0) == alike, done.stderr
-        if not alike:
-            assert "expected the same true arms, of one seed each the same seed, got" in done.stderr
-            assert not out.exists()
-            assert compare(*folders, "--out", out, "--anyway").returncode == 0
+    many = [calibration(tmp_path / f"many_{k}", range(k, k + 14)) for k in (1, 15)]
+    fine("compare", *many, "--out", tmp_path / "of_many")
+    single = [calibration(tmp_path / f"single_{k}", range(k, k + 1)) for k in (1, 2)]
+    asked = ("compare", *single, "--out", tmp_path / "of_single")
+    said = "expected the same true arms, of one seed each the same seed, got"
+    refused(*asked, said=said, below=tmp_path)
+    fine(*asked, "--anyway")

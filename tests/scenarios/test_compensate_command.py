@@ -1,6 +1,5 @@
 """A program in, a corrected one out: MuJoCo executes what the files say; wrong files change nothing."""
 
-import csv
 import json
 from dataclasses import replace
 from functools import partial
@@ -10,7 +9,7 @@ import pytest
 from page_checks import check_page, check_winner, drawn_in, said, times_of
 from read_back import columns, document, on, series, sound
 from reports import check
-from run_here import here
+from run_here import fine, refused, table
 
 from testbench import files
 from testbench.arm.catalogue import find_arm
@@ -21,7 +20,6 @@ from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.program import correct_program
-from testbench.cli.program import program as app
 from testbench.commands.compensate import report
 from testbench.correct.compensated import Refusal
 from testbench.correct.newton import Aim
@@ -67,8 +65,7 @@ def folder(kr500, tmp_path_factory):
 def bounded(folder, asked, tmp_path_factory):
     """Corrected by a model with a prior: every point has an interval."""
     out = tmp_path_factory.mktemp("bounded")
-    done = run(folder / "sure", joints_csv(out / "mill.csv", asked[0]), "--out", out / "right.csv")
-    assert done.returncode == 0, done.stderr
+    fine("compensate", folder / "sure", joints_csv(out / "mill.csv", asked[0]), "--out", out / "right.csv")
     return out
 
 
@@ -89,10 +86,6 @@ def joints_csv(path, q, end=""):
     return path
 
 
-def run(*flags):
-    return here(app(["compensate"]), "compensate", *flags)
-
-
 def tip_of(rest):
     return rest.tool + rest.rotation @ TIP
 
@@ -110,9 +103,8 @@ def process(position, rotation):
 def corrected(kr500, folder, asked, tmp_path_factory):
     out = tmp_path_factory.mktemp("corrected")
     source = joints_csv(out / "mill.csv", asked[0])
-    done = run(folder / "true", source, "--out", out / "right.csv", "--tip", ",".join(map(str, TIP)))
-    assert done.returncode == 0, done.stderr
-    return out, done
+    tip = ("--tip", ",".join(map(str, TIP)))
+    return out, fine("compensate", folder / "true", source, "--out", out / "right.csv", *tip)
 
 
 def test_the_true_arm_executes_the_corrected_file_within_a_micrometre(kr500, corrected, asked):
@@ -136,18 +128,17 @@ def test_columns_of_the_program_stand_as_they_were(corrected):
 
 
 def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
-    out, done = corrected
+    out, said = corrected
     report = json.loads((out / "right_report" / "report.json").read_text())
     q, position, rotation = asked
     wrench = process(position, rotation)
     off = tip_of(settle(kr500.plant, q, wrench, np.tile(TIP, (POINTS, 1)))) - tip_of(settle(kr500.plant, q))
     assert report["before_mm"]["max"] == pytest.approx(1e3 * np.linalg.norm(off, axis=1).max(), rel=1e-3)
     assert report["corrected"] == report["points"] == POINTS
-    table = (out / "right.csv").read_text().splitlines()
-    first = table[0].split(",").index("correction_joint_1_deg")
-    moved = np.array([row.split(",")[first : first + 6] for row in table[1:]], dtype=float)
+    names = [f"correction_joint_{k}_deg" for k in range(1, 7)]
+    moved = np.array([[float(row[name]) for name in names] for row in table(out / "right.csv")])
     assert report["jump"]["size"] == pytest.approx(np.abs(np.diff(moved, axis=0)).max(), rel=1e-9)
-    assert f"off by {report['before_mm']['max']:.3f} mm as programmed" in " ".join(done.stdout.split())
+    assert f"off by {report['before_mm']['max']:.3f} mm as programmed" in said
     about = json.loads((out / "right_report" / "manifest.json").read_text())
     assert about["corrected"] == {"right.csv": files.digest(out / "right.csv")}
     assert {p.name for p in (out / "right_report").iterdir()} >= {
@@ -161,22 +152,15 @@ def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
 
 def test_set_points_of_the_tool_are_corrected_as_their_joints_are(kr500, folder, corrected, asked, tmp_path):
     q, position, rotation = asked
-    head = (
-        "x_mm,y_mm,z_mm,"
-        + ",".join(f"rotation_{i}{j}" for i in "123" for j in "123")
-        + ",feed_N,cross_N,axial_N"
-    )
+    head = ",".join(["x_mm,y_mm,z_mm", *(f"rotation_{i}{j}" for i in "123" for j in "123")])
     tips = 1e3 * (position + rotation @ TIP)
     rows = [
         ",".join(map(repr, [*tip.tolist(), *R.ravel().tolist(), FEED, CROSS, AXIAL]))
         for tip, R in zip(tips, rotation, strict=True)
     ]
-    (tmp_path / "tool.csv").write_text("\n".join([head, *rows]) + "\n")
-    done = run(
-        folder / "true", tmp_path / "tool.csv", "--out", tmp_path / "right.csv", "--tip", "0.1,0,0.05",
-        "--start", ",".join(map(str, np.degrees(q[0]))),
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    (tmp_path / "tool.csv").write_text("\n".join([f"{head},feed_N,cross_N,axial_N", *rows]) + "\n")
+    flags = ("--tip", "0.1,0,0.05", "--start", ",".join(map(str, np.degrees(q[0]))))
+    fine("compensate", folder / "true", tmp_path / "tool.csv", "--out", tmp_path / "right.csv", *flags)
     ours = read_program(tmp_path / "right.csv", kr500.arm).q
     assert np.abs(ours - read_program(corrected[0] / "right.csv", kr500.arm).q).max() < 1e-8
 
@@ -189,9 +173,8 @@ def test_a_program_without_loads_bears_the_payload_as_in_predict(folder, asked, 
     bare.write_text("\n".join([",".join(f"joint_{k}_deg" for k in range(1, 7)), *rows]) + "\n")
     found = {}
     for name, flags in {"stated": (), "same": ("--load", "460.3kg"), "none": ("--load", 0)}.items():
-        done = run(folder / "true", bare, "--out", tmp_path / f"{name}.csv", *flags)
-        assert done.returncode == 0, done.stderr
-        found[name] = read_program(tmp_path / f"{name}.csv", load_arm(find_arm("kr500_l480"))).q, done.stdout
+        said = fine("compensate", folder / "true", bare, "--out", tmp_path / f"{name}.csv", *flags)
+        found[name] = read_program(tmp_path / f"{name}.csv", load_arm(find_arm("kr500_l480"))).q, said
     assert "No load in the file: the payload of 460.3 kg hangs" in found["stated"][1]
     assert "No load in the file: nothing hangs" in found["none"][1]
     np.testing.assert_array_equal(found["stated"][0], found["same"][0])
@@ -201,8 +184,8 @@ def test_a_program_without_loads_bears_the_payload_as_in_predict(folder, asked, 
 
 def test_a_robots_language_has_the_same_joints(kr500, folder, corrected, tmp_path):
     out, _ = corrected
-    done = run(folder / "true", out / "mill.csv", "--out", tmp_path / "right.src", "--tip", "0.1,0,0.05")
-    assert done.returncode == 0, done.stderr
+    flags = ("--out", tmp_path / "right.src", "--tip", "0.1,0,0.05")
+    fine("compensate", folder / "true", out / "mill.csv", *flags)
     text = (tmp_path / "right.src").read_text()
     q = read_program(out / "right.csv", kr500.arm).q[0]
     assert f"{np.degrees(q[0]):.5f}"[:-1] in text
@@ -212,8 +195,8 @@ def test_a_point_that_is_stated_counts_even_where_it_is_the_tools_origin(folder,
     out, _ = corrected
     head, *rows = (out / "mill.csv").read_text().splitlines()
     (tmp_path / "origin.csv").write_text("\n".join([f"{head},point_x_mm", *(f"{row},0" for row in rows)]))
-    done = run(folder / "true", tmp_path / "origin.csv", "--out", tmp_path / "o.csv", "--tip", "0.1,0,0.05")
-    assert done.returncode == 0, done.stderr
+    flags = ("--out", tmp_path / "o.csv", "--tip", "0.1,0,0.05")
+    fine("compensate", folder / "true", tmp_path / "origin.csv", *flags)
     ours, tips = (
         json.loads((p / "report.json").read_text()) for p in (tmp_path / "o_report", out / "right_report")
     )
@@ -222,9 +205,9 @@ def test_a_point_that_is_stated_counts_even_where_it_is_the_tools_origin(folder,
 
 def test_weights_do_not_turn_joint_1_and_the_page_says_so(folder, corrected, tmp_path):
     out, _ = corrected
-    done = run(folder / "joints", out / "mill.csv", "--out", tmp_path / "right.csv")
-    assert done.returncode == 0
-    assert "joint_1" in " ".join(done.stdout.split())
+    assert "joint_1" in fine(
+        "compensate", folder / "joints", out / "mill.csv", "--out", tmp_path / "right.csv"
+    )
     report = json.loads((tmp_path / "right_report" / "report.json").read_text())
     assert report["open"]["name"] == "joint_1"
     assert report["half_95_mm"] is None
@@ -246,28 +229,19 @@ WRONG = {
 def test_what_is_wrong_is_one_line_and_nothing_is_written(folder, asked, tmp_path, name):
     spoil, flags, said = WRONG[name]
     source = joints_csv(tmp_path / "mill.csv", spoil(asked[0]))
-    done = run(folder / "true", source, "--out", tmp_path / "right.csv", *flags)
-    assert done.returncode == 2, done.stdout
-    assert said in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert {p.name for p in tmp_path.iterdir()} == {"mill.csv"}
+    args = ("compensate", folder / "true", source, "--out", tmp_path / "right.csv", *flags)
+    refused(*args, said=said, below=tmp_path)
 
 
 def test_a_file_that_is_no_corrected_program_is_not_replaced(folder, corrected, tmp_path):
-    out, _ = corrected
+    mill = corrected[0] / "mill.csv"
     (tmp_path / "mine.csv").write_text("x,y\n1,2\n")
-    done = run(folder / "true", out / "mill.csv", "--out", tmp_path / "mine.csv")
-    assert done.returncode == 2
-    assert (tmp_path / "mine.csv").read_text() == "x,y\n1,2\n"
-    done = run(folder / "true", out / "mill.csv", "--out", out / "mill.csv")
-    assert done.returncode == 2
-    assert "is read by this command" in done.stderr
-    done = run(
-        folder / "true", out / "mill.csv", "--out", tmp_path / "in" / "x.csv", "--report", tmp_path / "in"
-    )
-    assert done.returncode == 2
-    assert "the folder of --report" in done.stderr
-    assert not (tmp_path / "in").exists()
+    for flags, line in (
+        (["--out", tmp_path / "mine.csv"], "mine.csv"),
+        (["--out", mill], "is read by this command"),
+        (["--out", tmp_path / "in" / "x.csv", "--report", tmp_path / "in"], "the folder of --report"),
+    ):
+        refused("compensate", folder / "true", mill, *flags, said=line, below=tmp_path)
 
 
 def test_the_page_opens_at_the_point_farthest_off_and_no_pane_is_blank(corrected, open_page, blank_panes):
@@ -284,8 +258,7 @@ def test_the_page_opens_at_the_point_farthest_off_and_no_pane_is_blank(corrected
 def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected):
     """As many times as its title says, to the side that the file says."""
     out, _ = corrected
-    with (out / "right.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = table(out / "right.csv")
     off = np.array([[float(row[f"before_{x}_mm"]) for x in "xyz"] for row in rows]) / 1e3
     drawn = drawn_in(out / "right_report" / "report.html")["scene"]
     [times] = times_of(drawn["title"])
@@ -297,15 +270,12 @@ def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected)
 def test_page_and_recording_draw_where_the_corrected_tool_may_be(bounded):
     """Lines along each axis of the world, as far as the file says, as many times as all else is drawn."""
     out = bounded
-    with (out / "right.csv").open() as file:
-        half = (
-            np.array([[float(row[f"half_95_{x}_mm"]) for x in "xyz"] for row in csv.DictReader(file)]) / 1e3
-        )
+    half = [[float(row[f"half_95_{x}_mm"]) / 1e3 for x in "xyz"] for row in table(out / "right.csv")]
     page = drawn_in(out / "right_report" / "report.html")["scene"]
     [times] = times_of(page["title"])
     [layer] = [own for own in page["groups"][0]["layers"] if own["name"].startswith("where it may be")]
     at, to = (np.array(layer[key][0]).reshape(-1, 3, 3) / 1e4 for key in ("at", "to"))
-    wanted = 2 * half[:, :, None] * np.eye(3)
+    wanted = 2 * np.array(half)[:, :, None] * np.eye(3)
     np.testing.assert_allclose((to - at) / times, wanted, atol=2e-4 / times)
     chunks = on(sound(out / "right_report" / "recording.rrd", "As programmed"), "worst_first")
     lines = columns(chunks, "/world/path_from_near/where_it_may_be_95")["LineStrips3D:strips"][0]
@@ -324,8 +294,8 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
         *(f"{OFF}/as_programmed{end}" for end in ("", "_lower", "_upper")),
         f"{OFF}/corrected_program_within_95",
     }
-    unseen = run(folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")
-    assert unseen.stdout.startswith("Do not use corrected program: the model does not know")
+    unseen = fine("compensate", folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")
+    assert unseen.startswith("Do not use corrected program: the model does not know")
     chunks = sound(tmp_path / "right_report" / "recording.rrd", "**Do not run this: ")
     assert np.isnan(series(chunks, f"{OFF}/corrected_program_within_95")).all()
     assert "nothing bounds the error at 12 points" in document(chunks, "/summary")
@@ -362,8 +332,7 @@ def test_a_tolerance_judges_point_by_point_and_the_worst_comes_first(folder, bou
 
 
 def test_tables_have_the_numbers_of_the_corrected_file(bounded):
-    with (bounded / "right.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = table(bounded / "right.csv")
     before = [np.linalg.norm([float(row[f"before_{x}_mm"]) for x in "xyz"]) for row in rows]
     half = [max(float(row[f"half_95_{x}_mm"]) for x in "xyz") for row in rows]
     sizes = {"as programmed": before, "corrected program, within (95 %)": half}

@@ -9,7 +9,7 @@ from unittest import mock
 import numpy as np
 import pytest
 from pyarrow import parquet
-from run_here import app_of_study, check_files, check_refused, here
+from run_here import app_of_study, check_files, here
 
 from testbench.campaign.campaign import build_cell, stream
 from testbench.campaign.model_selection import Choice, with_priors
@@ -152,7 +152,3 @@ def test_a_payload_weighed_wrongly_spoils_the_campaign_and_not_the_work(cell):
     assert found.disturbances == TYPICAL == replace(exact.disturbances, mass_error=2e-3, centre_error=2e-3)
     assert found.centre.any()
     assert (exact.disturbances.mass_error, np.abs(exact.centre).max()) == (0, 0)
-
-
-def test_another_arm_is_refused(tmp_path):
-    check_refused(APP, tmp_path / "out", ["--arm", "ur10"], "expected kr500_l480")

@@ -8,18 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from own_urdf import own_urdf
-from run_here import here
+from run_here import do, fine, held, refused
 
 from testbench import files
 from testbench.campaign.arm_models import read_model
 from testbench.campaign.controller_files import STAMP
-from testbench.cli.program import program
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-def run(*args):
-    return here(program(["export"]), "export", *args)
 
 
 @pytest.fixture
@@ -50,25 +45,20 @@ def place(tmp_path, monkeypatch):
     return tmp_path
 
 
-def held(folder):
-    return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
 def test_an_own_urdf_a_new_one_and_both_again(place):
     before = held(place)
-    done = run("model", "--urdf", "in/robot.urdf")
-    assert done.returncode == 0, done.stderr
-    assert "in robot_calibrated.urdf, its tool is 'tool0'" in done.stdout
-    assert "read back by Pinocchio in 1000 poses: within 0.001 um and 0.001 urad" in done.stdout
-    assert "not in it, but in robot_calibrated.json: compliances" in done.stdout
+    done = fine("export", "model", "--urdf", "in/robot.urdf")
+    assert "in robot_calibrated.urdf, its tool is 'tool0'" in done
+    assert "read back by Pinocchio in 1000 poses: within 0.001 um and 0.001 urad" in done
+    assert "not in it, but in robot_calibrated.json: compliances" in done
     said = json.loads((place / "robot_calibrated.json").read_text())
     assert said["kind"] == "what a URDF cannot hold"
     assert said["urdf_sha256"] == files.digest(place / "robot_calibrated.urdf")
     assert said["read_back"]["position_um"] < 1
-    assert run("model", "--urdf", "new.urdf").stdout.startswith("no file new.urdf: written from scratch")
-    assert "testbench export wrote it" in run("model", "--urdf", "robot_calibrated.urdf").stderr
+    assert fine("export", "model", "--urdf", "new.urdf").startswith("no file new.urdf: written from scratch")
+    refused("export", "model", "--urdf", "robot_calibrated.urdf", said="testbench export wrote it")
     for urdf in ("in/robot.urdf", "new.urdf"):  # what the command wrote may be replaced
-        assert "replaced" in run("model", "--urdf", urdf).stdout
+        assert "replaced" in fine("export", "model", "--urdf", urdf)
     after = held(place)
     made = {Path(f"{stem}.{kind}") for stem in ("robot_calibrated", "new") for kind in ("urdf", "json")}
     assert set(after) - set(before) == made
@@ -81,37 +71,32 @@ def test_a_urdf_of_another_arm_is_not_replaced_and_one_from_scratch_may_be_the_r
     for path in (place / "model").iterdir():
         shutil.copyfile(path, place / "drawn" / path.name)
     (place / "drawn" / "model.json").write_text(json.dumps(document | {"theta_0": [0.0] * 48}))
-    assert run("drawn", "--urdf", "new.urdf").returncode == 0
-    copied = run("model", "--urdf", "new.urdf", "--out", "mine.urdf")
-    assert copied.returncode == 0, copied.stderr
+    fine("export", "drawn", "--urdf", "new.urdf")
+    fine("export", "model", "--urdf", "new.urdf", "--out", "mine.urdf")
     assert (place / "mine.urdf").read_text() != (place / "new.urdf").read_text()
-    assert run("model", "--urdf", "identified.urdf").returncode == 0
-    done = run("model", "--urdf", "identified.urdf", "--out", "mine.urdf")
+    fine("export", "model", "--urdf", "identified.urdf")
+    done = do("export", "model", "--urdf", "identified.urdf", "--out", "mine.urdf")
     assert "wrote it from scratch, with the geometry of a calibration" in done.stderr
     beside = (place / "new.json").read_text().replace('"arm": "ur10"', '"arm": "arm_6r"')
     (place / "new.json").write_text(beside)
-    before = held(place)
-    done = run("model", "--urdf", "new.urdf")
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "testbench export wrote it of another arm, arm_6r; choose another name" in done.stderr
-    assert held(place) == before
-    assert run("model", "--urdf", "new.urdf", "--force").returncode == 0
+    said = "testbench export wrote it of another arm, arm_6r; choose another name"
+    refused("export", "model", "--urdf", "new.urdf", said=said, below=place)
+    fine("export", "model", "--urdf", "new.urdf", "--force")
 
 
 def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
     machine = "DEFDAT $MACHINE PUBLIC\n" + "".join(f"$MAMES[{k}]=0.0\n" for k in range(1, 7))
     (place / "in" / "$machine.dat").write_text(machine)
-    done = run("model", "--into", "in/$machine.dat")
-    assert done.returncode == 0, done.stderr
+    said = fine("export", "model", "--into", "in/$machine.dat")
     new = (place / "$machine_calibrated.dat").read_text()
-    told = re.search(r"(\d\.\d{3}) and (\d\.\d{3}) mm: lengths and tilts of axes", done.stdout)
+    told = re.search(r"(\d\.\d{3}) and (\d\.\d{3}) mm: lengths and tilts of axes", said)
     assert f"; {told[1]} mm RMS, {told[2]} at most: lengths and tilts of axes\n" in new
     elbow = re.search(r"\$MAMES\[3\]=(.*)\n", new)[1]
     assert float(elbow) != 0
-    assert f"elbow_joint {float(elbow):.4f}" in done.stdout
-    assert run("model", "--into", "in/$machine.dat").returncode == 0  # what the command wrote may be replaced
-    done = run("model", "--into", "in/$machine.dat", "--out", "in/$machine.dat")
-    assert "is read by this command" in done.stderr
+    assert f"elbow_joint {float(elbow):.4f}" in said
+    fine("export", "model", "--into", "in/$machine.dat")  # what the command wrote may be replaced
+    into = ("--into", "in/$machine.dat", "--out", "in/$machine.dat")
+    refused("export", "model", *into, said="is read by this command", below=place)
 
 
 @pytest.mark.parametrize(
@@ -128,10 +113,7 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
         (("in", "--urdf", "new.urdf"), "expected the folder of a model"),
         (("model", "--urdf", "nowhere/deep/new.urdf", "--force", "--bad"), "No such option"),
         (("model",), "expected --urdf or --into, one of"),
-        (
-            ("model", "--urdf", "new.urdf", "--into", "in/ur.yaml"),
-            "expected --urdf or --into, one of",
-        ),
+        (("model", "--urdf", "new.urdf", "--into", "in/ur.yaml"), "expected --urdf or --into, one of"),
         (("model", "--into", "in/machine.dat", "--gears", "1"), "--gears: is for ABB's motors alone"),
         (("model", "--into", "in/machine.dat"), "$machine.dat with a number at $MAMES[2]"),
         (("model", "--into", "in/twice.dat"), "$MAMES[1]: stands twice"),
@@ -165,8 +147,4 @@ def test_what_is_wrong_is_one_line_and_nothing_is_written(place, args, said):
     }
     for name, text in texts.items():
         (place / "in" / name).write_text(text)
-    before = held(place)
-    done = run(*args)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stdout + done.stderr
-    assert said in done.stderr
-    assert held(place) == before
+    refused("export", *args, said=said, below=place)

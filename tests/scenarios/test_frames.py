@@ -1,20 +1,18 @@
 """Runs in a laser tracker's frame through the command line: simulated, identified, given frames read."""
 
-import csv
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from run_here import here
+from run_here import fine, refused, table
 from scipy.spatial.transform import Rotation
 
 from testbench.campaign.absolute_truth import by_trackers
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.runs import read_frames, registration_row, to_base
-from testbench.cli.program import program
 from testbench.errors import InputError
 from testbench.identify.registered import registered
 from testbench.report.table import rows as as_rows
@@ -24,14 +22,9 @@ ARM, POSES = ROOT / "models" / "kr500_l480", ROOT / "docs" / "poses.csv"
 PLACE = (4.0, -2.0, 1.5)
 
 
-def run(*args):
-    return here(program(args[:1]), *args)
-
-
 def identified(data, out, frame="auto"):
     """models.json of a quick fit."""
-    done = run("identify", ARM, data, "--model", "Joints", "--no-intervals", "--frame", frame, "--out", out)
-    assert done.returncode == 0, done.stderr
+    fine("identify", ARM, data, "--model", "Joints", "--no-intervals", "--frame", frame, "--out", out)
     return json.loads((out / "models.json").read_text())
 
 
@@ -40,8 +33,7 @@ def runs(tmp_path_factory):
     """The same poses read in the base's frame and by a tracker."""
     folder = tmp_path_factory.mktemp("runs")
     for name, flags in (("base", []), ("tracker", ["--tracker", ",".join(map(str, PLACE))])):
-        done = run("simulate", ARM, POSES, "--out", folder / f"{name}.csv", "--payload-kg", 460.3, *flags)
-        assert done.returncode == 0, done.stderr
+        fine("simulate", ARM, POSES, "--out", folder / f"{name}.csv", "--payload-kg", 460.3, *flags)
     return folder
 
 
@@ -66,24 +58,23 @@ def test_trackers_frame_is_found_and_the_model_is_that_of_the_bases(runs, tmp_pa
 
 
 def test_identifiability_takes_readings_in_any_frame(runs):
-    done = run("identifiability", ARM, runs / "tracker.csv")
-    assert done.returncode == 0, done.stderr
-    assert "mm in the tracker's frame, turned by" in " ".join(done.stdout.split())
+    assert "mm in the tracker's frame, turned by" in fine("identifiability", ARM, runs / "tracker.csv")
 
 
 def test_target_that_the_folder_lacks_is_found(runs, tmp_path):
     data = tmp_path / "data.csv"
     data.write_text((runs / "tracker.csv").read_text().replace(",P2,", ",T9,"))
     flags = ["--model", "Joints", "--no-intervals", "--out", tmp_path / "fit"]
-    done = run("identify", ARM, data, "--new-target", "T9", *flags)
-    assert done.returncode == 0, done.stderr
+    fine("identify", ARM, data, "--new-target", "T9", *flags)
     targets = json.loads((tmp_path / "fit" / "models.json").read_text())["registration"]["targets"]
     (new,) = [target for target in targets if target["marker"] == "T9"]
     assert new["from_nominal_mm"] is None
     np.testing.assert_allclose(new["position_mm"], [480, -320, 260], atol=3)
-    unknown, twice = (run("identify", ARM, data, *flag, *flags) for flag in ([], ["--new-target", "P1"]))
-    assert "no marker 'T9' in kr500_l480; markers are P1, P2, P3" in unknown.stderr
-    assert "--new-target: expected new names, got P1; kr500_l480 has P1, P2, P3" in twice.stderr
+    for more, said in (
+        ([], "no marker 'T9' in kr500_l480; markers are P1, P2, P3"),
+        (["--new-target", "P1"], "--new-target: expected new names, got P1; kr500_l480 has P1, P2, P3"),
+    ):
+        refused("identify", ARM, data, *more, *flags, said=said, below=tmp_path)
 
 
 def test_readings_of_several_trackers_have_a_frame_each(kr500):
@@ -144,20 +135,21 @@ def test_the_base_is_told_wherever_it_stands_in_its_world(kr500, tmp_path):
 @pytest.mark.parametrize("sigma_um", [1.0, 400.0])
 def test_noise_that_is_asked_for_counts_more_than_the_tracker_s_own(sigma_um, tmp_path):
     flags = ("--payload-kg", 460, "--tracker", "4,-2,1", "--sigma-um", sigma_um)
-    assert run("simulate", ARM, POSES, "--out", tmp_path / "d.csv", *flags).returncode == 0
-    rows = list(csv.DictReader((tmp_path / "d.csv").read_text().splitlines()))
+    fine("simulate", ARM, POSES, "--out", tmp_path / "d.csv", *flags)
+    rows = table(tmp_path / "d.csv")
     assert {float(row["sigma_m"]) for row in rows} == {sigma_um / 1e6}
     read = np.array([[float(row[f"before_{axis}_m"]) for axis in "xyz"] for row in rows]).reshape(-1, 3, 3)
     apart = np.linalg.norm(read[:, 0] - read[:, 1], axis=1)  # of two targets of one plate
     assert 0.3 < 1e6 * apart.std() / sigma_um < 4
 
 
-@pytest.mark.parametrize("text", ["1,2", "a,b,c", "1,2,3,4", "nan,0,0", "5000,0,0", ""])
-def test_tracker_that_is_no_place_is_refused(text, tmp_path):
-    done = run("simulate", ARM, POSES, "--out", tmp_path / "d.csv", f"--tracker={text}")
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "expected" in done.stderr
-    assert not list(tmp_path.iterdir())
+def test_tracker_that_is_no_place_is_refused(tmp_path):
+    for text in ("1,2", "a,b,c", "1,2,3,4", "nan,0,0", "5000,0,0", ""):
+        flags = ("--out", tmp_path / "d.csv", f"--tracker={text}")
+        refused("simulate", ARM, POSES, *flags, said="expected", below=tmp_path)
+
+
+PLACED = "[[frame]]\nposition_m = [{}, 0.0, 0.0]\nrotation_xyz_deg = [0.0, 0.0, 0.0]\n"
 
 
 @pytest.mark.parametrize(
@@ -165,15 +157,9 @@ def test_tracker_that_is_no_place_is_refused(text, tmp_path):
     [
         ("frame = 3", r"frame\.toml: frame: .*expected \[\[frame\]\] with position_m and rotation_xyz_deg"),
         ("[[frame]]\nposition_m = [1.0, 2.0, 3.0]", r"frame\.0\.rotation_xyz_deg: Field required"),
-        (
-            "[[frame]]\nposition_m = [4000.0, 0.0, 0.0]\nrotation_xyz_deg = [0.0, 0.0, 0.0]",
-            "less than or equal",
-        ),
+        (PLACED.format(4000.0), "less than or equal"),
         ("[[frame", "not TOML"),
-        (
-            "[[frame]]\nposition_m = [1.0, 0.0, 0.0]\nrotation_xyz_deg = [0.0, 0.0, 0.0]\n" * 2,
-            r"expected every station once, got \[1, 1\]",
-        ),
+        (2 * PLACED.format(1.0), r"expected every station once, got \[1, 1\]"),
     ],
 )
 def test_file_of_frames_that_is_wrong_is_refused(text, expected, tmp_path):
@@ -183,5 +169,5 @@ def test_file_of_frames_that_is_wrong_is_refused(text, expected, tmp_path):
 
 
 def test_frame_that_is_no_word_is_refused(runs, tmp_path):
-    done = run("identify", ARM, runs / "base.csv", "--frame", "world", "--out", tmp_path / "fit")
-    assert done.stderr == "error: frame: expected auto, base, tracker or a .toml file, got 'world'\n"
+    said = "error: frame: expected auto, base, tracker or a .toml file, got 'world'\n"
+    refused("identify", ARM, runs / "base.csv", "--frame", "world", "--out", tmp_path / "fit", said=said)

@@ -183,28 +183,6 @@ def test_another_seed_beside_it_in_other_processes_changes_no_model_and_gives_a_
         assert single["f_m"] in (own["f_m"]["least"], own["f_m"]["most"])
 
 
-BAD_FLAGS = [
-    (["--nonsense"], "No such option: --nonsense"),
-    (["--true-arm", "steel"], "--true-arm"),
-    (["--payload-kg", "nan"], "payload"),
-    (["--sigma-um", "0"], "sigma"),
-    (
-        ["--arm", "no/such/arm"],
-        "no/such/arm: expected a folder with rigid.xml and elastic.toml, or one of arm_6r",
-    ),
-]
-
-
-@pytest.mark.parametrize(("flags", "text"), BAD_FLAGS)
-def test_bad_flags_are_one_line_exit_code_2_and_touch_nothing(flags, text, tmp_path):
-    (tmp_path / "report.json").write_text("earlier")
-    done = here(APP, "--out", tmp_path, "--quick", *flags)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert done.stderr.startswith("error: ")
-    assert text in done.stderr
-    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"report.json": "earlier"}
-
-
 def test_ctrl_c_leaves_earlier_results_whole(quick, tmp_path):
     out = shutil.copytree(quick[0], tmp_path / "out")
     before = {p.name: p.read_bytes() for p in out.iterdir()}

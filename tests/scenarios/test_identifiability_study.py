@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from run_here import ROOT, app_of_study, check_files, check_refused, quick_study
+from run_here import app_of_study, check_files, quick_study
 
 from testbench.arm.folder import load_arm
 from testbench.data.read_pairs import read_csv
@@ -71,14 +71,3 @@ def test_more_poses_help_and_eight_are_the_campaign_itself(report):
     whole = next(m for m in report["models"] if m["name"] == "MGCO68")
     assert few["rms_um"] == pytest.approx(whole["rms_um"], rel=1e-9)  # solved beside other datasets
     assert many["rms_um"] < few["rms_um"]
-
-
-@pytest.mark.parametrize(
-    ("flags", "text"),
-    [
-        (["--campaigns", "0"], "--campaigns"),
-        (["--arm", str(ROOT / "models" / "single_link")], "expected an arm of at least 4 links"),
-    ],
-)
-def test_bad_flags_are_refused(flags, text, tmp_path):
-    check_refused(APP, tmp_path / "out", flags, text)

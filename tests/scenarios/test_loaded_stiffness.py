@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from run_here import app_of_study, check_files, check_refused, here, numbers_alone, quick_study
+from run_here import app_of_study, check_files, here, numbers_alone, quick_study
 
 from testbench.campaign.campaign import clear_poses
 from testbench.model.poses import WorkArea
@@ -93,14 +93,3 @@ def test_another_arm_and_another_load(tmp_path):
     assert report["loads_N"][-1] == pytest.approx(500)
     linear, integrated = rms(report, "weightless", "linear"), rms(report, "weightless", "integrated")
     assert (integrated < 1e-3 * linear).all()
-
-
-@pytest.mark.parametrize(
-    ("flags", "text"),
-    [
-        (["--max-load-n", "nan"], "--max-load-n"),
-        (["--arm", "arm_6r", "--max-load-n", "90000"], "too soft for its load"),
-    ],
-)
-def test_bad_flags_are_refused(flags, text, tmp_path):
-    check_refused(APP, tmp_path / "out", flags, text)

@@ -1,7 +1,7 @@
 """The study of model error as a stranger runs it: files, contract, claims."""
 
 import pytest
-from run_here import app_of_study, check_files, check_refused, quick_study
+from run_here import app_of_study, check_files, quick_study
 
 from testbench.plant import Disturbances
 from testbench.studies.model_error.settings import Settings, disturbances
@@ -85,18 +85,3 @@ def test_joints_alone_and_both_methods_with_the_prior_are_judged_in_every_case(r
     for c in report["cells"]:  # what links give is no part of joints alone
         if c["structure"] == "Joints":
             assert c["rms_um"]["median"] > 150
-
-
-@pytest.mark.parametrize(
-    ("flags", "said"),
-    [
-        (["--scale", "-1"], "scale"),
-        (["--sigma-um", "0"], "sigma-um"),
-        (["--arm", "x"], "folder"),
-        (["--arms", "tubes"], "--arms: expected some of stiffer_3, "),
-        (["--sizes", "-1"], "sizes"),
-        (["--only", "rust"], "no disturbance 'rust'; disturbances are own weight"),
-    ],
-)
-def test_wrong_flags_are_one_line_and_exit_2(tmp_path, flags, said):
-    check_refused(APP, tmp_path / "out", flags, said)

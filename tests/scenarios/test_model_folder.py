@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from run_here import here
+from run_here import refused
 
 import testbench as tb
 from testbench.campaign.arm_models import write_stiffness
@@ -15,7 +15,6 @@ from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_folder import sealed
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
-from testbench.cli.program import program
 from testbench.errors import InputError
 from testbench.identify.posterior import CURVED, curvature, linearise
 from testbench.model.vjm import chain, marker_points, observation
@@ -225,8 +224,5 @@ def test_models_of_other_arms_and_of_earlier_versions_are_refused(small, tmp_pat
     (tmp_path / "models.json").touch()
     with pytest.raises(InputError, match=r"fits of an earlier version and no model\.json: identify again"):
         tb.load_model(tmp_path)
-    done = here(program(["score"]), "score", small, "none.csv")
-    assert done.returncode == 2
-    assert "expected 'absolute calibration' (testbench calibrate), got 'stiffness'" in " ".join(
-        done.stderr.split()
-    )
+    said = "expected 'absolute calibration' (testbench calibrate), got 'stiffness'"
+    refused("score", small, "none.csv", said=said)

@@ -4,7 +4,7 @@ import json
 
 import pytest
 from pyarrow import parquet
-from run_here import app_of_study, check_files, check_refused, here, quick_study
+from run_here import app_of_study, check_files, here, quick_study
 
 APP = app_of_study("noise_sensitivity")
 first, *_ = quick_study(APP, "--seed", 6, "--seeds", 1)
@@ -107,18 +107,6 @@ def test_a_finished_run_is_resumed_with_more_trials_and_the_old_ones_stand(befor
     assert {row["seed"] for row in before} == {6}
     assert {row["seed"] for row in rows} == {6, 7}
     assert sorted(map(repr, before)) == sorted(repr(row) for row in rows if row["seed"] == 6)
-
-
-@pytest.mark.parametrize(
-    ("flags", "said"),
-    [
-        (["--sigma-um", "-1"], "--sigma-um: expected different values of 0 to 10000, got -1"),
-        (["--sigma-um", "5", "--sigma-um", "5"], "--sigma-um"),
-        (["--sigma-um", "0"], "--sigma-um: expected at least one level above 0"),
-    ],
-)
-def test_wrong_flags_are_one_line_and_exit_2(tmp_path, flags, said):
-    check_refused(APP, tmp_path / "out", flags, said)
 
 
 def test_resume_into_the_folder_of_other_settings_is_refused(quick):

@@ -11,7 +11,7 @@ import pytest
 from page_checks import check_winner
 from pyarrow import parquet
 from read_back import chunks_of
-from run_here import ROOT, app_of_study, check_files, here, numbers_alone
+from run_here import ROOT, app_of_study, check_files, fine, here, is_refused, numbers_alone
 
 import testbench as tb
 from testbench.campaign.campaign import stream
@@ -20,7 +20,6 @@ from testbench.campaign.own_estimator import hired, parameters
 from testbench.campaign.own_limits import CREATE, Limits
 from testbench.campaign.own_process import Own, ask, server
 from testbench.campaign.true_arms import TRUTHS, true_cell
-from testbench.cli.program import program
 from testbench.errors import BenchError
 from testbench.identify.prior import Prior
 from testbench.model.structure import all153
@@ -282,13 +281,11 @@ def test_one_and_two_workers_find_the_same_and_a_changed_file_is_refused(files):
 def test_identify_shows_own_estimators_and_names_those_that_fail(files):
     data, out = files / "data.csv", files / "fit"
     poses = ROOT / "docs" / "poses.csv"
-    made = here(program(["simulate"]), "simulate", "kr500_l480", poses, "--out", data, "--payload-kg", 460.3)
-    assert made.returncode == 0, made.stderr
+    fine("simulate", "kr500_l480", poses, "--out", data, "--payload-kg", 460.3)
     own = (*example(files), *flags(files / "bad.py", *WHY))
     held = ("--check-pose", 4, "--check-pose", 9, "--estimator-timeout", TIMEOUT)
     models = ("--model", "Joints", "--model", "ALL153")
-    done = here(program(["identify"]), "identify", "kr500_l480", data, *models, *own, *held, "--out", out)
-    assert (done.returncode, done.stderr) == (0, "")
+    fine("identify", "kr500_l480", data, *models, *own, *held, "--out", out)
     report = json.loads((out / "report.json").read_text())
     names = [m["name"] for m in report["models"]]
     assert names == ["Joints + prior", "ALL153 + prior", "shrunk"]
@@ -321,9 +318,7 @@ def test_what_cannot_be_imported_is_told_in_one_line_before_anything_is_done(fil
     (files / "broken.py").write_text("def f(:\n")
     (files / "exits.py").write_text("raise SystemExit(3)\n")
     done = here(APP, "--quick", "--out", tmp_path / "out", "--estimator", flag.format(files))
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    is_refused(done, said)
     assert not (tmp_path / "out").exists()
 
 

@@ -4,7 +4,6 @@ import shutil
 from pathlib import Path
 from unittest import mock
 
-import pytest
 from run_here import app_of, check_files, here, numbers_alone, quick_study
 
 from testbench.campaign.true_arms import CALLED
@@ -63,19 +62,3 @@ def test_a_finished_run_is_resumed_without_planning_again(quick, tmp_path):
     assert done.returncode == 0, done.stderr
     ours, theirs = ((folder / "report.json").read_text() for folder in (out, quick[0]))
     assert ours == theirs
-
-
-@pytest.mark.parametrize(
-    ("flags", "said"),
-    [
-        (["--seeds", "0"], "seeds"),
-        (["--workers", "0"], "workers"),
-        (["--arm", "nowhere"], "expected a folder"),
-    ],
-)
-def test_wrong_flags_are_one_line_and_exit_2(tmp_path, flags, said):
-    done = here(APP, "--quick", "--out", tmp_path / "out", *flags)
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not (tmp_path / "out").exists()

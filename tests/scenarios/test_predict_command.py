@@ -1,6 +1,5 @@
 """testbench predict: a folder of numbers and views that say what the library says; bad input in one line."""
 
-import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,7 @@ from checks import tables_of
 from page_checks import check_page, said
 from read_back import columns, on, series, sound
 from reports import check
-from run_here import here
+from run_here import check_folder, fine, refused, table
 
 import testbench as tb
 from testbench.arm.mjcf import GRAVITY
@@ -21,7 +20,6 @@ from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
 from testbench.campaign.program import predicted, read_asked
-from testbench.cli.program import program
 from testbench.commands.predict import report
 from testbench.errors import InputError
 from testbench.model.vjm import tool_pose
@@ -30,14 +28,6 @@ from testbench.views.schema import show
 
 ROOT = Path(__file__).resolve().parents[2]
 POSES, MASS, PULL = 8, 300.0, 9500.0  #: Of the file; hung [kg]; of one pose [N].
-FILES = {"predictions.csv", "report.json", "report.md", "report.html", "predict.png", "recording.rrd"} | {
-    "manifest.json",
-    "run.log",
-}
-
-
-def run(*args):
-    return here(program(["predict"]), "predict", *args)
 
 
 def folder_of(cell, parent, prior):
@@ -74,15 +64,13 @@ def made(model, q):
     """Folder of the results, and what was said; one pose is pulled harder than any reading was."""
     rows = [f"0,0,0,{MASS}"] * (POSES - 1) + [f"0,{PULL},0,0"]
     out = model.parent / "out"
-    done = run(model, poses_file(model.parent / "poses.csv", q, rows), "--push", 1000, "--out", out)
-    assert done.returncode == 0, done.stderr
-    return out, " ".join(done.stdout.split())
+    file = poses_file(model.parent / "poses.csv", q, rows)
+    return out, fine("predict", model, file, "--push", 1000, "--out", out)
 
 
 def test_every_pose_and_point_is_what_the_library_says_and_holds_the_truth(kr500, model, made, q):
     """95 % intervals of 8 poses: at least 80 % of the components, whatever the draw."""
-    with (made[0] / "predictions.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = table(made[0] / "predictions.csv")
     assert [row["point"] for row in rows] == ["tool", "P1", "P2", "P3"] * POSES
     wrench = np.zeros((POSES, 6))
     wrench[:-1, 2], wrench[-1, 1] = -GRAVITY * MASS, PULL
@@ -100,7 +88,7 @@ def test_every_pose_and_point_is_what_the_library_says_and_holds_the_truth(kr500
 def test_the_answer_comes_first_and_what_is_extrapolated_or_hardly_seen_is_said(made):
     out, said = made
     report = json.loads((out / "report.json").read_text())
-    assert {path.name for path in out.iterdir()} == FILES
+    check_folder(out, "predictions.csv", "predict.png")
     worst = report["worst"][0]
     assert said.startswith("Under 0 to 300 kg and 0 to 9,500 N the tool moves up to ")
     most = f"{worst['deflection_mm']:.3f} mm +- {worst['half_mm']:.3f} mm, in pose {worst['pose']} of 8. It"
@@ -115,8 +103,7 @@ def test_the_answer_comes_first_and_what_is_extrapolated_or_hardly_seen_is_said(
 
 
 def test_the_table_has_the_numbers_of_the_file_of_all_poses_the_farthest_first(made):
-    with (made[0] / "predictions.csv").open() as file:
-        rows = [row for row in csv.DictReader(file) if row["point"] == "tool"]
+    rows = [row for row in table(made[0] / "predictions.csv") if row["point"] == "tool"]
 
     def of(row, name):
         return [float(row[name.replace("*", axis)]) for axis in "xyz"]
@@ -150,34 +137,31 @@ def test_what_no_reading_has_seen_is_said_and_blank(kr500, tmp_path, q):
     """Without a prior: a force across turns joint 1, which no hung weight did."""
     bare = folder_of(kr500, tmp_path, False)
     file = poses_file(tmp_path / "poses.csv", q[:1], ["0,800,0,0"])
-    done = run(bare, file, "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    said = " ".join(done.stdout.split())
+    said = fine("predict", bare, file, "--out", tmp_path / "out")
     assert "which the data do not determine" in said
     assert "Not seen: 100 % of the deflections have no interval" in said
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["worst"][0]["half_mm"] is None
-    with (tmp_path / "out" / "predictions.csv").open() as table:
-        assert next(csv.DictReader(table))["half_95_y_m"] == ""
+    assert table(tmp_path / "out" / "predictions.csv")[0]["half_95_y_m"] == ""
+
+
+HUNG, FAR = ["0,0,-900,0"] * 2, 9 * np.eye(6)[0]
 
 
 @pytest.mark.parametrize(
-    ("rows", "flags", "said"),
+    ("rows", "flags", "off", "said"),
     [
-        (["0,0,nan,0"] * 2, (), "line 2, column force_z_N: expected a finite number, got 'nan'"),
-        (["0,0,0,0"] * 2, ("--load", -3), "--load"),
-        (["0,0,-1e9,0"] * 2, (), "line 2, column force_z_N: expected -1e+06 to 1e+06 N"),
-        (["0,0,-900,0"] * 2, ("--arm", "arm_6r"), "is a model of another arm, kr500_l480"),
-        (["0,0,-900,0"] * 2, ("--box", "1,2"), "expected 6 numbers"),
+        (["0,0,nan,0"] * 2, (), 0, "line 2, column force_z_N: expected a finite number, got 'nan'"),
+        (["0,0,0,0"] * 2, ("--load", -3), 0, "--load"),
+        (["0,0,-1e9,0"] * 2, (), 0, "line 2, column force_z_N: expected -1e+06 to 1e+06 N"),
+        (HUNG, ("--arm", "arm_6r"), 0, "is a model of another arm, kr500_l480"),
+        (HUNG, ("--box", "1,2"), 0, "expected 6 numbers"),
+        (HUNG, (), FAR, "line 2, column joint_1_rad"),
     ],
 )
-def test_bad_input_is_one_line_and_nothing_is_written(model, tmp_path, q, rows, flags, said):
-    file = poses_file(tmp_path / "poses.csv", np.vstack([q[:1], 0.2 * q[1:2]]), rows)
-    done = run(model, file, *flags, "--out", tmp_path / "out")
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert done.stderr.count("\n") == 1
-    assert not (tmp_path / "out").exists()
+def test_bad_input_is_one_line_and_nothing_is_written(model, tmp_path, q, rows, flags, off, said):
+    file = poses_file(tmp_path / "poses.csv", np.vstack([q[:1] + off, 0.2 * q[1:2]]), rows)
+    refused("predict", model, file, *flags, "--out", tmp_path / "out", said=said, below=tmp_path)
 
 
 def test_the_first_pose_that_cannot_bear_its_load_is_named_by_its_line(model, tmp_path, q):
@@ -193,8 +177,7 @@ def test_the_first_pose_that_cannot_bear_its_load_is_named_by_its_line(model, tm
 def test_programs_of_tool_poses_and_plans_are_read_too(kr500, model, tmp_path, q):
     found = tb.load_model(model)
     cut = read_asked(ROOT / "docs" / "program.csv", found, None, lambda: MASS)
-    with (ROOT / "docs" / "program.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = table(ROOT / "docs" / "program.csv")
     asked = [[float(row[f"{axis}_mm"]) for axis in "xyz"] for row in rows]
     np.testing.assert_allclose(1e3 * tool_pose(kr500.vjm, cut.q)[0], asked, atol=1e-6)
     sizes = [np.linalg.norm([float(row[f"{way}_N"]) for way in ("feed", "cross", "axial")]) for row in rows]
@@ -242,23 +225,19 @@ def test_a_model_of_own_weight_alone_has_no_ratio_of_loads_and_says_so(model, tm
 
 def test_what_hangs_where_the_file_says_of_no_load_and_what_was_not_read_are_said(model, tmp_path, q):
     file = poses_file(tmp_path / "poses.csv", q[:2], ["900", "900"], head="axail_N")
-    done = run(model, file, "--push", 1000, "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
+    said = fine("predict", model, file, "--push", 1000, "--out", tmp_path / "out")
     page = (tmp_path / "out" / "report.md").read_text()
-    for text in (" ".join(done.stdout.split()), page.replace("**", "")):
+    for text in (said, page.replace("**", "")):
         assert "No load in the file: the payload of 460.3 kg hangs." in text
         assert "Not read though its unit is that of a load: axail_N (axial_N?); it counts for" in text
-    bare = run(model, file, "--load", 0, "--push", 1000, "--out", tmp_path / "bare")
-    assert "Under no load the tool moves" in " ".join(bare.stdout.split()), bare.stderr
+    bare = fine("predict", model, file, "--load", 0, "--push", 1000, "--out", tmp_path / "bare")
+    assert "Under no load the tool moves" in bare
 
 
-def test_a_folder_that_is_no_model_and_a_pose_out_of_limits_are_refused(kr500, model, tmp_path, q):
-    file = poses_file(tmp_path / "poses.csv", q[:1] + 9 * np.eye(6)[:1], ["0,0,-900,0"])
-    for folder, words in ((kr500.arm.rigid.parent, "with model.json"), (model, "line 2, column joint_1_rad")):
-        done = run(folder, file, "--out", tmp_path / "out")
-        assert done.returncode == 2
-        assert words in done.stderr
-    assert not (tmp_path / "out").exists()
+def test_a_folder_that_is_no_model_is_refused(kr500, tmp_path, q):
+    file = poses_file(tmp_path / "poses.csv", q[:1], ["0,0,-900,0"])
+    args = ("predict", kr500.arm.rigid.parent, file, "--out", tmp_path / "out")
+    refused(*args, said="with model.json", below=tmp_path)
 
 
 def test_the_page_shows_every_pose_and_the_softest_place_and_no_pane_is_blank(made, open_page, blank_panes):

@@ -8,29 +8,24 @@ from collections import Counter
 import numpy as np
 import pytest
 from pyarrow import parquet
-from run_here import ROOT, here
+from run_here import ROOT, fine, refused
 
 import testbench as tb
 from testbench.campaign.campaign import build_cell, draw_poses, simulate_at
 from testbench.campaign.perturbed_prior import PRIORS, prior_of
 from testbench.campaign.public_dataset import GRID, ROUNDS, SCENARIO, TABLES, kind_of, split_of
 from testbench.campaign.true_arms import TRUTHS, true_cell
-from testbench.cli.program import program
 
 SAMPLE = ROOT / "docs/dataset_sample"
 CODE = re.findall(r"```python\n(.*?)```", (ROOT / "docs/dataset.md").read_text(encoding="utf-8"), re.DOTALL)
 SEED = 7
-
-
-def build(out, *flags):
-    return here(program(["dataset"]), "dataset", "build", out, "--seed", SEED, *flags)
+BUILD = ("dataset", "build", "--seed", SEED)
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("public") / "set"
-    done = build(out, "--campaigns", GRID, "--workers", 1)
-    assert done.returncode == 0, done.stderr
+    fine(*BUILD, out, "--campaigns", GRID, "--workers", 1)
     return out
 
 
@@ -42,8 +37,7 @@ def digests(folder):
 @pytest.mark.study
 def test_one_worker_writes_the_same_bytes_as_two(tmp_path):
     for workers in (1, 2):
-        done = build(tmp_path / f"{workers}", "--campaigns", 2 * GRID, "--workers", workers)
-        assert done.returncode == 0, done.stderr
+        fine(*BUILD, tmp_path / f"{workers}", "--campaigns", 2 * GRID, "--workers", workers)
     assert digests(tmp_path / "1") == digests(tmp_path / "2")
 
 
@@ -198,14 +192,12 @@ def test_an_unknown_split_names_the_known_ones():
 
 
 def test_a_wrong_number_of_campaigns_and_a_folder_of_others_are_refused(tmp_path):
-    done = build(tmp_path / "set", "--campaigns", GRID + 1)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert f"--campaigns: expected a multiple of {GRID}" in done.stderr
     (tmp_path / "notes.txt").write_text("mine")
-    done = build(tmp_path, "--campaigns", GRID)
-    assert done.returncode == 2
-    assert "notes.txt" in done.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    for folder, count, said in (
+        (tmp_path / "set", GRID + 1, f"--campaigns: expected a multiple of {GRID}"),
+        (tmp_path, GRID, "notes.txt"),
+    ):
+        refused(*BUILD, folder, "--campaigns", count, said=said, below=tmp_path)
 
 
 def test_datacite_s_own_schema_takes_its_record():

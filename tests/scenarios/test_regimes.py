@@ -1,7 +1,7 @@
 """The study of regimes as a stranger runs it: files, the map, what every cell must hold."""
 
 import pytest
-from run_here import app_of_study, check_files, here, quick_study
+from run_here import app_of_study, check_files, quick_study
 
 from testbench.studies.regimes.trial import Settings
 
@@ -49,13 +49,3 @@ def test_where_the_cone_does_not_bind_it_does_nothing_to_what_is_seen(rows):
 def test_a_conservative_least_squares_with_a_prior_is_gco(rows):
     for own in by_fit(rows, plain=False):
         assert own["GCO"] == pytest.approx(own["least squares"], rel=1e-3)
-
-
-def test_another_truth_is_asked_for_and_an_unknown_one_refused(tmp_path):
-    done = here(
-        APP, "--quick", "--seeds", 1, "--truth", "joints", "--truth", "rust", "--out", tmp_path / "out"
-    )
-    assert done.returncode == 2
-    assert "--truth: expected different ones of tubes, off_10" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not (tmp_path / "out").exists()

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from run_here import app_of_study, check_files, check_refused, quick_study
+from run_here import app_of_study, check_files, quick_study
 
 from testbench.arm.folder import load_arm
 from testbench.data.read_pairs import read_csv
@@ -67,8 +67,3 @@ def test_random_loads_are_worse_conditioned():
     [[*_, gco]] = trials(Settings("random"), [5])
     assert gco.condition > 1.5
     assert gco.conservative
-
-
-@pytest.mark.parametrize(("flags", "said"), [(["--seeds", "0"], "--seeds"), (["--loads", "both"], "--loads")])
-def test_bad_flags_are_refused(tmp_path, flags, said):
-    check_refused(APP, tmp_path / "out", flags, said)

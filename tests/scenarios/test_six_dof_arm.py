@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from run_here import ROOT, app_of_study, check_files, check_refused, quick_study
+from run_here import ROOT, app_of_study, check_files, quick_study
 
 from testbench.arm.folder import load_arm
 from testbench.data.read_pairs import read_csv
@@ -72,17 +72,3 @@ def test_results_do_not_depend_on_other_seeds(rows):
     [alone] = trials(settings(Options(), True, range(3, 5)), [4])
     beside = [(row["name"], row["f_m"]) for row in rows if row["seed"] == 4]
     assert [(own.name, own.f_m) for own in alone] == beside
-
-
-@pytest.mark.parametrize(
-    ("flags", "text"),
-    [
-        (["--per", "pose"], "--per"),
-        (
-            ["--arm", str(ROOT / "models" / "single_link")],
-            "no model 'MLS56' of single_link, 0 joints; models are",
-        ),
-    ],
-)
-def test_bad_flags_are_refused(flags, text, tmp_path):
-    check_refused(APP, tmp_path / "out", flags, text)

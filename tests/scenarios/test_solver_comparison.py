@@ -3,7 +3,6 @@
 import sys
 
 import pyarrow.parquet as parquet
-import pytest
 from run_here import app_of_study, check_files, check_refused, here, numbers_alone, quick_study
 
 APP = app_of_study("solver_comparison")
@@ -41,19 +40,6 @@ def test_what_is_found_does_not_depend_on_other_seeds(rows, tmp_path):
     assert done.returncode == 0, done.stderr
     again = parquet.read_table(tmp_path / "trials.parquet")["f_m"].to_pylist()
     assert again == [row["f_m"] for row in rows if row["seed"] == 3]
-
-
-@pytest.mark.parametrize(
-    ("flags", "text"),
-    [
-        (["--m", "7"], "--m"),
-        (["--generations", "0"], "--generations"),
-        (["--model", "MGCO99"], "no model 'MGCO99'; models are"),
-        (["--model", "MLS56"], "expected one that GCO identifies"),
-    ],
-)
-def test_bad_flags_are_refused(flags, text, tmp_path):
-    check_refused(APP, tmp_path / "out", flags, text)
 
 
 def test_scs_without_cvxpy_is_one_line(tmp_path, monkeypatch):

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from run_here import app_of_study, check_files, check_refused, quick_study
+from run_here import app_of_study, check_files, quick_study
 
 from testbench.campaign.campaign import draw_poses, simulate_at
 from testbench.campaign.model_selection import choose
@@ -108,8 +108,3 @@ def test_fewer_poses_are_the_first_of_the_same_readings(kr500):
     noise = data[-1].deflection - campaign.identification.deflection
     assert np.std(noise) == pytest.approx(np.sqrt(2) * 50e-6, rel=0.1)  # 360 components: 4 % standard error
     assert campaign.truth.sigma == asked.sigma
-
-
-@pytest.mark.parametrize(("flags", "said"), [(["--arm", "x"], "folder"), (["--poses", "9"], "poses")])
-def test_wrong_flags_are_one_line_and_exit_2(tmp_path, flags, said):
-    check_refused(APP, tmp_path / "out", flags, said)
