@@ -104,6 +104,7 @@ class Identified:
     fits: Fits  #: Numbers and words.
     runs: Runs  #: Of many those that are looked at one by one, the worst among them.
     estimates: Mapping[str, Estimate]  #: By the name of the model.
+    held_out: Mapping[str, Array]  #: F_M of models on what was held out in turn, (folds,) [1].
 
     @property
     def taken(self) -> Estimate:
@@ -168,7 +169,7 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
         scale=runs.scale,
         failed=tuple(map(failed_row, lost)),
     )
-    return Identified(fits, runs, estimates)
+    return Identified(fits, runs, estimates, {c.name: c.errors for c in taken.candidates})
 
 
 def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence[Model], list[str]]:
