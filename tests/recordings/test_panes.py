@@ -37,14 +37,3 @@ def test_what_stays_blank_until_the_timeline_is_changed_is_seen(tmp_path, blank_
         assert f"{pane!r}: " in found
     assert "on load" not in found
     assert "on run at 0" in found
-
-
-def test_a_world_with_nothing_but_a_floor_is_seen(tmp_path, blank_panes, monkeypatch):
-    monkeypatch.setattr("panes.PATIENCE", 1.0)
-    world = rrb.Spatial3DView(origin="elsewhere", name="Arm")
-    path = tmp_path / "empty.rrd"
-    with recording(path, Header("empty", "{}", 1), layout(world, timeline="run", places=1)) as pen:
-        pen.on(rr.TimeColumn("run", sequence=[0])).rows("world", rr.Scalars.columns(scalars=[0.0]))
-    assert [fault.split(":")[0] for fault in blank_panes(path)] == [
-        "'Arm'"
-    ] * 2  # as opened, and at its place

@@ -14,17 +14,7 @@ from testbench.errors import BenchError, InputError
 from testbench.views.recording import headless, viewer
 from testbench.views.recording import shot as shots
 from testbench.views.recording.run import write_run
-from testbench.views.recording.shot import (
-    BARS,
-    LARGEST,
-    LONGEST,
-    PLAYED,
-    REST,
-    Sight,
-    film,
-    shot,
-    write_film,
-)
+from testbench.views.recording.shot import Sight, film, shot, write_film
 from testbench.views.recording.stream import Header
 from testbench.views.recording.viewer import web_viewer
 
@@ -110,7 +100,7 @@ def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch, tmp_
     assert list(places.iterdir()) == []  # the viewer keeps its data in files
     with Image.open(gif) as picture:
         assert picture.n_frames in (6, 7)  # a frame a place, of which two may look alike
-        assert picture.size == (640, 400 - BARS)
+        assert picture.size == (640, 400 - shots.BARS)
 
 
 def busy(monkeypatch, answers):
@@ -183,15 +173,15 @@ def test_a_film_shows_every_step_and_rests_at_both_ends(tmp_path):
             rests.append(gif.info["duration"])
             shown.append(int((np.asarray(gif.convert("RGB"))[30, :, 1] > 100).sum()))
     assert shown == [1 + 10 * k for k in range(21)]
-    assert rests[0] == rests[-1] == REST
-    assert sum(rests[1:-1]) == pytest.approx(PLAYED, rel=0.1)
-    assert max(rests[1:-1]) <= LONGEST
+    assert rests[0] == rests[-1] == shots.REST
+    assert sum(rests[1:-1]) == pytest.approx(shots.PLAYED, rel=0.1)
+    assert max(rests[1:-1]) <= shots.LONGEST
 
 
 def test_a_large_film_shrinks_until_it_plays_at_once(tmp_path, rng):
     noise = [png(rng.integers(0, 256, (320, 480, 3), dtype=np.uint8)) for _ in range(10)]
     write_film(tmp_path / "part", ".gif", noise)
-    assert (tmp_path / "part").stat().st_size <= LARGEST
+    assert (tmp_path / "part").stat().st_size <= shots.LARGEST
     with Image.open(tmp_path / "part") as gif:
         assert gif.n_frames == 10
         assert gif.width / gif.height == pytest.approx(480 / 320, rel=0.01)

@@ -81,22 +81,30 @@ def check(report, printed):
     return report.whole()
 
 
-def check_cells(cells, trials, *by, keys=("rms_um", "p95_um", "max_um")):
-    """Every cell of a factorial campaign is median and spread of its own trials, and none is left out.
+def check_said(report, *sentences):
+    """All of these are said somewhere on the page of a report."""
+    whole = report.whole()
+    assert [sentence for sentence in sentences if sentence not in whole] == []
+
+
+def check_cells(cells, trials, *by):
+    """Every cell of a factorial campaign is what its own trials hold in all columns, and none is left out.
 
     Args:
         cells: Rows of the report, a model each.
-        trials: Those that the cells are of.
+        trials: Those that the cells are of; numbers are medians with their spread, truth values shares.
         by: The factors.
-        keys: What is merged.
     """
     known = {tuple(cell[key] for key in ("name", *by)) for cell in cells}
     assert known == set(zip(*(trials[key].tolist() for key in ("name", *by)), strict=True))
     assert len(known) == len(cells)
     for cell in cells:
         own = trials.where(**{key: cell[key] for key in ("name", *by)})
-        for key in keys:
-            check_spread(cell[key], own[key])
+        for key, values in own.columns.items():
+            if values.dtype.kind == "b":
+                assert cell[key] == np.mean(values), key
+            elif values.dtype.kind == "f" and key in cell and not np.isnan(values).any():
+                check_spread(cell[key], values)
 
 
 def check_duels(duels, trials, *by, of="name"):

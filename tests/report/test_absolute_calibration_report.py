@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from checks import check_spread, curves
 from made_up import of_one_trial
-from reports import check, check_forest, table_of
+from reports import check, check_forest, check_said, table_of
 
 from testbench.report.table import find
 from testbench.studies.absolute_calibration import trial as s
@@ -66,26 +66,26 @@ def test_every_row_is_of_its_own_trials_and_shares_are_over_all_numbers():
 
 def test_the_sentences_are_of_the_rows_that_they_name():
     found, _ = made()
-    rows, text = found.numbers["models"], "\n".join(found.claims)
+    rows, arm = found.numbers["models"], s.ARMS[1]
 
     def of(name, true_arm=s.REAL, campaign=s.ABSOLUTE):
         return find(rows[len(rows) // 2 :], name=name, true_arm=true_arm, campaign=campaign, readings=200)
 
-    ours, springs, arm = of(s.CHOSEN), of(s.INCUMBENT), s.ARMS[1]
-    said = [f"{own.error_mm.median:.3f} mm" for own in (ours, springs)]
-    chosen = "chosen by cross-validation"
-    assert f"On {arm}, 200 poses: {chosen} {said[0]}, joint springs {said[1]}, " in found.answer
-    loaded = [f"{own.loaded_mm.median:.3f} mm" for own in (ours, springs)]
-    assert f"{arm} {loaded[0]}, joint springs {loaded[1]}" in found.worst
+    (ours, springs), (alone, both) = (
+        (of(s.CHOSEN), of(s.INCUMBENT)),
+        (of(s.ALL), of(s.ALL, campaign=s.MIXED)),
+    )
     gears, links = of(s.INCUMBENT, s.JOINTS_ONLY), of(s.INCUMBENT, s.NO_GEARS)
-    pair = of(s.ALL).loaded_mm.median, of(s.ALL, campaign=s.MIXED).loaded_mm.median
-    for words in (
+    check_said(
+        found,
+        f"On {arm}, 200 poses: chosen by cross-validation {ours.error_mm.median:.3f} mm, joint springs "
+        f"{springs.error_mm.median:.3f} mm, ",
+        f"{arm} {ours.loaded_mm.median:.3f} mm, joint springs {springs.loaded_mm.median:.3f} mm",
         f"1.10 times on {arm}",
         f"{gears.off_2_percent:.0f} % and {links.bias_2_percent:+.0f} % ({arm})",
-        f"{pair[0]:.3f} and {pair[1]:.3f} mm ({arm})",
+        f"{alone.loaded_mm.median:.3f} and {both.loaded_mm.median:.3f} mm ({arm})",
         f"95 % of positions, 50 % of joint compliances ({arm})",
-    ):
-        assert words in text
+    )
 
 
 @pytest.mark.parametrize(("kept", "share"), [((), 0), (("joint errors",), 100)])
@@ -94,23 +94,21 @@ def test_joint_errors_that_are_kept_without_any_are_counted(kept, share):
     assert (own.gears_kept_percent, own.links_kept_percent) == (share, 0)
 
 
-def test_the_figure_draws_the_numbers_in_the_colour_of_each_model():
-    def drawn(numbers):
-        found, _ = made(numbers=numbers)
-        axes = figures(found)["absolute_calibration.png"].axes
-        return found.numbers["models"], zip(axes, s.ARMS, strict=True)
-
-    models, panes = drawn(NUMBERS)
-    for axes, arm in panes:
+@pytest.mark.parametrize("numbers", [NUMBERS, (200,)])
+def test_the_figure_draws_the_numbers_in_the_colour_of_each_model(numbers):
+    """Errors by the number of poses; of one number a row a model."""
+    found, _ = made(numbers=numbers)
+    models = found.numbers["models"]
+    for axes, arm in zip(figures(found)["absolute_calibration.png"].axes, s.ARMS, strict=True):
+        if len(numbers) == 1:
+            errors = [find(models, arm=arm, name=name).error_mm for name in s.BY_POSES]
+            first = s.BY_POSES.index(found.winner)
+            check_forest(axes, errors, [LOOKS[name] for name in s.BY_POSES], first=first)
+            continue
+        shades = {line.get_label(): line.get_color() for line in axes.get_lines()}
         for name in (s.INCUMBENT, s.ALL, s.CHOSEN, OPTIMUM):
             model, key = (s.ALL, "optimum_mm") if name == OPTIMUM else (name, "error_mm")
-            rows = [find(models, arm=arm, poses=n, name=model) for n in NUMBERS]
+            rows = [find(models, arm=arm, poses=n, name=model) for n in numbers]
             assert curves(axes)[name][1] == pytest.approx([own[key].median for own in rows])
-            [line] = [line for line in axes.get_lines() if line.get_label() == name]
-            assert line.get_color() == LOOKS[name].hex
+            assert shades[name] == LOOKS[name].hex
     assert (LOOKS[s.ALL].colour, LOOKS[s.ALL_LS].colour) == (GCO, LEAST_SQUARES)
-    models, panes = drawn((200,))
-    first = s.BY_POSES.index(made(numbers=(200,))[0].winner)
-    for axes, arm in panes:
-        errors = [find(models, arm=arm, name=name).error_mm for name in s.BY_POSES]
-        check_forest(axes, errors, [LOOKS[name] for name in s.BY_POSES], first=first)

@@ -1,10 +1,12 @@
 """The badge: who wins beside the strongest rival of its class, by how much, and whether it holds."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from checks import MOST_WORDS, sentences
+from made_up_run import REPORT
 
 from testbench.report import badge
 from testbench.report.badge import Badge, decide, drawn, incumbents, of_models
@@ -92,11 +94,7 @@ def test_poses_of_one_arm_are_compared_by_the_ratio_of_the_rms_errors_of_tables(
 def test_no_pairs_are_not_judged_and_a_reason_is_no_use_whatever_the_numbers():
     assert decide(("a", []), ("b", [])).words == "Too few: nothing compares a with b."
     own = decide(("a", NOISE), ("b", 9 * NOISE), why="see the doubt")
-    assert (own.winner, own.verdict, own.words) == (
-        "a",
-        "do not use",
-        "Do not use a: see the doubt.",
-    )
+    assert (own.winner, own.verdict, own.words) == ("a", "do not use", "Do not use a: see the doubt.")
     assert decide(("a", [np.inf, np.nan]), ("b", [1.0, 1.0])).n == 0
 
 
@@ -133,22 +131,12 @@ def test_every_picture_has_the_rival_joint_stiffness_and_on_top_the_winner():
     assert drawn(None, names, "MLS56") == ["MLS56", "Joints"]
 
 
-def test_report_json_holds_the_badge_and_every_view_its_words(tmp_path):
-    from dataclasses import replace
-
-    from made_up_run import REPORT
-
+def test_report_json_holds_the_badge_and_the_page_says_it_first():
     own = decide(("one", NOISE), ("other", 2 * NOISE))
     said = replace(REPORT, badge=own)
-    data = json.loads(json.dumps(said.json()))
-    assert {key: data["badge"][key] for key in ("winner", "rival", "n", "verdict", "words")} == {
-        "winner": "one", "rival": "other", "n": 40, "verdict": "holds", "words": own.words,
-    }  # fmt: skip
-    again = read(data)
-    assert again.badge == own
-    assert again.whole() == said.whole()
+    again = read(json.loads(json.dumps(said.json())))
+    assert (again.badge, again.whole()) == (own, said.whole())
     assert said.whole().index(own.words) < said.whole().index(said.answer)
-    assert read({**data, "badge": None}).badge is None
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from checks import at, tables_of
 from made_up import of_one_trial
-from reports import AT, campaign_row, check, check_forest, table_of
+from page_checks import times_of
+from reports import AT, campaign_row, check, check_forest, check_said, table_of
 
 from testbench.campaign.campaign import Scenario, build_cell
 from testbench.campaign.evaluation import CampaignRow
@@ -76,16 +77,17 @@ def test_models_are_compared_seed_by_seed_by_their_true_errors_in_numbers_and_wo
         "Joints",
         "MLS56 + prior",
     )  # two seeds cannot tell
-    said = "True workspace RMS error: ALL153 + prior 1.500 mm, least squares 8.000 mm; "
-    assert found.answer.startswith(said)
-    assert "Joint stiffness only 3.000 mm, " in found.answer
-    assert "Worst with cast links, medians: ALL153 + prior errs 2.000 mm, joint stiffness" in found.worst
-    assert "z 1.00 m: ALL153 + prior errs 1.800 mm, joint stiffness only 3.600 mm." in found.worst
-    text = "\n".join(found.claims)
-    assert "MGCO56 + prior has the fewest unknowns of the conservative models" in text
-    assert "Without the cone the same unknowns and prior err 1.200 mm (LS153 + prior): " in text
-    assert "Without a prior, GCO (MGCO56) errs 4.000 mm, joint stiffness only " in text
-    assert "Do not use MGCO56 away from the measured poses" in text
+    check_said(
+        found,
+        "True workspace RMS error: ALL153 + prior 1.500 mm, least squares 8.000 mm; ",
+        "Joint stiffness only 3.000 mm, ",
+        "Worst with cast links, medians: ALL153 + prior errs 2.000 mm, joint stiffness",
+        "z 1.00 m: ALL153 + prior errs 1.800 mm, joint stiffness only 3.600 mm.",
+        "MGCO56 + prior has the fewest unknowns of the conservative models",
+        "Without the cone the same unknowns and prior err 1.200 mm (LS153 + prior): ",
+        "Without a prior, GCO (MGCO56) errs 4.000 mm, joint stiffness only ",
+        "Do not use MGCO56 away from the measured poses",
+    )
 
 
 def test_of_models_alike_the_conservative_one_of_fewest_unknowns_is_recommended():
@@ -130,12 +132,7 @@ def test_arrows_lead_from_where_markers_go_to_where_each_model_has_them_of_store
     seen = calibration_scene(
         SimpleNamespace(report=found, first=table, settings=asked), true, asked.scenario, 8
     )
-    moved, arrows = (
-        float(word)
-        for word in seen.scene.title.replace(",", ".").split()
-        if word[:1].isdigit()
-        for word in [word.rstrip(".")]
-    )
+    moved, arrows = times_of(seen.scene.title)
     assert moved == 37.0
     named = {r.model.name: r.estimate for r in results(true, campaign)}
     order = [campaign.truth.run.tolist().index(run) for run in found.numbers["map"].run]

@@ -167,19 +167,14 @@ def test_the_answer_holds_planned_and_random_poses_and_joints_alone(winner, word
     assert f"Joint stiffness only leaves {alone} there from planned poses, " in found.answer
 
 
+ENOUGH = "planned poses keep the tasks within 0.1 mm in all 3 trials; random ones:"
+
+
 @pytest.mark.parametrize(
     ("planned", "chance", "said"),
     [
-        (
-            (9e-4, 1e-3),
-            (1, 2e-3),
-            "8 planned poses keep the tasks within 0.1 mm in all 3 trials; random ones: 12.",
-        ),
-        (
-            (1, 2e-3),
-            (1, 1),
-            "12 planned poses keep the tasks within 0.1 mm in all 3 trials; random ones: more",
-        ),
+        ((9e-4, 1e-3), (1, 2e-3), f"8 {ENOUGH} 12."),
+        ((1, 2e-3), (1, 1), f"12 {ENOUGH} more"),
         ((1, 1), (1, 1), "No number of planned poses tried keeps the tasks within 0.1 mm"),
     ],
 )
@@ -204,8 +199,7 @@ def test_the_figure_draws_the_reports_numbers_in_the_look_of_each_criterion(both
         assert unit_in(axes.get_ylabel()) == "mm"
         levels = {name: [r for r in f["errors"] if (r.fit, r.plan) == (fit, name)] for name in NAMES}
         for name, (x, y) in curves(axes).items():
-            own = levels[name]
-            assert (x.tolist(), y.tolist()) == ([8, 12], [level[key].median for level in own])
+            assert (x.tolist(), y.tolist()) == ([8, 12], [level[key].median for level in levels[name]])
         for name, shade in zip(("test", "random"), bands(axes), strict=True):
             assert [row[1:] for row in shade] == [ends(level[key]) for level in levels[name]]
     quick, _ = made(scope=replace(SCOPE, poses=(12,), fewer=(12,)))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from checks import check_pivot, key_of, looks_differ
 from made_up import of_one_trial
-from reports import check, check_cells, check_duels, check_ranges, table_of
+from reports import check, check_cells, check_duels, check_ranges, check_said, table_of
 
 from testbench.studies.regimes.study import FREE, KINDS, STUDY, figures, pays, report
 from testbench.studies.regimes.trial import (
@@ -72,11 +72,8 @@ def errors(trials, name, **alike):
 def test_every_cell_is_ratios_fit_by_fit_of_its_own_rows(whole):
     found, trials = whole
     check(found, STUDY.printed)
-    f, cell, plain = (
-        found.numbers,
-        ("part", "structure", "poses", "sigma_um"),
-        trials.where(uncertainty="none"),
-    )
+    f, plain = found.numbers, trials.where(uncertainty="none")
+    cell = ("part", "structure", "poses", "sigma_um")
     assert {row.trials for row in f["cells"]} == {len(SEEDS) * len(SETTINGS.truths)}
     assert len(f["cells"]) == len(plain.parts(*cell)) * (len(METHODS) - 1)
     check_duels(f["cells"], plain, *cell)
@@ -134,23 +131,21 @@ def gaining(row):
 
 def test_the_sentences_count_what_the_cone_does_by_itself():
     found, _ = made(gaining)
-    text = "\n".join(found.claims)
-    assert "markers: the cone by itself pays in 0 of 8 cells; in 0 of these GCO beats" in text
-    assert "full pose: the cone by itself pays in 4 of 8 cells; in 2 of these GCO beats" in text
-    assert found.worst.startswith("Worst under a weight: MGCO56, 12 poses, 15 um: GCO errs 3.00 times")
-    assert "MGCO56: GCO 50 um, least squares 100 um; 2.0 times smaller." in found.answer
-    assert "Joint stiffness only 60 um, 1.2 times larger." in found.answer
+    check_said(
+        found,
+        "markers: the cone by itself pays in 0 of 8 cells; in 0 of these GCO beats",
+        "full pose: the cone by itself pays in 4 of 8 cells; in 2 of these GCO beats",
+        "Worst under a weight: MGCO56, 12 poses, 15 um: GCO errs 3.00 times",
+        "MGCO56: GCO 50 um, least squares 100 um; 2.0 times smaller.",
+        "Joint stiffness only 60 um, 1.2 times larger.",
+    )
     better, _ = made(lambda row: gaining(row) | ({"rms_um": 40.0} if row.name == JOINTS else {}))
     assert "pays in 4 of 8 cells; in all of these joint stiffness only is better." in better.claims[1]
 
 
 def test_a_gain_that_is_small_or_not_in_nearly_all_fits_does_not_count():
-    for ratio, gains in (
-        (Spread(0.5, 0.1, 0.99), True),
-        (Spread(0.5, 0.1, 1.01), False),
-        (Spread(0.96, 0.95, 0.97), False),
-    ):
-        assert pays(ratio) == gains
+    gains = {Spread(0.5, 0.1, 0.99): True, Spread(0.5, 0.1, 1.01): False, Spread(0.96, 0.95, 0.97): False}
+    assert {ratio: pays(ratio) for ratio in gains} == gains
 
 
 def test_the_figure_draws_the_ratios_beside_one_by_the_error_to_expect(whole):
@@ -158,19 +153,16 @@ def test_the_figure_draws_the_ratios_beside_one_by_the_error_to_expect(whole):
     drawn = figures(found)["regimes.png"]
     assert found.claims[2] in " ".join(drawn.get_suptitle().split())
     names = {"least squares": SQUARES, "same free directions": LENT, "joint stiffness only": JOINTS}
-    looks = dict(
-        zip(names, (look("MLS56", "none"), look("MLS56", "free"), look("Joints", "none")), strict=True)
-    )
+    kinds = (("MLS56", "none"), ("MLS56", "free"), ("Joints", "none"))
+    looks, levels = {name: look(*kind) for name, kind in zip(names, kinds, strict=True)}, (*EXPECTED, FREE)
     for axes, kind in zip(drawn.axes, KINDS, strict=True):
         rows = {(r.theirs, r.level): r.ratio for r in found.numbers["levels"] if r.part == kind}
-        levels = (*EXPECTED, FREE)
         check_ranges(axes, {n: [rows[key, level] for level in levels] for n, key in names.items()}, looks)
         assert any(line.get_linestyle() == ":" and set(line.get_xdata()) == {1} for line in axes.get_lines())
     assert [t.get_text() for t in drawn.axes[0].get_yticklabels()] == [*EXPECTED, FREE]
     looks_differ(key_of(drawn))
-    least = [
-        r for r in found.numbers["levels"] if (r.part, r.level) != (next(iter(KINDS)), list(EXPECTED)[1])
-    ]
+    lacking = (next(iter(KINDS)), list(EXPECTED)[1])
+    least = [r for r in found.numbers["levels"] if (r.part, r.level) != lacking]
     short = replace(found, numbers=found.numbers | {"levels": least})
     labels = figures(short)["regimes.png"].axes[0].get_yticklabels()
     assert [t.get_text() for t in labels] == [*EXPECTED, FREE]  # one that the first pane lacks has its place

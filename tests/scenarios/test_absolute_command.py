@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from run_here import fine, refused
+from run_here import fine
 
 from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.data.read_series import read_series
@@ -20,12 +20,6 @@ ASKED = AbsoluteCampaign(
 )
 LOADED = ("--loads", "100,300"), 45, {"masses": (0.0, 100.0, 300.0), "targets": 3}
 TURNED = ("--orientations", "--tracker", "5,1,1"), 15, {"orientations": True, "trackers": ((5.0, 1.0, 1.0),)}
-REFUSED = {
-    ("--gear-urad", 5): "--gear-urad: expected --absolute with it",
-    ("--series", 2): "--series: expected --absolute with it",
-    ("--absolute", "--series", 2): "o_2.csv: expected a file of absolute readings where one is replaced",
-    ("--absolute", "--tracker", "1,2"): "--tracker x,y,z [m]: expected 3 numbers with commas",
-}
 
 
 @pytest.mark.parametrize(("flags", "rows", "asked"), [LOADED, TURNED])
@@ -41,10 +35,3 @@ def test_files_of_a_simulation_are_read_back_as_it_was(kr500, flags, rows, asked
             np.testing.assert_array_equal(getattr(found, name), getattr(own, name), err_msg=name)
         if own.rotation is not None:
             np.testing.assert_allclose(found.rotation, own.rotation, rtol=0, atol=1e-14)
-
-
-@pytest.mark.parametrize("flags", REFUSED)
-def test_what_cannot_be_simulated_is_one_line(flags, tmp_path):
-    (tmp_path / "o_2.csv").write_text("my notes")
-    args = ("simulate", "kr500_l480", "--poses", 3, *flags, "--out", tmp_path / "o.csv")
-    refused(*args, said=REFUSED[flags], below=tmp_path)

@@ -83,21 +83,6 @@ def test_a_payload_far_beyond_the_stated_one_is_doubted_and_hung(tmp_path):
     assert "• Doubt: 16 kg hang" in run("data", "check", arm, out)
 
 
-@pytest.mark.parametrize(
-    ("flags", "words"),
-    [
-        ([], "expected either a file of poses or --poses NUMBER"),
-        (["--poses", "0"], "--poses"),
-        (["--poses", "2", "--loads", "5,5"], "--loads: expected different masses, got '5,5'"),
-        (["--poses", "2", "--loads", "5,x"], "--loads: expected a mass such as 240, 240kg or 530lb, got"),
-        (["--poses", "2", "--loads", "5", "--payload-kg", "5"], "--loads: expected no --payload-kg with it"),
-    ],
-)
-def test_what_to_simulate_is_asked_for_in_one_line(flags, words, tmp_path):
-    arm = write_arm(tmp_path / "arm", "zyy")
-    refused("simulate", arm, *flags, "--out", tmp_path / "data.csv", said=words, below=tmp_path)
-
-
 def test_a_link_without_joints_is_identified_predicted_and_exported(tmp_path):
     data, fit = tmp_path / "data.csv", tmp_path / "fit"
     run("simulate", "single_link", "--poses", 4, "--out", data)

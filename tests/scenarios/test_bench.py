@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 from pyarrow import parquet
-from run_here import ROOT, check_files, do, fine, numbers_alone, refused
+from run_here import ROOT, check_files, do, fine, numbers_alone
 from test_own_estimator import BAD, EXAMPLE, PAGE, TIMEOUT, WHY
 
 import testbench as tb
@@ -146,22 +146,6 @@ def test_judged_seeds_are_of_a_secret_that_is_committed_to_before_any_entry(fold
     assert report["judged"] == {"secret": secret, "sha256": sum_}
     assert report["seed"] == [first_seed(secret), first_seed(secret) + 1]
     assert report["seed"][0] >= 2**32
-    refused("bench", folder / "shrunk.py", "--judge", folder / "shrunk.py", said="expected a secret")
-
-
-@pytest.mark.parametrize(
-    ("asked", "said"),
-    [
-        (("--task", "gravity-9"), "--task: expected some of gravity-8"),
-        (("{}/none.py",), "none.py"),
-        (("ridge={}/shrunk.py:estimate",), "the name 'ridge' is taken"),
-        (("default={}/shrunk.py:estimate",), "the name 'default' is taken"),
-        (("{}/bad.py",), "bad.py: it has no function 'estimate'"),
-    ],
-)
-def test_what_is_asked_for_wrongly_is_told_in_one_line(folder, tmp_path, asked, said):
-    words = (word.format(folder) for word in asked)
-    refused("bench", *words, "--quick", "--out", tmp_path / "out", said=said, below=tmp_path)
 
 
 def test_every_entry_of_ours_is_short_and_answers(kr500):

@@ -92,15 +92,6 @@ def test_readings_of_several_trackers_have_a_frame_each(kr500):
     assert np.median(np.linalg.norm(turned, axis=-1) / noise) < 2
 
 
-def test_noise_of_a_tracker_is_what_its_covariance_says(kr500):
-    """Mean square of deflection errors over their covariance: 3 a reading, to five standard deviations."""
-    clean = simulate(kr500, Scenario(arm="kr500_l480", noise=False, workspace_poses=1), 500).measured
-    clean = replace(clean, after=clean.before)
-    found = [by_trackers(clean, [PLACE], seed) for seed in range(500, 520)]
-    squares = [np.einsum("rmx,rmxy,rmy->rm", d.deflection, d.precision, d.deflection) for d in found]
-    assert np.mean(squares) == pytest.approx(3, abs=5 * np.sqrt(6 / np.size(squares)))
-
-
 def test_the_base_is_told_wherever_it_stands_in_its_world(kr500, tmp_path):
     """A cell that is moved as a whole, arm and trackers, reads the same and has its base where it was."""
     clean = simulate(kr500, Scenario(arm="kr500_l480", noise=False, workspace_poses=1), 500).measured
@@ -143,12 +134,6 @@ def test_noise_that_is_asked_for_counts_more_than_the_tracker_s_own(sigma_um, tm
     assert 0.3 < 1e6 * apart.std() / sigma_um < 4
 
 
-def test_tracker_that_is_no_place_is_refused(tmp_path):
-    for text in ("1,2", "a,b,c", "1,2,3,4", "nan,0,0", "5000,0,0", ""):
-        flags = ("--out", tmp_path / "d.csv", f"--tracker={text}")
-        refused("simulate", ARM, POSES, *flags, said="expected", below=tmp_path)
-
-
 PLACED = "[[frame]]\nposition_m = [{}, 0.0, 0.0]\nrotation_xyz_deg = [0.0, 0.0, 0.0]\n"
 
 
@@ -166,8 +151,3 @@ def test_file_of_frames_that_is_wrong_is_refused(text, expected, tmp_path):
     (tmp_path / "frame.toml").write_text(text)
     with pytest.raises(InputError, match=expected):
         read_frames(tmp_path / "frame.toml")
-
-
-def test_frame_that_is_no_word_is_refused(runs, tmp_path):
-    said = "error: frame: expected auto, base, tracker or a .toml file, got 'world'\n"
-    refused("identify", ARM, runs / "base.csv", "--frame", "world", "--out", tmp_path / "fit", said=said)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from page_checks import check_winner
 from pyarrow import parquet
-from read_back import chunks_of
 from run_here import ROOT, app_of_study, check_files, fine, here, is_refused, numbers_alone
 
 import testbench as tb
@@ -204,26 +203,20 @@ def run(files):
 
 
 @pytest.mark.study
-def test_one_short_file_and_one_command_lead_to_a_row_everywhere(files, run):
+def test_one_short_file_and_one_command_lead_to_a_row(files, run):
+    """Picture, page and recording are looked at in tests/scenarios/test_own_estimator_studies.py."""
     assert len((files / "shrunk.py").read_text().splitlines()) <= 15
     check_files(run, "models.png")
-    out, done = run
-    report = json.loads((out / "report.json").read_text())
+    report = json.loads((run[0] / "report.json").read_text())
     [own] = [m for m in report["models"] if m["name"] == "shrunk"]
-    cell = tb.build_cell("kr500_l480")
     assert (own["constraint"], own["prior"], own["parameters"]) == ("own", True, 153)
     assert own["rank"] == next(m for m in report["models"] if m["name"] == "ALL153 + prior")["rank"]
-    assert own["workspace"]["rms_mm"] > 0
-    assert f"{own['workspace']['rms_mm']:.3f}" in done.stdout
+    assert f"{own['workspace']['rms_mm']:.3f}" in run[1].stdout
     assert "shrunk" in report["map"]["compared"]
     assert report["tables"]["models"]["looks"]["shrunk"]["colour"] == list(look("own 1", "own").colour)
-    assert "| shrunk |" in (out / "report.md").read_text()
-    assert "shrunk" in (out / "report.html").read_text()
-    assert any("shrunk" in str(chunk.entity_path) for chunk in chunks_of(out / "recording.rrd"))
-    manifest = json.loads((out / "manifest.json").read_text())
+    manifest = json.loads((run[0] / "manifest.json").read_text())
     assert manifest["estimators"]["shrunk"] == hashlib.sha256((files / "shrunk.py").read_bytes()).hexdigest()
     assert manifest["scenario"]["own"]["shrunk"]["sha256"] == manifest["estimators"]["shrunk"]  # for compare
-    assert all153(cell.arm).n == own["parameters"]
 
 
 @pytest.mark.study

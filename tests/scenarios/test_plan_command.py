@@ -187,40 +187,6 @@ def test_without_a_tracker_the_report_says_that_nobody_looked(tmp_path):
     assert (places <= [3, 1.5, 2.5]).all()
 
 
-TASKED = ["--task", TASKS, "--load", 460, "--candidates", 100]
-BAD = [
-    (["--box", "10,10,10,11,11,11"], "most were refused by 'tool outside the work area'"),
-    (["--tracker", "0,0,0.5"], "inside link_0"),
-    (["--acceptance-deg", "30"], "expected --tracker with it"),
-    (["--poses", "201"], "poses: expected 1 to 200, got 201"),
-    (["--candidates", "5"], "--candidates: expected 12 to 50000, got 5"),
-    (["--load", "nan"], "--load: expected a mass such as 240, 240kg or 530lb"),
-    (["--load", "460"], "each once"),
-    (["--sigma-um", "0"], "--sigma-um: Input should be"),
-    (["--sling-m", "0.1"], "sling [m] of the payload: expected more than"),
-    (["--uncertainty-percent", "0"], "--uncertainty-percent: expected"),
-    (["--uncertainty-percent", "30", "--no-prior"], "expected no --no-prior with it"),
-    (["--poses", "5", "--no-prior"], "expected at least 9 poses, or a prior that fills the rest: leave out"),
-    (["--model", "MLS32"], "no plan for MLS32"),
-    (["--criterion", "X"], "no criterion 'X'"),
-    (["--orders", 2], "--orders: expected --absolute with it"),
-]
-LONE = [
-    ([], "--task: expected a CSV of tasks, or --absolute"),
-    (["--absolute", "--task", TASKS], "--task: expected no --absolute with it"),
-    (
-        ["--absolute", "--criterion", "test"],
-        "no criterion 'test' of absolute readings; criteria are D, A, E, G, I",
-    ),
-    (["--absolute", "--gear-urad", 0], "--gear-urad: expected 1e-06 to 100000, got 0"),
-]
-
-
-@pytest.mark.parametrize(("flags", "text"), [*((TASKED + flags, text) for flags, text in BAD), *LONE])
-def test_what_is_wrong_is_one_line_and_writes_nothing(tmp_path, flags, text):
-    refused("plan", ARM, *flags, "--out", tmp_path / "out", said=text, below=tmp_path)
-
-
 def test_tasks_that_no_hung_weight_can_serve_are_named_without_a_prior(tmp_path):
     sideways = tasks_with(tmp_path, "force_x_N,force_y_N,force_z_N", "500,800,-300")
     flags = ["--load", 460, "--candidates", 100, "--no-prior", "--out", tmp_path / "out"]

@@ -14,14 +14,10 @@ def test_a_run_leaves_its_files_and_says_where(quick):
     check_files(quick, "solver_comparison.png")
 
 
-def test_report_has_its_keys(report):
-    assert (report["scenario"], report["seed"], report["arm"]) == ("solver_comparison", [3, 4], "arm_6r")
-    assert (report["dataset"]["runs"], report["dataset"]["check_runs"]) == (108, 120)
+def test_every_solver_has_its_row(report):
+    assert (report["seed"], report["dataset"]["runs"], report["dataset"]["check_runs"]) == ([3, 4], 108, 120)
     assert [row["key"] for row in report["solvers"]] == ["a", "a'", "b", "b'", "c", "d"]
     assert all(row["conservative"] for row in report["solvers"])
-    [model] = report["models"]
-    assert (model["name"], model["status"], model["conservative"]) == ("MGCO56", "solved", True)
-    assert set(model) >= {"f_m_floor", "duality_gap", "f_m_excess_bound", "solve_seconds", "check", "paper"}
 
 
 def test_conic_program_is_never_above_any_other_solver(report):

@@ -20,18 +20,15 @@ def test_a_ratio_is_that_of_each_seed_and_not_of_the_medians():
 
 def test_of_fewer_than_twenty_trials_the_range_is_told_and_their_number():
     """Percentiles of three seeds are none: 19 seeds tell their range, 20 what lies between 5 and 95 %."""
-    for trials, words in (
-        (3, "2.0 to 20{ in 3 seeds}"),
-        (19, "2.0 to 20{ in 19 seeds}"),
-        (20, "2.9 to 19{ in 90 %}"),
+    for trials, middle, ends, of in (
+        (3, "", "2.0 to 20", " in 3 seeds"),
+        (19, "median 6.0 to 16; ", "2.0 to 20", " in 19 seeds"),
+        (20, "median 6.7 to 15; ", "2.9 to 19", " in 90 %"),
     ):
-        middle = {3: "", 19: "median 6.0 to 16; ", 20: "median 6.7 to 15; "}[trials]
-        times = np.linspace(2.0, 20.0, trials)
-        gain = gained("ours", "theirs", [1.0] * trials, times.tolist())
-        told = f"({middle}{words.replace('{', '').replace('}', '')})"
-        assert less(gain, "seed") == f"11 times smaller {told}"
-        assert less(gain) == f"11 times smaller ({middle}{words.partition('{')[0]})"
-        assert more(gain, "seed") == f"11 times larger {told}"
+        gain = gained("ours", "theirs", [1.0] * trials, np.linspace(2.0, 20.0, trials).tolist())
+        assert less(gain, "seed") == f"11 times smaller ({middle}{ends}{of})"
+        assert less(gain) == f"11 times smaller ({middle}{ends})"
+        assert more(gain, "seed") == f"11 times larger ({middle}{ends}{of})"
 
 
 def test_the_title_of_a_figure_says_how_much_more_the_others_err():
@@ -99,20 +96,17 @@ def test_powers_of_ten_are_written_out(number, words):
     assert plain(number) == words
 
 
+def test_numbers_beyond_all_are_words_and_a_place_has_its_axes_and_unit():
+    assert show(float("inf")) == "infinite"
+    assert show(Spread(1.0, 0.5, float("inf")), ".1f") == "1.0 (0.5 to infinite)"
+    assert show(float("nan")) == "-"
+    assert place((1.2, -0.354, 2)) == "x 1.20, y -0.35, z 2.00 m"
+
+
 def test_numbers_in_sentences_of_others_are_written_out_but_not_in_commands():
     said = "they lie 1.23e+03 mm off, weight 1e-08. `--tol 1e-06`, run 2e-3b, 1.5e-05 m."
     out = "they lie 1230 mm off, weight 1 x 10^-8. `--tol 1e-06`, run 2e-3b, 1.5 x 10^-5 m."
     assert written_out(said) == out
-
-
-def test_numbers_beyond_all_are_words():
-    assert show(float("inf")) == "infinite"
-    assert show(Spread(1.0, 0.5, float("inf")), ".1f") == "1.0 (0.5 to infinite)"
-    assert show(float("nan")) == "-"
-
-
-def test_a_place_has_its_axes_and_unit():
-    assert place((1.2, -0.354, 2)) == "x 1.20, y -0.35, z 2.00 m"
 
 
 GOOD = {"answer": "A errs less.", "worst": "Worst in pose 3.", "statements": "- One.\n- Two."}
