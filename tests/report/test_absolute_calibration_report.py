@@ -71,10 +71,8 @@ def test_the_sentences_are_of_the_rows_that_they_name():
     def of(name, true_arm=s.REAL, campaign=s.ABSOLUTE):
         return find(rows[len(rows) // 2 :], name=name, true_arm=true_arm, campaign=campaign, readings=200)
 
-    (ours, springs), (alone, both) = (
-        (of(s.CHOSEN), of(s.INCUMBENT)),
-        (of(s.ALL), of(s.ALL, campaign=s.MIXED)),
-    )
+    ours, springs = of(s.CHOSEN), of(s.INCUMBENT)
+    alone, both = of(s.ALL), of(s.ALL, campaign=s.MIXED)
     gears, links = of(s.INCUMBENT, s.JOINTS_ONLY), of(s.INCUMBENT, s.NO_GEARS)
     check_said(
         found,

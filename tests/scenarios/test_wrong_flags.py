@@ -1,7 +1,7 @@
 """Flags of studies that are wrong: one line, exit code 2, and nothing is left."""
 
 import pytest
-from run_here import ROOT, app_of_study, held, here, is_refused
+from run_here import ROOT, app_of_study, here, is_refused
 
 LINK = str(ROOT / "models" / "single_link")
 WRONG = [
