@@ -249,28 +249,10 @@ def axes(columns: Columns, what: What) -> list[Column | float | None]:
     return found
 
 
-def vector(columns: Columns, what: What) -> Array | None:
-    """A vector of every row, (rows, 3), zero for whichever of x, y, z is missing; None without any.
+def vector(columns: Columns, what: What, count: int = len(XYZ)) -> Array | None:
+    """So many components of a quantity in SI units, (rows, count), zero for what is missing.
 
-    Raises:
-        InputError: Where a part is blank or too large.
-    """
-    return components(columns, what, len(XYZ))
-
-
-def components(columns: Columns, what: What, count: int) -> Array | None:
-    """So many components of a quantity in SI units, zero for what neither file nor map says.
-
-    Args:
-        columns: The table.
-        what: The quantity.
-        count: How many it has, k.
-
-    Returns:
-        (rows, k); None where neither file nor map says any.
-
-    Raises:
-        InputError: At the first cell that is blank or too large.
+    None where neither file nor map says any; InputError at the first cell that is blank or too large.
     """
     found = [columns.said(Slot(what, k)) for k in range(count)]
     if all(own is None for own in found):

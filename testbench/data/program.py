@@ -15,7 +15,6 @@ from testbench.arm.folder import Arm
 from testbench.data.columns import (
     Column,
     Columns,
-    components,
     find_columns,
     read_columns,
     vector,
@@ -159,7 +158,7 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
         position=position,
         rotation=rotation,
         wrench=np.hstack([force, moment]),
-        along=_or_zero(components(columns, "process", len(ALONG)), rows),
+        along=_or_zero(vector(columns, "process"), rows),
         mass=mass,
         point=vector(columns, "point"),
         arm=arm,
@@ -239,7 +238,7 @@ def _or_zero(values: Array | None, rows: int) -> Array:
 
 def _mass(columns: Columns) -> Array:
     """Hung mass of every point, (points,) [kg]."""
-    mass = components(columns, "mass", 1)
+    mass = vector(columns, "mass", 1)
     if mass is None:
         return np.zeros(columns.table.rows)
     name = own.name if (own := columns.get(Slot("mass"))) else ""

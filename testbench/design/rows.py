@@ -52,9 +52,8 @@ class Specification:
     experiment: Experiment  #: How poses are measured.
     loads: tuple[Load, ...]  #: What may be hung; a plan chooses for every pose.
     tasks: Tasks  #: Where predictions are wanted.
-    workspace: (
-        Array  #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad, m].
-    )
+    #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad, m].
+    workspace: Array
     #: Relative uncertainty of the prior [1]; None to plan for an identification without one.
     uncertainty: float | None
     poses: int  #: How many may be measured.

@@ -91,15 +91,10 @@ def solve(problem: Problem, *, tolerance: float = TOLERANCE) -> Solution:
     return solved(set_up(problem, settings(tolerance)), problem)
 
 
-def psd_block(first: int, size: int) -> Block:
-    """A matrix whose svec stands in v from this place on."""
-    return Block(np.arange(first, first + triangle(size)), size)
-
-
 def psd_blocks(first: int, sizes: tuple[int, ...]) -> tuple[Block, ...]:
     """Matrices of these orders, the svec of one behind that of the other."""
-    starts = first + np.cumsum([0, *map(triangle, sizes)])
-    return tuple(psd_block(int(k), size) for k, size in zip(starts, sizes, strict=False))
+    ends = first + np.cumsum([triangle(size) for size in sizes])
+    return tuple(Block(np.arange(k - triangle(n), k), n) for k, n in zip(ends.tolist(), sizes, strict=True))
 
 
 def free_block(first: int, count: int) -> Block:

@@ -126,12 +126,8 @@ def rank(A: Array) -> int:
 
 def f_m(regression: Regression, pi: Array) -> float:
     """Cost F_M of parameters, (n,), Eq. (19): the sum of its terms' RMS over sqrt(2) sigma [1]."""
-    return float(sum(_rms(term, pi) for term in regression.terms))
-
-
-def _rms(term: Term, pi: Array) -> float:
-    residual = term.R @ pi - term.z
-    return math.sqrt(residual @ residual + term.rest)
+    every = ((term.R @ pi - term.z, term.rest) for term in regression.terms)
+    return float(sum(math.sqrt(residual @ residual + rest) for residual, rest in every))
 
 
 GENERIC_RUNS = 60  #: Random runs of a full wrench, read in full pose: they see all that any experiment can.

@@ -86,19 +86,12 @@ def _small_hulls(text: str) -> str:
 
 def check_geoms(path: Path, model: mujoco.MjModel) -> None:
     """Refuse geoms of a size that no arm has, and so many that poses take long to judge."""
-    _check_lengths(path, model)
-    _check_pairs(path, model)
-
-
-def _check_lengths(path: Path, model: mujoco.MjModel) -> None:
     bounded = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
     reach = np.abs(np.hstack([model.geom_pos, model.geom_aabb])).max(axis=1)
     for g in np.flatnonzero(bounded & ~(reach <= LENGTH)).tolist():
         place = f"<geom name={model.geom(g).name!r}>"
         raise InputError(path, place, f"expected lengths up to {LENGTH:g} m, got {reach[g]:.3g} m")
 
-
-def _check_pairs(path: Path, model: mujoco.MjModel) -> None:
     collides = (model.geom_contype | model.geom_conaffinity) != 0
     own = np.bincount(model.geom_bodyid[collides], minlength=model.nbody).astype(int)
     pairs = int(own.sum() ** 2 - (own**2).sum()) // 2
@@ -123,6 +116,9 @@ def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
     theta = np.array([model.joint(name).dofadr[0] for name in theta_names(arm)])
     C = np.zeros((model.nv, model.nv))
     C[np.ix_(theta, theta)] = arm.C_theta
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    tool = data.body(arm.tool)
     return Plant(
         arm=arm,
         model=model,
@@ -131,7 +127,7 @@ def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
         joints=np.array([model.joint(j.name).dofadr[0] for j in arm.joints], dtype=int),
         tool=model.body(arm.tool).id,
         markers=np.array([model.body(name).id for name in arm.markers]),
-        load=_in_tool(model, arm),
+        load=np.asarray(tool.xmat.reshape(3, 3).T @ (data.body(arm.load).xpos - tool.xpos)),
         C=C,
         K=_stiffness(model),
         carries=_carries(model),
@@ -187,14 +183,6 @@ def _side_by_side(model: mujoco.MjModel, arms: int) -> mujoco.MjModel:
                     type=model.jnt_type[j], pos=model.jnt_pos[j], axis=model.jnt_axis[j], armature=1
                 )
     return spec.compile()
-
-
-def _in_tool(model: mujoco.MjModel, arm: Arm) -> Array:
-    """The load point in the tool's frame, (3,) [m]."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    tool, load = data.body(arm.tool), data.body(arm.load)
-    return np.asarray(tool.xmat.reshape(3, 3).T @ (load.xpos - tool.xpos))
 
 
 def _stiffness(model: mujoco.MjModel) -> Array:

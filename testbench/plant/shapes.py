@@ -76,23 +76,17 @@ def origins(room: Room, names: Sequence[str], frames: "Frames") -> Array:
 
 def visual_shapes(room: Room) -> list[Shape]:
     """The visual geoms of an arm; sticks from body to body where it has none."""
-    model = room.model
-    shapes = [
-        _shape(model, g)
-        for g in range(model.ngeom)
-        if int(model.geom_type[g]) in KINDS and model.geom_group[g] < VISUAL_GROUPS
-    ]
-    return shapes or _sticks(model)
+    return _shapes(room.model, room.model.geom_group < VISUAL_GROUPS) or _sticks(room.model)
 
 
 def solid_shapes(room: Room) -> list[Shape]:
     """The geoms of an arm that collide."""
-    model = room.model
-    return [
-        _shape(model, g)
-        for g in range(model.ngeom)
-        if int(model.geom_type[g]) in KINDS and model.geom_contype[g]
-    ]
+    return _shapes(room.model, room.model.geom_contype != 0)
+
+
+def _shapes(model: mujoco.MjModel, some: npt.NDArray[np.bool_]) -> list[Shape]:
+    """The geoms under a mask, (geoms,), that can be drawn."""
+    return [_shape(model, g) for g in np.flatnonzero(some & np.isin(model.geom_type, list(KINDS))).tolist()]
 
 
 def _shape(model: mujoco.MjModel, g: int) -> Shape:

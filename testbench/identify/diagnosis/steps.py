@@ -176,7 +176,9 @@ def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bo
 def _sums(at: Linear, series: Series, steps: Ids) -> _Sums:
     edges = np.r_[0, steps, series.rows]
     cells, AA = [], 0.0
-    for part in _batches(at, series, edges):
+    numbers = 3 * series.rows * (len(series.markers) + 1) * at.own.unknowns.size
+    batches = min(len(edges) - 1, 1 + numbers // BATCH)  # of cells that are in memory together
+    for part in np.array_split(np.arange(len(edges) - 1), batches):
         A, Z = _equations(at, select_rows(series, np.arange(edges[part[0]], edges[part[-1] + 1])))
         AA = AA + np.einsum("ar,br->ab", A, A, optimize=True)
         each = A.shape[1] // (edges[part[-1] + 1] - edges[part[0]])
@@ -184,12 +186,6 @@ def _sums(at: Linear, series: Series, steps: Ids) -> _Sums:
             own = slice(each * a, each * b)
             cells.append(Z[:, own] @ np.vstack([A[:, own], Z[:, own]]).T)
     return _Sums(np.asarray(AA), np.array(cells), steps, 3 * int(series.seen.sum() + series.turned.sum()))
-
-
-def _batches(at: Linear, series: Series, edges: Ids) -> Iterator[Ids]:
-    """Places of cells that are in memory together."""
-    numbers = 3 * series.rows * (len(series.markers) + 1) * at.own.unknowns.size
-    yield from np.array_split(np.arange(len(edges) - 1), min(len(edges) - 1, 1 + numbers // BATCH))
 
 
 def _equations(at: Linear, series: Series) -> tuple[Array, Array]:
