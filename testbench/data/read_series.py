@@ -12,7 +12,6 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.beside import read_temperature, read_time, read_torques
 from testbench.data.columns import Columns
-from testbench.data.dataset import Ids
 from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import read_map
 from testbench.data.names import ROTATIONS, WHEN, Slot, What, series_names
@@ -36,7 +35,7 @@ from testbench.data.series import Series, select_rows, series_of
 from testbench.data.shots import averaged
 from testbench.data.spool import together
 from testbench.data.stream import Source, Whole, alike, read_source
-from testbench.errors import Array, open_file, stem_of
+from testbench.errors import Array, Ids, open_file, stem_of
 
 ALONE = "target"  #: Name of a file's only target where the arm has several.
 APART = 0.02  #: Readings of one target in one pose that are farther apart are of two targets [m].

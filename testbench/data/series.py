@@ -4,18 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import (
-    Dataset,
-    Ids,
-    Mask,
-    check_ids,
-    check_markers,
-    check_sigma,
-    in_order,
-    read_by,
-)
+from testbench.data.dataset import Dataset, check_ids, check_markers, check_sigma, in_order, read_by
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, BenchError, Ids, Mask, check_array
 
 
 @dataclass(frozen=True, repr=False)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.data.dataset import Dataset
 from testbench.data.lines import as_cell
 from testbench.data.names import ENTRIES, LOADING, WHEN, What, columns_of, torque_columns
 from testbench.data.program import Program
@@ -21,7 +21,7 @@ from testbench.data.read_series import ALONE
 from testbench.data.rows import load_point, same_poses
 from testbench.data.scatter import LEAST
 from testbench.data.series import Series
-from testbench.errors import Array, BenchError, InputError, check_array
+from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_array
 from testbench.output.whole import write_whole
 
 Table = dict[str, list[str]]

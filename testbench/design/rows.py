@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.unknowns import compliances
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
@@ -15,8 +14,6 @@ from testbench.identify.regression import RANK_TOLERANCE
 from testbench.identify.rows import jacobian, straight
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, skew
-
-Ids = npt.NDArray[np.int_]
 
 SCALE_UNCERTAINTY = 10.0
 """Relative uncertainty of the scale common to all compliances [1]: left to the data, but finite."""

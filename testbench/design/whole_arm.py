@@ -13,14 +13,13 @@ from testbench.design.forecast import Forecast, forecast_of, mean_square_of
 from testbench.design.rows import (
     SCALE_UNCERTAINTY,
     Experiment,
-    Ids,
     Specification,
     deflection_rows,
     loads_of,
     measured_rows,
     reading_rows,
 )
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.metric import precision_root
 from testbench.identify.prior import Strength
 from testbench.identify.regression import RANK_TOLERANCE

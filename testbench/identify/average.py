@@ -13,14 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.errors import BenchError
+from testbench.errors import BenchError, Ids
 from testbench.identify.estimate import Average, Constraint, Estimate, make_estimate
 from testbench.identify.hierarchy import learn, log_evidence_alone
 from testbench.identify.metric import Metric
 from testbench.identify.regression import Regression, some_columns
 from testbench.identify.solve import solve
 from testbench.model.laws import without_laws as linear
-from testbench.model.structure import Ids
 
 ODDS = 3.0
 """Of joints alone beforehand: links count half where the readings make them three times likelier.

@@ -15,15 +15,13 @@ from typing import Literal
 
 import clarabel
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 
 TOLERANCE = 1e-10  #: Feasibility and gap asked of Clarabel, in units where the data are of order one.
 GAP = 1e-6  #: Duality gap, relative to the cost, below which a program counts as solved.
 
-Ids = npt.NDArray[np.int_]
 Kind = Literal["zero", "nonnegative", "second order", "psd"]
 CONES: dict[Kind, Callable[[int], object]] = {
     "zero": clarabel.ZeroConeT,

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, Mask
-from testbench.errors import Array, BenchError
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.identify.estimate import Estimate
 from testbench.identify.fold import BLOCK_RUNS, Blocks, in_threads
 from testbench.model.laws import as_loaded, vjm_of

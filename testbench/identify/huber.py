@@ -23,8 +23,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Mask
-from testbench.errors import Array, BenchError
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, BenchError, Mask
 from testbench.identify.estimate import TOOL, Constraint, Estimate, Rejected
 from testbench.identify.least_squares import minimum_norm
 from testbench.identify.metric import Belief, Case, metric

@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.identify import cone
 from testbench.identify.prior import Prior, Strength, aggregate
 from testbench.identify.regression import Regression, check_symmetric
-from testbench.model.structure import TEMPLATE, Ids, Structure
+from testbench.model.structure import TEMPLATE, Structure
 from testbench.model.vjm import Vjm
 
 METRICS = 32  #: How many metrics are remembered: many datasets are fitted with few.
@@ -35,7 +34,7 @@ class Metric:
     sizes: tuple[int, ...]  #: Size of every block, in the order of `structure.blocks`.
 
     @cached_property
-    def couplings(self) -> npt.NDArray[np.bool_]:
+    def couplings(self) -> Mask:
         """Which entries of x couple what a straight beam does not, (n,)."""
         row, column = self.structure.triangles
         beam = np.isin(6 * (row % 6) + column % 6, [6 * a + b for a, b in TEMPLATE])
@@ -49,7 +48,7 @@ class Metric:
         return np.asarray(np.where(row < first, 0, 1 + (row - first) // max(joints, 1)))
 
     @cached_property
-    def law(self) -> npt.NDArray[np.bool_]:
+    def law(self) -> Mask:
         """Which entries of x are sizes of laws, (n,)."""
         return np.asarray(self.structure.triangles[0] >= self.structure.plain)
 

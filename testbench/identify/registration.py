@@ -13,9 +13,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from testbench.data.dataset import Mask
 from testbench.data.series import Series
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Mask
 from testbench.identify.closed_form import (
     LEAST_POINTS,
     Layout,

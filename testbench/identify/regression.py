@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import qr
 
 from testbench.errors import Array, BenchError
@@ -18,8 +17,6 @@ from testbench.identify.rows import jacobian, straight
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
-
-Ids = npt.NDArray[np.int_]
 
 ROUNDING = 1e-12
 """A column below this share of the largest is the rounding of a zero: lever arms that cancel."""

@@ -1,6 +1,8 @@
 """The true arm as MuJoCo models: one to look into, and some side by side to compute with.
 
 A Newton step needs MuJoCo's kinematics and the force of the arm's own weight, 2.8 us a pose, and what leads
+from testbench.errors import Ids
+from testbench.errors import Ids, Mask
 from Python to them costs as much. So a second model holds several arms, without geoms and springs: one call
 serves a pose of each.
 """
@@ -12,16 +14,13 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from testbench.arm.folder import Arm
 from testbench.arm.mesh import read_meshes
 from testbench.arm.mjcf import mesh_files, read_mjcf
 from testbench.arm.mjcf_words import LENGTH
-from testbench.errors import Array, InputError
+from testbench.errors import Array, Ids, InputError
 from testbench.plant.elastic import elastic_mjcf, theta_names
-
-Index = npt.NDArray[np.int_]
 
 REFUSED = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 """What MuJoCo raises of a model that it does not compile."""
@@ -41,17 +40,17 @@ class Plant:
     arm: Arm  #: Its description.
     model: mujoco.MjModel  #: Elastic MuJoCo model.
     abreast: mujoco.MjModel  #: Its bodies and joints, several times.
-    theta: Index  #: Address of each virtual joint, (n_theta,).
-    joints: Index  #: Address of each actuated joint, (n,).
+    theta: Ids  #: Address of each virtual joint, (n_theta,).
+    joints: Ids  #: Address of each actuated joint, (n,).
     tool: int  #: Body id of the tool.
-    markers: Index  #: Body ids of the markers, (m,).
+    markers: Ids  #: Body ids of the markers, (m,).
     load: Array  #: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
     C: Array  #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
     K: Array  #: Stiffness of MuJoCo's springs, (nv, nv) [N/m, N m/rad].
     carries: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
 
     @property
-    def hinges(self) -> Index:
+    def hinges(self) -> Ids:
         """Address of the sprung joint beside each actuated one, (n,)."""
         return self.theta[6 * len(self.arm.links) :]
 

@@ -6,10 +6,9 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from testbench.errors import Array, check_array
+from testbench.errors import Array, Ids, Mask, check_array
 from testbench.plant.build import Plant
 from testbench.plant.feasible import Room, body_name
 
@@ -37,7 +36,7 @@ class Mesh:
 
     vertices: Array  #: One a different corner, (v, 3) [m].
     normals: Array  #: Unit normal of every corner, (v, 3) [1].
-    faces: npt.NDArray[np.int_]  #: Three corners a triangle, (f, 3).
+    faces: Ids  #: Three corners a triangle, (f, 3).
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,7 @@ def solid_shapes(room: Room) -> list[Shape]:
     return _shapes(room.model, room.model.geom_contype != 0)
 
 
-def _shapes(model: mujoco.MjModel, some: npt.NDArray[np.bool_]) -> list[Shape]:
+def _shapes(model: mujoco.MjModel, some: Mask) -> list[Shape]:
     """The geoms under a mask, (geoms,), that can be drawn."""
     return [_shape(model, g) for g in np.flatnonzero(some & np.isin(model.geom_type, list(KINDS))).tolist()]
 
@@ -196,9 +195,9 @@ def elastic_frames(plant: Plant, q: Array, theta: Array) -> Frames:
 
 def _frames(
     model: mujoco.MjModel,
-    address: npt.NDArray[np.int_],
+    address: Ids,
     values: Array,
-    bodies: npt.NDArray[np.int_],
+    bodies: Ids,
 ) -> Frames:
     data = mujoco.MjData(model)
     positions = np.empty((len(values), len(bodies), 3))

@@ -11,14 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.data.series import Series
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, learn, solve, squares, usual
 from testbench.identify.absolute.pattern import find, waves
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.crossval import paired
 from testbench.identify.fold import Part, Reduced, total
 from testbench.identify.metric import Metric
-from testbench.model.structure import Ids
 from testbench.session import stepwise
 
 GEOMETRY = frozenset({"geometry shift", "geometry turn"})

@@ -14,7 +14,7 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.special import fdtrc
 
 from testbench.data.series import Series, select_rows
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, prior, usual
 from testbench.identify.absolute.noise import Noise, weights
@@ -24,7 +24,6 @@ from testbench.identify.diagnosis.finding import Finding, Tested, test
 from testbench.identify.metric import Metric
 from testbench.identify.rows import rows_of
 from testbench.model.joint_errors import JointErrors
-from testbench.model.structure import Ids
 
 ORDERS = 8  #: Periodic errors beside a step: those that the poses of a part of a series may share.
 LACKING = 3.0  #: Size of errors beside a step, over the usual one: what part of them is left is not known.
