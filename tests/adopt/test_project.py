@@ -170,7 +170,7 @@ def test_init_writes_what_it_finds_and_is_told_and_replaces_nothing_by_itself(ce
     Path("may.csv").with_name("odd.csv").write_text("a")
     Path("odd.toml").write_text("no_key_of_a_map = 1\n")
     said = fine("init", f"arm={ARM}", "tracker=4,-2,1.5", 'load=["120kg", 460]')
-    assert 'tracker = "4,-2,1.5"  # where it stands' in said
+    assert 'tracker = "4,-2,1.5" # where it stands' in said
     found = read_project()
     assert (found.arm, found.tracker, found.files["may.csv"].map) == (ARM, "4,-2,1.5", "may.toml")
     assert (list(found.files), found.load) == (["may.csv"], ("120kg", "460"))
