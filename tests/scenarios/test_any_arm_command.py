@@ -71,7 +71,7 @@ def test_an_arm_that_states_no_payload_is_asked_for_one(tmp_path):
     said = refused("simulate", arm, "--poses", 3, "--out", out)
     assert said == "error: --payload-kg: expected a mass [kg], as arm states no payload in elastic.toml\n"
     assert "3 runs" in run("simulate", arm, "--poses", 3, "--payload-kg", 5, "--out", out)
-    assert "Doubt" not in run("simulate", arm, "--poses", 3, "--payload-kg", 460.3, "--out", out)  # of none
+    assert "Doubt" not in run("simulate", arm, "--poses", 3, "--payload-kg", 460.3, "--out", out)
 
 
 def test_a_payload_far_beyond_the_stated_one_is_doubted_and_hung(tmp_path):
