@@ -1,7 +1,6 @@
 """Candidate poses satisfy what was asked, judged by other code; and every pose drawn is accounted for."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -36,12 +35,12 @@ ALL = Conditions(FRONT, Station(HERE, acceptance=math.radians(80)), Payload(460.
 
 
 @pytest.fixture(scope="module")
-def checks(kr500: Cell) -> Checks:
+def checks(kr500) -> Checks:
     return build_checks(kr500, ALL)
 
 
 @pytest.fixture(scope="module")
-def found(checks: Checks) -> Candidates:
+def found(checks) -> Candidates:
     return find(checks, 40, np.random.default_rng(3))
 
 
@@ -56,7 +55,7 @@ def bodies(cell: Cell, q: Array) -> tuple[Array, Array, Array]:
     )
 
 
-def test_every_pose_drawn_is_found_or_counted_once(checks: Checks, found: Candidates) -> None:
+def test_every_pose_drawn_is_found_or_counted_once(checks, found):
     """The draws themselves, judged in other batches, up to the last one found."""
     drawn = np.random.default_rng(3).uniform(*checks.vjm.arm.limits, (found.drawn, 6))
     reasons = [reason for q in np.array_split(drawn, 7) for reason in why_not(checks, q)]
@@ -67,7 +66,7 @@ def test_every_pose_drawn_is_found_or_counted_once(checks: Checks, found: Candid
     assert len(found.q) + sum(found.rejected.values()) == found.drawn
 
 
-def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500: Cell, checks: Checks) -> None:
+def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500, checks):
     """Each reason judged by itself, of all poses."""
     q = np.random.default_rng(5).uniform(*kr500.arm.limits, (400, 6))
     q[:20, 3] = 7.0  # beyond joint 4
@@ -92,7 +91,7 @@ def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500: Cell, chec
     assert len(set(expected)) >= 6
 
 
-def test_with_nothing_asked_limits_and_collisions_decide(kr500: Cell) -> None:
+def test_with_nothing_asked_limits_and_collisions_decide(kr500):
     q = np.random.default_rng(5).uniform(*kr500.arm.limits, (400, 6))
     reasons = why_not(build_checks(kr500, Conditions()), q)
     assert [r is None for r in reasons] == [pair is None for pair in collisions(kr500.room, q)]
@@ -119,9 +118,7 @@ def test_with_nothing_asked_limits_and_collisions_decide(kr500: Cell) -> None:
         ),
     ],
 )
-def test_an_empty_set_names_the_constraint_that_emptied_it(
-    kr500: Cell, conditions: Conditions, limits: dict, reason: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_empty_set_names_the_constraint_that_emptied_it(kr500, conditions, limits, reason, monkeypatch):
     for name, value in limits.items():
         monkeypatch.setattr(station, name, value)
     with pytest.raises(PoseError, match="found 0 of 5 poses in 2048 draws") as err:
@@ -132,7 +129,7 @@ def test_an_empty_set_names_the_constraint_that_emptied_it(
     assert "\n" not in message
 
 
-def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest_reason(kr500: Cell) -> None:
+def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest_reason(kr500):
     """A weight on a sling of 5 m never hangs clear, wherever the tool is; most poses never come so far."""
     conditions = Conditions(area=FRONT, payload=Payload(460.3, sling=5.0))
     with pytest.raises(PoseError) as err:
@@ -149,7 +146,7 @@ def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest
     )
 
 
-def test_fewer_than_asked_for_are_an_error_unless_they_are_enough(kr500: Cell) -> None:
+def test_fewer_than_asked_for_are_an_error_unless_they_are_enough(kr500):
     """One pose in 2000 has its tool in this box; a search goes on for 1000 draws a pose, so it ends."""
     rare = Conditions(area=WorkArea((2.4, -0.3, 1.5), (2.8, 0.3, 1.9)))
     checks = build_checks(kr500, rare)
@@ -168,19 +165,19 @@ def test_fewer_than_asked_for_are_an_error_unless_they_are_enough(kr500: Cell) -
 @pytest.mark.parametrize(
     "wrong", [{"count": 0}, {"count": 5, "least": 6}, {"count": 5, "least": 0}, {"count": 5, "patience": 0}]
 )
-def test_numbers_that_make_no_sense_are_refused(checks: Checks, wrong: dict[str, Any]) -> None:
+def test_numbers_that_make_no_sense_are_refused(checks, wrong):
     with pytest.raises(BenchError, match="expected 1 <= least <= count and a patience of 1 or more"):
         find(checks, rng=np.random.default_rng(9), **wrong)
 
 
-def test_an_arm_without_shapes_that_collide_is_still_seen_or_hidden(arm_6r: Cell) -> None:
+def test_an_arm_without_shapes_that_collide_is_still_seen_or_hidden(arm_6r):
     checks = build_checks(arm_6r, Conditions(station=Station((2.5, -2.0, 1.2)), payload=Payload(20.0)))
     found = find(checks, 20, np.random.default_rng(11))
     assert found.rejected[BLOCKED] > 0
     assert all(found.rejected[reason] == 0 for reason in TOUCHING.values())
 
 
-def test_poses_of_another_arm_are_refused(checks: Checks) -> None:
+def test_poses_of_another_arm_are_refused(checks):
     with pytest.raises(BenchError, match=r"q \[rad, m\]: expected shape \(any, 6\), got \(1, 5\)"):
         why_not(checks, np.zeros((1, 5)))
     assert why_not(checks, np.empty((0, 6))) == []

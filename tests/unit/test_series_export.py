@@ -186,6 +186,13 @@ def test_one_map_serves_readings_of_the_ur10_with_and_without_standard_deviation
         assert any(words in note for note in found["C"].notes)
 
 
+@pytest.mark.parametrize("stamp", ["2,02011E+13", "2.02011E+13", "20201100000000", "2E+13"])
+def test_a_time_that_a_spreadsheet_rounded_is_said_once_and_plainly(tmp_path, stamp):
+    notes = read(tmp_path, PLAIN | {"Timestamp": [f'"{stamp}"'] * N}).notes
+    said = f"Timestamp: {stamp!r} is a time that a spreadsheet rounded: no time is read"
+    assert [note for note in notes if stamp in note] == [said]
+
+
 def test_masses_hang_and_torques_times_and_poses_stand_beside(tmp_path):
     own = table([f"A{k}" for k in range(1, 7)], np.rad2deg(Q))
     own |= table(["X [m]", "Y [m]", "Z [m]"], P) | {"load": [0, 1.25, 2.5, 0, 0, 1.25, ""]}

@@ -68,13 +68,13 @@ def _remarks(text: str) -> bytes:
 
 WRITTEN = {
     "plain": str.encode,
-    "windows": lambda text: f"{text}\n\n".replace("\n", "\r\n").encode("utf-8-sig"),
+    "windows": lambda text: text.replace("\n", "\r\n").encode("utf-8-sig"),
     "decimal_comma": lambda text: text.replace(",", ";").replace(".", ",").encode(),
     "tabs_and_no_end": lambda text: text.replace(",", "\t").rstrip("\n").encode(),
     "title": lambda text: f"Report; of a day\n\n\n{text}".encode(),
     "comments_and_blank_lines": lambda text: text.replace("\n14,", "\n\n# a remark\n,,,\n14,").encode(),
     "header_again": lambda text: text.replace("\n19,", f"\n{text[: text.index(chr(10))]}\n19,", 1).encode(),
-    "quotes": lambda text: text.replace(",P2,", ',"P2",').encode(),
+    "quotes": lambda text: text.replace(",P2,", ',"P2",').encode() + b"\n\r\n",
     "blanks_and_signs": lambda text: text.replace(",P3,", ", P3 ,").replace(",0.0,", ",+0.0,").encode(),
     "remarks": _remarks,
     "runs_of_blanks": lambda text: text.replace(",", "  ").encode(),
