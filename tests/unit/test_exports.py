@@ -137,29 +137,6 @@ mass = "Load m"
 """
 
 
-def blanks() -> bytes:
-    """Runs of blanks, metres, a row a run, marker and state; the joints turn the other way."""
-    names = "  run  pose   point  state         x          y          z    kg  q0 q1 q2 q3 q4 q5"
-    lines = ["REPORT 17", "", names]
-    for r in RUNS:
-        angles = " ".join(f"{-x:.9f}" for x in DATA.q[r])
-        for m in M:
-            for when, places in zip(WHEN, both(r)[m], strict=True):
-                where = "  ".join(f"{x:11.7f}" for x in places)
-                about = f"   {r + 1}   {DATA.pose[r]}   P{m + 1}   {when.upper():8s}"
-                lines.append(f"{about} {where}  {KG[r]}  {angles}")
-    return "\n".join(lines).encode()
-
-
-BLANKS = """
-[columns]
-marker = "point"
-"{axis}_m" = "{axis}"
-mass_kg = "kg"
-"joint_{n0}_rad" = "-q{n0}"
-"""
-
-
 def inches() -> bytes:
     """Wide by marker, long by state, in inches; forces pressed, positive downwards, in kilonewtons."""
     head = ['"Shot"', '"Config"', '"Condition"', '"Push (kN)"', *(f'"J{k} (deg)"' for k in range(1, 7))]
@@ -181,24 +158,6 @@ force_z_kN = "-Push"
 "{marker}_{axis}_in" = "{axis} {marker}"
 [words]
 before = "free"\nafter = "pushed"
-"""
-
-
-def controller() -> bytes:
-    """A robot's log in UTF-16 with the tracker's readings joined by hand; neither runs nor poses."""
-    head = ["t", *(f"axis {k} / deg" for k in range(1, 7)), "Fz in N", "TCP X / mm", "marker"]
-    lines = [[*head, *(f"{when}_{x}_m" for when in WHEN for x in "xyz")]]
-    for m in M:
-        for r in RUNS:
-            about = [f"{10 * r + m}.5", *deg(r), f"{DATA.wrench[r, 2]:.9f}", "17.5", f"P{m + 1}"]
-            lines.append([*about, *(number(x) for x in both(r)[m].reshape(-1))])
-    return table(lines, "|").decode().replace("\n", "\r\n").encode("utf-16")
-
-
-CONTROLLER = """
-[columns]
-"joint_{n}" = "axis {n}"
-force_z = "Fz"
 """
 
 
@@ -298,9 +257,7 @@ EXPORTS = {
     "spreadsheet": (spreadsheet, SPREADSHEET),
     "analyzer": (analyzer, ANALYZER),
     "two_headers": (two_headers, TWO_HEADERS),
-    "blanks": (blanks, BLANKS),
     "inches": (inches, INCHES),
-    "controller": (controller, CONTROLLER),
     "merged": (merged, MERGED),
     "plain": (plain, ""),
     "names_of_points": (names_of_points, NAMES_OF_POINTS),
@@ -434,7 +391,6 @@ def test_a_lost_target_needs_no_covariances(tmp_path):
     ("name", "line"),
     [
         ("spreadsheet", '"joint_{n}_deg" = "A{n}"'),
-        ("controller", '"joint_{n}_deg" = "axis {n}"'),
         ("names_of_points", '"joint_{n}_deg" = "J{n}"'),
         ("from 0", '"joint_{n0}_deg" = "A{n0}"'),
     ],
@@ -524,8 +480,7 @@ def test_the_sigma_of_file_or_map_counts_more_than_a_flag_and_that_is_said(tmp_p
     assert "sigma is that of the file or its map, not 20 um as was said" in both.notes
 
 
-BETWEEN = {"spreadsheet": ";", "controller": "|", "merged": ";", "rows_of_axes": "\t"}
-ENCODING = {"spreadsheet": "cp1252", "controller": "utf-16"}
+BETWEEN = {"spreadsheet": ";", "merged": ";", "rows_of_axes": "\t"}
 WRONG = [
     ("spreadsheet", 6, 9, "1.234", "line 6, column Gewicht [kg]: expected a finite number, got '1.234'"),
     ("spreadsheet", 6, 4, "12.5", "line 6, column A2 [°]: expected a finite number, got '12.5'; the dec"),
@@ -543,7 +498,7 @@ WRONG = [
     ("inches", 4, 1, "C-9", "line 4: a loaded reading in pose 9, which has no unloaded one"),
     ("inches", 3, 4, "12.0", "line 3: expected the joints of the unloaded reading in line 2, one differs by"),
     ("inches", 3, 3, "", "line 3, column Push (kN): expected a finite number in a loaded row, got ''"),
-    ("controller", 1, 9, "Target", "line 1: missing columns ['marker'], ignored columns ['t', "),
+    ("plain", 1, 7, "Target", "line 1: missing columns ['marker'], ignored columns ['Target'"),
     ("merged", 3, 9, "P1", "line 3: run 1 stands in the file twice"),
     ("merged", 1, 8, "weight", "line 1: missing columns ['mass_kg (or force_x_N, force_y_N"),
     ("rows_of_axes", 4, 1, "Z", "line 3, column Axis: expected the rows x, y, z of a point together"),
@@ -561,7 +516,7 @@ WRONG = [
 
 @pytest.mark.parametrize(("name", "line", "column", "cell", "text"), WRONG)
 def test_a_wrong_cell_is_named_by_line_and_column(tmp_path, name, line, column, cell, text):
-    encoding, between = ENCODING.get(name, "utf-8"), BETWEEN.get(name, ",")
+    encoding, between = "cp1252" if name == "spreadsheet" else "utf-8", BETWEEN.get(name, ",")
     lines = EXPORTS[name][0]().decode(encoding).splitlines()
     cells = lines[line - 1].split(between)
     lines[line - 1] = between.join([*cells[:column], cell, *cells[column + 1 :]])

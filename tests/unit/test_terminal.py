@@ -29,9 +29,8 @@ def test_names_are_printed_as_they_are_but_for_what_steers_a_terminal(capsys):
     title, head, *lines, last = capsys.readouterr().out.strip().splitlines()
     assert title.strip() == last == f"{''.join(NAMES)}{SEEN}"
     assert head.split() == ["model", *NAMES, SEEN]
-    assert [line.split()[-len(names) :] for line in lines[1:]] == [
-        [name] * len(names) for name in (*NAMES, SEEN)
-    ]
+    cells = [line.split()[-len(names) :] for line in lines[1:]]
+    assert cells == [[name] * len(names) for name in (*NAMES, SEEN)]
 
 
 def test_a_table_has_medians_and_below_them_the_ends_of_their_spread_and_the_papers_numbers():
