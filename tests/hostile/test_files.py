@@ -17,36 +17,14 @@ def _after(file: Path, rest: bytes) -> None:
     file.write_bytes(file.read_bytes() + rest)
 
 
-def _pipe(file: Path) -> None:
-    file.unlink()
-    os.mkfifo(file)
+def _instead(make: Callable[[Path], object]) -> Callable[[Path], object]:
+    """Something else at the file's place."""
+    return lambda file: (file.unlink(), make(file))
 
 
-def _link(to: str) -> Callable[[Path], None]:
-    def make(file: Path) -> None:
-        file.unlink()
-        file.symlink_to(to)
-
-    return make
-
-
-def _folder(file: Path) -> None:
-    file.unlink()
-    file.mkdir()
-
-
-def _hole(size: int) -> Callable[[Path], None]:
+def _hole(file: Path, size: int = 5 * 10**9) -> None:
     """A file that takes no room on the disk."""
-
-    def make(file: Path) -> None:
-        os.truncate(file, size)
-
-    return make
-
-
-def _gone(file: Path) -> None:
-    file.write_bytes(b"")
-    os.truncate(file, 5 * 10**9)
+    os.truncate(file, size)
 
 
 def _one_run(file: Path) -> None:
@@ -97,8 +75,8 @@ HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
     "gzip": (lambda f: f.write_bytes(gzip.compress(bytes(MANY))), "gzip"),
     "workbook": (lambda f: f.write_bytes(b"PK\x03\x04" + bytes(100)), "workbook"),
     "noise": (lambda f: f.write_bytes(os.urandom(MANY)), "data.csv"),
-    "pipe": (_pipe, "expected a file"),
-    "folder": (_folder, "expected a file"),
+    "pipe": (_instead(os.mkfifo), "expected a file"),
+    "folder": (_instead(Path.mkdir), "expected a file"),
     "cells_of_a_workbook": (
         _book(sheet=lambda: f"<w>{'<row><c><v>1</v></c></row>' * 2_000_000}</w>"),
         "elements",
@@ -126,11 +104,11 @@ HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
         "document types",
     ),
     "parts_of_a_workbook": (_many_parts, "parts"),
-    "zero_device": (_link("/dev/zero"), "expected a file"),
-    "its_own_link": (_link("data.csv"), "cannot be read"),
-    "five_gigabytes_of_nothing": (_gone, "zero byte"),
-    "five_gigabytes_behind": (_hole(5 * 10**9), "zero byte"),
-    "a_terabyte": (_hole(10**12), "bytes"),
+    "zero_device": (_instead(lambda f: f.symlink_to("/dev/zero")), "expected a file"),
+    "its_own_link": (_instead(lambda f: f.symlink_to(f)), "cannot be read"),
+    "five_gigabytes_of_nothing": (lambda f: (f.write_bytes(b""), _hole(f)), "zero byte"),
+    "five_gigabytes_behind": (_hole, "zero byte"),
+    "a_terabyte": (lambda f: _hole(f, 10**12), "bytes"),
     "one_run": (_one_run, "run"),
     "rows_apart": (_apart, "together"),
 }

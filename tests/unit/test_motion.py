@@ -176,9 +176,9 @@ def test_what_cannot_be_a_program_leaves_no_file(tmp_path, name):
     beyond = r"point 3, axis 3 END;h: expected -401\.07.. to 401\.07.. deg, its"
     for q, labels, own, said in (
         (np.diag([0, 0, -7.1]) @ np.eye(3, 6, k=1), (), joints, beyond),
-        (np.full((2, 6), np.nan), (), joints, ""),
-        (np.zeros((2, 5)), (), joints, ""),
-        (np.zeros((2, 6)), ("one",), joints, ""),
+        (np.full((2, 6), np.nan), (), joints, "."),
+        (np.zeros((2, 5)), (), joints, "."),
+        (np.zeros((2, 6)), ("one",), joints, "."),
         (np.zeros((1, 13)), (), arm("h" * 13), "joints"),
     ):
         with pytest.raises(BenchError, match=said):

@@ -38,6 +38,8 @@ def table(names: list[str], values) -> dict[str, list]:
     return dict(zip(names, np.asarray(values).T.tolist(), strict=True))
 
 
+VECTOR = [f"rotation_{x}_rad" for x in "xyz"]
+MATRICES = table([f"rotation_{i}{j}" for i in "123" for j in "123"], R.as_matrix().reshape(N, 9))
 PLAIN = table(JOINTS, Q) | table(XYZ, 1e3 * P)
 
 
@@ -76,16 +78,11 @@ def test_euler_angles_in_any_order_are_the_rotation_that_scipy_makes_of_them(tmp
 
 def test_quaternions_matrices_and_vectors_are_the_same_rotations(tmp_path):
     quat = R.as_quat().round(6)  # x, y, z, w, rounded as files have them
-    for own in (
-        table(["qx", "qy", "qz", "qw"], quat),
-        table([f"rotation_{i}{j}" for i in "123" for j in "123"], R.as_matrix().reshape(N, 9)),
-        table([f"rotation_{x}_rad" for x in "xyz"], R.as_rotvec()),
-    ):
+    for own in (table(["qx", "qy", "qz", "qw"], quat), MATRICES, table(VECTOR, R.as_rotvec())):
         [s] = read(tmp_path, PLAIN | own).series
         np.testing.assert_allclose(s.rotation, R.as_matrix(), atol=3e-6)
-        np.testing.assert_allclose(
-            s.rotation @ s.rotation.swapaxes(1, 2), np.tile(np.eye(3), (N, 1, 1)), atol=1e-12
-        )
+        square = s.rotation @ s.rotation.swapaxes(1, 2)
+        np.testing.assert_allclose(square, np.tile(np.eye(3), (N, 1, 1)), atol=1e-12)
 
 
 def full(**changes) -> Series:
@@ -124,31 +121,24 @@ def full(**changes) -> Series:
 
 
 def test_what_we_write_is_read_back(tmp_path):
-    """One series, two that share a frame, and the least there is."""
+    """Two series that share a frame, one with deviations by axis, and the least there is."""
     path = tmp_path / "whole.csv"
     first, second = full(), full(name="whole B", target="another", rotation=None, sigma_rotation=None)
-    write_series(path, KR500, (first, second))
-    back = read_series(path, KR500).series
-    for a, b in zip((first, second), back, strict=True):
-        check_alike(a, b)
+    diagonal = RNG.uniform(1e8, 4e8, (N, 3, 3, 1)) * np.eye(3)
+    diagonal[2, 1] = 0
+    deviated = replace(first, precision=diagonal)
+    for own in ((first, second), (deviated,)):
+        write_series(path, KR500, own)
+        by_axis = ",sigma_x_m,sigma_y_m,sigma_z_m" in path.read_text(encoding="utf-8")
+        assert by_axis == (own[0] is deviated)
+        for a, b in zip(own, read_series(path, KR500).series, strict=True):
+            check_alike(a, b)
     one = read(tmp_path, PLAIN).series[0]
     write_series(tmp_path / "one.csv", ARM, one, decimals=7)
     assert "series" not in (tmp_path / "one.csv").read_text()
-    check_alike(one, replace(read_series(tmp_path / "one.csv", ARM).series[0]), tolerance=6e-8)
+    check_alike(one, read_series(tmp_path / "one.csv", ARM).series[0], tolerance=6e-8)
     with pytest.raises(BenchError, match="markers"):
         write_series(path, ARM, replace(one, markers=("unknown",)))
-
-
-def test_deviations_by_axis_are_read_back(tmp_path):
-    every = full()
-    precision = np.zeros_like(every.precision)
-    precision[..., range(3), range(3)] = RNG.uniform(1e8, 4e8, (N, 3, 3))
-    precision[2, 1] = 0
-    one = replace(every, precision=precision)
-    write_series(tmp_path / "whole.csv", KR500, one)
-    assert ",sigma_x_m,sigma_y_m,sigma_z_m" in (tmp_path / "whole.csv").read_text(encoding="utf-8")
-    [back] = read_series(tmp_path / "whole.csv", KR500).series
-    check_alike(one, back)
 
 
 HEAD_A = "Timestamp;Goal x;" + ";".join(f"{x}_joint" for x in ("shoulder_pan", "shoulder_lift", "elbow"))
@@ -306,12 +296,11 @@ FAULTS = {
     "angles of no notation": (PLAIN | ANGLES, '[series]\nrotation = "XYZ"', 'rotation: expected "vector"'),
     "angles about one axis": (PLAIN | ANGLES, NAMED + '[series]\nrotation = "intrinsic xxy"', "no Euler"),
     "degrees as radians": (
-        PLAIN | {f"rotation_{x}_rad": [90] * N for x in "xyz"}, "", "line 2, .*are these degrees"
+        PLAIN | {name: [90] * N for name in VECTOR}, "", "line 2, .*are these degrees"
     ),
-    "two notations": (PLAIN | TURNED | {f"rotation_{x}_rad": [1] * N for x in "xyz"}, "", "in one notation"),
+    "two notations": (PLAIN | TURNED | {name: [1] * N for name in VECTOR}, "", "in one notation"),
     "no rotation": (
-        PLAIN | table([f"rotation_{i}{j}" for i in "123" for j in "123"], -R.as_matrix().reshape(N, 9)),
-        "", "expected a rotation matrix",
+        PLAIN | {name: [-x for x in own] for name, own in MATRICES.items()}, "", "expected a rotation matrix"
     ),
     "negative deviation": (PLAIN | DEVIATIONS | {"sigma_y_mm": [-1] * N}, "", "line 2, column sigma_y_mm"),
     "deviations in another unit": (PLAIN | {f"sigma_{x}_m": [0.02] * N for x in "xyz"}, "", "another unit"),
