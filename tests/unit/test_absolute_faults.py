@@ -21,7 +21,7 @@ from testbench.identify.absolute.choose import blocks_of
 from testbench.identify.absolute.fit import Options, calibrate, explain, gather
 from testbench.identify.absolute.scatter import outliers, residuals
 from testbench.identify.absolute.state import nominal
-from testbench.identify.diagnosis.notation import check_order, unplaced
+from testbench.identify.diagnosis.notation import check_order
 from testbench.identify.diagnosis.place import Free, Seen
 from testbench.identify.diagnosis.undone import PRECISE, placed
 from testbench.identify.prior import cad_prior
@@ -138,10 +138,21 @@ def notation(meant, read):
     )
 
 
+def positions(change):
+    """Other positions."""
+    return lambda s: replace(s, position=change(s.position))
+
+
+MIRRORED = r"left-handed frame: the sign of an axis, or two axes exchanged\?"
 MISTAKES = {
+    "x and y": (positions(lambda p: p[..., [1, 0, 2]]), "fit if x and y of the positions are exchanged"),
+    "y and z": (positions(lambda p: p[..., [0, 2, 1]]), "fit if y and z of the positions are exchanged"),
+    "x and z": (positions(lambda p: p[..., [2, 1, 0]]), "fit if x and z of the positions are exchanged"),
+    "sign of y": (positions(lambda p: p * [1, -1, 1]), "fit if y of the positions has the other sign"),
+    "y and z alone": (lambda s: position_only(positions(lambda p: p[..., [0, 2, 1]])(s)), MIRRORED),
     "degrees": (joints(np.degrees), "fit if joint angles are degrees, not radians"),
     "radians of radians": (joints(np.radians), "joint angles are radians, not"),
-    "millimetres": (lambda s: replace(s, position=1e3 * s.position), "are 1000 times too large: milli"),
+    "millimetres": (positions(lambda p: 1e3 * p), "are 1000 times too large: milli"),
     "sign of joint 2": (flipped(1), "fit if shoulder_lift_joint has the other sign"),
     "sign of joint 6": (flipped(5), "fit if wrist_3_joint has the other sign"),
     "its sign, positions": (lambda s: position_only(flipped(5)(s)), "if wrist_3_joint counted the oth"),
@@ -155,7 +166,7 @@ MISTAKES = {
     ),
     "pose before": (joints(lambda q: np.roll(q, -1, axis=0)), "are those of the pose before"),
     "opposite order": (joints(lambda q: q[:, ::-1]), "opposite order"),
-    "left-handed": (lambda s: position_only(replace(s, position=s.position * [1, -1, 1])), "left-handed"),
+    "sign of y alone": (lambda s: position_only(positions(lambda p: p * [1, -1, 1])(s)), MIRRORED),
     "extrinsic angles": (notation("xyz", "XYZ"), "extrinsic xyz where they were read as intrinsic xyz"),
     "transposed": (lambda s: replace(s, rotation=s.rotation.swapaxes(1, 2)), "the tracker in the target's"),
     "any orientations": (
@@ -414,23 +425,6 @@ def test_runs_that_slipped_are_named_in_pairs_too(kr500, rows, k, shift, words):
         assert said(found, kr500.arm).sentence.startswith(
             f"the unloaded readings are those of the pose {words} from run {101 + k} on"
         )
-
-
-@pytest.mark.parametrize(
-    ("order", "sign", "words"),
-    [
-        ([1, 0, 2], 1, "x and y of the positions are exchanged"),
-        ([0, 2, 1], 1, "y and z of the positions are exchanged"),
-        ([2, 1, 0], 1, "x and z of the positions are exchanged"),
-        ([0, 1, 2], [1, -1, 1], "y of the positions has the other sign"),
-    ],
-)
-def test_exchanged_axes_of_positions_are_named(ur10, hundred, order, sign, words):
-    one = replace(hundred, position=hundred.position[..., order] * sign)
-    with pytest.raises(BenchError, match=f"the readings fit if {words}"), explained(ur10.vjm):
-        calibrated(ur10.vjm, [one], ONLY)
-    found = said(unplaced(ur10.vjm, position_only(one)), ur10.arm).sentence
-    assert "left-handed frame: the sign of an axis, or two axes exchanged?" in found
 
 
 def test_a_zero_that_geometry_hides_is_a_doubt_with_its_joint_and_size(ur10, hundred):

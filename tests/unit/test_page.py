@@ -18,7 +18,6 @@ from testbench.plant.shapes import Mesh, Shape, visual_shapes
 from testbench.report.table import Row
 from testbench.trials.spread import (
     Spread,
-    dotted,
     inner,
     median_interval,
     most_trials,
@@ -210,16 +209,6 @@ def test_a_terminal_and_a_page_say_of_few_trials_that_brackets_hold_their_range(
         assert list(terminal.grid(table).columns[0].cells)[1:] == ends
         assert brackets(table) == f"{words} trials"
         assert html.grid(table)["brackets"] == f"{words} trials"
-
-
-def test_a_picture_says_what_its_dots_and_lines_are():
-    values = np.random.default_rng(2).uniform(1, 2, 250)
-    few, many, most = (spread(values[:n]) for n in (3, 20, 250))
-    assert dotted([few, 1.0, "word"]) == "dots: 3 trials"
-    assert dotted([many, many]) == "dots: 20 trials; line: 95 % interval of their median"
-    assert dotted([most]) == ("dots: the first 100 of 250 trials; line: 95 % interval of their median")
-    assert dotted([1.0]) == dotted([spread([1.0, 1.0])]) == ""
-    assert dotted([Spread(2.0, 1.0, 3.0)]) == "lines: 5 to 95 %"
 
 
 def test_a_spread_keeps_the_first_hundred_trials_and_the_interval_of_all_of_them():

@@ -35,7 +35,7 @@ def cell():
 
 def test_a_plan_of_a_few_lines_has_the_poses_that_were_asked_for(cell):
     tasks = tb.simulate(cell, seed=2).check.q
-    asked = tb.PlanSettings(loads_kg=(460.3,), poses=6, candidates_wanted=60)
+    asked = tb.PlanSettings(loads_kg=(460.3,), poses=6, candidates_wanted=60, model="Joints")
     planned = tb.plan(cell, tasks, asked)
     assert planned.plan.q.shape == (6, 6)
     assert (planned.plan.q >= cell.arm.limits[0]).all()
