@@ -161,9 +161,14 @@ WRONG_TOML = {
     "another format": (r"format = 1", "format = 2", ["format: Input should be 1, got 2"]),
     "a string for a number": (LENGTH, '"0.7"', ["link.0.tube.length.value", "valid number", "got '0.7'"]),
     "a boolean for a number": (LENGTH, "true", ["link.0.tube.length.value", "valid number", "got True"]),
+    "no axis": (r"axis = \[1.*\n", "", ["line 21, column 3, link.1.axis: Field required"]),
     "no markers": (r"markers = .*", "markers = []", ["markers", "at least 1 item"]),
-    "NaN": (LENGTH, "nan", ["link.0.tube.length.value", "finite number", "got nan"]),
-    "a wrong unit": (r'unit = "m"', 'unit = "mm"', ["link.0.tube.length.unit", "'m'", "got 'mm'"]),
+    "NaN": (LENGTH, "nan", ["line 15, column 17, link.0.tube.length.value", "finite number", "got nan"]),
+    "a wrong unit": (
+        r'unit = "m"',
+        'unit = "mm"',
+        ["line 15, column 30, link.0.tube.length.unit", "got 'mm'"],
+    ),
     "a wrong origin": (r'"assumed"', '"guess"', ["payload.origin", "'inferred', 'assumed' or 'estimated'"]),
     "a slide's compliance for a hinge": (r'(?<=unit = )"rad/\(N m\)"', '"m/N"', [SLIDE]),
     "a payload in tonnes": (PAYLOAD, "0.0001", ["payload: expected 0.001 to 10000 kg, got 0.0001"]),
@@ -185,7 +190,12 @@ WRONG_TOML = {
 }
 HEAVY, ENTRY, FOOT = "kr500_l480", r"8\.01e-5", r"\[-0.49, 0.3, -0.26\]"
 WRONG_OF_OTHERS = {
-    "an entry in words": ("single_link", ENTRY, '"1e-8"', ["link.0.compliance.value.1.1: ", "valid number"]),
+    "an entry in words": (
+        "single_link",
+        ENTRY,
+        '"1e-8"',
+        ["line 18, column 1, link.0.compliance.value.1.1: "],
+    ),
     "no number": ("single_link", ENTRY, "nan", ["link.0.compliance.value.1.1: ", "finite number"]),
     "a negative rate": (HEAVY, "6.2e4", "-1.0", ["compensator", "rate", "expected 0 to 1e+09 N/m, got -1"]),
     "a rate in words": (HEAVY, "6.2e4", '"soft"', ["compensator", "rate"]),
@@ -228,7 +238,7 @@ WRONG_CHAIN = {
         ["'joint_2'>: expected a hinge or a slide, got 'ball'"],
     ),
     "a joint off its body's origin": (r'name="joint_2"', 'name="joint_2" pos="0 0 0.1"', ["expected no pos"]),
-    "a missing range": (HINGE, hinge('axis="0 1 0"'), ["'joint_2'>", "attribute range of 2"]),
+    "a missing range": (HINGE, hinge('axis="0 1 0"'), ["line 21, column 11, <joint", "attribute range of 2"]),
     "an inverted range": (
         HINGE,
         hinge('axis="0 1 0" range="1 -1"'),
