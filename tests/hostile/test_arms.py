@@ -2,13 +2,12 @@
 
 import os
 import struct
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from spoil import Spoil, holds, sparse, swap
 
-Spoil = Callable[[Path], object]
 MESH = '<mesh name="m" file="{}"/>'
 GEOM = '<geom type="mesh" mesh="m"/>'
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
@@ -25,7 +24,7 @@ def asset(text: str, geom: str = GEOM) -> Spoil:
     return spoil
 
 
-def link(text: str) -> Spoil:
+def inside(text: str) -> Spoil:
     """The arm with more in its first link."""
     return asset("", text)
 
@@ -38,18 +37,6 @@ def mesh(name: str, make: Spoil) -> Spoil:
         make(arm / name)
 
     return spoil
-
-
-def holds(data: str | bytes) -> Spoil:
-    return lambda file: file.write_bytes(data if isinstance(data, bytes) else data.encode())
-
-
-def sparse(size: int) -> Spoil:
-    def make(file: Path) -> None:
-        with file.open("wb") as stream:
-            stream.truncate(size)
-
-    return make
 
 
 def stl(count: int, claimed: int | None = None, value: float = 0.1) -> bytes:
@@ -96,16 +83,9 @@ def ball(count: int) -> bytes:
     return surface(corners, np.arange(3 * count).reshape(-1, 3))
 
 
-def swap(old: str, new: str) -> Spoil:
-    """The arm with other words at the first place of some."""
-
-    def spoil(arm: Path) -> None:
-        rigid = arm / "rigid.xml"
-        text = rigid.read_text()
-        assert old in text
-        rigid.write_text(text.replace(old, new, 1))
-
-    return spoil
+def rigid(pattern: str, new: str) -> Spoil:
+    """The arm with other words."""
+    return lambda arm: swap(pattern, new)(arm / "rigid.xml")
 
 
 def touching(count: int) -> Spoil:
@@ -155,23 +135,26 @@ ARMS: dict[str, tuple[Spoil, str]] = {
     "a mesh of another kind": (mesh("a.dae", holds("<a/>")), "expected a mesh: stl, obj, msh"),
     **{tag: (asset(f"<{tag}/>"), f"<{tag}>") for tag in ("texture", "hfield", "skin")},
     **{
-        tag: (link(f"<{tag}/>"), f"<{tag}>: not allowed")
+        tag: (inside(f"<{tag}/>"), f"<{tag}>: not allowed")
         for tag in "flexcomp composite replicate plugin include".split()
     },
-    "50,000 bodies": (link("".join(f'<body name="b{k}"/>' for k in range(50_000))), "at most 1000 in an arm"),
+    "50,000 bodies": (
+        inside("".join(f'<body name="b{k}"/>' for k in range(50_000))),
+        "at most 1000 in an arm",
+    ),
     "50,000 attributes": (
-        link("<geom " + " ".join(f'a{k}="1"' for k in range(50_000)) + "/>"),
+        inside("<geom " + " ".join(f'a{k}="1"' for k in range(50_000)) + "/>"),
         "'a0' is not allowed",
     ),
-    "50,000 cameras": (link("<camera/>" * 50_000), "at most 100 in an arm"),
+    "50,000 cameras": (inside("<camera/>" * 50_000), "at most 100 in an arm"),
     "50,000 pairs to exclude": (
-        swap("</mujoco>", "<contact>" + '<exclude body1="a" body2="b"/>' * 50_000 + "</contact></mujoco>"),
+        rigid("</mujoco>", "<contact>" + '<exclude body1="a" body2="b"/>' * 50_000 + "</contact></mujoco>"),
         "<exclude>: expected at most 1000",
     ),
     "a name of 3 MB": (swap('name="link_0"', f'name="{"x" * 3_000_000}"'), "name: expected at most 1000"),
-    "a million numbers": (link(f'<geom size="{"1 " * 1_000_000}"/>'), "size: expected finite numbers"),
+    "a million numbers": (inside(f'<geom size="{"1 " * 1_000_000}"/>'), "size: expected finite numbers"),
     "a picture of a terabyte": (
-        swap("<worldbody>", '<visual><global offwidth="1000000"/></visual><worldbody>'),
+        rigid("<worldbody>", '<visual><global offwidth="1000000"/></visual><worldbody>'),
         "offwidth: expected finite numbers up to 16384",
     ),
     "250,000 pairs of geoms": (touching(500), "expected at most 50000 pairs of geoms"),

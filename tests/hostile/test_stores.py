@@ -15,13 +15,13 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
+from spoil import Spoil, holds, instead, link, sparse
 
 from testbench.trials.store import HEADER, MAGIC, record, records
 
 RESUME = ("--workers", "1", "--resume")
 STORE, WHOLE = "trials.log", "trials.parquet"
 FULL = 30_000  #: Largest file that the disk takes [byte]: a store of some trials fits.
-Spoil = Callable[[Path], object]
 
 
 @pytest.fixture(scope="module")
@@ -102,14 +102,9 @@ def number(value: str) -> Spoil:
     return forged(lambda rows: re.sub(r'"rank":\[\d+', f'"rank":[{value}', rows))
 
 
-def instead(name: str, make: Spoil) -> Spoil:
-    """Something else at a place of the run's folder."""
-
-    def spoil(run: Path) -> None:
-        (run / name).unlink(missing_ok=True)
-        make(run / name)
-
-    return spoil
+def log(spoil: Spoil) -> Spoil:
+    """A spoilt store."""
+    return lambda run: spoil(run / STORE)
 
 
 def whole(change: Callable[[pa.Table], pa.Table]) -> Spoil:
@@ -201,13 +196,13 @@ LINE: dict[str, tuple[Spoil, str]] = {
     "not packed": (packed(zlib.decompress), "packed rows"),
     "cut": (packed(lambda rows: rows[:-1]), "packed rows"),
     "more behind": (packed(lambda rows: rows + b"!"), "packed rows"),
-    "notes": (instead(STORE, lambda path: path.write_bytes(b"notes\n" * 999)), "of this version"),
-    "a pipe": (instead(STORE, os.mkfifo), PLAIN),
-    "a folder": (instead(STORE, Path.mkdir), PLAIN),
-    "a link": (instead(STORE, lambda path: path.symlink_to("/etc/hostname")), PLAIN),
-    "a link to nothing": (instead(STORE, lambda path: path.symlink_to("none")), PLAIN),
+    "notes": (log(holds("notes\n" * 999)), "of this version"),
+    "a pipe": (log(instead(os.mkfifo)), PLAIN),
+    "a folder": (log(instead(Path.mkdir)), PLAIN),
+    "a link": (log(link("/etc/hostname")), PLAIN),
+    "a link to nothing": (log(link("none")), PLAIN),
     "two names": (lambda run: os.link(run / STORE, run.parent / "own"), "move it away"),
-    "room of 64 GB": (instead(STORE, lambda path: (path.touch(), os.truncate(path, 2**36))), "move it away"),
+    "room of 64 GB": (log(instead(sparse(2**36))), "move it away"),
     "a link for a whole run": (
         lambda run: ((run / STORE).unlink(), (run / WHOLE).symlink_to("/dev/zero")),
         "expected a file",
@@ -235,7 +230,7 @@ RIGHT: dict[str, Spoil] = {
     "killed while it wrote": lambda run: os.truncate(run / STORE, (run / STORE).stat().st_size - 5),
     "seeds that nobody asked for": packed(lambda rows: rows, seed=2**63 - 1),
     "a run that has ended": whole(lambda table: table),
-    "room behind its end": lambda run: os.truncate(run / STORE, 2**36),
+    "room behind its end": log(sparse(2**36)),
 }
 
 
