@@ -166,9 +166,12 @@ def test_fewer_than_asked_for_are_an_error_unless_they_are_enough(kr500):
 @pytest.mark.parametrize(
     "wrong", [{"count": 0}, {"count": 5, "least": 6}, {"count": 5, "least": 0}, {"count": 5, "patience": 0}]
 )
-def test_numbers_that_make_no_sense_are_refused(checks, wrong):
+def test_numbers_that_make_no_sense_and_poses_of_another_arm_are_refused(checks, wrong):
     with pytest.raises(BenchError, match="expected 1 <= least <= count and a patience of 1 or more"):
         find(checks, rng=np.random.default_rng(9), **wrong)
+    with pytest.raises(BenchError, match=r"q \[rad, m\]: expected shape \(any, 6\), got \(1, 5\)"):
+        why_not(checks, np.zeros((1, 5)))
+    assert why_not(checks, np.empty((0, 6))) == []
 
 
 def test_an_arm_without_shapes_that_collide_is_still_seen_or_hidden(arm_6r):
@@ -176,12 +179,6 @@ def test_an_arm_without_shapes_that_collide_is_still_seen_or_hidden(arm_6r):
     found = find(checks, 20, np.random.default_rng(11))
     assert found.rejected[BLOCKED] > 0
     assert all(found.rejected[reason] == 0 for reason in TOUCHING.values())
-
-
-def test_poses_of_another_arm_are_refused(checks):
-    with pytest.raises(BenchError, match=r"q \[rad, m\]: expected shape \(any, 6\), got \(1, 5\)"):
-        why_not(checks, np.zeros((1, 5)))
-    assert why_not(checks, np.empty((0, 6))) == []
 
 
 def at(distance: float, elevation_deg: float, azimuth_deg: float = 130.0) -> Array:

@@ -114,17 +114,22 @@ def test_a_cell_of_many_trials_has_their_numbers_in_their_order_and_the_interval
     assert (few["dots"], few["few"], "low" in few) == (pytest.approx(values[:5], rel=1e-3), True, False)
 
 
-def test_a_number_that_is_none_stands_on_a_page_as_its_word_alone():
-    numbers = [0.5, float("nan"), float("inf"), Spread(float("nan"), float("nan"), float("nan")), None]
+@dataclass(frozen=True)
+class Fit:
+    case: str
+    structure: str
+    constraint: str = "none"
+    prior: bool = False
+
+
+def test_what_is_no_number_stands_on_a_page_as_its_word_alone_and_is_left_out_of_charts_and_maps():
+    nan = float("nan")
+    numbers = [0.5, nan, float("inf"), Spread(nan, nan, nan), None]
     rows = [{"name": str(k), "x": number} for k, number in enumerate(numbers)]
     found = html.grid(Table((Column("name", "model"), Column("x", "error", "mm")), rows))
+    cells = [row["cells"][1] for row in found["rows"]]
+    assert [cell["text"] for cell in cells] == ["0.500", "not fitted", "infinite", "not fitted", "not fitted"]
     assert [row["cells"][1].get("v") for row in json.loads(html.data(found))["rows"]] == [0.5, *[None] * 4]
-    texts = [row["cells"][1]["text"] for row in found["rows"]]
-    assert texts == ["0.500", "not fitted", "infinite", "not fitted", "not fitted"]
-
-
-def test_charts_and_maps_leave_out_what_is_no_number():
-    nan = float("nan")
     line = Line("a", look("MLS56", "none"), np.array([1.0, nan]))
     chart = RunChart("error (mm)", 0, "run", ["1", "2"], [line], limit=nan)
     places = PlaceMap("error (mm)", 0, np.array([[nan, 0, 0], [1.0, 2, 3]]), [line])
@@ -132,14 +137,6 @@ def test_charts_and_maps_leave_out_what_is_no_number():
     assert chart["limit"] is None
     assert places["at"] == [None, [1, 2, 3]]
     assert [own["lines"][0]["values"] for own in (chart, places)] == [[1.0, None]] * 2
-
-
-@dataclass(frozen=True)
-class Fit:
-    case: str
-    structure: str
-    constraint: str = "none"
-    prior: bool = False
 
 
 def test_rows_that_are_no_model_have_no_models_colour():

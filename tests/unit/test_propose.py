@@ -8,9 +8,7 @@ import pytest
 from testbench.campaign.beam import outer_diameter, triangles
 from testbench.campaign.new_arm import SPREAD, elastic_toml
 from testbench.campaign.propose import (
-    PAYLOAD_OFF,
     Wishes,
-    estimated_payload,
     joint_compliance,
     propose,
 )
@@ -23,14 +21,6 @@ KNOWN = [  # payload [kg], stretched reach [m], joints counted from 0 and their 
     (500, 3.116, 0, [1 / 2.3, 1 / 8.6, 1 / 2.8, 1 / 3.0, 1 / 0.2, 1 / 0.9]),  # KR 500, modal test
     (270, 2.916, 1, [0.302, 0.406, 3.002, 3.303, 2.365]),  # KR 270, elastostatic
     (10, 1.556, 1, [10.7, 5.7]),  # UR10, from its tracker readings
-]
-RATED = [  # mass by the file or the shapes [kg], stretched reach [m], what the maker rates [kg]
-    *((1957, 3.36, 700), (1241, 3.60, 260), (157, 2.12, 20)),  # M-900iB/700, M-900iA/260L, M-20iA
-    *((773, 3.59, 120), (159, 1.90, 20), (155, 1.71, 20)),  # GP180-120, HC20, RX160
-    *((578, 2.26, 80), (8.05, 1.03, 4), (3.66, 0.82, 3.5)),  # RS080N, Gen3, xArm7
-    *((4.42, 0.74, 3), (3.74, 0.83, 0.75), (31.3, 1.11, 16)),  # Z1, VX300s, UR16e
-    *((1488, 4.38, 150), (274, 1.77, 16), (41.1, 1.01, 7)),  # IRB 7600-150, KR 16-2, GP7
-    *((32.9, 0.93, 15), (81.6, 1.35, 4)),  # M1509, Sawyer
 ]
 
 
@@ -121,14 +111,6 @@ def test_the_law_of_the_joints_misses_the_known_ones_by_the_factor_that_it_says(
     ]
     assert np.exp(np.sqrt(np.mean(np.square(missed)))) == pytest.approx(SPREAD, rel=0.03)
     assert abs(np.mean(missed)) < np.log(1.1)
-
-
-def test_guesses_of_payloads_miss_known_arms_by_no_more_than_is_told():
-    """One in ten beyond the factor, none beyond the worst that the page of own arms has."""
-    guesses = [(estimated_payload(mass, reach), rated) for mass, reach, rated in RATED]
-    off = [max(guess / rated, rated / guess) for guess, rated in guesses]
-    assert sum(factor > PAYLOAD_OFF for factor in off) <= len(off) / 10
-    assert max(off) < 5.4
 
 
 def test_a_payload_that_nobody_stated_is_the_first_thing_to_confirm():

@@ -125,8 +125,10 @@ def test_columns_have_the_types_of_the_fields_even_without_a_value(tmp_path):
     }  # fmt: skip
 
 
-def test_parquet_does_not_depend_on_order_or_where_it_stopped(tmp_path):
-    found = {s: [X(s / 3), X(math.nan)] for s in TOY.seeds}
+def test_parquet_does_not_depend_on_order_or_where_it_stopped(tmp_path, monkeypatch):
+    """Its row groups are of whole trials; it is read back in batches that cut trials."""
+    monkeypatch.setattr("testbench.trials.parquet.GROUP", 1000)
+    found = {s: [X(1000 * s + k) for k in range(900)] for s in TOY.seeds}
     written = []
     for name, order in (("a", [7, 8, 9, 10, 11]), ("b", [10, 7, 11, 9, 8])):
         for own in (order[:3], order[3:]):
@@ -136,27 +138,16 @@ def test_parquet_does_not_depend_on_order_or_where_it_stopped(tmp_path):
                 if own == order[3:]:
                     written.append(write_parquet(store, tmp_path / name))
     assert written[0].read_bytes() == written[1].read_bytes()
-    table = pq.read_table(written[0])
-    assert table["seed"].to_pylist() == [s for s in TOY.seeds for _ in range(2)]
-    assert [x for x in table["x"].to_pylist() if not math.isnan(x)] == [s / 3 for s in TOY.seeds]
-    assert json.loads(table.schema.metadata[b"testbench"])["settings"] == TOY.scenario
-
-
-def test_many_rows_go_through_several_row_groups(tmp_path, monkeypatch):
-    """Of whole trials; read back in batches that cut trials."""
-    monkeypatch.setattr("testbench.trials.parquet.GROUP", 1000)
-    with open_store(tmp_path, TOY, row=X, resume=False) as store:
-        put(store, {s: [X(1000 * s + k) for k in range(900)] for s in TOY.seeds})
-        file = pq.ParquetFile(write_parquet(store, tmp_path))
-        assert [len(rows) for _, rows in store.trials()] == [900] * 5
+    file = pq.ParquetFile(written[0])
     assert [file.metadata.row_group(k).num_rows for k in range(3)] == [1800, 1800, 900]
+    table = file.read()
+    assert table["seed"].to_pylist() == [s for s in TOY.seeds for _ in range(900)]
+    assert table["x"].to_pylist() == [row.x for rows in found.values() for row in rows]
+    assert json.loads(table.schema.metadata[b"testbench"])["settings"] == TOY.scenario
     with open_store(tmp_path / "again", TOY, row=X, resume=False) as store:
-        (tmp_path / WHOLE).rename(tmp_path / "again" / WHOLE)
+        written[0].rename(tmp_path / "again" / WHOLE)
         store.load(resume=True)
-        assert [[row.x for row in rows] for _, rows in store.trials()] == [
-            [1000 * s + k for k in range(900)] for s in TOY.seeds
-        ]
-    assert file.read()["x"].to_pylist() == [1000 * s + k for s in TOY.seeds for k in range(900)]
+        assert [(seed, list(rows)) for seed, rows in store.trials()] == list(found.items())
 
 
 @pytest.mark.parametrize(
@@ -254,7 +245,8 @@ def test_trials_of_something_else_are_not_resumed(tmp_path, experiment, problem,
     assert files(tmp_path) == before
 
 
-def test_a_fresh_run_keeps_off_a_stopped_one_and_replaces_a_finished_one(tmp_path):
+def test_a_run_keeps_off_a_stopped_one_and_is_resumed_with_more_trials_or_fewer(tmp_path):
+    """A finished one is replaced, once there are trials."""
     fill(tmp_path, [7, 8])
     with pytest.raises(InputError, match="holds 2 trials of a run that was stopped: --resume"):
         fill(tmp_path, [7])
@@ -263,10 +255,6 @@ def test_a_fresh_run_keeps_off_a_stopped_one_and_replaces_a_finished_one(tmp_pat
     with open_store(tmp_path, TOY, row=X, resume=False) as store:
         assert store.count == 0
     assert files(tmp_path) == finished
-
-
-def test_a_study_can_be_resumed_with_more_trials_or_fewer(tmp_path):
-    fill(tmp_path, TOY.seeds)
     more = Experiment("toy", TOY.scenario, range(7, 14))
     assert missing(tmp_path, more) == [12, 13]
     fill(tmp_path, [13], more, resume=True)
@@ -310,9 +298,7 @@ def test_a_full_disk_loses_nothing_that_is_stored(tmp_path):
         *(({"x": x}, range(7, 12), "scenario: expected plain JSON data") for x in (math.nan, {1, 2})),
     ],
 )
-def test_seeds_are_consecutive_and_a_scenario_is_plain_data(
-    tmp_path, scenario, seeds, problem
-):
+def test_seeds_are_consecutive_and_a_scenario_is_plain_data(tmp_path, scenario, seeds, problem):
     with pytest.raises(BenchError, match=problem):
         fill(tmp_path, [7], Experiment("toy", scenario, seeds))
 
