@@ -40,11 +40,14 @@ def test_bars_stand_while_steps_are_under_way_and_no_longer():
     assert "fitting models" in said
     assert "-:--:--" in said  # the time left
     assert out.getvalue() == "the answer\n"
-    stopped = Terminal()
-    with pytest.raises(KeyboardInterrupt), command(stopped):
+
+
+def test_ctrl_c_leaves_no_bar():
+    terminal = Terminal()
+    with pytest.raises(KeyboardInterrupt), command(terminal):  # noqa: PT012
         for _ in stepwise(range(3), "fitting models"):
             raise KeyboardInterrupt
-    assert stopped.getvalue().count(HIDDEN) == stopped.getvalue().count(SHOWN) == 1
+    assert terminal.getvalue().count(HIDDEN) == terminal.getvalue().count(SHOWN) == 1
 
 
 def test_quiet_says_nothing_and_no_terminal_has_no_bars():
