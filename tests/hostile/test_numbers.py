@@ -14,8 +14,6 @@ ODD = {
     "beyond": "1e308",
 }
 """What Python's int or float reads, or another program reads otherwise."""
-OF_TOML = ("Arabic", "hex float", "infinite", "none", "beyond")  #: It has its own underscores and hex.
-SOME = ("Arabic", "hex float", "beyond")
 
 
 def text(file, pattern):
@@ -60,13 +58,11 @@ PLACES = {
     "map": (mapped, f"{READ} --map map.toml", "map.toml"),
     "flag": (lambda lab, odd: None, "plan arm --task tasks.csv --tracker 4,-1,{}", "--tracker"),
 }
-EVERY = {"size of a geom": ODD, "mass of a robot's link": ODD, "place of a target": ODD}
-EVERY |= {
+EVERY = {
+    **dict.fromkeys(("size of a geom", "mass of a robot's link", "place of a target"), ODD),
+    **dict.fromkeys(("task", "map", "flag"), ("Arabic", "hex float", "beyond")),
     "run": ("Arabic", "underscore"),
-    "diameter": OF_TOML,
-    "task": SOME,
-    "map": SOME,
-    "flag": SOME,
+    "diameter": ("Arabic", "hex float", "infinite", "none", "beyond"),  # TOML has underscores and hex
     "force": ("hex", "beyond"),
 }
 """Places where several odd numbers are tried; of the others each has one of them."""
