@@ -151,7 +151,7 @@ ARMS: dict[str, tuple[Spoil, str]] = {
         rigid("</mujoco>", "<contact>" + '<exclude body1="a" body2="b"/>' * 50_000 + "</contact></mujoco>"),
         "<exclude>: expected at most 1000",
     ),
-    "a name of 3 MB": (swap('name="link_0"', f'name="{"x" * 3_000_000}"'), "name: expected at most 1000"),
+    "a name of 3 MB": (rigid('name="link_0"', f'name="{"x" * 3_000_000}"'), "name: expected at most 1000"),
     "a million numbers": (inside(f'<geom size="{"1 " * 1_000_000}"/>'), "size: expected finite numbers"),
     "a picture of a terabyte": (
         rigid("<worldbody>", '<visual><global offwidth="1000000"/></visual><worldbody>'),
