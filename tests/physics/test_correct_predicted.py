@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.campaign.program import direction_words, refusal_words
-from testbench.correct.compensated import Refusal
 from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
 from testbench.correct.stiffness import give_halves, stiffness
@@ -117,29 +115,6 @@ def test_positions_have_intervals_where_they_were_calibrated(model, poses, load)
     more = rough.position_half**2 - calm.position_half**2
     np.testing.assert_allclose(more, (1.96 * 3e-4) ** 2, rtol=1e-3)
     assert np.array_equal(rough.half, calm.half)
-
-
-@pytest.mark.parametrize(
-    ("direction", "words"),
-    [
-        ((0.05, 0.99, 0), "along y"),
-        ((0.3, 0.9, 0), "mostly along y"),
-        ((1.0, 0, -0.9), "between x and -z"),
-    ],
-)
-def test_directions_in_words(direction, words):
-    assert direction_words(np.array(direction)) == words
-
-
-def test_reasons_in_words_and_in_the_units_of_their_joint(kr500):
-    said = [
-        (Refusal("reach", size=0.01234), "out of reach, 12.3 mm are left"),
-        (Refusal("equilibrium"), "no equilibrium"),
-        (Refusal("limit", ("joint_3",), np.radians(1.5)), "joint_3 would pass its limit by 1.5 deg"),
-        (Refusal("collision", ("tool", "floor")), "tool would collide with floor"),
-        (None, None),
-    ]
-    assert [refusal_words(kr500.arm, one) for one, _ in said] == [words for _, words in said]
 
 
 def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(model, poses):

