@@ -14,7 +14,7 @@ from testbench.campaign.unobservable import quantities, unobservable
 from testbench.commands.unread import filled
 from testbench.design import absolute
 from testbench.design.baselines import error_after
-from testbench.design.criteria import criterion_of, mean_square
+from testbench.design.criteria import criterion_of
 from testbench.design.exchange import exchange, greedy
 from testbench.design.rows import information as of_plan
 from testbench.identify.absolute.fit import Options, calibrate
@@ -66,22 +66,6 @@ def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, poses):
     assert np.linalg.norm(ours - drawn) < 0.1 * np.linalg.norm(ours)
     rms = np.sqrt(np.square(draws @ J.T).sum(axis=1).mean() / (2 * len(series.markers)))
     assert absolute.joint_rest(union, q) == pytest.approx(rms, rel=0.03)
-
-
-def test_the_promise_is_the_error_that_bayes_leaves(union, poses):
-    """Unknowns drawn from the prior and noisy readings: the posterior mean errs as the plan says."""
-    q, rng = poses[:POSES], np.random.default_rng(1)
-    wanted = absolute.position_rows(union, poses[-20:])
-    examined = absolute.candidate_set(union, poses, POSES)
-    M = of_plan(examined.problem, np.arange(POSES))
-    W = mean_square(wanted)
-    said = np.trace(mean_square(wanted @ examined.problem.lift) @ np.linalg.inv(M))
-    said += np.trace(W @ examined.problem.hidden)
-    A = absolute.measured_rows(union, q).reshape(-1, union.unknowns.size)
-    x = rng.standard_normal((union.unknowns.size, 400))
-    y = A @ x + rng.standard_normal((len(A), 400))
-    off = x - np.linalg.solve(A.T @ A + np.eye(len(x)), A.T @ y)
-    assert np.einsum("ik,ij,jk->k", off, W, off).mean() == pytest.approx(said, rel=0.05)  # 400 draws
 
 
 def test_planned_poses_beat_random_ones_on_every_seed(kr500, union):

@@ -6,6 +6,7 @@ import pytest
 from loads import random_q
 
 from testbench.errors import BenchError, NoEquilibrium
+from testbench.identify.regression import non_redundant, rank
 from testbench.model.load import Load, on_joints, resultant
 from testbench.model.loaded import (
     displacement,
@@ -15,11 +16,13 @@ from testbench.model.loaded import (
     loaded_deflection,
     secant,
 )
+from testbench.model.structure import all153, template56
 from testbench.model.vjm import (
     chain,
     generalised_load,
+    observation,
 )
-from testbench.plant import settle, weightless
+from testbench.plant import settle, settle_linear, weightless
 from testbench.plant.equilibrium import Poses
 from testbench.plant.equilibrium import tangent as plant_tangent
 from testbench.plant.state import open_row
@@ -209,6 +212,8 @@ def test_wrong_shapes_say_what_was_expected(kr500):
     where, K_w = chain(vjm, q), np.zeros((2, 48, 48))
     J = load_jacobian(where, point)
     cases = {
+        r"q \[rad, m\]: expected shape \(any, 6\), got \(2, 5\)": lambda: chain(vjm, q[:, :5]),
+        "q .*finite": lambda: chain(vjm, q + np.nan),
         r"theta \[m, rad\]: expected shape \(2, 48\), got \(2, 42\)": lambda: chain(vjm, q, theta[:, :42]),
         r"theta \[m, rad\]: expected shape \(2, 48\), got \(1, 48\)": lambda: chain(vjm, q, theta[:1]),
         "theta .*finite": lambda: chain(vjm, q, np.full((2, 48), np.nan)),
@@ -229,3 +234,38 @@ def test_wrong_shapes_say_what_was_expected(kr500):
     for text, call in cases.items():
         with pytest.raises(BenchError, match=text):
             call()
+
+
+def random_load(rng, runs):
+    return 1000 * rng.standard_normal((runs, 6)), 0.3 * rng.standard_normal((runs, 3))
+
+
+@pytest.fixture(params=["kr500", "arm_6r"])
+def six_axes(request):
+    return request.getfixturevalue(request.param)
+
+
+def test_markers_move_as_in_the_first_order_truth(cell, rng):
+    """Partial pose: force at one point, markers at others, against MuJoCo's Jacobians."""
+    q = random_q(cell, rng, 10)
+    wrench, point = random_load(rng, 10)
+    structure = all153(cell.arm)
+    A = observation(chain(cell.vjm, q), structure, wrench, point, cell.vjm.markers)
+    start = settle_linear(cell.plant, q, 0 * wrench, point).markers
+    moved = settle_linear(cell.plant, q, wrench, point).markers - start
+    predicted = A @ structure.entries(cell.arm.C_theta)
+    np.testing.assert_allclose(predicted, moved, rtol=0, atol=1e-14)
+
+
+def test_algebraic_reduction_finds_the_32_parameters_of_mls32(six_axes, rng):
+    full = template56(six_axes.arm)
+    reduced = non_redundant(six_axes.vjm, full, name="MLS32")
+    assert (reduced.name, reduced.n) == ("MLS32", 32)
+    q = random_q(six_axes, rng, 30)
+    wrench, point = random_load(rng, 30)
+    A, B = (
+        observation(chain(six_axes.vjm, q), s, wrench, point, six_axes.vjm.markers).reshape(-1, s.n)
+        for s in (full, reduced)
+    )
+    assert rank(B) == rank(A)  # and so every prediction of the 56 can be had from the 32
+    assert rank(np.hstack([A, B])) == rank(B)

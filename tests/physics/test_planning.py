@@ -27,7 +27,7 @@ from testbench.design.rows import (
     reading_rows,
     task_rows,
 )
-from testbench.design.whole_arm import _narrow, fit_of, promise_on
+from testbench.design.whole_arm import fit_of, promise_on
 from testbench.errors import BenchError
 from testbench.identify import least_squares, reduce, with_prior
 from testbench.identify.evaluate import deflections
@@ -234,10 +234,3 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
         scatter = np.std(squares[name]) / np.sqrt(200)
         assert np.mean(squares[name]) == pytest.approx(found, abs=5 * scatter), name
         assert scatter < 0.1 * found, name  # so that a factor of two would show
-
-
-def test_noise_of_many_readings_is_drawn_in_as_many_directions_as_there_are_unknowns(rng):
-    few, many = rng.standard_normal((5, 4)), rng.standard_normal((5, 40))
-    assert _narrow(few) is few
-    assert _narrow(many).shape == (5, 5)
-    np.testing.assert_allclose(_narrow(many) @ _narrow(many).T, many @ many.T, atol=1e-12)
