@@ -16,7 +16,6 @@ from testbench.campaign.rows import (
     dataset_row,
     error_row,
     fit_row,
-    no_fit,
 )
 from testbench.campaign.workspace_errors import Places, kept_mm, places_of, rms
 from testbench.data.dataset import Dataset
@@ -199,16 +198,15 @@ def campaign_rows(
 def _fit(result: Result) -> FitRow:
     model, estimate = result.model, result.estimate
     if has_failed(estimate):
-        why = estimate.status.removeprefix(FAILED)
-        return no_fit(model.name, model.structure, why, prior=model.filled)
+        return failed_row(EstimatorFailed(model, estimate.status.removeprefix(FAILED)))
     prior = model.filled or estimate.belief is not None
     return fit_row(model.name, estimate, result.seconds, prior=prior)
 
 
 def failed_row(err: EstimatorFailed) -> FitRow:
     """What an estimator leaves that failed."""
-    model = err.model
-    return no_fit(model.name, model.structure, err.why, prior=model.filled)
+    name, own, status = err.model.name, err.model.structure, FAILED + err.why
+    return FitRow(name=name, structure=own.name, prior=err.model.filled, status=status, parameters=own.n)
 
 
 def _drawn(cell: Cell, campaign: Campaign, result: Result, *, whole: bool) -> Drawn:

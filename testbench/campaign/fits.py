@@ -11,14 +11,13 @@ from testbench.campaign.evaluation import EstimatorFailed, failed_row, of_model
 from testbench.campaign.identifiability import set_aside
 from testbench.campaign.model_selection import Recommendation, default_name, folded, recommend, why
 from testbench.campaign.models import Model
-from testbench.campaign.rows import MM, ErrorRow, FitRow, error_row, fit_row
+from testbench.campaign.rows import MM, error_row, fit_row
 from testbench.campaign.runs import Many, Runs
 from testbench.data.dataset import Dataset, in_order
 from testbench.data.spool import SHOWN, some
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.diagnosis.prior_check import Unchecked, contradicted, unchecked
-from testbench.identify.estimate import Rejected
 from testbench.identify.evaluate import Score, deflections, judge, score
 from testbench.identify.fold import BLOCK_RUNS
 from testbench.identify.metric import metric
@@ -27,83 +26,20 @@ from testbench.identify.weighed import MOST_READINGS
 from testbench.model.laws import UNIT_SIZES, sizes_of, vjm_of
 from testbench.model.vjm import chain, generalised_load
 from testbench.session import stepwise
+from testbench.trials.rows import Row, finite
 
 Clock = Callable[[], float]  #: Wall time [s].
 UNITS = "links in beam frames, m/N and rad/(N m); hinges rad/(N m), slides m/N, null where aggregated"
 
 
 @dataclass(frozen=True)
-class IntervalsRow:
-    """95 % intervals of predicted deflections, each by itself."""
-
-    confidence: float  #: Of each [1].
-    on_boundary: bool  #: Whether the cone holds the estimate: then they are not exact.
-    unbounded: int  #: Components that the data leave without a bound.
-    components: int  #: How many there are.
-    half_width_mm: float | None  #: Median over those with a bound.
-    half_width_max_mm: float | None  #: The largest of those.
-    #: One a run and marker: `centre_mm`, `lower_mm`, `upper_mm` along the world axes, null without a bound.
-    deflections: tuple[Mapping[str, object], ...]
-
-
-@dataclass(frozen=True)
-class Fitted(FitRow):
-    """A model fitted to a user's runs."""
-
-    equations: int  #: Of the readings.
-    identification: ErrorRow  #: Errors on the runs that were fitted, against their readings.
-    check: ErrorRow | None  #: The same on those held back; None if there are none.
-    #: Where it is checked, or was fitted; None if not asked for, or where only others have a prior.
-    intervals: IntervalsRow | None
-    learnt: bool  #: Whether the readings taught its prior: then its intervals count how wrong that may be.
-    links: Mapping[str, list[list[float]]]  #: Compliance of every link in its beam frame.
-    #: Compliance of every joint; None where it is aggregated: counted in that of the link before it.
-    joints: Mapping[str, float | None]
-    units: str  #: Of both.
-    #: Half-widths of backlash and friction of every joint [rad, m], and the share by which it is stiffer when
-    #: its spring is turned by a milliradian (a slide: a millimetre) [1]; empty of a linear model.
-    laws: Mapping[str, Mapping[str, float]]
-    rejected: tuple[Rejected, ...]  #: Readings that the fit does without.
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """Mean F_M of a model on poses and load levels held out in turn, and its standard error."""
-
-    name: str
-    f_m: float
-    standard_error: float
-
-
-@dataclass(frozen=True)
-class Fits:
-    """models.json."""
-
-    dataset: str  #: Name of the file.
-    arm: str  #: Name of the arm.
-    runs: int  #: That were fitted.
-    poses: int  #: They are in.
-    models: tuple[Fitted, ...]  #: What was found.
-    recommended: str  #: Name of the model to take.
-    why: str  #: Why this one.
-    held_out: tuple[HeldOut, ...]  #: What the recommendation rests on.
-    #: What may be wrong with the runs, the likeliest first, then with the prior of the model to take.
-    doubts: tuple[Doubt, ...]
-    unchecked: Unchecked  #: What the readings do not check of its prior.
-    notes: tuple[str, ...]  #: What was understood of the runs.
-    registration: Mapping[str, object] | None  #: Frames and targets; None where no frame fitted.
-    #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
-    scale: float | None = None
-    failed: tuple[FitRow, ...] = ()  #: Estimators of one's own that failed, and why.
-
-
-@dataclass(frozen=True)
 class Identified:
     """Models fitted to a user's runs, and what there is to say of them."""
 
-    fits: Fits  #: Numbers and words.
+    fits: Row  #: Numbers and words, as `fit` has them.
     runs: Runs  #: Of many those that are looked at one by one, the worst among them.
     estimates: Mapping[str, Estimate]  #: By the name of the model.
+    held_out: Mapping[str, Array]  #: F_M of models on what was held out in turn, (folds,) [1].
 
     @property
     def taken(self) -> Estimate:
@@ -127,6 +63,10 @@ class Found:
 def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths: bool = False) -> Identified:
     """Fit every model, judge it, and recommend one; `widths` asks for intervals of predicted deflections.
 
+    What is found is models.json: of every model a `FitRow` with its errors, intervals, compliances and laws,
+    the model to take and its F_M on what was held out, doubts, the likeliest first, and what no reading
+    checks of the prior.
+
     Raises:
         BenchError: When a method cannot fit a structure to the runs.
     """
@@ -145,7 +85,7 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
     # beside a prior, intervals that count noise alone would look the surest
     plain = all(estimate.belief is None for estimate in own.estimates)
     sure = [widths and (plain or e.belief is not None or name == taken.name) for name, e in every]
-    fits = Fits(
+    fits = Row(
         dataset=runs.name,
         arm=cell.arm.name,
         runs=runs.used.runs if runs.many is None else int(runs.many.used.sum()),
@@ -156,7 +96,7 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
         ),
         recommended=taken.name,
         why=why(taken, estimates[taken.name]),
-        held_out=tuple(HeldOut(c.name, c.error, c.standard_error) for c in taken.candidates),
+        held_out=[Row(name=c.name, f_m=c.error, standard_error=c.standard_error) for c in taken.candidates],
         doubts=(
             *runs.doubts,
             *of_noise(own.estimates),
@@ -168,7 +108,7 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
         scale=runs.scale,
         failed=tuple(map(failed_row, lost)),
     )
-    return Identified(fits, runs, estimates)
+    return Identified(fits, runs, estimates, {c.name: c.errors for c in taken.candidates})
 
 
 def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence[Model], list[str]]:
@@ -290,13 +230,18 @@ def _unchecked(cell: Cell, taken: Model, estimates: Mapping[str, Estimate]) -> U
     return unchecked(own, metric(method.prior, cell.vjm, own.structure))
 
 
-def _fit(cell: Cell, found: Found, k: int, widest: Dataset | None) -> Fitted:
-    """A model, with intervals of its predictions for some runs."""
+def _fit(cell: Cell, found: Found, k: int, widest: Dataset | None) -> Row:
+    """A model; where runs are given with intervals of its predictions there.
+
+    A joint that is counted in the link before it has no compliance. Laws are half widths of backlash and
+    friction [rad, m], and the share by which a joint is stiffer when its spring is turned by a milliradian (a
+    slide: a millimetre) [1].
+    """
     estimate, check = found.estimates[k], found.check[k]
     prior = found.models[k].filled or estimate.belief is not None
     blocks = (estimate.C_theta[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(len(cell.arm.links)))
-    return Fitted(
-        **vars(fit_row(found.models[k].name, estimate, found.seconds[k], prior=prior)),
+    return Row(
+        vars(fit_row(found.models[k].name, estimate, found.seconds[k], prior=prior)),
         equations=estimate.regression.equations,
         identification=error_row(found.used[k]),
         check=None if check is None else error_row(check),
@@ -326,12 +271,13 @@ def _laws(cell: Cell, estimate: Estimate) -> dict[str, dict[str, float]]:
     return {joint: {kind: UNIT_SIZES[kind] * own[kind] for kind in own} for joint, own in found.items()}
 
 
-def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> IntervalsRow:
+def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> Row:
+    """95 % intervals of deflections, each by itself; null without a bound."""
     found = intervals(cell.vjm, estimate, data)
     half = MM * (found.upper - found.lower) / 2
     known = half[np.isfinite(half)]
     ends = {"centre_mm": found.centre, "lower_mm": found.lower, "upper_mm": found.upper}
-    return IntervalsRow(
+    return Row(
         confidence=found.confidence,
         on_boundary=found.on_boundary,
         unbounded=half.size - known.size,
@@ -339,12 +285,12 @@ def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> IntervalsRow:
         half_width_mm=float(np.median(known)) if known.size else None,
         half_width_max_mm=float(known.max()) if known.size else None,
         deflections=tuple(
-            {"run": run, "marker": marker, **{key: _bounded(own[i, k]) for key, own in ends.items()}}
+            {
+                "run": run,
+                "marker": marker,
+                **{key: [finite(MM * x) for x in own[i, k]] for key, own in ends.items()},
+            }
             for i, run in enumerate(data.run.tolist())
             for k, marker in enumerate(data.markers)
         ),
     )
-
-
-def _bounded(metres: Array) -> list[float | None]:
-    return [MM * float(x) if np.isfinite(x) else None for x in metres]

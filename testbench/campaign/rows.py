@@ -9,7 +9,6 @@ from testbench.data.dataset import Dataset
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace
 from testbench.identify.evaluate import Score
-from testbench.model.structure import Structure
 from testbench.trials.spread import Number, Share, Spread
 
 MM, UM = 1e3, 1e6
@@ -43,31 +42,31 @@ class ErrorRow:
     max_relative_percent: Number
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FitRow:
-    """What a method found, without its errors."""
+    """What a method found, without its errors; nothing of an estimator of one's own that failed."""
 
     name: str  #: Of the model.
     structure: str  #: Name of its structure.
-    method: str  #: How it was identified, in words.
-    constraint: Constraint  #: What was asked of the blocks.
+    method: str = "own estimator"  #: How it was identified, in words.
+    constraint: Constraint = "own"  #: What was asked of the blocks.
     prior: bool  #: Whether a prior fills what the data cannot see.
     status: str  #: "solved", or why not.
     parameters: int  #: Unknowns.
-    rank: int | Spread | None  #: Directions of them that the data see.
-    unique: Share  #: Whether they see all.
-    conservative: Share  #: Whether every block is symmetric and positive semi-definite.
-    min_eigenvalue: Number  #: Smallest eigenvalue of a block [m/N, rad/(N m)].
-    f_m: Number  #: Cost of Eq. (19).
-    f_m_floor: Number  #: What noise alone leaves of it.
+    rank: int | Spread | None = None  #: Directions of them that the data see.
+    unique: Share = False  #: Whether they see all.
+    conservative: Share = False  #: Whether every block is symmetric and positive semi-definite.
+    min_eigenvalue: Number = None  #: Smallest eigenvalue of a block [m/N, rad/(N m)].
+    f_m: Number = None  #: Cost of Eq. (19).
+    f_m_floor: Number = None  #: What noise alone leaves of it.
     #: Bound of F_M + trace term above its least value: how well the program is solved; None where none is.
-    duality_gap: Number
-    f_m_excess_bound: Number  #: Bound of F_M above its least value: what the trace weight costs.
-    trace_bounds_rad_per_Nm: tuple[Number, ...] | None  #: Traces within which the bounds hold.
-    held_by_trace_weight: Share  #: Whether only the trace weight holds unseen compliance.
-    total_trace_rad_per_Nm: Number  #: Of all blocks, in scaled units.
-    solve_seconds: Number  #: Wall time of the estimator.
-    advice: tuple[str, ...]  #: What the estimate says of itself.
+    duality_gap: Number = None
+    f_m_excess_bound: Number = None  #: Bound of F_M above its least value: what the trace weight costs.
+    trace_bounds_rad_per_Nm: tuple[Number, ...] | None = None  #: Traces within which the bounds hold.
+    held_by_trace_weight: Share = False  #: Whether only the trace weight holds unseen compliance.
+    total_trace_rad_per_Nm: Number = None  #: Of all blocks, in scaled units.
+    solve_seconds: Number = None  #: Wall time of the estimator.
+    advice: tuple[str, ...] = ()  #: What the estimate says of itself.
 
 
 def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool = False) -> FitRow:
@@ -99,32 +98,6 @@ def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool
 
 NO_ERRORS = ErrorRow(None, None, None, None, None)  #: Of an estimator that failed.
 FAILED = "failed: "  #: Begins the status of one.
-
-
-def no_fit(name: str, structure: Structure, why: str, *, prior: bool) -> FitRow:
-    """What an estimator of one's own leaves that failed: who, and why."""
-    return FitRow(
-        name=name,
-        structure=structure.name,
-        method="own estimator",
-        constraint="own",
-        prior=prior,
-        status=FAILED + why,
-        parameters=structure.n,
-        rank=None,
-        unique=False,
-        conservative=False,
-        min_eigenvalue=None,
-        f_m=None,
-        f_m_floor=None,
-        duality_gap=None,
-        f_m_excess_bound=None,
-        trace_bounds_rad_per_Nm=None,
-        held_by_trace_weight=False,
-        total_trace_rad_per_Nm=None,
-        solve_seconds=None,
-        advice=(),
-    )
 
 
 def error_row(score: Score) -> ErrorRow:

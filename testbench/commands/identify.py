@@ -1,7 +1,7 @@
 """What `testbench identify` writes and says of fits: which model to take, how good, how sure."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 from testbench import files
@@ -15,7 +15,7 @@ from testbench.commands.identify_rows import COUNTS, left_by, numbers
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, lines, say
-from testbench.report.table import Row, find
+from testbench.report.table import Row, find, plain
 from testbench.views.gains import Gain, gained
 from testbench.views.markdown import Markdown, capital, ended
 from testbench.views.schema import Table
@@ -60,7 +60,7 @@ def tell(cells: tuple[Cell, Cell], found: Identified, flags: Mapping[str, object
     said = report(f)
 
     def more(folder: Path) -> dict[str, object]:
-        files.write_json(asdict(found.fits), folder / FITS)
+        files.write_json(plain(found.fits), folder / FITS)
         write_stiffness(cell, found, found.runs, data, folder)
         return {}
 
@@ -188,7 +188,7 @@ def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
         for m in f.models
         if m.status != "solved"
     )
-    if taken.check is None:
+    if taken.check is None and taken.f_m_held_out is None:
         yield Markdown(
             "No pose was held out (--check-pose): a good fit alone does not show how well a model predicts."
         )

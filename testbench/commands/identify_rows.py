@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.campaign.arm_models import weights_known
 from testbench.campaign.campaign import Cell, clear_poses, stream
-from testbench.campaign.fits import Fitted, Identified
+from testbench.campaign.fits import Identified
 from testbench.campaign.identifiability import told
 from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import MM, UM
@@ -22,7 +22,7 @@ from testbench.model.laws import STRUT
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose
 from testbench.report.badge import Badge, decide, incumbents
-from testbench.report.table import Row
+from testbench.report.table import Row, find
 
 PLACES = 200  #: Poses over the workspace.
 USUAL = Strength(0.3)  #: Of the prior that readings are compared with, as `testbench identifiability` does.
@@ -58,12 +58,7 @@ def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array
         except (PoseError, NoEquilibrium) as err:
             note = str(err)
     return Row(
-        arm=fits.arm,
-        dataset=fits.dataset,
-        runs=fits.runs,
-        poses=fits.poses,
-        recommended=fits.recommended,
-        why=fits.why,
+        {key: fits[key] for key in ("arm", "dataset", "runs", "poses", "recommended", "why")},
         models=[_model(own, found, places) for own in fits.models],
         failed=[Row(vars(own), conservative=None, rank=None) for own in fits.failed],
         noise_p95_mm=MM * _noise_limit(found.runs.every),
@@ -82,7 +77,7 @@ def numbers(filed: Cell, cell: Cell, found: Identified, left: Mapping[str, Array
 
 def _laws(found: Identified) -> list[Row]:
     """What joints do beyond a linear spring, by the model to take; nothing of a linear one."""
-    [taken] = [own for own in found.fits.models if own.name == found.fits.recommended]
+    taken = find(found.fits.models, name=found.fits.recommended)
     return [
         Row(
             part=name,
@@ -96,33 +91,39 @@ def _laws(found: Identified) -> list[Row]:
 
 
 def _badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
-    """The model to take beside the strongest incumbent of its class, run by run of those held out."""
+    """The model to take beside the strongest incumbent of its class, run by run of those held out.
+
+    Where none is held out for good, by what cross-validation holds out in turn.
+    """
     data, check, taken = found.runs.every, found.runs.check, found.fits.recommended
-    held = np.isin(data.pose, [] if check is None else check.pose) & data.seen.any(axis=1)
-    count = np.maximum(data.seen[held].sum(axis=1), 1)
-    rms = {name: MM * np.sqrt((own[held] ** 2).sum(axis=(1, 2)) / count) for name, own in left.items()}
-    rivals = [name for name in incumbents([Row(vars(m)) for m in found.fits.models], taken) if name in rms]
+    if check is None:
+        rms, each = found.held_out, "group of runs held out"
+    else:
+        held = np.isin(data.pose, check.pose) & data.seen.any(axis=1)
+        count = np.maximum(data.seen[held].sum(axis=1), 1)
+        rms = {name: MM * np.sqrt((own[held] ** 2).sum(axis=(1, 2)) / count) for name, own in left.items()}
+        each = "run held out"
+    rivals = [name for name in incumbents(found.fits.models, taken) if name in rms]
     if not rivals:
         return None
     rival = min(rivals, key=lambda name: float((rms[name] ** 2).sum()))
     wrong = any(doubt.name != "prior" for doubt in found.fits.doubts)
     why = "first look at the runs, see the doubt" if wrong else ""
-    own = decide((taken, rms[taken]), (rival, rms[rival]), "run held out", why)
+    own = decide((taken, rms[taken]), (rival, rms[rival]), each, why)
     if own.interval is None and own.factor and own.winner != taken:  # all readings chose it, a few do not
         return replace(own, winner=taken, rival=rival, factor=1 / own.factor)
     return own
 
 
-def _model(own: Fitted, found: Identified, places: Row | None) -> Row:
+def _model(own: Row, found: Identified, places: Row | None) -> Row:
     """A model; its compliances are in models.json."""
     held = {other.name: other.f_m for other in found.fits.held_out}
-    spread = vars(own.intervals) if own.intervals else {}
     return Row(
-        {key: getattr(own, key) for key in OF_MODEL},
+        {key: own[key] for key in OF_MODEL},
         rejected=len(own.rejected),
         aggregated=[name for name, compliance in own.joints.items() if compliance is None],
         f_m_held_out=held.get(own.name),
-        intervals=Row({key: value for key, value in spread.items() if key != "deflections"}),
+        intervals=Row({key: x for key, x in (own.intervals or {}).items() if key != "deflections"}),
         elsewhere=None if places is None else _there(own.name, places),
     )
 
@@ -193,7 +194,7 @@ def _seen(cell: Cell, found: Identified) -> Row:
     )
 
 
-def compared(models: Sequence[Row] | Sequence[Fitted], taken: str) -> list[str]:
+def compared(models: Sequence[Row], taken: str) -> list[str]:
     """One's own, least squares, GCO without prior, joints alone, where they are; last the model to take."""
     others = [m for m in models if not m.prior and m.name != taken]
     links = [m for m in others if m.structure != JOINTS]

@@ -11,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from testbench.trials.rows import Row as Row
+from testbench.trials.rows import finite as finite
 from testbench.trials.spread import Spread, spread, twins_once
 from testbench.views.gains import Gain, gained
 
@@ -21,15 +23,6 @@ DRAWN = ("values", "interval")  #: Of a spread what is drawn of it: only tables 
 SPREAD = {own.name for own in fields(Spread)} - {*DRAWN}  #: What else it has.
 BEYOND = 1e100  #: No number of a trial is as large.
 MANY = 1_000_000  #: Rows beyond which columns stay in their file until they are asked for.
-
-
-class Row(dict[str, Any]):
-    """Numbers by column; `row.check.rms_mm` is the column `check.rms_mm` of a table."""
-
-    def __getattr__(self, name: str) -> Any:
-        if name in self:
-            return self[name]
-        raise AttributeError(f"no column {name!r}; columns are {', '.join(self)}")
 
 
 @dataclass(frozen=True)
@@ -240,11 +233,6 @@ def rows(value: Any) -> Any:
     if isinstance(value, Mapping):
         return Row({key: rows(own) for key, own in value.items()})
     return [rows(own) for own in value] if isinstance(value, list | tuple) else value
-
-
-def finite(value: float | None) -> float | None:
-    """A number, None for infinity and none."""
-    return float(value) if value is not None and math.isfinite(value) else None
 
 
 def plain(value: Any) -> Any:

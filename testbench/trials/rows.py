@@ -1,5 +1,6 @@
 """A trial's rows by column, and back: rows are frozen dataclasses, nested ones dotted columns."""
 
+import math
 from collections.abc import Callable, Hashable, Mapping, Sequence, Set
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
@@ -18,6 +19,20 @@ Flat = dict[str, Value]  #: A row by column.
 Table = dict[str, list[Value]]  #: Rows of a trial: the cells of every column.
 SEED = "seed"
 LARGEST = 2**63  #: Integers lie below it: Parquet's have 64 bits.
+
+
+class Row(dict[str, Any]):
+    """Numbers by name, as reports have them; `row.check.rms_mm` is the column `check.rms_mm` of a table."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name in self:
+            return self[name]
+        raise AttributeError(f"no column {name!r}; columns are {', '.join(self)}")
+
+
+def finite(value: float | None) -> float | None:
+    """A number, None for infinity and none."""
+    return float(value) if value is not None and math.isfinite(value) else None
 
 
 @dataclass(frozen=True)
