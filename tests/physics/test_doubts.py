@@ -17,7 +17,7 @@ from testbench.campaign.campaign import stream
 from testbench.campaign.doubt import said
 from testbench.data.dataset import Dataset, in_order, select
 from testbench.identify.diagnosis.find import AT_A_TIME, HandedIn, doubts
-from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.finding import MOST, Finding, one_by_one
 from testbench.identify.diagnosis.finding import test as score
 from testbench.identify.diagnosis.loads import PLAY, STIFFER, allowed, learnt
 from testbench.identify.diagnosis.place import Free, Seen
@@ -144,6 +144,25 @@ def test_the_chance_of_a_step_is_that_of_fisher_s_ratio():
     """Squares that z numbers take away over z, against the variance that so many free equations tell."""
     step = Finding("tracker_moved", size=np.zeros(3), beside={"free": 40.0}, nats=6.0)
     assert chance(step) == pytest.approx(f_ratio.sf(12 / 3, 3, 40))
+
+
+def test_mistakes_are_undone_one_after_the_other():
+    """Each from data without those before; what cannot be undone is told once."""
+    seen = []
+
+    def undo(data, model):
+        seen.append((data, model))
+        worst = max(data, default=0)
+        rest = data if worst == 3 else tuple(x for x in data if x != worst)
+        return ([Finding(str(worst))], rest, model + 1) if worst else None
+
+    for data, kinds in (((5, 4), ["5", "4"]), ((5, 3, 1), ["5", "3"]), (tuple(range(10, 20)), "")):
+        seen.clear()
+        found, rest, model = one_by_one(data, 0, undo)
+        assert [one.kind for one in found] == kinds or len(found) == MOST
+        assert model == len(found)
+        assert seen[-1][1] == len(seen) - 1
+        assert not set(rest) & {int(one.kind) for one in found if one.kind != "3"}
 
 
 def test_sizes_are_told(sets):
