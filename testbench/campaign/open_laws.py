@@ -7,10 +7,9 @@ from scipy.linalg import block_diag
 
 from testbench.campaign.plan_settings import pull_words
 from testbench.campaign.predicted_error import first_digit, within
-from testbench.data.dataset import Mask
 from testbench.design.planning import Plan
 from testbench.design.rows import SCALE_UNCERTAINTY, Specification, measured_rows
-from testbench.errors import Array
+from testbench.errors import Array, Mask
 from testbench.identify.metric import metric, precision_root
 from testbench.identify.prior import Prior, Strength
 from testbench.model.laws import as_loaded, lawful, with_laws

@@ -11,12 +11,11 @@ from testbench.campaign.model_selection import FILLED
 from testbench.campaign.models import JOINTS, named_models, own_name
 from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import ErrorPlaces, Meaning, bounded_mm, error_places, places_at, rms
-from testbench.data.dataset import Ids, Mask
 from testbench.design.forecast import BROAD, Forecast
 from testbench.design.planning import Plan
 from testbench.design.rows import Specification, deflection_rows, loads_of
 from testbench.design.whole_arm import Fitted, error_on, fit_of
-from testbench.errors import Array
+from testbench.errors import Array, Ids, Mask
 from testbench.identify.metric import metric
 from testbench.identify.posterior import CONFIDENCE
 from testbench.identify.prior import Prior, cad_prior

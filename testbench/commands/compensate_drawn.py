@@ -10,8 +10,7 @@ from testbench.campaign.campaign import Cell
 from testbench.campaign.program import CorrectedProgram
 from testbench.commands.compensate_rows import AFTER, BEFORE, CORRECTED, LOOKS, within
 from testbench.correct.rest import rest
-from testbench.data.dataset import Ids
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.model.vjm import turns
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.report import Report

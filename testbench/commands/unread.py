@@ -6,8 +6,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm, Joint
 from testbench.data.series import Series
-from testbench.errors import Array
-from testbench.model.structure import Ids
+from testbench.errors import Array, Ids
 from testbench.report.table import Row
 
 BINS = 72  #: Ranges of a joint: 5 degrees each of a hinge that turns once.
