@@ -5,7 +5,8 @@ from math import ceil
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.arm_check import check
-from testbench.cli.arguments import ArmName, ShownFolder, claimed
+from testbench.campaign.campaign_flags import ArmName
+from testbench.cli.arguments import ShownFolder, claimed
 from testbench.commands.check import COMMAND, confirm_lines, contents, report, write
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import looked_at, plain_console, print_words

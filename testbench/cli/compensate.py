@@ -9,9 +9,10 @@ import typer
 
 from testbench.campaign.arm_models import load_model
 from testbench.campaign.campaign import build_cell
+from testbench.campaign.campaign_flags import MapFile, Payload
 from testbench.campaign.plan_input import joints_of, payload_of, place
 from testbench.campaign.program import NAMED, CorrectedProgram, correct_program, with_payload
-from testbench.cli.arguments import ArmCheck, MapFile, Payload, plain
+from testbench.cli.arguments import ArmCheck, plain
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked
 from testbench.correct.step import Hold

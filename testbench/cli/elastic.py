@@ -7,7 +7,7 @@ import typer
 
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.campaign import build_cell
-from testbench.cli.arguments import ArmName
+from testbench.campaign.campaign_flags import ArmName
 from testbench.commands.elastic import write_elastic
 from testbench.errors import word
 from testbench.output.place import Kind, claim_file

@@ -8,9 +8,10 @@ import typer
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.arm_models import load_model
+from testbench.campaign.campaign_flags import MapFile, Payload
 from testbench.campaign.plan_input import box, overloads, payload_of
 from testbench.campaign.program import FORCE, predicted, read_asked
-from testbench.cli.arguments import ArmCheck, MapFile, Payload, plain
+from testbench.cli.arguments import ArmCheck, plain
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
 from testbench.identify.arm_model import ArmModel
 from testbench.model.poses import WorkArea

@@ -13,9 +13,10 @@ from rich.console import Console
 from testbench.arm.catalogue import find_arm
 from testbench.campaign.absolute_truth import AbsoluteCampaign, by_trackers, simulate_series
 from testbench.campaign.campaign import Cell, LoadedPoses, Scenario, build_cell, hanging, measure, stream
+from testbench.campaign.campaign_flags import ArmName, MapFile, mass
 from testbench.campaign.candidates import Conditions, build_checks, find
 from testbench.campaign.plan_input import Place, overloads, payload_of, place, read_loads, read_masses
-from testbench.cli.arguments import ArmName, MapFile, Orientations, absolute_alone, mass
+from testbench.cli.arguments import Orientations, absolute_alone
 from testbench.data.program import read_poses
 from testbench.data.series import Series
 from testbench.data.write import write_csv, write_series
