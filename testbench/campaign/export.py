@@ -17,15 +17,17 @@ from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.mjcf_words import NUMBERS
 from testbench.arm.urdf_text import NEW_STAMP, origin_of, with_origins, words
 from testbench.campaign.export_geometry import (
+    GEOMETRY,
     Frames,
     Rigid,
+    Sizes,
     apart,
+    displacements,
     far,
     identified,
     random_joints,
     tool_poses,
 )
-from testbench.campaign.export_left import GEOMETRY, Sizes, displacements
 from testbench.campaign.export_own import own_origins, place, read_own
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State

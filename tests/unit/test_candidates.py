@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from testbench.campaign import station
+from testbench.campaign import tracker
 from testbench.campaign.campaign import Cell
 from testbench.campaign.candidates import (
     ADVICE,
@@ -23,7 +23,7 @@ from testbench.campaign.candidates import (
     find,
     why_not,
 )
-from testbench.campaign.station import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station
+from testbench.campaign.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station
 from testbench.errors import Array, BenchError, PoseError
 from testbench.model.poses import WorkArea
 from testbench.plant import Payload, collisions, contacts, hidden
@@ -123,7 +123,7 @@ def test_an_empty_set_names_the_constraint_that_emptied_it(
     kr500: Cell, conditions: Conditions, limits: dict, reason: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name, value in limits.items():
-        monkeypatch.setattr(station, name, value)
+        monkeypatch.setattr(tracker, name, value)
     with pytest.raises(PoseError, match="found 0 of 5 poses in 2048 draws") as err:
         find(build_checks(kr500, conditions), 5, np.random.default_rng(6), patience=2000)
     message = str(err.value)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.campaign.station import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
+from testbench.campaign.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
 from testbench.errors import Array, BenchError
 
 HERE = (4.5, -2.5, 1.6)
