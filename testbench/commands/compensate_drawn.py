@@ -88,6 +88,9 @@ def _points(found: CorrectedProgram, tolerance_mm: float | None) -> list[Row]:
     shown = np.array([joint.shown for joint in found.model.arm.joints])
     before, half = MM * np.linalg.norm(own.before, axis=1), MM * own.half.max(axis=1)
     after = MM * np.linalg.norm(own.after, axis=1)
+    verdicts: list[str | None] = [None] * program.points
+    if tolerance_mm is not None:
+        verdicts = np.where(after + half <= tolerance_mm, "pass", "fail").tolist()
     return [
         Row(
             line=int(program.line[k]),
@@ -96,19 +99,13 @@ def _points(found: CorrectedProgram, tolerance_mm: float | None) -> list[Row]:
             half_95_mm=finite(half[k]),
             after_mm=float(after[k]),
             most_mm=finite(after[k] + half[k]),
-            verdict=_verdict(after[k] + half[k], tolerance_mm),
+            verdict=verdicts[k],
             correction=(shown * (own.q[k] - own.start[k])).tolist(),
             turn_left_mrad=float(MRAD * np.linalg.norm(own.turned[k])),
             reason=reasons[k],
         )
         for k in range(program.points)
     ]
-
-
-def _verdict(most_mm: float, tolerance_mm: float | None) -> str | None:
-    if tolerance_mm is None:
-        return None
-    return "pass" if most_mm <= tolerance_mm else "fail"
 
 
 def sizes(values: Sequence[float] | Array) -> Row:

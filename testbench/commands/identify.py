@@ -75,6 +75,7 @@ def report(f: Row) -> Report:
     """What there is to say of fits."""
     taken, worst = find(f.models, name=f.recommended), max(f.residuals, key=lambda row: row.taken_mm)
     runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:MOST]
+    laws = f"{LAWS} {STRUT}" if any(row.get(STRUT) is not None for row in f.laws) else LAWS
     return Report(
         scenario="identify",
         question=say("Which stiffness model of {arm} to take, and how sure is it?", f),
@@ -90,7 +91,7 @@ def report(f: Row) -> Report:
         tables={
             "models": _models(f, MODELS.split()),
             "runs": Table(columns("which_run pose moved_mm taken_mm"), runs, "What is left in each run"),
-            **({"laws": _laws(f.laws)} if f.laws else {}),
+            **({"laws": Table(columns(laws), f.laws, "Joints beyond a spring")} if f.laws else {}),
             "told": Table(
                 columns("part parameters told_percent decided_by_prior"), f.seen.blocks, "What the runs tell"
             ),
@@ -107,12 +108,6 @@ def report(f: Row) -> Report:
         ],
         badge=f.get("badge"),
     )
-
-
-def _laws(rows: Sequence[Row]) -> Table:
-    """Sizes of laws, a joint each; of a compensator where there is one."""
-    keys = f"{LAWS} {STRUT}" if any(row.get(STRUT) is not None for row in rows) else LAWS
-    return Table(columns(keys), rows, "Joints beyond a spring")
 
 
 def _models(f: Row, keys: Sequence[str]) -> Table:
