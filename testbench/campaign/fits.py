@@ -15,7 +15,7 @@ from testbench.campaign.rows import MM, error_row, fit_row
 from testbench.campaign.runs import Many, Runs
 from testbench.data.dataset import Dataset, in_order
 from testbench.data.spool import SHOWN, some
-from testbench.errors import BenchError
+from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.diagnosis.prior_check import Unchecked, contradicted, unchecked
 from testbench.identify.evaluate import Score, deflections, judge, score
@@ -39,6 +39,7 @@ class Identified:
     fits: Row  #: Numbers and words, as `fit` has them.
     runs: Runs  #: Of many those that are looked at one by one, the worst among them.
     estimates: Mapping[str, Estimate]  #: By the name of the model.
+    held_out: Mapping[str, Array]  #: F_M of models on what was held out in turn, (folds,) [1].
 
     @property
     def taken(self) -> Estimate:
@@ -107,7 +108,7 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
         scale=runs.scale,
         failed=tuple(map(failed_row, lost)),
     )
-    return Identified(fits, runs, estimates)
+    return Identified(fits, runs, estimates, {c.name: c.errors for c in taken.candidates})
 
 
 def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence[Model], list[str]]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import Arm
+from testbench.data.dataset import Mask
 from testbench.data.joined import joined, keys_of, nearest, times_of
 from testbench.data.mapping import Layout, Log
 from testbench.data.names import XYZ, recognise, series_names, squeeze
@@ -95,15 +96,29 @@ def propose(path: Path, arm: Arm, log: Path | None, beside: Path) -> list[Entry]
         table = _headless(path, table.names)
         why = "no header: the first numbers are positions"
         entries.append(Entry("file", "names", list(table.names), why))
-    if log is not None:
+    if log is None:
+        joints = [k for k, name in enumerate(table.names) if meaning(name).startswith("joint")]
+        blank = [table.blank(k) for k in joints] or [np.zeros(table.rows, dtype=bool)]
+        table, points = _of_the_arm(table, np.all(blank, axis=0))
+    else:
         other = read_table(log, lambda name: bool(meaning(name)))
-        how = _join(table, other)
-        table, said = (
-            joined(table, other, how),
-            {**how.model_dump(exclude_none=True), "file": os.path.relpath(log, beside)},
-        )
+        how, alone = _join(table, other)
+        table, points = _of_the_arm(table, alone)
+        said = {**how.model_dump(exclude_none=True), "file": os.path.relpath(log, beside)}
+        table = joined(table, other, how)
         entries += [Entry("log", key, value) for key, value in said.items()]
-    return [*entries, *_columns(table, arm), *_names(table, arm)]
+    return [*entries, *_columns(table, arm), *points, *_names(table, arm)]
+
+
+def _of_the_arm(table: Table, alone: Mask) -> tuple[Table, list[Entry]]:
+    """Without rows that have no joints, such as of a nest, where targets have other names there."""
+    names = [name for name in table.names if meaning(name) == "name"] if alone.any() else []
+    for texts, name in ((np.array(keys_of(table, [name])), name) for name in names):
+        targets, others = {*texts[~alone].tolist()}, {*texts[alone].tolist()}
+        if not targets & others and len(targets) <= min(TARGETS, len(texts) / 2):
+            own = Entry("words", "ignore", sorted(others), f"{', '.join(sorted(others))} without joints")
+            return table.take(~alone), [Entry("columns", "marker", name), own]
+    return table, []
 
 
 def _headless(path: Path, cells: Sequence[str]) -> Table:
@@ -115,21 +130,29 @@ def _headless(path: Path, cells: Sequence[str]) -> Table:
     return read_table(path, bool, Layout(names=[name.replace("point 1", "point") for name in names]))
 
 
-def _join(table: Table, log: Table) -> Log:
-    """How rows of a log belong to those of a table: by names that it has all of, once each, else by time."""
+def _join(table: Table, log: Table) -> tuple[Log, Mask]:
+    """How rows of a log belong to those of a table, by names that it has once each, else by time.
+
+    Returns:
+        That, and which rows of the table have none, the fewer ones, (rows,).
+    """
     for ours in table.names:
-        own = {*map(squeeze, keys_of(table, [ours]))}
-        for theirs in log.names if len(own) > 1 and not all(map(is_decimal, own)) else ():
+        own = [*map(squeeze, keys_of(table, [ours]))]
+        for theirs in log.names if len({*own}) > 1 and not all(map(is_decimal, own)) else ():
             texts = [*map(squeeze, keys_of(log, [theirs]))]
-            if own <= {*texts} and len({*texts}) == len(texts):
-                return Log(file=log.path.name, on=[ours], to=[theirs])
+            alone = np.array([text not in {*texts} for text in own])
+            if alone.mean() < 0.5 and len({*texts}) == len(texts):
+                return Log(file=log.path.name, on=[ours], to=[theirs]), alone
     both = [[name for name in own.names if meaning(name) == "when"] for own in (table, log)]
     when = [times_of(own, names) for own, names in zip((table, log), both, strict=True)]
-    apart = float(np.abs(when[1][nearest(*when)] - when[0]).max())
+    late = np.abs(when[1][nearest(*when)] - when[0])
+    alone = late > SOON
+    apart = float(late[~alone].max() if alone.mean() < 0.5 else late.max())
     if apart > SOON:
         problem = f"expected a row within {SOON:g} s of every reading, one has none in {apart:.4g} s"
         raise InputError(log.path, "", f"{problem}; do the clocks agree?")
-    return Log(file=log.path.name, on=both[0], to=both[1], within_s=max(1.0, float(np.ceil(2 * apart))))
+    how = Log(file=log.path.name, on=both[0], to=both[1], within_s=max(1.0, float(np.ceil(2 * apart))))
+    return how, alone
 
 
 def _columns(table: Table, arm: Arm) -> Iterator[Entry]:

@@ -183,7 +183,7 @@ def _claims(f: Row, taken: Row) -> Iterator[Markdown]:
         for m in f.models
         if m.status != "solved"
     )
-    if taken.check is None:
+    if taken.check is None and taken.f_m_held_out is None:
         yield Markdown(
             "No pose was held out (--check-pose): a good fit alone does not show how well a model predicts."
         )

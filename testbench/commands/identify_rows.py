@@ -91,18 +91,25 @@ def _laws(found: Identified) -> list[Row]:
 
 
 def _badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
-    """The model to take beside the strongest incumbent of its class, run by run of those held out."""
+    """The model to take beside the strongest incumbent of its class, run by run of those held out.
+
+    Where none is held out for good, by what cross-validation holds out in turn.
+    """
     data, check, taken = found.runs.every, found.runs.check, found.fits.recommended
-    held = np.isin(data.pose, [] if check is None else check.pose) & data.seen.any(axis=1)
-    count = np.maximum(data.seen[held].sum(axis=1), 1)
-    rms = {name: MM * np.sqrt((own[held] ** 2).sum(axis=(1, 2)) / count) for name, own in left.items()}
+    if check is None:
+        rms, each = found.held_out, "group of runs held out"
+    else:
+        held = np.isin(data.pose, check.pose) & data.seen.any(axis=1)
+        count = np.maximum(data.seen[held].sum(axis=1), 1)
+        rms = {name: MM * np.sqrt((own[held] ** 2).sum(axis=(1, 2)) / count) for name, own in left.items()}
+        each = "run held out"
     rivals = [name for name in incumbents(found.fits.models, taken) if name in rms]
     if not rivals:
         return None
     rival = min(rivals, key=lambda name: float((rms[name] ** 2).sum()))
     wrong = any(doubt.name != "prior" for doubt in found.fits.doubts)
     why = "first look at the runs, see the doubt" if wrong else ""
-    own = decide((taken, rms[taken]), (rival, rms[rival]), "run held out", why)
+    own = decide((taken, rms[taken]), (rival, rms[rival]), each, why)
     if own.interval is None and own.factor and own.winner != taken:  # all readings chose it, a few do not
         return replace(own, winner=taken, rival=rival, factor=1 / own.factor)
     return own

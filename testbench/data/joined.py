@@ -7,15 +7,21 @@ import numpy as np
 from testbench.data.clock import clock
 from testbench.data.dataset import Ids
 from testbench.data.mapping import Layout, Log, Names
-from testbench.data.names import squeeze
+from testbench.data.names import Slot, squeeze
 from testbench.data.table import Table, read_table
 from testbench.errors import Array
 
 
 def with_log(table: Table, names: Names) -> Table:
-    """The table with the columns of the log that a map names; as it is where the map names none."""
+    """The table with the columns of the log that a map names; as it is where the map names none.
+
+    Points that the map ignores have no row in the log.
+    """
     if names.log is None or names.path is None:
         return table
+    for k, own in enumerate(map(names.find, table.names)):
+        if own and own.slot == Slot("marker"):
+            table = table.take(np.array([squeeze(text) not in names.ignored for text in table.texts(k)]))
     file = names.path.parent / names.log.file
     return joined(table, read_table(file, lambda name: names.find(name) is not None, Layout()), names.log)
 

@@ -10,7 +10,7 @@ from scipy.special import bdtr
 
 from testbench.errors import Array
 
-DOTS = 100  #: Trials whose own numbers are kept to be drawn, the first ones.
+DOTS = 100  #: Trials whose own numbers are kept to be drawn: as many of each kind as stand in a row.
 TAIL = 0.025  #: Share of an interval's chances on each side.
 SAME = 1e-6  #: Share of an error within which two models are the same.
 ENOUGH = 20  #: Trials from which on percentiles mean something; of fewer the range is told.
@@ -30,7 +30,7 @@ class Spread:
     least: float | None = field(default=None, compare=False)
     most: float | None = field(default=None, compare=False)
     trials: int = field(default=0, compare=False)
-    values: tuple[float, ...] = field(default=(), compare=False, repr=False)  #: Of the first `DOTS` trials.
+    values: tuple[float, ...] = field(default=(), compare=False, repr=False)  #: Of `DOTS` trials.
     #: Of the median, 95 %; None of below 6 trials.
     interval: tuple[float, float] | None = field(default=None, compare=False, repr=False)
 
@@ -64,7 +64,8 @@ def spread(values: Sequence[float] | Array) -> Spread:
     """Median, 5th and 95th percentile and range of at least one number; NaN where one of them is."""
     own = np.asarray(values, dtype=float)
     median, low, high = np.quantile(own, (0.5, 0.05, 0.95)).tolist()
-    values, inside = tuple(own[:DOTS].tolist()), median_interval(own)
+    drawn = np.linspace(0, len(own) - 1, min(len(own), DOTS)).round().astype(int)
+    values, inside = tuple(own[drawn].tolist()), median_interval(own)
     return Spread(median, low, high, float(own.min()), float(own.max()), len(own), values, inside)
 
 
@@ -122,7 +123,7 @@ def dotted(values: Iterable[object]) -> str:
     if not counts:
         return ""
     number = " to ".join(f"{n:,}" for n in dict.fromkeys(counts[:1] + counts[-1:]))
-    dots = f"dots: {number} trials" if counts[-1] <= DOTS else f"dots: the first {DOTS} of {number} trials"
+    dots = f"dots: {number} trials" if counts[-1] <= DOTS else f"dots: {DOTS} of {number} trials"
     return dots if counts[-1] < ENOUGH else f"{dots}; line: 95 % interval of their median"
 
 

@@ -144,8 +144,8 @@ def short(name: str, letters: int = 20) -> str:
 
 
 def tick_words(number: float) -> str:
-    """A round number on an axis: 0.05, 2000, and 2·10⁻⁹ for what has too many zeros."""
-    mantissa, _, power = f"{number:g}".partition("e")
+    """A round number on an axis: 0.05, 2000, and 2·10⁻⁹ or 10⁵ for what has too many zeros."""
+    mantissa, _, power = f"{number:.5g}".partition("e")
     if not power:
         return mantissa
     raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

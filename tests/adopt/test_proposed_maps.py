@@ -1,4 +1,4 @@
-"""Twenty exports as instruments write them, of known readings, read by the map that is proposed for each."""
+"""Exports as instruments write them, of known readings, read by the map that is proposed for each."""
 
 from datetime import datetime, timedelta
 
@@ -86,6 +86,27 @@ def analyzer_en(s):
         [["Collection", "Group", "Point", "X", "Y", "Z"], *rows]
     )
     return text, log(c, names, ["Group", *(f"A{k + 1}" for k in JOINTS)], where=only), (0, 1, 2)
+
+
+def nested(s):
+    """The same with a nest that is read now and then, which is no pose of the arm."""
+    content, joints, targets = analyzer_en(s)
+    *head, names, first, second, third = content.splitlines(keepends=True)[:6]
+    nest = "A,Drift,NEST1,1500.0,-800.0,120.0\n"
+    return (
+        "".join([*head, names, nest, first, second, third, nest, *content.splitlines(True)[6:]]),
+        joints,
+        targets,
+    )
+
+
+def nested_beside(s):
+    """One target in a column, joints in the rows that have them."""
+    c = Cells(s)
+    rows = [[n, "P1", *c.place(i), *c.joints(i)] for i, n in zip(c.rows, named(c, "M{}"), strict=True)]
+    rows[10:10] = [["M0", "HOME", "1500.0", "-800.0", "120.0", *([""] * 6)]] * 2
+    head = ["Name", "Target", "X [mm]", "Y [mm]", "Z [mm]", *(f"A{k + 1}" for k in JOINTS)]
+    return table([head, *rows]), None, (0,)
 
 
 def analyzer_bare(s):
@@ -328,8 +349,8 @@ def state_by_state(loaded):
 
 
 EXPORTS = (
-    analyzer_en, analyzer_bare, analyzer_de, analyzer_fr, polyworks_en, polyworks_de, polyworks_fr,
-    polyworks_xlsx,
+    analyzer_en, nested, nested_beside, analyzer_bare, analyzer_de, analyzer_fr, polyworks_en, polyworks_de,
+    polyworks_fr, polyworks_xlsx,
     leica_en, leica_de, leica_fr, leica_shots, faro_inches, faro_de, api_fr, api_en,
     side_by_side("leer", "beladen", False), side_by_side("before", "after", True), state_by_state("Last"),
     state_by_state("schwer"),
@@ -368,6 +389,7 @@ def test_an_export_is_read_by_the_map_that_is_proposed(make, known, tmp_path):
     np.testing.assert_allclose(series.wrench, known.wrench[rows] if loaded else 0, atol=1e-6)
     assert f"{series.rows} readings" in done.stdout
     assert "They fit the arm as drawn to" in done.stdout
+    assert ("NEST1 without joints" in done.stdout) is (make is nested)
     assert ("shots" in done.stdout) is (make in (leica_en, leica_shots))
     if make is leica_fr:
         assert series.sigma == pytest.approx(30e-6)
@@ -429,7 +451,7 @@ def a_name_less(s):
         (backwards, "column Axe 2 [deg]: expected -130"),
         (an_hour_apart, "one has none in 3590 s; do the clocks agree?"),
         (without_targets, "expected shots of one point within 0.002 m"),
-        (a_name_less, "expected times to join by"),
+        (a_name_less, "line 3: no row of robot.csv is called 'R03'"),
     ],
 )
 def test_a_wrong_guess_is_not_silent(make, said, known, tmp_path):

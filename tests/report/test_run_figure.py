@@ -110,7 +110,7 @@ def test_of_twenty_trials_the_median_has_its_interval_and_more_than_a_hundred_ar
     looks = [look("MGCO56", "psd"), look("MLS56", "none")]
     check_forest(axes, [row.error for row in rows[::-1]], looks)
     assert axes.get_title("left") == (
-        "Models; dots: the first 100 of 20 to 250 trials; line: 95 % interval of their median"
+        "Models; dots: 100 of 20 to 250 trials; line: 95 % interval of their median"
     )
     low, high = axes.get_xlim()
     assert all(low <= x <= high for line in axes.get_lines() for x in np.ravel(line.get_xdata()))

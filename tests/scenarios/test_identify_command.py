@@ -13,6 +13,7 @@ from run_here import here
 
 import testbench as tb
 from testbench.cli.program import program
+from testbench.data.dataset import select
 from testbench.model.load import Load
 from testbench.model.loaded import displacement, secant
 from testbench.model.vjm import chain
@@ -100,6 +101,24 @@ def test_residuals_are_readings_less_the_deflections_of_the_models(made, report,
         [row] = [m for m in report["models"] if m["name"] == fit["name"]]
         for key, runs in (("identification", ~held), ("check", held)):
             assert row[key]["rms_mm"] == pytest.approx(np.sqrt((left[runs] ** 2).mean()), rel=1e-9)
+
+
+def test_without_runs_held_out_for_good_the_badge_is_of_poses_held_out_in_turn(made, data):
+    """Poses are dealt out to eight groups; each is predicted by fits of the others, which are made here."""
+    file, out = made[0].parent / "data.csv", made[0].parent / "all"
+    models = ("--model", "Joints", "--model", "MLS56", "--no-prior")
+    run("identify", "kr500_l480", file, *models, "--no-intervals", "--out", out)
+    badge, cell = json.loads((out / "report.json").read_text())["badge"], tb.build_cell("kr500_l480")
+    group, left = np.arange(data.runs) % 8, {}
+    for name in models[1::2]:
+        model, left[name] = tb.MODELS[name](cell), []
+        for k in range(8):
+            fit = model.estimator(cell.vjm, model.structure, select(data, group != k))
+            off = tb.deflections(cell.vjm, fit, select(data, group == k)) - data.deflection[group == k]
+            left[name].append((off**2).mean())
+    factor = np.sqrt(np.sum(left[badge["rival"]]) / np.sum(left[badge["winner"]]))
+    assert badge["factor"] == pytest.approx(factor, rel=1e-4)
+    assert (badge["n"], badge["each"]) == (8, "group of runs held out")
 
 
 def test_the_map_is_what_the_models_say_of_its_poses_and_the_worst_is_named(made, report, data):

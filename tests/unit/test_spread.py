@@ -55,15 +55,20 @@ def test_a_picture_says_what_its_dots_and_lines_are():
     few, many, most = (spread(values[:n]) for n in (3, 20, 250))
     assert dotted([few, 1.0, "word"]) == "dots: 3 trials"
     assert dotted([many, many]) == "dots: 20 trials; line: 95 % interval of their median"
-    assert dotted([most]) == ("dots: the first 100 of 250 trials; line: 95 % interval of their median")
+    assert dotted([most]) == "dots: 100 of 250 trials; line: 95 % interval of their median"
     assert dotted([1.0]) == dotted([spread([1.0, 1.0])]) == ""
     assert dotted([Spread(2.0, 1.0, 3.0)]) == "lines: 5 to 95 %"
 
 
-def test_a_spread_keeps_the_first_hundred_trials_and_the_interval_of_all_of_them():
-    values = np.random.default_rng(2).uniform(1, 2, 250)
+def test_a_spread_keeps_a_hundred_trials_of_all_kinds_and_the_interval_of_all_of_them():
+    """Trials stand kind by kind, each with larger numbers than the last: dots are of all kinds alike."""
+    values = np.sort(np.random.default_rng(2).uniform(1, 2, 250))
     own = spread(values).scaled(1000)
-    assert own.values == tuple((1000 * values[:100]).tolist())
+    assert len(own.values) == 100
+    assert [sum(low <= x < low + 250 for x in own.values) for low in (1000, 1250, 1500, 1750)] == [
+        pytest.approx(np.sum((low <= values) & (values < low + 0.25)) / 2.5, abs=1)
+        for low in (1, 1.25, 1.5, 1.75)
+    ]
     low, high = np.sort(values)[[109, 140]]  # the sign test's: 250 tosses are within 110 and 140 in 95 %
     assert own.interval == (1000 * low, 1000 * high)
     assert inner(own) == own.interval
