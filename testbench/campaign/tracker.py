@@ -10,8 +10,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from testbench.data.dataset import Mask
 from testbench.errors import Array, BenchError, check_least
 from testbench.plant.site import check_position
 
@@ -102,8 +102,6 @@ def read_orientations(tracker: Tracker, rotations: Array, rng: np.random.Generat
     noise = tracker.sigma_rotation * rng.standard_normal((len(rotations), 3))
     return (Rotation.from_rotvec(noise) * Rotation.from_matrix(rotations)).as_rotvec()
 
-
-Mask = npt.NDArray[np.bool_]
 
 TOO_NEAR = "target too near the tracker"
 TOO_FAR = "target too far from the tracker"

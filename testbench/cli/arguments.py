@@ -1,7 +1,6 @@
 """Arguments that several commands take."""
 
-import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +9,6 @@ import typer
 
 from testbench import files
 from testbench.errors import BenchError
-from testbench.output.place import claim_folder
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -41,15 +39,6 @@ def absolute_alone(flags: "DataclassInstance") -> None:
     for own in fields(flags):
         if not getattr(flags, "absolute", True) and getattr(flags, own.name) != own.default:
             raise BenchError(f"--{own.name.replace('_', '-')}: expected --absolute with it")
-
-
-@contextlib.contextmanager
-def claimed(out: Path | None, command: str, inputs: Sequence[Path], *, force: bool) -> Iterator[None]:
-    """The folder of a command that may be asked for none; see `claim_folder`."""
-    with contextlib.ExitStack() as held:
-        if out is not None:
-            held.enter_context(claim_folder(out, command, own=frozenset(), inputs=inputs, force=force))
-        yield
 
 
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")]

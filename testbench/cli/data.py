@@ -12,11 +12,11 @@ from testbench.campaign.campaign import build_cell
 from testbench.campaign.campaign_flags import ArmName, Readings
 from testbench.campaign.propose_map import map_text, propose
 from testbench.campaign.runs import files_read, look_at, read, register
-from testbench.cli.arguments import ShownFolder, claimed
+from testbench.cli.arguments import ShownFolder
 from testbench.commands.data import COMMAND, column_lines, column_rows, listed, report, understand, write
 from testbench.data.read_series import read_series
 from testbench.errors import BenchError, sheet_of
-from testbench.output.place import Kind, claim_file
+from testbench.output.place import Kind, claim_file, claim_folder
 from testbench.output.whole import whole_file
 from testbench.shell.options import Force, takes
 from testbench.shell.project import ProjectCommand
@@ -43,7 +43,8 @@ def commands() -> None:
 @takes(Readings, Options)
 def check(runs: Readings, asked: Options) -> None:
     """Say which column is which quantity, what was assumed, and show the runs on the arm."""
-    with claimed(asked.out, COMMAND, [find_arm(runs.arm), *files_read(runs)], force=asked.force):
+    given = [find_arm(runs.arm), *files_read(runs)]
+    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         filed = build_cell(runs.arm)
         export = read(filed, runs)
         found, console = understand(export), plain_console()

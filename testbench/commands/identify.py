@@ -59,10 +59,9 @@ def tell(cells: tuple[Cell, Cell], found: Identified, flags: Mapping[str, object
     f = numbers(filed, cell, found, left, widths=bool(flags["intervals"]))
     said = report(f)
 
-    def more(folder: Path) -> dict[str, object]:
+    def more(folder: Path) -> None:
         files.write_json(plain(found.fits), folder / FITS)
         write_stiffness(cell, found, found.runs, data, folder)
-        return {}
 
     arm = [cell.arm.rigid.parent]
     title = f"{f.arm} under {_load(f.map)}" if f.map else ""

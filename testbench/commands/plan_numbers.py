@@ -9,7 +9,6 @@ import numpy as np
 
 from testbench.arm.folder import Arm, Joint
 from testbench.campaign.campaign import stream
-from testbench.campaign.open_laws import open_laws
 from testbench.campaign.plan import AbsolutePlanned, Planned, left_open
 from testbench.campaign.plan_settings import pull_words
 from testbench.campaign.predicted_error import (
@@ -18,6 +17,7 @@ from testbench.campaign.predicted_error import (
     fitted,
     half_widths,
     joints_alone,
+    open_laws,
     overall,
     unshown,
     within,

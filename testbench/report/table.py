@@ -192,9 +192,8 @@ def aligned(trials: Trials, models: Sequence[str], value: str, by: Sequence[str]
     found: list[dict[tuple[Any, ...], float]] = []
     for model in models:
         own = trials.where(**{MODEL: model})
-        found.append(
-            dict(zip(zip(*(own[name].tolist() for name in by), strict=True), own[value], strict=True))
-        )
+        keys = zip(*(own[name].tolist() for name in by), strict=True)
+        found.append(dict(zip(keys, own[value], strict=True)))
     shared = [key for key in found[0] if all(key in other for other in found[1:])]
     return np.array([[own[key] for own in found] for key in shared]).reshape(len(shared), len(models))
 
