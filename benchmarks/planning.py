@@ -11,7 +11,6 @@ from testbench.design.planning import make_plan
 from testbench.design.refine import Reach
 from testbench.design.rows import (
     Experiment,
-    Ids,
     Problem,
     Specification,
     Tasks,
@@ -19,7 +18,7 @@ from testbench.design.rows import (
     problem_of,
     task_rows,
 )
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
 from testbench.model.load import Load

@@ -13,6 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Ids = npt.NDArray[np.int_]
+Mask = npt.NDArray[np.bool_]
 
 MAX_MESSAGE = 2000
 """Longest message about a file [characters]: a file of garbage is not repeated to its owner."""

@@ -218,7 +218,12 @@ def _dae(data: bytes) -> int:
 def _check_instances(root: ET.Element) -> None:
     """A node may show another one again and again: the scene is counted as it unfolds."""
     every = [(_tag(e), f"#{e.get('id')}", e) for e in root.iter()]
-    sizes = {url: _size(e) for tag, url, e in every if tag == "geometry"}
+    indices = ("p", "ph", "vcount")
+    sizes = {
+        url: sum(len(part.text or "") for part in e.iter() if _tag(part) in indices)
+        for tag, url, e in every
+        if tag == "geometry"
+    }
     shown = {url: _shows(e) for tag, url, e in every if tag == "node"}
     todo = [url for tag, _, e in every if tag == "visual_scene" for url in _shows(e)]
     instances = size = 0
@@ -239,11 +244,6 @@ def _shows(e: ET.Element) -> list[str]:
 
 def _tag(e: ET.Element) -> str:
     return e.tag.rpartition("}")[2]
-
-
-def _size(geometry: ET.Element) -> int:
-    """Bytes of the indices of its triangles."""
-    return sum(len(e.text or "") for e in geometry.iter() if _tag(e) in ("p", "ph", "vcount"))
 
 
 OWN = {"stl": _own_stl, "obj": _own_obj, "msh": _msh}

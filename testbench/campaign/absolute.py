@@ -9,10 +9,9 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.campaign import doubt
-from testbench.data.dataset import Ids
 from testbench.data.read_series import read_series
 from testbench.data.series import Series, select_rows
-from testbench.errors import Array, BenchError, InputError, stem_of
+from testbench.errors import Array, BenchError, Ids, InputError, stem_of
 from testbench.identify.absolute.align import Misfit, aligned, far_off, too_few
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
 from testbench.identify.absolute.posterior import inside, known, place, predict

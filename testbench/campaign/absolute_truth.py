@@ -20,9 +20,9 @@ from testbench.campaign.tracker import (
     read_orientations,
     read_positions,
 )
-from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.data.dataset import Dataset
 from testbench.data.series import Series
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.plant import (
     TYPICAL,
     Disturbances,

@@ -12,9 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, Va
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.tracker import Tracker, read_orientations, read_positions
-from testbench.data.dataset import Dataset, Ids, Mask, split
+from testbench.data.dataset import Dataset, split
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, InputError
+from testbench.errors import Array, BenchError, Ids, InputError, Mask
 from testbench.model.kinematics import build_vjm
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.vjm import Vjm, body_poses

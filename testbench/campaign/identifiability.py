@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids
+from testbench.data.dataset import Dataset
 from testbench.design.rows import marker_motion
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.fold import reduce
 from testbench.identify.metric import Metric, metric, precision_root, whitened
 from testbench.identify.observability import (

@@ -19,8 +19,8 @@ from testbench.campaign.campaign import Cell
 from testbench.campaign.evaluation import of_model
 from testbench.campaign.models import EVERY, JOINTS, MODELS, Model, named_models, own_name, right_name
 from testbench.campaign.runs import Many
-from testbench.data.dataset import Dataset, Ids, select
-from testbench.errors import Array
+from testbench.data.dataset import Dataset, select
+from testbench.errors import Array, Ids
 from testbench.identify import Estimate, Method, with_prior
 from testbench.identify.crossval import Candidate, Duel, Fold, divided, folds, unless_beaten
 from testbench.identify.fold import Parts, reduce_parts

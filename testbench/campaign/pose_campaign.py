@@ -18,8 +18,8 @@ from testbench.campaign.campaign import (
     measure_both,
     stream,
 )
-from testbench.data.dataset import Dataset, Ids
-from testbench.errors import Array, PoseError
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, Ids, PoseError
 from testbench.plant import settle_linear
 
 BATCH = 120

@@ -13,12 +13,11 @@ from testbench.campaign.models import JOINTS, named_models, own_name
 from testbench.campaign.plan_settings import pull_words
 from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import ErrorPlaces, Meaning, bounded_mm, error_places, places_at, rms
-from testbench.data.dataset import Ids, Mask
 from testbench.design.forecast import BROAD, Forecast
 from testbench.design.planning import Plan
 from testbench.design.rows import SCALE_UNCERTAINTY, Specification, deflection_rows, loads_of, measured_rows
 from testbench.design.whole_arm import Fitted, error_on, fit_of
-from testbench.errors import Array
+from testbench.errors import Array, Ids, Mask
 from testbench.identify.metric import metric, precision_root
 from testbench.identify.posterior import CONFIDENCE
 from testbench.identify.prior import Prior, Strength, cad_prior

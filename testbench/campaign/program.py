@@ -17,10 +17,9 @@ from testbench.correct.newton import Aim
 from testbench.correct.predicted import Prediction, predict
 from testbench.correct.process import process_wrench
 from testbench.correct.stiffness import Stiffness, give_halves, stiffness
-from testbench.data.dataset import Ids
 from testbench.data.program import Program, read_poses, read_program, refuse_joint_jumps, unread
 from testbench.data.table import read_table
-from testbench.errors import Array, BenchError, InputError, NoEquilibrium
+from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium
 from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load, weight
 from testbench.model.poses import WorkArea

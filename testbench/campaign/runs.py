@@ -18,10 +18,10 @@ from testbench.campaign.doubt import Doubt, said
 from testbench.campaign.plan_input import overloads
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.rows import MM, UM
-from testbench.data.dataset import Dataset, Ids, Mask, select, split
+from testbench.data.dataset import Dataset, select, split
 from testbench.data.read_pairs import Export, How, read_export, read_held
 from testbench.data.spool import Campaign, some
-from testbench.errors import BenchError, InputError, read_text
+from testbench.errors import BenchError, Ids, InputError, Mask, read_text
 from testbench.identify.crossval import parts_of
 from testbench.identify.diagnosis.deflected import scale
 from testbench.identify.diagnosis.find import HandedIn, doubts, open_places

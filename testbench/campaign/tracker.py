@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Mask
-from testbench.errors import Array, BenchError, check_least
+from testbench.errors import Array, BenchError, Mask, check_least
 from testbench.plant.site import check_position
 
 LONGEST = 1e-2

@@ -4,8 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from testbench.data.dataset import Ids
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.absolute.pull import POSES, Pull, Structural, structural
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.observability import Hidden, Quantity, hidden

@@ -13,7 +13,7 @@ from testbench.campaign.rows import MM, UM
 from testbench.campaign.unobservable import LOOSE as LOOSE_FRAME
 from testbench.campaign.unobservable import unobservable
 from testbench.data.series import Series
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.choose import Step
 from testbench.identify.absolute.evidence import LOOSE, USUAL, Choice
@@ -26,7 +26,6 @@ from testbench.identify.absolute.state import nominal
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.estimate import Estimate
 from testbench.model.joint_errors import JointErrors
-from testbench.model.structure import Ids
 from testbench.report.badge import decide
 from testbench.report.table import Row
 

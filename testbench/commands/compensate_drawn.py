@@ -12,9 +12,8 @@ from testbench.campaign.rows import MM
 from testbench.correct import uncertainty
 from testbench.correct.beyond import extent
 from testbench.correct.rest import rest
-from testbench.data.dataset import Ids
 from testbench.data.program import unread
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.model.vjm import turns
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.badge import Badge, decide

@@ -10,10 +10,10 @@ from testbench.campaign.campaign import Cell
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.rows import MM, UM
 from testbench.data.columns import Column, Columns
-from testbench.data.dataset import Dataset, Ids
+from testbench.data.dataset import Dataset
 from testbench.data.names import What
 from testbench.data.read_pairs import Export
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.registered import Registered
 from testbench.model.vjm import marker_points, tool_points, tool_pose
 from testbench.plant.shapes import rigid_frames

@@ -10,8 +10,7 @@ from testbench.campaign.fits import Identified
 from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import ErrorPlaces
 from testbench.commands.identify_rows import COUNTS, compared, longest
-from testbench.data.dataset import Ids
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.model.laws import as_loaded, vjm_of
 from testbench.model.vjm import chain, generalised_load, turns
 from testbench.plant.shapes import elastic_frames, rigid_frames

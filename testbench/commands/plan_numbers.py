@@ -32,9 +32,9 @@ from testbench.design.exchange import greedy
 from testbench.design.forecast import Forecast, widened
 from testbench.design.observability import observability
 from testbench.design.planning import Plan, promise
-from testbench.design.rows import Ids, deflection_rows, loads_of, task_rows
+from testbench.design.rows import deflection_rows, loads_of, task_rows
 from testbench.design.whole_arm import error_on, promise_on
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.prior import cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose

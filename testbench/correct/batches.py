@@ -4,7 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from testbench.data.dataset import Ids, Rows, arrays, with_arrays
+from testbench.data.dataset import Rows, arrays, with_arrays
+from testbench.errors import Ids
 from testbench.session import stepwise
 
 TOGETHER = 512  #: Poses computed side by side: enough for numpy, few for its cache.

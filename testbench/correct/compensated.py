@@ -11,8 +11,7 @@ from testbench.correct.batches import put
 from testbench.correct.newton import Aim, Asked, Corrected, Points, Target, asked, solve
 from testbench.correct.rest import rest
 from testbench.correct.uncertainty import Poses, half_widths
-from testbench.data.dataset import Mask
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, BenchError, Mask, check_array
 from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load
 from testbench.plant import Room, collisions

@@ -11,8 +11,8 @@ import numpy as np
 from testbench.correct.batches import joined, replaced
 from testbench.correct.newton import Target
 from testbench.correct.reach import Reached, reach
-from testbench.data.dataset import Ids, Mask, in_order
-from testbench.errors import Array, BenchError, check_array
+from testbench.data.dataset import in_order
+from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.model.turn import turn_between
 from testbench.model.vjm import Vjm
 

@@ -17,8 +17,8 @@ import numpy as np
 from testbench.correct.batches import batches, joined, put
 from testbench.correct.rest import rest
 from testbench.correct.step import Hold, solutions
-from testbench.data.dataset import Ids, Mask, in_order
-from testbench.errors import Array, BenchError, check_array
+from testbench.data.dataset import in_order
+from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.identify.absolute.state import State, loads_at, unbent
 from testbench.model.load import Load
 from testbench.model.turn import turn_between, turn_of_axis

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from testbench.correct.batches import batches, joined
-from testbench.correct.rest import Rest, rest
+from testbench.correct.rest import rest
 from testbench.correct.uncertainty import Poses, curvature, half_widths
 from testbench.errors import Array, check_array
 from testbench.identify.arm_model import ArmModel
@@ -81,7 +81,8 @@ def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool, confid
     before, after = rest(model.state, loaded.q), loaded.at_rest(model.state)
     loaded, free = replace(loaded, rest=after), Poses(loaded.q, rest=before)
     half = half_widths(model, loaded, free, points, confidence)
-    (deflection, turn), straight = _moved(before, after, points), _linear(model, loaded, points)
+    turn, straight = turn_between(before.rotation, after.rotation), _linear(model, loaded, points)
+    deflection = after.points(points) - before.points(points)
     apart = np.linalg.norm(deflection[:, 0] - straight[0][:, 0], axis=1)
     start = before.points(points)
     rotation = after.rotation
@@ -94,12 +95,6 @@ def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool, confid
     if model.absolute:
         known = half_widths(model, loaded, None, points, confidence)
     return Prediction(deflection, half, turn, start + deflection, known, rotation, apart)
-
-
-def _moved(before: Rest, after: Rest, points: Array) -> tuple[Array, Array]:
-    """How far points, (poses, k, 3) [m], and the tool, (poses, 3) [rad], have moved."""
-    turn = turn_between(before.rotation, after.rotation)
-    return after.points(points) - before.points(points), turn
 
 
 def _linear(model: ArmModel, stand: Poses, points: Array) -> tuple[Array, Array]:

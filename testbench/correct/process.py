@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from testbench.data.dataset import Mask
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, BenchError, Mask, check_array
 
 SAME = 1e-7  #: Points closer than this are one [m]: the tool waits there.
 LEAST = 1e-3  #: Sum of two directions, or sine between feed and spindle, below which they tell none [1].

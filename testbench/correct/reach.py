@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.correct.newton import Target
-from testbench.data.dataset import Mask, in_order
-from testbench.errors import Array
+from testbench.data.dataset import in_order
+from testbench.errors import Array, Mask
 from testbench.model.tool_motion import tool_motion
 from testbench.model.turn import turn_between
 from testbench.model.vjm import Vjm

@@ -12,8 +12,8 @@ import numpy as np
 
 from testbench.correct.batches import batches
 from testbench.correct.rest import Rest, rest
-from testbench.data.dataset import Ids, in_order
-from testbench.errors import Array, BenchError
+from testbench.data.dataset import in_order
+from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.posterior import CONFIDENCE, check_confidence, conditional, quantile

@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.dataset import Mask
 from testbench.data.joined import with_log
 from testbench.data.mapping import Named, Names
 from testbench.data.names import DEFLECTION, ROTATIONS, SI, XYZ, Slot, What, columns_of
 from testbench.data.rearranged import join_axes, take_apart
 from testbench.data.table import Table, read_table
 from testbench.data.units import LARGEST, LEAST, Unit, split_unit
-from testbench.errors import Array, InputError
+from testbench.errors import Array, InputError, Mask
 
 READ: tuple[What, ...] = ("reading", "covariance", "deviation", "turn_deviation", "spread", *ROTATIONS)
 """Quantities whose cells are blank, or hold a word, where a target was lost."""
@@ -249,28 +248,10 @@ def axes(columns: Columns, what: What) -> list[Column | float | None]:
     return found
 
 
-def vector(columns: Columns, what: What) -> Array | None:
-    """A vector of every row, (rows, 3), zero for whichever of x, y, z is missing; None without any.
+def vector(columns: Columns, what: What, count: int = len(XYZ)) -> Array | None:
+    """So many components of a quantity in SI units, (rows, count), zero for what is missing.
 
-    Raises:
-        InputError: Where a part is blank or too large.
-    """
-    return components(columns, what, len(XYZ))
-
-
-def components(columns: Columns, what: What, count: int) -> Array | None:
-    """So many components of a quantity in SI units, zero for what neither file nor map says.
-
-    Args:
-        columns: The table.
-        what: The quantity.
-        count: How many it has, k.
-
-    Returns:
-        (rows, k); None where neither file nor map says any.
-
-    Raises:
-        InputError: At the first cell that is blank or too large.
+    None where neither file nor map says any; InputError at the first cell that is blank or too large.
     """
     found = [columns.said(Slot(what, k)) for k in range(count)]
     if all(own is None for own in found):

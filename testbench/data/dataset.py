@@ -8,13 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, BenchError, Ids, Mask, check_array
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-Mask = npt.NDArray[np.bool_]
-Ids = npt.NDArray[np.int_]
 
 SKEW = 1e-9  #: Share of a matrix by which it may differ from its transpose.
 

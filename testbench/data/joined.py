@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbench.data.clock import clock
-from testbench.data.dataset import Ids
 from testbench.data.mapping import Layout, Log, Names
 from testbench.data.names import Slot, squeeze
 from testbench.data.table import Table, read_table
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 
 
 def with_log(table: Table, names: Names) -> Table:

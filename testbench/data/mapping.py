@@ -159,11 +159,12 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
     ours = quantities(arm)
     where = path or Path()
     words, ignored, lost = _words(where, found, arm)
+    said = {name: (name,) for name in arm.markers} | STATES
     return Names(
         path=path,
         ours=ours,
         theirs=_columns(where, found, ours, placeholders(arm, words)),
-        words=_cell_words(words, arm),
+        words={squeeze(word): key for key, own in said.items() for word in (*own, *words.get(key, ()))},
         ignored=frozenset(map(squeeze, ignored)),
         values=_values(where, found, ours),
         cells={header: _tuple(patterns) for header, patterns in found.cells.items()},
@@ -214,11 +215,6 @@ def _words(path: Path, found: _Map, arm: Arm) -> tuple[dict[str, Words], Words, 
             raise InputError(path, f"words.{key}", f"expected one of {', '.join(known)}, or a load as 150.0")
     words = {key: _tuple(value) for key, value in found.words.items()}
     return words, words.pop(IGNORE, ()), words.pop(LOST, ())
-
-
-def _cell_words(words: Mapping[str, tuple[str, ...]], arm: Arm) -> dict[str, str]:
-    own = {name: (name,) for name in arm.markers} | STATES
-    return {squeeze(word): key for key, says in own.items() for word in (*says, *words.get(key, ()))}
 
 
 def _columns(

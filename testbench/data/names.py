@@ -27,56 +27,18 @@ ALONG = ("feed", "cross", "axial")
 
 WHOLE = -1  #: Index of a position whose axis a column of axes says.
 
-What = Literal[
-    "run",
-    "pose",
-    "marker",
-    "station",
-    "loading",
-    "state",
-    "axis",
-    "joint",
-    "mass",
-    "force",
-    "moment",
-    "point",
-    "reading",
-    "rotation",
-    "covariance",
-    "sigma",
-    "quaternion",
-    "matrix",
-    "deviation",
-    "turn_deviation",
-    "spread",
-    "torque",
-    "temperature",
-    "time",
-    "series",
-    "series_frame",
-    "series_target",
-    "set_point",
-    "process",
-    "label",
-]
+Which = Literal["run", "pose", "marker", "station", "loading", "state", "axis", "label"]
+Acting = Literal["joint", "mass", "force", "moment", "point", "set_point", "process"]
+Read = Literal["reading", "rotation", "quaternion", "matrix", "torque", "temperature", "time"]
+Scattered = Literal["covariance", "sigma", "deviation", "turn_deviation", "spread"]
+What = Which | Acting | Read | Scattered | Literal["series", "series_frame", "series_target"]
 ROTATIONS: tuple[What, ...] = ("rotation", "quaternion", "matrix")
 """Notations of an orientation."""
 SI: Mapping[What, tuple[str, ...]] = {
-    "joint": ("rad", "m"),
-    "mass": ("kg",),
-    "force": ("N",),
-    "moment": ("Nm",),
-    "point": ("m",),
-    "reading": ("m",),
-    "rotation": ("rad",),
-    "covariance": ("m2",),
-    "sigma": ("m", "rad"),
-    "deviation": ("m",),
-    "turn_deviation": ("rad",),
-    "spread": ("m2",),
-    "torque": ("Nm", "N"),
-    "set_point": ("m",),
-    "process": ("N",),
+    **{"joint": ("rad", "m"), "torque": ("Nm", "N"), "sigma": ("m", "rad"), "mass": ("kg",)},
+    **{"force": ("N",), "process": ("N",), "moment": ("Nm",), "covariance": ("m2",), "spread": ("m2",)},
+    **{"point": ("m",), "set_point": ("m",), "reading": ("m",), "deviation": ("m",)},
+    **{"rotation": ("rad",), "turn_deviation": ("rad",)},
 }
 """Of every quantity with a unit what its unit may be a multiple of."""
 

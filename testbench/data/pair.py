@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Ids
 from testbench.data.rows import SAME_POSE, Conditions, Readings, first_rows, number_rows, repeats
 from testbench.data.table import Table
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 
 HELD = 2e-4
 """Difference of joint coordinates between the readings of a run that is let pass, and said [rad, m]."""

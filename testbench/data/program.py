@@ -15,19 +15,17 @@ from testbench.arm.folder import Arm
 from testbench.data.columns import (
     Column,
     Columns,
-    components,
     find_columns,
     read_columns,
     vector,
 )
-from testbench.data.dataset import Ids
 from testbench.data.joint_columns import joint_coordinates
 from testbench.data.mapping import read_map
 from testbench.data.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, columns_of, program_names
 from testbench.data.rotation import read_rotations
 from testbench.data.table import read_table
 from testbench.data.units import Unit, split_unit
-from testbench.errors import Array, InputError
+from testbench.errors import Array, Ids, InputError
 
 MAX_POINTS = 1_000_000
 CORRECTION = "correction_"  #: What begins the columns that tell of a correction.
@@ -159,7 +157,7 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
         position=position,
         rotation=rotation,
         wrench=np.hstack([force, moment]),
-        along=_or_zero(components(columns, "process", len(ALONG)), rows),
+        along=_or_zero(vector(columns, "process"), rows),
         mass=mass,
         point=vector(columns, "point"),
         arm=arm,
@@ -239,7 +237,7 @@ def _or_zero(values: Array | None, rows: int) -> Array:
 
 def _mass(columns: Columns) -> Array:
     """Hung mass of every point, (points,) [kg]."""
-    mass = components(columns, "mass", 1)
+    mass = vector(columns, "mass", 1)
     if mass is None:
         return np.zeros(columns.table.rows)
     name = own.name if (own := columns.get(Slot("mass"))) else ""

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.columns import Columns, find_columns
-from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.data.dataset import Dataset
 from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import read_map
 from testbench.data.names import ENTRIES, Slot, columns_of
@@ -20,7 +20,7 @@ from testbench.data.shots import averaged
 from testbench.data.spool import Campaign, Spool, some
 from testbench.data.stream import Source, Whole, alike, read_source
 from testbench.data.table import table_of
-from testbench.errors import Array, open_file
+from testbench.errors import Array, Ids, Mask, open_file
 
 
 @dataclass(frozen=True)

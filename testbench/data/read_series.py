@@ -12,7 +12,6 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.beside import read_temperature, read_time, read_torques
 from testbench.data.columns import Columns
-from testbench.data.dataset import Ids
 from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import read_map
 from testbench.data.names import ROTATIONS, WHEN, Slot, What, series_names
@@ -36,7 +35,7 @@ from testbench.data.series import Series, select_rows, series_of
 from testbench.data.shots import averaged
 from testbench.data.spool import together
 from testbench.data.stream import Source, Whole, alike, read_source
-from testbench.errors import Array, open_file, stem_of
+from testbench.errors import Array, Ids, open_file, stem_of
 
 ALONE = "target"  #: Name of a file's only target where the arm has several.
 APART = 0.02  #: Readings of one target in one pose that are farther apart are of two targets [m].
@@ -112,7 +111,11 @@ def _gathered(exports: Iterator[SeriesExport]) -> SeriesExport:
             own = alike(export.columns.table.path, (every or [batch])[0], batch)
             every.append(replace(own, pose=own.pose + known))
             _, row = np.unique(own.pose, return_index=True)
-            met.setdefault(own.name, []).append(own.pose[row] if named else _marks(own.q[row]))
+            digits = np.round(own.q[row] / SAME_POSE).astype(np.int64)
+            mark = digits @ np.random.default_rng(0).integers(
+                2**62, size=own.q.shape[1]
+            )  # alike for no others
+            met.setdefault(own.name, []).append(own.pose[row] if named else mark)
         known += 0 if named else max(int(batch.pose.max()) for batch in export.series)
         lost.append(export.lost)
         notes |= dict.fromkeys(note for note in export.notes if not note.startswith(POSES))
@@ -122,19 +125,16 @@ def _gathered(exports: Iterator[SeriesExport]) -> SeriesExport:
     return SeriesExport(tuple(map(together, batches.values())), export.columns, said, np.concatenate(lost))
 
 
-def _marks(q: Array) -> Ids:
-    """A number for every pose by its joints, (rows,), that no other is likely to have."""
-    digits = np.round(q / SAME_POSE).astype(np.int64)
-    return digits @ np.random.default_rng(0).integers(2**62, size=q.shape[1])
-
-
 def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     """The absolute readings in a table of columns that were found."""
     if any(c.slot.when for c in columns.every("reading")):
         return _pairs(columns, arm, sigma)
     columns, notes = markers_only(columns)
     columns, shots = averaged(columns)
-    conditions = read_conditions(columns, arm, needs_load=_says_loaded(columns))
+    state = columns.get(Slot("state"))
+    words = set() if state is None else set(columns.table.texts(state.index))
+    loaded = any(columns.names.word(word, WHEN) == "after" for word in words)
+    conditions = read_conditions(columns, arm, needs_load=loaded)
     alone = len(arm.markers) > 1 and columns.get(Slot("marker")) is None
     alone = alone and not any(c.slot.marker for c in columns.every("reading"))
     if alone:
@@ -160,13 +160,6 @@ def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
         series = tuple(replace(s, frame=s.frame.replace(s.name, said.frame, 1)) for s in series)
     notes = (*export.notes, "a run is two readings, unloaded and loaded")
     return SeriesExport(series, columns, notes, np.array([], dtype=int))
-
-
-def _says_loaded(columns: Columns) -> bool:
-    """Whether a row says that it is loaded."""
-    state = columns.get(Slot("state"))
-    words = set() if state is None else set(columns.table.texts(state.index))
-    return any(columns.names.word(word, WHEN) == "after" for word in words)
 
 
 def _check_alone(columns: Columns, conditions: Conditions, read: Readings) -> None:

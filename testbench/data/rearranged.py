@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.dataset import Ids
 from testbench.data.mapping import Named, Names
 from testbench.data.names import WHOLE, XYZ, recognise, squeeze
 from testbench.data.table import Table
+from testbench.errors import Ids
 
 MOST_STARS = 2  #: Wildcards in a pattern: more take long to match.
 

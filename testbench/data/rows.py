@@ -11,10 +11,9 @@ from testbench.arm.decimal import is_integer
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY, find_body, numbers, read_mjcf
 from testbench.data.columns import Column, Columns, axes
-from testbench.data.dataset import Ids, Mask
 from testbench.data.joint_columns import joint_coordinates
 from testbench.data.names import DEFLECTION, LOADING, STATES, WHEN, XYZ, Slot, columns_of, squeeze
-from testbench.errors import Array
+from testbench.errors import Array, Ids, Mask
 
 SAME_POSE = 1e-6
 """Difference of two joint coordinates up to which two poses are one [rad, m]."""

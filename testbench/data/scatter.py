@@ -8,10 +8,8 @@ from testbench.data.columns import Columns
 from testbench.data.names import ENTRIES, ROTATIONS, Slot, What, columns_of
 from testbench.errors import Array
 
-SIGMA = (
-    50e-6,
-    2e-4,
-)  #: Standard deviations of positions and of orientations where the file is silent [m, rad].
+SIGMA = (50e-6, 2e-4)
+"""Standard deviations of positions and of orientations where the file is silent [m, rad]."""
 SIGMA_RANGE = (1e-9, 1e-2)
 """Standard deviations that an instrument can have [m, rad]: beyond them a unit is wrong."""
 MOST = 1.0  #: Largest standard deviation of a row [m, rad]: beyond it nothing was measured.
@@ -43,9 +41,13 @@ def read_scatter(columns: Columns, sigma: float | None) -> Scatter:
     if covariance is None and deviations is not None:
         filled = np.where(np.isnan(deviations), own[:, None], deviations)
         covariance = filled[:, :, None] ** 2 * np.eye(3)
-    elif covariance is not None:
-        _check_positive(columns, covariance)
-        covariance = np.where(np.isnan(covariance), own[:, None, None] ** 2 * np.eye(3), covariance)
+    elif (C := covariance) is not None:
+        whole = np.asarray(~np.isnan(C).any(axis=(1, 2)))
+        sound = np.asarray(~(np.abs(C) > MOST**2).any(axis=(1, 2)) | ~whole)
+        sound[whole & sound] = np.linalg.eigvalsh(C[whole & sound])[:, 0] >= SIGMA_RANGE[0] ** 2
+        problem = "expected a positive definite covariance below 1 m^2, got {} m^2"
+        columns.table.refuse(~sound, "", lambda row: problem.format(C[row].tolist()))
+        covariance = np.where(np.isnan(C), own[:, None, None] ** 2 * np.eye(3), C)
     return Scatter(own, own_turn, covariance, (*notes, *more, *said, *said_turn))
 
 
@@ -121,12 +123,3 @@ def read_covariances(columns: Columns, what: What) -> Array | None:
     for column, (a, b) in zip(found, ENTRIES.values(), strict=True):
         C[:, a, b] = C[:, b, a] = columns.values(column)
     return C
-
-
-def _check_positive(columns: Columns, C: Array) -> None:
-    """Refuse what is no covariance, nor blank."""
-    whole = np.asarray(~np.isnan(C).any(axis=(1, 2)))
-    sound = np.asarray(~(np.abs(C) > MOST**2).any(axis=(1, 2)) | ~whole)
-    sound[whole & sound] = np.linalg.eigvalsh(C[whole & sound])[:, 0] >= SIGMA_RANGE[0] ** 2
-    problem = "expected a positive definite covariance below 1 m^2, got {} m^2"
-    columns.table.refuse(~sound, "", lambda row: problem.format(C[row].tolist()))

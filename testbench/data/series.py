@@ -4,18 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import (
-    Dataset,
-    Ids,
-    Mask,
-    check_ids,
-    check_markers,
-    check_sigma,
-    in_order,
-    read_by,
-)
+from testbench.data.dataset import Dataset, check_ids, check_markers, check_sigma, in_order, read_by
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, BenchError, Ids, Mask, check_array
 
 
 @dataclass(frozen=True, repr=False)
@@ -122,9 +113,7 @@ def series_of(data: Dataset, name: str, target: str) -> tuple[Series, ...]:
 
 def _both(data: Dataset, name: str, frame: str, target: str) -> Series:
     """The unloaded readings of some runs, then the loaded ones."""
-    rotation, precision = None, data.precision
-    if precision is not None:  # of a deflection: twice the covariance of a reading
-        precision = np.concatenate([2 * precision] * 2)
+    rotation, both = None, in_order(data, np.tile(np.arange(data.runs), 2))
     if data.rotation_before is not None and data.rotation_after is not None:
         from scipy.spatial.transform import Rotation  # here: it takes long to import
 
@@ -135,14 +124,14 @@ def _both(data: Dataset, name: str, frame: str, target: str) -> Series:
         markers=data.markers,
         frame=frame,
         target=target,
-        row=np.concatenate([data.run] * 2),
+        row=both.run,
         pose=np.concatenate([np.arange(data.runs)] * 2),
-        q=np.concatenate([data.q] * 2),
+        q=both.q,
         wrench=np.concatenate([np.zeros((data.runs, 6)), data.wrench]),
-        point=np.concatenate([data.point] * 2),
+        point=both.point,
         position=np.concatenate([own * data.seen[..., None] for own in (data.before, data.after)]),
         sigma=data.sigma,
-        precision=precision,
+        precision=None if both.precision is None else 2 * both.precision,  # that is of a deflection
         rotation=rotation,
         sigma_rotation=data.sigma_rotation,
     )

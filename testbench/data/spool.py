@@ -10,9 +10,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, arrays, in_order, with_arrays
+from testbench.data.dataset import Dataset, arrays, in_order, with_arrays
 from testbench.data.series import Series
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Ids
 
 SHOWN = 600  #: Runs that are looked at one by one, evenly out of all.
 

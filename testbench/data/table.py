@@ -11,14 +11,13 @@ import pyarrow.compute as pc
 from pyarrow import csv
 
 from testbench.arm.decimal import NUMBER, is_integer
-from testbench.data.dataset import Ids, Mask
 from testbench.data.header import find_header, notes, rows_of
 from testbench.data.lines import from_cell, read_letters, split_lines
 from testbench.data.mapping import Layout
 from testbench.data.names import squeeze
 from testbench.data.sheet import SHEET
 from testbench.data.units import Unit
-from testbench.errors import Array, InputError, shown
+from testbench.errors import Array, Ids, InputError, Mask, shown
 
 COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
 DIVIDED = "|".join(f"({mark}[0-9]{{3}})+" for mark in ("X", "'", r"[ \x{00a0}\x{202f}]"))

@@ -25,24 +25,13 @@ UNITS = (
     *(Unit(n, "kg", s) for n, s in (("kg", 1.0), ("lb", POUND))),
     *(Unit(n, "m2", s) for n, s in (("m2", 1.0), ("mm2", 1e-6), ("um2", 1e-12))),
 )
-LEAST = (
-    1e-100  #: Of what is not zero, in any unit: its square is not zero, nor what is divided by it infinite.
-)
+#: Of what is not zero, in any unit: its square is not zero, nor what is divided by it infinite.
+LEAST = 1e-100
 LARGEST = {"m": 1e6, "rad": 1e6, "N": 1e9, "Nm": 1e9, "kg": 1e6, "m2": 1e6}
 """Largest number of a quantity in SI that is read: beyond it a file is broken."""
+OTHERS = {"deg": "° degree degrees 度", "um": "μm", "in": "inch inches", "mm": "millimeter millimeters"}
 OTHER_NAMES = {
-    "°": "deg",
-    "degree": "deg",
-    "degrees": "deg",
-    "μm": "um",
-    "inch": "in",
-    "inches": "in",
-    "millimeter": "mm",
-    "millimeters": "mm",
-    "度": "deg",
-    "lbs": "lb",
-    "n*m": "nm",
-    "n·m": "nm",
+    other: unit for unit, words in {**OTHERS, "lb": "lbs", "nm": "n*m n·m"}.items() for other in words.split()
 }
 """What files write for these, in small letters; both micro signs become the Greek letter."""
 KNOWN = {unit.name.lower(): unit for unit in UNITS}

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.data.dataset import Dataset
 from testbench.data.lines import as_cell
 from testbench.data.names import ENTRIES, LOADING, WHEN, What, columns_of, torque_columns
 from testbench.data.program import Program
@@ -21,7 +21,7 @@ from testbench.data.read_series import ALONE
 from testbench.data.rows import load_point, same_poses
 from testbench.data.scatter import LEAST
 from testbench.data.series import Series
-from testbench.errors import Array, BenchError, InputError, check_array
+from testbench.errors import Array, BenchError, Ids, InputError, Mask, check_array
 from testbench.output.whole import write_whole
 
 Table = dict[str, list[str]]
@@ -215,10 +215,6 @@ def _rounded(decimals: int | None) -> Shown:
     return repr if decimals is None else lambda x: repr(round(x, decimals) + 0.0)
 
 
-def _markers(own: Dataset | Series) -> Table:
-    return {"marker": list(map(as_cell, own.markers)) * len(own.q)}
-
-
 def _conditions(joints: Sequence[str], own: Dataset | Series) -> list[Block]:
     """Joints and load of every run or reading."""
     load = [*columns_of("force"), *columns_of("moment")]
@@ -265,7 +261,8 @@ def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
     beside: list[Block] = [(torque_columns(arm), s.torque), (["time_s"], s.time)]
     beside += [(columns_of("rotation"), vectors)]
     own = _cells(n, [(["run"], s.row), (["pose"], s.pose)], str)
-    own |= {name: [as_cell(text)] * n for name, text in texts.items()} | _markers(s)
+    own |= {name: [as_cell(text)] * n for name, text in texts.items()}
+    own["marker"] = list(map(as_cell, s.markers)) * s.rows
     own |= _cells(n, [*_conditions([j.column for j in arm.joints], s), *beside], shown)
     own |= _cells(n, [(["temperature"], s.temperature)], _rounded(decimals and 2))
     places = np.where(lost, np.nan, s.position.reshape(-1, 3))

@@ -10,8 +10,8 @@ from testbench.design.criteria import mean_square
 from testbench.design.exchange import greedy
 from testbench.design.observability import observability
 from testbench.design.planning import Plan
-from testbench.design.rows import Ids, Problem, information
-from testbench.errors import Array
+from testbench.design.rows import Problem, information
+from testbench.errors import Array, Ids
 from testbench.session import stepwise
 
 RANDOM = 200  #: Random plans that the plan is compared with.

@@ -11,8 +11,8 @@ import numpy as np
 
 from testbench.design.criteria import Criterion, Largest
 from testbench.design.relaxation import Relaxed, sensitivity
-from testbench.design.rows import Ids, Problem, behind, information, total
-from testbench.errors import Array
+from testbench.design.rows import Problem, behind, information, total
+from testbench.errors import Array, Ids
 from testbench.session import stepwise
 
 STARTS, FEWER, DRAWN = 12, 4, 190

@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from testbench.design.rows import Problem
-from testbench.errors import Array
+from testbench.errors import Array, Mask
 
 DRAWS = 4000  #: Draws of the remaining error behind an interval.
 WIDER, BROAD = (0.7, 1.25), 1.2
@@ -51,7 +50,7 @@ def widened(forecast: Forecast) -> Forecast:
     )
 
 
-def open_to(problem: Problem, rows: Array) -> npt.NDArray[np.bool_]:
+def open_to(problem: Problem, rows: Array) -> Mask:
     """Predictions (poses, 3 m, n) that ask for what neither candidates show nor a prior bounds, (poses,)."""
     open_ = np.linalg.norm(rows @ problem.unseen, axis=(1, 2))
     return np.asarray(open_ > OUTSIDE * np.linalg.norm(rows, axis=(1, 2)))
@@ -68,7 +67,7 @@ def forecast(problem: Problem, M: Array, rows: Array) -> Forecast:
     return without_bound(found, open_to(problem, rows))
 
 
-def without_bound(forecast: Forecast, where: npt.NDArray[np.bool_]) -> Forecast:
+def without_bound(forecast: Forecast, where: Mask) -> Forecast:
     """The same, the errors of some poses, (poses,), being infinite."""
     if not where.any():
         return forecast

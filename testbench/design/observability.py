@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.design.rows import Ids, Problem
+from testbench.design.rows import Problem
+from testbench.errors import Ids
 from testbench.identify.regression import RANK_TOLERANCE
 
 

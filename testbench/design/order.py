@@ -13,13 +13,11 @@ import itertools
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
 
-from testbench.design.rows import Ids
-from testbench.errors import Array
+from testbench.errors import Array, Ids, Mask
 
 NEAR = 12  #: Nearest other places whose legs come first.
 TINY = 1e-7  #: Part of a leg that counts as none.
@@ -56,7 +54,7 @@ def round_trip(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
         return np.arange(n)
     every = np.stack(np.triu_indices(n, 1), axis=1)
     price, asked = cost[every[:, 0], every[:, 1]], np.zeros(len(every), dtype=bool)
-    parts: list[npt.NDArray[np.bool_]] = []  # places that no subtour may join, (places,) each
+    parts: list[Mask] = []  # places that no subtour may join, (places,) each
     near = _near(cost)[every[:, 0], every[:, 1]]
     legs = (near, np.ones_like(near)) if n <= EXACT else (near,)
     for chosen, whole in itertools.product(legs, (False, True)):
@@ -74,7 +72,7 @@ def round_trip(cost: Array, surcharge: Surcharge = lambda _a, _b: 0.0) -> Ids:
     return np.asarray(depth_first_order(graph, 0, directed=False, return_predecessors=False))
 
 
-def _near(cost: Array) -> npt.NDArray[np.bool_]:
+def _near(cost: Array) -> Mask:
     """Legs to the nearest places and, so that there is a round trip, from each place to the next."""
     n = len(cost)
     rank = np.argsort(np.where(np.eye(n, dtype=bool), np.inf, cost), axis=1, kind="stable")
@@ -84,7 +82,7 @@ def _near(cost: Array) -> npt.NDArray[np.bool_]:
     return np.asarray(near | near.T)
 
 
-def _best_legs(legs: Ids, price: Array, parts: list[npt.NDArray[np.bool_]], n: int, whole: bool) -> Ids:
+def _best_legs(legs: Ids, price: Array, parts: list[Mask], n: int, whole: bool) -> Ids:
     """The cheapest legs (legs, 2), two at every place, no subtour in any of the parts; or parts of legs."""
     ends = np.zeros((n, len(legs)))
     ends[legs.T, np.arange(len(legs))] = 1

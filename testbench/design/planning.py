@@ -13,7 +13,6 @@ from testbench.design.order import joint_travel, shortest_path
 from testbench.design.refine import Reach, Search, ascend, refine
 from testbench.design.relaxation import Relaxed, relax, sensitivity
 from testbench.design.rows import (
-    Ids,
     Problem,
     Specification,
     information,
@@ -23,7 +22,7 @@ from testbench.design.rows import (
     times,
     workspace_rows,
 )
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Ids
 
 ASCENTS, CLIMBERS = 2, 60
 """Rounds in which the poses that carry the bound are improved, and how many of them."""

@@ -9,12 +9,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from testbench.design.criteria import Criterion
 from testbench.design.relaxation import sensitivity
-from testbench.design.rows import Ids, behind, total
-from testbench.errors import Array
+from testbench.design.rows import behind, total
+from testbench.errors import Array, Ids, Mask
 from testbench.session import stepwise
 
 NEIGHBOURS = 32  #: Neighbours of a pose that are judged at a time.
@@ -29,7 +28,7 @@ TOGETHER = 32  #: Poses of the plan whose neighbours' rows are found together.
 
 Rows = Callable[[Array, Ids], Array]
 """Whitened rows (poses, k, r) of angles (poses, n), each measured as the pose in its place of the plan is."""
-Feasible = Callable[[Array], npt.NDArray[np.bool_]]
+Feasible = Callable[[Array], Mask]
 
 
 @dataclass(frozen=True)

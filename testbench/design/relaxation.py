@@ -16,8 +16,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from testbench.design.criteria import Criterion, squares
-from testbench.design.rows import Ids, Problem, times, total
-from testbench.errors import Array
+from testbench.design.rows import Problem, times, total
+from testbench.errors import Array, Ids
 
 FIRST, JOINING = 120, 40  #: Candidates of the first working set, and how many join it in a round.
 ROUNDS = 40  #: Most rounds.

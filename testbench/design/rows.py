@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.unknowns import compliances
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
@@ -15,8 +14,6 @@ from testbench.identify.regression import RANK_TOLERANCE
 from testbench.identify.rows import jacobian, straight
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, skew
-
-Ids = npt.NDArray[np.int_]
 
 SCALE_UNCERTAINTY = 10.0
 """Relative uncertainty of the scale common to all compliances [1]: left to the data, but finite."""
@@ -52,9 +49,8 @@ class Specification:
     experiment: Experiment  #: How poses are measured.
     loads: tuple[Load, ...]  #: What may be hung; a plan chooses for every pose.
     tasks: Tasks  #: Where predictions are wanted.
-    workspace: (
-        Array  #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad, m].
-    )
+    #: Poses over which the criteria I and G judge, under the first load, (poses, n) [rad, m].
+    workspace: Array
     #: Relative uncertainty of the prior [1]; None to plan for an identification without one.
     uncertainty: float | None
     poses: int  #: How many may be measured.

@@ -13,14 +13,13 @@ from testbench.design.forecast import Forecast, forecast_of, mean_square_of
 from testbench.design.rows import (
     SCALE_UNCERTAINTY,
     Experiment,
-    Ids,
     Specification,
     deflection_rows,
     loads_of,
     measured_rows,
     reading_rows,
 )
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.metric import precision_root
 from testbench.identify.prior import Strength
 from testbench.identify.regression import RANK_TOLERANCE
@@ -51,7 +50,9 @@ def fit_of(whole: Experiment, uncertainty: float, spec: Specification, q: Array,
     """
     A = _flat(reading_rows(whole, q, loads_of(spec, load)))
     K, k = _fit(spec, _flat(measured_rows(spec, q, load)))
-    return Fitted(whole, uncertainty, spec.experiment, _narrow(K), k, K @ A)
+    # no more columns than rows, with the same K K^T: noise of many readings is drawn as fast
+    narrow = K if K.shape[1] <= K.shape[0] else np.asarray(np.linalg.qr(K.T, mode="r")).T
+    return Fitted(whole, uncertainty, spec.experiment, narrow, k, K @ A)
 
 
 def promise_on(fit: Fitted, q: Array, load: Load) -> Forecast:
@@ -80,11 +81,6 @@ def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:
     B, c = precision_root(own, Strength(spec.uncertainty, SCALE_UNCERTAINTY))
     M = A.T @ A + B.T @ B
     return np.asarray(np.linalg.solve(M, A.T)), np.asarray(np.linalg.solve(M, B.T @ c))
-
-
-def _narrow(K: Array) -> Array:
-    """A matrix with the same K K^T and no more columns than rows: noise of many readings is drawn as fast."""
-    return K if K.shape[1] <= K.shape[0] else np.asarray(np.linalg.qr(K.T, mode="r")).T
 
 
 def _flat(rows: Array) -> Array:

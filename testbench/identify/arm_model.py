@@ -6,14 +6,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.state import State, nominal
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.estimate import Estimate
 from testbench.identify.posterior import Posterior, linearise
 from testbench.model.laws import vjm_of
-from testbench.model.structure import Ids, Structure
+from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 from testbench.model.weights import Weights
 

@@ -13,14 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.errors import BenchError
+from testbench.errors import BenchError, Ids
 from testbench.identify.estimate import Average, Constraint, Estimate, make_estimate
 from testbench.identify.hierarchy import learn, log_evidence_alone
 from testbench.identify.metric import Metric
 from testbench.identify.regression import Regression, some_columns
 from testbench.identify.solve import solve
 from testbench.model.laws import without_laws as linear
-from testbench.model.structure import Ids
 
 ODDS = 3.0
 """Of joints alone beforehand: links count half where the readings make them three times likelier.
@@ -150,8 +149,11 @@ def _linear(
     if belief.log_evidence is None or len(joints) < prior.structure.links - 1:  # of links or joints alone
         return whole, None
     own = some_columns(r, prior.structure.keep(joints, "Joints"))
+    entries = np.flatnonzero(np.any(prior.L[joints] != 0, axis=0))
+    L, sizes = prior.L[np.ix_(joints, entries)], (1,) * len(joints)
     try:
-        log_evidence, alone = log_evidence_alone(own, _metric_of_joints(prior, own, joints))
+        bare = Metric(prior.prior, own.structure, L, prior.expected[entries], sizes)
+        log_evidence, alone = log_evidence_alone(own, bare)
     except BenchError:  # no joint is loaded, or all turn against their loads: joints alone are no model
         return whole, belief.log_evidence
     odds = log_evidence - belief.log_evidence + math.log(ODDS)
@@ -176,14 +178,6 @@ def joint_columns(metric: Metric) -> Ids:
     """Parameters that are joints of their own, (joints,)."""
     s = metric.structure
     return np.flatnonzero((s.a == s.b) & (s.a >= 6 * s.links) & (s.a < s.plain))
-
-
-def _metric_of_joints(metric: Metric, own: Regression, joints: Ids) -> Metric:
-    columns = np.flatnonzero(np.any(metric.L[joints] != 0, axis=0))
-    sizes = (1,) * len(joints)
-    return Metric(
-        metric.prior, own.structure, metric.L[np.ix_(joints, columns)], metric.expected[columns], sizes
-    )
 
 
 def _logistic(x: float) -> float:

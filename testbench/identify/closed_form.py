@@ -10,9 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import Ids
 from testbench.data.series import Series
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.model.vjm import Vjm, tool_pose
 
 LEAST_POINTS = 3  #: That fix a frame, as long as they are on no line.

@@ -15,15 +15,13 @@ from typing import Literal
 
 import clarabel
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 
 TOLERANCE = 1e-10  #: Feasibility and gap asked of Clarabel, in units where the data are of order one.
 GAP = 1e-6  #: Duality gap, relative to the cost, below which a program counts as solved.
 
-Ids = npt.NDArray[np.int_]
 Kind = Literal["zero", "nonnegative", "second order", "psd"]
 CONES: dict[Kind, Callable[[int], object]] = {
     "zero": clarabel.ZeroConeT,
@@ -91,15 +89,10 @@ def solve(problem: Problem, *, tolerance: float = TOLERANCE) -> Solution:
     return solved(set_up(problem, settings(tolerance)), problem)
 
 
-def psd_block(first: int, size: int) -> Block:
-    """A matrix whose svec stands in v from this place on."""
-    return Block(np.arange(first, first + triangle(size)), size)
-
-
 def psd_blocks(first: int, sizes: tuple[int, ...]) -> tuple[Block, ...]:
     """Matrices of these orders, the svec of one behind that of the other."""
-    starts = first + np.cumsum([0, *map(triangle, sizes)])
-    return tuple(psd_block(int(k), size) for k, size in zip(starts, sizes, strict=False))
+    ends = first + np.cumsum([triangle(size) for size in sizes])
+    return tuple(Block(np.arange(k - triangle(n), k), n) for k, n in zip(ends.tolist(), sizes, strict=True))
 
 
 def free_block(first: int, count: int) -> Block:

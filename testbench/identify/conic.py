@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify import cone
 from testbench.identify.certify import (
     bound,
@@ -25,7 +25,7 @@ from testbench.identify.certify import (
 from testbench.identify.estimate import Certificate, Dual, Estimate, make_estimate
 from testbench.identify.interior import TINY, interior
 from testbench.identify.interior import Program as Norms
-from testbench.identify.regression import Ids, Regression, check_symmetric, f_m
+from testbench.identify.regression import Regression, check_symmetric, f_m
 from testbench.model.structure import Structure
 
 PENALTY_TOLD = 1e-4  #: Share of F_M that the trace term may cost before the advice tells of it.

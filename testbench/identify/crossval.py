@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, Mask
-from testbench.errors import Array, BenchError
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.identify.fold import Parts
 from testbench.identify.regression import Regression
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, Mask
-from testbench.errors import Array, BenchError
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.identify.estimate import Estimate
 from testbench.identify.fold import BLOCK_RUNS, Blocks, in_threads
 from testbench.model.laws import as_loaded, vjm_of
@@ -139,7 +139,8 @@ class _Sums:
             self.square[k] += (own**2).sum()
             for kind, values in enumerate((own, own[size > 0] / size[size > 0])):
                 self.most[kind, k] = max(self.most[kind, k], values.max(initial=0.0))
-                self.counts[kind, k] += np.bincount(_bin(values), minlength=BINS)
+                bins = np.log10(np.maximum(values, LEAST) / LEAST) * (BINS / DECADES)
+                self.counts[kind, k] += np.bincount(bins.astype(int).clip(max=BINS - 1), minlength=BINS)
 
     def join(self, other: "_Sums") -> None:
         """What another thread counted."""
@@ -154,7 +155,9 @@ class _Sums:
 
     def score(self, k: int) -> Score:
         """Of a model; quantiles are the middle of their bin."""
-        p95, share = (_quantile(counts, 0.95) for counts in self.counts[:, k])
+        sums = [(np.cumsum(counts), 0.95 * (counts.sum() - 1)) for counts in self.counts[:, k]]
+        places = [np.searchsorted(*one, side="right") + 0.5 for one in sums]
+        p95, share = (float(LEAST * 10 ** (place * DECADES / BINS)) for place in places)
         moved = self.counts[1, k].any()
         return Score(
             rms=float(np.sqrt(self.square[k] / self.counts[0, k].sum())),
@@ -163,13 +166,3 @@ class _Sums:
             p95_relative=share if moved else None,
             max_relative=float(self.most[1, k]) if moved else None,
         )
-
-
-def _bin(values: Array) -> Ids:
-    place = (np.log10(np.maximum(values, LEAST) / LEAST) * (BINS / DECADES)).astype(int)
-    return np.asarray(np.minimum(place, BINS - 1))
-
-
-def _quantile(counts: Ids, share: float) -> float:
-    place = int(np.searchsorted(np.cumsum(counts), share * (counts.sum() - 1), side="right"))
-    return float(LEAST * 10 ** ((place + 0.5) * DECADES / BINS))

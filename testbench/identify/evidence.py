@@ -18,8 +18,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotri
 
-from testbench.errors import Array, BenchError
-from testbench.model.structure import Ids
+from testbench.errors import Array, BenchError, Ids
 
 ENOUGH = 1e-4
 """By how much a step of Newton's raises the evidence that is the last: the next would by its square."""

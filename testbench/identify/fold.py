@@ -18,9 +18,9 @@ import numpy as np
 from scipy.linalg.lapack import dtpqrt
 from scipy.sparse import block_diag, csr_array
 
-from testbench.data.dataset import Dataset, Ids, Mask
+from testbench.data.dataset import Dataset
 from testbench.data.series import Series, select_rows
-from testbench.errors import Array
+from testbench.errors import Array, Ids, Mask
 from testbench.identify.absolute.noise import (
     POSITIONS,
     Noise,

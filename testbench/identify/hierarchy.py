@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Ids
 from testbench.identify.cone import triangle
 from testbench.identify.evidence import (
     ALIKE,
@@ -31,7 +31,6 @@ from testbench.identify.metric import Belief, Metric, Scale, precision_root, res
 from testbench.identify.prior import Strength
 from testbench.identify.regression import Regression
 from testbench.model.laws import KINDS
-from testbench.model.structure import Ids
 
 GAP = 1.5  #: Standard deviation of the logarithm of the joints' factor over the links' [1].
 SHAPE = 0.5, 0.4  #: Median of u, and standard deviation of its logarithm [1].

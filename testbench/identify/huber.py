@@ -23,8 +23,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Mask
-from testbench.errors import Array, BenchError
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, BenchError, Mask
 from testbench.identify.estimate import TOOL, Constraint, Estimate, Rejected
 from testbench.identify.least_squares import minimum_norm
 from testbench.identify.metric import Belief, Case, metric
@@ -60,7 +60,12 @@ def without_outliers(
     start = time.perf_counter()
     length, status = search(vjm, readings, regression, constraint, belief)
     seconds, keep = time.perf_counter() - start, length <= REJECT
-    _check_left(keep, regression.rank)
+    left = int(keep.sum())
+    if not left or 3 * left < regression.rank:  # fewer equations than directions that all readings see
+        raise BenchError(
+            f"{len(keep) - left} of {len(keep)} readings rejected, beyond {REJECT} standard deviations; "
+            f"{3 * left} equations left for {regression.rank} directions: {NO_OUTLIERS}"
+        )
     if not keep.all():
         regression = _accepted(regression.structure, readings, keep, np.ones(len(keep)))
     plain = solve(regression, constraint, belief)
@@ -98,16 +103,6 @@ def search(
         if np.abs(length - before).max() < STILL:
             return length, status
     return length, status
-
-
-def _check_left(keep: Mask, rank: int) -> None:
-    """Refuse a search that left no reading, or fewer equations than directions that all readings see."""
-    left = int(keep.sum())
-    if not left or 3 * left < rank:
-        raise BenchError(
-            f"{len(keep) - left} of {len(keep)} readings rejected, beyond {REJECT} standard deviations; "
-            f"{3 * left} equations left for {rank} directions: {NO_OUTLIERS}"
-        )
 
 
 def _accepted(structure: Structure, readings: Readings, keep: Mask, weight: Array) -> Regression:

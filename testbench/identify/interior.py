@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify import cone
 
 ITERATIONS = 40
@@ -162,12 +162,12 @@ def _iterate(program: Program, state: State) -> State:
 class _Scaling:
     """Nesterov and Todd's scaling of blocks of one order: G^-1 X G^-T = G^T S G = diag d."""
 
-    at: cone.Ids  #: Places of the blocks, (blocks, entries).
+    at: Ids  #: Places of the blocks, (blocks, entries).
     inverse: Array  #: G^-1, (blocks, m, m).
     d: Array  #: (blocks, m).
 
     @classmethod
-    def of(cls, at: cone.Ids, x: Array, s: Array) -> "_Scaling":
+    def of(cls, at: Ids, x: Array, s: Array) -> "_Scaling":
         """Of a pair."""
         L = np.linalg.cholesky(cone.smat(x[at]))
         squares, V = np.linalg.eigh(L.swapaxes(1, 2) @ cone.smat(s[at]) @ L)

@@ -65,7 +65,8 @@ def completed(regression: Regression) -> Estimate:
     if regression.rank == regression.structure.n:
         return replace(plain, status=f"{NONE}: the data leave nothing free")
     free = free_directions(regression, plain.pi)
-    found = _nearest(regression.structure, free)
+    shortest = cone.norm_below(0, np.eye(free.N.shape[1] + 1)[1:], np.zeros(free.N.shape[1]))
+    found = cone.solve(_program(regression.structure, free, np.zeros(len(plain.pi)), (shortest,)))
     if found.status != "solved":
         why = NONE if least_shift(regression.structure, free) > PROVEN else found.failure
         return replace(plain, status=why, solver_seconds=found.seconds)
@@ -87,13 +88,6 @@ def free_directions(regression: Regression, pi: Array) -> Free:
     N = np.linalg.qr((length / unit)[:, None] * unseen)[0]
     N[np.abs(N) < ROUNDING] = 0
     return Free(unit, pi / unit, N / length[:, None])
-
-
-def _nearest(s: Structure, free: Free) -> cone.Solution:
-    """The least t >= |w| over X_0 + N w with positive semi-definite blocks; the unknowns are t, then w."""
-    count = free.N.shape[1]
-    shortest = cone.norm_below(0, np.eye(count + 1)[1:], np.zeros(count))
-    return cone.solve(_program(s, free, np.zeros(s.n), (shortest,)))
 
 
 def least_shift(s: Structure, free: Free) -> float:

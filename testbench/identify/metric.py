@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.identify import cone
 from testbench.identify.prior import Prior, Strength, aggregate
 from testbench.identify.regression import Regression, check_symmetric
-from testbench.model.structure import TEMPLATE, Ids, Structure
+from testbench.model.structure import TEMPLATE, Structure
 from testbench.model.vjm import Vjm
 
 METRICS = 32  #: How many metrics are remembered: many datasets are fitted with few.
@@ -35,7 +34,7 @@ class Metric:
     sizes: tuple[int, ...]  #: Size of every block, in the order of `structure.blocks`.
 
     @cached_property
-    def couplings(self) -> npt.NDArray[np.bool_]:
+    def couplings(self) -> Mask:
         """Which entries of x couple what a straight beam does not, (n,)."""
         row, column = self.structure.triangles
         beam = np.isin(6 * (row % 6) + column % 6, [6 * a + b for a, b in TEMPLATE])
@@ -49,7 +48,7 @@ class Metric:
         return np.asarray(np.where(row < first, 0, 1 + (row - first) // max(joints, 1)))
 
     @cached_property
-    def law(self) -> npt.NDArray[np.bool_]:
+    def law(self) -> Mask:
         """Which entries of x are sizes of laws, (n,)."""
         return np.asarray(self.structure.triangles[0] >= self.structure.plain)
 
@@ -133,7 +132,9 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
     L, expected = np.zeros((structure.n, structure.n)), np.where(row == column, 1.0, 0.0)
     for group in structure.groups:
         own = structure.parameter[group.entries]
-        L[own[:, :, None], group.entries[:, None, :]] = _congruences(root[group.index])
+        i, j = cone.upper(group.rows.shape[1])
+        doubled = np.where(i == j, 1.0, math.sqrt(2))[:, None]  # svec over entries
+        L[own[:, :, None], group.entries[:, None, :]] = cone.congruence(root[group.index]) / doubled
     return Metric(prior.name, structure, L, expected, sizes)
 
 
@@ -208,11 +209,3 @@ def _root(P: Array, prior: Prior, structure: Structure) -> Array:
             raise refused(group.rows[k, 0], f"{problem} (of the block scaled to unit diagonal)")
         root[group.index] = d[group.rows, None] * (Q * np.sqrt(values)[:, None]) @ Q.swapaxes(1, 2)
     return root
-
-
-def _congruences(roots: Array) -> Array:
-    """Upper triangles of C = root X root^T per unit of each entry of x = svec(X), (k, entries, entries)."""
-    row, column = cone.upper(roots.shape[1])
-    a, b = roots[:, row], roots[:, column]
-    weight = np.where(row == column, 0.5, math.sqrt(0.5))
-    return np.asarray(weight * (a[..., row] * b[..., column] + a[..., column] * b[..., row]))

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Ids, Mask
-from testbench.errors import Array
+from testbench.errors import Array, Ids, Mask
 from testbench.identify.posterior import conditional
 from testbench.identify.regression import RANK_TOLERANCE, ROUNDING
 

@@ -12,8 +12,8 @@ from statistics import NormalDist
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, in_order
-from testbench.errors import Array, BenchError, check_array
+from testbench.data.dataset import Dataset, in_order
+from testbench.errors import Array, BenchError, Ids, check_array
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Average, Estimate
 from testbench.identify.metric import Belief, precision_root

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify import cone
-from testbench.identify.cone import Ids
 
 PATHS = (
     (1e-2, 1e-3, 1e-5, 1e-8, 1e-13),

@@ -13,9 +13,9 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Mask, read_by
+from testbench.data.dataset import Dataset, read_by
 from testbench.data.series import Series, select_rows, series_of
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Mask
 from testbench.identify.registration import Frame, Registration, reach, register, spread
 from testbench.identify.weighed import check_runs
 from testbench.model.vjm import Vjm, skew

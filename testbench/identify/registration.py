@@ -13,9 +13,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from testbench.data.dataset import Mask
 from testbench.data.series import Series
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Mask
 from testbench.identify.closed_form import (
     LEAST_POINTS,
     Layout,
@@ -214,7 +213,8 @@ def _refined(seen: Means, start: Registration) -> Registration | str:
         step, before = P @ (weighted.T @ u.ravel() + held[0] * held[1]), noise
         at = _moved(at, free, step)
         if kept is None and (np.abs(step).max() < NEAR or k == FAR_STEPS):
-            kept = _plausible(e)
+            length = np.linalg.norm(e, axis=1)
+            kept = np.asarray(length <= FAR * max(float(np.median(length)), ASSUMED))
         if kept is not None:
             spare = 3 * kept.sum() - float(np.sum(P * information))
             along = np.einsum("nxk,nx->nk", V, e)[kept]
@@ -223,12 +223,6 @@ def _refined(seen: Means, start: Registration) -> Registration | str:
                 distance, wild = np.linalg.norm(e, axis=1), int((pull < 1).sum())
                 return replace(start, layout=at, covariance=P, distance=distance, noise=noise, wild=wild)
     return DIVERGED
-
-
-def _plausible(residual: Array) -> Mask:
-    """Readings that are not far off all others, by their residuals, (n, 3) [m]."""
-    length = np.linalg.norm(residual, axis=1)
-    return np.asarray(length <= FAR * max(float(np.median(length)), ASSUMED))
 
 
 def _held(off: Array, size: int) -> tuple[Array, Array]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import qr
 
 from testbench.errors import Array, BenchError
@@ -18,8 +17,6 @@ from testbench.identify.rows import jacobian, straight
 from testbench.model.load import Load
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
-
-Ids = npt.NDArray[np.int_]
 
 ROUNDING = 1e-12
 """A column below this share of the largest is the rounding of a zero: lever arms that cancel."""
@@ -126,12 +123,8 @@ def rank(A: Array) -> int:
 
 def f_m(regression: Regression, pi: Array) -> float:
     """Cost F_M of parameters, (n,), Eq. (19): the sum of its terms' RMS over sqrt(2) sigma [1]."""
-    return float(sum(_rms(term, pi) for term in regression.terms))
-
-
-def _rms(term: Term, pi: Array) -> float:
-    residual = term.R @ pi - term.z
-    return math.sqrt(residual @ residual + term.rest)
+    every = ((term.R @ pi - term.z, term.rest) for term in regression.terms)
+    return float(sum(math.sqrt(residual @ residual + rest) for residual, rest in every))
 
 
 GENERIC_RUNS = 60  #: Random runs of a full wrench, read in full pose: they see all that any experiment can.

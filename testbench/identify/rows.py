@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, turn
+from testbench.data.dataset import Dataset, turn
 from testbench.data.series import Series
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.absolute.state import Equilibrium, State, forward
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.model.load import Load, on_joints

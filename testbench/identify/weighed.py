@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids
-from testbench.errors import Array, BenchError
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.unknowns import compliances
 from testbench.identify.rows import pair_rows, straight, whiten
 from testbench.model.laws import vjm_of

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.errors import Array, BenchError, check_array
-from testbench.model.structure import Ids
+from testbench.errors import Array, BenchError, Ids, check_array
 
 #: Orders of a band share what is expected of their size: first order of every band.
 BANDS = (1, 2, 3, 5, 8, 12, 16, 20, 24, 28, 32, 40, 50, 60, 75, 95, 120, 150, 190, 240, 300, 400)

@@ -22,11 +22,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from testbench.arm.folder import Arm, Compensator
-from testbench.errors import Array, InputError
-from testbench.model.structure import Ids, Structure
+from testbench.errors import Array, Ids, InputError, Mask
+from testbench.model.structure import Structure
 from testbench.model.vjm import Chain, Vjm
 from testbench.model.weights import Weights, own_weight, read_weights
 
@@ -149,7 +148,7 @@ def sizes_of(vjm: Vjm, C_theta: Array) -> dict[str, dict[str, float]]:
     return found
 
 
-def as_loaded(vjm: Vjm, taken_off: npt.NDArray[np.bool_] | None, some: Ids | slice = slice(None)) -> Vjm:
+def as_loaded(vjm: Vjm, taken_off: Mask | None, some: Ids | slice = slice(None)) -> Vjm:
     """The model for some runs of a load put on, or taken off again where a mask, (runs,), says so."""
     if taken_off is None or not isinstance(vjm.laws, JointLaws):
         return vjm

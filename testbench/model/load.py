@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from testbench.arm.mjcf import GRAVITY
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, BenchError, Ids, check_array
 from testbench.model.vjm import Chain, Vjm, plain_load, with_laws
 
 
@@ -34,7 +33,7 @@ class Load:
         check_array(point, (poses, 3), "point [m]")
         return Load(wrench, point)
 
-    def of(self, some: slice | npt.NDArray[np.int_]) -> "Load":
+    def of(self, some: slice | Ids) -> "Load":
         """That of some poses, where there is a row a pose."""
         return Load(self.wrench[some], self.point[some])
 

@@ -7,9 +7,8 @@ direction is a zero in C_theta.
 """
 
 import numpy as np
-import numpy.typing as npt
 
-from testbench.errors import Array, NoEquilibrium, check_array
+from testbench.errors import Array, Ids, NoEquilibrium, check_array
 from testbench.model.vjm import Chain, Vjm, chain, cross, generalised_load, translation_rows
 
 
@@ -38,7 +37,7 @@ def geometric_stiffness(where: Chain, wrench: Array, point: Array) -> Array:
     return np.where(behind, forces.swapaxes(1, 2) + moments, forces)
 
 
-def _rank_in_chain(n_theta: int) -> npt.NDArray[np.int_]:
+def _rank_in_chain(n_theta: int) -> Ids:
     """Place of every virtual joint in the chain: the hinges of joints are last in theta, not in the chain."""
     n = (n_theta - 6) // 7
     links = 7 * np.arange(n + 1)[:, None] + np.arange(6)

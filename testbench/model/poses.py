@@ -4,9 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from testbench.errors import Array, PoseError
+from testbench.errors import Array, Mask, PoseError
 from testbench.model.vjm import Vjm, tool_pose
 
 BATCH = 4096  #: Poses drawn at a time.
@@ -25,7 +24,7 @@ class WorkArea:
     cone: float = np.pi  #: Largest angle between the two [rad].
 
 
-def in_area(vjm: Vjm, area: WorkArea, q: Array) -> npt.NDArray[np.bool_]:
+def in_area(vjm: Vjm, area: WorkArea, q: Array) -> Mask:
     """Which poses have their tool in the area, (poses,)."""
     position, rotation = tool_pose(vjm, q)
     inside = ((position >= area.lower) & (position <= area.upper)).all(axis=1)
@@ -37,7 +36,7 @@ def random_poses(
     vjm: Vjm,
     area: WorkArea | None,
     count: int,
-    clear: Callable[[Array], npt.NDArray[np.bool_]],
+    clear: Callable[[Array], Mask],
     rng: np.random.Generator,
 ) -> Array:
     """Poses drawn evenly over the joint limits, kept if in the area and clear, (count, n) [rad, m].

@@ -13,13 +13,11 @@ from functools import cached_property
 from string import digits
 
 import numpy as np
-import numpy.typing as npt
 
 from testbench.arm.folder import Arm
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Ids, Mask
 
-Ids = npt.NDArray[np.int_]
 Pairs = tuple[tuple[int, int], ...]
 
 FULL: Pairs = tuple((a, b) for b in range(6) for a in range(b + 1))
@@ -123,7 +121,7 @@ class Structure(Displayed):
         return (self.plain + 1) // 7
 
     @cached_property
-    def mirrored(self) -> npt.NDArray[np.bool_]:
+    def mirrored(self) -> Mask:
         """Which parameters stand at two places of C_theta, (n,)."""
         return np.asarray(self.symmetric & (self.a != self.b))
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, check_array
-from testbench.model.structure import Ids, Structure
+from testbench.errors import Array, BenchError, Ids, check_array
+from testbench.model.structure import Structure
 
 
 class Laws(Protocol):

@@ -1,6 +1,8 @@
 """The true arm as MuJoCo models: one to look into, and some side by side to compute with.
 
 A Newton step needs MuJoCo's kinematics and the force of the arm's own weight, 2.8 us a pose, and what leads
+from testbench.errors import Ids
+from testbench.errors import Ids, Mask
 from Python to them costs as much. So a second model holds several arms, without geoms and springs: one call
 serves a pose of each.
 """
@@ -12,16 +14,13 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from testbench.arm.folder import Arm
 from testbench.arm.mesh import read_meshes
 from testbench.arm.mjcf import mesh_files, read_mjcf
 from testbench.arm.mjcf_words import LENGTH
-from testbench.errors import Array, InputError
+from testbench.errors import Array, Ids, InputError
 from testbench.plant.elastic import elastic_mjcf, theta_names
-
-Index = npt.NDArray[np.int_]
 
 REFUSED = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 """What MuJoCo raises of a model that it does not compile."""
@@ -41,17 +40,17 @@ class Plant:
     arm: Arm  #: Its description.
     model: mujoco.MjModel  #: Elastic MuJoCo model.
     abreast: mujoco.MjModel  #: Its bodies and joints, several times.
-    theta: Index  #: Address of each virtual joint, (n_theta,).
-    joints: Index  #: Address of each actuated joint, (n,).
+    theta: Ids  #: Address of each virtual joint, (n_theta,).
+    joints: Ids  #: Address of each actuated joint, (n,).
     tool: int  #: Body id of the tool.
-    markers: Index  #: Body ids of the markers, (m,).
+    markers: Ids  #: Body ids of the markers, (m,).
     load: Array  #: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
     C: Array  #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
     K: Array  #: Stiffness of MuJoCo's springs, (nv, nv) [N/m, N m/rad].
     carries: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
 
     @property
-    def hinges(self) -> Index:
+    def hinges(self) -> Ids:
         """Address of the sprung joint beside each actuated one, (n,)."""
         return self.theta[6 * len(self.arm.links) :]
 
@@ -86,19 +85,12 @@ def _small_hulls(text: str) -> str:
 
 def check_geoms(path: Path, model: mujoco.MjModel) -> None:
     """Refuse geoms of a size that no arm has, and so many that poses take long to judge."""
-    _check_lengths(path, model)
-    _check_pairs(path, model)
-
-
-def _check_lengths(path: Path, model: mujoco.MjModel) -> None:
     bounded = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
     reach = np.abs(np.hstack([model.geom_pos, model.geom_aabb])).max(axis=1)
     for g in np.flatnonzero(bounded & ~(reach <= LENGTH)).tolist():
         place = f"<geom name={model.geom(g).name!r}>"
         raise InputError(path, place, f"expected lengths up to {LENGTH:g} m, got {reach[g]:.3g} m")
 
-
-def _check_pairs(path: Path, model: mujoco.MjModel) -> None:
     collides = (model.geom_contype | model.geom_conaffinity) != 0
     own = np.bincount(model.geom_bodyid[collides], minlength=model.nbody).astype(int)
     pairs = int(own.sum() ** 2 - (own**2).sum()) // 2
@@ -123,6 +115,9 @@ def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
     theta = np.array([model.joint(name).dofadr[0] for name in theta_names(arm)])
     C = np.zeros((model.nv, model.nv))
     C[np.ix_(theta, theta)] = arm.C_theta
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    tool = data.body(arm.tool)
     return Plant(
         arm=arm,
         model=model,
@@ -131,7 +126,7 @@ def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
         joints=np.array([model.joint(j.name).dofadr[0] for j in arm.joints], dtype=int),
         tool=model.body(arm.tool).id,
         markers=np.array([model.body(name).id for name in arm.markers]),
-        load=_in_tool(model, arm),
+        load=np.asarray(tool.xmat.reshape(3, 3).T @ (data.body(arm.load).xpos - tool.xpos)),
         C=C,
         K=_stiffness(model),
         carries=_carries(model),
@@ -187,14 +182,6 @@ def _side_by_side(model: mujoco.MjModel, arms: int) -> mujoco.MjModel:
                     type=model.jnt_type[j], pos=model.jnt_pos[j], axis=model.jnt_axis[j], armature=1
                 )
     return spec.compile()
-
-
-def _in_tool(model: mujoco.MjModel, arm: Arm) -> Array:
-    """The load point in the tool's frame, (3,) [m]."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    tool, load = data.body(arm.tool), data.body(arm.load)
-    return np.asarray(tool.xmat.reshape(3, 3).T @ (load.xpos - tool.xpos))
 
 
 def _stiffness(model: mujoco.MjModel) -> Array:

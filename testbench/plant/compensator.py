@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.errors import Array, BenchError, check_array, check_least
-from testbench.plant.build import Index, Plant
+from testbench.errors import Array, BenchError, Ids, check_array, check_least
+from testbench.plant.build import Plant
 from testbench.plant.state import State, generalised_force, place
 
 Point = tuple[float, float, float]
@@ -113,7 +113,7 @@ def strut(compensator: Compensator, plant: Plant, state: State) -> Strut:
     return Strut(compensator, ends, held, C_g, share)
 
 
-def strut_force(strut: Strut, plant: Plant, state: State, some: Index) -> Array:
+def strut_force(strut: Strut, plant: Plant, state: State, some: Ids) -> Array:
     """Its generalised force where the arm is, (some, nv) [N, N m]."""
     spring, held = strut.spring, strut.held[some]
     hinges = _hinges(spring, strut.ends, state)
@@ -121,7 +121,7 @@ def strut_force(strut: Strut, plant: Plant, state: State, some: Index) -> Array:
     return _pull(plant, strut.ends, state, hinges, force)
 
 
-def stiffen(strut: Strut, step: Array, some: Index) -> Array:
+def stiffen(strut: Strut, step: Array, some: Ids) -> Array:
     """Steps of the arm's own springs, (some, nv), as the strut lets them be.
 
     It applies the inverse of C (C^-1 + k g g^T) of the held pose, by Sherman and Morrison.

@@ -37,6 +37,5 @@ def corners(shape: Shape) -> Array:
 
 def is_drawn(room: Room) -> bool:
     """Whether the arm has visual shapes of its own; sticks stand in for them otherwise."""
-    model = room.model
-    visible = model.geom_group[: model.ngeom] < VISUAL_GROUPS
-    return bool(visible[np.isin(model.geom_type, list(KINDS))].any())
+    visible = room.model.geom_group < VISUAL_GROUPS
+    return bool(visible[np.isin(room.model.geom_type, list(KINDS))].any())

@@ -10,11 +10,10 @@ from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import find_body
-from testbench.errors import Array, check_array
+from testbench.errors import Array, Mask, check_array
 from testbench.plant.build import Plant, compile_mjcf, plant_of, weightless, with_model
 from testbench.plant.compensator import attached
 from testbench.plant.disturbance import FOUNDATION, Disturbances, GeometryErrors
@@ -176,7 +175,7 @@ def settle_pair(
     q: Array,
     wrench: Array,
     point: Array,
-    taken_off: npt.NDArray[np.bool_] | None = None,
+    taken_off: Mask | None = None,
 ) -> tuple[Equilibrium, Equilibrium]:
     """The disturbed arm unloaded, then loaded from there; where `taken_off`, (runs,), unloaded again."""
     unloaded = settle_disturbed(disturbed, q)

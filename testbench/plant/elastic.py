@@ -92,8 +92,8 @@ def insert_carrier(parent: ET.Element, child: ET.Element, name: str, frame: Arra
     parent.insert(list(parent).index(child), carrier)
     parent.remove(child)
     for k, axis in enumerate(AXES):
-        kind = "slide" if k < 3 else "hinge"
-        ET.SubElement(carrier, "joint", name=f"{joint}_{axis}", type=kind, axis=_text(frame[:, k % 3]))
+        kind, along = "slide" if k < 3 else "hinge", " ".join(map(repr, frame[:, k % 3].tolist()))
+        ET.SubElement(carrier, "joint", name=f"{joint}_{axis}", type=kind, axis=along)
     carrier.append(child)
     return carrier
 
@@ -147,7 +147,3 @@ def _insert_spring(root: ET.Element, joint: str, stiffness: float) -> None:
     )
     actuated.set("armature", repr(BRAKE))
     body.insert(list(body).index(actuated) + 1, spring)
-
-
-def _text(vector: Array) -> str:
-    return " ".join(repr(float(x)) for x in vector)

@@ -14,8 +14,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from testbench.errors import Array, NoEquilibrium, check_array
-from testbench.plant.build import Index, Plant
+from testbench.errors import Array, Ids, NoEquilibrium, check_array
+from testbench.plant.build import Plant
 from testbench.plant.compensator import Compensator, Strut, attached, stiffen, strut, strut_force
 from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
 from testbench.plant.state import Row, State, evaluate, generalised_force, open_row, place
@@ -37,7 +37,7 @@ class Equilibrium:
     rotation: Array  #: Tool orientations, world from tool, (runs, 3, 3) [1].
     residual: Array  #: Largest generalised force out of balance, (runs,) [N, N m].
     step: Array  #: Last Newton step, (runs,) [m, rad].
-    iterations: Index  #: Newton steps taken, (runs,).
+    iterations: Ids  #: Newton steps taken, (runs,).
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ def _settle(poses: Poses, row: Row) -> Equilibrium:
     )
 
 
-def _force(poses: Poses, state: State, some: Index) -> Array:
+def _force(poses: Poses, state: State, some: Ids) -> Array:
     """Generalised force Q where MuJoCo finds the arm, springs apart, (some, nv) [N, N m]."""
     plant, Q = poses.plant, state.weight
     if poses.wrench.any():
@@ -169,7 +169,7 @@ def _force(poses: Poses, state: State, some: Index) -> Array:
     return Q if poses.strut is None else Q + strut_force(poses.strut, plant, state, some)
 
 
-def _deflect(poses: Poses, Q: Array, some: Index) -> Array:
+def _deflect(poses: Poses, Q: Array, some: Ids) -> Array:
     """Deflection under a generalised force, zero at the actuated joints, (some, nv) [m, rad]."""
     deflection, hinges = np.matvec(poses.plant.C, Q), poses.plant.hinges
     if poses.law:
@@ -177,7 +177,7 @@ def _deflect(poses: Poses, Q: Array, some: Index) -> Array:
     return np.asarray(deflection)
 
 
-def _newton(poses: Poses, row: Row) -> tuple[Array, Array, Index]:
+def _newton(poses: Poses, row: Row) -> tuple[Array, Array, Ids]:
     """Move the virtual joints from `held` to rest. A pose at rest, or lost, takes no further steps.
 
     Returns:
@@ -216,7 +216,7 @@ def _newton(poses: Poses, row: Row) -> tuple[Array, Array, Index]:
     return qpos, size, steps
 
 
-def _corrected(poses: Poses, inverses: dict[int, Array], step: Array, some: Index) -> Array:
+def _corrected(poses: Poses, inverses: dict[int, Array], step: Array, some: Ids) -> Array:
     """Newton's steps from those of the springs alone: by a pose's own tangent, or the strut's first guess."""
     corrected = step if poses.strut is None else stiffen(poses.strut, step, some)
     for i in inverses.keys() & set(some.tolist()):

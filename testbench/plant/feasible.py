@@ -6,11 +6,10 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import read_mjcf
-from testbench.errors import Array, InputError, PoseError, check_array
+from testbench.errors import Array, Ids, InputError, PoseError, check_array
 from testbench.plant.build import compile_mjcf
 
 COLLIDES = {"contype": str(2**31 - 1), "conaffinity": str(2**31 - 1), "gap": "0", "group": "0"}
@@ -24,7 +23,7 @@ class Room:
 
     arm: Arm  #: Its description.
     model: mujoco.MjModel  #: Rigid MuJoCo model.
-    joints: npt.NDArray[np.int_]  #: Address of each actuated joint in qpos, (n,).
+    joints: Ids  #: Address of each actuated joint in qpos, (n,).
 
 
 def build_room(arm: Arm, floor: float | None = None) -> Room:

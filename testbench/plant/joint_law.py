@@ -15,9 +15,8 @@ A slide has forces for torques and metres for radians.
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 
 STIFFENING_ANGLE = 1e-3  #: Turn phi_ref at which a joint's stiffness has grown by the share beta [rad].
 
@@ -33,7 +32,7 @@ class JointLaw:
     #: Turns that the joints come from, (..., n) [rad]; None where friction has been shaken off.
     before: Array | None = None
 
-    def of(self, some: npt.NDArray[np.int_] | slice) -> "JointLaw":
+    def of(self, some: Ids | slice) -> "JointLaw":
         """That of some runs."""
         return self if self.before is None else replace(self, before=self.before[some])
 

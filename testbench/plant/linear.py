@@ -10,6 +10,7 @@ import numpy as np
 from testbench.errors import Array, check_array
 from testbench.plant.build import Plant
 from testbench.plant.equilibrium import Equilibrium, hold, in_parts
+from testbench.plant.shapes import rotation_of
 from testbench.plant.state import Row, evaluate, generalised_force, moved, place
 
 
@@ -35,22 +36,16 @@ def _settle(plant: Plant, row: Row, q: Array, wrench: Array, point: Array) -> Eq
     at = place(state, tool, point)
     theta = np.matvec(plant.C, generalised_force(plant, state, tool, wrench, at))
     places = [state.position[body] + moved(plant, state, body, theta)[0] for body in (*markers, tool)]
-    turns = np.array([_rotation(vector) for vector in moved(plant, state, tool, theta)[1]])
+    turns = np.tile([1.0, 0, 0, 0], (len(q), 1))
+    for quaternion, vector in zip(turns, moved(plant, state, tool, theta)[1], strict=True):
+        mujoco.mju_quatIntegrate(quaternion, vector, 1.0)
     zero = np.zeros(len(q))
     return Equilibrium(
         theta=theta[:, plant.theta],
         markers=np.stack(places[:-1], axis=1),
         tool=places[-1],
-        rotation=turns.reshape(-1, 3, 3) @ state.rotation[tool],
+        rotation=np.reshape([rotation_of(turn) for turn in turns], (-1, 3, 3)) @ state.rotation[tool],
         residual=zero,
         step=zero,
         iterations=np.ones(len(q), dtype=int),
     )
-
-
-def _rotation(vector: Array) -> Array:
-    """Rotation matrix of a rotation vector, row by row, (9,)."""
-    quaternion, matrix = np.array([1.0, 0, 0, 0]), np.empty(9)
-    mujoco.mju_quatIntegrate(quaternion, vector, 1.0)
-    mujoco.mju_quat2Mat(matrix, quaternion)
-    return matrix

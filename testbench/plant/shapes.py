@@ -6,10 +6,9 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from testbench.errors import Array, check_array
+from testbench.errors import Array, Ids, Mask, check_array
 from testbench.plant.build import Plant
 from testbench.plant.feasible import Room, body_name
 
@@ -37,7 +36,7 @@ class Mesh:
 
     vertices: Array  #: One a different corner, (v, 3) [m].
     normals: Array  #: Unit normal of every corner, (v, 3) [1].
-    faces: npt.NDArray[np.int_]  #: Three corners a triangle, (f, 3).
+    faces: Ids  #: Three corners a triangle, (f, 3).
 
 
 @dataclass(frozen=True)
@@ -76,23 +75,17 @@ def origins(room: Room, names: Sequence[str], frames: "Frames") -> Array:
 
 def visual_shapes(room: Room) -> list[Shape]:
     """The visual geoms of an arm; sticks from body to body where it has none."""
-    model = room.model
-    shapes = [
-        _shape(model, g)
-        for g in range(model.ngeom)
-        if int(model.geom_type[g]) in KINDS and model.geom_group[g] < VISUAL_GROUPS
-    ]
-    return shapes or _sticks(model)
+    return _shapes(room.model, room.model.geom_group < VISUAL_GROUPS) or _sticks(room.model)
 
 
 def solid_shapes(room: Room) -> list[Shape]:
     """The geoms of an arm that collide."""
-    model = room.model
-    return [
-        _shape(model, g)
-        for g in range(model.ngeom)
-        if int(model.geom_type[g]) in KINDS and model.geom_contype[g]
-    ]
+    return _shapes(room.model, room.model.geom_contype != 0)
+
+
+def _shapes(model: mujoco.MjModel, some: Mask) -> list[Shape]:
+    """The geoms under a mask, (geoms,), that can be drawn."""
+    return [_shape(model, g) for g in np.flatnonzero(some & np.isin(model.geom_type, list(KINDS))).tolist()]
 
 
 def _shape(model: mujoco.MjModel, g: int) -> Shape:
@@ -202,9 +195,9 @@ def elastic_frames(plant: Plant, q: Array, theta: Array) -> Frames:
 
 def _frames(
     model: mujoco.MjModel,
-    address: npt.NDArray[np.int_],
+    address: Ids,
     values: Array,
-    bodies: npt.NDArray[np.int_],
+    bodies: Ids,
 ) -> Frames:
     data = mujoco.MjData(model)
     positions = np.empty((len(values), len(bodies), 3))

@@ -13,16 +13,14 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import read_mjcf
-from testbench.errors import Array, BenchError, check_array, check_least
+from testbench.errors import Array, BenchError, Ids, check_array, check_least
 from testbench.plant.build import compile_mjcf
 from testbench.plant.feasible import COLLIDES, body_name, collide, lay_floor
 from testbench.plant.shapes import VISUAL_GROUPS
 
-Index = npt.NDArray[np.int_]
 Kind = Literal["itself", "room", "tracker", "payload"]
 
 KINDS: tuple[Kind, ...] = ("itself", "room", "tracker", "payload")
@@ -96,12 +94,12 @@ class Site:
     model: mujoco.MjModel  #: Rigid MuJoCo model of all of it.
     data: mujoco.MjData  #: Its state, overwritten by every question: making one takes longer than an answer.
     names: tuple[str, ...]  #: Of the bodies.
-    joints: Index  #: Address of each actuated joint in qpos, (n,).
-    slides: Index  #: Address of the payload's coordinates x, y, z in qpos, (3,); (0,) without.
+    joints: Ids  #: Address of each actuated joint in qpos, (n,).
+    slides: Ids  #: Address of the payload's coordinates x, y, z in qpos, (3,); (0,) without.
     load: int  #: Body id of the load point.
-    markers: Index  #: Body ids of the markers, (m,).
+    markers: Ids  #: Body ids of the markers, (m,).
     facing: Array  #: Z axes of the markers' bodies in the tool's frame, (m, 3) [1].
-    part: Index  #: Index in `KINDS` of what each geom belongs to, (geoms,).
+    part: Ids  #: Index in `KINDS` of what each geom belongs to, (geoms,).
 
 
 def check_position(position: object) -> Array:
@@ -206,7 +204,7 @@ def _body(model: mujoco.MjModel, name: str) -> int:
     return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name))
 
 
-def _parts(model: mujoco.MjModel, arm: Arm, weight: str, head: str) -> Index:
+def _parts(model: mujoco.MjModel, arm: Arm, weight: str, head: str) -> Ids:
     """Index in `KINDS` of what each geom belongs to; the arm is all that hangs on what carries its base."""
     root = model.body_rootid[model.geom_bodyid]
     part = np.full(model.ngeom, KINDS.index("room"))
@@ -216,7 +214,7 @@ def _parts(model: mujoco.MjModel, arm: Arm, weight: str, head: str) -> Index:
     return part
 
 
-def _check_head(model: mujoco.MjModel, part: Index, where: Array | None) -> None:
+def _check_head(model: mujoco.MjModel, part: Ids, where: Array | None) -> None:
     """Refuse a tracker inside what does not move, seen or not; MuJoCo's collisions leave such pairs out."""
     if where is None:
         return
@@ -233,7 +231,7 @@ def _check_head(model: mujoco.MjModel, part: Index, where: Array | None) -> None
             )
 
 
-def _make_opaque(model: mujoco.MjModel, part: Index) -> None:
+def _make_opaque(model: mujoco.MjModel, part: Ids) -> None:
     """Put the geoms that stop a ray into group 0, and all others into group 5."""
     body, drawn = model.geom_bodyid, model.geom_group < VISUAL_GROUPS
     bare = ~np.isin(body, body[drawn])
@@ -243,7 +241,7 @@ def _make_opaque(model: mujoco.MjModel, part: Index) -> None:
     model.mat_rgba[:, 3] = 1
 
 
-def _facing(model: mujoco.MjModel, tool: int, markers: Index) -> Array:
+def _facing(model: mujoco.MjModel, tool: int, markers: Ids) -> Array:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return np.asarray(data.xmat[markers].reshape(-1, 3, 3)[:, :, 2] @ data.xmat[tool].reshape(3, 3))
@@ -284,7 +282,7 @@ def contacts(site: Site, q: Array) -> list[Contact | None]:
     return found
 
 
-def _touching(site: Site, pose: Index, pairs: Index, distance: Array) -> Index:
+def _touching(site: Site, pose: Ids, pairs: Ids, distance: Array) -> Ids:
     """The first of every pose's contacts in the order of `KINDS`, of those that are near enough."""
     clearance = 0.0 if site.payload is None else site.payload.clearance
     kind = site.part[pairs].max(axis=1)

@@ -9,8 +9,7 @@ import numpy as np
 
 from testbench.campaign.campaign import Cell
 from testbench.campaign.models import JOINTS
-from testbench.data.dataset import Ids
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.plant.shapes import Frames, rigid_frames
 from testbench.views.colours import Colour, Look
 from testbench.views.schema import Table

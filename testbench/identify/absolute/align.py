@@ -56,7 +56,8 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
         try:
             frame, mount = align(replace(state, frames=frames, mounts=mounts), read_only(one))
         except BenchError:
-            if one in late or not any(_shares(one, other) for other in waiting):
+            shared = any(one.frame == other.frame or one.target == other.target for other in waiting)
+            if one in late or not shared:
                 raise
             late, waiting = [*late, one], [*waiting, one]  # what another tells may settle it
             continue
@@ -119,11 +120,12 @@ def _placed(state: State, series: Series, *, shared: bool = False) -> _Placed | 
     typical = float(np.median(np.linalg.norm(left_by(means(state.vjm, (some,)), at), axis=1)))
     turns = _turns(state, some, at.rotation[0])
     mount = nearest_rotation(turns.sum(axis=0)) if len(turns) else np.eye(3)
+    angles = np.arccos(np.clip((np.trace(mount.T @ turns, axis1=1, axis2=2) - 1) / 2, -1, 1))
     return _Placed(
         frame=Frame(at.rotation[0], at.translation[0]),
         mount=Mount(at.targets, mount, series.markers),
         typical=typical,
-        turn=_typical_angle(mount.T @ turns) if len(turns) else 0.0,
+        turn=float(np.median(angles)) if len(turns) else 0.0,
         near=typical < FAR * reach(state.vjm, some.q),
     )
 
@@ -150,20 +152,9 @@ def _turns(state: State, series: Series, rotation: Array) -> Array:
     return np.asarray(tool.swapaxes(1, 2) @ rotation.T @ series.rotation[series.turned])
 
 
-def _typical_angle(R: Array) -> float:
-    """Median angle of rotations, (n, 3, 3) [rad]."""
-    cosine = (np.trace(R, axis1=1, axis2=2) - 1) / 2
-    return float(np.median(np.arccos(np.clip(cosine, -1, 1))))
-
-
-def _poses(series: Series) -> int:
-    """How many poses have a reading."""
-    return len(np.unique(series.q[series.seen.any(axis=1)], axis=0))
-
-
 def too_few(vjm: Vjm, series: Series) -> str:
     """Why a series alone cannot tell its frame and mount; "" if it may."""
-    poses, joints = _poses(series), turning(vjm, (series,))
+    poses, joints = len(np.unique(series.q[series.seen.any(axis=1)], axis=0)), turning(vjm, (series,))
     turn = WITH_ORIENTATIONS if series.turned.any() else TURNING
     count = 6 + 3 * len(series.markers) + 3 * bool(series.turned.any())
     numbers = f"the {count} numbers of its frame and mount"
@@ -174,11 +165,6 @@ def too_few(vjm: Vjm, series: Series) -> str:
         told = f"expected {turn} joints that do, for {numbers}, or another series of its frame or mount"
         return f"only {' and '.join(joints)} turn; {told}"
     return ""
-
-
-def _shares(one: Series, other: Series) -> bool:
-    """Whether another series has its frame or its mount."""
-    return other is not one and (other.frame == one.frame or other.target == one.target)
 
 
 def _misfit(state: State, series: Series, found: _Placed | None) -> Misfit:

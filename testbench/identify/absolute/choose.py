@@ -4,20 +4,20 @@ A kind of error is tried after the others, and kept where it pays: where blocks 
 series, are foretold better by a share that is worth its unknowns, and neither is foretold worse.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from testbench.data.series import Series
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, learn, solve, squares, usual
 from testbench.identify.absolute.pattern import find, waves
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.crossval import paired
 from testbench.identify.fold import Part, Reduced, total
 from testbench.identify.metric import Metric
-from testbench.model.structure import Ids
 from testbench.session import stepwise
 
 GEOMETRY = frozenset({"geometry shift", "geometry turn"})
@@ -229,15 +229,11 @@ def _step(tried: Candidate, before: _Tried, after: _Tried) -> Step:
     blocks = 1 - new / old
     pays = blocks > max(PAYS, deviation) or gain > PAYS or tried.pattern
     pays = pays and min(blocks, gain) > -HURTS
-    rms = [_rms(sums) for sums in (before.blocks, after.blocks, before.series, after.series)]
+    every = (before.blocks, after.blocks, before.series, after.series)
+    rms = [float(_by_block(sums.sum(axis=0)[None])[0]) if len(sums) else math.nan for sums in every]
     return Step(tried.name, bool(pays or tried.sure), rms[0], rms[1], deviation, rms[2], rms[3])
 
 
 def _by_block(sums: Array) -> Array:
     """Along an axis, of every block, (blocks,) [m]."""
     return np.asarray(np.sqrt(sums[:, 2] / np.maximum(sums[:, 0], 1.0)))
-
-
-def _rms(sums: Array) -> float:
-    """Along an axis [m]."""
-    return float(np.sqrt(sums[:, 2].sum() / max(sums[:, 0].sum(), 1.0))) if len(sums) else float("nan")

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.evidence import ALIKE, Hyperprior, Normal, Problem, greatest, normal, student_density
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
-from testbench.model.structure import Ids
 
 USUAL: Mapping[str, float] = {
     "geometry shift": 1e-3,

@@ -143,7 +143,10 @@ def gather(
 
     check_last_joint(vjm, series, fitted)
     moves, series, (first, noise) = settled(series, fitted, metric(prior, vjm, all153(vjm.arm)))
-    errors = _errors(series, options)
+    readings = sum(3 * int(one.seen.sum() + one.turned.sum()) for one in series)
+    told = max(1, min(options.orders, int(MANY * readings / (2 * vjm.arm.n_joints))))
+    orders = tuple(range(1, told + 1)) if "joint errors" in options.may else ()
+    errors = JointErrors(orders, **{name: name in options.may for name in KINDS[1:]})
     most = all153 if "links" in options.may else joints_only
     unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
     state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
@@ -194,14 +197,6 @@ def first_fit(state: State, series: tuple[Series, ...], joints: Metric) -> tuple
         state, share = _stepped(own, series, state, noise)
         noise = scatter(state, series, share)
     return state, noise
-
-
-def _errors(series: Sequence[Series], options: Options) -> JointErrors:
-    """Errors of joints that may be on, periodic ones of as many orders as so many readings may tell."""
-    readings = sum(3 * int(one.seen.sum() + one.turned.sum()) for one in series)
-    told = int(MANY * readings / (2 * series[0].q.shape[1]))
-    most = max(1, min(options.orders, told)) if "joint errors" in options.may else 0
-    return JointErrors(tuple(range(1, most + 1)), **{name: name in options.may for name in KINDS[1:]})
 
 
 def _choose(found: Gathered, options: Options, unit: Array) -> Chosen:

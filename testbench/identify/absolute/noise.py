@@ -11,9 +11,8 @@ import numpy as np
 from scipy.linalg import helmert
 
 from testbench.data.series import Series
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.robust_loss import READINGS, Loss
-from testbench.model.structure import Ids
 
 KINDS = ("position", "orientation", "position within a pose", "orientation within a pose")
 """Kinds of equations, each with a scatter of its own."""

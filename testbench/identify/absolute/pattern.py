@@ -13,9 +13,8 @@ import numpy as np
 from scipy.linalg import helmert
 from scipy.sparse import coo_array, csr_array
 
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.model.joint_errors import JointErrors
-from testbench.model.structure import Ids
 
 FIRST = 3
 """Lowest order that counts: an axis that is not where it is drawn looks like orders 1 and 2."""

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
 from testbench.data.series import Series, select_rows
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.inner import moved_frame, moved_mount
 from testbench.identify.absolute.noise import Noise, roots, weights
@@ -21,7 +21,7 @@ from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.posterior import Posterior
 from testbench.identify.rows import rows_of
-from testbench.model.structure import Ids, joints_only
+from testbench.model.structure import joints_only
 
 if TYPE_CHECKING:
     from testbench.identify.absolute.fit import Calibration

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import Ids
 from testbench.data.series import Series, select_rows
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.absolute.state import State
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.rows import rows_of

@@ -37,9 +37,8 @@ class MassFit:
     rest: float  #: Scatter that is left [N m, N].
     spread: float  #: Scatter of the torques without the wrenches' [N m, N].
     limited: tuple[str, ...]  #: Links and tool of which a number is as far from the given one as it may be.
-    motors: bool = (
-        False  #: Whether torques are the motors' against the weight, or the weight's on the joints.
-    )
+    #: Whether torques are the motors' against the weight, or the weight's on the joints.
+    motors: bool = False
 
     @property
     def explained(self) -> bool:

@@ -12,11 +12,11 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from testbench.data.series import Series
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.absolute.pattern import FIRST, Pattern, basis
 from testbench.identify.absolute.state import State
 from testbench.model.joint_errors import BANDS, JointErrors
-from testbench.model.structure import Ids, Structure
+from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
 

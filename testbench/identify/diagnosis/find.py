@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Ids, select
+from testbench.data.dataset import Dataset, select
 from testbench.errors import Array
 from testbench.identify.diagnosis.between import moved
 from testbench.identify.diagnosis.deflected import SINGLE, deflected
@@ -162,15 +162,10 @@ def _free(found: Registered) -> Free:
     return Free(frame=found.frame == "tracker", targets=found.frame == "tracker")
 
 
-def _different(data: Dataset) -> Ids:
-    """Runs with unloaded readings of their own: several loads of a pose may share them."""
-    read = np.concatenate([data.q, np.nan_to_num(data.before.reshape(data.runs, -1))], axis=1)
-    return np.sort(np.unique(read, axis=0, return_index=True)[1])
-
-
 def _seen(vjm: Vjm, data: Dataset, read: Array) -> Seen:
     """Readings, unloaded or loaded, of the runs with unloaded readings of their own."""
-    runs = _different(data)
+    every = np.concatenate([data.q, np.nan_to_num(data.before.reshape(data.runs, -1))], axis=1)
+    runs = np.sort(np.unique(every, axis=0, return_index=True)[1])  # several loads of a pose may share them
     return Seen(
         vjm=vjm,
         q=data.q[runs],

@@ -10,8 +10,8 @@ from itertools import permutations
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, Mask, read_by
-from testbench.errors import Array
+from testbench.data.dataset import Dataset, read_by
+from testbench.errors import Array, Mask
 from testbench.identify.absolute.unknowns import compliances
 from testbench.identify.diagnosis.finding import Finding, test
 from testbench.identify.evidence import greatest, posterior

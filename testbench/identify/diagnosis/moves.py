@@ -9,9 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.data.dataset import Ids
 from testbench.data.series import Series, select_rows
-from testbench.errors import BenchError
+from testbench.errors import BenchError, Ids
 from testbench.identify.absolute.align import read_only
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.state import State

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import Ids, Mask
-from testbench.errors import Array
+from testbench.errors import Array, Ids, Mask
 from testbench.identify.closed_form import kabsch
 from testbench.identify.registration import Frame
 from testbench.model.turn import turned

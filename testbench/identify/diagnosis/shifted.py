@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import Ids
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.diagnosis.place import Fit, Free, Seen, fit, losses, residuals
 from testbench.model.vjm import chain
 

@@ -14,7 +14,7 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.special import fdtrc
 
 from testbench.data.series import Series, select_rows
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, prior, usual
 from testbench.identify.absolute.noise import Noise, weights
@@ -24,7 +24,6 @@ from testbench.identify.diagnosis.finding import Finding, Tested, test
 from testbench.identify.metric import Metric
 from testbench.identify.rows import rows_of
 from testbench.model.joint_errors import JointErrors
-from testbench.model.structure import Ids
 
 ORDERS = 8  #: Periodic errors beside a step: those that the poses of a part of a series may share.
 LACKING = 3.0  #: Size of errors beside a step, over the usual one: what part of them is left is not known.
@@ -176,7 +175,9 @@ def _greatest(rest: _Rest, series: Series, sums: _Sums, steps: Ids, *, turns: bo
 def _sums(at: Linear, series: Series, steps: Ids) -> _Sums:
     edges = np.r_[0, steps, series.rows]
     cells, AA = [], 0.0
-    for part in _batches(at, series, edges):
+    numbers = 3 * series.rows * (len(series.markers) + 1) * at.own.unknowns.size
+    batches = min(len(edges) - 1, 1 + numbers // BATCH)  # of cells that are in memory together
+    for part in np.array_split(np.arange(len(edges) - 1), batches):
         A, Z = _equations(at, select_rows(series, np.arange(edges[part[0]], edges[part[-1] + 1])))
         AA = AA + np.einsum("ar,br->ab", A, A, optimize=True)
         each = A.shape[1] // (edges[part[-1] + 1] - edges[part[0]])
@@ -184,12 +185,6 @@ def _sums(at: Linear, series: Series, steps: Ids) -> _Sums:
             own = slice(each * a, each * b)
             cells.append(Z[:, own] @ np.vstack([A[:, own], Z[:, own]]).T)
     return _Sums(np.asarray(AA), np.array(cells), steps, 3 * int(series.seen.sum() + series.turned.sum()))
-
-
-def _batches(at: Linear, series: Series, edges: Ids) -> Iterator[Ids]:
-    """Places of cells that are in memory together."""
-    numbers = 3 * series.rows * (len(series.markers) + 1) * at.own.unknowns.size
-    yield from np.array_split(np.arange(len(edges) - 1), min(len(edges) - 1, 1 + numbers // BATCH))
 
 
 def _equations(at: Linear, series: Series) -> tuple[Array, Array]:

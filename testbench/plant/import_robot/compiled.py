@@ -36,12 +36,10 @@ class Cleaned:
     notes: tuple[Note, ...]
     prepare: Callable[[mujoco.MjSpec], None] = lambda _: None  #: What is changed before MuJoCo compiles it.
     surfaces: Mapping[str, Mesh] = field(default_factory=dict)  #: Meshes that MuJoCo has a box for, by name.
-    odd: Mapping[str, str] = field(
-        default_factory=dict
-    )  #: Bodies whose joint cannot be one of an arm, and why.
-    follows: Mapping[str, str] = field(
-        default_factory=dict
-    )  #: The joint that a joint mimics, by their names.
+    #: Bodies whose joint cannot be one of an arm, and why.
+    odd: Mapping[str, str] = field(default_factory=dict)
+    #: The joint that a joint mimics, by their names.
+    follows: Mapping[str, str] = field(default_factory=dict)
 
 
 def compiled(file: Path, name: str, cleaned: Cleaned) -> Robot:

@@ -96,12 +96,9 @@ def _triangles(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
     if not parts:
         raise MeshError(f"no triangles in this {kind}")
     vertices, faces = joined([(p.vertices, p.faces) for p in parts])
-    return vertices * _metres(scene.units), faces, _main_colour(parts)
-
-
-def _metres(units: str | None) -> float:
-    """Metres in a unit of a file, as COLLADA states it; its up axis is ignored, as by robots' viewers."""
-    return float(units.partition(" ")[0]) if units and "*" in units else 1.0
+    # metres in a unit as COLLADA states it; its up axis is ignored, as by robots' viewers
+    units = str(scene.units or "")
+    return vertices * (float(units.partition(" ")[0]) if "*" in units else 1.0), faces, _main_colour(parts)
 
 
 def _main_colour(parts: Sequence[object]) -> Array | None:

@@ -5,12 +5,11 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.plant.shapes import Kind
 
-Faces = npt.NDArray[np.int_]
+Faces = Ids
 Surface = tuple[Array, Faces]
 """Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.plant.import_robot.robot import Body, Robot, Site
+from testbench.plant.import_robot.robot import Robot, Site
 
 TIPS = (
     *("tool0", "tcp", "tool", "flange", "attachment_site", "attachment", "ee", "eef"),
@@ -57,7 +57,8 @@ def usual_tip(robot: Robot) -> Tip:
     last = min(flanges, key=lambda found: found[0])[1] if flanges else _last_moving(robot, carriers)
     if here := [(rank, tip) for rank, tip in ranked if carriers[tip.body] == last]:
         return min(here, key=lambda found: found[0])[1]
-    bare = [tip for tip in tips if bodies[tip.body].parent == last and _is_bare(bodies[tip.body])]
+    fixed = [tip for tip in tips if bodies[tip.body].parent == last and not bodies[tip.body].moves]
+    bare = [tip for tip in fixed if bodies[tip.body].mass == 0 and not bodies[tip.body].shapes]
     return bare[0] if len(bare) == 1 else Tip(last, Site(bodies[last].name, np.eye(4)))
 
 
@@ -72,11 +73,6 @@ def _rank(name: str) -> int | None:
     words = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
     words = re.sub("_(link|frame)$", "", words)
     return next((k for k, tip in enumerate(TIPS) if f"_{words}".endswith(f"_{tip}")), None)
-
-
-def _is_bare(body: Body) -> bool:
-    """A frame without mass or surface."""
-    return not body.moves and body.mass == 0 and not body.shapes
 
 
 def _carrier(robot: Robot, body: int) -> int:

@@ -13,16 +13,13 @@ from testbench.errors import Array, BenchError
 from testbench.plant.build import REFUSED, check_geoms
 from testbench.plant.feasible import collide
 from testbench.plant.import_robot.meshes import stl_bytes
-from testbench.plant.import_robot.robot import Body, Chain, Joint, Point, Shape, Site, Surface, pose_of
+from testbench.plant.import_robot.robot import Body, Chain, Point, Shape, Site, Surface, pose_of
 from testbench.plant.import_robot.solids import plausible
 from testbench.plant.import_robot.surface import Surfaces, surfaces
 
 Pair = tuple[str, str]
-SIZES = {
-    "sphere": 1,
-    "capsule": 2,
-    "cylinder": 2,
-}  #: How many numbers MuJoCo has for the size of a primitive.
+SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2}
+"""How many numbers MuJoCo has for the size of a primitive, where not three."""
 BALL = 0.008  #: Radius of a marker as drawn, over the arm's reach [1].
 MARKER, LOAD = "0.835 0.369 0 1", "0.1 0.1 0.1 1"
 POSES = 300
@@ -98,8 +95,10 @@ def numbers_text(values: Array) -> str:
 
 def _filled(body: ET.Element, part: Body) -> None:
     """The joint and the mass of a part."""
-    if part.joint is not None:
-        ET.SubElement(body, "joint", _joint(part.joint))
+    if (joint := part.joint) is not None:
+        own = {"name": joint.name, "type": "slide" if joint.prismatic else "hinge"}
+        ends = numbers_text(np.array([joint.lower, joint.upper]))
+        ET.SubElement(body, "joint", {**own, "axis": numbers_text(joint.axis), "range": ends})
     inertia = plausible(part.inertia)
     stated = {"pos": numbers_text(part.com), "mass": f"{part.mass:.9g}"}
     if np.abs(inertia - np.diag(np.diag(inertia))).max() < 1e-9 * inertia.max():
@@ -107,15 +106,6 @@ def _filled(body: ET.Element, part: Body) -> None:
     else:
         stated["fullinertia"] = _digits(inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)])
     ET.SubElement(body, "inertial", stated)
-
-
-def _joint(joint: Joint) -> dict[str, str]:
-    return {
-        "name": joint.name,
-        "type": "slide" if joint.prismatic else "hinge",
-        "axis": numbers_text(joint.axis),
-        "range": numbers_text(np.array([joint.lower, joint.upper])),
-    }
 
 
 def _digits(values: Array) -> str:

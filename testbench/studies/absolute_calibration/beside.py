@@ -7,9 +7,8 @@ import numpy as np
 from testbench.campaign.absolute_truth import Truth
 from testbench.campaign.named_parameters import Part, functionals
 from testbench.campaign.rows import MM
-from testbench.data.dataset import Ids
 from testbench.data.series import Series
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.identify.absolute.choose import GEOMETRY
 from testbench.identify.absolute.evidence import Learnt, choice, solve, squares
 from testbench.identify.absolute.fit import Calibration, Gathered

@@ -14,10 +14,9 @@ from testbench.campaign.perturbed_prior import wrong_prior
 from testbench.campaign.rows import MM, UM
 from testbench.campaign.tracker import Tracker, read_positions
 from testbench.campaign.true_arms import FAMILY, member, true_cell
-from testbench.data.dataset import Mask
 from testbench.data.series import Series
 from testbench.data.write import series_text
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Mask
 from testbench.identify.absolute.fit import Calibration, explain, gather
 from testbench.identify.absolute.fit import Options as Fit
 from testbench.identify.absolute.posterior import inside, model_of, posterior_of, predict

@@ -30,10 +30,10 @@ from testbench.campaign.rows import FAILED, MM
 from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
 from testbench.correct.compensated import Compensated, compensate
 from testbench.correct.newton import Aim
-from testbench.data.dataset import Dataset, Ids
+from testbench.data.dataset import Dataset
 from testbench.data.write import csv_text
 from testbench.design.rows import Tasks
-from testbench.errors import Array, NoEquilibrium
+from testbench.errors import Array, Ids, NoEquilibrium
 from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import About, ArmModel, bending, of_compliances, of_estimate
 from testbench.identify.posterior import Posterior

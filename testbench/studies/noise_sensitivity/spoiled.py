@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.campaign.tracker import LONGEST
-from testbench.data.dataset import Dataset, Mask
-from testbench.errors import Array, BenchError, check_least
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, BenchError, Mask, check_least
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from testbench.campaign.campaign import Cell, build_cell, stream
 from testbench.campaign.plan import MORE, best_of, union_after
 from testbench.campaign.plan_settings import PlanSettings
 from testbench.campaign.rows import UM
-from testbench.data.dataset import Ids
 from testbench.data.series import Series, select_rows
 from testbench.design.absolute import position_rows
+from testbench.errors import Ids
 from testbench.identify.absolute.choose import blocks_of
 from testbench.identify.absolute.fit import ORDERS, PATTERN, Calibration, Options, explain, gather
 from testbench.identify.absolute.posterior import model_of

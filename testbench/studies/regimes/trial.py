@@ -19,8 +19,8 @@ from testbench.campaign.pose_campaign import FullPose
 from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import TRUTHS, true_cell
-from testbench.data.dataset import Dataset, Mask, select
-from testbench.errors import Array, BenchError
+from testbench.data.dataset import Dataset, select
+from testbench.errors import Array, BenchError, Mask
 from testbench.identify import reduce
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.prior import Strength, cad_prior

@@ -12,8 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from testbench.campaign.campaign import Cell
-from testbench.data.dataset import Ids
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.views.colours import (
     GCO,
     GREY,
