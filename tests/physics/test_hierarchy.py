@@ -11,9 +11,8 @@ from testbench.campaign.perturbed_prior import prior_of
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.diagnosis.loads import learnt
-from testbench.identify.diagnosis.prior_check import contradicted, unchecked
 from testbench.identify.evidence import bends, greatest, posterior
-from testbench.identify.hierarchy import WIDEST, _scales, evidence, learn
+from testbench.identify.hierarchy import WIDEST, _scales, contradicted, evidence, learn, unchecked
 from testbench.identify.metric import Belief, metric, precision_root, whitened
 from testbench.identify.posterior import CURVED, HEAVY, curvature, intervals, linearise, quantile
 from testbench.identify.prior import Prior, Strength, cad_prior

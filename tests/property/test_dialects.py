@@ -14,8 +14,8 @@ from hypothesis.extra.numpy import arrays
 
 from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset
+from testbench.data.names import LEAST
 from testbench.data.read_pairs import read_csv
-from testbench.data.units import LEAST
 from testbench.data.write import write_csv
 from testbench.errors import InputError
 
