@@ -25,8 +25,8 @@ PICTURE = "identify.png"
 MOST = 30  #: Runs that are listed, the worst.
 LEFT = "Worst in run {which_run}: {taken_mm:.3f} mm are left of {moved_mm:.3f} mm."
 MODELS = (
-    "name parameters rank conservative f_m f_m_floor identification.rms_mm check.rms_mm "
-    "intervals.half_width_mm f_m_held_out elsewhere.half_width_mm elsewhere.apart_mm"
+    "name parameters rank conservative check.rms_mm f_m_held_out identification.rms_mm f_m "
+    "f_m_floor intervals.half_width_mm elsewhere.half_width_mm elsewhere.apart_mm"
 )
 PAGE = 3  #: Of these columns, the last ones, that a terminal has no room for.
 LAWS, STRUT = "part stiffer_percent backlash_urad friction_urad", "strut_percent"
@@ -121,7 +121,8 @@ def _models(f: Row, keys: Sequence[str]) -> Table:
     known = tuple(c for c in every if any(c.value(m) is not None for m in f.models))
     if f.failed:
         known = tuple(replace(c, none="not fitted") if c.key == "check.rms_mm" else c for c in known)
-    headline = "check.rms_mm" if f.models[0].check else "identification.rms_mm"
+    judged = ("check.rms_mm", "f_m_held_out", "identification.rms_mm")
+    headline = next(key for key in judged if any(c.key == key for c in known))
     return Table(known, [*f.models, *f.failed], "Models", f.recommended, headline)
 
 

@@ -21,7 +21,7 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.model.laws import STRUT
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose
-from testbench.report.badge import Badge, decide, incumbents
+from testbench.report.badge import FEWEST, Badge, decide, incumbents
 from testbench.report.table import Row, find
 
 PLACES = 200  #: Poses over the workspace.
@@ -93,13 +93,13 @@ def _laws(found: Identified) -> list[Row]:
 def _badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
     """The model to take beside the strongest incumbent of its class, run by run of those held out.
 
-    Where none is held out for good, by what cross-validation holds out in turn.
+    Where these are none or too few, by what cross-validation holds out in turn.
     """
     data, check, taken = found.runs.every, found.runs.check, found.fits.recommended
-    if check is None:
-        rms, each = found.held_out, "group of runs held out"
+    held = np.isin(data.pose, [] if check is None else check.pose) & data.seen.any(axis=1)
+    if held.sum() < FEWEST and found.held_out:
+        rms, each = found.held_out, "group of fitted runs held out in turn"
     else:
-        held = np.isin(data.pose, check.pose) & data.seen.any(axis=1)
         count = np.maximum(data.seen[held].sum(axis=1), 1)
         rms = {name: MM * np.sqrt((own[held] ** 2).sum(axis=(1, 2)) / count) for name, own in left.items()}
         each = "run held out"

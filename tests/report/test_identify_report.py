@@ -59,14 +59,19 @@ def changed(f, name, **changes):
 def test_numbers_stand_in_their_columns_in_a_terminal_and_on_the_page(f):
     said = report(f)
     page = reports.check(said, [])
-    row = "| **ALL153 + prior** | 13 | 8 | yes | 4.100 | 3.900 | 3.100 | 3.200 | 3.300 | 5.50 |"
+    row = "| **ALL153 + prior** | 13 | 8 | yes | 3.200 | 5.50 | 3.100 | 4.100 | 3.900 | 3.300 |"
     assert row in page
     assert "| link_1 | 21 | 37 | 4 |" in page
     worst = max(f.residuals, key=lambda own: own.taken_mm)
     assert f"| {worst.run} | {worst.pose} | {worst.moved_mm:.3f} | {worst.taken_mm:.3f} |" in page
     assert f"Worst in run {worst.run}: {worst.taken_mm:.3f} mm are left of {worst.moved_mm:.3f} mm." in page
     assert "The worst 30 of 40 runs" in page
-    assert "F_M held out" not in [column.heading for column in printed(said).columns]
+    keys = [column.key for column in printed(said).columns]
+    assert "f_m_held_out" in keys
+    assert "elsewhere.apart_mm" not in keys
+    for gone, headline in (("check", "f_m_held_out"), ("f_m_held_out", "identification.rms_mm")):
+        f = changed(f, "all", **{gone: None})
+        assert report(f).tables["models"].headline == headline
 
 
 def test_laws_of_the_joints_are_told_where_the_model_has_them(f):
@@ -81,7 +86,7 @@ def test_what_was_not_asked_for_is_not_shown(f):
     plain = changed(Row(f), "all", check=None, intervals=Row(), f_m_held_out=None)
     said = report(plain)
     head = [column.key for column in said.tables["models"].columns]
-    assert head[-1] == "identification.rms_mm"
+    assert head[-3:] == ["identification.rms_mm", "f_m", "f_m_floor"]
     page = said.whole()
     assert "No pose was held out" in page
     assert "+-" not in said.answer

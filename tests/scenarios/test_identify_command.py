@@ -118,7 +118,7 @@ def test_without_runs_held_out_for_good_the_badge_is_of_poses_held_out_in_turn(m
             left[name].append((off**2).mean())
     factor = np.sqrt(np.sum(left[badge["rival"]]) / np.sum(left[badge["winner"]]))
     assert badge["factor"] == pytest.approx(factor, rel=1e-4)
-    assert (badge["n"], badge["each"]) == (8, "group of runs held out")
+    assert (badge["n"], badge["each"]) == (8, "group of fitted runs held out in turn")
 
 
 def test_the_map_is_what_the_models_say_of_its_poses_and_the_worst_is_named(made, report, data):
