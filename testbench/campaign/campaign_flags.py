@@ -6,9 +6,8 @@ from typing import Annotated
 
 import typer
 
-from testbench.arm.catalogue import find_arm
 from testbench.arm.decimal import is_decimal
-from testbench.arm.folder import load_arm
+from testbench.arm.folder import find_arm, load_arm
 from testbench.campaign.campaign import Scenario, Truth, of_arm
 from testbench.campaign.plan_input import read_mass
 from testbench.campaign.true_arms import FAMILY, TrueArmName

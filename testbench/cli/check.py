@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import ceil
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.arm_check import check
 from testbench.campaign.campaign_flags import ArmName
 from testbench.cli.arguments import ShownFolder

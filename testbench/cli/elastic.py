@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import Arm
+from testbench.arm.folder import Arm, find_arm
 from testbench.arm.mesh import MAX_BYTES, read_meshes
 from testbench.arm.mjcf import assets, read_mjcf
 from testbench.campaign.campaign import build_cell
