@@ -16,16 +16,15 @@ from testbench.arm.folder import Arm
 from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.urdf_text import NEW_STAMP, origin_of, with_origins, words
 from testbench.campaign.export_geometry import (
-    GEOMETRY,
     Frames,
     Rigid,
     apart,
-    displacements,
     far,
     identified,
     random_joints,
     tool_poses,
 )
+from testbench.campaign.export_left import GEOMETRY, displacements
 from testbench.campaign.export_own import own_origins, place, read_own
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State

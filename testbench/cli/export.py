@@ -15,9 +15,11 @@ from testbench.arm.folder import Arm
 from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
 from testbench.campaign.arm_models import load_model
+from testbench.campaign.controller_files import ABB, STAMP, UR, read_controller
 from testbench.campaign.export import BEGINS, Draft, beside_of, draft_new, draft_own, export
-from testbench.campaign.export_controller import ABB, STAMP, UR, draft_ur, export_offsets, read_controller
-from testbench.campaign.export_geometry import POSES, BestOffsets, Sizes
+from testbench.campaign.export_controller import draft_ur, export_offsets
+from testbench.campaign.export_geometry import POSES
+from testbench.campaign.export_left import BestOffsets, Sizes
 from testbench.errors import BenchError, InputError
 from testbench.identify.arm_model import ArmModel
 from testbench.output.manifest import read_plain

@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm, Joint
 from testbench.campaign.campaign import stream
+from testbench.campaign.open_laws import open_laws
 from testbench.campaign.plan import AbsolutePlanned, Planned, left_open
 from testbench.campaign.plan_settings import pull_words
 from testbench.campaign.predicted_error import (
@@ -17,7 +18,6 @@ from testbench.campaign.predicted_error import (
     fitted,
     half_widths,
     joints_alone,
-    open_laws,
     overall,
     unshown,
     within,

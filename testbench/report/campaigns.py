@@ -1,22 +1,16 @@
-"""What studies that judge models by campaigns share: the best of a method, pairs, the map, who failed."""
+"""What studies that judge models by campaigns share: the best of a method, pairs, the map, the recording."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-
-import numpy as np
 
 from testbench.campaign.models import JOINTS
-from testbench.campaign.rows import FAILED
 from testbench.campaign.workspace_errors import ErrorPlaces, Places, error_places
 from testbench.identify import Constraint
-from testbench.report.columns import columns
-from testbench.report.report import Report, say
-from testbench.report.table import TRIAL, Row, Trials, aligned, find, merged, nested, paired
+from testbench.report.report import say
+from testbench.report.table import Row, Trials, aligned, merged, nested, paired
 from testbench.trials.spread import span, wins
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
-from testbench.views.schema import Table, best_of
+from testbench.views.schema import best_of
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
 NOT_OF_A_MODEL = ("seed", "truth", "true_arm", "measured.", "places.", "place_mm", "drawn.", "data_file")
@@ -124,39 +118,3 @@ def distinct(models: Sequence[Row]) -> list[Row]:
 def own(models: Sequence[Row]) -> list[str]:
     """Estimators of one's own that worked in a trial, by name."""
     return [m.name for m in models if m.constraint == "own"]
-
-
-FAILURES = "failures"  #: Name of the table.
-Failures = Mapping[tuple[str, int], str]
-"""Why an estimator failed in a trial, by its name and the seed; of several cases the first."""
-
-
-def failures(trials: Trials, model: str) -> Failures:
-    """What the rows of trials say, of which a column names the models."""
-    found: dict[tuple[str, int], str] = {}
-    status = ".".join([*model.split(".")[:-1], "status"])
-    for name, seed, why in zip(*(trials[own].tolist() for own in (model, TRIAL, status)), strict=True):
-        if why and why.startswith(FAILED):
-            found.setdefault((name, seed), why)
-    return found
-
-
-def fitted(trials: Trials, model: str, lost: Failures) -> Trials:
-    """The other rows: who failed in one case of a trial has none of that trial, so that cases compare."""
-    keys = zip(trials[model].tolist(), trials[TRIAL].tolist(), strict=True)
-    return trials.pick(np.array([key not in lost for key in keys], dtype=bool))
-
-
-def with_failures(report: Report, lost: Failures, trials: int) -> Report:
-    """A report that says first who failed, how often, and why in the first of these trials."""
-    rows = [Row(name=name, seed=seed, status=why) for (name, seed), why in lost.items()]
-    count = Counter(row.name for row in rows)
-    first = [Row(find(rows, name=name), failed=f"{n} of {trials}") for name, n in count.items()]
-    sentence = "Your estimator {name} failed in {failed} trials, which its numbers leave out."
-    return replace(
-        report,
-        numbers={**report.numbers, FAILURES: rows},
-        tables={**report.tables, FAILURES: Table(columns("name failed seed status"), first, "Failures")},
-        body=[*report.body, FAILURES],
-        claims=[*(say(sentence, row) for row in first), *report.claims],
-    )

@@ -19,7 +19,7 @@ from testbench.campaign.model_folder import digests
 from testbench.campaign.own_estimator import EstimatorOptions, digests_of
 from testbench.errors import InputError
 from testbench.output.place import claim_folder, whole_folder
-from testbench.report.campaigns import FAILURES, failures, fitted, with_failures
+from testbench.report.failures import FAILURES, failures, fitted, with_failures
 from testbench.report.report import Report
 from testbench.report.table import Trials
 from testbench.shell.options import Common, takes

@@ -17,7 +17,8 @@ from testbench.arm.urdf_text import STAMP
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.export import draft_new, draft_own, export
 from testbench.campaign.export_controller import draft_ur, export_offsets
-from testbench.campaign.export_geometry import apart, best_offsets, drawn, random_joints, tool_poses
+from testbench.campaign.export_geometry import apart, drawn, random_joints, tool_poses
+from testbench.campaign.export_left import best_offsets
 from testbench.errors import BenchError, InputError
 from testbench.identify.absolute.state import nominal
 from testbench.identify.arm_model import bending

@@ -10,7 +10,7 @@ from scipy.stats import wishart
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign import predicted_error
 from testbench.campaign.campaign import Scenario, hanging, measure, stream
-from testbench.campaign.predicted_error import open_laws
+from testbench.campaign.open_laws import open_laws
 from testbench.data.dataset import Dataset
 from testbench.design.criteria import CRITERIA
 from testbench.design.forecast import forecast

@@ -10,10 +10,11 @@ from reports import check
 from rich.console import Console
 
 from testbench.arm.folder import Joint
+from testbench.campaign.open_laws import OpenLaw
 from testbench.campaign.plan import Planned, plan_for
 from testbench.campaign.plan_input import FORCE, read_loads, read_tasks
 from testbench.campaign.plan_settings import PlanSettings
-from testbench.campaign.predicted_error import Expected, OpenLaw, Unshown
+from testbench.campaign.predicted_error import Expected, Unshown
 from testbench.commands.plan import WORST, printed, report
 from testbench.commands.plan_drawn import OURS, WORK, plan_columns, seen, write_poses, write_tasks
 from testbench.commands.plan_numbers import numbers

@@ -12,7 +12,7 @@ from run_here import here
 
 from testbench import files
 from testbench.campaign.arm_models import read_model
-from testbench.campaign.export_controller import STAMP
+from testbench.campaign.controller_files import STAMP
 from testbench.cli.program import program
 
 ROOT = Path(__file__).resolve().parents[2]

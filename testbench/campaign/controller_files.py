@@ -1,0 +1,90 @@
+"""Numbers in the own file of a robot's driver or controller, found and exchanged; all else stays.
+
+- Universal Robots: `kinematics` that ur_description reads, pose of every joint's frame in the one before, its
+  z axis the joint's [m, rad]. `hash` names the controller's own calibration, which stays as it is.
+- KUKA: `$MAMES` of `$machine.dat`, angle of an axis where it is mastered [deg] (KR C2, Machine Data, 2.1.7).
+- ABB: `cal_offset` of MOTOR_CALIB in MOC.cfg, angle of a motor where its axis is calibrated [rad].
+"""
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from testbench.errors import Array, InputError, read_bytes
+
+MAX_BYTES = 16_000_000
+BYTES = "latin-1"  #: A byte a character, whatever the encoding is.
+STAMP = "testbench export: as identified"
+NUMBER = r"(?P<number>[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?)(?![\w.])"
+UR_LINE = rf"(?m)^[ \t]++(?P<key>\w++):[ \t]*+(?:{NUMBER})?[ \t]*+(?:#.*)?\r?$"
+KUKA_LINE = rf"(?mi)^[ \t]*\$MAMES\[(?P<key>\d+)\][ \t]*=[ \t]*{NUMBER}"
+ABB_LINE = rf'(?s)-name\s+"(?P<key>[^"]*)"(?:(?!-name\s).)*?\s-cal_offset\s+{NUMBER}'
+
+
+@dataclass(frozen=True)
+class Format:
+    """A kind of file."""
+
+    title: str  #: For people.
+    name: str  #: Of one key in the file, `{}` for the key.
+    part: str  #: Regular expression of what holds the numbers.
+    line: str  #: Of one, with `key` and `number`; without a number it is the head of keys below.
+    decimals: int  #: Of a number that is written.
+    comment: str  #: Begins one.
+    head: str  #: Regular expression of what stands before our comment.
+
+
+UR = Format("kinematics of a UR driver", "{}", r"(?ms)^kinematics:.*", UR_LINE, 12, "#", "")
+KUKA = Format(
+    "KUKA's $machine.dat", "$MAMES[{}]", r"(?is)\$MAMES.*", KUKA_LINE, 8, ";", r"(?ims)(.*?^DEFDAT.*?\n)?"
+)
+ABB = Format("ABB's MOC.cfg", 'cal_offset of "{}"', r"(?m)^MOTOR_CALIB:[^#]*", ABB_LINE, 8, "#", r"[^\n]*\n")
+
+
+def read_controller(file: Path) -> tuple[Format, str]:
+    """What kind of file the robot's own one is, and its text; InputError when it is none."""
+    text = read_bytes(file, MAX_BYTES).decode(BYTES)
+    if STAMP in text:
+        raise InputError(file, "", "testbench export wrote it; expected the robot's own file")
+    for form in (UR, KUKA, ABB):
+        if re.search(form.part, text):
+            return form, text
+    raise InputError(file, "", f"expected {UR.title}, {KUKA.title} or {ABB.title}")
+
+
+def find_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Mapping[str, re.Match[str]]:
+    """Where the numbers of some keys stand in a text, once each; InputError where they do not."""
+    found: dict[str, re.Match[str]] = {}
+    above, part = "", re.search(form.part, text)
+    for match in re.compile(form.line).finditer(text, part.start() if part else 0, part.end() if part else 0):
+        if match["number"] is None:
+            above = f"{match['key']}."
+        elif (key := above + match["key"]) in found:
+            raise InputError(file, form.name.format(key), "stands twice")
+        else:
+            found[key] = match
+    for key in keys:
+        if key not in found or not math.isfinite(float(found[key]["number"])):
+            raise InputError(file, "", f"expected {form.title} with a number at {form.name.format(key)}")
+    return {key: found[key] for key in keys}
+
+
+def read_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Array:
+    """The numbers of some keys; InputError as of `find_numbers`."""
+    return np.array([float(match["number"]) for match in find_numbers(form, file, text, keys).values()])
+
+
+def exchanged(
+    form: Format, text: str, numbers: Mapping[str, re.Match[str]], values: Iterable[float], *said: str
+) -> str:
+    """The text with other numbers, our stamp and what is said in comments."""
+    for match, value in sorted(zip(numbers.values(), values, strict=True), key=lambda pair: -pair[0].end()):
+        start, end = match.span("number")
+        text = f"{text[:start]}{round(value, form.decimals) + 0.0:.{form.decimals}f}{text[end:]}"
+    newline, head = "\r\n" if "\r\n" in text else "\n", re.match(form.head, text)
+    at = head.end() if head else 0
+    return text[:at] + "".join(f"{form.comment} {line}{newline}" for line in (STAMP, *said)) + text[at:]
