@@ -11,8 +11,7 @@ import pytest
 from run_here import do, fine, is_refused
 from workbooks import packed, parts
 
-from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import load_arm
+from testbench.arm.folder import find_arm, load_arm
 from testbench.data.read_series import read_series
 from testbench.errors import InputError
 

@@ -15,9 +15,9 @@ from refused import one_line
 
 from testbench.arm.folder import load_arm
 from testbench.data.dataset import Dataset, select, split
+from testbench.data.names import LARGEST, LEAST
 from testbench.data.read_pairs import read_csv
 from testbench.data.scatter import SIGMA_RANGE
-from testbench.data.units import LARGEST, LEAST
 from testbench.data.write import write_csv
 from testbench.errors import InputError
 

@@ -19,8 +19,8 @@ from run_here import do, fine, heed_ctrl_c, refused
 
 from testbench import __version__
 from testbench.campaign.campaign import Scenario, build_cell, simulate
+from testbench.campaign.campaign_flags import mass
 from testbench.campaign.plan_input import read_masses
-from testbench.cli.arguments import mass
 from testbench.cli.program import COMMANDS
 from testbench.data.write import write_csv
 from testbench.views.recording.run import write_run

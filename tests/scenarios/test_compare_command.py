@@ -14,7 +14,7 @@ from read_back import document
 from run_here import check_folder, do, fine, refused
 
 from testbench import files
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.model_folder import digests
 from testbench.commands.compare_rows import differ
 from testbench.report.columns import columns as quantities

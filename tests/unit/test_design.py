@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
+from testbench.design.baselines import observability
 from testbench.design.criteria import Determinant, Linear, criterion_e, criterion_g, mean_square
 from testbench.design.exchange import exchange, greedy
 from testbench.design.forecast import forecast
-from testbench.design.observability import observability
 from testbench.design.order import joint_travel, round_trip, shortest_path
 from testbench.design.refine import Reach, Search, ascend, refine
 from testbench.design.relaxation import relax
