@@ -65,15 +65,13 @@ def sag(cell: Cell) -> Sag:
     wrench = np.tile([0, 0, -GRAVITY, 0, 0, 0], (n, 1))
     load = generalised_load(where, wrench, np.tile(cell.vjm.load, (n, 1)))
     theta = cell.arm.C_theta @ load
-    moved = [np.einsum("xtp,tp->px", where.J_theta[:3, own], theta[own]) for own in _parts(cell)]
+    links = 6 * len(cell.arm.links)
+    parts = [
+        *(slice(k, k + 6) for k in range(0, links, 6)),
+        *(slice(k, k + 1) for k in range(links, len(theta))),
+    ]
+    moved = [np.einsum("xtp,tp->px", where.J_theta[:3, own], theta[own]) for own in parts]
     return Sag(q, np.array(moved), np.einsum("xtp,tp->px", where.J_theta[3:], theta))
-
-
-def _parts(cell: Cell) -> Iterator[slice]:
-    """Virtual joints of each link, then of each joint."""
-    links = len(cell.arm.links)
-    yield from (slice(6 * k, 6 * k + 6) for k in range(links))
-    yield from (slice(6 * links + k, 6 * links + k + 1) for k in range(cell.arm.n_joints))
 
 
 def work_area(cell: Cell) -> Array:
@@ -147,7 +145,10 @@ def _beam_axes(arm: Looked) -> Iterator[str]:
 
 def _diameters(arm: Looked) -> Iterator[str]:
     """A tube neither a disc nor thicker than the link is drawn."""
-    widths = _widths(arm.cell)
+    widths = {
+        k: float(np.ptp(own @ arm.cell.arm.links[k].frame[:, 1:], axis=0).max())
+        for k, own in _drawn(arm.cell).items()
+    }
     for k, link in enumerate(arm.elastic.link):
         if link.tube is None:
             continue
@@ -172,18 +173,9 @@ def _fragments(arm: Looked) -> Iterator[str]:
         yield f"{', '.join(names)}: {why}so the diameter of the tube is a guess"
 
 
-def _widths(cell: Cell) -> dict[int, float]:
-    """Widest extent across the beam axis of every link that is drawn [m]."""
-    return {
-        k: float(np.ptp(own @ cell.arm.links[k].frame[:, 1:], axis=0).max())
-        for k, own in _drawn(cell).items()
-    }
-
-
 def _drawn(cell: Cell) -> dict[int, Array]:
     """Corners of every link that is drawn, in its frame, (c, 3) [m]."""
-    from testbench.plant.corners import corners, is_drawn
-    from testbench.plant.shapes import body_names, visual_shapes
+    from testbench.plant.shapes import body_names, corners, is_drawn, visual_shapes
 
     if not is_drawn(cell.room):
         return {}
@@ -279,10 +271,9 @@ def _masses(arm: Looked) -> Iterator[str]:
 
 def _densities(cell: Cell, weights: Array) -> Iterator[str]:
     """Masses that fit the hulls of what collides, as far as the links have them."""
-    from testbench.plant.corners import corners
     from testbench.plant.import_robot.solids import hull_volume
     from testbench.plant.import_robot.weigh import PLAUSIBLE
-    from testbench.plant.shapes import body_names, solid_shapes
+    from testbench.plant.shapes import body_names, corners, solid_shapes
 
     names, volumes = body_names(cell.room), dict.fromkeys((link.name for link in cell.arm.links), 0.0)
     for shape in solid_shapes(cell.room):

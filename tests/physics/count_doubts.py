@@ -16,9 +16,9 @@ from sound_sets import PAYLOAD, sound
 from threadpoolctl import threadpool_limits
 
 from testbench.campaign.campaign import build_cell, stream
+from testbench.views.gains import wilson
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
-Z = 1.959964  #: Of a normal quantity, within which 95 % of it lie.
 OFTEN = 0.98  #: Share of the data sets from which on a mistake has no row of its own.
 
 
@@ -51,10 +51,9 @@ def right(case, doubt):
 
 def rate(held):
     """Per cent in which something holds, with 95 % interval (Wilson's score)."""
-    n, share = len(held), float(np.mean(held))
-    middle = (share + Z**2 / (2 * n)) / (1 + Z**2 / n)
-    half = Z / (1 + Z**2 / n) * np.sqrt(share * (1 - share) / n + Z**2 / (4 * n**2))
-    return f"{100 * share:.1f} ({100 * (middle - half):.1f} to {100 * (middle + half):.1f})"
+    share = float(np.mean(held))
+    low, high = wilson(share, len(held))
+    return f"{100 * share:.1f} ({100 * low:.1f} to {100 * high:.1f})"
 
 
 def table(found):

@@ -5,20 +5,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.linalg import helmert
 from scipy.spatial.transform import Rotation
 
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.data.series import select_rows
 from testbench.identify.absolute.align import aligned
-from testbench.identify.absolute.evidence import Learnt, choice, learn, usual
+from testbench.identify.absolute.evidence import Learnt, choice, usual
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import eliminate, moved_frame, moved_mount
-from testbench.identify.absolute.noise import Noise, repeated, roots
+from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.absolute.scatter import expected_of, single
 from testbench.identify.absolute.state import equilibrium, nominal
-from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.fold import Point, reduce_series
 from testbench.identify.metric import metric
 from testbench.identify.prior import Strength, cad_prior
@@ -92,20 +91,6 @@ def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series
     np.testing.assert_allclose(after[:, :, -1], left, rtol=0, atol=1e-7)  # of 1e-5
 
 
-def test_what_a_model_leaves_open_is_common_to_the_readings_of_a_pose(series):
-    """k readings have covariance sigma^2 + s^2 1 1^T: whitened means and differences have that of one."""
-    one, groups = series[0], repeated(series[0])
-    [group] = groups
-    k, m = group.shape[1], len(one.markers)
-    assert k == 3
-    W, _ = roots(replace(one, sigma=SIGMA, sigma_rotation=TURN), Noise(S, 2 * S), np.eye(3), groups)
-    H = helmert(k, full=True)
-    for target, own, opened in ((0, SIGMA, S), (m, TURN, 2 * S)):
-        of_readings = own**2 * np.eye(k) + opened**2
-        mixed = np.diag(W[target, group[0], 0, 0]) @ H
-        np.testing.assert_allclose(mixed @ of_readings @ mixed.T, np.eye(k), rtol=0, atol=1e-9)
-
-
 @pytest.mark.parametrize("factor", [0.7, 0.2])
 def test_a_reading_alone_scatters_as_the_mean_of_its_pose_says(series, factor):
     """Less may be left open than was thought; readings are better than said only where nothing is."""
@@ -118,40 +103,6 @@ def test_a_reading_alone_scatters_as_the_mean_of_its_pose_says(series, factor):
             assert own**2 + 3 * opened**2 == pytest.approx(of_means)
         else:
             assert (opened, found.factor[kind]) == (0, pytest.approx(np.sqrt(of_means) / own))
-
-
-def test_periodic_errors_that_joints_lack_are_drawn_to_nothing(kr500):
-    """A band of more than 40 unknowns tells its size by itself, a small one stays nearer to the usual.
-
-    Their neighbours hold them by less than a tenth."""
-    bare = Unknowns(kr500.vjm, (), {}, JointErrors(orders=tuple(range(1, 17))), joints_only(kr500.arm))
-    own = choice(bare, frozenset({"harmonics"}), None)
-    gram = np.zeros((1, len(own.columns) + 1, len(own.columns) + 1))
-    gram[0, :-1, :-1] = 1e20 * np.eye(len(own.columns))  # readings know every one of them as zero
-    sizes = learn(own, gram, np.array([1e4]), usual(bare, 1)).deviation
-    for kind, columns in bare.groups:
-        if kind == "harmonics":
-            n = len(columns)
-            expected = 3e-5 / 6 / np.sqrt(n + 1) if n > 40 else 3e-5 * np.sqrt(2 / (n + 2))
-            np.testing.assert_allclose(sizes[columns], expected, rtol=0.1)
-    assert {len(columns) > 40 for kind, columns in bare.groups if kind == "harmonics"} == {True, False}
-
-
-def test_bands_that_no_reading_tells_are_about_as_large_as_their_neighbours(kr500):
-    bare = Unknowns(kr500.vjm, (), {}, JointErrors(orders=tuple(range(1, 33))), joints_only(kr500.arm))
-    own = choice(bare, frozenset({"harmonics"}), None)
-    bands = [columns for kind, columns in bare.groups if kind == "harmonics"]
-    place, x = np.full(bare.size, -1), 1e-4 * np.where(np.arange(len(own.columns)) % 2, 1, -1)
-    place[own.columns] = np.arange(len(own.columns))
-    told = np.isin(np.arange(len(x)), place[np.concatenate(bands[:-2])])
-    gram = np.zeros((1, len(x) + 1, len(x) + 1))
-    gram[0, :-1, :-1] = 1e14 * np.diag(told)
-    gram[0, :-1, -1] = gram[0, -1, :-1] = 1e14 * told * x
-    gram[0, -1, -1] = 1e14 * told @ x**2 + 1e4
-    sizes = learn(own, gram, np.array([1e4]), usual(bare, 1)).deviation
-    *_, before, first, second = (sizes[columns[0]] for columns in bands)
-    assert before == pytest.approx(1e-4, rel=0.1)
-    assert 3e-5 < second < first < before  # by itself a band would be a sixth of 3e-5
 
 
 def test_a_solution_counts_what_is_left_and_what_it_spends(kr500, reduced):

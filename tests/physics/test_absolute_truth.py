@@ -1,15 +1,25 @@
-"""Simulated absolute readings: MuJoCo's true arm against the model's chain, and against itself."""
+"""Simulated absolute readings: MuJoCo's true arm against the model with true parameters; what is chosen."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.campaign.campaign import Cell
+from testbench.data.series import select_rows
 from testbench.errors import BenchError
+from testbench.identify.absolute import choose
+from testbench.identify.absolute import state as absolute
+from testbench.identify.absolute.evidence import LOOSE, Learnt, solve
+from testbench.identify.absolute.fit import Options, calibrate
+from testbench.identify.absolute.state import forward, nominal
+from testbench.identify.prior import cad_prior
+from testbench.model.joint_errors import JointErrors
 from testbench.model.vjm import chain
-from testbench.plant import Disturbances, GeometryErrors, settle_disturbed
+from testbench.model.weights import read_weights
+from testbench.plant import Disturbances, GeometryErrors, build_plant, settle_disturbed
 
 EXACT = AbsoluteCampaign(
     poses=12,
@@ -111,3 +121,101 @@ def test_more_targets_than_markers_are_refused(kr500):
         simulate_series(kr500, AbsoluteCampaign(targets=4))
     with pytest.raises(BenchError, match="masses: expected different ones"):
         AbsoluteCampaign(masses=(1.0, 1.0))
+
+
+def with_compliance(cell, scale):
+    """An arm whose links and joints give way so many times as much, in truth."""
+    links = tuple(replace(link, compliance=scale * link.compliance) for link in cell.arm.links)
+    joints = tuple(replace(joint, compliance=scale * joint.compliance) for joint in cell.arm.joints)
+    return Cell(cell.arm, cell.vjm, build_plant(replace(cell.arm, links=links, joints=joints)))
+
+
+def off(cell, disturbances, mass):
+    """How far a state with the parameters of the true arm is from its exact readings, (rows,) [m]."""
+    asked = AbsoluteCampaign(poses=30, masses=(mass,), noise=False, disturbances=disturbances)
+    (series,), truth = simulate_series(cell, asked, 3)
+    mount, station = truth.mounts[0], truth.stations[0]
+    state = replace(
+        nominal(cell.vjm, read_weights(cell.arm), np.ones(cell.arm.n_joints)),
+        theta_0=truth.theta_0,
+        C_theta=truth.C_theta,
+    )
+    if (gears := truth.gears) is not None:
+        orders = tuple(range(1, len(gears.sine) + 1))
+        n = np.concatenate([gears.sine, gears.cosine]).T
+        state = replace(state, errors=JointErrors(orders=orders), n=n)
+    tool = forward(state, series).where
+    points = truth.markers @ mount.rotation.T + mount.position
+    seen = tool.points(points) @ station.rotation.T + station.position
+    return np.linalg.norm(seen - series.position, axis=2)[:, 0]
+
+
+@pytest.mark.parametrize("name", ["kr500", "slides"])
+@pytest.mark.parametrize("steps", [0, 1, 2])
+def test_every_load_step_gains_an_order_in_the_compliance(name, steps, request, monkeypatch):
+    """Half the compliance leaves a quarter of the error of loads on the straight arm, then 1/8 and 1/16."""
+    cell = request.getfixturevalue(name)
+    monkeypatch.setattr(absolute, "LOAD_STEPS", steps)
+    weight, mass = Disturbances(own_weight=True), cell.arm.payload or 20.0
+    whole, half = (off(with_compliance(cell, scale), weight, mass).mean() for scale in (4.0, 2.0))
+    assert whole / half == pytest.approx(2 ** (2 + steps), rel=0.01)
+    assert half > 1e-10  # more than where MuJoCo's equilibrium ends
+
+
+@pytest.mark.parametrize("mass", [0.0, 460.3])
+def test_true_parameters_leave_less_than_a_micrometre(kr500, mass):
+    """What is left of millimetres of sag: the sag turns the errors of geometry, which the model adds."""
+    assert off(kr500, REAL_ARM, mass).mean() < 1e-6
+
+
+def test_joint_errors_that_stand_in_for_soft_links_are_declined_once_links_are_known(kr500):
+    """Without joint errors in the truth: of four such arms one where they pay beside rigid links."""
+    soft = tuple(replace(link, compliance=6 * link.compliance) for link in kr500.arm.links)
+    cell = replace(kr500, truth=build_plant(replace(kr500.arm, links=soft)))
+    asked = AbsoluteCampaign(poses=60, disturbances=replace(REAL_ARM, gear=None))
+    series, _ = simulate_series(cell, asked, 4)
+    prior = cad_prior(kr500.arm)
+    rigid = calibrate(kr500.vjm, series, prior, Options(orders=8, without=frozenset({"links"})))
+    found = calibrate(kr500.vjm, series, prior, Options(orders=8))
+    assert {"joint springs", "joint errors"} <= {step.name for step in rigid.chosen.steps if step.kept}
+    steps = {step.name: step.kept for step in found.chosen.steps}
+    assert (steps["joint errors"], steps["links"]) == (False, True)
+    assert not found.state.n.any()
+
+
+def near(series, rows):
+    """Those rows of a series that are nearest to its first in joint space."""
+    far = np.linalg.norm(series.q - series.q[0], axis=1)
+    return select_rows(series, np.sort(np.argsort(far)[:rows]))
+
+
+def test_a_series_is_foretold_only_by_a_fair_share_of_the_readings(kr500, monkeypatch):
+    """What 12 readings in one corner tell of an arm must not decide which errors it has."""
+    (long, short), _ = simulate_series(kr500, AbsoluteCampaign(series=2, poses=100), 21)
+    held, left = [], choose._held_out
+    monkeypatch.setattr(
+        choose, "_held_out", lambda own, S, parts, *more: held.append(parts) or left(own, S, parts, *more)
+    )
+    for some, series in (((long, short), {0, 1}), ((long, near(short, 12)), {1})):
+        held.clear()
+        found = calibrate(kr500.vjm, some, cad_prior(kr500.arm), Options(orders=2))
+        assert {parts[0].series for parts in held if len(parts) > 1} == series
+        assert max(step.after for step in found.chosen.steps) < 1e-3
+
+
+def test_a_block_whose_frame_the_others_hardly_tell_is_fitted_to_it(rng):
+    """Two columns, the first told by the block alone but for a trace: left is what no frame explains."""
+    block, others = rng.normal(size=(30, 3)), rng.normal(size=(30, 3))
+    others[:, 0] *= 1e-4
+    T = block.T @ block
+    S = T + others.T @ others
+    own = SimpleNamespace(columns=np.arange(2), rigid=2, elastic=None)
+    part = SimpleNamespace(gram=T[None], counts=np.array([30]))
+    learnt = Learnt(np.array([np.inf, 1.0]), np.ones(1))
+    own.unknowns = SimpleNamespace(size=2)
+    whole = solve(own, S[None], learnt, LOOSE).variances(np.arange(1))
+    [left] = choose._held_out(own, S[None], [part], learnt, whole)
+    [_, second] = solve(own, (S - T)[None], learnt, LOOSE).x
+    rest = block[:, 2] - block[:, 1] * second
+    first = block[:, :1]
+    assert left == pytest.approx(np.sum((rest - first @ np.linalg.lstsq(first, rest, rcond=None)[0]) ** 2))

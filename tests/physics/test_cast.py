@@ -60,14 +60,6 @@ def assert_same(C, expected, rtol):
     )
 
 
-def test_a_straight_link_of_one_section_without_shear_is_the_euler_bernoulli_tube():
-    tube = Tube(1.3, 0.34, 0.31, 1.1e11, 0.26)
-    C = tube_compliance(tube)
-    section = np.diag(np.diag(C) / 1.3)[None]
-    section[0, 1, 1] = section[0, 2, 2] = 0
-    assert_same(straight(1.3, section), C, 1e-14)
-
-
 def test_a_tube_of_thin_walls_adds_timoshenkos_shear():
     L, r, t = 1.3, 0.16, 1e-4
     C = straight(L, ring(r, t).compliance(STEEL))
@@ -76,19 +68,6 @@ def test_a_tube_of_thin_walls_adds_timoshenkos_shear():
         0.5 * STEEL.G * 2 * np.pi * r * t
     )  # F L^3/(3 E I) + F L/(k G A), k = 1/2
     assert_same(C, expected, 1e-4)  # of the polygon of 400 walls
-
-
-@pytest.mark.parametrize(
-    ("section", "k"),
-    [
-        (ring(0.1, 1e-3), 1 / 2),  # 2 (1 + nu) / (4 + 3 nu)
-        (box(0.1, 0.1), 20 / 48),  # 20 (1 + nu) / (48 + 39 nu)
-    ],
-    ids=["ring", "square box"],
-)
-def test_shear_coefficients_are_cowpers_at_no_poissons_ratio(section, k):
-    flexibility = section.shear_flexibility[0]
-    np.testing.assert_allclose(flexibility, np.eye(2) / (k * section.area[0]), rtol=1e-4, atol=1e-8)
 
 
 def test_cowpers_box_of_unlike_walls():

@@ -8,22 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from loads import axis_loads, rows_of
-from scipy.linalg import block_diag
 from scipy.stats import kstest, norm
 from scipy.stats import t as student
 from unsure import AIM, FORCE, TIP, Q, drawn_state, unsure, unsure_everywhere
 
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import Scenario, clear_poses, simulate, stream
-from testbench.campaign.named_parameters import intervals
 from testbench.correct.compensated import compensate
 from testbench.correct.newton import asked
 from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
 from testbench.identify import least_squares, reduce
 from testbench.identify.absolute.fit import Options, calibrate
-from testbench.identify.absolute.posterior import deviations_root, model_of, place, posterior_of
-from testbench.identify.absolute.scatter import residuals
+from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.metric import Belief, metric
 from testbench.identify.posterior import Posterior, linearise
 from testbench.identify.prior import Strength, cad_prior
@@ -31,7 +28,7 @@ from testbench.identify.solve import solve
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import chain, marker_points, observation
 from testbench.plant import GearErrors
-from testbench.studies.absolute_calibration.beside import judged, true_joints, true_state
+from testbench.studies.absolute_calibration.beside import judged, true_state
 from testbench.studies.absolute_calibration.trial import check
 from testbench.studies.estimators.bootstrap import resampler
 
@@ -171,61 +168,6 @@ def test_positions_lie_in_their_ellipsoids(arms, kr500):
         error.append(np.linalg.norm(off, axis=-1))
     assert 0.9 < np.mean(inside) < 0.985
     assert np.sqrt(np.mean(np.square(error))) < 0.15e-3
-
-
-def test_intervals_have_names_and_the_units_of_people(arms):
-    _, _, truth, own = arms[0]
-    by_name = {(one.part, one.name): one for one in intervals(own)}
-    arm, C = own.state.vjm.arm, own.state.C_theta
-    shift = by_name["geometry", "link_2 shift y"]
-    assert (shift.unit, shift.value) == ("mm", pytest.approx(1e3 * own.state.theta_0[13]))
-    at = own.own.columns.tolist().index(own.own.unknowns.starts["geometry"] + 13 - 6)
-    assert shift.half == pytest.approx(1e3 * Z * np.linalg.norm(posterior_of(own).root[:, at]))
-    turned = by_name["joint errors", "joint_3 cos 2"]
-    assert (turned.unit, turned.value) == ("urad", pytest.approx(1e6 * own.state.n[2, 5]))
-    soft, axis = by_name["joint compliances", "joint_2"], own.state.vjm.beam_axes[1]
-    both = C[43, 43] + axis @ C[9:12, 9:12] @ axis
-    assert (soft.unit, soft.value) == ("urad/(N m)", pytest.approx(1e6 * both))
-    entry = by_name["entries", "link_1 phi_y, phi_y"]
-    assert (entry.unit, entry.value) == ("urad/(N m)", pytest.approx(1e6 * C[10, 10]))
-    assert all(one.half > 0 for one in by_name.values())
-    assert len(arm.joints) == len(true_joints(own.state.vjm, truth))
-
-
-def test_the_truth_is_an_answer_to_readings_without_noise(kr500):
-    """In place of what was found it leaves micrometres, MuJoCo's second order, once the frame is fitted."""
-    series, truth = simulate_series(kr500, EXACT, 3)
-    own = calibrate(kr500.vjm, series, cad_prior(kr500.arm), Options(orders=4, only=ON))
-    true = true_state(own.state, truth)
-    here = place(replace(model_of(own), state=true), series[0], np.arange(series[0].rows))
-    assert np.sqrt(np.mean(np.square(residuals(here.state, series[0])))) < 3e-6
-
-
-def test_readings_of_one_pose_under_two_loads_scatter_as_those_alone_do(kr500):
-    """A model without links leaves much open; with them the scatter of a single reading is its own again.
-
-    Held-out positions are off by that and what few poses leave open, in whatever pairs they were read.
-    """
-    asked = ASKED.model_copy(update={"masses": (0.0, 460.0), "poses": 150})
-    series, _ = simulate_series(kr500, asked, 510)
-    own = calibrate(kr500.vjm, series, cad_prior(kr500.arm), Options(orders=4))
-    assert "links" in {step.name for step in own.chosen.steps if step.kept}
-    noise, sigma = own.noise, series[0].sigma
-    assert np.hypot(sigma, noise.open_position) * noise.factor[0] == pytest.approx(sigma, rel=0.15)
-    assert np.mean(own.pulls[0] < 1) < 0.03
-    kept = [step.after for step in own.chosen.steps if step.kept][-1]
-    assert sigma < kept < 1.5 * sigma
-
-
-def test_compliances_of_a_coupled_prior_vary_as_their_metric_says(rng):
-    """x = M z with M of the rigid unknowns and of the metric: covariance M (root^T root)^-1 M^T."""
-    root, L = (
-        np.triu(rng.normal(size=(7, 7))) + 3 * np.eye(7),
-        np.tril(rng.normal(size=(4, 4))) + 2 * np.eye(4),
-    )
-    W = deviations_root(root, L)
-    M = block_diag(np.eye(3), L)
-    np.testing.assert_allclose(W.T @ W, M @ np.linalg.inv(root.T @ root) @ M.T, rtol=1e-9)
 
 
 def test_a_prior_that_is_hardly_believed_takes_no_bound_from_what_readings_show(kr500, rng):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from run_here import here
 
-from testbench.campaign.advice import of_average
 from testbench.campaign.arm_models import load_model
 from testbench.campaign.campaign import Scenario, simulate, stream
 from testbench.campaign.model_selection import with_priors
@@ -37,16 +36,13 @@ from testbench.model.laws import (
     tangent,
     vjm_of,
     with_laws,
-    without_laws,
 )
 from testbench.model.load import Load
-from testbench.model.loaded import displacement
 from testbench.model.structure import all153, joints_only
-from testbench.model.vjm import chain, plain_load, skew, turns
+from testbench.model.vjm import chain, plain_load, turns
 from testbench.model.weights import read_weights
 from testbench.plant import TYPICAL, Disturbances, disturb, settle_disturbed, settle_pair
 from testbench.plant.compensator import KR500_COMPENSATOR
-from testbench.plant.disturbance import FOUNDATION
 from testbench.studies.model_error.trial import disturbed
 
 SCENARIO = Scenario(
@@ -71,23 +67,36 @@ def true_turns(kr500, what, q, wrench, point, taken_off=None):
     return (after.theta - before.theta)[:, LINKS:48]
 
 
-@pytest.mark.parametrize(
-    ("kind", "what"),
-    [
-        ("stiffening", Disturbances(own_weight=True, stiffening=STIFFER)),
-        ("backlash", Disturbances(own_weight=True, backlash=PLAY)),
-        ("friction", Disturbances(own_weight=True, hysteresis=STICK)),
-    ],
-)
-def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind, what):
-    """But for what the bent arm changes of the torques, a percent or two."""
+def strut_of(arm, **own):
+    """The folder's compensator as the true arm has it."""
+    return replace(
+        KR500_COMPENSATOR, foot=tuple(arm.compensator.foot), head=tuple(arm.compensator.head), **own
+    )
+
+
+@pytest.mark.parametrize("kind", ["stiffening", "backlash", "friction", "compensator"])
+def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
+    """But for what the bent arm changes of the torques, a percent or two, and for link 1 under the strut."""
     q, wrench, point = loaded(kr500, 3)
-    more = true_turns(kr500, what, q, wrench, point)
-    more = more - true_turns(kr500, Disturbances(own_weight=True), q, wrench, point)
-    where = chain(lawful(replace_compensator(kr500)), q)
+    vjm, own_weight = kr500.vjm, Disturbances(own_weight=True)
+    longest = np.linalg.norm(np.cross(vjm.axes[1], kr500.arm.compensator.head))
+    stiffness = BESIDE / kr500.arm.joints[1].compliance / longest**2
+    without, what = {
+        "stiffening": (own_weight, replace(own_weight, stiffening=STIFFER)),
+        "backlash": (own_weight, replace(own_weight, backlash=PLAY)),
+        "friction": (own_weight, replace(own_weight, hysteresis=STICK)),
+        "compensator": (Disturbances(), Disturbances(compensator=strut_of(kr500.arm, stiffness=stiffness))),
+    }[kind]
+    more = true_turns(kr500, what, q, wrench, point) - true_turns(kr500, without, q, wrench, point)
+    if kind != "compensator":
+        vjm = replace(vjm, arm=replace(kr500.arm, compensator=None))
+    where = chain(lawful(vjm), q)
     own = where.laws.load(where, plain_load(where, wrench, point)[LINKS:])
-    k = KINDS.index(kind)
-    expected = own[6 * k : 6 * k + 6].T
+    if kind == "compensator":
+        expected, more = own[-1], more[:, 1]
+    else:
+        k = KINDS.index(kind)
+        expected = own[6 * k : 6 * k + 6].T
     assert np.abs(expected).max() > 2e-5
     np.testing.assert_allclose(more, expected, rtol=0, atol=0.06 * np.abs(expected).max())
 
@@ -126,43 +135,11 @@ def test_readings_of_loads_taken_off_are_of_use_where_they_say_so(kr500, campaig
     np.testing.assert_array_equal(less[~off], 0)
 
 
-def test_a_compensator_of_size_one_takes_off_what_the_true_strut_does(kr500):
-    """But for link 1, which it spans too, and which turns a little less."""
-    spring, joint = kr500.arm.compensator, kr500.arm.joints[1]
-    axis = kr500.vjm.axes[1]
-    longest = np.linalg.norm(np.cross(axis, spring.head))
-    strut = replace(
-        KR500_COMPENSATOR,
-        foot=tuple(spring.foot),
-        head=tuple(spring.head),
-        stiffness=BESIDE / joint.compliance / longest**2,
-    )
-    q, wrench, point = loaded(kr500, 3)
-    free, held = (
-        true_turns(kr500, Disturbances(compensator=own), q, wrench, point)[:, 1] for own in (None, strut)
-    )
-    where = chain(lawful(kr500.vjm), q)
-    expected = where.laws.load(where, plain_load(where, wrench, point)[LINKS:])[-1]
-    assert np.abs(expected).max() > 0.15 * np.abs(free).max()
-    np.testing.assert_allclose(held - free, expected, rtol=0, atol=0.06 * np.abs(expected).max())
-
-
-def replace_compensator(cell):
-    return replace(cell.vjm, arm=replace(cell.arm, compensator=None))
-
-
 def test_torques_before_the_load_are_those_of_the_true_arm_at_rest(kr500):
     """By MuJoCo's springs: C_j^-1 theta_j under own weight, with its compensator as the folder has it."""
     q, _, _ = loaded(kr500, 4)
     spring = kr500.arm.compensator
-    true = replace(
-        KR500_COMPENSATOR,
-        foot=tuple(spring.foot),
-        head=tuple(spring.head),
-        rate=spring.rate,
-        rest_length=spring.rest_length,
-        stiffness=None,
-    )
+    true = strut_of(kr500.arm, rate=spring.rate, rest_length=spring.rest_length, stiffness=None)
     plant = disturb(kr500.plant, Disturbances(own_weight=True, compensator=true), np.random.default_rng(0))
     at_rest = settle_disturbed(plant, q).theta[:, LINKS:48]
     torque = at_rest / np.array([joint.compliance for joint in kr500.arm.joints])
@@ -179,21 +156,6 @@ def test_slopes_are_the_change_of_the_turns_with_the_torque(kr500):
     own = where.laws.slope(where, u)
     by_steps = (where.laws.load(where, u + step) - where.laws.load(where, u - step)) / (2 * step)
     np.testing.assert_allclose(own, by_steps, rtol=0, atol=1e-5 * np.abs(own).max())
-
-
-def test_a_structure_gains_and_loses_its_laws(kr500):
-    s = all153(kr500.arm)
-    own = with_laws(s, kr500.arm)
-    assert (own.n, own.n_theta, own.laws, own.links) == (153 + 19, 48 + 19, 19, 7)
-    assert own.labels[48:50] == ("joint_1 stiffening", "joint_2 stiffening")
-    assert own.labels[-1] == "joint_2 compensator"
-    assert with_laws(s, replace(kr500.arm, compensator=None)).labels == own.labels[:-1]
-    assert with_laws(own, kr500.arm) is own
-    back = without_laws(own)
-    assert (back.name, back.labels, back.laws) == (s.name, s.labels, 0)
-    np.testing.assert_array_equal(back.a, s.a)
-    assert vjm_of(kr500.vjm, s) is kr500.vjm
-    assert vjm_of(kr500.vjm, own).n_theta == 67
 
 
 def test_turns_of_laws_are_turns_of_their_joints(kr500):
@@ -311,14 +273,6 @@ def test_predictions_and_stiffness_of_a_model_with_laws(kr500, campaigns):
     assert compliance.shape == (4, 6, 6)
 
 
-def test_without_a_law_the_tangent_is_the_compliance(kr500):
-    C = kr500.arm.C_theta
-    q, wrench, point = loaded(kr500, 7, runs=2)
-    where = chain(kr500.vjm, q)
-    found = tangent(kr500.vjm, C, where, plain_load(where, wrench, point))
-    np.testing.assert_array_equal(found, np.broadcast_to(C, (2, 48, 48)))
-
-
 def test_a_joint_that_sticks_more_than_it_bends_gives_nothing_to_a_small_load(kr500):
     vjm, joints = lawful(kr500.vjm), slice(LINKS, 48)
     C = np.diag(np.r_[np.diag(kr500.arm.C_theta), np.repeat([0.0, 0.0, 3.0], 6), 0.0])
@@ -355,33 +309,6 @@ def deflected(model, data):
     return predict(model, data.q, [Load(data.wrench, data.point)]).deflection
 
 
-def test_a_soft_foundation_is_a_matrix_of_the_base_link(kr500):
-    """No joint lies between them: the folder's base link with the foundation in series says the same."""
-    q, wrench, point = loaded(kr500, 8)
-    soft = disturb(kr500.plant, Disturbances(foundation=1.0), np.random.default_rng(0))
-    stiff = disturb(kr500.plant, Disturbances(), np.random.default_rng(0))
-    ends = []
-    for plant in (stiff, soft):
-        before, after = settle_pair(plant, q, wrench * 1e-3, point)
-        ends.append(1e3 * (after.tool - before.tool))
-    where, C = chain(kr500.vjm, q), np.zeros((48, 48))
-    C[:6, :6] = at_the_base_links_end(kr500, np.diag(FOUNDATION))
-    expected = displacement(where, (C @ plain_load(where, wrench, point)).T, np.zeros((1, 3)))[:, 0]
-    moved = ends[1] - ends[0]
-    np.testing.assert_allclose(moved, expected, rtol=0, atol=2e-3 * np.abs(expected).max())
-
-
-def at_the_base_links_end(kr500, C):
-    """A compliance at the base's origin, world axes, at the end of the base link in beam axes, (6, 6)."""
-    frame, arm = kr500.arm.links[0].frame, kr500.vjm.placements[0][:3, 3]
-    R = kr500.vjm.base[:3, :3]
-    lever, axes = R @ arm, R @ frame
-    T = np.zeros((6, 6))  # a motion at the origin as one at the end, beam axes
-    T[:3, :3] = T[3:, 3:] = axes.T
-    T[:3, 3:] = axes.T @ -skew(lever)
-    return T @ C @ T.T
-
-
 def test_a_prior_wrong_in_scale_costs_laws_nothing(kr500, campaigns):
     """The scale common to compliances is the data's; sizes of laws have none."""
     data, s = campaigns["all"][0], with_laws(all153(kr500.arm), kr500.arm)
@@ -402,15 +329,3 @@ def test_sizes_of_laws_scatter_about_their_median_as_the_prior_says(kr500, campa
         h[own.blocks + 2 : own.blocks + 5] = size + steps * LAW[1] * np.array([1, 0, 0])
         losses.append(normal.density(normal.rows @ h - normal.middle)[0].sum())
     assert np.diff(losses) == pytest.approx([0.5, 1.5])
-
-
-def test_how_much_laws_weigh_is_said(kr500, campaigns):
-    data, _ = campaigns["all"]
-    model = default(kr500)
-    own = model.estimator(kr500.vjm, model.structure, data).average
-    assert of_average(own) == ["the evidence is for joints that stiffen, have backlash or friction"]
-    [said] = of_average(replace(own, laws=0.37))
-    assert "friction, which weigh 37 % by evidence" in said
-    [said] = of_average(replace(own, weight=0.3, laws=0.0))
-    assert "friction" not in said
-    assert of_average(replace(own, weight=0.0, laws=0.0)) == of_average(None) == []

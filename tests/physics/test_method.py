@@ -40,10 +40,10 @@ def rigid(vjm, structure, data):
     return make_estimate(reduce(vjm, structure, data), np.full(structure.n, 1e-12), method="a hair")
 
 
-@pytest.mark.parametrize("combine", [lambda own, prior: with_prior(own, prior), lambda own, _: robust(own)])
-def test_an_estimator_of_ones_own_takes_neither_prior_nor_robust_loss(prior, combine):
-    with pytest.raises(BenchError, match="rigid: an estimator of your own runs as it is"):
-        combine(rigid, prior)
+def test_an_estimator_of_ones_own_takes_neither_prior_nor_robust_loss(prior):
+    for combine in (robust, lambda own: with_prior(own, prior)):
+        with pytest.raises(BenchError, match="rigid: an estimator of your own runs as it is"):
+            combine(rigid)
 
 
 def test_a_recommendation_holds_poses_out_of_an_estimator_of_ones_own_too(kr500, campaign):
@@ -78,24 +78,18 @@ def test_the_default_gives_way_to_joints_alone_only_where_these_are_clearly_bett
     assert by_name["MLS56"].mean() > by_name[DEFAULT].mean()
 
 
-@pytest.mark.parametrize("method", [gco, least_squares])
-def test_a_method_with_a_prior_is_the_fit_in_the_scale_of_the_data(kr500, campaign, prior, method):
-    s, data = template56(kr500.arm), campaign.identification
-    estimate = with_prior(method, prior, HALF)(kr500.vjm, s, data)
-    regression = reduce(kr500.vjm, s, data)
-    believed = Belief(rescaled(metric(prior, kr500.vjm, s), regression), HALF)
-    by_hand = solve(regression, method.constraint, believed)
-    np.testing.assert_array_equal(estimate.pi, by_hand.pi)
-    assert estimate.constraint == method.constraint
-    assert estimate.belief.strength == HALF
-
-
-def test_a_prior_without_a_strength_is_learnt_from_the_readings_or_fixed_beside_outliers(
+def test_a_prior_is_in_the_scale_of_the_data_its_strength_given_learnt_or_fixed_beside_outliers(
     kr500, campaign, prior
 ):
     s, data = template56(kr500.arm), campaign.identification
+    regression, own = reduce(kr500.vjm, s, data), metric(prior, kr500.vjm, s)
+    for method in (gco, least_squares):
+        estimate = with_prior(method, prior, HALF)(kr500.vjm, s, data)
+        by_hand = solve(regression, method.constraint, Belief(rescaled(own, regression), HALF))
+        np.testing.assert_array_equal(estimate.pi, by_hand.pi)
+        assert (estimate.constraint, estimate.belief.strength) == (method.constraint, HALF)
     learnt = with_prior(gco, prior)(kr500.vjm, s, data).belief
-    by_hand = learn(reduce(kr500.vjm, s, data), metric(prior, kr500.vjm, s))
+    by_hand = learn(regression, own)
     assert learnt.strength == by_hand.strength
     np.testing.assert_array_equal(learnt.metric.L, by_hand.metric.L)
     assert robust(with_prior(gco, prior))(kr500.vjm, s, data).belief.strength == Strength(ROBUST_UNCERTAINTY)

@@ -27,7 +27,7 @@ from testbench.design.rows import (
     reading_rows,
     task_rows,
 )
-from testbench.design.whole_arm import _narrow, fit_of, promise_on
+from testbench.design.whole_arm import fit_of, promise_on
 from testbench.errors import BenchError
 from testbench.identify import least_squares, reduce, with_prior
 from testbench.identify.evaluate import deflections
@@ -36,7 +36,6 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.model.load import Load
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import all153, joints_only, mgco68, template56
-from testbench.model.vjm import chain, observation
 from testbench.plant import collisions
 
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
@@ -91,16 +90,6 @@ def test_information_is_that_of_the_reduced_regression(kr500, spec, poses):
     np.testing.assert_allclose(rows.T @ rows, A.T @ A, atol=1e-9 * np.abs(A.T @ A).max())
 
 
-def test_deflections_in_tool_axes_are_as_long_as_those_of_the_observation_matrix(kr500, spec, poses):
-    q, load = poses[:5], spec.loads[0]
-    x = spec.experiment.metric.expected
-    ours = (deflection_rows(spec.experiment, q, load) @ x).reshape(5, 3, 3)
-    args = np.tile(load.wrench, (5, 1)), np.tile(load.point, (5, 1))
-    A = observation(chain(kr500.vjm, q), mgco68(kr500.arm), *args, kr500.vjm.markers)
-    theirs = A @ (spec.experiment.metric.L @ x)
-    np.testing.assert_allclose(np.linalg.norm(ours, axis=2), np.linalg.norm(theirs, axis=2), rtol=1e-9)
-
-
 def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spec, poses):
     """Fewer with a lighter load beside; of exact readings in many poses joint 1's, which nothing turns."""
     prior, heavy = cad_prior(kr500.arm), spec.loads[0]
@@ -128,16 +117,12 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
     assert left(poses[:11], 1, replace(whole, uncertainty=None)) == left(poses[:11], 1, spec) == {}
 
 
-def test_gravity_shows_49_of_68_directions_and_the_rest_stays_with_the_prior(spec, poses):
-    rows = reading_rows(spec.experiment, poses, spec.loads[0])
-    assert build_problem(spec.experiment, rows, 0.3).r == 49
-    assert build_problem(spec.experiment, rows, None).unseen.shape == (68, 19)
-
-
 def test_prediction_variance_in_seen_coordinates_is_that_of_all_unknowns(spec, poses):
     """A side force asks for directions that gravity does not show: the prior's part must come in whole."""
     rows = reading_rows(spec.experiment, poses, spec.loads[0])
     problem = build_problem(spec.experiment, rows, 0.3)
+    assert problem.r == 49
+    assert build_problem(spec.experiment, rows, None).unseen.shape == (68, 19)
     chosen = np.arange(9)
     side = Load(np.array([0, 3000.0, 0, 0, 0, 0]), spec.loads[0].point)
     wanted = deflection_rows(spec.experiment, poses[200:203], side)
@@ -163,33 +148,26 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
 @pytest.mark.parametrize("name", CRITERIA)
 def test_every_criterion_makes_a_plan_with_a_certificate(kr500, spec, poses, name):
     few = replace(spec, poses=4)
-    found = make_plan(few, name, poses[:60], Reach(lambda q: clear(kr500, q)), stream(1))
+    found = make_plan(few, name, poses[:25], Reach(lambda q: clear(kr500, q)), stream(1))
     assert found.criterion.name == name
     assert 0 < found.efficiency <= 1
 
 
-def test_equal_seeds_make_equal_plans(kr500, spec, poses, plan):
-    again = make_plan(spec, "test", poses[:200], Reach(lambda q: clear(kr500, q)), stream(1))
-    np.testing.assert_array_equal(again.q, plan.q)
-
-
-def test_two_loads_are_chosen_pose_by_pose_and_hung_one_after_the_other(kr500, spec, poses):
+def test_two_loads_are_chosen_pose_by_pose_and_hung_one_after_the_other_by_the_seed(kr500, spec, poses):
     side = Load(np.array([0, 4500.0, 0, 0, 0, 0]), spec.loads[0].point)  # loads joint 1, as no weight does
-    both = replace(spec, loads=(spec.loads[0], side))
-    found = make_plan(both, "D", poses[:80], Reach(lambda q: clear(kr500, q)), stream(1))
+    both, reach = replace(spec, loads=(spec.loads[0], side)), Reach(lambda q: clear(kr500, q))
+    found, again = (make_plan(both, "D", poses[:40], reach, stream(1)) for _ in range(2))
     assert set(found.load) == {0, 1}
     assert (np.diff(found.load) >= 0).all()
+    np.testing.assert_array_equal(again.q, found.q)
 
 
-def test_without_prior_too_few_poses_are_refused_with_what_is_lost(spec, poses):
+def test_too_few_poses_without_prior_and_unknown_criteria_are_refused(spec, poses):
+    with pytest.raises(BenchError, match="no criterion 'X'; criteria are D, A, E, G, I, test"):
+        make_plan(spec, "X", poses, Reach(lambda q: q), stream(1))
     bare = replace(spec, uncertainty=None, poses=6)
     with pytest.raises(BenchError, match=r"at most 36 of the 49 .* 13 would be lost; .* 9 poses, or a prior"):
         candidate_set(bare, poses)
-
-
-def test_unknown_criterion_is_refused_by_name(kr500, spec, poses):
-    with pytest.raises(BenchError, match="no criterion 'X'; criteria are D, A, E, G, I, test"):
-        make_plan(spec, "X", poses, Reach(lambda q: clear(kr500, q)), stream(1))
 
 
 def test_order_avoids_a_way_that_collides():
@@ -256,10 +234,3 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
         scatter = np.std(squares[name]) / np.sqrt(200)
         assert np.mean(squares[name]) == pytest.approx(found, abs=5 * scatter), name
         assert scatter < 0.1 * found, name  # so that a factor of two would show
-
-
-def test_noise_of_many_readings_is_drawn_in_as_many_directions_as_there_are_unknowns(rng):
-    few, many = rng.standard_normal((5, 4)), rng.standard_normal((5, 40))
-    assert _narrow(few) is few
-    assert _narrow(many).shape == (5, 5)
-    np.testing.assert_allclose(_narrow(many) @ _narrow(many).T, many @ many.T, atol=1e-12)

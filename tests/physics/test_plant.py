@@ -1,9 +1,10 @@
-"""The truth side against theory and against MuJoCo's own time stepping."""
+"""The truth side against MuJoCo's own time stepping; many poses at once: each as if alone."""
 
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields, replace
 
 import mujoco
 import numpy as np
@@ -11,10 +12,10 @@ import pytest
 from loads import hung, random_q
 
 from testbench.arm.folder import load_arm
-from testbench.arm.stiffness import Tube, tube_compliance
-from testbench.commands.elastic import write_elastic
+from testbench.cli.elastic import write_elastic
 from testbench.errors import InputError, NoEquilibrium
-from testbench.plant import build_plant, settle, weightless
+from testbench.plant import TYPICAL, build_plant, disturb, settle, settle_linear, settle_pair
+from testbench.plant.build import plant_of
 
 
 def at_pose(plant, q, theta=0.0):
@@ -22,45 +23,6 @@ def at_pose(plant, q, theta=0.0):
     data.qpos[plant.joints] = q
     data.qpos[plant.theta] = theta
     return data
-
-
-def softer(cell, factor):
-    arm = cell.arm
-    links = tuple(replace(link, compliance=factor * link.compliance) for link in arm.links)
-    joints = tuple(replace(joint, compliance=factor * joint.compliance) for joint in arm.joints)
-    return build_plant(replace(arm, links=links, joints=joints))
-
-
-@pytest.mark.parametrize("name", ["kr500", "arm_6r"])
-def test_tendon_springs_are_the_inverse_of_the_compliance(name, request):
-    cell = request.getfixturevalue(name)
-    data = at_pose(cell.plant, 0.0)
-    K = np.empty((cell.arm.n_theta,) * 2)
-    h = 1e-3  # passive forces are linear in theta: any step will do
-    for k, address in enumerate(cell.plant.theta):
-        data.qpos[cell.plant.theta] = 0
-        data.qpos[address] = h
-        mujoco.mj_fwdPosition(cell.plant.model, data)
-        mujoco.mj_fwdVelocity(cell.plant.model, data)
-        K[:, k] = -data.qfrc_passive[cell.plant.theta] / h
-    scale = np.sqrt(np.diag(cell.arm.C_theta))
-    unitless = K * np.outer(scale, scale)
-    expected = np.linalg.inv(cell.arm.C_theta / np.outer(scale, scale))
-    # relative to the largest entry of order one to ten; rounding of the inverse is 1e-15
-    np.testing.assert_allclose(unitless, expected, rtol=0, atol=1e-12)
-
-
-def test_a_link_bends_as_a_cantilever_under_a_tip_force(single_link):
-    """One tube, MuJoCo's sum of springs, against L^3 / (3 E I) and L^2 / (2 E I)."""
-    tube = Tube(0.3, 0.04, 0.03, 7e10, 0.33)
-    link = replace(single_link.arm.links[0], compliance=tube_compliance(tube))
-    plant = weightless(build_plant(replace(single_link.arm, links=(link,))))
-    force = np.array([[0, 1.0, 0, 0, 0, 0]])
-    rest, start = settle(plant, np.zeros((1, 0)), force), settle(plant, np.zeros((1, 0)))
-    EI = 7e10 * np.pi * (0.04**4 - 0.03**4) / 64
-    moved = (rest.tool - start.tool)[0]
-    assert moved[1] == pytest.approx(0.3**3 / (3 * EI), rel=1e-5)  # a newton: second order is 1e-6
-    assert rest.rotation[0, 1, 0] == pytest.approx(0.3**2 / (2 * EI), rel=1e-5)
 
 
 def test_newton_residual_is_that_of_mujocos_full_forward_pass(kr500, rng):
@@ -110,25 +72,6 @@ def test_the_elastic_arm_is_never_written_over_the_rigid_one(kr500, tmp_path):
     assert arm.rigid.read_bytes() == before
 
 
-def test_a_softer_arm_needs_the_tangent_and_still_settles(kr500):
-    """Forty times softer: theta <- C Q(theta) gains a factor of three a step and would need 15 steps."""
-    plant = softer(kr500, 40.0)
-    q = np.deg2rad([[0.0, -60, 70, 0, 30, 0]])
-    rest = settle(plant, q)
-    assert rest.step[0] < 1e-9
-    assert rest.iterations[0] < 12
-    assert rest.residual[0] < 0.05
-    assert np.abs(rest.theta).max() > 0.02
-
-
-def test_an_arm_too_soft_for_its_load_is_an_error_that_names_the_pose(kr500):
-    plant = softer(kr500, 1000.0)
-    q = np.deg2rad([[0.0, -90, 90, 0, 0, 0]])
-    wrench, point = hung(kr500, 1)
-    with pytest.raises(NoEquilibrium, match=r"-90\.0, 90\.0.*too soft for its load, or buckled"):
-        settle(plant, q, wrench, point)
-
-
 def test_elastic_arm_written_out_is_plain_mjcf_that_stands_still(kr500, tmp_path):
     write_elastic(kr500.arm, tmp_path / "elastic.xml")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "elastic.xml"))
@@ -152,7 +95,7 @@ def test_what_mujoco_warns_of_is_logged_and_leaves_no_file(kr500, tmp_path, monk
 
 UNSTABLE = """
 import mujoco
-from testbench.commands.elastic import write_elastic
+from testbench.cli.elastic import write_elastic
 from testbench.plant import build_plant
 ball = "<body><freejoint/><geom size='1'/></body>"
 model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
@@ -168,3 +111,69 @@ def test_a_warning_of_mujoco_leaves_no_file_and_no_words(tmp_path):
     done = subprocess.run(code, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout + done.stderr == ""
     assert list(tmp_path.iterdir()) == []
+
+
+POSES = 41  # five times the arms side by side, and one
+
+
+def loads(cell, rng):
+    q = rng.uniform(*cell.arm.limits, (POSES, cell.arm.n_joints))
+    wrench = np.zeros((POSES, 6))
+    wrench[:, 2] = -rng.uniform(0, 5000, POSES)
+    return q, wrench, np.tile(cell.plant.load, (POSES, 1))
+
+
+def loaded(plant, q, wrench, point):
+    return settle(plant, q, wrench, point)
+
+
+def typical(plant, q, wrench, point):
+    return settle_pair(disturb(plant, TYPICAL, np.random.default_rng(1)), q, wrench, point)[1]
+
+
+def assert_same(one, other):
+    """To rounding, a millionth of the last Newton step: BLAS may round by where an array lies."""
+    for field in fields(one):
+        atol = 1e-6 if field.name == "residual" else 1e-13  # springs of 1e10 N/m
+        np.testing.assert_allclose(getattr(one, field.name), getattr(other, field.name), rtol=0, atol=atol)
+
+
+@pytest.mark.parametrize("settled", [loaded, typical, settle_linear])
+def test_poses_settle_alike_in_any_order_and_in_any_company(kr500, rng, monkeypatch, settled):
+    runs, order = loads(kr500, rng), rng.permutation(POSES)
+    expected = settled(kr500.plant, *runs)
+    shuffled = settled(kr500.plant, *(part[order] for part in runs))
+    assert_same(shuffled, replace(expected, **{k: v[order] for k, v in vars(expected).items()}))
+    monkeypatch.setattr("testbench.plant.equilibrium.TOGETHER", 7)
+    assert_same(settled(kr500.plant, *runs), expected)
+    monkeypatch.setattr("testbench.plant.build.ABREAST", 1)
+    assert_same(settled(plant_of(kr500.arm, kr500.plant.model), *runs), expected)
+
+
+def test_threads_of_a_caller_find_the_same(kr500, rng):
+    """They share the plant, and nothing that is written to."""
+    runs = loads(kr500, rng)
+    expected = typical(kr500.plant, *runs)
+    with ThreadPoolExecutor(3) as pool:
+        for found in pool.map(lambda _: typical(kr500.plant, *runs), range(9)):
+            assert_same(found, expected)
+
+
+@pytest.mark.parametrize("together", [2, 512])
+def test_of_poses_without_equilibrium_the_first_is_named(kr500, monkeypatch, together):
+    """The first buckles after many steps; the second, pulled by 1e9 N, is lost in one."""
+    monkeypatch.setattr("testbench.plant.equilibrium.TOGETHER", together)
+    joints = list(kr500.arm.joints)
+    joints[1] = replace(joints[1], compliance=6e-5)  # upright is a saddle
+    plant = build_plant(replace(kr500.arm, joints=tuple(joints)))
+    q = np.deg2rad(np.array([[0.0, 90, 0, 0, 0, 0]]) + np.arange(6)[:, None] * np.eye(6)[0])  # it hangs
+    wrench, point = np.zeros((6, 6)), np.zeros((6, 3))
+    wrench[4, 0] = 1e9
+    with pytest.raises(NoEquilibrium, match=r"in 1 Newton steps.*q = \[4\.0, 90\.0"):
+        settle(plant, q, wrench, point)
+    q[3, 1] *= -1
+    wrench[3, 2], point[3] = -4515.0, plant.load
+    with pytest.raises(NoEquilibrium, match=r"buckle.* q = \[3\.0, -90\.0"):
+        settle(plant, q, wrench, point)
+    hanging = [0, 1, 2, 5]
+    assert settle(plant, q[hanging], wrench[hanging], point[hanging]).residual.max() < 0.05

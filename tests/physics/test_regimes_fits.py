@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 
 from testbench.campaign.campaign import Scenario, draw_poses, simulate_at, stream
-from testbench.campaign.pose_campaign import FullPose
-from testbench.campaign.pose_campaign import simulate as simulate_full_pose
 from testbench.identify import reduce
-from testbench.identify.certify import total_trace, trace_weight
 from testbench.identify.evaluate import deflections
 from testbench.identify.least_squares import completed
-from testbench.identify.prior import aggregate
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, mgco68, template56
 from testbench.studies.factorial.trial import reread
@@ -32,12 +28,6 @@ def hung(cell, seed, poses):
     return Clean(campaign.identification, campaign.truth, seed)
 
 
-def pulled(cell, seed, poses):
-    scenario = FullPose(arm=cell.arm.name, noise=False, poses=poses, check_runs=10)
-    campaign = simulate_full_pose(cell, scenario, seed)
-    return Clean(campaign.identification, campaign.truth, seed)
-
-
 def noisy(clean, sigma):
     return reread(clean.runs, sigma, stream(clean.seed, 1))
 
@@ -47,51 +37,6 @@ def rows_of(regression):
     weights = [np.sqrt(term.equations) for term in regression.terms]
     A = np.vstack([w * term.R for w, term in zip(weights, regression.terms, strict=True)])
     return A, np.concatenate([w * term.z for w, term in zip(weights, regression.terms, strict=True)])
-
-
-def traces_price(gco, other):
-    """What the trace weight of GCO may take from the angle, in the weights of least squares."""
-    regression = gco.regression
-    norms = [np.sqrt(np.sum((t.R @ gco.pi - t.z) ** 2) + t.rest) for t in regression.terms]
-    size = np.mean([t.equations * norm for t, norm in zip(regression.terms, norms, strict=True)])
-    more = total_trace(gco.structure, other) - total_trace(gco.structure, gco.pi)
-    return size * trace_weight(regression) * abs(more)
-
-
-def gaps_price(gco, left, way):
-    """What a solver that ends within its certified gap may take from it: a quadratic falls by no more.
-
-    With residuals r the gap bounds how far r^2/2 falls along any way a of the predictions: r a + a^2/2 >= -g,
-    hence r a >= -sqrt(2 g) |a|.
-    """
-    gap = np.sum(left**2) * gco.certificate.duality_gap / gco.f_m
-    return np.sqrt(2 * gap) * np.linalg.norm(way)
-
-
-@pytest.mark.parametrize("make", [template56, all153])
-@pytest.mark.parametrize(
-    ("measure", "arm", "poses", "sigma"), [(hung, "kr500", 20, 150e-6), (pulled, "arm_6r", 6, 400e-6)]
-)
-def test_gco_is_the_projection_of_least_squares_on_the_cone(request, make, measure, arm, poses, sigma):
-    """The angle at GCO between the readings and any conservative model is obtuse: so GCO is nearer to it."""
-    cell = request.getfixturevalue(arm)
-    structure = make(cell.arm)
-    true = structure.entries(aggregate(cell.arm.C_theta, cell.vjm, structure))
-    found = fits.without_prior(
-        [reduce(cell.vjm, structure, noisy(measure(cell, seed, poses), sigma)) for seed in SEEDS]
-    )
-    assert all(found.binds)
-    for ls, gco in zip(found.ls, found.gco, strict=True):
-        A, y = rows_of(ls.regression)
-        for other in (true, np.zeros_like(true), 2 * gco.pi, gco.pi + true):
-            left, way = A @ gco.pi - y, A @ (other - gco.pi)
-            slack = traces_price(gco, other) + gaps_price(gco, left, way) + 1e-9 * np.linalg.norm(y) ** 2
-            assert left @ way >= -slack
-        errors = [np.sum((A @ (own.pi - true)) ** 2) / 3 for own in (ls, gco)]
-        slack = traces_price(gco, true) + 1e-9 * np.linalg.norm(y) ** 2
-        taken = fits.added(ls, gco)
-        assert errors[0] - errors[1] >= taken * ls.regression.rank - slack
-        assert taken > 0
 
 
 def test_the_fit_of_least_squares_is_kept_and_the_free_directions_are_those_of_gco(kr500):

@@ -91,28 +91,22 @@ def test_reweighing_ends_where_no_model_is_better(kr500, constraint):
         assert abs((S * X).sum()) < scale
 
 
-@pytest.mark.parametrize("structure", [mgco68, template56])
-def test_where_nothing_is_rejected_the_robust_fit_is_the_plain_one_to_the_last_digit(kr500, structure):
-    s, same = structure(kr500.arm), 0
+def test_where_nothing_is_rejected_the_robust_fit_is_the_plain_one_to_the_last_digit(kr500):
+    s, pairs, same = template56(kr500.arm), [], 0
     for seed in range(3):
         data = campaign(kr500, seed).identification
         units, regression = rough(kr500, s, seed), reduce(kr500.vjm, s, data)
-        pairs = [
-            (robustly(kr500, s, data, "psd"), gco(kr500.vjm, s, data)),
-            (robustly(kr500, s, data, "none"), least_squares(kr500.vjm, s, data)),
-            (robustly(kr500, s, data, "psd", units), solve(regression, "psd", Belief(units, STRENGTH))),
-            (
-                robustly(kr500, s, data, "none", units),
-                solve(regression, "none", Belief(units, STRENGTH)),
-            ),
-        ]
-        for fit, plain in pairs:
-            assert fit.method == f"{plain.method}, Huber loss"
-            assert len(fit.rejected) <= 1
-            if not fit.rejected:
-                assert advice(fit) == advice(plain)
-                np.testing.assert_array_equal(fit.pi, plain.pi)
-                same += 1
+        for constraint, method in (("psd", gco), ("none", least_squares)):
+            pairs.append((robustly(kr500, s, data, constraint), method(kr500.vjm, s, data)))
+            by_hand = solve(regression, constraint, Belief(units, STRENGTH))
+            pairs.append((robustly(kr500, s, data, constraint, units), by_hand))
+    for fit, plain in pairs:
+        assert fit.method == f"{plain.method}, Huber loss"
+        assert len(fit.rejected) <= 1
+        if not fit.rejected:
+            assert advice(fit) == advice(plain)
+            np.testing.assert_array_equal(fit.pi, plain.pi)
+            same += 1
     # 0.14 of 135 sound readings lie beyond the 99.9 % quantile: four times that, in all four fits
     assert same >= 10
 
@@ -198,11 +192,3 @@ def test_bad_input_is_refused(kr500, monkeypatch):
         spoil(data, 1.2, 1e-3, np.random.default_rng(0))
     with pytest.raises(BenchError, match="size"):
         spoil(data, 0.1, np.inf, np.random.default_rng(0))
-
-
-def test_spoiling_moves_as_many_readings_as_asked_by_as_much(kr500, rng):
-    data = campaign(kr500, 1).identification
-    spoiled, mask = spoil(data, 0.1, 1e-3, rng)
-    moved = np.linalg.norm(spoiled.deflection - data.deflection, axis=-1)
-    assert mask.sum() == round(0.1 * 45)
-    np.testing.assert_allclose(moved, 1e-3 * mask, atol=1e-15)

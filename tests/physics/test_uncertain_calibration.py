@@ -51,13 +51,14 @@ def still(rows, rng, **more):
     return Series("s", ("P1",), "f", "t", every, **given, **own)
 
 
-def test_readings_with_covariances_and_orientations_are_whitened_in_base_axes(rng):
+@pytest.mark.parametrize("alike", [True, False], ids=["one sigma", "a covariance each"])
+def test_readings_with_covariances_and_orientations_are_whitened_in_base_axes(rng, alike):
     """Of one pose the mean of its covariances; k s^2 of what the model leaves open on the mean of k alone."""
     k, poses = 3, 4
-    C = covariances(rng, poses * k, 1)
+    C = np.tile(SIGMA**2 * np.eye(3), (poses * k, 1, 1, 1)) if alike else covariances(rng, poses * k, 1)
     turned = {"rotation": np.tile(np.eye(3), (poses * k, 1, 1)), "sigma_rotation": TURN}
     pose = np.repeat(np.arange(poses), k)
-    series = still(poses * k, rng, precision=np.linalg.inv(C), pose=pose, **turned)
+    series = still(poses * k, rng, pose=pose, **turned, **({} if alike else {"precision": np.linalg.inv(C)}))
     noise = Noise(OPEN, OPEN_TURN, np.array([1.1, 1.2, 1.3, 1.4]))
     W, kinds = roots(series, noise, R, repeated(series))
     H = helmert(k, full=True)
