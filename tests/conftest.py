@@ -83,6 +83,12 @@ def arm_6r() -> Cell:
     return build_cell(MODELS / "arm_6r")
 
 
+@pytest.fixture(scope="session")
+def ur10() -> Cell:
+    """A light arm, that of the real readings."""
+    return build_cell(MODELS / "ur10")
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     """One stream for all tests; what they claim does not depend on it."""

@@ -18,7 +18,7 @@ import typer
 from scipy.optimize import minimize
 from scipy.stats import goodness_of_fit, norm
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import (
     Campaign,
     Cell,

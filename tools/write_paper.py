@@ -18,7 +18,7 @@ import typer
 from jinja2 import Environment, StrictUndefined, TemplateError
 from printed_matrices import least_cost, printed_matrices, tables
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.errors import InputError
 from testbench.report.report import read_report

@@ -5,6 +5,7 @@ which link, and the true compliances, each number with its unit and origin).
 """
 
 import math
+import os
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,7 +14,6 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
 from testbench.arm.elastic import (
     CompensatorEntry,
     Elastic,
@@ -28,6 +28,25 @@ from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.stiffness import Tube, check_compliance, tube_compliance
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, InputError, cut, shown
+
+PACKAGE = Path(__file__).resolve().parents[1]
+FOLDERS = (PACKAGE / "models", PACKAGE.parent / "models")
+"""Where they are: a wheel brings them inside the package."""
+
+
+def find_arm(name: str | Path) -> Path:
+    """The folder of an arm, by its path or the name of one that comes with testbench; it is not read.
+
+    Raises:
+        InputError: When there is neither.
+    """
+    if os.path.isdir(name):  # noqa: PTH112 - a name too long is no folder either
+        return Path(name)
+    found = {folder.name: folder for root in FOLDERS if root.is_dir() for folder in sorted(root.iterdir())}
+    if str(name) in found:
+        return found[str(name)]
+    ours = ", ".join(sorted(found))
+    raise InputError(Path(name), "", f"expected a folder with rigid.xml and elastic.toml, or one of {ours}")
 
 
 @dataclass(frozen=True)

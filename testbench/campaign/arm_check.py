@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
 from testbench.arm.elastic import LinkEntry, read_elastic
+from testbench.arm.folder import find_arm
 from testbench.campaign.arm_doubts import UPRIGHT, Looked, arm_doubts, sag, stance
 from testbench.campaign.campaign import build_cell, check_agreement
 from testbench.campaign.doubt import Doubt

@@ -182,8 +182,7 @@ def _widths(cell: Cell) -> dict[int, float]:
 
 def _drawn(cell: Cell) -> dict[int, Array]:
     """Corners of every link that is drawn, in its frame, (c, 3) [m]."""
-    from testbench.plant.corners import corners, is_drawn
-    from testbench.plant.shapes import body_names, visual_shapes
+    from testbench.plant.shapes import body_names, corners, is_drawn, visual_shapes
 
     if not is_drawn(cell.room):
         return {}
@@ -279,10 +278,9 @@ def _masses(arm: Looked) -> Iterator[str]:
 
 def _densities(cell: Cell, weights: Array) -> Iterator[str]:
     """Masses that fit the hulls of what collides, as far as the links have them."""
-    from testbench.plant.corners import corners
     from testbench.plant.import_robot.solids import hull_volume
     from testbench.plant.import_robot.weigh import PLAUSIBLE
-    from testbench.plant.shapes import body_names, solid_shapes
+    from testbench.plant.shapes import body_names, corners, solid_shapes
 
     names, volumes = body_names(cell.room), dict.fromkeys((link.name for link in cell.arm.links), 0.0)
     for shape in solid_shapes(cell.room):

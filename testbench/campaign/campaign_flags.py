@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import load_arm
+from testbench.arm.folder import find_arm, load_arm
 from testbench.campaign.campaign import Scenario, Truth, of_arm
 from testbench.campaign.true_arms import FAMILY, TrueArmName
 

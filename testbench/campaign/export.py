@@ -13,8 +13,7 @@ import numpy as np
 
 from testbench import files
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
-from testbench.arm.mjcf_words import NUMBERS
+from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.urdf_text import NEW_STAMP, origin_of, with_origins, words
 from testbench.campaign.export_geometry import (
     Frames,

@@ -17,9 +17,9 @@ from testbench.data.dataset import Dataset, in_order
 from testbench.data.spool import SHOWN, some
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
-from testbench.identify.diagnosis.prior_check import Unchecked, contradicted, unchecked
 from testbench.identify.evaluate import Score, deflections, judge, score
 from testbench.identify.fold import BLOCK_RUNS
+from testbench.identify.hierarchy import Unchecked, contradicted, unchecked
 from testbench.identify.metric import metric
 from testbench.identify.regression import ROUNDING
 from testbench.identify.weighed import MOST_READINGS

@@ -20,9 +20,8 @@ import numpy.typing as npt
 from pydantic import ValidationError
 
 from testbench import files
-from testbench.arm.catalogue import find_arm
 from testbench.arm.document import Strict
-from testbench.arm.folder import Arm, load_arm
+from testbench.arm.folder import Arm, find_arm, load_arm
 from testbench.arm.mesh import MAX_BYTES as MESH_BYTES
 from testbench.arm.mjcf import assets, read_mjcf
 from testbench.campaign.model_document import Document, Head

@@ -21,11 +21,10 @@ from testbench.campaign.unobservable import LOOSE, unobservable
 from testbench.data.series import Series, select_rows
 from testbench.design import absolute
 from testbench.design.absolute import Union
-from testbench.design.baselines import error_after
+from testbench.design.baselines import error_after, observability
 from testbench.design.criteria import criterion_of
 from testbench.design.exchange import greedy
 from testbench.design.forecast import Forecast, open_to, widened, without_bound
-from testbench.design.observability import observability
 from testbench.design.planning import Chosen, Plan, candidate_set, choose_greedily, make_plan, promise
 from testbench.design.planning import choose as search_best
 from testbench.design.refine import Reach, Search

@@ -15,8 +15,8 @@ from testbench.campaign.campaign import Cell
 from testbench.data.columns import Columns, find_columns, vector
 from testbench.data.joint_columns import joint_coordinates
 from testbench.data.mapping import read_map
+from testbench.data.names import UNITS, find_unit
 from testbench.data.table import Table, read_table
-from testbench.data.units import UNITS, find_unit
 from testbench.design.rows import Tasks
 from testbench.errors import Array, BenchError, InputError
 from testbench.model.load import Load

@@ -18,9 +18,8 @@ from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import Arm
 from testbench.data.joined import joined, keys_of, nearest, times_of
 from testbench.data.mapping import Layout, Log
-from testbench.data.names import XYZ, recognise, series_names, squeeze
+from testbench.data.names import XYZ, recognise, series_names, split_unit, squeeze
 from testbench.data.table import Table, read_table
-from testbench.data.units import split_unit
 from testbench.errors import InputError, Mask
 
 KNOWN = tomllib.loads(Path(__file__).with_name("exports.toml").read_text(encoding="utf-8"))

@@ -8,7 +8,7 @@ from typing import Annotated, TypeVar
 
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.absolute import File, calibrated, read_all
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.plan import gain_of_more

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import ceil
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.arm_check import check
 from testbench.cli.arguments import ArmName, ShownFolder, claimed
 from testbench.commands.check import COMMAND, confirm_lines, contents, report, write

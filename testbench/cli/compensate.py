@@ -13,8 +13,7 @@ from testbench.campaign.plan_input import joints_of, payload_of, place
 from testbench.campaign.program import NAMED, CorrectedProgram, correct_program, with_payload
 from testbench.cli.arguments import ArmCheck, MapFile, Payload, plain
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
-from testbench.correct.newton import Aim, Asked
-from testbench.correct.step import Hold
+from testbench.correct.newton import Aim, Asked, Hold
 from testbench.data.motion import CSV, WRITERS, format_of
 from testbench.data.program import read_program
 from testbench.errors import BenchError, InputError

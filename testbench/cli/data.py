@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.absolute import kinematic_misfit
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.propose_map import map_text, propose

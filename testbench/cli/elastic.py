@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.cli.arguments import ArmName
 from testbench.commands.elastic import write_elastic

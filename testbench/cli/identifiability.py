@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.markdown import Markdown
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.identifiability import describe
 from testbench.campaign.models import named_models, plain_name

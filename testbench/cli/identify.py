@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.doubt import Doubt
 from testbench.campaign.fits import fit

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.absolute import Calibrated, File, calibrated, read_all
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.models import EVERY, plain_name, right_name

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.absolute_truth import AbsoluteCampaign, by_trackers, simulate_series
 from testbench.campaign.campaign import Cell, LoadedPoses, Scenario, build_cell, hanging, measure, stream
 from testbench.campaign.candidates import Conditions, build_checks, find

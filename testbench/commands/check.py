@@ -11,8 +11,7 @@ from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.arm_check import Checked
 from testbench.errors import Array
 from testbench.model.vjm import chain, generalised_load, tool_points
-from testbench.plant.corners import RING
-from testbench.plant.shapes import elastic_frames, rigid_frames
+from testbench.plant.shapes import RING, elastic_frames, rigid_frames
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, bullets, say

@@ -7,8 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from testbench import files
-from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import load_arm
+from testbench.arm.folder import find_arm, load_arm
 from testbench.campaign.model_folder import copy_arm, digests
 from testbench.campaign.public_dataset import ARM, GRID, SCENARIO, TABLES, write_rounds
 from testbench.commands.dataset_card import describe

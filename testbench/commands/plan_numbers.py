@@ -26,11 +26,17 @@ from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at, rms
 from testbench.commands.unread import filled
 from testbench.design import absolute
-from testbench.design.baselines import RANDOM, PriorInfluence, baselines, error_after, prior_influence
+from testbench.design.baselines import (
+    RANDOM,
+    PriorInfluence,
+    baselines,
+    error_after,
+    observability,
+    prior_influence,
+)
 from testbench.design.criteria import Linear, mean_square
 from testbench.design.exchange import greedy
 from testbench.design.forecast import Forecast, widened
-from testbench.design.observability import observability
 from testbench.design.planning import Plan, promise
 from testbench.design.rows import deflection_rows, loads_of, task_rows
 from testbench.design.whole_arm import error_on, promise_on

@@ -7,9 +7,8 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.correct.batches import put
 from testbench.correct.newton import Aim, Asked, Corrected, Points, Target, asked, solve
-from testbench.correct.rest import rest
+from testbench.correct.rest import put, rest
 from testbench.correct.uncertainty import Poses, half_widths
 from testbench.errors import Array, BenchError, Mask, check_array
 from testbench.identify.arm_model import ArmModel

@@ -6,15 +6,14 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.correct.batches import batches, joined
-from testbench.correct.rest import rest
+from testbench.correct.rest import batches, joined, rest
 from testbench.correct.uncertainty import Poses, curvature, half_widths
 from testbench.errors import Array, check_array
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.posterior import CONFIDENCE, CURVED
 from testbench.model.load import Load, on_joints
 from testbench.model.loaded import displacement
-from testbench.model.turn import turn_between, turned
+from testbench.model.tool_motion import turn_between, turned
 from testbench.model.vjm import chain
 
 

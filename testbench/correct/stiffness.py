@@ -6,8 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.correct.batches import batches, joined
-from testbench.correct.rest import rest
+from testbench.correct.rest import batches, joined, rest
 from testbench.correct.uncertainty import Poses, half_widths
 from testbench.errors import Array
 from testbench.identify.absolute.state import State

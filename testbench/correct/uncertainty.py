@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.correct.batches import batches
-from testbench.correct.rest import Rest, rest
+from testbench.correct.rest import Rest, batches, rest
 from testbench.data.dataset import in_order
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import State

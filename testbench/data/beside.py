@@ -6,8 +6,8 @@ import numpy as np
 
 from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import Arm
-from testbench.data.clock import clock, seconds
 from testbench.data.columns import Column, Columns
+from testbench.data.joined import clock, seconds
 from testbench.data.names import Slot, torque_columns
 from testbench.errors import Array, InputError
 

@@ -9,10 +9,21 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.data.joined import with_log
 from testbench.data.mapping import Named, Names
-from testbench.data.names import DEFLECTION, ROTATIONS, SI, XYZ, Slot, What, columns_of
+from testbench.data.names import (
+    DEFLECTION,
+    LARGEST,
+    LEAST,
+    ROTATIONS,
+    SI,
+    XYZ,
+    Slot,
+    Unit,
+    What,
+    columns_of,
+    split_unit,
+)
 from testbench.data.rearranged import join_axes, take_apart
 from testbench.data.table import Table, read_table
-from testbench.data.units import LARGEST, LEAST, Unit, split_unit
 from testbench.errors import Array, InputError, Mask
 
 READ: tuple[What, ...] = ("reading", "covariance", "deviation", "turn_deviation", "spread", *ROTATIONS)

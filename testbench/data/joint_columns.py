@@ -6,8 +6,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.columns import Column, Columns
-from testbench.data.names import Slot
-from testbench.data.units import split_unit
+from testbench.data.names import Slot, split_unit
 from testbench.errors import Array
 
 SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}

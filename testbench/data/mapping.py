@@ -14,13 +14,14 @@ from testbench.arm.lines import toml_place
 from testbench.data.names import (
     STATES,
     Slot,
+    Unit,
     expand,
     our_names,
     placeholders,
     recognise,
+    split_unit,
     squeeze,
 )
-from testbench.data.units import Unit, split_unit
 from testbench.errors import InputError, read_text
 
 MAX_BYTES = 20_000

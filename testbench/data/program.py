@@ -21,10 +21,20 @@ from testbench.data.columns import (
 )
 from testbench.data.joint_columns import joint_coordinates
 from testbench.data.mapping import read_map
-from testbench.data.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, columns_of, program_names
+from testbench.data.names import (
+    ALONG,
+    ROTATIONS,
+    SI,
+    XYZ,
+    Slot,
+    Unit,
+    What,
+    columns_of,
+    program_names,
+    split_unit,
+)
 from testbench.data.rotation import read_rotations
 from testbench.data.table import read_table
-from testbench.data.units import Unit, split_unit
 from testbench.errors import Array, Ids, InputError
 
 MAX_POINTS = 1_000_000

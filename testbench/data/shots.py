@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.data.columns import Columns
-from testbench.data.names import Slot
+from testbench.data.names import KNOWN, Slot
 from testbench.data.rows import first_rows, number_rows
-from testbench.data.units import KNOWN
 
 OWN = ("reading", "torque", "temperature", "time", "sigma", "deviation", "spread")
 """Quantities that may differ between shots."""

@@ -14,9 +14,8 @@ from testbench.arm.decimal import NUMBER, is_integer
 from testbench.data.header import find_header, notes, rows_of
 from testbench.data.lines import from_cell, read_letters, split_lines
 from testbench.data.mapping import Layout
-from testbench.data.names import squeeze
+from testbench.data.names import Unit, squeeze
 from testbench.data.sheet import SHEET
-from testbench.data.units import Unit
 from testbench.errors import Array, Ids, InputError, Mask, shown
 
 COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"

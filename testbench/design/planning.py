@@ -123,19 +123,10 @@ def choose(search: Search, criterion: Criterion, examined: CandidateSet) -> Chos
 
     q = refine(examined.q[chosen], examined.problem.prior, criterion, rows, search)
     order = _order(q, load, search.reach)
-    q, load = q[order], load[order]
-    found = _add(search, examined, q, load)
+    found = _add(search, examined, q[order], load[order])
     chosen = np.arange(len(found.q) - search.poses, len(found.q))
-    return Chosen(
-        criterion=criterion,
-        q=q,
-        load=load,
-        clear=tuple(search.reach.clear(start, end) for start, end in pairwise(q)),
-        examined=found,
-        chosen=chosen,
-        value=criterion.information(information(found.problem, chosen)),
-        relaxed=relax(found.problem, criterion, search.poses, relaxed),
-    )
+    last = relax(found.problem, criterion, search.poses, relaxed)
+    return _measured(search, criterion, found, chosen, last)
 
 
 def choose_greedily(search: Search, criterion: Criterion, examined: CandidateSet) -> Chosen:
@@ -146,6 +137,13 @@ def choose_greedily(search: Search, criterion: Criterion, examined: CandidateSet
     M = information(problem, chosen)
     value, Z = criterion.information(M), criterion.tangent(M).Z
     bound = float((Z * problem.prior).sum() + poses * sensitivity(problem.rows, Z).max())
+    return _measured(search, criterion, examined, chosen, Relaxed(chosen, np.ones(poses), value, bound, Z))
+
+
+def _measured(
+    search: Search, criterion: Criterion, examined: CandidateSet, chosen: Ids, relaxed: Relaxed
+) -> Chosen:
+    """Some of the poses examined, in the order of measuring."""
     q = examined.q[chosen]
     return Chosen(
         criterion=criterion,
@@ -154,8 +152,8 @@ def choose_greedily(search: Search, criterion: Criterion, examined: CandidateSet
         clear=tuple(search.reach.clear(start, end) for start, end in pairwise(q)),
         examined=examined,
         chosen=chosen,
-        value=value,
-        relaxed=Relaxed(chosen, np.ones(poses), value, bound, Z),
+        value=criterion.information(information(examined.problem, chosen)),
+        relaxed=relaxed,
     )
 
 

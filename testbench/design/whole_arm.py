@@ -50,9 +50,7 @@ def fit_of(whole: Experiment, uncertainty: float, spec: Specification, q: Array,
     """
     A = _flat(reading_rows(whole, q, loads_of(spec, load)))
     K, k = _fit(spec, _flat(measured_rows(spec, q, load)))
-    # no more columns than rows, with the same K K^T: noise of many readings is drawn as fast
-    narrow = K if K.shape[1] <= K.shape[0] else np.asarray(np.linalg.qr(K.T, mode="r")).T
-    return Fitted(whole, uncertainty, spec.experiment, narrow, k, K @ A)
+    return Fitted(whole, uncertainty, spec.experiment, _narrow(K), k, K @ A)
 
 
 def promise_on(fit: Fitted, q: Array, load: Load) -> Forecast:
@@ -81,6 +79,11 @@ def _fit(spec: Specification, A: Array) -> tuple[Array, Array]:
     B, c = precision_root(own, Strength(spec.uncertainty, SCALE_UNCERTAINTY))
     M = A.T @ A + B.T @ B
     return np.asarray(np.linalg.solve(M, A.T)), np.asarray(np.linalg.solve(M, B.T @ c))
+
+
+def _narrow(K: Array) -> Array:
+    """A matrix with the same K K^T and no more columns than rows: noise of many readings is drawn as fast."""
+    return K if K.shape[1] <= K.shape[0] else np.asarray(np.linalg.qr(K.T, mode="r")).T
 
 
 def _flat(rows: Array) -> Array:

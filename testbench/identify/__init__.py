@@ -1,26 +1,16 @@
 """Identification: least squares and GCO, one call shape (vjm, structure, dataset) -> Estimate."""
 
-from testbench.identify.certify import certify
-from testbench.identify.estimate import Certificate, Constraint, Estimate, Estimator, make_estimate
-from testbench.identify.fold import reduce
-from testbench.identify.method import Method, completed_least_squares, gco, least_squares, robust, with_prior
-from testbench.identify.posterior import intervals
-from testbench.identify.regression import Regression
-
-__all__ = [
-    "Certificate",
-    "Constraint",
-    "Estimate",
-    "Estimator",
-    "Method",
-    "Regression",
-    "certify",
-    "completed_least_squares",
-    "gco",
-    "intervals",
-    "least_squares",
-    "make_estimate",
-    "reduce",
-    "robust",
-    "with_prior",
-]
+from testbench.identify.certify import certify as certify
+from testbench.identify.estimate import Constraint as Constraint
+from testbench.identify.estimate import Estimate as Estimate
+from testbench.identify.estimate import Estimator as Estimator
+from testbench.identify.estimate import make_estimate as make_estimate
+from testbench.identify.fold import reduce as reduce
+from testbench.identify.method import Method as Method
+from testbench.identify.method import completed_least_squares as completed_least_squares
+from testbench.identify.method import gco as gco
+from testbench.identify.method import least_squares as least_squares
+from testbench.identify.method import robust as robust
+from testbench.identify.method import with_prior as with_prior
+from testbench.identify.posterior import intervals as intervals
+from testbench.identify.regression import Regression as Regression

@@ -26,7 +26,7 @@ from testbench.identify.closed_form import (
     starts,
 )
 from testbench.identify.robust_loss import FRAMES
-from testbench.model.turn import turned
+from testbench.model.tool_motion import turned
 from testbench.model.vjm import Vjm, skew, tool_pose
 
 STILL = 1e-3  #: A joint that moves less stands still [rad, m].

@@ -16,8 +16,7 @@ import pinocchio as pin
 
 from testbench.arm.document import parse_xml
 from testbench.arm.folder import Arm
-from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
-from testbench.arm.mjcf_words import NUMBERS
+from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
 from testbench.errors import Array, InputError
 from testbench.model.vjm import Vjm, rotation
 

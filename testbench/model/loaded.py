@@ -27,12 +27,12 @@ def geometric_stiffness(where: Chain, wrench: Array, point: Array) -> Array:
     runs = len(where.position)
     wrench = check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = check_array(point, (runs, 3), "point [m]")
-    J = _at_point(where, point)
-    v, omega = J[:3].transpose(2, 0, 1), J[3:].transpose(2, 1, 0)
-    of_force, of_moment = (cross(part.T[:, None], J[3:]).transpose(2, 1, 0) for part in np.hsplit(wrench, 2))
+    J, turns = load_jacobian(where, point), where.J_theta[3:]
+    v, omega = J[:, :3], J[:, 3:].swapaxes(1, 2)
+    of_force, of_moment = (cross(part.T[:, None], turns).transpose(2, 1, 0) for part in np.hsplit(wrench, 2))
     forces = of_force @ v  # [i, j]: f . (omega_i x J_v,j)
     moments = omega @ of_moment.swapaxes(1, 2)  # [j, i]: m . (omega_i x omega_j)
-    rank = _rank_in_chain(J.shape[1])
+    rank = _rank_in_chain(J.shape[2])
     behind = rank[:, None] > rank
     return np.where(behind, forces.swapaxes(1, 2) + moments, forces)
 
@@ -44,13 +44,6 @@ def _rank_in_chain(n_theta: int) -> Ids:
     return np.concatenate([links.ravel(), 7 * np.arange(n) + 6])
 
 
-def _at_point(where: Chain, point: Array) -> Array:
-    """J_theta at a point of the tool that may differ from run to run, (6, n_theta, runs) [1, m]."""
-    arm = np.einsum("rxy,ry->xr", where.rotation, point)
-    v, omega = where.J_theta[:3], where.J_theta[3:]
-    return np.concatenate([v + cross(omega, arm[:, None]), omega])
-
-
 def load_jacobian(where: Chain, point: Array) -> Array:
     """Jacobian J_theta at the point where the load acts, Eq. (3).
 
@@ -58,7 +51,9 @@ def load_jacobian(where: Chain, point: Array) -> Array:
         Translation rows first, world axes, (runs, 6, n_theta) [1, m].
     """
     point = check_array(point, (len(where.position), 3), "point [m]")
-    return np.ascontiguousarray(_at_point(where, point).transpose(2, 0, 1))
+    arm, (v, omega) = np.einsum("rxy,ry->xr", where.rotation, point), np.split(where.J_theta, 2)
+    J = np.concatenate([v + cross(omega, arm[:, None]), omega])
+    return np.ascontiguousarray(J.transpose(2, 0, 1))
 
 
 def loaded_compliance(J_theta: Array, C_theta: Array, K_w: Array) -> Array:

@@ -17,8 +17,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.arm.mesh import read_meshes
-from testbench.arm.mjcf import mesh_files, read_mjcf
-from testbench.arm.mjcf_words import LENGTH
+from testbench.arm.mjcf import LENGTH, mesh_files, read_mjcf
 from testbench.errors import Array, Ids, InputError
 from testbench.plant.elastic import elastic_mjcf, theta_names
 

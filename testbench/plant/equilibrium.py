@@ -12,13 +12,15 @@ matrices meet its vectors alone, since how BLAS rounds a product of two matrices
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
+import mujoco
 import numpy as np
 
 from testbench.errors import Array, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
 from testbench.plant.compensator import Compensator, Strut, attached, stiffen, strut, strut_force
 from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
-from testbench.plant.state import Row, State, evaluate, generalised_force, open_row, place
+from testbench.plant.shapes import rotation_of
+from testbench.plant.state import Row, State, evaluate, generalised_force, moved, open_row, place
 from testbench.session import stepwise
 
 TOGETHER = 512  #: Poses that take their Newton steps together: enough for numpy, few for memory.
@@ -248,3 +250,40 @@ def _unstable(C_K: Array) -> bool:
 
 def _not_found(steps: int, size: float) -> str:
     return f"no static equilibrium in {steps} Newton steps, the last one {size:.3g} m or rad"
+
+
+def settle_linear(plant: Plant, q: Array, wrench: Array, point: Array) -> Equilibrium:
+    """First-order equilibrium of a weightless arm: theta = C_theta J_F^T w at theta = 0.
+
+    Returns:
+        The displaced poses; residual and step are zero, iterations one.
+    """
+    q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
+    wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]")
+    point = check_array(point, (len(q), 3), "point [m]")
+
+    def settled(some: slice, row: Row) -> Equilibrium:
+        return _displaced(plant, row, q[some], wrench[some], point[some])
+
+    return in_parts(plant, len(q), settled)
+
+
+def _displaced(plant: Plant, row: Row, q: Array, wrench: Array, point: Array) -> Equilibrium:
+    tool, markers = plant.tool, plant.markers.tolist()
+    state = evaluate(row, hold(plant, q), {tool, *markers})
+    at = place(state, tool, point)
+    theta = np.matvec(plant.C, generalised_force(plant, state, tool, wrench, at))
+    places = [state.position[body] + moved(plant, state, body, theta)[0] for body in (*markers, tool)]
+    turns = np.tile([1.0, 0, 0, 0], (len(q), 1))
+    for quaternion, vector in zip(turns, moved(plant, state, tool, theta)[1], strict=True):
+        mujoco.mju_quatIntegrate(quaternion, vector, 1.0)
+    zero = np.zeros(len(q))
+    return Equilibrium(
+        theta=theta[:, plant.theta],
+        markers=np.stack(places[:-1], axis=1),
+        tool=places[-1],
+        rotation=np.reshape([rotation_of(turn) for turn in turns], (-1, 3, 3)) @ state.rotation[tool],
+        residual=zero,
+        step=zero,
+        iterations=np.ones(len(q), dtype=int),
+    )

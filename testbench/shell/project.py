@@ -14,8 +14,8 @@ from pydantic_core import PydanticCustomError
 from typer.core import TyperCommand
 
 from testbench import files
-from testbench.arm.catalogue import find_arm
 from testbench.arm.document import Strict, parse_toml
+from testbench.arm.folder import find_arm
 from testbench.arm.lines import toml_place
 from testbench.errors import BenchError, InputError, read_text, sheet_of
 from testbench.session import NONE, Session

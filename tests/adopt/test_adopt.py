@@ -11,8 +11,8 @@ from testbench.campaign.campaign import build_cell
 from testbench.campaign.new_arm import sentence, write_arm
 from testbench.campaign.propose import Wishes
 from testbench.plant.import_robot.chain import read_chain
-from testbench.plant.import_robot.surface import surfaces
 from testbench.plant.import_robot.weigh import DENSITY
+from testbench.plant.import_robot.write import surfaces
 
 ARMS = {
     light_urdf: (pinocchio_urdf, "tool0", "a1 a2 a3 a4 a5 a6 a7"),

@@ -7,8 +7,7 @@ import pytest
 from run_here import here
 from workbooks import packed, parts
 
-from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import load_arm
+from testbench.arm.folder import find_arm, load_arm
 from testbench.cli.program import program
 from testbench.data.read_series import read_series
 from testbench.errors import InputError

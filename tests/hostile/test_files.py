@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from spoil import Spoil, holds, instead, link, sparse
 from workbooks import packed, parts
 
 from testbench.data.stream import LEAST
@@ -15,38 +16,6 @@ MANY = LEAST + 1000  #: Bytes of a file that is read block by block.
 
 def _after(file: Path, rest: bytes) -> None:
     file.write_bytes(file.read_bytes() + rest)
-
-
-def _pipe(file: Path) -> None:
-    file.unlink()
-    os.mkfifo(file)
-
-
-def _link(to: str) -> Callable[[Path], None]:
-    def make(file: Path) -> None:
-        file.unlink()
-        file.symlink_to(to)
-
-    return make
-
-
-def _folder(file: Path) -> None:
-    file.unlink()
-    file.mkdir()
-
-
-def _hole(size: int) -> Callable[[Path], None]:
-    """A file that takes no room on the disk."""
-
-    def make(file: Path) -> None:
-        os.truncate(file, size)
-
-    return make
-
-
-def _gone(file: Path) -> None:
-    file.write_bytes(b"")
-    os.truncate(file, 5 * 10**9)
 
 
 def _one_run(file: Path) -> None:
@@ -78,27 +47,27 @@ def _many_parts(file: Path) -> None:
 
 CELL = '<c t="s"><v>0</v></c>'
 
-HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
-    "empty": (lambda f: f.write_bytes(b""), "empty"),
-    "newlines": (lambda f: f.write_bytes(b"\n" * MANY), "empty"),
-    "separators": (lambda f: f.write_bytes(b";;, |\t\n" * (MANY // 7)), "empty"),
+HOSTILE: dict[str, tuple[Spoil, str]] = {
+    "empty": (holds(b""), "empty"),
+    "newlines": (holds(b"\n" * MANY), "empty"),
+    "separators": (holds(b";;, |\t\n" * (MANY // 7)), "empty"),
     "newlines_behind": (lambda f: _after(f, b"\n" * MANY + b"x"), "field"),
-    "a_long_line": (lambda f: f.write_bytes(b"x" * MANY), "letters"),
+    "a_long_line": (holds(b"x" * MANY), "letters"),
     "a_long_line_behind": (lambda f: _after(f, b"x" * MANY), "letters"),
-    "columns": (lambda f: f.write_bytes(b",".join(b"c%d" % k for k in range(1_000_000))), "letters"),
-    "short_lines": (lambda f: f.write_bytes(b"1\n" * 1_001_000), "lines"),
-    "zeros": (lambda f: f.write_bytes(bytes(MANY)), "zero byte"),
+    "columns": (holds(b",".join(b"c%d" % k for k in range(1_000_000))), "letters"),
+    "short_lines": (holds(b"1\n" * 1_001_000), "lines"),
+    "zeros": (holds(bytes(MANY)), "zero byte"),
     "zeros_behind": (lambda f: _after(f, bytes(MANY)), "zero byte"),
     "quotes": (lambda f: _after(f, b'"' + b"a\n" * (MANY // 2)), "quotes"),
     "quotes_in_pairs": (lambda f: _after(f, b'a"' * (MANY // 2)), "letters"),
-    "returns": (lambda f: f.write_bytes(b"\r" * MANY), "empty"),
-    "comments": (lambda f: f.write_bytes(b"# run\n" * 10_000), "row"),
-    "wide_letters": (lambda f: f.write_bytes(("run," * 9 + "\n").encode("utf-32-le") * 10), "text"),
-    "gzip": (lambda f: f.write_bytes(gzip.compress(bytes(MANY))), "gzip"),
-    "workbook": (lambda f: f.write_bytes(b"PK\x03\x04" + bytes(100)), "workbook"),
-    "noise": (lambda f: f.write_bytes(os.urandom(MANY)), "data.csv"),
-    "pipe": (_pipe, "expected a file"),
-    "folder": (_folder, "expected a file"),
+    "returns": (holds(b"\r" * MANY), "empty"),
+    "comments": (holds(b"# run\n" * 10_000), "row"),
+    "wide_letters": (holds(("run," * 9 + "\n").encode("utf-32-le") * 10), "text"),
+    "gzip": (holds(gzip.compress(bytes(MANY))), "gzip"),
+    "workbook": (holds(b"PK\x03\x04" + bytes(100)), "workbook"),
+    "noise": (holds(os.urandom(MANY)), "data.csv"),
+    "pipe": (instead(os.mkfifo), "expected a file"),
+    "folder": (instead(Path.mkdir), "expected a file"),
     "cells_of_a_workbook": (
         _book(sheet=lambda: f"<w>{'<row><c><v>1</v></c></row>' * 2_000_000}</w>"),
         "elements",
@@ -126,11 +95,11 @@ HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
         "document types",
     ),
     "parts_of_a_workbook": (_many_parts, "parts"),
-    "zero_device": (_link("/dev/zero"), "expected a file"),
-    "its_own_link": (_link("data.csv"), "cannot be read"),
-    "five_gigabytes_of_nothing": (_gone, "zero byte"),
-    "five_gigabytes_behind": (_hole(5 * 10**9), "zero byte"),
-    "a_terabyte": (_hole(10**12), "bytes"),
+    "zero_device": (link("/dev/zero"), "expected a file"),
+    "its_own_link": (link("data.csv"), "cannot be read"),
+    "five_gigabytes_of_nothing": (lambda f: (f.write_bytes(b""), sparse(5 * 10**9)(f)), "zero byte"),
+    "five_gigabytes_behind": (sparse(5 * 10**9), "zero byte"),
+    "a_terabyte": (sparse(10**12), "bytes"),
     "one_run": (_one_run, "run"),
     "rows_apart": (_apart, "together"),
 }

@@ -1,8 +1,7 @@
 """Numbers that only Python reads, or that no arm can have: in MJCF, URDF, TOML, tables and flags alike."""
 
-import re
-
 import pytest
+from spoil import swap
 
 ODD = {
     "Arabic": "\u0663",
@@ -15,20 +14,11 @@ ODD = {
     "beyond": "1e308",
 }
 """What Python's int or float reads, or another program reads otherwise."""
-OF_TOML = ("Arabic", "hex float", "infinite", "none", "beyond")  #: It has its own underscores and hex.
-SOME = ("Arabic", "hex float", "beyond")
 
 
 def text(file, pattern):
-    """Another number in a text, at the first place of a pattern."""
-
-    def spoil(lab, odd):
-        old = (lab / file).read_text()
-        new = re.sub(pattern, odd, old, count=1)
-        assert new != old, pattern
-        (lab / file).write_text(new)
-
-    return spoil
+    """Another number in a text."""
+    return lambda lab, odd: swap(pattern, odd)(lab / file)
 
 
 def cell(file, column):
@@ -68,13 +58,11 @@ PLACES = {
     "map": (mapped, f"{READ} --map map.toml", "map.toml"),
     "flag": (lambda lab, odd: None, "plan arm --task tasks.csv --tracker 4,-1,{}", "--tracker"),
 }
-EVERY = {"size of a geom": ODD, "mass of a robot's link": ODD, "place of a target": ODD}
-EVERY |= {
+EVERY = {
+    **dict.fromkeys(("size of a geom", "mass of a robot's link", "place of a target"), ODD),
+    **dict.fromkeys(("task", "map", "flag"), ("Arabic", "hex float", "beyond")),
     "run": ("Arabic", "underscore"),
-    "diameter": OF_TOML,
-    "task": SOME,
-    "map": SOME,
-    "flag": SOME,
+    "diameter": ("Arabic", "hex float", "infinite", "none", "beyond"),  # TOML has underscores and hex
     "force": ("hex", "beyond"),
 }
 """Places where several odd numbers are tried; of the others each has one of them."""

@@ -15,13 +15,13 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
+from spoil import Spoil, holds, instead, link, sparse
 
 from testbench.trials.store import HEADER, MAGIC, record, records
 
 RESUME = ("--workers", "1", "--resume")
 STORE, WHOLE = "trials.log", "trials.parquet"
 FULL = 30_000  #: Largest file that the disk takes [byte]: a store of some trials fits.
-Spoil = Callable[[Path], object]
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +32,7 @@ def begun(attack, tmp_path_factory):
     whole = (folder / "left_alone" / WHOLE).read_bytes()
     lab = folder / "lab"
     lab.mkdir()
+    (lab / WHOLE).write_bytes(whole)
     stopped = attack(lab, "trials", "run", *RESUME, largest=FULL)
     assert stopped.code == 2, stopped
     assert re.fullmatch(r"error: run/trials\.log: .*; \d+ of 30 trials are stored, .*\n", stopped.err)
@@ -44,51 +45,56 @@ def run(begun, tmp_path):
     return Path(shutil.copytree(begun[0], tmp_path / "lab")) / "run"
 
 
-def trials(change: Callable[[list[tuple[int, bytes, bytes]]], list[tuple[int, bytes, bytes]]]) -> Spoil:
-    """Other trials behind the header: seed, checksum, rows."""
-
-    def spoil(run: Path) -> None:
-        head, *own = opened(run)
-        closed(run, [head, *change(own)])
-
-    return spoil
+Stored = tuple[int, bytes, bytes]  #: Seed, checksum, rows.
 
 
-def opened(run: Path) -> list[tuple[int, bytes, bytes]]:
+def stored(change: Callable[..., list[Stored]]) -> Spoil:
+    """Another header and other trials behind it."""
+    return lambda run: closed(run, change(*opened(run)))
+
+
+def opened(run: Path) -> list[Stored]:
     with (run / STORE).open("rb") as file:
         file.seek(len(MAGIC))
         return [(seed, sha256, rows) for _, seed, sha256, rows in records(file)]
 
 
-def closed(run: Path, own: list[tuple[int, bytes, bytes]]) -> None:
+def closed(run: Path, own: list[Stored]) -> None:
     lines = (record(seed, rows, sha256) for seed, sha256, rows in own)
     (run / STORE).write_bytes(MAGIC + b"".join(lines))
+
+
+def signed(text: bytes) -> Stored:
+    return HEADER, hashlib.sha256(text).digest(), text
 
 
 def header(change: Callable[[dict], object]) -> Spoil:
     """Another header."""
 
     def spoil(run: Path) -> None:
-        (_, _, text), *own = opened(run)
-        change(about := json.loads(text))
-        text = json.dumps(about).encode()
-        closed(run, [(HEADER, hashlib.sha256(text).digest(), text), *own])
+        head, *own = opened(run)
+        change(about := json.loads(head[2]))
+        closed(run, [signed(json.dumps(about).encode()), *own])
 
     return spoil
 
 
-def forged(change: Callable[[str], str], seed: int | None = None) -> Spoil:
-    """Other rows of the first trial under a right checksum, perhaps of another seed."""
+def packed(change: Callable[[bytes], bytes], seed: int | None = None) -> Spoil:
+    """Other packed rows of the first trial under a right checksum, perhaps of another seed."""
 
     def spoil(run: Path) -> None:
-        head, (first, sha256, rows), *own = opened(run)
+        head, first, *own = opened(run)
         key = json.dumps(json.loads(head[2]), sort_keys=True)
-        seed_, more = (first, []) if seed is None else (seed, [(first, sha256, rows)])
-        rows = zlib.compress(change(zlib.decompress(rows).decode()).encode())
-        sha256 = hashlib.sha256(f"{key}{seed_} ".encode() + rows).digest()
-        closed(run, [head, (seed_, sha256, rows), *more, *own])
+        own, of = (own, first[0]) if seed is None else ([first, *own], seed)
+        rows = change(first[2])
+        closed(run, [head, (of, hashlib.sha256(f"{key}{of} ".encode() + rows).digest(), rows), *own])
 
     return spoil
+
+
+def forged(change: Callable[[str], str]) -> Spoil:
+    """Other rows of the first trial."""
+    return packed(lambda rows: zlib.compress(change(zlib.decompress(rows).decode()).encode()))
 
 
 def number(value: str) -> Spoil:
@@ -96,14 +102,45 @@ def number(value: str) -> Spoil:
     return forged(lambda rows: re.sub(r'"rank":\[\d+', f'"rank":[{value}', rows))
 
 
-def instead(name: str, make: Spoil) -> Spoil:
-    """Something else at a place of the run's folder."""
+def log(spoil: Spoil) -> Spoil:
+    """A spoilt store."""
+    return lambda run: spoil(run / STORE)
+
+
+def whole(change: Callable[[pa.Table], pa.Table]) -> Spoil:
+    """A run that has ended, with another table."""
 
     def spoil(run: Path) -> None:
-        (run / name).unlink(missing_ok=True)
-        make(run / name)
+        (run / STORE).unlink()
+        table = change(parquet.read_table(run.parent / WHOLE))
+        parquet.write_table(table, run / WHOLE, write_page_checksum=True)
 
     return spoil
+
+
+def rows(*numbers: int) -> Spoil:
+    """Some rows of a run that has ended, in this order."""
+    return whole(lambda table: table.take(pa.array(numbers)))
+
+
+def flipped(place: int) -> Spoil:
+    """A bit of a run that has ended."""
+
+    def spoil(run: Path) -> None:
+        (run / STORE).unlink()
+        data = bytearray((run.parent / WHOLE).read_bytes())
+        data[place] ^= 1
+        (run / WHOLE).write_bytes(data)
+
+    return spoil
+
+
+def edited(run: Path) -> None:
+    """One number of a run whose manifest has its checksum."""
+    digests = {"sha256": {WHOLE: hashlib.sha256((run.parent / WHOLE).read_bytes()).hexdigest()}}
+    said = {"command": "toy", "versions": {"testbench": "0"}}
+    (run / "manifest.json").write_text(json.dumps(said | digests))
+    whole(lambda table: table.set_column(1, table.field(1), [table[1].to_pylist()[::-1]]))(run)
 
 
 def other_bytes(place: int, new: bytes) -> Spoil:
@@ -116,16 +153,29 @@ def other_bytes(place: int, new: bytes) -> Spoil:
     return spoil
 
 
-PLAIN = "expected a file, got a link, a folder or a device"
+PLAIN, WHOLES = "expected a file, got a link, a folder or a device", "expected trials in Parquet"
 LINE: dict[str, tuple[Spoil, str]] = {
     "swapped checksums": (
-        trials(lambda own: [(own[0][0], own[1][1], own[0][2]), *own[1:]]),
+        stored(lambda head, a, b, *own: [head, (a[0], b[1], a[2]), b, *own]),
         "seed 5: expected what was stored",
     ),
+    "swapped trials": (
+        stored(lambda head, a, b, *own: [head, (a[0], *b[1:]), (b[0], *a[1:]), *own]),
+        "seed 5: expected what was stored",
+    ),
+    "another seed": (stored(lambda head, a, *own: [head, (9, *a[1:])]), "seed 9: expected what was stored"),
     "400,000 rows of another": (
-        trials(lambda own: [(s, bytes(32), b"[]") for s in range(100, 400_000)]),
+        stored(lambda head, *_: [head, *((s, bytes(32), b"[]") for s in range(100, 400_000))]),
         "seed 100: expected what was stored",
     ),
+    "no header": (stored(lambda _, *own: own), "it has no header"),
+    "two headers": (stored(lambda head, *own: [head, head, *own]), "seed -1: expected what"),
+    "an edited header": (
+        stored(lambda head, *own: [(*head[:2], head[2] + b" "), *own]),
+        "it has no header",
+    ),
+    "a deep header": (stored(lambda _, *own: [signed(b"[" * 100_000), *own]), "expected a store of trials"),
+    "a header of another type": (stored(lambda _, *own: [signed(b"[]"), *own]), "no table of keys"),
     "a long row": (other_bytes(len(MAGIC) + 8, b"\x7f\xff\xff\xff"), "damaged"),
     "another format": (header(lambda h: h.update(format="testbench trials 2")), "format: the trials in this"),
     "another version": (header(lambda h: h["versions"].update(numpy="9")), "version of numpy"),
@@ -142,24 +192,45 @@ LINE: dict[str, tuple[Spoil, str]] = {
     "100 MB, packed": (forged(lambda _: "0" * 10**8), "expected at most"),
     "columns of other lengths": (forged(lambda rows: rows.replace("[", "[1,", 1)), "seed 5: rows"),
     "depth": (forged(lambda _: "[" * 10**6), "damaged"),
-    "notes": (instead(STORE, lambda path: path.write_bytes(b"notes\n" * 999)), "of this version"),
-    "a pipe": (instead(STORE, os.mkfifo), PLAIN),
-    "a folder": (instead(STORE, Path.mkdir), PLAIN),
-    "a link": (instead(STORE, lambda path: path.symlink_to("/etc/hostname")), PLAIN),
+    "no text": (packed(lambda _: zlib.compress(b"\xff")), "expected a store of trials"),
+    "not packed": (packed(zlib.decompress), "packed rows"),
+    "cut": (packed(lambda rows: rows[:-1]), "packed rows"),
+    "more behind": (packed(lambda rows: rows + b"!"), "packed rows"),
+    "notes": (log(holds("notes\n" * 999)), "of this version"),
+    "a pipe": (log(instead(os.mkfifo)), PLAIN),
+    "a folder": (log(instead(Path.mkdir)), PLAIN),
+    "a link": (log(link("/etc/hostname")), PLAIN),
+    "a link to nothing": (log(link("none")), PLAIN),
+    "two names": (lambda run: os.link(run / STORE, run.parent / "own"), "move it away"),
+    "room of 64 GB": (log(instead(sparse(2**36))), "move it away"),
     "a link for a whole run": (
         lambda run: ((run / STORE).unlink(), (run / WHOLE).symlink_to("/dev/zero")),
         "expected a file",
     ),
     "a whole run of noise": (
         lambda run: ((run / STORE).unlink(), (run / WHOLE).write_bytes(b"PAR1" + bytes(999) + b"PAR1")),
-        "expected trials in Parquet",
+        WHOLES,
     ),
+    **{f"bit {place} of a whole run": (flipped(place), WHOLES) for place in (90, -1, -100)},
+    "a whole run that goes back": (rows(9, 0), WHOLES),
+    "a trial in two places": (rows(0, 9, 0), WHOLES),
+    "200,000 rows of one trial": (rows(*[0] * 200_000), WHOLES),
+    "a whole run of no seed": (
+        whole(lambda table: table.set_column(0, "seed", pa.nulls(len(table), pa.int64()))),
+        WHOLES,
+    ),
+    "a whole run of a deep header": (
+        whole(lambda table: table.replace_schema_metadata({"testbench": "[" * 100_000, "trials": "3"})),
+        WHOLES,
+    ),
+    "an edited whole run": (edited, "trials.parquet: expected what its run left"),
 }
 RIGHT: dict[str, Spoil] = {
     "as it was left": lambda run: None,
     "killed while it wrote": lambda run: os.truncate(run / STORE, (run / STORE).stat().st_size - 5),
-    "seeds that nobody asked for": forged(lambda rows: rows, seed=2**63 - 1),
-    "room behind its end": lambda run: os.truncate(run / STORE, 2**36),
+    "seeds that nobody asked for": packed(lambda rows: rows, seed=2**63 - 1),
+    "a run that has ended": whole(lambda table: table),
+    "room behind its end": log(sparse(2**36)),
 }
 
 
@@ -167,7 +238,8 @@ RIGHT: dict[str, Spoil] = {
 def test_a_store_that_is_none_is_refused(attack, run, name):
     spoil, said = LINE[name]
     spoil(run)
-    attack(run.parent, "trials", "run", *RESUME).refused("run/trials.", said)
+    for words in (RESUME, RESUME[:2])[: 2 if said in (PLAIN, "move it away") else 1]:
+        attack(run.parent, "trials", "run", *words).refused("run/trials.", said)
 
 
 @pytest.mark.parametrize("name", RIGHT)

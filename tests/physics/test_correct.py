@@ -8,9 +8,8 @@ from loads import correct
 
 import testbench as tb
 from testbench.correct.compensated import compensate
-from testbench.correct.newton import Aim, Target, asked
+from testbench.correct.newton import SMALL, Aim, Target, asked
 from testbench.correct.rest import rest
-from testbench.correct.step import SMALL
 from testbench.correct.uncertainty import Poses, half_widths
 from testbench.errors import BenchError, NoEquilibrium
 from testbench.identify.arm_model import About, bending, of_compliances, of_estimate

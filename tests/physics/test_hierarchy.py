@@ -17,7 +17,6 @@ from testbench.campaign.true_arms import true_cell
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.average import ODDS, averaged, of_two_priors
-from testbench.identify.diagnosis.prior_check import contradicted, unchecked
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.evidence import bends, greatest, posterior
 from testbench.identify.hierarchy import (
@@ -26,9 +25,11 @@ from testbench.identify.hierarchy import (
     MISFIT,
     WIDEST,
     _scales,
+    contradicted,
     evidence,
     learn,
     log_evidence_alone,
+    unchecked,
 )
 from testbench.identify.metric import Belief, metric, whitened
 from testbench.identify.posterior import CURVED, HEAVY, curvature, intervals, linearise, quantile

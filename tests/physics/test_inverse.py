@@ -5,10 +5,9 @@ import pytest
 from serial_arms import write_arm
 
 from testbench.arm.folder import load_arm
-from testbench.correct.batches import replaced
-from testbench.correct.inverse import joints_along, settle
+from testbench.correct.inverse import THERE, joints_along, reach, settle
 from testbench.correct.newton import Target
-from testbench.correct.reach import THERE, reach
+from testbench.correct.rest import replaced
 from testbench.data.dataset import in_order
 from testbench.model.kinematics import build_vjm
 from testbench.model.turn import turn_between

@@ -8,7 +8,7 @@ import pytest
 from page_checks import check_page, said
 from read_back import columns, document, on, sound
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.arm_check import check
 from testbench.commands.check import report, write
 

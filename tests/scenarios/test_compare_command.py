@@ -15,7 +15,7 @@ from read_back import document
 from run_here import here
 
 from testbench import files
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.model_folder import digests
 from testbench.cli.program import program
 from testbench.commands.compare_rows import differ

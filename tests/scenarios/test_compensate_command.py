@@ -13,8 +13,7 @@ from reports import check
 from run_here import here
 
 from testbench import files
-from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import load_arm
+from testbench.arm.folder import find_arm, load_arm
 from testbench.campaign.arm_models import load_model, write_stiffness
 from testbench.campaign.campaign import Scenario, simulate
 from testbench.campaign.fits import Runs, fit

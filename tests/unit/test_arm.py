@@ -10,7 +10,7 @@ from refused import refused
 
 from testbench.arm.folder import load_arm
 from testbench.arm.mesh import MAX_FACES, read_meshes
-from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
+from testbench.arm.mjcf import MAX_DEPTH, angle_unit, read_mjcf
 from testbench.errors import InputError
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -77,14 +77,21 @@ def test_every_model_loads_with_one_link_more_than_joints_and_blocks_on_the_diag
 
 
 @pytest.mark.parametrize(
-    ("pattern", "one", "other"), [(LENGTH, "2.0", "2"), (AXIS, "[ 0.0, 0.0, 1.0 ]", "[0, 0, 1]")]
+    ("pattern", "new"),
+    [
+        (r"\A", "\ufeff"),
+        (r"7\.000e10", "70000000000"),
+        (AXIS, "[0, 0, 1]"),
+        (r"(?<=axis = )\[1\.0, 0\.0, 0\.0\]", "[0.9999999999, 0.0, 0.0]"),
+    ],
+    ids=["a byte order mark", "an integer", "integers", "rounded"],
 )
-def test_an_integer_is_a_fine_number(tmp_path, pattern, one, other):
+def test_the_same_arm_may_be_written_otherwise(tmp_path, pattern, new):
     folder = copy_arm(tmp_path)
-    change(folder / "elastic.toml", pattern, one)
-    with_floats = load_arm(folder)
-    change(folder / "elastic.toml", pattern, other)
-    same(load_arm(folder), with_floats)
+    change(folder / "elastic.toml", pattern, new)
+    if new == "\ufeff":
+        change(folder / "rigid.xml", pattern, new)
+    same(load_arm(folder), load_arm(MODELS / "arm_6r"))
 
 
 @pytest.mark.parametrize(
@@ -102,33 +109,6 @@ def test_limits_are_degrees_unless_the_compiler_says_radian(tmp_path, compiler, 
     change(folder / "rigid.xml", r'(?<=name="joint_2")(.*?)range=".*?"', ' axis="0 1 0" range="-90 45"')
     assert angle_unit(read_mjcf(folder / "rigid.xml")) == unit
     np.testing.assert_allclose(load_arm(folder).limits[:, 1], [-90 * unit, 45 * unit], rtol=1e-15)
-
-
-def test_a_beam_axis_written_to_eight_digits_becomes_an_exact_frame(tmp_path):
-    folder = copy_arm(tmp_path)
-    change(folder / "elastic.toml", AXIS, "[0.70710678, 0.0, 0.70710678]")
-    frame = load_arm(folder).links[0].frame
-    np.testing.assert_allclose(frame.T @ frame, np.eye(3), rtol=0, atol=1e-15)
-    np.testing.assert_allclose(frame[:, 0], [np.sqrt(0.5), 0, np.sqrt(0.5)], rtol=0, atol=1e-9)
-
-
-def test_a_byte_order_mark_is_no_part_of_the_files(tmp_path):
-    folder = copy_arm(tmp_path)
-    for file in (folder / "elastic.toml", folder / "rigid.xml"):
-        file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
-    same(load_arm(folder), load_arm(MODELS / "arm_6r"))
-
-
-def test_numbers_are_read_as_written_and_a_body_is_found_by_its_only_name(tmp_path):
-    file = tmp_path / "rigid.xml"
-    bodies = '<body name="a" pos=" 1 -2.5e-3\n7 "/><body name="b"/><body name="b"/>'
-    file.write_text(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
-    root = read_mjcf(file)
-    assert numbers(file, find_body(file, root, "a"), "pos", 3) == [1.0, -2.5e-3, 7.0]
-    with pytest.raises(InputError, match=r"no body 'c'; bodies are \['a', 'b', 'b'\]"):
-        find_body(file, root, "c")
-    with pytest.raises(InputError, match=r"2 bodies 'b'"):
-        find_body(file, root, "b")
 
 
 # The folder
@@ -160,6 +140,9 @@ def test_what_is_no_file_of_text_is_refused(tmp_path, name):
 
 # elastic.toml
 
+SLIDE = "joint (joint_1) compliance.unit: expected rad/(N m) for a hinge, got m/N"
+EITHER = ["link.0 (link_0)", "expected either a tube or a compliance"]
+COMPLIANCE = 'compliance = { value = [], unit = "m/N, rad/(N m)", origin = "assumed" }'
 WRONG_TOML = {
     "too large a file": (r"\A", "#" * 100_000 + "\n", ["expected at most 100000 bytes"]),
     "an end without a beginning": ("format = 1", "format = = 1", ["not TOML", "(at line 4, column 10)"]),
@@ -178,25 +161,22 @@ WRONG_TOML = {
     "another format": (r"format = 1", "format = 2", ["format: Input should be 1, got 2"]),
     "a string for a number": (LENGTH, '"0.7"', ["link.0.tube.length.value", "valid number", "got '0.7'"]),
     "a boolean for a number": (LENGTH, "true", ["link.0.tube.length.value", "valid number", "got True"]),
+    "no axis": (r"axis = \[1.*\n", "", ["line 21, column 3, link.1.axis: Field required"]),
     "no markers": (r"markers = .*", "markers = []", ["markers", "at least 1 item"]),
-    "NaN": (LENGTH, "nan", ["link.0.tube.length.value", "finite number", "got nan"]),
-    "a wrong unit": (r'unit = "m"', 'unit = "mm"', ["link.0.tube.length.unit", "'m'", "got 'mm'"]),
-    "a wrong origin": (r'"assumed"', '"guess"', ["payload.origin", "'inferred', 'assumed' or 'estimated'"]),
-    "a slide's compliance for a hinge": (
-        r'(?<=unit = )"rad/\(N m\)"',
-        '"m/N"',
-        ["joint (joint_1) compliance.unit: expected rad/(N m) for a hinge, got m/N"],
+    "NaN": (LENGTH, "nan", ["line 15, column 17, link.0.tube.length.value", "finite number", "got nan"]),
+    "a wrong unit": (
+        r'unit = "m"',
+        'unit = "mm"',
+        ["line 15, column 30, link.0.tube.length.unit", "got 'mm'"],
     ),
+    "a wrong origin": (r'"assumed"', '"guess"', ["payload.origin", "'inferred', 'assumed' or 'estimated'"]),
+    "a slide's compliance for a hinge": (r'(?<=unit = )"rad/\(N m\)"', '"m/N"', [SLIDE]),
     "a payload in tonnes": (PAYLOAD, "0.0001", ["payload: expected 0.001 to 10000 kg, got 0.0001"]),
     "a zero length": (LENGTH, "0.0", ["link.0.tube (link_0)", "length: expected 0.001 to 100 m, got 0.0"]),
     "a tube of 99 m": (LENGTH, "99.0", ["link.0.tube.length (link_0)", "expected at most", "got 99 m"]),
     "a point that is not there": (r"(markers = .*)", 'markers = ["probe"]\nto_confirm = ["P9"]', ["'P9'"]),
-    "both a tube and a compliance": (
-        r"axis = ",
-        'compliance = { value = [], unit = "m/N, rad/(N m)", origin = "assumed" }\naxis = ',
-        ["link.0 (link_0)", "expected either a tube or a compliance"],
-    ),
-    "neither": (r"(tube\..*\n)+", "\n", ["link.0 (link_0)", "expected either a tube or a compliance"]),
+    "both a tube and a compliance": (r"axis = ", f"{COMPLIANCE}\naxis = ", EITHER),
+    "neither": (r"(tube\..*\n)+", "\n", EITHER),
     "an axis that is no unit vector": (AXIS, "[0.0, 0.0, 1.001]", ["link.0.axis (link_0)", "unit vectors"]),
     "an axis along the normal": (AXIS, "[0.0, 1.0, 0.0]", ["link.0.axis (link_0)", "at right angles"]),
     "an axis of two numbers": (AXIS, "[0.0, 1.0]", ["link.0.axis", "at least 3 items"]),
@@ -204,19 +184,26 @@ WRONG_TOML = {
     "one joint too few": (r"\[\[joint\]\]\n.*\n.*\n", "", ["link: ", "got 7 links and 5 joints"]),
     "a joint named twice": (r'"joint_2"', '"joint_1"', ["joint: expected different names"]),
     "an empty name": (r'tool = "tool"', 'tool = ""', ["tool", "at least 1 character"]),
+    "a tool in the middle": (r'"tool"', '"link_3"', ["'link_3'>: expected as a direct child of"]),
+    "an unknown load point": (r"load = .*", 'load = "P9"', ["no load point 'P9'; bodies are ['load'"]),
+    "an unknown marker": (r"markers = .*", 'markers = ["P9"]', ["no marker 'P9'; bodies are ['load', 'pr"]),
 }
-
-
-@pytest.mark.parametrize(("pattern", "new", "words"), WRONG_TOML.values(), ids=WRONG_TOML)
-def test_wrong_toml_names_the_place_and_what_was_expected(tmp_path, pattern, new, words):
-    line = refusal(tmp_path, "elastic.toml", pattern, new)
-    assert all(word in line for word in ("elastic.toml: ", *words)), line
-
-
-@pytest.mark.parametrize(("entry", "problem"), [('"1e-8"', "valid number"), ("nan", "finite number")])
-def test_a_wrong_entry_of_a_compliance_is_located(tmp_path, entry, problem):
-    line = refusal(tmp_path, "elastic.toml", r"8\.01e-5", entry, arm="single_link")
-    assert re.search(rf"link\.0\.compliance\.value\.1\.1: .*{problem}", line)
+HEAVY, ENTRY, FOOT = "kr500_l480", r"8\.01e-5", r"\[-0.49, 0.3, -0.26\]"
+WRONG_OF_OTHERS = {
+    "an entry in words": (
+        "single_link",
+        ENTRY,
+        '"1e-8"',
+        ["line 18, column 1, link.0.compliance.value.1.1: "],
+    ),
+    "no number": ("single_link", ENTRY, "nan", ["link.0.compliance.value.1.1: ", "finite number"]),
+    "a negative rate": (HEAVY, "6.2e4", "-1.0", ["compensator", "rate", "expected 0 to 1e+09 N/m, got -1"]),
+    "a rate in words": (HEAVY, "6.2e4", '"soft"', ["compensator", "rate"]),
+    "a rate a millimetre": (HEAVY, r"(?<=6.2e4, unit = ).N/m.", '"N/mm"', ["compensator", "unit", "N/m"]),
+    "two coordinates": (HEAVY, FOOT, "[-0.49, 0.3]", ["compensator", "foot"]),
+    "a foot in mm": (HEAVY, FOOT, "[-490, 300, -260]", ["compensator", "foot", "expected -100 to 100 m"]),
+    "no length at rest": (HEAVY, r"rest_length = .*\n", "", ["compensator", "rest_length"]),
+}
 
 
 def test_a_compliance_is_symmetric_but_for_rounding_and_of_rows_alike(tmp_path):
@@ -235,82 +222,55 @@ def test_a_compliance_is_symmetric_but_for_rounding_and_of_rows_alike(tmp_path):
 # rigid.xml against elastic.toml
 
 HINGE = r'<joint name="joint_2".*?/>'
+
+
+def hinge(attributes):
+    return f'<joint name="joint_2" {attributes}/>'
+
+
 WRONG_CHAIN = {
     "a missing body": (r'name="link_2"', 'name="arm"', ["no body 'link_2'; bodies are ['link_0'"]),
     "a missing joint": (HINGE, "", ["<body name='link_2'>", "exactly the joint 'joint_2'", "got []"]),
     "a wrong joint name": (r'name="joint_2"', 'name="a"', ["<body name='link_2'>", "'joint_2'", "got ['a']"]),
     "a ball joint": (
-        r'(?<="joint_2")',
-        ' type="ball"',
+        HINGE,
+        hinge('type="ball" axis="0 1 0" range="-1 1"'),
         ["'joint_2'>: expected a hinge or a slide, got 'ball'"],
     ),
     "a joint off its body's origin": (r'name="joint_2"', 'name="joint_2" pos="0 0 0.1"', ["expected no pos"]),
-    "a missing range": (
-        HINGE,
-        '<joint name="joint_2" axis="0 1 0"/>',
-        ["'joint_2'>", "attribute range of 2"],
-    ),
+    "a missing range": (HINGE, hinge('axis="0 1 0"'), ["line 21, column 11, <joint", "attribute range of 2"]),
     "an inverted range": (
         HINGE,
-        '<joint name="joint_2" axis="0 1 0" range="1 -1"/>',
-        ["<joint name='joint_2'>: range: expected lower < upper, got '1 -1'"],
+        hinge('axis="0 1 0" range="1 -1"'),
+        ["range: expected lower < upper, got '1"],
     ),
     "a range too wide to draw from": (
         HINGE,
-        '<joint name="joint_2" axis="0 1 0" range="-1e308 1e308"/>',
+        hinge('axis="0 1 0" range="-1e308 1e308"'),
         ["<joint name='joint_2'>: range: expected finite numbers up to 1e+06"],
     ),
-    "a zero axis": (
-        HINGE,
-        '<joint name="joint_2" axis="0 0 0" range="-1 1"/>',
-        ["<joint name='joint_2'>: axis: expected a direction, got zero"],
-    ),
+    "a zero axis": (HINGE, hinge('axis="0 0 0" range="-1 1"'), ["axis: expected a direction, got zero"]),
     "a joint of the base": (
         r'<body name="link_1"',
         '<joint name="track"/><body name="link_1"',
         ["<joint>: expected the joints ['joint_1'", "no other", "'track'"],
     ),
-    "a missing inertial": (
-        r'<inertial pos="0.45.*?/>',
-        "",
-        ["<body name='link_2'>", "expected an <inertial>"],
-    ),
+    "a missing inertial": (r'<inertial pos="0.45.*?/>', "", ["'link_2'>", "expected an <inertial>"]),
     "a missing load point": (r'name="load"', 'name="hook"', ["<body name='tool'>: no load point 'load'"]),
-    "a missing marker": (
-        r'name="probe"',
-        'name="P1"',
-        ["<body name='tool'>: no marker 'probe'; bodies are ['load', 'P1']"],
-    ),
-    "a duplicate marker": (
-        r'<body name="load"',
-        '<body name="probe"/><body name="load"',
-        ["2 bodies 'probe'"],
-    ),
+    "a missing marker": (r'name="probe"', 'name="P1"', ["'tool'>: no marker 'probe'; bodies are ['load', "]),
+    "a duplicate marker": (r'(?=<body name="load")', '<body name="probe"/>', ["2 bodies 'probe'"]),
 }
-BEHIND = {
-    "a tool in the middle": (r'tool = "tool"', 'tool = "link_3"', "'link_3'>: expected as a direct child of"),
-    "an unknown load point": (
-        r"load = .*",
-        'load = "P9"',
-        "no load point 'P9'; bodies are ['load', 'probe']",
-    ),
-    "an unknown marker": (
-        r"markers = .*",
-        'markers = ["P9"]',
-        "no marker 'P9'; bodies are ['load', 'probe']",
-    ),
+WRONG = {
+    **{name: ("arm_6r", "elastic.toml", *case) for name, case in WRONG_TOML.items()},
+    **{name: (arm, "elastic.toml", *case) for name, (arm, *case) in WRONG_OF_OTHERS.items()},
+    **{name: ("arm_6r", "rigid.xml", *case) for name, case in WRONG_CHAIN.items()},
 }
 
 
-@pytest.mark.parametrize(("pattern", "new", "words"), WRONG_CHAIN.values(), ids=WRONG_CHAIN)
-def test_a_wrong_chain_names_the_element_and_what_was_expected(tmp_path, pattern, new, words):
-    line = refusal(tmp_path, "rigid.xml", pattern, new)
-    assert all(word in line for word in ("rigid.xml: ", *words)), line
-
-
-@pytest.mark.parametrize(("pattern", "new", "words"), BEHIND.values(), ids=BEHIND)
-def test_a_name_that_rigid_xml_lacks_is_told_with_those_it_has(tmp_path, pattern, new, words):
-    assert words in refusal(tmp_path, "elastic.toml", pattern, new)
+@pytest.mark.parametrize(("arm", "name", "pattern", "new", "words"), WRONG.values(), ids=WRONG)
+def test_what_is_wrong_is_named_with_its_place(tmp_path, arm, name, pattern, new, words):
+    line = refusal(tmp_path, name, pattern, new, arm)
+    assert all(word in line for word in words), line
 
 
 def test_a_body_outside_the_chain_is_no_link(tmp_path):
@@ -326,7 +286,6 @@ def test_a_body_outside_the_chain_is_no_link(tmp_path):
 BOMB = '<!DOCTYPE m [<!ENTITY a "b"><!ENTITY c "&a;&a;">]><mujoco model="&c;"/>'
 UTF_16 = ('<?xml version="1.0" encoding="utf-16"?>' + BOMB).encode("utf-16")
 LATIN = '<?xml version="1.0" encoding="latin-1"?><!-- Stahlträger --><mujoco/>'.encode("latin-1")
-NUMBER = "<mujoco><worldbody>{}</worldbody></mujoco>"
 OUTSIDE = "expected a file inside the arm's folder"
 
 
@@ -347,25 +306,11 @@ TEXTS = {
     "entities that hide in another encoding": (UTF_16, "expected UTF-8"),
     "bytes of a declared encoding": (LATIN, "expected UTF-8"),
     "a namespace of two lines": ('<mujoco><n:body xmlns:n="a&#10;b"/></mujoco>', "<{a b}body>: not allowed"),
-    "70 nested bodies": (inside("<body>" * 70 + "</body>" * 70), "at most 64 nested elements"),
-    "200,000 nested bodies": (inside("<body>" * 200_000 + "</body>" * 200_000), "at most 64 nested elements"),
+    **{
+        f"{n} nested bodies": (inside("<body>" * n + "</body>" * n), f"at most {MAX_DEPTH} nested elements")
+        for n in (MAX_DEPTH + 1, 200_000)
+    },
     "4 MB": (inside(f"<!--{'x' * 4_000_000}-->"), "expected at most 4000000 bytes, got 4000"),
-    **{
-        f"{tag} in {place[:20]}": (
-            place.format(f'<{tag} file="/etc/passwd" count="1000000000"/>'),
-            rf"<{tag}>: not allowed in an arm; allowed are \['asset', 'body'",
-        )
-        for tag in ("include", "replicate", "plugin")
-        for place in ("<mujoco>{}</mujoco>", "<mujoco><worldbody><body>{}</body></worldbody></mujoco>")
-    },
-    **{
-        f"{number} in {element[:5]}": (
-            NUMBER.format(element.format(number)),
-            rf"name='g'>.*expected finite numbers.*{number}",
-        )
-        for number in ("nan", "-inf", "1e999")
-        for element in ('<geom name="g" size="{} 1"/>', '<body name="g" pos="0 {} 0"/>')
-    },
     "a zero mass": (inside('<inertial pos="0 0 0" mass="0"/>'), "mass: expected more than 0 kg, got 0.0"),
     "a mass in words": (inside('<inertial mass="heavy"/>'), r"mass: expected finite numbers up to 1e\+06"),
     "a mass of 1e300 kg": (inside('<inertial mass="1e300"/>'), r"mass: expected finite numbers up to 1e\+06"),
@@ -375,12 +320,12 @@ TEXTS = {
     "a default joint": (inside("<default><joint/></default>"), "<default>: no defaults for joints"),
     "gravity on the moon": (inside('<option gravity="0 0 -1.62"/>'), "gravity: expected '0 0 -9.81'"),
     "angles in gon": (inside('<compiler angle="gon"/>'), "angle: expected 'degree' or 'radian', got 'gon'"),
-    "a mesh elsewhere": (mesh("/etc/passwd"), f"<mesh name='m'>: file: {OUTSIDE}"),
-    "a mesh above": (mesh("meshes/../../secret.stl"), f"<mesh name='m'>: file: {OUTSIDE}"),
-    "a mesh beside": (mesh("../armada/a.stl"), f"<mesh name='m'>: file: {OUTSIDE}"),
+    **{
+        f"a mesh at {file}": (mesh(file), f"<mesh name='m'>: file: {OUTSIDE}")
+        for file in ("/etc/passwd", "meshes/../../secret.stl", "../armada/a.stl", "link.stl")
+    },
     "meshes elsewhere": (mesh("a.stl", '<compiler meshdir="/etc"/>'), f"<compiler>: meshdir: {OUTSIDE}"),
     "meshes above": (mesh("a.stl", '<compiler meshdir="meshes/../.."/>'), f"<compiler>: meshdir: {OUTSIDE}"),
-    "a link": (mesh("link.stl"), f"file: {OUTSIDE}"),
     "a deeper link": (mesh("link.stl", '<compiler meshdir="meshes"/>'), f"file: {OUTSIDE}"),
 }
 
@@ -406,13 +351,9 @@ def test_a_text_that_is_no_arm_is_refused(rigid, text, said):
     assert re.search(said, refused(read_mjcf, rigid(text)))
 
 
-def test_missing_file_and_folder_are_refused(tmp_path):
-    assert "No such file" in refused(read_mjcf, tmp_path / "rigid.xml")
-    assert "expected a file, got a folder" in refused(read_mjcf, tmp_path)
-    assert "File name too long" in refused(read_mjcf, tmp_path / ("x" * 300))
-
-
 def test_meshes_inside_the_folder_are_accepted_and_a_link_to_itself_leads_nowhere(rigid):
+    """As are elements as deep in one another as may be."""
+    read_mjcf(rigid(inside("<body>" * MAX_DEPTH + "</body>" * MAX_DEPTH)))
     file = rigid(mesh("a.stl", '<compiler meshdir="meshes"/>'))
     assert read_mjcf(file).find("asset/mesh") is not None
     (file.parent / "loop.stl").symlink_to("loop.stl")
@@ -439,21 +380,6 @@ def test_a_compensator_is_read_and_an_arm_needs_none():
     np.testing.assert_array_equal(own.head, [-0.06, 0.3, 0.26])
     assert (own.rate, own.rest_length) == (6.2e4, 0.115)
     assert load_arm(MODELS / "arm_6r").compensator is None
-
-
-@pytest.mark.parametrize(
-    ("pattern", "new", "expected"),
-    [
-        ("6.2e4", "-1.0", r"compensator.*rate.*expected 0 to 1e\+09 N/m, got -1"),
-        ("6.2e4", '"soft"', r"compensator.*rate"),
-        (r"(?<=rate = \{ value = 6.2e4, unit = ).N/m.", '"N/mm"', r"compensator.*unit.*N/m"),
-        (r"\[-0.49, 0.3, -0.26\]", "[-0.49, 0.3]", r"compensator.*foot"),
-        (r"\[-0.49, 0.3, -0.26\]", "[-490, 300, -260]", r"compensator.*foot.*expected -100 to 100 m"),
-        (r"rest_length = .*\n", "", r"compensator.*rest_length"),
-    ],
-)
-def test_a_wrong_compensator_is_refused(tmp_path, pattern, new, expected):
-    assert re.search(expected, refusal(tmp_path, "elastic.toml", pattern, new, "kr500_l480"))
 
 
 def test_a_compensator_needs_a_hinge_between_link_1_and_link_2(tmp_path):

@@ -1,10 +1,10 @@
-"""Candidate poses satisfy what was asked, judged by other code; and every pose drawn is accounted for."""
+"""Candidate poses satisfy what was asked, judged by other code; what a tracker sees from where it stands."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from testbench.campaign import station
 from testbench.campaign.campaign import Cell
@@ -23,7 +23,7 @@ from testbench.campaign.candidates import (
     find,
     why_not,
 )
-from testbench.campaign.station import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station
+from testbench.campaign.station import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
 from testbench.errors import Array, BenchError, PoseError
 from testbench.model.poses import WorkArea
 from testbench.plant import Payload, collisions, contacts, hidden
@@ -36,12 +36,12 @@ ALL = Conditions(FRONT, Station(HERE, acceptance=math.radians(80)), Payload(460.
 
 
 @pytest.fixture(scope="module")
-def checks(kr500: Cell) -> Checks:
+def checks(kr500) -> Checks:
     return build_checks(kr500, ALL)
 
 
 @pytest.fixture(scope="module")
-def found(checks: Checks) -> Candidates:
+def found(checks) -> Candidates:
     return find(checks, 40, np.random.default_rng(3))
 
 
@@ -56,7 +56,7 @@ def bodies(cell: Cell, q: Array) -> tuple[Array, Array, Array]:
     )
 
 
-def test_every_pose_drawn_is_found_or_counted_once(checks: Checks, found: Candidates) -> None:
+def test_every_pose_drawn_is_found_or_counted_once(checks, found):
     """The draws themselves, judged in other batches, up to the last one found."""
     drawn = np.random.default_rng(3).uniform(*checks.vjm.arm.limits, (found.drawn, 6))
     reasons = [reason for q in np.array_split(drawn, 7) for reason in why_not(checks, q)]
@@ -67,7 +67,7 @@ def test_every_pose_drawn_is_found_or_counted_once(checks: Checks, found: Candid
     assert len(found.q) + sum(found.rejected.values()) == found.drawn
 
 
-def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500: Cell, checks: Checks) -> None:
+def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500, checks):
     """Each reason judged by itself, of all poses."""
     q = np.random.default_rng(5).uniform(*kr500.arm.limits, (400, 6))
     q[:20, 3] = 7.0  # beyond joint 4
@@ -92,7 +92,7 @@ def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500: Cell, chec
     assert len(set(expected)) >= 6
 
 
-def test_with_nothing_asked_limits_and_collisions_decide(kr500: Cell) -> None:
+def test_with_nothing_asked_limits_and_collisions_decide(kr500):
     q = np.random.default_rng(5).uniform(*kr500.arm.limits, (400, 6))
     reasons = why_not(build_checks(kr500, Conditions()), q)
     assert [r is None for r in reasons] == [pair is None for pair in collisions(kr500.room, q)]
@@ -119,9 +119,7 @@ def test_with_nothing_asked_limits_and_collisions_decide(kr500: Cell) -> None:
         ),
     ],
 )
-def test_an_empty_set_names_the_constraint_that_emptied_it(
-    kr500: Cell, conditions: Conditions, limits: dict, reason: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_empty_set_names_the_constraint_that_emptied_it(kr500, conditions, limits, reason, monkeypatch):
     for name, value in limits.items():
         monkeypatch.setattr(station, name, value)
     with pytest.raises(PoseError, match="found 0 of 5 poses in 2048 draws") as err:
@@ -132,7 +130,7 @@ def test_an_empty_set_names_the_constraint_that_emptied_it(
     assert "\n" not in message
 
 
-def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest_reason(kr500: Cell) -> None:
+def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest_reason(kr500):
     """A weight on a sling of 5 m never hangs clear, wherever the tool is; most poses never come so far."""
     conditions = Conditions(area=FRONT, payload=Payload(460.3, sling=5.0))
     with pytest.raises(PoseError) as err:
@@ -149,7 +147,7 @@ def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest
     )
 
 
-def test_fewer_than_asked_for_are_an_error_unless_they_are_enough(kr500: Cell) -> None:
+def test_fewer_than_asked_for_are_an_error_unless_they_are_enough(kr500):
     """One pose in 2000 has its tool in this box; a search goes on for 1000 draws a pose, so it ends."""
     rare = Conditions(area=WorkArea((2.4, -0.3, 1.5), (2.8, 0.3, 1.9)))
     checks = build_checks(kr500, rare)
@@ -168,19 +166,91 @@ def test_fewer_than_asked_for_are_an_error_unless_they_are_enough(kr500: Cell) -
 @pytest.mark.parametrize(
     "wrong", [{"count": 0}, {"count": 5, "least": 6}, {"count": 5, "least": 0}, {"count": 5, "patience": 0}]
 )
-def test_numbers_that_make_no_sense_are_refused(checks: Checks, wrong: dict[str, Any]) -> None:
+def test_numbers_that_make_no_sense_and_poses_of_another_arm_are_refused(checks, wrong):
     with pytest.raises(BenchError, match="expected 1 <= least <= count and a patience of 1 or more"):
         find(checks, rng=np.random.default_rng(9), **wrong)
+    with pytest.raises(BenchError, match=r"q \[rad, m\]: expected shape \(any, 6\), got \(1, 5\)"):
+        why_not(checks, np.zeros((1, 5)))
+    assert why_not(checks, np.empty((0, 6))) == []
 
 
-def test_an_arm_without_shapes_that_collide_is_still_seen_or_hidden(arm_6r: Cell) -> None:
+def test_an_arm_without_shapes_that_collide_is_still_seen_or_hidden(arm_6r):
     checks = build_checks(arm_6r, Conditions(station=Station((2.5, -2.0, 1.2)), payload=Payload(20.0)))
     found = find(checks, 20, np.random.default_rng(11))
     assert found.rejected[BLOCKED] > 0
     assert all(found.rejected[reason] == 0 for reason in TOUCHING.values())
 
 
-def test_poses_of_another_arm_are_refused(checks: Checks) -> None:
-    with pytest.raises(BenchError, match=r"q \[rad, m\]: expected shape \(any, 6\), got \(1, 5\)"):
-        why_not(checks, np.zeros((1, 5)))
-    assert why_not(checks, np.empty((0, 6))) == []
+def at(distance: float, elevation_deg: float, azimuth_deg: float = 130.0) -> Array:
+    """A target as seen from the station, (1, 1, 3) [m]: a turn about z of a turn about y."""
+    seen = Rotation.from_euler("ZY", [azimuth_deg, -elevation_deg], degrees=True).apply([distance, 0, 0])
+    return np.asarray((np.array(HERE) + seen)[None, None])
+
+
+def reasons(station: Station, targets: Array, facing: Array | None = None) -> list[str]:
+    return [reason for reason, mask in out_of_view(station, targets, facing).items() if mask.any()]
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 200.0])
+@pytest.mark.parametrize(
+    ("distance", "elevation", "expected"),
+    [
+        (0.99, 10.0, [TOO_NEAR]),
+        (1.01, 10.0, []),
+        (19.99, 10.0, []),
+        (20.01, 10.0, [TOO_FAR]),
+        (3.0, -51.0, [TOO_STEEP]),
+        (3.0, -49.0, []),
+        (3.0, 74.0, []),
+        (3.0, 76.0, [TOO_STEEP]),
+    ],
+)
+def test_targets_are_seen_between_two_distances_and_elevations_wherever_they_face(
+    distance, elevation, azimuth, expected
+):
+    """A target that is turned by hand looks at the tracker."""
+    there = at(distance, elevation, azimuth)
+    assert reasons(Station(HERE), there) == expected
+    assert reasons(Station(HERE), there, (there - HERE) / distance) == expected
+
+
+def test_a_target_at_the_station_is_too_near_and_nothing_else():
+    station = Station(HERE, acceptance=0.5)
+    up = np.array([[[0.0, 0, 1]]])
+    assert reasons(station, np.array([[HERE]]), up) == [TOO_NEAR]
+
+
+@pytest.mark.parametrize(("turned", "expected"), [(29.0, []), (31.0, [FACES_AWAY]), (180.0, [FACES_AWAY])])
+def test_a_fixed_target_returns_the_beam_within_its_acceptance(turned, expected):
+    rng = np.random.default_rng(1)
+    station = Station(HERE, acceptance=math.radians(30))
+    target = at(3.0, 20.0)
+    to_tracker = (np.array(HERE) - target[0, 0]) / 3.0
+    for direction in rng.standard_normal((10, 3)):  # turned about any axis at right angles
+        axis = np.cross(to_tracker, direction)
+        turn = Rotation.from_rotvec(np.radians(turned) * axis / np.linalg.norm(axis))
+        assert reasons(station, target, turn.apply(to_tracker)[None, None]) == expected
+
+
+def test_one_target_out_of_view_refuses_its_pose_and_no_other():
+    good, far, near = at(3.0, 0.0)[0, 0], at(30.0, 0.0)[0, 0], at(0.5, 0.0)[0, 0]
+    refused = out_of_view(Station(HERE), np.array([[good, good], [good, far], [near, good], [far, near]]))
+    assert list(refused) == [TOO_NEAR, TOO_FAR, TOO_STEEP]
+    np.testing.assert_array_equal(refused[TOO_NEAR], [False, False, True, True])
+    np.testing.assert_array_equal(refused[TOO_FAR], [False, True, False, True])
+    assert not refused[TOO_STEEP].any()
+    assert all(mask.shape == (0,) for mask in out_of_view(Station(HERE), np.empty((0, 3, 3))).values())
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"position": (0.0, np.nan, 0.0)}, r"position of the station \[m\]: expected finite numbers"),
+        ({"position": (4500.0, -2500.0, 1600.0)}, r"expected coordinates up to 1000, got \[4500.0"),
+        ({"acceptance": 30.0}, r"acceptance \[rad\].* <= 1.571, got 0.0 to 30.0"),
+    ],
+)
+def test_a_station_that_makes_no_sense_is_refused_in_one_line(wrong, message):
+    with pytest.raises(BenchError, match=message) as err:
+        Station(**{"position": HERE, **wrong})
+    assert "\n" not in str(err.value)

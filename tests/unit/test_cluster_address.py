@@ -16,34 +16,30 @@ from testbench.studies.run import app
 from testbench.trials.cluster import check_address, on_cluster
 from testbench.trials.local import on_cores
 
-
-@pytest.mark.parametrize(
-    "address",
-    ["tls://cluster.example:8786", "tls://[2001:db8::1]:8786", "tcp://127.1.2.3:8786", "tcp://[::1]:8786",
-     "tcp://localhost:8786"],
-)  # fmt: skip
-def test_encrypted_or_local_addresses_pass(address):
-    check_address(address)
+SAFE = """tls://cluster.example:8786 tls://[2001:db8::1]:8786 tcp://127.1.2.3:8786 tcp://[::1]:8786
+    tcp://localhost:8786""".split()
+PLAIN = "tcp://10.0.0.7:8786 tcp://0.0.0.0:8786 tcp://127.0.0.1.example:1".split()
+NONE = """cluster:8786 tls://:8786 tls://host tls://host:port ws://127.0.0.1:1 tls://user@host:8786
+    tls://host:8786/path tls://host:8786?x tls://host:8786#x""".split()
 
 
-@pytest.mark.parametrize(
-    "address",
-    ["cluster:8786", "tls://:8786", "tls://host", "tls://host:port", "ws://127.0.0.1:1", "tls://user@host:8786",
-     "tls://host:8786/path", "tls://host:8786?x", "tls://host:8786#x"],
-)  # fmt: skip
-def test_anything_else_is_told_what_is_expected(address):
-    with pytest.raises(BenchError, match="--cluster: expected tls://host:port") as caught:
-        check_address(address, insecure=True)
-    assert "\n" not in str(caught.value)
+@pytest.mark.parametrize("address", [*SAFE, *PLAIN, *NONE])
+def test_an_address_is_encrypted_or_of_this_machine_or_said_aloud_to_be_insecure(address):
+    if address not in SAFE:
+        said = "--insecure" if address in PLAIN else "--cluster: expected tls://host:port"
+        with pytest.raises(BenchError, match=said) as caught:
+            check_address(address, insecure=address in NONE)
+        assert "\n" not in str(caught.value)
+    if address not in NONE:
+        check_address(address, insecure=address in PLAIN)
 
 
-@pytest.mark.parametrize(
-    "address", ["tcp://10.0.0.7:8786", "tcp://0.0.0.0:8786", "tcp://127.0.0.1.example:1"]
-)
-def test_plain_tcp_leaves_this_machine_only_if_said_aloud(address):
-    with pytest.raises(BenchError, match="--insecure"):
-        check_address(address)
-    check_address(address, insecure=True)
+@pytest.fixture
+def nobody():
+    """An address where nobody listens."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return f"tcp://127.0.0.1:{free.getsockname()[1]}"
 
 
 def no_work(seeds):
@@ -52,14 +48,6 @@ def no_work(seeds):
 
 def connect(address):
     return next(on_cluster(no_work, iter([(1,)]), address=address, patience=0.5))
-
-
-def test_a_port_where_nobody_listens_is_told():
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-    with pytest.raises(BenchError, match=f"no scheduler answers at {address}$"):
-        connect(address)
 
 
 @pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 9])
@@ -103,13 +91,9 @@ def test_certificates_are_asked_for_whatever_there_is_to_do(tmp_path):
                 ask("tls://192.0.2.1:1")
 
 
-def test_a_study_of_one_chunk_goes_to_the_cluster_that_is_asked_for(tmp_path, monkeypatch):
+def test_a_study_of_one_chunk_goes_to_the_cluster_that_is_asked_for(tmp_path, monkeypatch, nobody):
     """It was done here, in silence, however wrong the address."""
     monkeypatch.setattr("testbench.shell.trials.on_cluster", partial(on_cluster, patience=0.3))
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-    done = here(app(STUDY), "--quick", "--seeds", 1, "--cluster", address, "--out", tmp_path / "out")
-    assert done.returncode == 2
-    assert done.stderr == f"error: --cluster: no scheduler answers at {address}\n"
+    done = here(app(STUDY), "--quick", "--seeds", 1, "--cluster", nobody, "--out", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (2, f"error: --cluster: no scheduler answers at {nobody}\n")
     assert not (tmp_path / "out").exists()

@@ -30,6 +30,7 @@ def folded(rows, parts):
 def test_a_factor_of_parts_is_that_of_all_their_rows(rows, parts, columns):
     every = np.vstack([one for k in parts for one in rows[k]])[:, columns]
     found = folded(rows, SIZES)
+    assert not found.factor(1, parts).any()  # of a kind without rows
     for _ in range(2):  # asking takes nothing away
         T = found.factor(0, parts, columns)
         assert T.shape == (every.shape[1],) * 2
@@ -49,13 +50,6 @@ def test_shares_join_to_the_rows_of_both(rows, split):
     A = np.vstack(rows[split[1][0]])
     T = two.factor(0, [split[1][0]])  # the other share stays as it was
     np.testing.assert_allclose(T.T @ T, A.T @ A, rtol=0, atol=1e-12 * len(A))
-
-
-def test_a_kind_or_part_without_rows_is_zero(rows):
-    found = folded(rows, [0])
-    assert not found.factor(0, [3]).any()
-    assert not found.factor(1, [0]).any()
-    assert found.factor(1, [0], SOME).shape == (5, 5)
 
 
 @pytest.mark.parametrize("size", [1, 7, 1000])

@@ -42,6 +42,14 @@ def test_bars_stand_while_steps_are_under_way_and_no_longer():
     assert out.getvalue() == "the answer\n"
 
 
+def test_ctrl_c_leaves_no_bar():
+    terminal = Terminal()
+    with pytest.raises(KeyboardInterrupt), command(terminal):  # noqa: PT012
+        for _ in stepwise(range(3), "fitting models"):
+            raise KeyboardInterrupt
+    assert terminal.getvalue().count(HIDDEN) == terminal.getvalue().count(SHOWN) == 1
+
+
 def test_quiet_says_nothing_and_no_terminal_has_no_bars():
     terminal, pipe = Terminal(), io.StringIO()
     for errors, quiet in ((terminal, True), (pipe, False)):
@@ -65,15 +73,3 @@ def test_the_log_has_every_kind_of_steps_once_it_ended_even_early(monkeypatch):
     assert [line.split(" s  ")[1] for line in rest] == ["refining: 1.50 s", "files are written"]
     assert NONE.log() == ""
     assert SESSION.get() is NONE
-
-
-def test_ctrl_c_leaves_no_bar():
-    def interrupted():
-        with command(terminal):
-            for _ in stepwise(range(3), "fitting models"):
-                raise KeyboardInterrupt
-
-    terminal = Terminal()
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
-    assert terminal.getvalue().count(HIDDEN) == terminal.getvalue().count(SHOWN) == 1

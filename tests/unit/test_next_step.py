@@ -10,6 +10,8 @@ from testbench.output.next_step import COMMANDS, MISSING, next_lines
 PLAN = {"absolute": False, "loads_kg": [460.3], "model": "MGCO56", "uncertainty_percent": None}
 ABSOLUTE = {"absolute": True, "loads_kg": [0.0, 5.0], "orientations": True, "gear_urad": 30.0}
 ABSOLUTE |= {"geometry_mm": 1.5}
+MEASURED, GIVEN = "../arms/a MEASURED.csv", "../arms/a a.csv 'b 2.csv' MEASURED.csv"
+AS_ASKED = "--absolute --gear-urad 30 --geometry-mm 1.5 --orientations --loads 0,5"
 
 
 def run_of(folder, command, scenario=None, arm="my arm"):
@@ -23,22 +25,9 @@ def run_of(folder, command, scenario=None, arm="my arm"):
     ("command", "scenario", "expected"),
     [
         ("testbench plan", PLAN, "data check ../arms/a MEASURED.csv --out runs/data"),
-        (
-            "testbench plan",
-            PLAN,
-            "identify ../arms/a MEASURED.csv --model MGCO56 --no-prior --out runs/model",
-        ),
-        (
-            "testbench plan",
-            ABSOLUTE,
-            "simulate ../arms/a runs/one/plan.csv --absolute --gear-urad 30 --geometry-mm 1.5 "
-            "--orientations --loads 0,5 --out rehearsal.csv",
-        ),
-        (
-            "testbench plan",
-            {**ABSOLUTE, "given": ["a.csv", "b 2.csv"]},
-            "calibrate ../arms/a a.csv 'b 2.csv' MEASURED.csv --out runs/model",
-        ),
+        ("testbench plan", PLAN, f"identify {MEASURED} --model MGCO56 --no-prior --out runs/model"),
+        ("testbench plan", ABSOLUTE, f"simulate ../arms/a runs/one/plan.csv {AS_ASKED} --out rehearsal.csv"),
+        ("testbench plan", ABSOLUTE | {"given": ["a.csv", "b 2.csv"]}, f"calibrate {GIVEN} --out runs/model"),
         ("testbench data check", {"data": "export.csv"}, "identify ../arms/a export.csv --out runs/model"),
         ("testbench identify", {}, "compensate runs/one PROGRAM.csv --out CORRECTED.csv"),
         ("testbench calibrate", {}, "score runs/one READINGS.csv --frame-poses 50"),

@@ -20,6 +20,7 @@ PICTURE = b"\x89PNG\r\n\x1a\n"
 def write_run(out, *names, command=OURS):
     with whole_folder(out) as folder:
         for name in names:
+            (folder / name).parent.mkdir(exist_ok=True, parents=True)
             (folder / name).write_text("new")
         said = {"command": command, "versions": {"testbench": "0"}, "files": [*names, "manifest.json"]}
         (folder / "manifest.json").write_text(json.dumps(said))
@@ -29,16 +30,6 @@ def folder_refused(out, text, **kwargs):
     with pytest.raises(InputError, match=text) as caught:
         check_folder(out, OURS, **({"force": False} | kwargs))
     return str(caught.value)
-
-
-def test_a_run_takes_the_place_of_one_of_its_kind_with_all_of_its_files(tmp_path):
-    out = tmp_path / "deep" / "run"
-    check_folder(out, OURS, force=False)
-    assert not out.parent.exists()
-    write_run(out, "a.json", "old.png")
-    check_folder(out, OURS, force=False)
-    write_run(out, "a.json")
-    assert sorted(p.name for p in out.iterdir()) == ["a.json", "manifest.json"]
 
 
 def test_a_folder_with_anything_else_is_refused_and_the_file_named(tmp_path):
@@ -136,21 +127,14 @@ def no_locks(*_):
     raise OSError(errno.ENOLCK, "No locks available")
 
 
-def test_folders_of_a_run_are_replaced_with_it_and_guests_in_them_are_refused(tmp_path):
-    """An arm's meshes lie in a folder of their own."""
-    run, part = tmp_path / "run", tmp_path / "part"
-
-    def write(*names):
-        with whole_folder(run) as folder:
-            for name in names:
-                (folder / name).parent.mkdir(exist_ok=True, parents=True)
-                (folder / name).write_text("new")
-            said = {"command": OURS, "versions": {"testbench": "0"}, "files": [*names, "manifest.json"]}
-            (folder / "manifest.json").write_text(json.dumps(said))
-
-    write("a.json", "meshes/fine/1.stl", "meshes/2.stl")
+def test_a_run_takes_the_place_of_one_of_its_kind_with_all_of_its_files_and_folders(tmp_path):
+    """An arm's meshes lie in a folder of their own; guests in it are refused."""
+    run, part = tmp_path / "deep" / "run", tmp_path / "part"
     check_folder(run, OURS, force=False)
-    write("a.json", "meshes/2.stl")
+    assert not run.parent.exists()
+    write_run(run, "a.json", "meshes/fine/1.stl", "meshes/2.stl")
+    check_folder(run, OURS, force=False)
+    write_run(run, "a.json", "meshes/2.stl")
     check_folder(run, OURS, force=False)
     assert sorted(p.name for p in run.rglob("*")) == ["2.stl", "a.json", "manifest.json", "meshes"]
     (run / "meshes" / "mine.stl").touch()
@@ -158,9 +142,8 @@ def test_folders_of_a_run_are_replaced_with_it_and_guests_in_them_are_refused(tm
     (run / "meshes" / "mine.stl").unlink()
     part.mkdir()
     (part / "b.json").touch()
-    (run / "manifest.json").write_text(
-        (run / "manifest.json").read_text().replace("a.json", "../part/b.json")
-    )
-    write("c.json")
+    manifest = run / "manifest.json"
+    manifest.write_text(manifest.read_text().replace("a.json", "../../part/b.json"))
+    write_run(run, "c.json")
     assert (part / "b.json").exists()
     assert not (run / "meshes").exists()

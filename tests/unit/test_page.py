@@ -1,22 +1,39 @@
-"""What a page is made of: solids that close, text that stays text, numbers as they are."""
+"""What pages and terminals show: solids that close, text that stays text, numbers with their spread."""
 
+import io
 import json
 import math
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 from made_up_run import made_up_run
+from rich.console import Console
 
+import testbench
 from testbench.plant.shapes import Mesh, Shape, visual_shapes
-from testbench.trials.spread import Spread, median_interval, spread
+from testbench.report.table import Row
+from testbench.trials.spread import (
+    Spread,
+    dotted,
+    inner,
+    median_interval,
+    most_trials,
+    spans,
+    spread,
+    twins_once,
+    wins,
+)
+from testbench.views import terminal
 from testbench.views.colours import hexadecimal, look
 from testbench.views.page import page as html
 from testbench.views.page.page import TRIANGLES, plain, seen_plain, solid
 from testbench.views.scene import Line, PlaceMap, RunChart
-from testbench.views.schema import Column, Table, looks
+from testbench.views.schema import Column, Table, brackets, looks
+from testbench.views.terminal import grid, plain_console, print_table
 
 SIZE = np.array([0.3, 0.3, 0.5])
 VOLUMES = {
@@ -40,8 +57,9 @@ def shape(kind, mesh=None):
 
 
 @pytest.mark.parametrize("kind", VOLUMES)
-def test_a_shape_is_a_closed_surface_seen_from_outside_of_nearly_its_volume(kind):
+def test_a_shape_is_a_closed_surface_seen_from_outside_of_nearly_its_volume(arm_6r, kind):
     assert volume(solid(shape(kind))) == pytest.approx(VOLUMES[kind], rel=0.06)
+    assert all(volume(solid(own)) > 0 for own in visual_shapes(arm_6r.room))
 
 
 def test_a_mesh_of_many_triangles_becomes_one_of_few_and_keeps_its_volume():
@@ -57,31 +75,14 @@ def test_a_mesh_of_many_triangles_becomes_one_of_few_and_keeps_its_volume():
     np.testing.assert_allclose(thin.vertices.mean(axis=0), [1, 2, 3], atol=0.05)
 
 
-def test_every_solid_of_our_arms_faces_outward(kr500, arm_6r):
-    for cell in (kr500, arm_6r):
-        assert all(volume(solid(own)) > 0 for own in visual_shapes(cell.room))
-
-
 def test_what_a_stranger_calls_things_stays_text():
     table = Table((Column("name", "model"), Column("x", "error", "mm")), [{"name": BAD, "x": 0.5}], BAD)
     words = dict.fromkeys(("badge", "question", "title", "answer", "worst", "statements"), BAD)
     rest = f"| a |\n| --- |\n| {BAD} |\n\n[go](javascript:alert(3)) ![see](http://far.example/x.png)"
-    drawn = {
-        "scene": None,
-        "map": None,
-        "runs": [{"title": BAD, "note": BAD}],
-        "tables": [html.grid(table)],
-        "ramp": [],
-    }
-    page = html.fill(
-        scenario=BAD,
-        words=words,
-        rest=rest,
-        drawn=drawn,
-        pictures=[{"name": BAD, "data": "data:,"}],
-        others=[BAD],
-        versions={BAD: BAD},
-    )
+    drawn = {"scene": None, "map": None, "runs": [{"title": BAD, "note": BAD}], "ramp": []}
+    drawn["tables"] = [html.grid(table)]
+    others = {"pictures": [{"name": BAD, "data": "data:,"}], "others": [BAD], "versions": {BAD: BAD}}
+    page = html.fill(scenario=BAD, words=words, rest=rest, drawn=drawn, **others)
     assert "<img src=x" not in page
     assert page.count("<script") == page.count("</script") == 2  # the data and our own
     assert "javascript:alert" not in re.sub(r"\[go\]\(javascript:alert\(3\)\)", "", page)
@@ -99,7 +100,8 @@ def test_a_table_on_a_page_has_the_numbers_behind_its_words():
     assert other == {"text": "3.0", "v": 3.0}
     assert [row["marked"] for row in found["rows"]] == [True, False]
     assert [head["drawn"] for head in found["head"]] == [False, True, False]
-    assert found["first"] == 1
+    firsts = [html.grid(Table(columns, rows, headline=key))["first"] for key in ("x", "ok", "")]
+    assert firsts == [1, -1, -1]  # a chart opens on the headline if it can be drawn
 
 
 def test_a_cell_of_many_trials_has_their_numbers_in_their_order_and_the_interval_of_the_median():
@@ -113,22 +115,22 @@ def test_a_cell_of_many_trials_has_their_numbers_in_their_order_and_the_interval
     assert (few["dots"], few["few"], "low" in few) == (pytest.approx(values[:5], rel=1e-3), True, False)
 
 
-def test_a_number_that_is_none_stands_on_a_page_as_its_word_alone():
-    numbers = [0.5, float("nan"), float("inf"), Spread(float("nan"), float("nan"), float("nan")), None]
+@dataclass(frozen=True)
+class Fit:
+    case: str
+    structure: str
+    constraint: str = "none"
+    prior: bool = False
+
+
+def test_what_is_no_number_stands_on_a_page_as_its_word_alone_and_is_left_out_of_charts_and_maps():
+    nan = float("nan")
+    numbers = [0.5, nan, float("inf"), Spread(nan, nan, nan), None]
     rows = [{"name": str(k), "x": number} for k, number in enumerate(numbers)]
     found = html.grid(Table((Column("name", "model"), Column("x", "error", "mm")), rows))
+    cells = [row["cells"][1] for row in found["rows"]]
+    assert [cell["text"] for cell in cells] == ["0.500", "not fitted", "infinite", "not fitted", "not fitted"]
     assert [row["cells"][1].get("v") for row in json.loads(html.data(found))["rows"]] == [0.5, *[None] * 4]
-    assert [row["cells"][1]["text"] for row in found["rows"]] == [
-        "0.500",
-        "not fitted",
-        "infinite",
-        "not fitted",
-        "not fitted",
-    ]
-
-
-def test_charts_and_maps_leave_out_what_is_no_number():
-    nan = float("nan")
     line = Line("a", look("MLS56", "none"), np.array([1.0, nan]))
     chart = RunChart("error (mm)", 0, "run", ["1", "2"], [line], limit=nan)
     places = PlaceMap("error (mm)", 0, np.array([[nan, 0, 0], [1.0, 2, 3]]), [line])
@@ -136,20 +138,6 @@ def test_charts_and_maps_leave_out_what_is_no_number():
     assert chart["limit"] is None
     assert places["at"] == [None, [1, 2, 3]]
     assert [own["lines"][0]["values"] for own in (chart, places)] == [[1.0, None]] * 2
-
-
-def test_a_chart_opens_on_the_headline_if_it_can_be_drawn():
-    columns = (Column("name", "model"), Column("x", "x"), Column("y", "y"))
-    rows = [{"name": "a", "x": 1.0, "y": 1.0}, {"name": "b", "x": 2.0, "y": 1.0}]
-    assert [html.grid(Table(columns, rows, headline=key))["first"] for key in ("x", "y", "")] == [1, -1, -1]
-
-
-@dataclass(frozen=True)
-class Fit:
-    case: str
-    structure: str
-    constraint: str = "none"
-    prior: bool = False
 
 
 def test_rows_that_are_no_model_have_no_models_colour():
@@ -178,3 +166,133 @@ def test_a_page_has_the_poses_layers_and_words_that_picture_and_recording_have(a
     values = [math.nan if x is None else x for x in line["values"]]
     np.testing.assert_allclose(values, seen.map.lines[0].values, rtol=1e-3)
     assert (found["map"]["group"], line["colour"]) == (1, seen.map.lines[0].look.hex)
+
+
+def test_a_spread_is_numpys_percentiles_to_the_bit(rng):
+    many = [10.0 ** rng.integers(-9, 9) * rng.standard_normal(n) for n in range(1, 60)]
+    for values in (*many, [1.0, np.nan, 2.0], [True, False, True], [3, 1, 2, 2]):
+        own = spread(values)
+        wanted = np.percentile(np.asarray(values, dtype=float), [50, 5, 95])
+        np.testing.assert_array_equal([own.median, own.p05, own.p95], wanted)
+
+
+def test_sentences_that_differ_in_numbers_alone_are_told_once_with_their_ranges_and_count():
+    """302 bullets of one report differed in a number; names of models are no numbers."""
+    off = [(f"MGCO56: F_M is {f_m} where noise alone leaves 1.7",) for f_m in (3.54, 10.2, 6)]
+    assert twins_once((*off, ("MGCO68: F_M is 3",), ("weigh it",))) == (
+        "MGCO56: F_M is 3.54 to 10.2 where noise alone leaves 1.7 (3 of 5 trials)",
+        "MGCO68: F_M is 3",
+        "weigh it",
+    )
+
+
+def test_of_few_trials_the_ends_are_the_range_and_of_twenty_percentiles():
+    """Percentiles of three numbers are no percentiles; report.json has both, with the number of trials."""
+    few, many = spread([1.0, 2.0, 9.0]), spread(np.arange(20.0))
+    assert (few.ends, few.trials, few.least, few.most) == ((1.0, 9.0), 3, 1.0, 9.0)
+    assert many.ends == (many.p05, many.p95) == (pytest.approx(0.95), pytest.approx(18.05))
+    assert few.scaled(2.0).ends == (2.0, 18.0)
+    assert [most_trials(n) for n in (1, 3, 20)] == ["the trial", "all 3 trials", "95 % of 20 trials"]
+    assert spans([few, many, 1.0]) == "5 to 95 %, of fewer than 20 trials their range"
+    assert (spans([few]), spans([many]), spans([1.0])) == ("range of 3 trials", "5 to 95 % of 20 trials", "")
+
+
+def test_a_terminal_and_a_page_say_of_few_trials_that_brackets_hold_their_range():
+    for trials, ends, words in (
+        (3, ["  least of 3", "  most"], "range of 3"),
+        (20, ["  5 %", "  95 %"], "5 to 95 % of 20"),
+    ):
+        rows = [{"name": "a", "x": spread(np.arange(float(trials)))}]
+        table = Table((Column("name", "model"), Column("x", "error", "mm")), rows)
+        assert list(terminal.grid(table).columns[0].cells)[1:] == ends
+        assert brackets(table) == f"{words} trials"
+        assert html.grid(table)["brackets"] == f"{words} trials"
+
+
+def test_a_picture_says_what_its_dots_and_lines_are():
+    values = np.random.default_rng(2).uniform(1, 2, 250)
+    few, many, most = (spread(values[:n]) for n in (3, 20, 250))
+    assert dotted([few, 1.0, "word"]) == "dots: 3 trials"
+    assert dotted([many, many]) == "dots: 20 trials; line: 95 % interval of their median"
+    assert dotted([most]) == "dots: 100 of 250 trials; line: 95 % interval of their median"
+    assert dotted([1.0]) == dotted([spread([1.0, 1.0])]) == ""
+    assert dotted([Spread(2.0, 1.0, 3.0)]) == "lines: 5 to 95 %"
+
+
+def test_a_spread_keeps_a_hundred_trials_of_all_kinds_and_the_interval_of_all_of_them():
+    """Trials stand kind by kind, each with larger numbers than the last: dots are of all kinds alike."""
+    values = np.sort(np.random.default_rng(2).uniform(1, 2, 250))
+    own = spread(values).scaled(1000)
+    assert len(own.values) == 100
+    assert [sum(low <= x < low + 250 for x in own.values) for low in (1000, 1250, 1500, 1750)] == [
+        pytest.approx(np.sum((low <= values) & (values < low + 0.25)) / 2.5, abs=1)
+        for low in (1, 1.25, 1.5, 1.75)
+    ]
+    low, high = np.sort(values)[[109, 140]]  # the sign test's: 250 tosses are within 110 and 140 in 95 %
+    assert own.interval == (1000 * low, 1000 * high)
+    assert inner(own) == own.interval
+    assert inner(spread(values[:19])) is None
+    assert inner(Spread(2.0, 1.0, 3.0)) == (1.0, 3.0)
+
+
+def test_a_win_is_more_than_a_solvers_last_digits():
+    assert wins([1.0, 1.0, 1.0 - 1e-9, 1.0 - 1e-5, 2.0], [1.0, 1.0 + 1e-9, 1.0, 1.0, 1.0]) == 1
+
+
+STEERS = "a\x1b]0;b\x07\x9bc\u202ed\u200b"
+SEEN = "a\ufffd]0;b\ufffd\ufffdc\ufffdd\ufffd"
+NAMES = ("joint[/x]", "[red]two[/red]", "[bold]", ":bug:", "a\\[b]")
+"""A closing tag of nothing, which ends a program that reads tags; tags and a picture's name, which vanish."""
+
+
+def test_names_are_printed_as_they_are_but_for_what_steers_a_terminal(capsys):
+    names = (*NAMES, STEERS)
+    columns = (Column("name", "model"), *(Column("value", name) for name in names))
+    rows = [{"name": name, "value": name} for name in names]
+    console = plain_console()
+    console.width = 300
+    print_table(console, Table(columns, rows, title="".join(names), bold=NAMES[0]))
+    console.print("".join(names), soft_wrap=True)
+    title, head, *lines, last = capsys.readouterr().out.strip().splitlines()
+    assert title.strip() == last == f"{''.join(NAMES)}{SEEN}"
+    assert head.split() == ["model", *NAMES, SEEN]
+    cells = [line.split()[-len(names) :] for line in lines[1:]]
+    assert cells == [[name] * len(names) for name in (*NAMES, SEEN)]
+
+
+def test_a_table_has_medians_and_below_them_the_ends_of_their_spread_and_the_papers_numbers():
+    columns = (
+        Column("name", "model", called={"a": "model A"}),
+        Column("error", "RMS error", "mm", paper="error", short="RMS\nmm"),
+        Column("n", "trials", form=".0f", exact=True),
+        Column("solved", "solved", form="yes"),
+        Column("um", "bias", "um", form=".1f", scale=1e3, none="no load"),
+    )
+    errors, n = spread([1.0, 2.0, 4.0]), spread([3, 5, 9])
+    rows = [
+        Row(name="a", error=errors, n=n, solved=0.5, um=0.002, paper=Row(error=1.5)),
+        Row(name="b", error=0.25, n=None, solved=True, um=None, paper=Row()),
+    ]
+    found = grid(Table(columns, rows, bold="b"))
+    heads = [str(column.header) for column in found.columns]
+    assert heads == ["model", "RMS\nmm", "trials", "solved", "bias\num"]
+    assert list(zip(*(column.cells for column in found.columns), strict=True)) == [
+        ("* b", "0.250", "not fitted", "yes", "no load"),
+        ("model A", "2.000", "5", "50 %", "2.0"),
+        ("  least of 3", "1.000", "", "", ""),
+        ("  most", "4.000", "", "", ""),
+        ("  paper", "1.5", "", "", ""),
+    ]
+
+
+def test_all_of_the_package_prints_by_it_but_for_bars():
+    package = Path(testbench.__file__).parent
+    makers = [p for p in package.rglob("*.py") if re.search(r"\b\w*Console\(", p.read_text(encoding="utf-8"))]
+    assert sorted(makers) == [package / "shell/follow.py", package / "views/terminal.py"]
+
+
+def test_a_table_has_six_columns_at_most_and_among_them_that_of_the_answer():
+    columns = [Column(f"c{k}", f"heading {k}") for k in range(9)]
+    console = Console(width=80, file=io.StringIO())
+    print_table(console, Table(tuple(columns), [Row({f"c{k}": "yes" for k in range(9)})], headline="c7"))
+    assert re.findall(r"\d", console.file.getvalue()) == list("012347")

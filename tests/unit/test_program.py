@@ -53,9 +53,11 @@ def test_joints_loads_labels_and_other_columns_are_read(kr500, write):
     np.testing.assert_allclose(program.point, [[0.04, 0, -0.005]] * 3)
 
 
-def test_missing_parts_of_a_vector_are_zero(kr500, write):
+def test_missing_parts_of_a_vector_are_zero_and_jumps_are_read_where_they_are_allowed(kr500, write):
     header = f"{DEG},force_y_N,force_z_N,moment_x_Nm,point_z_mm"
-    program = read_program(write(header, [[*q, 30, -40, 5, 150] for q in np.degrees(Q)]), kr500.arm)
+    shown = np.degrees(Q)
+    shown[1, 0] += 50
+    program = read_program(write(header, [[*q, 30, -40, 5, 150] for q in shown]), kr500.arm, jumps=True)
     assert program.wrench.tolist() == [[0, 30, -40, 5, 0, 0]] * 3
     np.testing.assert_allclose(program.point, [[0, 0, 0.15]] * 3)
 
@@ -76,90 +78,69 @@ def test_columns_that_were_not_read_are_said_and_louder_where_they_look_like_loa
     assert not plain.corrected
 
 
+MAP = """
+columns = { rotation_1_deg = "A", rotation_2_deg = "B", rotation_3_deg = "C" }
+series.rotation = "intrinsic zyx"
+values.mass_kg = 12
+"""
+MATRIX = ",".join(f"rotation_{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
 NOTATIONS = {
-    "quaternion": (
-        "quaternion_w,quaternion_x,quaternion_y,quaternion_z",
-        lambda R: R.as_quat(scalar_first=True),
-    ),
-    "q": ("qw,qx,qy,qz", lambda R: -R.as_quat(scalar_first=True)),
-    "vector": ("rotation_x_deg,rotation_y_deg,rotation_z_deg", lambda R: np.degrees(R.as_rotvec())),
-    "matrix": (
-        ",".join(f"rotation_{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)),
-        lambda R: R.as_matrix().reshape(-1, 9),
-    ),
+    "quaternion_w,quaternion_x,quaternion_y,quaternion_z": lambda R: R.as_quat(scalar_first=True),
+    "qw,qx,qy,qz": lambda R: -R.as_quat(scalar_first=True),
+    "rotation_x_deg,rotation_y_deg,rotation_z_deg": lambda R: np.degrees(R.as_rotvec()),
+    MATRIX: lambda R: R.as_matrix().reshape(-1, 9),
+    "A,B,C": lambda R: R.as_euler("ZYX", degrees=True),
 }
 
 
-@pytest.mark.parametrize("notation", NOTATIONS)
-def test_poses_of_the_tool_are_read_in_every_notation(kr500, write, notation):
+@pytest.mark.parametrize("names", NOTATIONS)
+def test_poses_of_the_tool_are_read_in_every_notation(kr500, write, tmp_path, names):
+    """Also in a controller's, which a map names."""
     position, rotation = tool_pose(kr500.vjm, Q)
-    header, numbers = NOTATIONS[notation]
-    rows = np.hstack([1e3 * position, numbers(Rotation.from_matrix(rotation))])
-    program = read_program(write(f"{PLACE},{header}", rows), kr500.arm)
+    rows = np.hstack([1e3 * position, NOTATIONS[names](Rotation.from_matrix(rotation))])
+    (tmp_path / "map.toml").write_text(MAP, encoding="utf-8")
+    mapped = names == "A,B,C"
+    file = write(f"X [mm],Y [mm],Z [mm],{names}", rows)
+    program = read_program(file, kr500.arm, tmp_path / "map.toml" if mapped else None)
     assert program.q is None
     np.testing.assert_allclose(program.position, position, rtol=0, atol=1e-12)
     np.testing.assert_allclose(program.rotation, rotation, rtol=0, atol=1e-14)
     assert program.labels == ("1", "2", "3")
-
-
-def test_a_map_says_what_a_controllers_angles_are(kr500, write, tmp_path):
-    position, rotation = tool_pose(kr500.vjm, Q)
-    rows = np.hstack([1e3 * position, Rotation.from_matrix(rotation).as_euler("ZYX", degrees=True)])
-    mapping = tmp_path / "map.toml"
-    mapping.write_text(
-        '[columns]\nrotation_1_deg = "A"\nrotation_2_deg = "B"\nrotation_3_deg = "C"\n'
-        '[series]\nrotation = "intrinsic zyx"\n[values]\nmass_kg = 12\n',
-        encoding="utf-8",
-    )
-    program = read_program(write("X [mm],Y [mm],Z [mm],A,B,C", rows), kr500.arm, mapping)
-    np.testing.assert_allclose(program.rotation, rotation, rtol=0, atol=1e-14)
-    assert program.mass.tolist() == [12] * 3
+    assert not mapped or program.mass.tolist() == [12] * 3
 
 
 def changed(row, column, value):
-    rows = np.degrees(Q).round(6).tolist()
-    rows = [[*q, 100.0] for q in rows]
+    rows = [[*q, 100.0] for q in np.degrees(Q).round(6).tolist()]
     rows[row][column] = value
     return rows
 
 
 POSE = [2000.0, 0.0, 1200.0, 1.0, 0.0, 0.0, 0.0]
-QUATERNION = "qw,qx,qy,qz"
+FEED, POSES = f"{DEG},feed_N", f"{PLACE},qw,qx,qy,qz"
+JUMP = "lines 2 and 3: the path jumps,"
 WRONG = {
-    "line 3, column joint_2_deg: expected a finite number, got 'nan'": (
-        DEG + ",feed_N",
-        changed(1, 1, "nan"),
-    ),
-    "line 4, column joint_3_deg: expected .* deg, got 220": (DEG + ",feed_N", changed(2, 2, 220)),
-    "lines 2 and 3: the path jumps, joint_1 from 10 to 60 deg: expected at most 45 deg .*--jumps": (
-        DEG + ",feed_N",
-        changed(1, 0, 60),
-    ),
-    "line 2, column feed_N: expected -1e.06 to 1e.06 N, got 2e.06": (DEG + ",feed_N", changed(0, 6, 2e6)),
-    "line 2, column mass_kg: expected a mass of at least 0": (DEG + ",mass_kg", changed(0, 6, -1)),
+    "line 3, column joint_2_deg: expected a finite number, got 'nan'": (FEED, changed(1, 1, "nan")),
+    "line 4, column joint_3_deg: expected .* deg, got 220": (FEED, changed(2, 2, 220)),
+    f"{JUMP} joint_1 from 10 to 60 deg: expected at most 45 deg .*--jumps": (FEED, changed(1, 0, 60)),
+    "line 2, column feed_N: expected -1e.06 to 1e.06 N, got 2e.06": (FEED, changed(0, 6, 2e6)),
+    "line 2, column mass_kg: expected a mass of at least 0": (f"{DEG},mass_kg", changed(0, 6, -1)),
     r"missing columns \['joint_6_deg'\]$": (DEG.removesuffix(",joint_6_deg"), [changed(0, 6, 1)[0][:5]]),
     r"missing columns \['joint_1_deg', .*or x_mm": ("feed_N,axial_N", [[1, 2]]),
     "line 2: expected 1 to 1000000 points, got 0": (DEG, []),
-    "line 2, column x_mm: expected -100 to 100 m, got 2000": (f"{PLACE},{QUATERNION}", [[2e6, *POSE[1:]]]),
+    "line 2, column x_mm: expected -100 to 100 m, got 2000": (POSES, [[2e6, *POSE[1:]]]),
     "line 3, column force_x_N: expected a finite number, got ''; say 0 where none acts$": (
-        DEG + ",force_x_N",
+        f"{DEG},force_x_N",
         changed(1, 6, ""),
     ),
     "line 3, column qw: expected a unit quaternion, got one of norm 0": (
-        f"{PLACE},{QUATERNION}",
+        POSES,
         [POSE, [*POSE[:3], 0, 0, 0, 0]],
     ),
-    "line 2, column qw: expected an orientation": (f"{PLACE},{QUATERNION}", [[*POSE[:3], "", "", "", ""]]),
-    "lines 2 and 3: the path jumps, the tool by 1.5 m": (
-        f"{PLACE},{QUATERNION}",
-        [POSE, [POSE[0], 1500, *POSE[2:]]],
-    ),
-    "lines 2 and 3: the path jumps, the tool by 90 deg": (
-        f"{PLACE},{QUATERNION}",
-        [POSE, [*POSE[:3], 0.70710678, 0.70710678, 0, 0]],
-    ),
+    "line 2, column qw: expected an orientation": (POSES, [[*POSE[:3], "", "", "", ""]]),
+    f"{JUMP} the tool by 1.5 m": (POSES, [POSE, [POSE[0], 1500, *POSE[2:]]]),
+    f"{JUMP} the tool by 90 deg": (POSES, [POSE, [*POSE[:3], 0.70710678, 0.70710678, 0, 0]]),
     r"missing columns \['quaternion_w'": (PLACE, [POSE[:3]]),
-    r"missing columns \['z_mm'\]": (f"x_mm,y_mm,{QUATERNION}", [[*POSE[:2], *POSE[3:]]]),
+    r"missing columns \['z_mm'\]": ("x_mm,y_mm,qw,qx,qy,qz", [[*POSE[:2], *POSE[3:]]]),
 }
 
 
@@ -169,11 +150,6 @@ def test_what_is_wrong_is_named(kr500, write, message):
     rows = [[x if isinstance(x, str) else float(x) for x in row] for row in rows]
     with pytest.raises(InputError, match=message):
         read_program(write(header, rows), kr500.arm)
-
-
-def test_jumps_are_read_where_they_are_allowed(kr500, write):
-    path = write(DEG + ",feed_N", changed(1, 0, 60))
-    assert read_program(path, kr500.arm, jumps=True).points == 3
 
 
 def test_a_corrected_program_keeps_what_it_was_and_gives_its_joints_back(kr500, write, tmp_path):

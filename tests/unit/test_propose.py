@@ -8,9 +8,7 @@ import pytest
 from testbench.campaign.beam import outer_diameter, triangles
 from testbench.campaign.new_arm import SPREAD, elastic_toml
 from testbench.campaign.propose import (
-    PAYLOAD_OFF,
     Wishes,
-    estimated_payload,
     joint_compliance,
     propose,
 )
@@ -24,25 +22,6 @@ KNOWN = [  # payload [kg], stretched reach [m], joints counted from 0 and their 
     (270, 2.916, 1, [0.302, 0.406, 3.002, 3.303, 2.365]),  # KR 270, elastostatic
     (10, 1.556, 1, [10.7, 5.7]),  # UR10, from its tracker readings
 ]
-RATED = {  # mass by the file or the shapes [kg], stretched reach [m], what the maker rates [kg]
-    "M-900iB/700": (1957, 3.36, 700),
-    "M-900iA/260L": (1241, 3.60, 260),
-    "M-20iA": (157, 2.12, 20),
-    "GP180-120": (773, 3.59, 120),
-    "HC20": (159, 1.90, 20),
-    "RX160": (155, 1.71, 20),
-    "RS080N": (578, 2.26, 80),
-    "Gen3": (8.05, 1.03, 4),
-    "xArm7": (3.66, 0.82, 3.5),
-    "Z1": (4.42, 0.74, 3),
-    "VX300s": (3.74, 0.83, 0.75),
-    "UR16e": (31.3, 1.11, 16),
-    "IRB 7600-150": (1488, 4.38, 150),
-    "KR 16-2": (274, 1.77, 16),
-    "GP7": (41.1, 1.01, 7),
-    "M1509": (32.9, 0.93, 15),
-    "Sawyer": (81.6, 1.35, 4),
-}
 
 
 def tube(length, outer, inner, axis, aside=(0.0, 0.0, 0.0), sides=64):
@@ -64,17 +43,8 @@ def tube(length, outer, inner, axis, aside=(0.0, 0.0, 0.0), sides=64):
 
 def part(name, offset, axis=Z, shapes=(), sites=(), prismatic=False):
     joint = None if axis is None else Joint(f"{name}_joint", np.array(axis), prismatic, -2.0, 2.0, True)
-    return Body(
-        name,
-        -1,
-        pose_of(np.eye(3), offset),
-        joint,
-        mass=5.0,
-        com=np.full(3, 0.01),
-        inertia=np.eye(3),
-        shapes=tuple(shapes),
-        sites=tuple(sites),
-    )
+    weight = {"mass": 5.0, "com": np.full(3, 0.01), "inertia": np.eye(3)}
+    return Body(name, -1, pose_of(np.eye(3), offset), joint, shapes=(*shapes,), sites=(*sites,), **weight)
 
 
 def chain_of(*parts, tip=(0.0, 0.0, 0.1)):
@@ -110,17 +80,13 @@ def test_beams_run_from_joint_to_joint_and_tubes_have_the_drawn_diameter():
     elastic = elastic_of(arm, Wishes(payload=12.0))
     made = tomllib.loads(elastic)
     links = {link["name"]: link for link in made["link"]}
-    np.testing.assert_allclose(links["upper"]["axis"], [1, 0, 0], atol=1e-9)
-    np.testing.assert_allclose(links["fore"]["axis"], [0.6, 0, 0.8], atol=1e-9)
+    axes = [links[name]["axis"] for name in ("upper", "fore", "wrist")]  # the wrist's joints meet in a point
+    np.testing.assert_allclose(axes, [[1, 0, 0], [0.6, 0, 0.8], [0, 0, 1]], atol=1e-9)
     np.testing.assert_allclose(links["upper"]["normal"], [0, 1, 0], atol=1e-9)  # along a joint's axis
-    np.testing.assert_allclose(links["wrist"]["axis"], [0, 0, 1], atol=1e-9)  # both joints in one point
-    lengths = {name: link["tube"]["length"]["value"] for name, link in links.items()}
-    assert lengths["upper"] == pytest.approx(0.6)
-    assert lengths["fore"] == pytest.approx(0.5)
-    assert lengths["wrist"] == pytest.approx(0.03, rel=2e-3)  # half its diameter
-    outer = {name: link["tube"]["outer_diameter"]["value"] for name, link in links.items()}
-    assert outer["upper"] == pytest.approx(0.12, rel=2e-3)
-    assert outer["fore"] == pytest.approx(0.08, rel=2e-3)
+    for name, length, outer in (("upper", 0.6, 0.12), ("fore", 0.5, 0.08), ("wrist", 0.03, 0.06)):
+        tube_ = links[name]["tube"]  # the wrist is as long as half its diameter
+        assert tube_["length"]["value"] == pytest.approx(length, rel=2e-3)
+        assert tube_["outer_diameter"]["value"] == pytest.approx(outer, rel=2e-3)
     assert "no shape" in links["column"]["tube"]["outer_diameter"]["note"]
     origins = {q["origin"] for link in made["link"] for q in link["tube"].values()}
     assert origins | {j["compliance"]["origin"] for j in made["joint"]} == {"estimated"}
@@ -147,14 +113,6 @@ def test_the_law_of_the_joints_misses_the_known_ones_by_the_factor_that_it_says(
     assert abs(np.mean(missed)) < np.log(1.1)
 
 
-def test_guesses_of_payloads_miss_known_arms_by_no_more_than_is_told():
-    """One in ten beyond the factor, none beyond the worst that the page of own arms has."""
-    guesses = [(estimated_payload(mass, reach), rated) for mass, reach, rated in RATED.values()]
-    off = [max(guess / rated, rated / guess) for guess, rated in guesses]
-    assert sum(factor > PAYLOAD_OFF for factor in off) <= len(off) / 10
-    assert max(off) < 5.4
-
-
 def test_a_payload_that_nobody_stated_is_the_first_thing_to_confirm():
     arm = chain_of(part("one", (0, 0, 0.4)), part("two", (0.5, 0, 0)), part("three", (0.5, 0, 0)))
     elastic = elastic_of(arm, Wishes())
@@ -175,15 +133,16 @@ def test_a_slide_is_proposed_in_metres_a_newton():
 
 
 def test_sites_of_the_tool_are_markers_unless_they_lie_on_a_line():
+    def markers(places):
+        sites = [Site(f"m{k}", pose_of(np.eye(3), place)) for k, place in enumerate(places)]
+        arm = chain_of(part("one", (0, 0, 0.4)), part("two", (0.5, 0, 0), Z, (), sites))
+        return propose(arm, Wishes()).markers
+
     places = np.array([[0.1, 0, 0], [0, 0.1, 0], [-0.1, 0, 0.05]])
-    sites = [Site(f"m{k}", pose_of(np.eye(3), place)) for k, place in enumerate(places)]
-    arm = chain_of(part("one", (0, 0, 0.4)), part("two", (0.5, 0, 0), Z, (), sites))
-    found = propose(arm, Wishes()).markers
+    found = markers(places)
     assert [name for name, _ in found] == ["m0", "m1", "m2"]
     np.testing.assert_allclose([p for _, p in found], places - [0, 0, 0.1], atol=1e-12)  # in the tool's frame
-    straight = [Site(f"m{k}", pose_of(np.eye(3), [0.1 * k, 0, 0])) for k in range(3)]
-    arm = chain_of(part("one", (0, 0, 0.4)), part("two", (0.5, 0, 0), Z, (), straight))
-    found = propose(arm, Wishes()).markers
+    found = markers(0.1 * np.outer(range(3), [1, 0, 0]))
     assert [name for name, _ in found] == ["P1", "P2", "P3"]
     away = np.linalg.norm([p for _, p in found], axis=1)
     np.testing.assert_allclose(away, 0.06, atol=1e-3)  # a tenth of 0.5 + 0.1 m

@@ -1,7 +1,6 @@
 """`import testbench as tb`: what a user writes, and what it costs."""
 
 import ast
-import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -10,22 +9,8 @@ import numpy as np
 import pytest
 
 import testbench as tb
-from testbench.identify import Method
 
 HEAVY = {"mujoco", "pinocchio", "rerun", "matplotlib", "scipy", "numpy"}
-TABLES = {"MODELS", "__version__"}
-
-
-@pytest.mark.parametrize("name", [name for name in tb.__all__ if name not in TABLES])
-def test_every_public_name_says_what_it_takes_and_gives(name):
-    thing = getattr(tb, name)
-    text = inspect.getdoc(thing.__call__ if isinstance(thing, Method) else thing)
-    if inspect.isclass(thing):
-        assert text
-        return
-    assert "Args:" in text
-    returns = inspect.signature(thing).return_annotation
-    assert returns in (None, "None") or "Returns:" in text
 
 
 def test_a_type_checker_sees_the_same_names():
@@ -35,21 +20,22 @@ def test_a_type_checker_sees_the_same_names():
     assert typed == {name: f"testbench.{home}" for name, home in tb.HOMES.items()}
 
 
-def test_an_unknown_name_lists_the_known_ones():
-    with pytest.raises(AttributeError, match=r"no attribute 'least_square'; names are .*least_squares"):
-        _ = tb.least_square
-
-
 def test_importing_the_package_imports_nothing_heavy():
     code = "import sys, testbench; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert not HEAVY & set(done.stdout.split())
+    with pytest.raises(AttributeError, match=r"no attribute 'least_square'; names are .*least_squares"):
+        _ = tb.least_square
 
 
-def test_a_plan_of_a_few_lines_has_the_poses_that_were_asked_for():
-    cell = tb.build_cell("kr500_l480")
+@pytest.fixture(scope="module")
+def cell():
+    return tb.build_cell("kr500_l480")
+
+
+def test_a_plan_of_a_few_lines_has_the_poses_that_were_asked_for(cell):
     tasks = tb.simulate(cell, seed=2).check.q
-    asked = tb.PlanSettings(loads_kg=(460.3,), poses=6, candidates_wanted=60)
+    asked = tb.PlanSettings(loads_kg=(460.3,), poses=6, candidates_wanted=60, model="Joints")
     planned = tb.plan(cell, tasks, asked)
     assert planned.plan.q.shape == (6, 6)
     assert (planned.plan.q >= cell.arm.limits[0]).all()
@@ -64,8 +50,7 @@ def clipped(vjm, structure, data):
     return tb.make_estimate(plain.regression, np.maximum(plain.pi, 0), method="LS, negative values clipped")
 
 
-def test_ten_lines_simulate_fit_predict_score_and_compare_an_own_estimator(tmp_path):
-    cell = tb.build_cell("kr500_l480")
+def test_ten_lines_simulate_fit_predict_score_and_compare_an_own_estimator(cell, tmp_path):
     runs = tb.simulate(cell, seed=1)
     tb.write_csv(runs.measured, cell.arm, tmp_path / "runs.csv")
     assert tb.read_csv(str(tmp_path / "runs.csv"), tb.load_arm("kr500_l480")).runs == 21
@@ -79,10 +64,8 @@ def test_ten_lines_simulate_fit_predict_score_and_compare_an_own_estimator(tmp_p
         "clipped": clipped,
     }
     found = {name: method(cell.vjm, structure, runs.identification) for name, method in methods.items()}
-    rms = {
-        name: tb.score(tb.deflections(cell.vjm, e, runs.truth), runs.truth.deflection).rms
-        for name, e in found.items()
-    }
+    moved = {name: tb.deflections(cell.vjm, found[name], runs.truth) for name in ("prior", "LS")}
+    rms = {name: tb.score(own, runs.truth.deflection).rms for name, own in moved.items()}
     assert rms["prior"] < rms["LS"] / 2  # the prior is the truth: ten times better here
     assert isinstance(found["clipped"], tb.Estimate)
     assert found["clipped"].pi.min() == 0
@@ -100,23 +83,19 @@ def test_ten_lines_simulate_fit_predict_score_and_compare_an_own_estimator(tmp_p
         (lambda _: tb.MODELS["GCO56"], "expected a model of .*MGCO56"),
         (lambda _: tb.Scenario(arm="kr500_l480", payload=-1), "payload in SI units: .* got -1"),
         (lambda _: tb.Scenario(), "arm in SI units: Field required"),
-        (
-            lambda cell: tb.simulate(cell, tb.Scenario(arm="ur10")),
-            "expected one of kr500_l480, got one of ur10",
-        ),
+        (lambda cell: tb.simulate(cell, tb.Scenario(arm="ur10")), "one of kr500_l480, got one of ur10"),
         (lambda cell: tb.simulate(cell, seed=-1), "seed: expected an integer from 0 on, got -1"),
         (lambda _: tb.score(np.zeros((2, 3)), np.zeros((4, 3))), r"equal shapes, got \(2, 3\) and \(4, 3\)"),
         (lambda _: tb.with_prior(tb.gco, None), "prior: expected one, such as cad_prior"),
         (lambda cell: tb.calibrate(cell.vjm, [], tb.cad_prior(cell.arm)), "series: expected one or more"),
     ],
 )
-def test_a_mistake_is_told_in_one_line(mistake, said):
+def test_a_mistake_is_told_in_one_line(cell, mistake, said):
     with pytest.raises(tb.BenchError, match=said):
-        mistake(tb.build_cell("kr500_l480"))
+        mistake(cell)
 
 
-def test_what_is_public_shows_itself_in_a_line_and_in_a_small_table():
-    cell = tb.build_cell("kr500_l480")
+def test_what_is_public_shows_itself_in_a_line_and_in_a_small_table(cell):
     runs = tb.simulate(cell, seed=1)
     model = tb.MODELS["MGCO56"](cell)
     estimate = tb.gco(cell.vjm, model.structure, runs.identification)

@@ -1,18 +1,24 @@
-"""Absolute readings in every notation that laboratories publish, read with a map of a few lines."""
+"""Absolute readings in every notation that laboratories publish, as text and in workbooks, with a map."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from refused import refused
 from scipy.spatial.transform import Rotation
+from workbooks import packed, parts
 
 from testbench.arm.folder import load_arm
+from testbench.campaign.absolute import File, read_all
 from testbench.data.dataset import Dataset
+from testbench.data.program import read_poses
+from testbench.data.read_pairs import read_csv
 from testbench.data.read_series import SeriesExport, read_series
 from testbench.data.series import Series, series_of
 from testbench.data.write import write_series
 from testbench.errors import BenchError, InputError
+from testbench.files import digest
 
 ROOT = Path(__file__).parents[2]
 ARM = load_arm(ROOT / "models" / "arm_6r")
@@ -38,12 +44,14 @@ def table(names: list[str], values) -> dict[str, list]:
     return dict(zip(names, np.asarray(values).T.tolist(), strict=True))
 
 
+VECTOR = [f"rotation_{x}_rad" for x in "xyz"]
+MATRICES = table([f"rotation_{i}{j}" for i in "123" for j in "123"], R.as_matrix().reshape(N, 9))
 PLAIN = table(JOINTS, Q) | table(XYZ, 1e3 * P)
 
 
-def check_alike(a: Series, b: Series, tolerance: float = 1e-9) -> None:
-    """Equal in all that a file holds; matrices of rotation and precision relative to their size."""
-    for name in a.__dataclass_fields__:
+def check_alike(a: Series, b: Series, tolerance: float = 1e-9, other: tuple[str, ...] = ()) -> None:
+    """Equal in all else that a file holds; matrices of rotation and precision relative to their size."""
+    for name in a.__dataclass_fields__.keys() - {*other}:
         x, y = getattr(a, name), getattr(b, name)
         if isinstance(x, np.ndarray):
             np.testing.assert_allclose(y, x, rtol=tolerance, atol=tolerance, err_msg=name)
@@ -76,16 +84,11 @@ def test_euler_angles_in_any_order_are_the_rotation_that_scipy_makes_of_them(tmp
 
 def test_quaternions_matrices_and_vectors_are_the_same_rotations(tmp_path):
     quat = R.as_quat().round(6)  # x, y, z, w, rounded as files have them
-    for own in (
-        table(["qx", "qy", "qz", "qw"], quat),
-        table([f"rotation_{i}{j}" for i in "123" for j in "123"], R.as_matrix().reshape(N, 9)),
-        table([f"rotation_{x}_rad" for x in "xyz"], R.as_rotvec()),
-    ):
+    for own in (table(["qx", "qy", "qz", "qw"], quat), MATRICES, table(VECTOR, R.as_rotvec())):
         [s] = read(tmp_path, PLAIN | own).series
         np.testing.assert_allclose(s.rotation, R.as_matrix(), atol=3e-6)
-        np.testing.assert_allclose(
-            s.rotation @ s.rotation.swapaxes(1, 2), np.tile(np.eye(3), (N, 1, 1)), atol=1e-12
-        )
+        square = s.rotation @ s.rotation.swapaxes(1, 2)
+        np.testing.assert_allclose(square, np.tile(np.eye(3), (N, 1, 1)), atol=1e-12)
 
 
 def full(**changes) -> Series:
@@ -124,31 +127,24 @@ def full(**changes) -> Series:
 
 
 def test_what_we_write_is_read_back(tmp_path):
-    """One series, two that share a frame, and the least there is."""
+    """Two series that share a frame, one with deviations by axis, and the least there is."""
     path = tmp_path / "whole.csv"
     first, second = full(), full(name="whole B", target="another", rotation=None, sigma_rotation=None)
-    write_series(path, KR500, (first, second))
-    back = read_series(path, KR500).series
-    for a, b in zip((first, second), back, strict=True):
-        check_alike(a, b)
+    diagonal = RNG.uniform(1e8, 4e8, (N, 3, 3, 1)) * np.eye(3)
+    diagonal[2, 1] = 0
+    deviated = replace(first, precision=diagonal)
+    for own in ((first, second), (deviated,)):
+        write_series(path, KR500, own)
+        by_axis = ",sigma_x_m,sigma_y_m,sigma_z_m" in path.read_text(encoding="utf-8")
+        assert by_axis == (own[0] is deviated)
+        for a, b in zip(own, read_series(path, KR500).series, strict=True):
+            check_alike(a, b)
     one = read(tmp_path, PLAIN).series[0]
     write_series(tmp_path / "one.csv", ARM, one, decimals=7)
     assert "series" not in (tmp_path / "one.csv").read_text()
-    check_alike(one, replace(read_series(tmp_path / "one.csv", ARM).series[0]), tolerance=6e-8)
+    check_alike(one, read_series(tmp_path / "one.csv", ARM).series[0], tolerance=6e-8)
     with pytest.raises(BenchError, match="markers"):
         write_series(path, ARM, replace(one, markers=("unknown",)))
-
-
-def test_deviations_by_axis_are_read_back(tmp_path):
-    every = full()
-    precision = np.zeros_like(every.precision)
-    precision[..., range(3), range(3)] = RNG.uniform(1e8, 4e8, (N, 3, 3))
-    precision[2, 1] = 0
-    one = replace(every, precision=precision)
-    write_series(tmp_path / "whole.csv", KR500, one)
-    assert ",sigma_x_m,sigma_y_m,sigma_z_m" in (tmp_path / "whole.csv").read_text(encoding="utf-8")
-    [back] = read_series(tmp_path / "whole.csv", KR500).series
-    check_alike(one, back)
 
 
 HEAD_A = "Timestamp;Goal x;" + ";".join(f"{x}_joint" for x in ("shoulder_pan", "shoulder_lift", "elbow"))
@@ -184,6 +180,13 @@ def test_one_map_serves_readings_of_the_ur10_with_and_without_standard_deviation
     assert c.sigma_rotation == pytest.approx(np.deg2rad(0.004))
     for words in ("below 1 um", "is a time that a spreadsheet rounded: no time is read", "own weight alone"):
         assert any(words in note for note in found["C"].notes)
+
+
+@pytest.mark.parametrize("stamp", ["2,02011E+13", "2.02011E+13", "20201100000000", "2E+13"])
+def test_a_time_that_a_spreadsheet_rounded_is_said_once_and_plainly(tmp_path, stamp):
+    notes = read(tmp_path, PLAIN | {"Timestamp": [f'"{stamp}"'] * N}).notes
+    said = f"Timestamp: {stamp!r} is a time that a spreadsheet rounded: no time is read"
+    assert [note for note in notes if stamp in note] == [said]
 
 
 def test_masses_hang_and_torques_times_and_poses_stand_beside(tmp_path):
@@ -299,12 +302,11 @@ FAULTS = {
     "angles of no notation": (PLAIN | ANGLES, '[series]\nrotation = "XYZ"', 'rotation: expected "vector"'),
     "angles about one axis": (PLAIN | ANGLES, NAMED + '[series]\nrotation = "intrinsic xxy"', "no Euler"),
     "degrees as radians": (
-        PLAIN | {f"rotation_{x}_rad": [90] * N for x in "xyz"}, "", "line 2, .*are these degrees"
+        PLAIN | {name: [90] * N for name in VECTOR}, "", "line 2, .*are these degrees"
     ),
-    "two notations": (PLAIN | TURNED | {f"rotation_{x}_rad": [1] * N for x in "xyz"}, "", "in one notation"),
+    "two notations": (PLAIN | TURNED | {name: [1] * N for name in VECTOR}, "", "in one notation"),
     "no rotation": (
-        PLAIN | table([f"rotation_{i}{j}" for i in "123" for j in "123"], -R.as_matrix().reshape(N, 9)),
-        "", "expected a rotation matrix",
+        PLAIN | {name: [-x for x in own] for name, own in MATRICES.items()}, "", "expected a rotation matrix"
     ),
     "negative deviation": (PLAIN | DEVIATIONS | {"sigma_y_mm": [-1] * N}, "", "line 2, column sigma_y_mm"),
     "deviations in another unit": (PLAIN | {f"sigma_{x}_m": [0.02] * N for x in "xyz"}, "", "another unit"),
@@ -331,3 +333,153 @@ def test_several_places_in_one_pose_want_a_column_of_markers(tmp_path):
         read(tmp_path, own, arm=KR500)
     [s] = read(tmp_path, own | {"joint_1_rad": Q[:, 0].tolist()}, arm=KR500).series
     assert s.markers == ("target",)
+
+
+NUMBERS, NAMES = np.hstack([Q, 1e3 * P]), [*JOINTS, *XYZ]
+ROWS = [NAMES, *NUMBERS.tolist()]
+
+
+def one_of(path):
+    (one,) = read_series(path, ARM).series
+    return one
+
+
+def spoilt(row: int, name: str, cell: str | float | None):
+    """The table with another cell in a row, counted from 1 as the spreadsheet does."""
+    rows = [list(own) for own in ROWS]
+    rows[row - 1][NAMES.index(name)] = cell
+    return rows
+
+
+def write(folder: Path, hidden: tuple[str, ...] = (), **sheets) -> Path:
+    file = folder / "one.xlsx"
+    file.write_bytes(packed(parts(sheets, hidden)))
+    return file
+
+
+def csv(folder: Path, rows=ROWS, name: str = "one.csv") -> Path:
+    file = folder / name
+    file.write_text("\n".join(",".join(map(str, own)) for own in rows), encoding="utf-8")
+    return file
+
+
+def test_a_sheet_reads_as_its_csv_does_bit_by_bit(tmp_path):
+    """Also far to the right; a mark in the name of any other file is part of it."""
+    plain = one_of(csv(tmp_path))
+    right = [[f"note {k}" if row is NAMES else None for k in range(26)] + row for row in ROWS]
+    for rows in (ROWS, right):
+        check_alike(one_of(write(tmp_path, A=rows)), plain, 0)
+    check_alike(one_of(csv(tmp_path, name="one.csv#B")), plain, 0, ("name", "frame", "target"))
+
+
+def test_the_sheet_is_the_one_behind_the_mark_else_the_first_that_is_seen(tmp_path):
+    other = spoilt(4, "z_mm", 12.5)
+    file = write(tmp_path, ("Draft",), Draft=[["x"]], A=ROWS, B=other)
+    first, second = one_of(file), one_of(tmp_path / "one.xlsx#B")
+    check_alike(first, one_of(csv(tmp_path)), 0)
+    check_alike(second, one_of(csv(tmp_path, other)), 0, ("name", "frame", "target"))
+    assert second.position[2, 0, 2] == 0.0125
+    assert (first.name, second.name) == ("one", "one B")
+    assert read_series(tmp_path / "one.xlsx#B", ARM).columns.table.notes[0].startswith("sheet B, tabs")
+    assert digest(tmp_path / "one.xlsx#B") == digest(file)
+    assert "expected one of its sheets, Draft, A, B, got 'C'" in refused(one_of, tmp_path / "one.xlsx#C")
+
+
+def test_two_sheets_are_two_series_and_one_sheet_twice_is_refused(tmp_path):
+    other = [NAMES, *(NUMBERS[:, [0, 1, 2, 3, 4, 5, 7, 6, 8]] + 0.01).tolist()]
+    write(tmp_path, A=ROWS, B=other)
+    a, b = tmp_path / "one.xlsx#A", tmp_path / "one.xlsx#B"
+    series, _ = read_all([File(a), File(b)], ARM)
+    assert [one.name for one in series] == ["one A", "one B"]
+    with pytest.raises(InputError, match="called one A was read already"):
+        read_all([File(a), File(a)], ARM)
+
+
+def test_rows_of_a_title_of_units_and_blank_cells_are_as_in_a_text(tmp_path):
+    lost = [*NUMBERS[0, :6].tolist(), None, None, None]
+    units = [*["rad"] * 6, *["mm"] * 3]
+    plain = [name.rpartition("_")[0] for name in NAMES]
+    rows = [['Report, of 3 "November"\nA & B < C'], [], plain, units, *NUMBERS.tolist(), lost]
+    found = read_series(write(tmp_path, A=rows), ARM)
+    (one,) = found.series
+    assert one.row.tolist() == list(range(5, 5 + N))  # as the spreadsheet numbers them
+    assert found.lost.tolist() == [5 + N]
+    assert np.array_equal(one.position, one_of(csv(tmp_path)).position)
+
+
+@pytest.mark.parametrize(
+    ("cell", "found"),
+    [
+        ('<c s="2"><v>12.5</v></c>', 0.0125),
+        ("<c><f>A1*2</f><v>-3.0</v></c>", -0.003),
+        ('<c t="str"><v>1e2</v></c>', 0.1),
+        ('<c t="inlineStr"><is><r><t>1</t></r><r><t>2.5</t></r></is></c>', 0.0125),
+        ('<c s="3"><v>43862</v></c>', "got '2020-02-01 00:00:00'"),
+        ('<c s="1"><v>43862.5</v></c>', "got '2020-02-01 12:00:00'"),
+        ("<c><f>A1+1</f></c>", "a formula without its result"),
+        ('<c t="e"><v>#DIV/0!</v></c>', "got 'DIV/0!'"),
+        ('<c t="b"><v>1</v></c>', "got 'TRUE'"),
+        ('<c t="inlineStr"><is><t>12 mm</t></is></c>', "got '12 mm'"),
+    ],
+)
+def test_a_number_is_what_the_file_holds_and_what_is_none_is_refused_by_row_and_column(tmp_path, cell, found):
+    """A date is what spreadsheets make of 1.2: its number, 43862, would be a reading 44 m away."""
+    file = write(tmp_path, A=spoilt(6, "y_mm", cell))
+    if isinstance(found, str):
+        line = refused(one_of, file)
+        assert "line 6, column y_mm" in line
+        assert found in line
+    else:
+        assert one_of(file).position[4, 0, 1] == found
+
+
+def test_dates_are_times_of_the_rows(tmp_path):
+    stamps = ["<c" + f' s="1"><v>{44000.25 + k / 86400!r}</v></c>' for k in range(N)]
+    rows = [[*own, s] for own, s in zip(ROWS, ["Timestamp", *stamps], strict=True)]
+    one = one_of(write(tmp_path, A=rows))
+    assert one.time == pytest.approx(np.arange(N), abs=1e-3)  # a millisecond is what days tell apart
+
+
+def test_a_map_of_the_same_export_as_text_serves(tmp_path):
+    """Its decimal mark and delimiter are those of the text; a workbook's numbers have none."""
+    (tmp_path / "map.toml").write_text('[file]\ndelimiter = ";"\ndecimal = ","\nencoding = "cp1252"\n')
+    rows = spoilt(3, "x_mm", "1.234,5")
+    (one,) = read_series(write(tmp_path, A=rows), ARM, tmp_path / "map.toml").series
+    assert one.position[1, 0, 0] == pytest.approx(1.2345, rel=1e-15)
+    assert np.array_equal(one.q, NUMBERS[:, :6])
+
+
+def test_poses_and_pairs_come_from_sheets_too(tmp_path):
+    file = write(tmp_path, A=[row[:6] for row in ROWS])
+    assert np.array_equal(read_poses(file, ARM), NUMBERS[:, :6])
+    marker = ARM.markers[0]
+    names = [*NAMES[:6], "mass_kg", "marker", *(f"{w}_{a}_mm" for w in ("before", "after") for a in "xyz")]
+    own = [[*q[:6], 10, marker, *q[6:], *(x + 0.5 for x in q[6:])] for q in NUMBERS.tolist()]
+    data = read_csv(write(tmp_path, A=[names, *own]), ARM)
+    assert data.deflection[:, 0] == pytest.approx(5e-4)
+    assert data.runs == N
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"xl/workbook.xml": None}, "it has no xl/workbook.xml"),
+        ({"xl/worksheets/sheet1.xml": None}, "it has no xl/worksheets/sheet1.xml"),
+        ({"xl/worksheets/sheet1.xml": "<w><row>"}, "no element found"),
+        ({"xl/sharedStrings.xml": "<sst/>"}, "list index out of range"),
+        ({"xl/worksheets/sheet1.xml": "<w><row><c r='B1'/><c r='A1'/></row></w>"}, "cell 'A1' stands behind"),
+        ({"xl/worksheets/sheet1.xml": "<w><row r='2'/><row r='1'/></w>"}, "row 1 stands behind row 2"),
+        ({"xl/worksheets/sheet1.xml": "<!DOCTYPE w [<!ENTITY a 'b'>]><w>&a;</w>"}, "document types"),
+    ],
+)
+def test_a_broken_workbook_is_refused_in_one_line(tmp_path, change, said):
+    file, made = tmp_path / "one.xlsx", parts({"A": ROWS})
+    file.write_bytes(packed({name: text for name, text in (made | change).items() if text is not None}))
+    assert said in refused(one_of, file)
+
+
+def test_any_cut_of_a_workbook_is_refused_in_one_line(tmp_path):
+    whole, file = write(tmp_path, A=ROWS).read_bytes(), tmp_path / "cut.xlsx"
+    for size in range(4, len(whole), 211):
+        file.write_bytes(whole[:size])
+        assert "workbook" in refused(one_of, file)

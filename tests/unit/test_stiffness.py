@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from testbench.arm.stiffness import (
-    SYMMETRY_TOLERANCE,
     Tube,
     check_compliance,
     eigenvalue_scale,
@@ -72,36 +71,16 @@ def tip_of_clamped_beam(tube: Tube, wrench: Array) -> Array:
 
 @REPEATABLE
 @given(tube=tubes(), wrench=arrays(float, 6, elements=st.integers(-10_000, 10_000)))
-def test_any_tube_under_any_load_follows_the_integrated_curvature(tube: Tube, wrench: Array) -> None:
+def test_any_tube_under_any_load_follows_the_integrated_curvature(tube: Tube, wrench: Array):
     C = tube_compliance(tube)
     bound = np.abs(C) @ np.abs(wrench)  # terms may cancel
     # 1e-12 covers D^4 - d^4 of a wall of a hundredth: it cancels two digits
     assert (np.abs(C @ wrench - tip_of_clamped_beam(tube, wrench)) <= 1e-12 * bound).all()
 
 
-def test_stretch_bending_and_torsion_are_the_textbook_formulas() -> None:
-    C = tube_compliance(STEEL)
-    L, E, G = 0.9, 2.1e11, 2.1e11 / 2.6
-    A, second, polar = section(STEEL)
-    expected = [L / (E * A), L**3 / (3 * E * second), L / (G * polar), L / (E * second)]
-    np.testing.assert_allclose(C[[0, 1, 3, 5], [0, 1, 3, 5]], expected, rtol=1e-13)
-    np.testing.assert_allclose([C[1, 5], C[2, 4]], L**2 / (2 * E * second) * np.array([1, -1]), rtol=1e-13)
-
-
 @REPEATABLE
 @given(tubes())
-def test_compliance_of_any_tube_is_symmetric_positive_definite(tube: Tube) -> None:
-    C = tube_compliance(tube)
-    np.testing.assert_array_equal(C, C.T)
-    scale = eigenvalue_scale(C)
-    # scaled to unit diagonal the smallest eigenvalue of a beam is 1 - sqrt(3)/2, whatever the beam
-    smallest = np.linalg.eigvalsh(C / np.outer(scale, scale))[0]
-    np.testing.assert_allclose(smallest, 1 - np.sqrt(3) / 2, rtol=1e-12)
-
-
-@REPEATABLE
-@given(tubes())
-def test_compliance_of_any_tube_passes_the_door_unchanged(tube: Tube) -> None:
+def test_compliance_of_any_tube_passes_the_door_unchanged(tube: Tube):
     C = tube_compliance(tube)
     np.testing.assert_array_equal(check_compliance(C, "compliance"), C)
 
@@ -117,12 +96,12 @@ def test_compliance_of_any_tube_passes_the_door_unchanged(tube: Tube) -> None:
         ("poissons_ratio", 0.5, "poissons_ratio: expected between -1 and 0.5, got 0.5"),
     ],
 )
-def test_tube_that_cannot_exist_is_refused(name: str, value: float, expected: str) -> None:
+def test_tube_that_cannot_exist_is_refused(name: str, value: float, expected: str):
     with pytest.raises(BenchError, match=expected):
         replace(STEEL, **{name: value})
 
 
-def test_scaled_eigenvalues_do_not_depend_on_the_unit_of_length() -> None:
+def test_scaled_eigenvalues_do_not_depend_on_the_unit_of_length():
     C = tube_compliance(STEEL)
     to_mm = np.diag([1e3, 1e3, 1e3, 1, 1, 1])
     scaled = []
@@ -130,26 +109,14 @@ def test_scaled_eigenvalues_do_not_depend_on_the_unit_of_length() -> None:
         d = eigenvalue_scale(matrix)
         scaled.append(np.linalg.eigvalsh(matrix / np.outer(d, d)))
     np.testing.assert_allclose(scaled[0], scaled[1], rtol=1e-13)
-
-
-def test_scale_of_a_zero_axis_is_one() -> None:
     np.testing.assert_array_equal(eigenvalue_scale(np.diag([4.0, 0.0, -9.0])), [2, 1, 3])
 
 
-def test_asymmetry_of_rounding_is_forgiven_and_removed() -> None:
+def coupled(share: float) -> Array:
+    """A beam whose bending couples as strongly as its diagonal allows, times a share."""
     C = tube_compliance(STEEL)
-    C[1, 5] *= 1 + SYMMETRY_TOLERANCE / 10
-    read = check_compliance(C, "compliance")
-    np.testing.assert_array_equal(read, read.T)
-    np.testing.assert_allclose(read, C, rtol=SYMMETRY_TOLERANCE)
-
-
-@pytest.mark.parametrize("sign", [-1, 1])
-def test_coupling_stronger_than_its_diagonal_is_indefinite(sign: int) -> None:
-    C = tube_compliance(STEEL)
-    C[1, 5] = C[5, 1] = sign * 1.01 * np.sqrt(C[1, 1] * C[5, 5])
-    with pytest.raises(BenchError, match=r"positive definite matrix, got smallest eigenvalue -0\.01"):
-        check_compliance(C, "link")
+    C[1, 5] = C[5, 1] = share * np.sqrt(C[1, 1] * C[5, 5])
+    return C
 
 
 @pytest.mark.parametrize(
@@ -164,9 +131,10 @@ def test_coupling_stronger_than_its_diagonal_is_indefinite(sign: int) -> None:
         ([[1.0], [1.0, 2.0]], "link: expected numbers, got list"),
         (np.diag([1, 1, 1, 1, 1, np.nan]), "link: expected finite numbers"),
         (np.diag([1, 1, -1, 1, 1, 1]), r"link: expected 1e-18 to 1000 on the diagonal, got -1 in row 3"),
+        *((coupled(x), r"positive definite matrix, got smallest eigenvalue -0\.01") for x in (-1.01, 1.01)),
         (np.eye(6) + 1e308, "link: expected 1e-18 to 1000 on the diagonal"),
     ],
 )
-def test_what_is_no_compliance_is_refused(value: object, expected: str) -> None:
+def test_what_is_no_compliance_is_refused(value: object, expected: str):
     with pytest.raises(BenchError, match=expected):
         check_compliance(value, "link")

@@ -1,6 +1,6 @@
 """Model structures: how many parameters, which entries, and the algebra between parameters and C_theta."""
 
-from collections.abc import Callable
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,14 +8,11 @@ import pytest
 from loads import rotation_observation
 
 from testbench.arm.folder import Arm, load_arm
-from testbench.campaign.campaign import Cell
 from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.errors import BenchError
 from testbench.identify import reduce
 from testbench.identify.conic import optimum
 from testbench.model.structure import (
-    FREE,
-    FULL,
     TEMPLATE,
     Structure,
     all153,
@@ -38,39 +35,22 @@ def arm(request: pytest.FixtureRequest) -> Arm:
     return load_arm(MODELS / request.param)
 
 
-@pytest.mark.parametrize(
-    ("make", "name", "n"),
-    [
-        (mgco147, "MGCO147", 147),
-        (all153, "ALL153", 153),
-        (mgco69, "MGCO69", 69),
-        (mgco68, "MGCO68", 68),
-        (mgco47, "MGCO47", 47),
-        (template56, "MGCO56", 56),
-    ],
-)
-def test_structures_of_the_paper_have_as_many_parameters_as_their_names_say(
-    arm: Arm, make: Callable[[Arm], Structure], name: str, n: int
-) -> None:
+@pytest.mark.parametrize("make", MAKERS)
+def test_structures_of_the_paper_have_as_many_parameters_as_their_names_say(arm, make):
     structure = make(arm)
-    assert (structure.name, structure.n, structure.n_theta) == (name, n, 48)
-    assert template56(arm, name="MLS56").name == "MLS56"
-    assert (len(set(FULL)), len(set(TEMPLATE))) == (21, 8)
-    assert set(TEMPLATE) < set(FULL)
+    n = int(re.search(r"\d+", structure.name)[0])
+    assert (structure.n, structure.n_theta, len(structure.labels)) == (n, 48, 48)
     assert len({frozenset(pair) for pair in zip(structure.a, structure.b, strict=True)}) == n
-    assert len(structure.labels) == 48
 
 
-def test_blocks_of_full_links_are_six_by_six_and_joints_are_scalars(arm: Arm) -> None:
+def test_blocks_of_full_links_are_six_by_six_and_joints_are_scalars(arm):
     blocks = [block.tolist() for block in all153(arm).blocks]
     links = [list(range(6 * i, 6 * i + 6)) for i in range(7)]
     assert sorted(blocks) == sorted(links + [[k] for k in range(42, 48)])
 
 
 @pytest.mark.parametrize("make", [template56, mgco68, all153])
-def test_triangles_run_block_by_block_and_the_groups_by_size_point_into_them(
-    arm: Arm, make: Callable[[Arm], Structure]
-) -> None:
+def test_triangles_run_block_by_block_and_the_groups_by_size_point_into_them(arm, make):
     s = make(arm)
     row, column = s.triangles
     pairs = [(b[i], b[j]) for b in s.blocks for j in range(len(b)) for i in range(j + 1)]
@@ -85,9 +65,7 @@ def test_triangles_run_block_by_block_and_the_groups_by_size_point_into_them(
 
 
 @pytest.mark.parametrize("make", [*MAKERS, free36])
-def test_matrix_is_symmetric_and_entries_give_the_parameters_back(
-    arm: Arm, make: Callable[[Arm], Structure]
-) -> None:
+def test_matrix_is_symmetric_and_entries_give_the_parameters_back(arm, make):
     """Of a structure that leaves the symmetry open it is any matrix of a link."""
     structure = make(arm)
     pi = np.random.default_rng(2).standard_normal(structure.n)
@@ -99,30 +77,27 @@ def test_matrix_is_symmetric_and_entries_give_the_parameters_back(
 
 
 @pytest.mark.parametrize("make", [*MAKERS, free36])
-def test_gradient_is_the_adjoint_of_matrix(arm: Arm, make: Callable[[Arm], Structure]) -> None:
+def test_gradient_is_the_adjoint_of_matrix(arm, make):
     """Without halves where an entry stands at one place."""
     structure, rng = make(arm), np.random.default_rng(3)
     g, pi = rng.standard_normal((2, structure.n))
-    S = structure.gradient(g)
-    if not structure.symmetric:
-        np.testing.assert_array_equal(structure.entries(S), g)
-        np.testing.assert_allclose(np.sum(S * structure.matrix(pi)), g @ pi, rtol=0, atol=1e-12)
-        return
-    np.testing.assert_array_equal(S, S.T)
+    S, X = structure.gradient(g), rng.standard_normal((48, 48))
+    if structure.symmetric:
+        np.testing.assert_array_equal(S, S.T)
+        X = X + X.T
     # sums of some 100 products of order one: rounding
     np.testing.assert_allclose(np.sum(S * structure.matrix(pi)), g @ pi, rtol=0, atol=1e-12)
-    X = rng.standard_normal((48, 48))
-    np.testing.assert_allclose(np.sum(S * (X + X.T)), g @ structure.entries(X + X.T), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.sum(S * X), g @ structure.entries(X), rtol=0, atol=1e-12)
 
 
-def test_true_compliance_of_tubes_lies_in_the_template_with_joints(arm: Arm) -> None:
+def test_true_compliance_of_tubes_lies_in_the_template_with_joints(arm):
     links, joints = [x.name for x in arm.links], [x.name for x in arm.joints]
     structure = Structure.of(arm, links=links, joints=joints, entries=TEMPLATE)
     assert structure.n == 62
     np.testing.assert_array_equal(structure.matrix(structure.entries(arm.C_theta)), arm.C_theta)
 
 
-def test_keep_leaves_these_parameters_and_drops_the_rest(arm: Arm) -> None:
+def test_keep_leaves_these_parameters_and_drops_the_rest(arm):
     full = template56(arm)
     kept = full.keep(np.array([0, 7, 55]), "OWN3")
     assert (kept.name, kept.n, kept.n_theta, kept.labels) == ("OWN3", 3, 48, full.labels)
@@ -144,32 +119,23 @@ def test_keep_leaves_these_parameters_and_drops_the_rest(arm: Arm) -> None:
         ),
         ({"links": ["link_1"], "entries": ((1, 0),)}, "entries: expected different pairs"),
         ({"links": ["link_1"], "entries": ((0, 0), (0, 0))}, "entries: expected different pairs"),
+        ({"links": ["link_1"], "entries": ((0, 1), (1, 0), (0, 2))}, "or every pair with its mirror"),
+        ({"links": ["link_1"], "entries": ((0, 1), (1, 0), (1, 0))}, "or every pair with its mirror"),
     ],
 )
-def test_unknown_name_or_entry_lists_what_exists(arm: Arm, wanted: dict, expected: str) -> None:
+def test_unknown_name_or_entry_lists_what_exists(arm, wanted, expected):
     with pytest.raises(BenchError, match=expected) as info:
         Structure.of(arm, **wanted)
     assert "\n" not in str(info.value)
 
 
-@pytest.mark.parametrize(("make", "links"), [(mgco69, 4), (mgco68, 4), (mgco47, 4)])
-def test_structure_of_a_longer_arm_says_how_many_links_it_needs(
-    make: Callable[[Arm], Structure], links: int
-) -> None:
-    with pytest.raises(BenchError, match=f"expected an arm of at least {links} links, single_link has 1"):
-        make(load_arm(MODELS / "single_link"))
+@pytest.mark.parametrize("make", [mgco69, mgco68, mgco47])
+def test_structure_of_a_longer_arm_says_how_many_links_it_needs(single_link, make):
+    with pytest.raises(BenchError, match="expected an arm of at least 4 links, single_link has 1"):
+        make(single_link.arm)
 
 
-def test_free36_leaves_the_symmetry_open() -> None:
-    arm = load_arm(MODELS / "single_link")
-    structure = free36(arm)
-    assert (structure.name, structure.n, structure.symmetric) == ("MLS36", 36, False)
-    assert not structure.mirrored.any()
-    assert [block.tolist() for block in structure.blocks] == [list(range(6))]
-    assert set(zip(structure.a.tolist(), structure.b.tolist(), strict=True)) == set(FREE)
-
-
-def test_unsymmetric_structure_predicts_with_its_unsymmetric_matrix(single_link: Cell) -> None:
+def test_unsymmetric_structure_predicts_with_its_unsymmetric_matrix(single_link):
     structure, rng = free36(single_link.arm), np.random.default_rng(7)
     C, wrench = rng.standard_normal((6, 6)), rng.standard_normal((4, 6))
     args = (chain(single_link.vjm, np.empty((4, 0))), structure, wrench, np.zeros((4, 3)))
@@ -179,18 +145,10 @@ def test_unsymmetric_structure_predicts_with_its_unsymmetric_matrix(single_link:
     np.testing.assert_allclose(np.hstack([moved, turned]), wrench @ C.T, rtol=0, atol=1e-13)
 
 
-def test_gco_refuses_an_unsymmetric_structure_in_either_form(single_link: Cell) -> None:
+def test_gco_refuses_an_unsymmetric_structure_in_either_form(single_link):
     scenario = FullPose(arm="single_link", poses=1, force=10.0, moment=10.0, check_runs=1)
     data = simulate(single_link, scenario, 1).identification
     regression = reduce(single_link.vjm, free36(single_link.arm), data)
     for refuse in (optimum, factorise):
-        with pytest.raises(
-            BenchError, match="expected a symmetric structure, MLS36 leaves the symmetry open"
-        ):
+        with pytest.raises(BenchError, match="expected a symmetric structure, MLS36 leaves"):
             refuse(regression)
-
-
-@pytest.mark.parametrize("entries", [((0, 1), (1, 0), (0, 2)), ((0, 1), (1, 0), (1, 0))])
-def test_unsymmetric_entries_need_every_mirror_once(arm: Arm, entries: tuple) -> None:
-    with pytest.raises(BenchError, match="or every pair with its mirror"):
-        Structure.of(arm, links=["link_1"], entries=entries)

@@ -8,8 +8,6 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from testbench.campaign.tracker import (
-    RADIAL,
-    TRANSVERSE,
     LaserTracker,
     Tracker,
     precision,
@@ -24,7 +22,7 @@ ERROR_RATE = 1e-6
 """Chance that a right tracker fails one comparison; the seeds are fixed, so it fails never or always."""
 
 
-def check_noise(noise: Array, sigma: float) -> None:
+def check_noise(noise: Array, sigma: float):
     """Zero mean, standard deviation sigma, no correlation between axes: (DRAWS, 3)."""
     n = len(noise)
     # sum of squares / sigma^2 follows chi-square with n degrees of freedom: +-2.5 % in sigma
@@ -37,41 +35,37 @@ def check_noise(noise: Array, sigma: float) -> None:
     assert (np.abs(correlation) < 5 / np.sqrt(n)).all()
 
 
-@pytest.mark.parametrize("sigma", [1e-6, 30e-6, 1e-2])
-def test_position_noise_has_sigma_along_every_axis(sigma: float) -> None:
+def test_noise_has_sigma_along_and_about_every_world_axis():
     rng = np.random.default_rng(4)
-    true = rng.uniform(-3, 3, (DRAWS, 3))
-    check_noise(read_positions(Tracker(sigma), true, rng) - true, sigma)
-
-
-def test_orientation_noise_has_sigma_about_every_world_axis() -> None:
-    sigma, rng = 1e-4, np.random.default_rng(6)
-    true = Rotation.random(DRAWS, rng=rng)
-    readings = read_orientations(Tracker(1e-5, sigma), true.as_matrix(), rng)
-    error = Rotation.from_rotvec(readings) * true.inv()  # world axes: reading = error * truth
-    check_noise(error.as_rotvec(), sigma)
-
-
-def test_tracker_without_noise_reads_the_truth() -> None:
-    rng = np.random.default_rng(7)
-    positions, rotations = rng.standard_normal((4, 3, 3)), Rotation.random(4, rng=rng)
+    places, turns = rng.uniform(-3, 3, (DRAWS, 3)), Rotation.random(DRAWS, rng=rng)
+    check_noise(read_positions(Tracker(30e-6), places, rng) - places, 30e-6)
+    read = Rotation.from_rotvec(read_orientations(Tracker(1e-5, 1e-4), turns.as_matrix(), rng))
+    check_noise((read * turns.inv()).as_rotvec(), 1e-4)  # world axes: reading = error * truth
     exact = Tracker(0.0, 0.0)
-    np.testing.assert_array_equal(read_positions(exact, positions, rng), positions)
-    read = Rotation.from_rotvec(read_orientations(exact, rotations.as_matrix(), rng))
-    np.testing.assert_allclose((read * rotations.inv()).magnitude(), 0, atol=1e-14)  # rounding
+    np.testing.assert_array_equal(read_positions(exact, places, rng), places)
+    read = Rotation.from_rotvec(read_orientations(exact, turns.as_matrix(), rng))
+    np.testing.assert_allclose((read * turns.inv()).magnitude(), 0, atol=1e-14)  # rounding
 
 
-def test_tracker_of_positions_only_refuses_to_read_orientations() -> None:
-    with pytest.raises(BenchError, match="expected a sigma_rotation to read orientations, got None"):
-        read_orientations(Tracker(1e-5), np.eye(3)[None], np.random.default_rng(12))
-
-
-@pytest.mark.parametrize("wrong", [-1e-6, np.inf])
-def test_sigma_must_be_finite_and_not_negative(wrong: float) -> None:
-    with pytest.raises(BenchError, match=f"sigma: expected a finite number of at least 0, got {wrong}"):
-        Tracker(wrong)
-    with pytest.raises(BenchError, match=f"sigma_rotation: expected a finite number .* got {wrong}"):
-        Tracker(1e-5, wrong)
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda: Tracker(-1e-6), "sigma: expected a finite number of at least 0, got -1e-06"),
+        (lambda: Tracker(np.inf), "sigma: expected a finite number of at least 0, got inf"),
+        (lambda: Tracker(1e-5, -1.0), "sigma_rotation: expected a finite number .* got -1"),
+        (
+            lambda: read_orientations(Tracker(1e-5), np.eye(3)[None], np.random.default_rng(12)),
+            "expected a sigma_rotation to read orientations, got None",
+        ),
+        *(
+            (lambda drift=drift: Drift(*drift), "drift")
+            for drift in ((-1e-6, 0.0), (0.0, 1.0), (np.nan, 0.0))
+        ),
+    ],
+)
+def test_what_no_tracker_can_be_is_refused(wrong, said):
+    with pytest.raises(BenchError, match=said):
+        wrong()
 
 
 STATION = (4.0, -3.0, 1.5)
@@ -79,27 +73,23 @@ TARGET = np.array([1.0, 1.0, 1.5])
 BEAM = (TARGET - STATION) / 5.0
 
 
-def test_laser_tracker_is_sharp_along_the_beam_and_blunt_across() -> None:
+def test_laser_tracker_is_sharp_along_the_beam_and_blunt_across():
     C = LaserTracker(STATION, share=1.0).covariance(TARGET)
     across = np.array([0.0, 0.0, 1.0])
     np.testing.assert_allclose(BEAM @ C @ BEAM, (10e-6 + 5 * 0.3e-6) ** 2)
     np.testing.assert_allclose(across @ C @ across, (15e-6 + 5 * 6e-6) ** 2)
     np.testing.assert_allclose(np.linalg.eigvalsh(C), [11.5e-6**2, 45e-6**2, 45e-6**2])
+    np.testing.assert_allclose(LaserTracker(STATION).covariance(TARGET), C / 4)  # half of it
 
 
-def test_typical_is_half_of_the_maximum() -> None:
-    worst = LaserTracker(STATION, share=1.0).covariance(TARGET)
-    np.testing.assert_allclose(LaserTracker(STATION).covariance(TARGET), worst / 4)
-
-
-def test_readings_of_a_laser_tracker_have_its_covariance() -> None:
+def test_readings_of_a_laser_tracker_have_its_covariance():
     tracker = LaserTracker(STATION)
     noise = read_positions(tracker, np.tile(TARGET, (DRAWS, 1)), np.random.default_rng(6)) - TARGET
     root = np.linalg.cholesky(tracker.covariance(TARGET))
     check_noise(np.linalg.solve(root, noise.T).T, 1.0)
 
 
-def test_noise_is_the_symmetric_root_of_the_covariance() -> None:
+def test_noise_is_the_symmetric_root_of_the_covariance():
     tracker, targets = LaserTracker(STATION), TARGET + np.random.default_rng(7).uniform(-2, 2, (50, 1, 3))
     units = SimpleNamespace(standard_normal=lambda _: np.eye(3))  # a column of the root for each of them
     root = tracker.noise(np.broadcast_to(targets, (50, 3, 3)), units).swapaxes(-1, -2)
@@ -107,7 +97,7 @@ def test_noise_is_the_symmetric_root_of_the_covariance() -> None:
     np.testing.assert_allclose(root @ root, tracker.covariance(targets[:, 0]), rtol=1e-12, atol=1e-22)
 
 
-def test_the_last_digit_of_a_position_does_not_move_its_reading() -> None:
+def test_the_last_digit_of_a_position_does_not_move_its_reading():
     """As another processor would give it: an eigendecomposition as root moved readings by 0.1 mm."""
     true = np.random.default_rng(8).uniform(-3, 3, (500, 3, 3))
     moved = true * (1 + 1e-15 * np.random.default_rng(9).uniform(-1, 1, true.shape))
@@ -117,13 +107,13 @@ def test_the_last_digit_of_a_position_does_not_move_its_reading() -> None:
     np.testing.assert_allclose(other, one, rtol=0, atol=1e-14)
 
 
-def test_precision_of_a_deflection_is_the_inverse_of_both_covariances() -> None:
+def test_precision_of_a_deflection_is_the_inverse_of_both_covariances():
     tracker, after = LaserTracker(STATION), TARGET - np.array([0.0, 0.0, 0.005])
     both = tracker.covariance(TARGET) + tracker.covariance(after)
     np.testing.assert_allclose(precision(tracker, TARGET, after) @ both, np.eye(3), atol=1e-9)
 
 
-def test_drift_moves_all_targets_of_a_run_as_one_body() -> None:
+def test_drift_moves_all_targets_of_a_run_as_one_body():
     still = np.random.default_rng(1).uniform(-1, 1, (200, 3, 3))
     moved = drifted(still, Drift(20e-6, 5e-6), STATION, np.random.default_rng(2))
     for a, b in ((0, 1), (1, 2), (0, 2)):
@@ -133,13 +123,3 @@ def test_drift_moves_all_targets_of_a_run_as_one_body() -> None:
     # at the station only the shift is left: 20 um a component, +-20 % with 600 draws
     there = drifted(np.tile(STATION, (200, 1, 1)), Drift(20e-6, 5e-6), STATION, np.random.default_rng(2))
     assert (there - STATION).std() == pytest.approx(20e-6, rel=0.2)
-
-
-@pytest.mark.parametrize(("shift", "turn"), [(-1e-6, 0.0), (0.0, 1.0), (float("nan"), 0.0)])
-def test_impossible_drifts_are_refused(shift: float, turn: float) -> None:
-    with pytest.raises(BenchError, match="drift"):
-        Drift(shift, turn)
-
-
-def test_published_errors_are_micrometres() -> None:
-    assert (RADIAL[0], TRANSVERSE[0]) == (10e-6, 15e-6)

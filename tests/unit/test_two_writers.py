@@ -4,8 +4,10 @@ TESTBENCH_RACES=300 pytest tests/unit/test_two_writers.py runs as many races as 
 """
 
 import errno
+import itertools
 import json
 import os
+import shutil
 import signal
 import time
 from pathlib import Path
@@ -103,7 +105,7 @@ def test_a_second_run_is_refused_at_once_and_told_who_writes(tmp_path):
     assert whose(out) == "one"
 
 
-def test_no_file_is_written_into_a_folder_that_a_run_has_claimed(tmp_path):
+def test_no_file_is_written_into_a_folder_that_a_run_has_claimed_nor_a_run_beside_claimed_files(tmp_path):
     with claim_folder(tmp_path, COMMAND, force=False):
         with pytest.raises(InputError, match="is being written by another run"):
             claim_file(tmp_path / "p.png", PNG).__enter__()
@@ -136,22 +138,29 @@ def test_claims_of_killed_runs_go_and_what_is_no_claim_stays(tmp_path):
     assert whose(tmp_path) == "one"
 
 
-def killed_at(k, monkeypatch, work, *args):
-    """Do it in a process that is killed before the k-th rename or removal of a file of it."""
-    left = [k]
+def at_call(k, act, names, monkeypatch):
+    """From now on the k-th of these calls of paths, counted from 0, does something else first."""
+    calls = itertools.count()
 
     def counting(original):
         def counted(self, *args, **kwargs):
-            left[0] -= 1
-            if left[0] < 0:
-                os.kill(os.getpid(), signal.SIGKILL)
+            if next(calls) == k:
+                act(self)
             return original(self, *args, **kwargs)
 
         return counted
 
+    for name in names:
+        monkeypatch.setattr(Path, name, counting(getattr(Path, name)))
+    return calls
+
+
+def killed_at(k, monkeypatch, work, *args):
+    """Do it in a process that is killed before the k-th rename or removal of a file of it."""
+
     def counted_work():
-        for name in ("replace", "rename", "unlink"):
-            monkeypatch.setattr(Path, name, counting(getattr(Path, name)))
+        names = ("replace", "rename", "unlink")
+        at_call(k, lambda _: os.kill(os.getpid(), signal.SIGKILL), names, monkeypatch)
         work(*args)
 
     return code(forked(counted_work))
@@ -177,15 +186,13 @@ def test_a_kill_at_any_moment_leaves_the_old_run_or_the_new_one(tmp_path, monkey
 
 
 def test_nothing_is_moved_where_something_else_stands_in_the_way(tmp_path):
-    write(tmp_path / "run", "old")
     (tmp_path / "elsewhere").mkdir()
     for name, text in (("one.csv", "got a folder"), ("meshes", "expected a folder")):
-        out = tmp_path / name
+        out = tmp_path / f"run {name}"
         write(out, "old")
         if name == "meshes":
-            (out / "meshes" / "c.stl").unlink()
-            (out / "meshes").rmdir()
-            (out / "meshes").symlink_to(tmp_path / "elsewhere")
+            shutil.rmtree(out / name)
+            (out / name).symlink_to(tmp_path / "elsewhere")
         else:
             (out / name).mkdir()
         with pytest.raises(InputError, match=text):
@@ -223,9 +230,9 @@ def test_who_reads_a_strangers_folder_puts_nothing_of_it_in_place(tmp_path, kind
     assert (tmp_path / "mine").read_text() == "mine"
 
 
-def write_several(folder, tag):
-    """Three files that belong together, one of them deeper."""
-    with whole_files([folder / "1.csv", folder / "deep" / "2.csv", folder / "3.csv"]) as parts:
+def write_several(folder, tag, *names):
+    """Files that belong together, three of them if nothing else is said, one of them deeper."""
+    with whole_files([folder / name for name in names or ("1.csv", "deep/2.csv", "3.csv")]) as parts:
         for part in parts:
             part.write_text(tag)
 
@@ -238,30 +245,23 @@ def several(folder):
 
 def refused(monkeypatch, k, names, work, *args):
     """What is said where the disk refuses the k-th of these calls; None where it is not called so often."""
-    left = [k]
 
-    def refusing(original):
-        def called(self, *args, **kwargs):
-            left[0] -= 1
-            if left[0] == -1:
-                raise OSError(errno.EDQUOT, "Disk quota exceeded", str(self), None, str(self))
-            return original(self, *args, **kwargs)
-
-        return called
+    def refuse(path):
+        raise OSError(errno.EDQUOT, "Disk quota exceeded", str(path), None, str(path))
 
     with monkeypatch.context() as patched:
-        for name in names:
-            patched.setattr(Path, name, refusing(getattr(Path, name)))
+        calls = at_call(k, refuse, names, patched)
         try:
             work(*args)
         except InputError as err:
             return str(err)
-    assert left[0] >= 0
+    assert next(calls) <= k
     return None
 
 
-@pytest.mark.parametrize("earlier", [True, False])
-def test_a_kill_never_leaves_an_earlier_file_beside_a_new_one(tmp_path, monkeypatch, earlier):
+@pytest.mark.parametrize(("earlier", "other"), [(True, False), (False, False), (True, True)])
+def test_a_kill_never_leaves_an_earlier_file_beside_a_new_one(tmp_path, monkeypatch, earlier, other):
+    """Nor do other files that begin with the same one cost a file of a run that was killed."""
     for k in range(20):
         folder = tmp_path / str(k)
         folder.mkdir()
@@ -269,34 +269,14 @@ def test_a_kill_never_leaves_an_earlier_file_beside_a_new_one(tmp_path, monkeypa
             write_several(folder, "old")
         ended = killed_at(k, monkeypatch, write_several, folder, "new")
         assert len(several(folder)[1]) <= 1
+        if other:
+            write_several(folder, "two", "1.csv", "3.csv")
         assert refused(monkeypatch, 0, ["write_text"], write_several, folder, "refused")
         names, tags = several(folder)  # what was begun is brought to its end by a run that fails too
         assert len(names) == (3 if earlier or names else 0)
-        assert len(tags) <= 1
+        assert other or len(tags) <= 1
         write_several(folder, "two")
         assert several(folder)[1] == {"two"}
-        assert not list(folder.rglob(".*"))
-        if ended == 0:
-            break
-    assert 3 < k < 19
-
-
-def write_two(folder, tag):
-    """Two of the files alone."""
-    with whole_files([folder / "1.csv", folder / "3.csv"]) as parts:
-        for part in parts:
-            part.write_text(tag)
-
-
-def test_other_files_that_begin_with_the_same_one_lose_none_of_a_run_that_was_killed(tmp_path, monkeypatch):
-    for k in range(20):
-        folder = tmp_path / str(k)
-        folder.mkdir()
-        write_several(folder, "old")
-        ended = killed_at(k, monkeypatch, write_several, folder, "new")
-        write_two(folder, "two")
-        assert refused(monkeypatch, 0, ["write_text"], write_several, folder, "refused")
-        assert set(several(folder)[0]) == {"1.csv", "2.csv", "3.csv"}
         assert not list(folder.rglob(".*"))
         if ended == 0:
             break

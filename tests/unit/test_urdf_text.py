@@ -39,6 +39,8 @@ def test_only_the_origins_that_are_asked_for_change():
     expected = expected.replace('name="none">', 'name="none"><origin xyz="0 0 0" rpy="0 0 0"/>')
     assert new.replace(STAMP, "").replace("\n", "").replace("\r", "") == expected.replace("\r\n", "")
     assert new.count("\r\n") == TEXT.count("\r\n") - 2  # behind the declaration, and inside of the old tag
+    with pytest.raises(InputError, match="no joint 'x'"):
+        with_origins(Path("r.urdf"), TEXT, {"x": pose})
     assert ET.fromstring(new).find("joint").find("origin").attrib == origin_of(pose)
 
 
@@ -48,8 +50,3 @@ def test_what_we_wrote_is_known_by_its_beginning(head):
     assert re.match(BEGINS, text.encode())
     assert ET.fromstring(text).tag == "robot"
     assert not re.match(BEGINS, f"{head}<robot/>".encode())
-
-
-def test_a_joint_that_is_not_there_is_named():
-    with pytest.raises(InputError, match="no joint 'x'"):
-        with_origins(Path("r.urdf"), TEXT, {"x": np.eye(4)})

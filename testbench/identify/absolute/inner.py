@@ -19,7 +19,7 @@ from testbench.identify.prior import Strength
 from testbench.identify.registration import Frame
 from testbench.identify.regression import Regression, regression_of, term_of
 from testbench.identify.solve import solve
-from testbench.model.turn import turned
+from testbench.model.tool_motion import turned
 
 OPEN = 1e-10  #: Share of a column that no other has, below which it is not seen at all.
 

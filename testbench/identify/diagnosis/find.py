@@ -1,24 +1,37 @@
-"""Doubts about runs: first what is plain, then where the arm is, then what moves it."""
+"""Doubts about runs: first what is plain, then where the arm is, then what moves it.
+
+Plain mistakes need no fit: equal or repeated readings, absurd sizes, moves against the force. Pairs do not
+show that the tracker, or the targets on the tool, moved, unless that falls between the two of a run. What
+shows it is the step that `calibrate` looks for: from one reading on all lie elsewhere than the arm says, by a
+move that no error of geometry, spring or slow joint error explains.
+"""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, select
-from testbench.errors import Array
-from testbench.identify.diagnosis.between import moved
+from testbench.data.dataset import Dataset, in_order, select
+from testbench.data.series import Series, select_rows, series_of
+from testbench.data.spool import some
+from testbench.errors import Array, BenchError, InputError
+from testbench.identify.absolute.align import with_targets
+from testbench.identify.absolute.fit import first_fit
+from testbench.identify.absolute.state import Mount, State, nominal, torque_scale
 from testbench.identify.diagnosis.deflected import SINGLE, deflected
 from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.moves import places
 from testbench.identify.diagnosis.place import Fit, Free, Seen, fit
-from testbench.identify.diagnosis.sanity import moved_against, sanity_checks
+from testbench.identify.diagnosis.steps import chance, lacking, likeliest, with_shift
 from testbench.identify.diagnosis.undone import PRECISE, apart, placed
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
 from testbench.identify.registered import Registered, with_markers
+from testbench.identify.registration import Frame
 from testbench.identify.weighed import MOST_READINGS, check_runs
-from testbench.model.structure import all153
+from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm, marker_points
+from testbench.model.weights import Weights, read_weights
 from testbench.session import stepwise
 
 HUGE = 20.0  #: Deflection over that distance from which loaded readings are of something else.
@@ -176,4 +189,104 @@ def _seen(vjm: Vjm, data: Dataset, read: Array) -> Seen:
         names=data.markers,
         runs=data.run[runs],
         poses=data.pose[runs],
+    )
+
+
+FAR = 1.0  #: Distance of a load point from the tool, over the arm's reach, beyond which a unit is wrong [1].
+STILL = 0.5  #: Share of the readings that must not move for it to be a mistake of all of them.
+AGAINST = 0.8  #: Share of the runs whose targets have to move against the force.
+
+
+def sanity_checks(data: Dataset, reach: float) -> Iterator[Finding]:
+    """Doubts that no fit is needed for, the plainest first; of an arm of this reach [m]."""
+    loaded = np.asarray(data.wrench.any(axis=1))[:, None] & data.seen
+    still = np.asarray(loaded & (data.deflection == 0).all(axis=2))
+    if still.any():
+        runs = () if still.sum() > STILL * loaded.sum() else data.run[still.any(axis=1)].tolist()
+        size = {"count": int(still.sum()), "of": int(loaded.sum())}
+        yield Finding("equal", tuple(str(run) for run in runs), beside=size)
+    read = np.where(data.seen[..., None], data.after, np.nan).reshape(data.runs, -1)
+    _, first, own = np.unique(read, axis=0, return_index=True, return_inverse=True)
+    again = np.flatnonzero((data.q != data.q[first[own]]).any(axis=1) & data.seen.any(axis=1))
+    if len(again):
+        pair = data.run[again[0]], data.run[first[own[again[0]]]]
+        yield Finding("repeated", tuple(str(run) for run in pair))
+    away = float(np.linalg.norm(data.point, axis=1).max())
+    if away > FAR * reach:
+        yield Finding("load_point", beside={"away": away, "reach": reach})
+
+
+def moved_against(data: Dataset) -> Iterator[Finding]:
+    """Whether targets move against the force: an elastic arm gives way."""
+    force = data.wrench[:, :3]
+    work = np.einsum("rx,rmx->r", force, np.where(data.seen[..., None], data.deflection, 0))
+    against, pushed = int((work < 0).sum()), int(force.any(axis=1).sum())  # others turn by a moment alone
+    if against and against >= AGAINST * pushed:
+        along = np.abs(force[:, :2]).max() < np.abs(force[:, 2]).max() / 10
+        upwards = bool((force[:, 2] > 0).mean() > 1 / 2 and along)
+        yield Finding("sign", beside={"count": against, "of": pushed, "upwards": upwards})
+
+
+CHANCE = 0.05
+"""Chance of a step as clear anywhere in readings without one, from which it is no doubt."""
+FEWEST = 3  #: Poses before and behind a step that is doubted.
+ORDERS = 2  #: Periodic errors that may explain it: few poses tell no more.
+TARGETS = 30
+"""Targets that are looked at, evenly out of more: all of them move together, each has a place to be found."""
+NAME = "targets"  #: Of the mount.
+
+
+def moved(vjm: Vjm, data: Dataset, prior: Prior) -> list[Finding]:
+    """Doubts about what moved between two readings, one a station at most; row 2 k is of run k, unloaded.
+
+    Args:
+        vjm: The arm, its targets where they are.
+        data: The runs in the base's frame, in order of time.
+        prior: What the arm's folder expects.
+    """
+    series = tuple(_in_time(in_order(data, some(np.arange(data.runs)))))
+    steps = [places(one, FEWEST) for one in series]
+    if not vjm.arm.joints or not any(map(len, steps)):
+        return []
+    try:
+        state, noise = first_fit(_start(vjm, series), series, metric(prior, vjm, joints_only(vjm.arm)))
+    except BenchError:  # too few readings for where arm and targets are: no step can be told
+        return []
+    at = lacking(state, series, noise, metric(prior, vjm, all153(vjm.arm)), ORDERS)
+    clear = CHANCE / (2 * sum(map(len, steps)))
+    found = [with_shift(at, *one) for one in likeliest(at, series, steps) if chance(one[1]) < clear]
+    return [replace(step, beside={**step.beside, "pairs": True}) for step in found]
+
+
+def _in_time(data: Dataset) -> Iterator[Series]:
+    """Readings of every station in order of time, numbered 2 run unloaded and 2 run + 1 loaded.
+
+    An unloaded reading that several loads share is one.
+    """
+    pose = dict(zip(data.run.tolist(), data.pose.tolist(), strict=True))
+    stations = 1 if data.station is None else len(np.unique(data.station))
+    for every in series_of(data, "station", NAME):
+        one = with_targets(every, every.markers[:: -(-len(every.markers) // TARGETS)])
+        loaded = np.arange(one.rows) >= one.rows // 2
+        poses = np.array([pose[run] for run in one.row.tolist()])
+        read = np.column_stack(
+            [poses, loaded, np.where(loaded, one.pose, 0), one.position.reshape(one.rows, -1)]
+        )
+        first = np.unique(read, axis=0, return_index=True)[1]
+        first = first[np.argsort((2 * one.pose + loaded)[first])]
+        name = one.frame if stations > 1 else ""
+        yield select_rows(replace(one, name=name, row=2 * one.row + loaded, pose=poses), first)
+
+
+def _start(vjm: Vjm, series: tuple[Series, ...]) -> State:
+    """The arm as its folder has it, in the base's frame."""
+    try:
+        weights = read_weights(vjm.arm)
+    except InputError:  # nobody knows what it weighs
+        weights = Weights(np.zeros(vjm.arm.n_joints + 2), np.zeros((vjm.arm.n_joints + 2, 3)))
+    still, markers = Frame(np.eye(3), np.zeros(3)), series[0].markers
+    return replace(
+        nominal(vjm, weights, torque_scale(vjm, weights, series)),
+        frames={one.frame: still for one in series},
+        mounts={NAME: Mount(marker_points(vjm, markers), np.eye(3), markers)},
     )

@@ -12,7 +12,7 @@ import numpy as np
 from testbench.errors import Array, Ids, Mask
 from testbench.identify.closed_form import kabsch
 from testbench.identify.registration import Frame
-from testbench.model.turn import turned
+from testbench.model.tool_motion import turned
 from testbench.model.vjm import Chain, Vjm, chain, translation_rows
 
 STILL = Frame(np.eye(3), np.zeros(3))

@@ -9,9 +9,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from testbench.errors import Array
-from testbench.plant.corners import POINTS
 from testbench.plant.import_robot.robot import Faces, Mesh, Surface
-from testbench.plant.shapes import Kind, half_sizes
+from testbench.plant.shapes import POINTS, Kind, half_sizes
 
 SLACK = 5e-4  #: By which points may stand out of a hull over the extent of all of them [1].
 LEAST_INERTIA = 1e-9  #: Of a body about any axis [kg m^2].

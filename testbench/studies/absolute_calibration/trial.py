@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
 from testbench.campaign.campaign import Cell, build_cell, clear_poses, stream
 from testbench.campaign.perturbed_prior import wrong_prior

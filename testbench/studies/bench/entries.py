@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from testbench.arm.catalogue import PACKAGE
+from testbench.arm.folder import PACKAGE
 from testbench.campaign.own_estimator import read_own
 from testbench.campaign.own_limits import Limits
 from testbench.campaign.own_process import SUFFIX, Own

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.rows import FAILED
 from testbench.report.badge import FEWEST, Badge
 from testbench.report.campaigns import seeds_of

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.evaluation import unseen
 from testbench.campaign.model_selection import with_priors

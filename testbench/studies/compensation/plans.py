@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Cell, build_cell, stream
 from testbench.campaign.candidates import Checks, Conditions, build_checks, feasible, find
 from testbench.campaign.models import MODELS

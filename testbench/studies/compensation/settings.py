@@ -8,7 +8,7 @@ import numpy as np
 import typer
 from pydantic import Field
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.models import JOINTS
 from testbench.errors import BenchError
 from testbench.model.poses import WorkArea

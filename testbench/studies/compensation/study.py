@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.models import JOINTS, WITHOUT_CONE
 from testbench.campaign.rows import MM, UM

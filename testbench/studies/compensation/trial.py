@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import (
     Cell,
     LoadedPoses,

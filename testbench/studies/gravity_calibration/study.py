@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.evaluation import CampaignRow
 from testbench.campaign.model_selection import DEFAULT

@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at
 from testbench.campaign.campaign_flags import CampaignOptions
 from testbench.campaign.evaluation import CampaignRow, Result, campaign_rows, identify

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.models import JOINTS
 from testbench.campaign.perturbed_prior import SCALE, SHAPE
 from testbench.report.badge import of_models

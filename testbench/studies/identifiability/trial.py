@@ -11,8 +11,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import load_arm
+from testbench.arm.folder import find_arm, load_arm
 from testbench.campaign.campaign import (
     Campaign,
     Cell,

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import load_arm
+from testbench.arm.folder import find_arm, load_arm
 from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import MM, UM
 from testbench.report import campaigns

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Cell, build_cell, clear_poses, stream
 from testbench.errors import Array
 from testbench.model.loaded import (

@@ -5,7 +5,7 @@ from dataclasses import is_dataclass
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.model_selection import DEFAULT, FILLED
 from testbench.campaign.models import JOINTS
 from testbench.campaign.rows import UM

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.model_selection import DEFAULT
 from testbench.campaign.models import EQUAL_FIT, JOINTS
 from testbench.campaign.rows import UM

@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.campaign.campaign_flags import TrueArmFlag
 from testbench.campaign.model_selection import DEFAULT

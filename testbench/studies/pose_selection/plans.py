@@ -7,13 +7,13 @@ from functools import partial
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Cell, build_cell, stream
 from testbench.campaign.candidates import Conditions, build_checks, feasible, find
 from testbench.campaign.perturbed_prior import wrong_prior
 from testbench.campaign.predicted_error import overall
 from testbench.campaign.station import Station
-from testbench.design.observability import observability
+from testbench.design.baselines import observability
 from testbench.design.planning import make_plan, promise
 from testbench.design.refine import Reach
 from testbench.design.rows import task_rows

@@ -7,10 +7,10 @@ import numpy as np
 import typer
 from pydantic import Field
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.model_selection import DEFAULT, FILLED
 from testbench.campaign.models import JOINTS
-from testbench.design.observability import Observability
+from testbench.design.baselines import Observability
 from testbench.model.poses import WorkArea
 
 NAME = "pose_selection"

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.perturbed_prior import SCALE, SHAPE, UNCERTAINTY

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Setup, build_cell, hanging, stream
 from testbench.campaign.campaign import measure as read
 from testbench.campaign.evaluation import (

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.absolute import FRAME_POSES, File, Score, evenly, read_all, score
 from testbench.campaign.campaign import Cell, build_cell, stream
 from testbench.campaign.plan import MORE, best_of, union_after

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import CALLED
 from testbench.report.badge import of_rivals

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.campaign.models import Model
 from testbench.campaign.own_estimator import Models

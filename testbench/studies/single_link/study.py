@@ -5,8 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
-from testbench.arm.folder import load_arm
+from testbench.arm.folder import find_arm, load_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.rows import UM
 from testbench.report import campaigns

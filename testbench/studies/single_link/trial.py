@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.arm.stiffness import SYMMETRY_TOLERANCE
 from testbench.campaign.campaign import Cell, build_cell, stream
 from testbench.campaign.campaign import measure as read

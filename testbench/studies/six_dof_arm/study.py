@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.special import chdtri
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.models import EQUAL_FIT, JOINTS
 from testbench.campaign.rows import MM, UM

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Truth, build_cell
 from testbench.campaign.evaluation import CampaignRow, campaign_rows, identify, judge
 from testbench.campaign.models import JOINTS, Model, named_models

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.report import campaigns
 from testbench.report.badge import Badge, of_rivals
 from testbench.report.columns import columns

@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Campaign, Cell, build_cell, stream
 from testbench.campaign.evaluation import CampaignRow, campaign_rows, judge
 from testbench.campaign.models import Model, named_models

@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from testbench.arm.catalogue import find_arm
+from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, draw_poses, simulate_at, stream
 from testbench.campaign.model_selection import choose, with_priors
 from testbench.campaign.models import JOINTS, MODELS, Model
@@ -22,9 +22,8 @@ from testbench.campaign.rows import UM
 from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset, select
 from testbench.identify import Estimate, least_squares
-from testbench.identify.diagnosis.prior_check import contradicted, unchecked
 from testbench.identify.evaluate import all_deflections
-from testbench.identify.hierarchy import KIND
+from testbench.identify.hierarchy import KIND, contradicted, unchecked
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
 from testbench.studies.factorial.trial import (
