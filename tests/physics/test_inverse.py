@@ -10,7 +10,7 @@ from testbench.correct.newton import Target
 from testbench.correct.rest import replaced
 from testbench.data.dataset import in_order
 from testbench.model.kinematics import build_vjm
-from testbench.model.turn import turn_between
+from testbench.model.tool_motion import turn_between
 from testbench.model.vjm import Vjm, rotation, tool_pose
 
 ARMS = ("kr500_l480", "arm_6r", "ur10")
