@@ -11,7 +11,7 @@ from testbench.arm.folder import Arm
 from testbench.campaign import doubt
 from testbench.data.read_series import read_series
 from testbench.data.series import Series, select_rows
-from testbench.errors import BenchError, Ids, InputError, stem_of
+from testbench.errors import Array, BenchError, Ids, InputError, stem_of
 from testbench.identify.absolute.align import Misfit, aligned, far_off, too_few
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
 from testbench.identify.absolute.posterior import inside, known, place, predict
@@ -26,11 +26,10 @@ from testbench.identify.registration import POSES
 from testbench.identify.robust_loss import READINGS
 from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
+from testbench.trials.rows import Row
 
-FRAME_POSES = (
-    50  #: Rows that tell frame and mount of a series that the calibration has not seen, half of a short one.
-)
-
+FRAME_POSES = 50
+"""Rows that tell frame and mount of a series that the calibration has not seen, half of a short one."""
 DRIFT = 45e-6
 """How far geometry has moved along an axis and about one between two series [m, rad]: 32e-6 of each, by the
 evidence of two of a UR10, four months apart, 166 nats above none. A single series tells nothing of it."""
@@ -221,12 +220,10 @@ def score(model: ArmModel, series: Sequence[Series], frame_poses: int | None) ->
         left, covariance = predict(model, placed, rest)
         far.append(1e3 * np.linalg.norm(left, axis=2)[rest.seen])
         within.append(inside(left, covariance)[rest.seen])
-    error = np.concatenate(far)
-    return Score(
-        n=len(error),
-        mean_mm=float(error.mean()),
-        rms_mm=float(np.sqrt((error**2).mean())),
-        p95_mm=float(np.percentile(error, 95)),
-        max_mm=float(error.max()),
-        coverage_95=float(np.concatenate(within).mean()),
-    )
+    return Score(**distances(np.concatenate(far)), coverage_95=float(np.concatenate(within).mean()))
+
+
+def distances(mm: Array) -> Row:
+    """Distances of positions, (n,) [mm], as every report has them."""
+    rms, p95 = float(np.sqrt((mm**2).mean())), float(np.percentile(mm, 95))
+    return Row(n=len(mm), mean_mm=float(mm.mean()), rms_mm=rms, p95_mm=p95, max_mm=float(mm.max()))

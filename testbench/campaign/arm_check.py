@@ -14,7 +14,7 @@ from testbench.campaign.arm_doubts import UPRIGHT, Looked, arm_doubts, sag, stan
 from testbench.campaign.campaign import build_cell, check_agreement
 from testbench.campaign.doubt import Doubt
 from testbench.errors import Array
-from testbench.model.vjm import body_poses, tool_pose
+from testbench.model.vjm import body_poses
 
 UNSURE = ("estimated", "assumed")  #: Origins that want to be confirmed.
 ASIDE, OF_ASIDE = 0.01, "share for 10 mm aside"
@@ -97,11 +97,6 @@ class Checked(Looked):
     items: list[Item]  #: To confirm, the largest effect first.
     doubts: list[Doubt]  #: What may be wrong.
 
-    @property
-    def reach(self) -> float:
-        """Stretched length from the first joint to the tool [m]."""
-        return self.vjm.reach
-
     @cached_property
     def poses(self) -> Array:
         """To draw: zero, or as near to it as the limits let, and the pose of median sag, (2, n) [rad, m].
@@ -120,12 +115,6 @@ class Checked(Looked):
     def worst(self) -> int:
         """Which pose has the largest sag."""
         return int(np.argmax(self.sag.size))
-
-    @property
-    def worst_place(self) -> list[float]:
-        """Where the tool is in it, without the sag [m]."""
-        position, _ = tool_pose(self.vjm, self.sag.q[self.worst][None])
-        return [float(x) for x in position[0]]
 
     @property
     def beams(self) -> Array:

@@ -65,15 +65,13 @@ def sag(cell: Cell) -> Sag:
     wrench = np.tile([0, 0, -GRAVITY, 0, 0, 0], (n, 1))
     load = generalised_load(where, wrench, np.tile(cell.vjm.load, (n, 1)))
     theta = cell.arm.C_theta @ load
-    moved = [np.einsum("xtp,tp->px", where.J_theta[:3, own], theta[own]) for own in _parts(cell)]
+    links = 6 * len(cell.arm.links)
+    parts = [
+        *(slice(k, k + 6) for k in range(0, links, 6)),
+        *(slice(k, k + 1) for k in range(links, len(theta))),
+    ]
+    moved = [np.einsum("xtp,tp->px", where.J_theta[:3, own], theta[own]) for own in parts]
     return Sag(q, np.array(moved), np.einsum("xtp,tp->px", where.J_theta[3:], theta))
-
-
-def _parts(cell: Cell) -> Iterator[slice]:
-    """Virtual joints of each link, then of each joint."""
-    links = len(cell.arm.links)
-    yield from (slice(6 * k, 6 * k + 6) for k in range(links))
-    yield from (slice(6 * links + k, 6 * links + k + 1) for k in range(cell.arm.n_joints))
 
 
 def work_area(cell: Cell) -> Array:
@@ -147,7 +145,10 @@ def _beam_axes(arm: Looked) -> Iterator[str]:
 
 def _diameters(arm: Looked) -> Iterator[str]:
     """A tube neither a disc nor thicker than the link is drawn."""
-    widths = _widths(arm.cell)
+    widths = {
+        k: float(np.ptp(own @ arm.cell.arm.links[k].frame[:, 1:], axis=0).max())
+        for k, own in _drawn(arm.cell).items()
+    }
     for k, link in enumerate(arm.elastic.link):
         if link.tube is None:
             continue
@@ -170,14 +171,6 @@ def _fragments(arm: Looked) -> Iterator[str]:
                 links.setdefault(why, []).append(link.name)
     for why, names in links.items():
         yield f"{', '.join(names)}: {why}so the diameter of the tube is a guess"
-
-
-def _widths(cell: Cell) -> dict[int, float]:
-    """Widest extent across the beam axis of every link that is drawn [m]."""
-    return {
-        k: float(np.ptp(own @ cell.arm.links[k].frame[:, 1:], axis=0).max())
-        for k, own in _drawn(cell).items()
-    }
 
 
 def _drawn(cell: Cell) -> dict[int, Array]:

@@ -61,7 +61,8 @@ def _beam(chain: Chain, k: int, end: Array, long: float) -> Beam:
     if distance > COINCIDE * long:
         x = offset / distance
     elif following is not None:
-        x, runs = _outward(chain, k, following), "along the next joint"
+        outward = chain.parts[k].com @ following >= 0  # where the part's mass lies
+        x, runs = following if outward else -following, "along the next joint"
     else:
         part = chain.parts[k]
         assert own is not None  # the last part has a joint
@@ -93,11 +94,6 @@ def flange_axis(axis: Array, pose: Array, tool: Array, com: Array, least: float)
         side = float(along[np.abs(along).argmax()])
         side = side if abs(side) > 1 - PARALLEL else float(axis @ com)
     return axis if side >= 0 else -axis
-
-
-def _outward(chain: Chain, k: int, axis: Array) -> Array:
-    """The direction along an axis in which the part's mass lies."""
-    return axis if chain.parts[k].com @ axis >= 0 else -axis
 
 
 def _frame(x: Array, along: list[Array]) -> Array:

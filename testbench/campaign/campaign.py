@@ -186,7 +186,8 @@ def check_agreement(vjm: Vjm, plant: "Plant") -> float:
     arm = vjm.arm
     q = np.random.default_rng(0).uniform(arm.limits[0], arm.limits[1], (POSES, arm.n_joints))
     ours = [np.dstack([R, p]) for p, R in body_poses(vjm, q)]  # axes and origin as columns
-    ours += [_point(ours[-1], point) for point in (vjm.load, *vjm.markers)]
+    at, axes = ours[-1][..., 3:], ours[-1][..., :3]  # of points on the tool the model knows no axes
+    ours += [at + axes @ point[:, None] for point in (vjm.load, *vjm.markers)]
     names = (*(link.name for link in arm.links), arm.tool, arm.load, *arm.markers)
     largest = 0.0
     for name, own, (p, R) in zip(names, ours, unloaded(plant, q, names), strict=True):
@@ -197,11 +198,6 @@ def check_agreement(vjm: Vjm, plant: "Plant") -> float:
             raise InputError(arm.rigid, f"<body name={name!r}>", problem)
         largest = max(largest, apart)
     return largest
-
-
-def _point(tool: Array, point: Array) -> Array:
-    """A point of the tool in the world, as a column, (poses, 3, 1) [m]: the model knows no axes there."""
-    return tool[..., 3:] + tool[..., :3] @ point[:, None]
 
 
 def stream(seed: int, trial: int = 0) -> np.random.Generator:

@@ -1,14 +1,59 @@
-"""Flags of a simulated campaign, for every study and command that makes one."""
+"""Flags of campaigns, measured and simulated, for every study and command that reads or makes one."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import find_arm, load_arm
 from testbench.campaign.campaign import Scenario, Truth, of_arm
+from testbench.campaign.plan_input import read_mass
 from testbench.campaign.true_arms import FAMILY, TrueArmName
+from testbench.errors import BenchError, word
+from testbench.session import SESSION
 
+
+def mass(text: str) -> float:
+    """A hung mass, or its weight [kg]; BadParameter for anything else."""
+    try:
+        return read_mass(text)
+    except BenchError as err:
+        raise typer.BadParameter(str(err)) from err
+
+
+def mass_or_none(text: str) -> float:
+    """The same; 0 where nothing hangs."""
+    return 0.0 if is_decimal(text) and float(text) == 0 else mass(text)
+
+
+ArmName = Annotated[str, typer.Argument(help="Folder with rigid.xml and elastic.toml, or one of our arms.")]
+MapFile = Annotated[
+    Path | None, typer.Option("--map", help="TOML file that says how the table names our quantities.")
+]
+SigmaUm = Annotated[
+    float | None,
+    typer.Option(min=0.001, max=10_000, help="Noise of a reading along an axis, where the file lacks it."),
+]
+Load = Annotated[
+    float | None,
+    typer.Option(
+        parser=mass,
+        metavar="MASS",
+        help="Hangs in loaded rows where the file gives none, such as 240 or 530lb.",
+    ),
+]
+Payload = Annotated[
+    float | None,
+    typer.Option(
+        "--load",
+        parser=mass_or_none,
+        metavar="MASS",
+        help="Load assumed where the file gives none, such as 240 or 530lb; 0 for no load. Default: the "
+        "arm's stated payload.",
+    ),
+]
 TrueArmFlag = Annotated[
     TrueArmName, typer.Option(help="The true arm; in the family the next one each seed. The model stays.")
 ]
@@ -43,3 +88,37 @@ class CampaignOptions:
             workspace_poses=workspace_poses,
         )
         return of_arm(load_arm(self.arm), own)
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Measured runs of an arm, and how they are read."""
+
+    arm: ArmName
+    dataset: Annotated[
+        Path, typer.Argument(help="Measured runs, CSV, any other text table, or FILE.xlsx#SHEET.")
+    ]
+    mapping: MapFile = None
+    sigma_um: SigmaUm = None
+    load: Load = None
+    frame: Annotated[
+        str,
+        typer.Option(
+            help="Of the readings: auto, base, tracker, or a TOML file with the base in the tracker's."
+        ),
+    ] = "auto"
+    new_target: Annotated[
+        list[str] | None, typer.Option(help="Target in the file that the arm's folder lacks; again for more.")
+    ] = None
+
+    @property
+    def words(self) -> str:
+        """How they are read, as flags of another command; without what the project file says."""
+        load, frame = None if self.load is None else f"{self.load:g}", self.frame
+        own = {"map": self.mapping, "sigma_um": self.sigma_um, "load": load}
+        own |= {"frame": None if frame == "auto" else frame}
+        flags = [(key, value) for key, value in own.items() if value is not None]
+        flags += [("new_target", name) for name in self.new_target or ()]
+        taken = SESSION.get().taken
+        kept = [(key, value) for key, value in flags if {"new_target": "targets"}.get(key, key) not in taken]
+        return "".join(f" --{key.replace('_', '-')} {word(Path(str(value)))}" for key, value in kept)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.campaign.campaign import Cell
-from testbench.campaign.station import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Mask, Station, out_of_view
-from testbench.errors import Array, BenchError, PoseError, check_array
+from testbench.campaign.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
+from testbench.errors import Array, BenchError, Mask, PoseError, check_array
 from testbench.model.poses import WorkArea, in_area
 from testbench.model.vjm import Vjm, chain
 from testbench.plant import Kind, Payload, Site, build_site, contacts, hidden

@@ -24,13 +24,14 @@ from testbench.campaign.export_geometry import (
     random_joints,
     tool_poses,
 )
-from testbench.campaign.export_left import GEOMETRY, Sizes, displacements
+from testbench.campaign.export_left import GEOMETRY, displacements
 from testbench.campaign.export_own import own_origins, place, read_own
 from testbench.errors import Array, BenchError
 from testbench.identify.absolute.state import State
 from testbench.model.kinematics import body_pose, urdf_poses
 from testbench.model.laws import BESIDE, PLAY, STICK, STIFFER, TURN, sizes_of
 from testbench.output.whole import whole_files
+from testbench.trials.rows import Row
 
 NEAR = 1e-6  #: Most that the written URDF may differ from the model [m, rad].
 KIND = "what a URDF cannot hold"
@@ -62,20 +63,6 @@ WORDS = {
 ROOT = "world"  #: The first link: MJCF keeps the name for itself, so no link of an arm has it.
 UNKNOWN = {"effort": "0", "velocity": "0"}
 """Limits that URDF asks for and an arm's folder does not hold."""
-
-
-@dataclass(frozen=True)
-class Exported:
-    """What an export did; lengths that something moves the tool by are RMS and at most."""
-
-    urdf: Path
-    beside: Path  #: JSON with what the URDF cannot hold.
-    draft: "Draft"  #: What was written.
-    poses: int  #: In which the URDF was read back.
-    position_um: float  #: Most that it was off the model's geometry there.
-    rotation_urad: float
-    geometry_mm: tuple[float, float]  #: How far the identified geometry moves the tool from the drawing.
-    left: Sizes  #: What moves it beside, by kind: not in the file.
 
 
 @dataclass(frozen=True)
@@ -112,20 +99,24 @@ def draft_own(state: State, file: Path, tip: str | None = None) -> Draft:
     return Draft(text, tuple(j.name for j in own.joints), frames, off, loose_meshes=own.loose_meshes)
 
 
-def export(state: State, draft: Draft, out: Path) -> Exported:
+def export(state: State, draft: Draft, out: Path) -> Row:
     """Write a URDF and what it cannot hold beside it, in JSON of the same stem: both or none.
+
+    Returns:
+        How far the URDF was off when it was read back, `read_back`; how far the identified geometry moves the
+        tool from the drawing, `geometry_mm`, and what moves it beside, `left`, by kind: RMS and at most [mm].
 
     Raises:
         BenchError: When the URDF, read back, is not the model's geometry.
         InputError: When a file cannot be written.
     """
-    q, document = random_joints(state.vjm), beside_of(out)
-    with whole_files([out, document]) as (urdf, other):
+    q = random_joints(state.vjm)
+    with whole_files([out, beside_of(out)]) as (urdf, other):
         urdf.write_bytes(draft.text.encode(draft.encoding))
         off = read_back(state, draft, out, urdf.read_bytes().decode(draft.encoding))
-        sizes = {kind: far(rows) for kind, rows in displacements(state, q).items()}
-        geometry = sizes.pop(GEOMETRY)
-        done = Exported(out, document, draft, len(q), 1e6 * off[0], 1e6 * off[1], geometry, sizes)
+        left = {kind: far(rows) for kind, rows in displacements(state, q).items()}
+        back = Row(poses=len(q), position_um=1e6 * off[0], rotation_urad=1e6 * off[1])
+        done = Row(read_back=back, geometry_mm=left.pop(GEOMETRY), left=left)
         files.write_json(beside(state, draft.frames, urdf, done), other)
     return done
 
@@ -146,17 +137,16 @@ def read_back(state: State, draft: Draft, urdf: Path, text: str) -> tuple[float,
     return off
 
 
-def beside(state: State, frames: Frames, urdf: Path, done: Exported) -> dict[str, object]:
+def beside(state: State, frames: Frames, urdf: Path, done: Row) -> dict[str, object]:
     """The document; of the URDF as it is written it has the digest."""
     arm = state.vjm.arm
-    back = {key: getattr(done, key) for key in ("poses", "position_um", "rotation_urad")}
     return {
         "format": 1,
         "kind": KIND,
         "arm": arm.name,
         "digests": {name: files.digest(arm.rigid.with_name(name)) for name in ("rigid.xml", "elastic.toml")},
         "urdf_sha256": files.digest(urdf),
-        "read_back": back,
+        "read_back": done.read_back,
         "left_out": {what: {"rms_mm": rms, "max_mm": most} for what, (rms, most) in done.left.items()},
         "words": WORDS,
         "root": _pose(frames.root),

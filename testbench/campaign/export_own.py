@@ -97,7 +97,8 @@ def chain_of(file: Path, text: str, root: ET.Element, arm: Arm, tip: str | None 
     end = _tip(file, tree, arm, tip)
     path = path_to(tree, end)
     bodies = tuple(tree.bodies[k] for k in path)
-    before = _joints_before(root)
+    pairs = [(joint.find("child"), joint.get("name", "")) for joint in root.findall("joint")]
+    before = {child.get("link", ""): name for child, name in pairs if child is not None}
     names = ("", *(before[body.name] for body in bodies[1:]))
     _check_joints(file, bodies, names, arm)
     return Own(file, text, bodies[0].name, bodies[-1].name, bodies, names, loose)
@@ -110,12 +111,6 @@ def _tip(file: Path, tree: Robot, arm: Arm, asked: str | None) -> int:
     if asked not in names:
         raise InputError(file, "", f"no link {asked!r} for the tip; there are {', '.join(sorted(names))}")
     return names.index(asked)
-
-
-def _joints_before(root: ET.Element) -> dict[str, str]:
-    """The name of the joint before every link."""
-    pairs = ((joint.find("child"), joint.get("name", "")) for joint in root.findall("joint"))
-    return {child.get("link", ""): name for child, name in pairs if child is not None}
 
 
 def _check_joints(file: Path, bodies: tuple[Body, ...], names: tuple[str, ...], arm: Arm) -> None:

@@ -48,11 +48,6 @@ class Model(Displayed):
         return {"name": self.name, "unknowns": self.structure.n}
 
 
-def _mls32(cell: Cell) -> Model:
-    kept = non_redundant(cell.vjm, template56(cell.arm), name="MLS32")
-    return Model("MLS32", kept, least_squares)
-
-
 def _made(structure: Callable[[Arm], Structure], estimator: Estimator) -> Callable[[Cell], Model]:
     def make(cell: Cell) -> Model:
         unknowns = structure(cell.arm)
@@ -71,7 +66,9 @@ class _Named(dict[str, Callable[[Cell], Model]]):
 MODELS = _Named(
     {
         JOINTS: _made(joints_only, least_squares),
-        "MLS32": _mls32,
+        "MLS32": lambda cell: Model(
+            "MLS32", non_redundant(cell.vjm, template56(cell.arm), name="MLS32"), least_squares
+        ),
         "MLS56": _made(partial(template56, name="MLS56"), least_squares),
         "MGCO47": _made(mgco47, gco),
         "MGCO56": _made(template56, gco),

@@ -6,6 +6,7 @@ compliances: the first is counted with the second, as in the paper's aggregation
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -14,12 +15,12 @@ from testbench.errors import Array
 from testbench.identify.absolute.evidence import Choice
 from testbench.identify.absolute.fit import Calibration
 from testbench.identify.absolute.posterior import posterior_of
-from testbench.model.joint_errors import KINDS
-from testbench.model.vjm import Vjm
 
 Part = Literal["geometry", "joint errors", "joint compliances", "entries"]
 AXES = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z")
 ENTRY = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
+Named = tuple[str, str, Array]
+"""A number of an arm: name, unit in which it is shown, and what it is per unit of every unknown, (size,)."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +40,13 @@ class Functionals:
 
     part: Part
     names: tuple[str, ...]
-    of: Array  #: Per unit of every unknown of the calibration, (k, size).
-    scale: Array  #: Shown over SI units, (k,).
     units: tuple[str, ...]
+    of: Array  #: Per unit of every unknown of the calibration, (k, size).
+
+    @property
+    def scale(self) -> Array:
+        """Shown over SI units, (k,)."""
+        return np.array([1e3 if unit[0] == "m" else 1e6 for unit in self.units])
 
 
 def intervals(calibration: Calibration) -> tuple[Interval, ...]:
@@ -61,85 +66,59 @@ def intervals(calibration: Calibration) -> tuple[Interval, ...]:
 
 def functionals(own: Choice) -> tuple[Functionals, ...]:
     """All that has a name: geometry, then errors of the joints, joints' compliances, entries of C_theta."""
-    return tuple(
-        group for group in (_geometry(own), _errors(own), _joints(own), _entries(own)) if group.names
-    )
+    parts: dict[Part, list[Named]] = {
+        "geometry": list(_geometry(own)),
+        "joint errors": list(_errors(own)),
+        "joint compliances": [] if own.elastic is None else list(_joints(own)),
+        "entries": list(_entries(own)),
+    }
+    found = []
+    for part, named in parts.items():
+        if named:
+            names, units, rows = zip(*named, strict=True)
+            found.append(Functionals(part, names, units, np.array(rows)))
+    return tuple(found)
 
 
-def _geometry(own: Choice) -> Functionals:
+def _geometry(own: Choice) -> Iterator[Named]:
     """Constants of the inner links' virtual joints."""
-    unknowns = own.unknowns
-    links = unknowns.vjm.arm.links[1:-1]
-    columns = np.arange(unknowns.size)[unknowns.columns("geometry")]
-    return Functionals(
-        "geometry",
-        tuple(f"{link.name} {axis}" for link in links for axis in AXES),
-        np.eye(unknowns.size)[columns],
-        np.full(len(columns), 1e3),
-        ("mm", "mm", "mm", "mrad", "mrad", "mrad") * len(links),
-    )
+    every = np.eye(own.unknowns.size)[own.unknowns.columns("geometry")]
+    for row, (link, axis) in zip(every, product(own.unknowns.vjm.arm.links[1:-1], AXES), strict=True):
+        yield f"{link.name} {axis}", "mm" if axis in AXES[:3] else "mrad", row
 
 
-def _errors(own: Choice) -> Functionals:
+def _errors(own: Choice) -> Iterator[Named]:
     """Coefficients of the joint errors that are on."""
-    unknowns, errors = own.unknowns, own.unknowns.errors
-    orders, single = errors.orders, [kind for kind in KINDS[1:] if kind in errors.kinds]
-    words = [*(f"sin {k}" for k in orders), *(f"cos {k}" for k in orders), *single]
-    joints = unknowns.vjm.arm.joints
-    names = np.array([f"{joint.name} {word}" for joint in joints for word in words], dtype=object)
-    slides = np.repeat([joint.prismatic for joint in joints], len(words))
-    periodic = np.tile(np.array(errors.kinds) == "harmonics", len(joints))
-    first = unknowns.starts["errors"]
-    on = np.isin(first + np.arange(len(names)), own.columns) & ~(slides & periodic)
-    at = np.flatnonzero(on)
-    units = tuple("um" if slide else "urad" for slide in slides[at])
-    return Functionals(
-        "joint errors", tuple(names[at]), np.eye(unknowns.size)[first + at], np.full(len(at), 1e6), units
-    )
+    unknowns, errors, every = own.unknowns, own.unknowns.errors, np.eye(own.unknowns.size)
+    words = [f"{wave} {k}" for wave in ("sin", "cos") for k in errors.orders]
+    words += errors.kinds[len(words) :]
+    places = product(unknowns.vjm.arm.joints, zip(words, errors.kinds, strict=True))
+    for column, (joint, (word, kind)) in enumerate(places, unknowns.starts["errors"]):
+        if column in own.columns and not (joint.prismatic and kind == "harmonics"):
+            yield f"{joint.name} {word}", "um" if joint.prismatic else "urad", every[column]
 
 
-def _joints(own: Choice) -> Functionals:
+def _joints(own: Choice) -> Iterator[Named]:
     """A joint's compliance and that of the link before it about, of a slide along, its axis."""
-    unknowns, vjm = own.unknowns, own.unknowns.vjm
-    if own.elastic is None:
-        return Functionals("joint compliances", (), np.zeros((0, unknowns.size)), np.zeros(0), ())
-    joints = vjm.arm.joints
-    units = tuple("um/N" if joint.prismatic else "urad/(N m)" for joint in joints)
-    names = tuple(joint.name for joint in joints)
-    of = np.zeros((len(joints), unknowns.size))
-    columns = unknowns.columns("elastic")
+    unknowns, arm = own.unknowns, own.unknowns.vjm.arm
     a, b = unknowns.structure.a, unknowns.structure.b
-    for k, row in enumerate(_about(vjm)):
-        of[k, columns] = row[a] * row[b] * np.where(a == b, 1, 2)
-        of[k, columns] += (a == b) & (a == 6 * len(vjm.arm.links) + k)
-    return Functionals("joint compliances", names, of, np.full(len(joints), 1e6), units)
+    for k, joint in enumerate(arm.joints):
+        v, row = np.zeros(arm.n_theta), np.zeros(unknowns.size)
+        v[6 * k + (0 if joint.prismatic else 3) + np.arange(3)] = unknowns.vjm.beam_axes[k]
+        row[unknowns.columns("elastic")] = v[a] * v[b] * np.where(a == b, 1, 2)  # v^T C_theta v, of the link
+        row[unknowns.columns("elastic")] += (a == b) & (a == 6 * len(arm.links) + k)
+        yield joint.name, "um/N" if joint.prismatic else "urad/(N m)", row
 
 
-def _about(vjm: Vjm) -> Iterator[Array]:
-    """Of every joint v with v^T C_theta v the compliance of the link before it about its axis, (n_theta,)."""
-    for k, joint in enumerate(vjm.arm.joints):
-        row = np.zeros(vjm.arm.n_theta)
-        row[6 * k + (0 if joint.prismatic else 3) + np.arange(3)] = vjm.beam_axes[k]
-        yield row
-
-
-def _entries(own: Choice) -> Functionals:
+def _entries(own: Choice) -> Iterator[Named]:
     """Entries of C_theta that are on."""
-    unknowns, structure = own.unknowns, own.unknowns.structure
-    first = unknowns.starts["elastic"]
-    at = own.columns[own.rigid :] - first
-    arm, names, units, scale = unknowns.vjm.arm, [], [], []
+    structure, arm, every = own.unknowns.structure, own.unknowns.vjm.arm, np.eye(own.unknowns.size)
     links = 6 * len(arm.links)
-    for a, b in zip(structure.a[at].tolist(), structure.b[at].tolist(), strict=True):
-        if a >= links:
-            joint = arm.joints[a - links]
-            names.append(joint.name)
-            turns = 0 if joint.prismatic else 2
-        else:
-            names.append(f"{arm.links[a // 6].name} {ENTRY[a % 6]}, {ENTRY[b % 6]}")
+    for column in own.columns[own.rigid :].tolist():
+        a, b = (int(x[column - own.unknowns.starts["elastic"]]) for x in (structure.a, structure.b))
+        if a < links:
+            name = f"{arm.links[a // 6].name} {ENTRY[a % 6]}, {ENTRY[b % 6]}"
             turns = (a % 6 > 2) + (b % 6 > 2)
-        units.append(("um/N", "urad/N", "urad/(N m)")[turns])
-        scale.append(1e6)
-    return Functionals(
-        "entries", tuple(names), np.eye(unknowns.size)[first + at], np.array(scale), tuple(units)
-    )
+        else:
+            name, turns = arm.joints[a - links].name, 0 if arm.joints[a - links].prismatic else 2
+        yield name, ("um/N", "urad/N", "urad/(N m)")[turns], every[column]

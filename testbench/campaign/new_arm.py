@@ -145,8 +145,9 @@ def _to_confirm(name: str, proposal: Proposal, payload: str, proposed: Sequence[
         f"tubes of the links: diameter by the drawn shape, {_material(proposal)}, inner 0.9 of outer",
         *proposed,
     ]
+    name = " ".join("".join(c if c.isprintable() else " " for c in name).split())  # on one line
     return [
-        f"# {_plain(name)}: proposed from its geometry; nobody has measured these numbers.",
+        f"# {name}: proposed from its geometry; nobody has measured these numbers.",
         "# To confirm, the largest effect on the sag first; `testbench check` puts numbers to it:",
         *(f"{CONFIRM}{k}. {words}." for k, words in enumerate(confirm, start=1)),
         '# Where you know better, change the value and its origin: "published", "inferred" or "assumed".',
@@ -205,8 +206,3 @@ def _words(texts: Sequence[str]) -> str:
 
 def _word(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
-
-
-def _plain(text: str) -> str:
-    """On one line of a comment."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())

@@ -15,8 +15,7 @@ from testbench import files
 from testbench.arm.stiffness import SYMMETRY_TOLERANCE, eigenvalue_scale
 from testbench.campaign.campaign import Cell
 from testbench.campaign.models import MODELS, Model
-from testbench.campaign.own_limits import Limits
-from testbench.campaign.own_process import SUFFIX, Own, ask, file_of, server
+from testbench.campaign.own_process import SUFFIX, Limits, Own, ask, file_of, server
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate

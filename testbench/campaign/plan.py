@@ -16,7 +16,7 @@ from testbench.campaign.candidates import Candidates, Conditions, build_checks, 
 from testbench.campaign.plan_settings import HIGHEST_ORDER, PlanSettings, structure
 from testbench.campaign.predicted_error import fitted
 from testbench.campaign.rows import MM, UM
-from testbench.campaign.station import Station
+from testbench.campaign.tracker import Station
 from testbench.campaign.unobservable import LOOSE, unobservable
 from testbench.data.series import Series, select_rows
 from testbench.design import absolute

@@ -41,7 +41,7 @@ def read_loads(path: Path) -> tuple[Array | None, Array | None]:
         Masses, (runs,) [kg], 0 where a force pulls; None for poses without loads. Forces, world axes,
         (runs, 3) [N], 0 where a weight hangs; None for a plan without columns force_*_N.
     """
-    table = read_table(path, _says_load)
+    table = read_table(path, lambda name: name in (LOAD, *FORCE))
     pulls = _read_pulls(table) if set(FORCE) & set(table.names) else None
     if LOAD not in table.names and pulls is None:
         return None, None
@@ -66,10 +66,6 @@ def _read_pulls(table: Table) -> Array:
     off = (size > 0) & ~((size >= low) & (size <= high))
     table.refuse(off, "", lambda row: f"expected a force of {low:g} to {high:g} N, got {size[row]:g}")
     return np.asarray(pulls)
-
-
-def _says_load(name: str) -> bool:
-    return name in (LOAD, *FORCE)
 
 
 def _column(table: Table, name: str) -> Array:

@@ -9,7 +9,7 @@ from testbench.campaign.candidates import Conditions
 from testbench.campaign.models import EVERY, named_models, own_names
 from testbench.campaign.plan_input import LOAD_RANGE, PULL_RANGE, Place
 from testbench.campaign.rows import UM
-from testbench.campaign.station import Station
+from testbench.campaign.tracker import Station
 from testbench.data.scatter import SIGMA_RANGE
 from testbench.design.criteria import check_criterion
 from testbench.errors import BenchError

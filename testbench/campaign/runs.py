@@ -13,6 +13,7 @@ from pydantic import Field, ValidationError
 from testbench.arm.document import Strict, parse_toml
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
+from testbench.campaign.campaign_flags import Readings
 from testbench.campaign.doubt import Doubt, said
 from testbench.campaign.plan_input import overloads
 from testbench.campaign.registration_notes import registration_notes
@@ -95,20 +96,6 @@ class Runs:
         return self.every.runs if self.many is None else self.many.every.runs
 
 
-@dataclass(frozen=True)
-class Readings:
-    """What a command says about where its readings are, and how to read them."""
-
-    dataset: Path  #: The file.
-    mapping: Path | None  #: A map of its names; None where it uses ours.
-    sigma_um: float | None  #: Standard deviation of a reading; None where the file says it.
-    frame: str  #: Frame of the readings, as of `to_base`.
-    new_target: Sequence[str] | None  #: Targets in the file that the arm's folder lacks.
-    load: float | None = None  #: Mass that hangs in loaded rows where the file gives none [kg].
-    check_pose: Sequence[int] | None = None  #: Poses to hold back.
-    full_pose: bool = False  #: Whether orientations are insisted on.
-
-
 def files_read(asked: Readings) -> list[Path]:
     """The files that are read: table, map, frames."""
     return [asked.dataset, *([asked.mapping] if asked.mapping else []), *_frame_files(asked.frame)]
@@ -174,8 +161,10 @@ def _said(export: Export, asked: Readings) -> str:
     return asked.frame if asked.frame != "auto" or frame is None else frame
 
 
-def read_runs(cell: Cell, asked: Readings) -> tuple[Cell, Runs]:
-    """The cell that was measured, and its runs: those to fit, and those in the poses held back.
+def read_runs(
+    cell: Cell, asked: Readings, held: Sequence[int] = (), *, full_pose: bool = False
+) -> tuple[Cell, Runs]:
+    """The cell that was measured, and its runs: those to fit, and those in the poses `held` back.
 
     Frames and targets are found from the unloaded readings of all poses, those held back among them.
 
@@ -185,7 +174,7 @@ def read_runs(cell: Cell, asked: Readings) -> tuple[Cell, Runs]:
             back, or a frame cannot be found.
     """
     export = _loaded(asked, read_export(*_how(cell, asked)))
-    if asked.full_pose and export.data.rotation_before is None:
+    if full_pose and export.data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
         raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
     filed = cell
@@ -198,25 +187,25 @@ def read_runs(cell: Cell, asked: Readings) -> tuple[Cell, Runs]:
     )
     runs = Runs(name, found.data, found.data, None, notes, frames, doubts, factor)
     if export.every is not None:
-        return cell, replace(runs, many=_many(export.every, found, asked))
-    if not asked.check_pose:
+        return cell, replace(runs, many=_many(export.every, found, held))
+    if not held:
         return cell, runs
     try:
-        check, used = split(found.data, np.array(asked.check_pose))
+        check, used = split(found.data, np.array(held))
     except BenchError as err:
         raise BenchError(f"--check-pose: {err}") from err
     if not check.seen.any():
-        poses = asked.check_pose
-        raise BenchError(f"--check-pose: expected readings in pose {poses}, every target was lost there")
+        problem = f"expected readings in pose {list(held)}, every target was lost there"
+        raise BenchError(f"--check-pose: {problem}")
     return cell, replace(runs, used=used, check=check)
 
 
-def _many(every: Campaign, found: Registered, asked: Readings) -> Many:
+def _many(every: Campaign, found: Registered, held: Sequence[int]) -> Many:
     """All runs in the base's frame, those in the poses that are held back left out of the fit."""
     if found.frame == "tracker":
         assert found.registration is not None
         every = replace(every, mend=partial(in_base, found.registration))
-    poses = np.array(asked.check_pose or [], dtype=int)
+    poses = np.array(held, dtype=int)
     missing, used = np.setdiff1d(poses, every.pose), ~np.isin(every.pose, poses)
     if len(missing):
         count = len(np.unique(every.pose))

@@ -31,16 +31,12 @@ def unobservable(unknowns: Unknowns, information: Array, prior: Array, pull: Pul
     on, L = np.flatnonzero(np.diag(prior)), np.zeros_like(prior)
     L[np.ix_(on, on)] = np.linalg.cholesky(prior[np.ix_(on, on)])
     every = structural(unknowns, L, pull)
-    M, *more = (_in_units(L, one) for one in (information, *pull.turned, pull.everywhere))
+    d, every_one = np.diag(L), (information, *pull.turned, pull.everywhere)
+    plain = np.count_nonzero(L) == np.count_nonzero(d)  # a root of variances alone is no product of matrices
+    M, *more = (d[:, None] * one * d if plain else np.asarray(L.T @ one @ L) for one in every_one)
     found = hidden(quantities(unknowns), L, M, every.directions, more)
     names = [joint.name for joint in unknowns.vjm.arm.joints]
     return (*structure_words(every, names, unknowns.structure.n), *sentences(found, names))
-
-
-def _in_units(L: Array, M: Array) -> Array:
-    """Information in units of the prior; a root of variances alone is no product of matrices."""
-    d = np.diag(L)
-    return d[:, None] * M * d if np.count_nonzero(L) == np.count_nonzero(d) else np.asarray(L.T @ M @ L)
 
 
 def structure_words(found: Structural, joints: Sequence[str], compliances: int) -> Iterator[str]:

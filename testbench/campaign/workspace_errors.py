@@ -131,7 +131,9 @@ def error_places(
     Of one model its greatest error comes first, of none that of the first; an error without a bound is None.
     """
     names = tuple(compared) or tuple(error_mm)[:1]
-    first, last = (_endless(error_mm[name]) for name in (names[0], names[-1]))
+    first, last = (
+        np.array([np.inf if mm is None else mm for mm in error_mm[name]]) for name in (names[0], names[-1])
+    )
     with np.errstate(invalid="ignore"):  # neither has a bound
         apart = first if len(names) == 1 else np.nan_to_num(np.abs(first - last), nan=0.0, posinf=np.inf)
     order = np.argsort(-apart, kind="stable")
@@ -154,8 +156,3 @@ def error_places(
         worst={name: WorstPlace(k, positions[k], joints[k], mm) for name, (mm, k) in worst.items()},
         means=means,
     )
-
-
-def _endless(error_mm: Sequence[float | None]) -> Array:
-    """Errors (n,) [mm], infinite where there is no bound."""
-    return np.array([np.inf if mm is None else mm for mm in error_mm])

@@ -11,8 +11,9 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.campaign.absolute import File, calibrated, read_all
 from testbench.campaign.campaign import build_cell
+from testbench.campaign.campaign_flags import ArmName, SigmaUm, mass
 from testbench.campaign.plan import gain_of_more
-from testbench.cli.arguments import ArmName, SigmaUm, mass, plain
+from testbench.cli.arguments import plain
 from testbench.commands.calibrate import COMMAND, PICTURE, report, seen, write
 from testbench.commands.calibrate_numbers import left_of
 from testbench.errors import BenchError, PoseError

@@ -5,8 +5,10 @@ from math import ceil
 
 from testbench.arm.folder import find_arm
 from testbench.campaign.arm_check import check
-from testbench.cli.arguments import ArmName, ShownFolder, claimed
+from testbench.campaign.campaign_flags import ArmName
+from testbench.cli.arguments import ShownFolder
 from testbench.commands.check import COMMAND, confirm_lines, contents, report, write
+from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import looked_at, plain_console, print_words
 
@@ -23,7 +25,8 @@ class Options:
 @takes(Options)
 def command(asked: Options) -> None:
     """Read an arm with MuJoCo and Pinocchio, compare, say what to confirm."""
-    with claimed(asked.out, COMMAND, [find_arm(asked.arm)], force=asked.force):
+    given = [find_arm(asked.arm)]
+    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         checked = check(asked.arm)
         console = plain_console()
         said, (first, *rest) = report(checked), contents(checked)

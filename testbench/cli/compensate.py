@@ -9,9 +9,10 @@ import typer
 
 from testbench.campaign.arm_models import load_model
 from testbench.campaign.campaign import build_cell
+from testbench.campaign.campaign_flags import MapFile, Payload
 from testbench.campaign.plan_input import joints_of, payload_of, place
-from testbench.campaign.program import NAMED, CorrectedProgram, correct_program, with_payload
-from testbench.cli.arguments import ArmCheck, MapFile, Payload, plain
+from testbench.campaign.program import NAMED, correct_program, with_payload
+from testbench.cli.arguments import ArmCheck, plain
 from testbench.commands.compensate import COMMAND, WRITTEN, Places, report, write
 from testbench.correct.newton import Aim, Asked, Hold
 from testbench.data.motion import CSV, WRITERS, format_of
@@ -82,8 +83,11 @@ def command(asked: Options) -> None:
     """Correct a program for what the process load does to the arm; write it, and a page beside it."""
     to = program_to, form, folder = _places(asked)
     given = [asked.model, asked.program, *([asked.mapping] if asked.mapping else [])]
+    kind = Kind("a corrected program", rb"[^\n]*correction_")
+    if form != CSV:
+        kind = Kind(f"a program in {WRITERS[form].title}", WRITERS[form].begins)
     with (
-        claim_file(program_to, _kind(form), inputs=given, force=asked.force),
+        claim_file(program_to, kind, inputs=given, force=asked.force),
         claim_folder(folder, COMMAND, own=frozenset(), inputs=given, force=asked.force),
     ):
         aim = _aim(asked)
@@ -96,7 +100,10 @@ def command(asked: Options) -> None:
         start = None if asked.start is None else joints_of(asked.start, model.arm)
         found = correct_program(model, program, aim, cell.room, start=start)
         if found.unreached and not asked.keep_unreachable:
-            raise _unreached(asked, found)
+            named, more = "; ".join(found.unreached[:NAMED]), len(found.unreached) - NAMED
+            named += f"; and {more} more" if more > 0 else ""
+            problem = f"{named}; --keep-unreachable leaves such points as they are"
+            raise InputError(asked.program, "", problem)
         said = report(found, asked.tolerance)
         write(cell, found, said, plain(asked, read="program", without=("model",)), to)
         console = plain_console()
@@ -123,21 +130,8 @@ def _places(asked: Options) -> Places:
         return asked.out, format_of(asked.out, asked.format), asked.report or beside
 
 
-def _kind(form: str) -> Kind:
-    """What a corrected program looks like."""
-    if form == CSV:
-        return Kind("a corrected program", rb"[^\n]*correction_")
-    return Kind(f"a program in {WRITERS[form].title}", WRITERS[form].begins)
-
-
 def _aim(asked: Options) -> Aim:
     if asked.spindle not in AXES:
         raise InputError(Path("--spindle"), "", f"expected one of {', '.join(AXES)}, got {asked.spindle!r}")
     x, y, z = AXES[asked.spindle].tolist()
     return Aim(asked.hold, asked.asked, place(asked.tool_point, "--tip x,y,z [m]"), (x, y, z))
-
-
-def _unreached(asked: Options, found: CorrectedProgram) -> InputError:
-    named = "; ".join(found.unreached[:NAMED])
-    more = f"; and {len(found.unreached) - NAMED} more" if len(found.unreached) > NAMED else ""
-    return InputError(asked.program, "", f"{named}{more}; --keep-unreachable leaves such points as they are")

@@ -9,13 +9,14 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.campaign.absolute import kinematic_misfit
 from testbench.campaign.campaign import build_cell
+from testbench.campaign.campaign_flags import ArmName, Readings
 from testbench.campaign.propose_map import map_text, propose
 from testbench.campaign.runs import files_read, look_at, read, register
-from testbench.cli.arguments import ArmName, RunFlags, ShownFolder, claimed
+from testbench.cli.arguments import ShownFolder
 from testbench.commands.data import COMMAND, column_lines, column_rows, listed, report, understand, write
 from testbench.data.read_series import read_series
 from testbench.errors import BenchError, sheet_of
-from testbench.output.place import Kind, claim_file
+from testbench.output.place import Kind, claim_file, claim_folder
 from testbench.output.whole import whole_file
 from testbench.shell.options import Force, takes
 from testbench.shell.project import ProjectCommand
@@ -39,21 +40,21 @@ def commands() -> None:
 
 
 @group.command("check", cls=ProjectCommand)
-@takes(RunFlags, Options)
-def check(runs: RunFlags, asked: Options) -> None:
+@takes(Readings, Options)
+def check(runs: Readings, asked: Options) -> None:
     """Say which column is which quantity, what was assumed, and show the runs on the arm."""
-    arm, given = find_arm(runs.arm), runs.readings
-    with claimed(asked.out, COMMAND, [arm, *files_read(given)], force=asked.force):
+    given = [find_arm(runs.arm), *files_read(runs)]
+    with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         filed = build_cell(runs.arm)
-        export = read(filed, given)
+        export = read(filed, runs)
         found, console = understand(export), plain_console()
         columns = "\n".join(listed(found))
         try:
-            cell, registered = register(filed, export, given)
+            cell, registered = register(filed, export, runs)
         except BenchError:
             console.print(columns, soft_wrap=True)  # what was understood helps where no frame is found
             raise
-        doubts, scale = look_at(filed, export, registered, given)
+        doubts, scale = look_at(filed, export, registered, runs)
         found.update(dataset=runs.dataset.name, scale=scale, doubts=[own.sentence for own in doubts])
         said = report(found, registered)
         lines = [columns]

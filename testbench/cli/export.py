@@ -16,7 +16,7 @@ from testbench.arm.urdf_text import BEGINS as STAMPED
 from testbench.arm.urdf_text import BEGINS_NEW
 from testbench.campaign.arm_models import load_model
 from testbench.campaign.controller_files import ABB, STAMP, UR, read_controller
-from testbench.campaign.export import BEGINS, Draft, Exported, beside_of, draft_new, draft_own, export
+from testbench.campaign.export import BEGINS, Draft, beside_of, draft_new, draft_own, export
 from testbench.campaign.export_controller import draft_ur, export_offsets
 from testbench.campaign.export_geometry import POSES
 from testbench.campaign.export_left import BestOffsets, Sizes
@@ -26,6 +26,7 @@ from testbench.output.manifest import read_plain
 from testbench.output.place import HEAD, INSTEAD, Kind, claim_file, look
 from testbench.output.whole import writing
 from testbench.shell.options import Force, takes
+from testbench.trials.rows import Row
 from testbench.views.terminal import plain_console
 
 URDF = Kind("a URDF that testbench export wrote", STAMPED)
@@ -110,7 +111,7 @@ def _claimed(asked: Options, out: Path, kind: Kind, files: list[Path]) -> Iterat
 
 def _export(model: ArmModel, draft: Draft, out: Path) -> None:
     stood = look(out) is not None
-    _say(model, _words(model.arm.name, export(model.state, draft, out), replaced=stood))
+    _say(model, _words(model.arm.name, draft, out, export(model.state, draft, out), replaced=stood))
 
 
 def _say(model: ArmModel, lines: list[str]) -> None:
@@ -136,23 +137,22 @@ def _refuse_another(out: Path, arm: str) -> None:
             raise BenchError(f"{out}: testbench export wrote it of another arm, {other}; {INSTEAD}")
 
 
-def _words(arm: str, done: Exported, *, replaced: bool) -> list[str]:
-    draft, off = done.draft, done.draft.drawing_off
-    tip, at = draft.frames.names[-1], f"{done.urdf}, replaced" if replaced and off is not None else done.urdf
-    moved, moved_most = done.geometry_mm
+def _words(arm: str, draft: Draft, out: Path, done: Row, *, replaced: bool) -> list[str]:
+    off, back, (moved, moved_most) = draft.drawing_off, done.read_back, done.geometry_mm
+    tip, at = draft.frames.names[-1], f"{out}, replaced" if replaced and off is not None else out
     lines = [
         f"{arm}: the identified geometry is in {at}, its tool is {tip!r}",
-        f"read back by Pinocchio in {done.poses} poses: within {max(done.position_um, 0.001):.3g} um and "
-        f"{max(done.rotation_urad, 0.001):.3g} urad of the model",
+        f"read back by Pinocchio in {back.poses} poses: within {max(back.position_um, 0.001):.3g} um and "
+        f"{max(back.rotation_urad, 0.001):.3g} urad of the model",
         f"it moves the tool by {moved:.3f} mm RMS, {moved_most:.3f} mm at most, from the drawing",
-        f"not in it, but in {done.beside}: compliances, errors and laws of the joints, weights; at the "
+        f"not in it, but in {beside_of(out)}: compliances, errors and laws of the joints, weights; at the "
         "tool, RMS and at most:",
         *_left(done.left),
     ]
     if off is None:
-        found = f"no file {done.urdf}: written from scratch"
+        found = f"no file {out}: written from scratch"
         if replaced:
-            found = f"{done.urdf} of an earlier export: replaced, from scratch as that was"
+            found = f"{out} of an earlier export: replaced, from scratch as that was"
         lines.insert(0, f"{found}, with links, joints and masses, without shapes")
     else:
         lines.append(

@@ -10,11 +10,11 @@ from rich.markdown import Markdown
 
 from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import build_cell
+from testbench.campaign.campaign_flags import Readings
 from testbench.campaign.identifiability import describe
 from testbench.campaign.models import named_models, plain_name
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.runs import files_read, read, register
-from testbench.cli.arguments import RunFlags
 from testbench.commands.identifiability import report, write
 from testbench.identify.prior import Strength, cad_prior
 from testbench.output.place import PNG, claim_file
@@ -38,19 +38,19 @@ class Options:
     force: Force = False
 
 
-@takes(RunFlags, Options)
-def command(runs: RunFlags, asked: Options) -> None:
+@takes(Readings, Options)
+def command(runs: Readings, asked: Options) -> None:
     """Say what is seen, what is not, and what would help."""
-    png, given = asked.figure, runs.readings
+    png = asked.figure
     with ExitStack() as held:
         if png is not None:
-            inputs = [find_arm(runs.arm), *files_read(given)]
+            inputs = [find_arm(runs.arm), *files_read(runs)]
             held.enter_context(claim_file(png, PNG, inputs=inputs, force=asked.force))
         cell = build_cell(runs.arm)
         with of_flag("--model"):
             [entry] = named_models(cell, [asked.model or plain_name(cell)])
-        export = read(cell, given)
-        cell, found = register(cell, export, given)
+        export = read(cell, runs)
+        cell, found = register(cell, export, runs)
         strength = Strength(asked.uncertainty_percent / 100)
         told = describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength)
         said = report(told, cell.arm.name)

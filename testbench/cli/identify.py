@@ -10,6 +10,7 @@ import typer
 
 from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Cell, build_cell
+from testbench.campaign.campaign_flags import Readings
 from testbench.campaign.doubt import Doubt
 from testbench.campaign.fits import fit
 from testbench.campaign.model_folder import DOCUMENT, FITS
@@ -17,7 +18,7 @@ from testbench.campaign.model_selection import default_models, with_priors
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.own_estimator import EstimatorOptions, hired
 from testbench.campaign.runs import files_read, read_runs
-from testbench.cli.arguments import RunFlags, plain
+from testbench.cli.arguments import plain
 from testbench.commands.identify import COMMAND, PICTURE, printed, tell
 from testbench.errors import BenchError
 from testbench.identify import robust
@@ -56,18 +57,17 @@ class Options:
     force: Force = False
 
 
-@takes(RunFlags, Options, EstimatorOptions)
-def command(readings: RunFlags, asked: Options, tried: EstimatorOptions) -> None:
+@takes(Readings, Options, EstimatorOptions)
+def command(readings: Readings, asked: Options, tried: EstimatorOptions) -> None:
     """Fit, judge, say which model to take, and write it."""
     arm = find_arm(readings.arm)
-    given = replace(readings.readings, check_pose=asked.check_pose, full_pose=asked.full_pose)
-    inputs, own = [arm, *files_read(given)], tried.own
+    inputs, own = [arm, *files_read(readings)], tried.own
     with claim_folder(asked.out, COMMAND, own=OLD, inputs=inputs, force=asked.force):
         cell = build_cell(readings.arm)
         if asked.uncertainty_percent is not None and not asked.prior:
             raise BenchError("--uncertainty-percent: expected a prior with it, got --no-prior")
         filed = cell
-        cell, runs = read_runs(filed, given)
+        cell, runs = read_runs(filed, readings, asked.check_pose or (), full_pose=asked.full_pose)
         models = _models(cell, asked)
         with hired(own) as more:
             models += more(cell, cad_prior(cell.arm) if asked.prior else None)

@@ -9,11 +9,12 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.campaign.absolute import Calibrated, File, calibrated, read_all
 from testbench.campaign.campaign import Cell, build_cell
+from testbench.campaign.campaign_flags import ArmName, MapFile, mass
 from testbench.campaign.models import EVERY, plain_name, right_name
 from testbench.campaign.plan import plan_absolute, plan_for
 from testbench.campaign.plan_input import box, overloads, payload_of, place, read_tasks
 from testbench.campaign.plan_settings import PlanSettings, structure
-from testbench.cli.arguments import ArmName, MapFile, Noise, Orientations, absolute_alone, mass
+from testbench.cli.arguments import Noise, Orientations, absolute_alone
 from testbench.commands.plan import COMMAND, printed, report, write
 from testbench.commands.plan_numbers import numbers
 from testbench.design.criteria import check_criterion

@@ -8,11 +8,11 @@ import typer
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.arm_models import load_model
+from testbench.campaign.campaign_flags import MapFile, Payload
 from testbench.campaign.plan_input import box, overloads, payload_of
 from testbench.campaign.program import FORCE, predicted, read_asked
-from testbench.cli.arguments import ArmCheck, MapFile, Payload, plain
+from testbench.cli.arguments import ArmCheck, plain
 from testbench.commands.predict import COMMAND, PICTURE, TABLE, printed, report, write
-from testbench.identify.arm_model import ArmModel
 from testbench.model.poses import WorkArea
 from testbench.output.place import claim_folder
 from testbench.shell.options import Force, takes
@@ -55,7 +55,8 @@ def command(asked: Options) -> None:
             asked.poses, model, asked.mapping, lambda: payload_of(model.arm, asked.payload, "--load")
         )
         console = plain_console()
-        made = predicted(model, poses, _push(model, asked.push), area, linear=asked.linear)
+        push = asked.push or (GRAVITY * model.arm.payload if model.arm.payload else FORCE)
+        made = predicted(model, poses, push, area, linear=asked.linear)
         said, out = report(made), asked.out
         write(made, said, plain(asked, read="poses") | {"model": asked.model.name}, out)
         heavy = overloads(model.arm, poses.hung.tolist())
@@ -66,10 +67,3 @@ def command(asked: Options) -> None:
             *looked_at(out, model=asked.model),
         ]
         print_words(console, said, [printed(said)], lines)
-
-
-def _push(model: ArmModel, asked: float | None) -> float:
-    """The force of the map [N]."""
-    if asked is not None:
-        return asked
-    return FORCE if model.arm.payload is None else GRAVITY * model.arm.payload

@@ -10,7 +10,7 @@ import typer
 from testbench import files
 from testbench.campaign.absolute import File, read_all, score
 from testbench.campaign.arm_models import read_model
-from testbench.cli.arguments import Load, MapFile, SigmaUm
+from testbench.campaign.campaign_flags import Load, MapFile, SigmaUm
 from testbench.errors import sheet_of
 from testbench.identify.registration import POSES
 from testbench.shell.options import takes

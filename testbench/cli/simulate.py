@@ -12,12 +12,12 @@ from rich.console import Console
 
 from testbench.arm.folder import find_arm
 from testbench.campaign.absolute_truth import AbsoluteCampaign, by_trackers, simulate_series
-from testbench.campaign.campaign import Cell, LoadedPoses, Scenario, build_cell, hanging, measure, stream
+from testbench.campaign.campaign import Cell, Scenario, build_cell, hanging, measure, stream
+from testbench.campaign.campaign_flags import ArmName, MapFile, mass
 from testbench.campaign.candidates import Conditions, build_checks, find
 from testbench.campaign.plan_input import Place, overloads, payload_of, place, read_loads, read_masses
-from testbench.cli.arguments import ArmName, MapFile, Orientations, absolute_alone, mass
+from testbench.cli.arguments import Orientations, absolute_alone
 from testbench.data.program import read_poses
-from testbench.data.series import Series
 from testbench.data.write import write_csv, write_series
 from testbench.errors import Array, BenchError, InputError
 from testbench.output.place import Kind, claim_file
@@ -137,13 +137,15 @@ def _read_absolutely(cell: Cell, asked: Options, absolute: Absolute) -> None:
     masses = _one_after_the_other(cell, asked)
     q = _given_poses(cell, asked, len(masses) * absolute.series)
     _say_overload(console, cell, masses)
-    for path, own in _write_readings(
-        cell, _campaign(cell, asked, absolute, masses), asked.seed, q, asked.out
-    ):
-        text = (
-            f"{path}: {own.rows} rows in {len(np.unique(own.pose))} poses, targets {', '.join(own.markers)}"
-        )
-        console.print(text, soft_wrap=True)
+    found, _ = simulate_series(cell, _campaign(cell, asked, absolute, masses), asked.seed, q)
+    paths = _files(asked.out, absolute.series)
+    with whole_files(paths) as parts:
+        for path, part, own in zip(paths, parts, found, strict=True):
+            name = path.stem  # of the frame and the mount too
+            write_series(part, cell.arm, replace(own, name=name, frame=name, target=name))
+    for path, own in zip(paths, found, strict=True):
+        poses, targets = len(np.unique(own.pose)), ", ".join(own.markers)
+        console.print(f"{path}: {own.rows} rows in {poses} poses, targets {targets}", soft_wrap=True)
 
 
 def _files(out: Path, series: int) -> list[Path]:
@@ -166,21 +168,6 @@ def _campaign(cell: Cell, asked: Options, flags: Absolute, masses: Sequence[floa
         trackers=tuple(_trackers(asked)) or None,
         disturbances=Disturbances(own_weight=True, geometry=geometry, gear=gear),
     )
-
-
-def _write_readings(
-    cell: Cell, asked: AbsoluteCampaign, seed: int, q: Array | None, out: Path
-) -> list[tuple[Path, Series]]:
-    """Measure and write every series; the name of its file is that of its frame and its mount."""
-    found, _ = simulate_series(cell, asked, seed, q)
-    named = [
-        (path, replace(own, name=path.stem, frame=path.stem, target=path.stem))
-        for path, own in zip(_files(out, asked.series), found, strict=True)
-    ]
-    with whole_files([path for path, _ in named]) as parts:
-        for part, (_, own) in zip(parts, named, strict=True):
-            write_series(part, cell.arm, own)
-    return named
 
 
 def _one_after_the_other(cell: Cell, asked: Options) -> tuple[float, ...]:
@@ -208,7 +195,11 @@ def _read_deflections(cell: Cell, asked: Options) -> None:
         errors = Disturbances(own_weight=True, geometry=GeometryErrors(*[asked.geometry_mm / 1e3] * 2))
         cell = replace(cell, truth=disturb(cell.plant, errors, stream(asked.seed, 3)).plant)
     trackers = _trackers(asked)
-    loaded = _loaded(cell, q, masses, pulls)
+    pose = np.repeat(np.arange(len(q)), masses.shape[1])
+    loaded = hanging(cell, q[pose], pose + 1, masses.ravel())
+    if pulls is not None:  # they act at the same point
+        sideways = np.hstack([pulls, np.zeros_like(pulls)])
+        loaded = replace(loaded, wrench=loaded.wrench + sideways[pose])
     data = measure(cell, scenario, loaded, None if trackers else stream(asked.seed, 1))
     if trackers:
         data = by_trackers(data, trackers, asked.seed, None if asked.sigma_um is None else _sigma(asked))
@@ -266,13 +257,3 @@ def _masses(cell: Cell, asked: Options, poses: int) -> Array:
             problem = f"says what hangs or pulls in every run; leave out {flag}"
             raise InputError(asked.file or Path(), "column load_kg" if stated.any() else FORCES, problem)
     return stated[:, None]
-
-
-def _loaded(cell: Cell, q: Array, masses: Array, pulls: Array | None) -> LoadedPoses:
-    """A run a pose and mass, (poses, loads) [kg]; pulls, (poses, 3) [N], act at the same point."""
-    pose = np.repeat(np.arange(len(q)), masses.shape[1])
-    loaded = hanging(cell, q[pose], pose + 1, masses.ravel())
-    if pulls is None:
-        return loaded
-    sideways = np.hstack([pulls, np.zeros_like(pulls)])
-    return replace(loaded, wrench=loaded.wrench + sideways[pose])

@@ -1,6 +1,7 @@
 """What `testbench calibrate` writes, says and draws: how far off an arm is, as drawn and calibrated."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -65,12 +66,8 @@ def write(found: Calibrated, said: Report, drawn: Seen, asked: Mapping[str, obje
     """
     arm, data = found.calibration.state.vjm.arm, asked["readings"]
     assert isinstance(data, dict)
-
-    def model(folder: Path) -> dict[str, object]:
-        write_model(found.calibration, data, said.numbers["doubts"], folder)
-        return {}
-
-    leave(out, Asked(COMMAND, arm.name, asked, [arm.rigid.parent], PICTURE, more=model), said, drawn)
+    more = partial(write_model, found.calibration, data, said.numbers["doubts"])
+    leave(out, Asked(COMMAND, arm.name, asked, [arm.rigid.parent], PICTURE, more=more), said, drawn)
 
 
 def report(found: Calibrated, left: Left, more: tuple[float, float] | None = None) -> Report:

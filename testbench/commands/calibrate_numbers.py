@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.arm.folder import Joint
-from testbench.campaign.absolute import Calibrated, hidden
+from testbench.campaign.absolute import Calibrated, distances, hidden
 from testbench.campaign.named_parameters import Part, intervals
 from testbench.campaign.rows import MM, UM
 from testbench.campaign.unobservable import LOOSE as LOOSE_FRAME
@@ -64,11 +64,11 @@ def numbers(found: Calibrated, left: Left) -> Row:
     f = Row(
         arm=vjm.arm.name,
         series=[
-            Row(series=one.name, rows=one.rows, before=_errors(x), after=_errors(y))
+            Row(series=one.name, rows=one.rows, before=distances(MM * x), after=distances(MM * y))
             for one, x, y in zip(series, before, after, strict=True)
         ],
-        total_before=_errors(every[0]),
-        total_after=_errors(every[1]),
+        total_before=distances(MM * every[0]),
+        total_after=distances(MM * every[1]),
         steps=[_step(step) for step in calibration.chosen.steps],
         places=[row for k, joint in enumerate(vjm.arm.joints) for row in _ranges(joint, q[:, k], q, *every)],
         spectrum=list(_spectrum(calibration)),
@@ -126,13 +126,6 @@ def _model(estimate: Estimate | None, f: Row) -> Row:
         identification=f.total_after,
         check=Row(rms_mm=f.held_out_mm[1]) if f.held_out_mm else None,
     )
-
-
-def _errors(distance: Array) -> Row:
-    """Distances of positions, (n,) [m]."""
-    mm = MM * distance
-    rms, p95 = float(np.sqrt((mm**2).mean())), float(np.percentile(mm, 95))
-    return Row(n=len(mm), mean_mm=float(mm.mean()), rms_mm=rms, p95_mm=p95, max_mm=float(mm.max()))
 
 
 def _step(step: Step) -> Row:

@@ -10,7 +10,7 @@ from testbench.arm.folder import Joint
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.arm_check import Checked
 from testbench.errors import Array
-from testbench.model.vjm import chain, generalised_load, tool_points
+from testbench.model.vjm import chain, generalised_load, tool_points, tool_pose
 from testbench.plant.shapes import RING, elastic_frames, rigid_frames
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
@@ -42,7 +42,7 @@ def report(checked: Checked) -> Report:
         payload_kg=arm.payload,
         what=f"{arm.payload:g} kg move" if arm.payload else "each kg moves",
         sag_mm=Row(low=low, median=middle, high=high, most=float(per[-1])),
-        place_m=checked.worst_place,
+        place_m=tool_pose(checked.vjm, sag.q[checked.worst][None])[0][0].tolist(),
         joints=arm.words(sag.q[checked.worst]) if arm.joints else "",
         softest=max(parts, key=lambda part: part.sag_share_percent),
         doubts=[doubt.sentence for doubt in checked.doubts],
@@ -92,7 +92,7 @@ def contents(checked: Checked) -> list[str]:
         lines.append("  payload: not stated")
     else:
         lines.append(f"  payload: {elastic.payload.value:g} kg, {elastic.payload.origin}")
-    lines.append(f"  base: at {_place(vjm.base[:3, 3])} m; reach {checked.reach:.3g} m")
+    lines.append(f"  base: at {_place(vjm.base[:3, 3])} m; reach {vjm.reach:.3g} m")
     for k, link in enumerate(elastic.link):
         lines.append(f"  {link.name}: {_link(link)}")
         if k < arm.n_joints:
@@ -196,7 +196,7 @@ def _flat(*points: Array) -> Array:
 
 def _tool(checked: Checked) -> list[Layer]:
     """Markers, payload, and the axes of the base."""
-    cell, reach = checked.cell, checked.reach
+    cell, reach = checked.cell, checked.vjm.reach
     hook = tool_points(cell.vjm, checked.poses, cell.vjm.load[None])
     base, out = cell.vjm.base[:3, 3], AXIS * reach * cell.vjm.base[:3, :3].T
     payload = "payload not stated" if cell.arm.payload is None else f"payload {cell.arm.payload:g} kg"

@@ -17,7 +17,6 @@ from testbench.commands.compare_rows import (
 )
 from testbench.errors import BenchError, InputError
 from testbench.output.manifest import Finished
-from testbench.report.badge import Badge
 from testbench.report.leave import Asked, leave
 from testbench.report.report import Report, lines, numbers_of, read_report, say
 from testbench.report.table import Row
@@ -51,6 +50,8 @@ def report(runs: Sequence[Finished]) -> Report:
     named = dict(zip(LETTERS, runs, strict=False))
     reports = {letter: _read(run) for letter, run in named.items()}
     beside = [_beside(named, reports, letter) for letter in list(named)[1:]]
+    led, a = [pair for pair in beside if pair.lead], LETTERS[0]  # where a model judges both
+    badges = [badge_of(pair.lead, (a, named[a]), (pair.b, named[pair.b])) for pair in led]
     f = Row(
         runs=[_run(letter, run, reports[letter]) for letter, run in named.items()],
         inputs=inputs_differ(runs),
@@ -74,14 +75,8 @@ def report(runs: Sequence[Finished]) -> Report:
         numbers=f,
         tables={name: own for name, own in tables.items() if own.rows},
         body=[*(name for name, own in tables.items() if own.rows), READING, *answers],
-        badge=max(badges, key=lambda own: own.factor or 0) if (badges := _badges(named, beside)) else None,
+        badge=max(badges, key=lambda own: own.factor or 0, default=None),
     )
-
-
-def _badges(named: Mapping[str, Finished], beside: Sequence[Row]) -> list[Badge]:
-    """Every run beside the first one, where a model judges both."""
-    a = LETTERS[0]
-    return [badge_of(pair.lead, (a, named[a]), (pair.b, named[pair.b])) for pair in beside if pair.lead]
 
 
 def _read(run: Finished) -> Report | InputError:

@@ -223,7 +223,9 @@ def tables_compared(a: Report, b: Report, models: Sequence[Row]) -> tuple[list[R
     shown = [
         own
         for own in every
-        if own.verdict != "same" and own.shown_a != own.shown_b and (not models or _is_size(own))
+        if own.verdict != "same"
+        and own.shown_a != own.shown_b
+        and (not models or (own.quantity.endswith(SIZES) and min(*triple(own.a), *triple(own.b)) >= 0))
     ]
     counts = Row(
         every=len(every),
@@ -247,10 +249,6 @@ def _order(own: Row) -> tuple[bool, bool, bool, bool, float]:
         middle(own.a) * middle(own.b) < 0,
         -far,
     )
-
-
-def _is_size(own: Row) -> bool:
-    return own.quantity.endswith(SIZES) and min(*triple(own.a), *triple(own.b)) >= 0
 
 
 def _cells(name: str, a: Table, b: Table) -> Iterator[Row]:

@@ -8,8 +8,7 @@ import numpy as np
 from testbench import files
 from testbench.campaign.campaign import Cell
 from testbench.campaign.program import CorrectedProgram, more_columns
-from testbench.commands.compensate_drawn import seen
-from testbench.commands.compensate_rows import AFTER, BEFORE, LOOKS, badge_of, numbers, within
+from testbench.commands.compensate_drawn import AFTER, BEFORE, LOOKS, badge_of, numbers, seen, within
 from testbench.data.motion import CSV, WRITERS, write_moves
 from testbench.data.write import write_program
 from testbench.output.whole import whole_file

@@ -59,10 +59,9 @@ def tell(cells: tuple[Cell, Cell], found: Identified, flags: Mapping[str, object
     f = numbers(filed, cell, found, left, widths=bool(flags["intervals"]))
     said = report(f)
 
-    def more(folder: Path) -> dict[str, object]:
+    def more(folder: Path) -> None:
         files.write_json(plain(found.fits), folder / FITS)
         write_stiffness(cell, found, found.runs, data, folder)
-        return {}
 
     arm = [cell.arm.rigid.parent]
     title = f"{f.arm} under {_load(f.map)}" if f.map else ""
@@ -75,6 +74,7 @@ def report(f: Row) -> Report:
     """What there is to say of fits."""
     taken, worst = find(f.models, name=f.recommended), max(f.residuals, key=lambda row: row.taken_mm)
     runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:MOST]
+    laws = f"{LAWS} {STRUT}" if any(row.get(STRUT) is not None for row in f.laws) else LAWS
     return Report(
         scenario="identify",
         question=say("Which stiffness model of {arm} to take, and how sure is it?", f),
@@ -90,7 +90,7 @@ def report(f: Row) -> Report:
         tables={
             "models": _models(f, MODELS.split()),
             "runs": Table(columns("which_run pose moved_mm taken_mm"), runs, "What is left in each run"),
-            **({"laws": _laws(f.laws)} if f.laws else {}),
+            **({"laws": Table(columns(laws), f.laws, "Joints beyond a spring")} if f.laws else {}),
             "told": Table(
                 columns("part parameters told_percent decided_by_prior"), f.seen.blocks, "What the runs tell"
             ),
@@ -107,12 +107,6 @@ def report(f: Row) -> Report:
         ],
         badge=f.get("badge"),
     )
-
-
-def _laws(rows: Sequence[Row]) -> Table:
-    """Sizes of laws, a joint each; of a compensator where there is one."""
-    keys = f"{LAWS} {STRUT}" if any(row.get(STRUT) is not None for row in rows) else LAWS
-    return Table(columns(keys), rows, "Joints beyond a spring")
 
 
 def _models(f: Row, keys: Sequence[str]) -> Table:

@@ -32,11 +32,10 @@ def write(made: Planned, said: Report, arm: Path, task: Path | None, out: Path) 
     f, joints, asked = Row(said.numbers), made.cell.arm.joints, vars(made.settings)
     flags = {"arm": made.cell.arm.name, **({"task": task.name} if task else {}), **asked}
 
-    def more(folder: Path) -> dict[str, object]:
+    def more(folder: Path) -> None:
         write_poses(f, joints, folder / "plan.csv")
         if task:
             write_tasks(f, joints, folder / "tasks_expected.csv")
-        return {}
 
     seeds, title = range(f.seed, f.seed + 1), f"{f.arm}, {f.poses} poses"
     own = Asked(COMMAND, f.arm, flags, [arm], "plan.png", seeds, more, stem="plan", map=title)

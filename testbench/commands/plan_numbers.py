@@ -1,13 +1,13 @@
-"""The numbers of a plan: what it promises, its certificate, and the plans beside it."""
+"""The numbers of a plan: what it promises, its certificate, plans beside it, angles that it reads first."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from testbench.arm.folder import Arm
+from testbench.arm.folder import Arm, Joint
 from testbench.campaign.campaign import stream
 from testbench.campaign.open_laws import open_laws
 from testbench.campaign.plan import AbsolutePlanned, Planned, left_open
@@ -24,7 +24,7 @@ from testbench.campaign.predicted_error import (
 )
 from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at, rms
-from testbench.commands.unread import filled
+from testbench.data.series import Series
 from testbench.design import absolute
 from testbench.design.baselines import (
     RANDOM,
@@ -305,3 +305,25 @@ def spread_rows(rows: Sequence[Row]) -> list[Row]:
     """Rows with the error to expect and its interval as one."""
     keys = [f"expected_error{end}_mm" for end in ("", "_p05", "_p95")]
     return [Row(row, error_there_mm=Spread(*(row[key] for key in keys))) for row in rows]
+
+
+BINS = 72  #: Ranges of a joint: 5 degrees each of a hinge that turns once.
+
+
+def filled(arm: Arm, series: Sequence[Series], q: Array) -> Iterator[Row]:
+    """Of every joint how much was not read, and how many of the poses (poses, n) [rad, m] go there."""
+    for j, joint in enumerate(arm.joints):
+        read = np.zeros(BINS, dtype=bool)
+        for one in series:
+            read[_bin(joint, one.q[one.seen.any(axis=1), j])] = True
+        there = ~read[_bin(joint, q[:, j])]
+        yield Row(joint=joint.name, unread_percent=100 * float((~read).mean()), poses=int(there.sum()))
+
+
+def _bin(joint: Joint, own: Array) -> Ids:
+    """Range of every angle, from limit to limit, or over a turn of a hinge that turns farther."""
+    low, high = joint.lower, joint.upper
+    if not joint.prismatic and high - low > 2 * np.pi:
+        own, low, high = own % (2 * np.pi), 0.0, 2 * np.pi
+    at = np.floor(BINS * (own - low) / (high - low)).astype(int)
+    return np.asarray(np.clip(at, 0, BINS - 1))

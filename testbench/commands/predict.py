@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -53,13 +54,9 @@ TOOL = Look(GCO, 0, prior=True)
 
 def write(made: Predicted, said: Report, flags: Mapping[str, object], out: Path) -> None:
     """All poses, report, picture, recording, page and manifest.json; InputError when that fails."""
-
-    def poses(folder: Path) -> dict[str, object]:
-        write_predictions(made, folder / TABLE)
-        return {}
-
-    arm = [made.model.arm.rigid.parent]
-    leave(out, Asked(COMMAND, made.asked.path.name, flags, arm, PICTURE, more=poses), said, seen(made))
+    arm, name = [made.model.arm.rigid.parent], made.asked.path.name
+    more = partial(write_predictions, made)
+    leave(out, Asked(COMMAND, name, flags, arm, PICTURE, more=more), said, seen(made))
 
 
 def prediction_columns(joints: Sequence[Joint]) -> list[str]:
@@ -71,13 +68,13 @@ def prediction_columns(joints: Sequence[Joint]) -> list[str]:
     return [*names, *(f"stiffness_{k}_N_per_m" for k in (1, 2, 3)), *(f"softest_{axis}" for axis in "xyz")]
 
 
-def write_predictions(made: Predicted, path: Path) -> None:
-    """All poses and points, SI units; what nothing has seen, and what does not give, is blank."""
+def write_predictions(made: Predicted, folder: Path) -> None:
+    """predictions.csv: all poses and points; what nothing has seen, and what does not give, is blank."""
     found, tool = made.found, made.stiffness
     of_tool = np.hstack([found.turn, tool.principal, tool.softest])
     parts = (found.position, found.position_half, found.deflection, found.half)
     names = [as_cell(name) for name in made.names]
-    with whole_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+    with whole_file(folder / TABLE) as part, part.open("w", encoding="utf-8", newline="") as file:
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(prediction_columns(made.model.arm.joints))
         for k, label in enumerate(made.asked.labels):

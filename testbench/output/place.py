@@ -124,12 +124,20 @@ ELSEWHERE = "choose another folder, or write into this one by --force"
 
 @contextlib.contextmanager
 def claim_folder(
-    out: Path, command: str, *, own: frozenset[str] = UNDER_WAY, inputs: Sequence[Path] = (), force: bool
+    out: Path | None,
+    command: str,
+    *,
+    own: frozenset[str] = UNDER_WAY,
+    inputs: Sequence[Path] = (),
+    force: bool,
 ) -> Iterator[None]:
-    """The folder is this command's alone inside of the block, before anything is computed.
+    """The folder is this command's alone inside of the block, before anything is computed; None for none.
 
     Args and Raises: as of `check_folder`; InputError too when another run has it.
     """
+    if out is None:
+        yield
+        return
     settle(out)
     check_folder(out, command, own=own, inputs=inputs, force=force)
     with contextlib.ExitStack() as stack:

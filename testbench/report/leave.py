@@ -14,7 +14,7 @@ from testbench.report.report import Report
 from testbench.session import stepwise
 from testbench.views.scene import Seen
 
-More = Callable[[Path], Mapping[str, object]]
+More = Callable[[Path], Mapping[str, object] | None]
 """Writes what else a command leaves into the folder; what it returns goes into manifest.json."""
 
 MAP = "error_map.png"  #: The maps of a command that has some.
@@ -44,7 +44,7 @@ def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
     from testbench.views.run_figure import error_map, overview
 
     with whole_folder(out) as folder:
-        found = asked.more(folder) if asked.more else {}
+        found = (asked.more(folder) if asked.more else None) or {}
         files.write_json(report.json(), folder / f"{asked.stem}.json")
         (folder / f"{asked.stem}.md").write_text(report.whole(), encoding="utf-8")
         picture = folder / asked.picture

@@ -192,7 +192,8 @@ def aligned(trials: Trials, models: Sequence[str], value: str, by: Sequence[str]
     found: list[dict[tuple[Any, ...], float]] = []
     for model in models:
         own = trials.where(**{MODEL: model})
-        found.append(dict(zip(_keys(own, by), own[value], strict=True)))
+        keys = zip(*(own[name].tolist() for name in by), strict=True)
+        found.append(dict(zip(keys, own[value], strict=True)))
     shared = [key for key in found[0] if all(key in other for other in found[1:])]
     return np.array([[own[key] for own in found] for key in shared]).reshape(len(shared), len(models))
 
@@ -205,10 +206,6 @@ def matched(rows: Trials, others: Trials, value: str, by: Sequence[str]) -> Cell
     if (place[ours] < 0).any():
         raise KeyError(f"rows without another one that is alike in {', '.join(by)}")
     return np.asarray(others[value][place[ours]])
-
-
-def _keys(rows: Trials, by: Sequence[str]) -> Iterator[tuple[Any, ...]]:
-    return zip(*(rows[name].tolist() for name in by), strict=True)
 
 
 def nested(flat: Mapping[str, Any]) -> Row:

@@ -11,7 +11,7 @@ from testbench.campaign.candidates import Conditions, build_checks, find
 from testbench.campaign.plan import around, left_open, union_after, union_of
 from testbench.campaign.plan_settings import PlanSettings
 from testbench.campaign.unobservable import quantities, unobservable
-from testbench.commands.unread import filled
+from testbench.commands.plan_numbers import filled
 from testbench.design import absolute
 from testbench.design.baselines import error_after
 from testbench.design.criteria import criterion_of

@@ -60,9 +60,10 @@ def any_arm(request, tmp_path_factory):
 
 def test_a_new_urdf_is_the_model_to_mujoco_too(ur10, rng, tmp_path):
     state, out = planted(ur10, rng, ends=True), tmp_path / "new.urdf"
-    done = export(state, draft_new(state), out)
-    assert (done.poses, done.draft.frames.names[-1]) == (1000, "tool")
-    assert max(done.position_um, done.rotation_urad) < 1e-4
+    draft = draft_new(state)
+    done = export(state, draft, out)
+    assert (done.read_back.poses, draft.frames.names[-1]) == (1000, "tool")
+    assert max(done.read_back.position_um, done.read_back.rotation_urad) < 1e-4
     assert 0.1 < done.geometry_mm[0] < 5
     keep = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'
     model = mujoco.MjModel.from_xml_string(out.read_text().replace("</robot>", keep))
@@ -116,9 +117,10 @@ def test_an_own_urdf_keeps_all_but_the_origins_of_its_chain(ur10, rng, tmp_path,
     state, names = planted(ur10, rng, ends=ends), [joint.name for joint in ur10.joints]
     text, root, tip = own_urdf(state.vjm, rng)
     (file := tmp_path / "own.urdf").write_text(text)
-    done = export(state, draft_own(state, file), tmp_path / "out" / "new.urdf")
-    assert done.draft.frames.names[-1] == "tool0"
-    new = done.urdf.read_text()
+    draft, out = draft_own(state, file), tmp_path / "out" / "new.urdf"
+    export(state, draft, out)
+    assert draft.frames.names[-1] == "tool0"
+    new = out.read_text()
     q = random_joints(state.vjm)[:50]
     expected = tool_poses(state.vjm, q, state.theta_0) @ tip
     far = apart(root @ poses_by_hand(new, "tool0", names, q), expected)
@@ -136,7 +138,7 @@ def test_an_own_urdf_of_any_arm_is_read_back(any_arm, rng, tmp_path, digits):
     state = planted(any_arm, rng)
     (file := tmp_path / "own.urdf").write_text(own_urdf(state.vjm, rng, digits=digits)[0])
     done = export(state, draft_own(state, file), tmp_path / "new.urdf")
-    assert max(done.position_um, done.rotation_urad) < 1e-4
+    assert max(done.read_back.position_um, done.read_back.rotation_urad) < 1e-4
 
 
 def levers(axes, place, tool, wrench):
@@ -152,7 +154,8 @@ def test_what_stands_beside_gives_the_models_deflections(ur10, rng, tmp_path):
     names = [joint.name for joint in ur10.joints]
     text, root, _ = own_urdf(state.vjm, rng)
     (file := tmp_path / "own.urdf").write_text(text)
-    said = json.loads(export(state, draft_own(state, file), tmp_path / "new.urdf").beside.read_text())
+    export(state, draft_own(state, file), tmp_path / "new.urdf")
+    said = json.loads((tmp_path / "new.json").read_text())
     q, wrench = random_joints(state.vjm)[:1], rng.uniform(-500, 500, (1, 6))
     where = chain(state.vjm, q)
     load, tool = generalised_load(where, wrench, np.zeros((1, 3)))[:, 0], where.position[0]
@@ -234,8 +237,8 @@ def test_an_exported_arm_has_its_laws_beside_the_urdf_as_its_words_say(kr500, tm
     arm, q = kr500.arm, random_joints(kr500.vjm)[:12]
     C, vjm = np.diag(np.r_[np.diag(arm.C_theta), np.linspace(0.1, 1.9, 19)]), lawful(kr500.vjm)
     state = bending(vjm, C, read_weights(kr500.arm))
-    done = export(state, draft_new(state), tmp_path / "arm.urdf")
-    said = json.loads(done.beside.read_text())
+    export(state, draft_new(state), tmp_path / "arm.urdf")
+    said = json.loads((tmp_path / "arm.json").read_text())
     where = chain(vjm, q)
     u = plain_load(where, np.tile([300.0, -200, -3000, 0, 0, 90], (12, 1)), np.tile(vjm.load, (12, 1)))[42:]
     turned = C[48:, 48:] @ vjm.laws.load(where, u)

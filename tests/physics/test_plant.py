@@ -12,7 +12,7 @@ import pytest
 from loads import hung, random_q
 
 from testbench.arm.folder import load_arm
-from testbench.commands.elastic import write_elastic
+from testbench.cli.elastic import write_elastic
 from testbench.errors import InputError, NoEquilibrium
 from testbench.plant import TYPICAL, build_plant, disturb, settle, settle_linear, settle_pair
 from testbench.plant.build import plant_of
@@ -95,7 +95,7 @@ def test_what_mujoco_warns_of_is_logged_and_leaves_no_file(kr500, tmp_path, monk
 
 UNSTABLE = """
 import mujoco
-from testbench.commands.elastic import write_elastic
+from testbench.cli.elastic import write_elastic
 from testbench.plant import build_plant
 ball = "<body><freejoint/><geom size='1'/></body>"
 model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")

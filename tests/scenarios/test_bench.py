@@ -12,8 +12,7 @@ from test_own_estimator import BAD, EXAMPLE, PAGE, TIMEOUT, WHY
 import testbench as tb
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.evaluation import unseen
-from testbench.campaign.own_limits import Limits
-from testbench.campaign.own_process import ask, server
+from testbench.campaign.own_process import Limits, ask, server
 from testbench.cli.program import program
 from testbench.studies.bench.entries import FLOORS, read_entries
 from testbench.studies.bench.secret import first_seed

@@ -20,8 +20,8 @@ from run_here import heed_ctrl_c, here
 
 from testbench import __version__
 from testbench.campaign.campaign import Scenario, build_cell, simulate
+from testbench.campaign.campaign_flags import mass
 from testbench.campaign.plan_input import read_masses
-from testbench.cli.arguments import mass
 from testbench.cli.program import COMMANDS, program
 from testbench.data.write import write_csv
 from testbench.views.recording.run import write_run

@@ -17,8 +17,7 @@ import testbench as tb
 from testbench.campaign.campaign import stream
 from testbench.campaign.evaluation import unseen
 from testbench.campaign.own_estimator import hired, parameters
-from testbench.campaign.own_limits import CREATE, Limits
-from testbench.campaign.own_process import Own, ask, server
+from testbench.campaign.own_process import CREATE, Limits, Own, ask, server
 from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.cli.program import program
 from testbench.errors import BenchError

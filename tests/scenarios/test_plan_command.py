@@ -15,7 +15,7 @@ from testbench.campaign.campaign import Scenario, build_cell, hanging, measure
 from testbench.campaign.models import MODELS
 from testbench.campaign.plan import straight_way
 from testbench.campaign.plan_input import read_tasks
-from testbench.campaign.station import Station
+from testbench.campaign.tracker import Station
 from testbench.cli.program import program
 from testbench.commands.plan_drawn import absolute_columns, plan_columns
 from testbench.data.program import read_poses

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.campaign import station
+from testbench.campaign import tracker
 from testbench.campaign.campaign import Cell
 from testbench.campaign.candidates import (
     ADVICE,
@@ -23,7 +23,7 @@ from testbench.campaign.candidates import (
     find,
     why_not,
 )
-from testbench.campaign.station import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
+from testbench.campaign.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
 from testbench.errors import Array, BenchError, PoseError
 from testbench.model.poses import WorkArea
 from testbench.plant import Payload, collisions, contacts, hidden
@@ -121,7 +121,7 @@ def test_with_nothing_asked_limits_and_collisions_decide(kr500):
 )
 def test_an_empty_set_names_the_constraint_that_emptied_it(kr500, conditions, limits, reason, monkeypatch):
     for name, value in limits.items():
-        monkeypatch.setattr(station, name, value)
+        monkeypatch.setattr(tracker, name, value)
     with pytest.raises(PoseError, match="found 0 of 5 poses in 2048 draws") as err:
         find(build_checks(kr500, conditions), 5, np.random.default_rng(6), patience=2000)
     message = str(err.value)

@@ -12,7 +12,7 @@ from testbench.campaign.propose import (
     joint_compliance,
     propose,
 )
-from testbench.commands.new import read_wishes
+from testbench.cli.new import read_wishes
 from testbench.errors import BenchError
 from testbench.plant.import_robot.robot import Body, Chain, Joint, Mesh, Shape, Site, pose_of
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 from testbench.arm.folder import PACKAGE
 from testbench.campaign.own_estimator import read_own
-from testbench.campaign.own_limits import Limits
-from testbench.campaign.own_process import SUFFIX, Own
+from testbench.campaign.own_process import SUFFIX, Limits, Own
 
 DEFAULT = "default"  #: What identify does by default, with the class's prior.
 JOINTS = "joints"

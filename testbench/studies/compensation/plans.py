@@ -12,7 +12,7 @@ from testbench.campaign.campaign import Cell, build_cell, stream
 from testbench.campaign.candidates import Checks, Conditions, build_checks, feasible, find
 from testbench.campaign.models import MODELS
 from testbench.campaign.perturbed_prior import UNCERTAINTY, wrong_prior
-from testbench.campaign.station import Station
+from testbench.campaign.tracker import Station
 from testbench.correct.inverse import joints_along
 from testbench.correct.process import process_wrench
 from testbench.design.planning import make_plan

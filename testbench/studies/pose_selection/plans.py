@@ -12,7 +12,7 @@ from testbench.campaign.campaign import Cell, build_cell, stream
 from testbench.campaign.candidates import Conditions, build_checks, feasible, find
 from testbench.campaign.perturbed_prior import wrong_prior
 from testbench.campaign.predicted_error import overall
-from testbench.campaign.station import Station
+from testbench.campaign.tracker import Station
 from testbench.design.baselines import observability
 from testbench.design.planning import make_plan, promise
 from testbench.design.refine import Reach
