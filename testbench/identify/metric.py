@@ -132,9 +132,7 @@ def metric(prior: Prior, vjm: Vjm, structure: Structure) -> Metric:
     L, expected = np.zeros((structure.n, structure.n)), np.where(row == column, 1.0, 0.0)
     for group in structure.groups:
         own = structure.parameter[group.entries]
-        i, j = cone.upper(group.rows.shape[1])
-        doubled = np.where(i == j, 1.0, math.sqrt(2))[:, None]  # svec over entries
-        L[own[:, :, None], group.entries[:, None, :]] = cone.congruence(root[group.index]) / doubled
+        L[own[:, :, None], group.entries[:, None, :]] = _congruences(root[group.index])
     return Metric(prior.name, structure, L, expected, sizes)
 
 
@@ -209,3 +207,11 @@ def _root(P: Array, prior: Prior, structure: Structure) -> Array:
             raise refused(group.rows[k, 0], f"{problem} (of the block scaled to unit diagonal)")
         root[group.index] = d[group.rows, None] * (Q * np.sqrt(values)[:, None]) @ Q.swapaxes(1, 2)
     return root
+
+
+def _congruences(roots: Array) -> Array:
+    """Upper triangles of C = root X root^T per unit of each entry of x = svec(X), (k, entries, entries)."""
+    row, column = cone.upper(roots.shape[1])
+    a, b = roots[:, row], roots[:, column]
+    weight = np.where(row == column, 0.5, math.sqrt(0.5))
+    return np.asarray(weight * (a[..., row] * b[..., column] + a[..., column] * b[..., row]))

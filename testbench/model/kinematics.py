@@ -18,7 +18,7 @@ from testbench.arm.document import parse_xml
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
 from testbench.errors import Array, InputError
-from testbench.model.vjm import Vjm, rotation
+from testbench.model.vjm import Vjm, rotation, skew
 
 ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 PLACED = ("origin", "parent", "child", "axis")  #: What places a joint of a URDF.
@@ -176,7 +176,7 @@ def _rotation(arm: Arm, body: ET.Element, unit: float) -> Array:
     values = np.array(numbers(arm.rigid, body, key, NUMBERS[key]))
     try:
         if key == "quat":
-            return np.asarray(pin.Quaternion(*_unit(values)).matrix())  # w, x, y, z
+            return _of_quaternion(_unit(values))
         if key == "axisangle":
             return rotation(_unit(values[:3]), unit * values[3])
         if key == "euler":  # about x, then the new y, then the new z
@@ -192,6 +192,13 @@ def _unit(vector: Array) -> Array:
     if length < LEAST:
         raise ZeroDivisionError
     return np.asarray(vector / length)
+
+
+def _of_quaternion(quaternion: Array) -> Array:
+    """Of a unit quaternion w, x, y, z."""
+    w, v = quaternion[0], quaternion[1:]
+    W = skew(v)
+    return np.asarray(np.eye(3) + 2 * w * W + 2 * W @ W)
 
 
 def _of_axes(x: Array, y: Array) -> Array:
