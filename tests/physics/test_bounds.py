@@ -17,7 +17,7 @@ from testbench.identify.metric import metric
 from testbench.identify.posterior import linearise
 from testbench.identify.prior import Prior, Strength, aggregate, cad_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
-from testbench.studies.estimators.bootstrap import bootstrap
+from testbench.studies.estimators.bootstrap import bootstrap, resampler
 from testbench.studies.estimators.bounds import bounds, fit_set
 from testbench.studies.identifiability.coverage import Case, draw_conservative
 
@@ -123,6 +123,17 @@ def full_pose(arm_6r):
     rows = rows_of(arm_6r, s, where, np.zeros((1, 3)))
     m = metric(cad_prior(arm_6r.arm), arm_6r.vjm, s)
     return Case("arm_6r", reduce(arm_6r.vjm, s, campaign.identification), m, truth, rows), campaign
+
+
+def test_resampled_rows_have_the_chi_squared_of_the_readings(full_pose):
+    case, _ = full_pose
+    again, rng = resampler(case.regression), np.random.default_rng(1)
+    drawn = [again(case.truth, rng) for _ in range(400)]
+    for k, term in enumerate(case.regression.terms):
+        left = [np.sum((d.terms[k].R @ case.truth - d.terms[k].z) ** 2) + d.terms[k].rest for d in drawn]
+        # mean of 400 chi squares of e degrees of freedom: standard error sqrt(2 e / 400); 4 of them
+        limit = 4 * np.sqrt(2 * term.equations / 400)
+        assert term.equations / 3 * np.mean(left) == pytest.approx(term.equations, abs=limit)
 
 
 def test_what_gravity_does_not_load_is_infinitely_uncertain(kr500, campaign):

@@ -20,7 +20,7 @@ from testbench.studies.estimators.factorised import (
     parameters,
     random_start,
 )
-from testbench.studies.estimators.search import Budget, explore
+from testbench.studies.estimators.search import BOX, Budget, explore, trial_points
 
 SECTION_5_2 = FullPose(
     arm="arm_6r", sigma=25e-6 / 2**0.5, sigma_rotation=250e-6 / 2**0.5, least=9e-3, most=41e-3
@@ -126,3 +126,13 @@ def test_order_of_the_vector_space_by_counting_is_that_of_eq_20(arm_6r):
     assert order_range(mgco147(arm_6r.arm), 108) == (3.5, pytest.approx(108 / 7))
     assert order_range(mgco69(arm_6r.arm), 108) == (3.5, 36.0)
     assert order_range(template56(arm_6r.arm), 108) == (1.5, pytest.approx(648 / (2 * 14)))
+
+
+def test_trial_points_lie_inside_the_box_and_differ(regression):
+    problem = factorise(regression)
+    points = trial_points(problem, np.zeros(problem.size), 700, stream(3))
+    assert points.shape == (700, problem.size)
+    assert np.abs(points).max() <= BOX
+    assert len(np.unique(points, axis=0)) == 700
+    from_outside = trial_points(problem, np.full(problem.size, 2 * BOX), 100, stream(3))
+    assert np.abs(from_outside).max() <= BOX

@@ -262,6 +262,17 @@ def test_where_links_are_rigid_the_default_is_joints_alone(kr500, rigid, prior):
         assert ours < 1.05 * theirs
 
 
+def test_the_average_is_a_mean_of_gramians_whose_deviations_hold_both(kr500, rigid):
+    campaign = rigid[1]
+    found = with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, all153(kr500.arm), campaign.identification)
+    whole, w = found.average.whole, found.average.weight
+    links, rows = slice(0, 42), np.eye(found.structure.n)
+    np.testing.assert_allclose(found.C_theta[links, links], (1 - w) * whole.C_theta[links, links], rtol=1e-12)
+    assert found.conservative
+    expected = np.hypot(linearise(whole).deviations(rows), np.abs(found.pi - whole.pi))
+    np.testing.assert_allclose(linearise(found).deviations(rows), expected, rtol=1e-9)
+
+
 def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
     """Of joints alone: a normal density of the readings about a scale, integrated over it by quadrature."""
     data, found = rigid[2].identification, []

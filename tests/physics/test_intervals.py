@@ -14,6 +14,7 @@ from unsure import AIM, FORCE, TIP, Q, drawn_state, unsure, unsure_everywhere
 
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import Scenario, clear_poses, simulate, stream
+from testbench.campaign.named_parameters import intervals
 from testbench.correct.compensated import compensate
 from testbench.correct.newton import asked
 from testbench.correct.predicted import predict
@@ -198,3 +199,15 @@ def test_an_interval_is_as_wide_as_noise_by_the_normal_and_the_prior_by_students
     a = rng.normal(size=(5, 6))
     widths = [f.ppf(0.95) * np.linalg.norm(a @ x.T, axis=1) for f, x in ((norm, noise), (student(3), prior))]
     np.testing.assert_allclose(own.half_widths(a, 0.9), np.hypot(*widths))
+
+
+def test_intervals_have_names_and_the_units_of_people(arms):
+    *_, own = arms[0]
+    by_name = {(one.part, one.name): one for one in intervals(own)}
+    shift = by_name["geometry", "link_2 shift y"]
+    assert (shift.unit, shift.value) == ("mm", pytest.approx(1e3 * own.state.theta_0[13]))
+    at = own.own.columns.tolist().index(own.own.unknowns.starts["geometry"] + 13 - 6)
+    assert shift.half == pytest.approx(1e3 * Z * np.linalg.norm(posterior_of(own).root[:, at]))
+    turned = by_name["joint errors", "joint_3 cos 2"]
+    assert (turned.unit, turned.value) == ("urad", pytest.approx(1e6 * own.state.n[2, 5]))
+    assert all(one.half > 0 for one in by_name.values())

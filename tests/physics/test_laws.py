@@ -238,6 +238,9 @@ def test_a_mean_of_both_is_between_them_and_its_intervals_hold_both(kr500, campa
 def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
     data, _ = campaigns["all"]
     s = with_laws(all153(kr500.arm), kr500.arm)
+    assert s.labels[48:50] == ("joint_1 stiffening", "joint_2 stiffening")
+    assert s.labels[-1] == "joint_2 compensator"
+    assert with_laws(s, kr500.arm) is s
     for estimator in (least_squares, gco):
         assert estimator(kr500.vjm, s, data).structure.laws == 0
     [model] = with_priors(kr500.arm, named_models(kr500, ["Joints"]), cad_prior(kr500.arm))

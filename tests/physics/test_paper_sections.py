@@ -13,7 +13,7 @@ from testbench.campaign.campaign import Scenario
 from testbench.campaign.campaign import simulate as calibrate
 from testbench.campaign.evaluation import identify
 from testbench.campaign.models import named_models
-from testbench.campaign.pose_campaign import FullPose, simulate
+from testbench.campaign.pose_campaign import FullPose, random_wrenches, simulate
 from testbench.errors import PoseError
 from testbench.identify.evaluate import deflections
 from testbench.model.structure import all153
@@ -216,3 +216,11 @@ def test_deflections_out_of_reach_say_how_many_were_drawn(arm_6r):
         PoseError, match=r"found 0 of 120 check runs with a deflection of 900 to 1000 mm among"
     ):
         simulate(arm_6r, FullPose(arm="arm_6r", least=0.9), 1)
+
+
+def test_random_wrenches_have_their_magnitudes_in_all_directions(rng):
+    wrench = random_wrenches(2000, 100.0, 7.0, rng)
+    np.testing.assert_allclose(np.linalg.norm(wrench[:, :3], axis=1), 100, rtol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(wrench[:, 3:], axis=1), 7, rtol=1e-12)
+    # mean direction of 2000 unit vectors: 1/sqrt(3 * 2000) an axis, five of them
+    assert np.abs(wrench[:, :3].mean(axis=0)).max() < 5 * 100 / np.sqrt(6000)

@@ -192,3 +192,11 @@ def test_bad_input_is_refused(kr500, monkeypatch):
         spoil(data, 1.2, 1e-3, np.random.default_rng(0))
     with pytest.raises(BenchError, match="size"):
         spoil(data, 0.1, np.inf, np.random.default_rng(0))
+
+
+def test_spoiling_moves_as_many_readings_as_asked_by_as_much(kr500, rng):
+    data = campaign(kr500, 1).identification
+    spoiled, mask = spoil(data, 0.1, 1e-3, rng)
+    moved = np.linalg.norm(spoiled.deflection - data.deflection, axis=-1)
+    assert mask.sum() == round(0.1 * 45)
+    np.testing.assert_allclose(moved, 1e-3 * mask, atol=1e-15)

@@ -159,6 +159,14 @@ def test_a_tracker_inside_what_does_not_move_is_refused_by_name(name, station, w
     assert "\n" not in str(err.value)
 
 
+def test_stations_that_are_no_place_and_lines_of_sight_to_none_are_refused(kr500):
+    for no_place in ((np.nan, 0, 1), (5e3, 0, 1), (1, 2)):
+        with pytest.raises(BenchError, match="position of the station"):
+            build_site(kr500.arm, station=no_place)
+    with pytest.raises(BenchError, match="expected a site with a station"):
+        hidden(build_site(kr500.arm), READY)
+
+
 def test_the_ready_pose_is_seen_and_a_wall_hides_it(kr500, tmp_path):
     """Whether the wall is drawn, only collides, or is fully transparent."""
     assert hidden(build_site(kr500.arm, Payload(460.3), STATION), READY) == [None]
