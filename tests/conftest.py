@@ -28,7 +28,7 @@ STUDIES = {file.stem for file in (ROOT / "scenarios").glob("*.py")}
 """Each has a file of tests, which run it and then look at it."""
 SAVE = Figure.savefig
 
-pytest.register_assert_rewrite("page_checks")
+pytest.register_assert_rewrite("page_checks", "reports", "run_here")
 threadpool_limits(1)  # as every command does: several BLAS threads change result bits
 
 
