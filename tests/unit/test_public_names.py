@@ -1,6 +1,7 @@
 """`import testbench as tb`: what a user writes, and what it costs."""
 
 import ast
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -9,8 +10,19 @@ import numpy as np
 import pytest
 
 import testbench as tb
+from testbench.identify import Method
 
 HEAVY = {"mujoco", "pinocchio", "rerun", "matplotlib", "scipy", "numpy"}
+
+
+def test_every_public_name_says_what_it_takes_and_gives():
+    for name in {*tb.__all__} - {"MODELS", "__version__"}:
+        thing = getattr(tb, name)
+        text = inspect.getdoc(thing.__call__ if isinstance(thing, Method) else thing)
+        gives = None if inspect.isclass(thing) else inspect.signature(thing).return_annotation
+        assert text, name
+        assert inspect.isclass(thing) or "Args:" in text, name
+        assert gives in (None, "None") or "Returns:" in text, name
 
 
 def test_a_type_checker_sees_the_same_names():
