@@ -140,7 +140,10 @@ def _answer(f: Row, taken: Row) -> Iterator[Markdown]:
     best = min(plain, key=lambda m: m.check.rms_mm, default=None)
     ls = _beside(f, taken, best.name) if best and not wrong else None
     joints = _beside(f, taken, JOINTS)
-    first = "First look at the runs, see the doubt below; if they are right, take" if wrong else "Take"
+    beaten = f.get("badge") is not None and f.badge.winner != taken.name
+    first = "Chosen, though beaten where runs are held out, is" if beaten else "Take"
+    if wrong:
+        first = "First look at the runs, see the doubt below; if they are right, take"
     checked = ": {check.rms_mm:.3f} mm RMS in the runs held out" if taken.check else ""
     beside = ", least squares {ls.theirs_mm:.3f} mm; {ls:less}" if ls else ""
     yield say(f"{first} {{name}}{checked}{beside}.", taken, ls=ls)

@@ -7,6 +7,7 @@ import pytest
 import reports
 
 from testbench.commands.identify import printed, report
+from testbench.report.badge import decide
 from testbench.report.table import Row
 from testbench.views.colours import look
 from testbench.views.run_figure import overview
@@ -119,6 +120,13 @@ def test_the_answer_is_the_gain_over_least_squares_and_joints_in_the_runs_held_b
     assert report(f).answer.startswith(
         f"{start}Joint stiffness only 0.400 mm, 4.0 times larger; a deflection "
     )
+
+
+def test_what_the_badge_warns_of_is_not_recommended(f):
+    """Joints alone or least squares may be the better ones in runs held out, and the default still stays."""
+    for error, words in ((1.0, "Take"), (0.3, "Chosen, though beaten where runs are held out, is")):
+        badge = decide((TAKEN, [0.5] * 8), ("MLS56", [error] * 8), "group of fitted runs held out in turn")
+        assert report(Row(f, badge=badge)).answer.startswith(f"{words} {TAKEN}")
 
 
 def test_doubts_about_the_runs_stand_before_the_answer_and_are_said_first(f):
