@@ -20,7 +20,7 @@ from testbench.campaign.tracker import (
     read_orientations,
     read_positions,
 )
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, in_order
 from testbench.data.series import Series
 from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.plant import (
@@ -30,7 +30,6 @@ from testbench.plant import (
     GearErrors,
     Gears,
     disturb,
-    part_of,
     settle_disturbed,
 )
 
@@ -224,7 +223,7 @@ def _settled(arm: DisturbedPlant, rows: LoadedPoses, turn: Ids, off: Array) -> t
     tool, rotation, rest = np.empty((len(turn), 3)), np.empty((len(turn), 3, 3)), None
     for k in range(turn.max() + 1):
         own = np.flatnonzero(turn == k)  # poses of several loads come first
-        before = None if rest is None else part_of(rest, slice(len(own)))
+        before = None if rest is None else in_order(rest, slice(len(own)))
         q = rows.q[own] + off[own]
         rest = settle_disturbed(arm, q, rows.wrench[own], rows.point[own], before=before)
         tool[own], rotation[own] = rest.tool, rest.rotation

@@ -1,8 +1,6 @@
 """The true arm as MuJoCo models: one to look into, and some side by side to compute with.
 
 A Newton step needs MuJoCo's kinematics and the force of the arm's own weight, 2.8 us a pose, and what leads
-from testbench.errors import Ids
-from testbench.errors import Ids, Mask
 from Python to them costs as much. So a second model holds several arms, without geoms and springs: one call
 serves a pose of each.
 """
@@ -140,13 +138,6 @@ def with_model(plant: Plant, model: mujoco.MjModel) -> Plant:
         one, all_arms = getattr(model, name)[1:], getattr(abreast, name)[1:]
         all_arms.reshape(-1, *one.shape)[:] = one
     return replace(plant, model=model, abreast=abreast)
-
-
-def with_markers(plant: Plant, off: Array) -> Plant:
-    """The plant with its markers moved in the tool's frame, by (m, 3) [m]."""
-    model = copy.copy(plant.model)
-    model.body_pos[plant.markers] += off
-    return with_model(plant, model)
 
 
 def weightless(plant: Plant) -> Plant:

@@ -14,36 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.errors import Array, BenchError, Ids, check_array, check_least
+from testbench.arm.folder import Compensator
+from testbench.errors import Array, BenchError, Ids
 from testbench.plant.build import Plant
 from testbench.plant.state import State, generalised_force, place
-
-Point = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Compensator:
-    """A spring between a point of link 1 and a point of link 2."""
-
-    foot: Point  #: Where it is hinged on link 1, in the frame of that body, (3,) [m].
-    head: Point  #: Where it is hinged on link 2, in the frame of that body, (3,) [m].
-    rate: float  #: Change of force over change of length as joint 2 turns [N/m].
-    rest_length: float  #: Length without force [m].
-    #: Change of force over change of length as the arm deflects [N/m]; None for the rate.
-    stiffness: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("foot", "head"):
-            check_array(getattr(self, name), (3,), f"{name} of the compensator [m]")
-        for name in ("rate", "rest_length", "stiffness"):
-            value = getattr(self, name)
-            check_least(0.0 if value is None else value, f"{name} of the compensator")
-
-    @property
-    def slope(self) -> float:
-        """Change of force over change of length as the arm deflects [N/m]."""
-        return self.rate if self.stiffness is None else self.stiffness
-
 
 KR500_COMPENSATOR = Compensator(
     foot=(-0.48, 0.30, -0.27),
@@ -77,10 +51,11 @@ class Strut:
     """The compensator in some poses; `some` are indices of them."""
 
     spring: Compensator
+    slope: float  #: Change of force over change of length as the arm deflects [N/m].
     ends: tuple[int, int]  #: Ids of the bodies that it is hinged on.
     held: Array  #: Its length in the held poses, theta = 0, (poses,) [m].
     C_g: Array  #: C g with g = ds / dqpos in the held poses, (poses, nv).
-    share: Array  #: k g / (1 + k g C_g), k its slope, (poses, nv).
+    share: Array  #: k g / (1 + k g C_g), k the slope, (poses, nv).
 
 
 def attached(plant: Plant) -> tuple[int, int]:
@@ -108,16 +83,16 @@ def strut(compensator: Compensator, plant: Plant, state: State) -> Strut:
     held = _length(hinges)
     g = _pull(plant, ends, state, hinges, np.full(len(held), -1.0))
     C_g = np.matvec(plant.C, g)
-    k = compensator.slope
+    k = compensator.rate if compensator.stiffness is None else compensator.stiffness
     share = (k / (1 + k * np.vecdot(g, C_g)))[:, None] * g
-    return Strut(compensator, ends, held, C_g, share)
+    return Strut(compensator, k, ends, held, C_g, share)
 
 
 def strut_force(strut: Strut, plant: Plant, state: State, some: Ids) -> Array:
     """Its generalised force where the arm is, (some, nv) [N, N m]."""
     spring, held = strut.spring, strut.held[some]
     hinges = _hinges(spring, strut.ends, state)
-    force = spring.rate * (held - spring.rest_length) + spring.slope * (_length(hinges) - held)
+    force = spring.rate * (held - spring.rest_length) + strut.slope * (_length(hinges) - held)
     return _pull(plant, strut.ends, state, hinges, force)
 
 

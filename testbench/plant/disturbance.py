@@ -6,8 +6,9 @@ them into a plant.
 
 from dataclasses import dataclass
 
+from testbench.arm.folder import Compensator
 from testbench.errors import check_least
-from testbench.plant.compensator import KR500_COMPENSATOR, Compensator
+from testbench.plant.compensator import KR500_COMPENSATOR
 from testbench.plant.gear import GearErrors
 
 

@@ -6,19 +6,19 @@ compensator and joint laws the forces and springs of its equilibrium. The nomina
 
 import copy
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import find_body
-from testbench.errors import Array, Mask, check_array
+from testbench.errors import Array, check_array
 from testbench.plant.build import Plant, compile_mjcf, plant_of, weightless, with_model
 from testbench.plant.compensator import attached
-from testbench.plant.disturbance import FOUNDATION, Disturbances, GeometryErrors
+from testbench.plant.disturbance import FOUNDATION, Disturbances
 from testbench.plant.elastic import AXES, elastic_mjcf, insert_carrier
-from testbench.plant.equilibrium import Equilibrium, Springs, settle
+from testbench.plant.equilibrium import Equilibrium, settle
 from testbench.plant.gear import Gears, draw_gears, gear_error
 from testbench.plant.joint_law import JointLaw
 
@@ -61,8 +61,10 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
     true = _on_foundation(plant, disturbances.foundation)
     if not disturbances.own_weight:
         true = weightless(true)
-    frames = _sized(frames, disturbances.geometry)
-    if disturbances.geometry is not None:
+    if (errors := disturbances.geometry) is None:
+        frames = np.zeros_like(frames)
+    else:
+        frames = frames * np.repeat([errors.position, errors.angle], 3)
         true = _displaced(true, frames)
     return DisturbedPlant(
         plant=true,
@@ -72,19 +74,6 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
         frames=frames,
         gears=None if disturbances.gear is None else draw_gears(disturbances.gear, n, rng.spawn(1)[0]),
     )
-
-
-def true_angles(disturbed: DisturbedPlant, q: Array) -> Array:
-    """Where the joints are when they are commanded to q and carry nothing, (runs, n) [rad, m]."""
-    true = q + disturbed.offset
-    return true if disturbed.gears is None else true + gear_error(disturbed.gears, q)
-
-
-def _sized(normal: Array, errors: GeometryErrors | None) -> Array:
-    """Errors of frames from standard normal numbers, (n + 1, 6) [m, rad]."""
-    if errors is None:
-        return np.zeros_like(normal)
-    return np.asarray(normal * np.repeat([errors.position, errors.angle], 3))
 
 
 def _on_foundation(plant: Plant, scale: float) -> Plant:
@@ -157,7 +146,9 @@ def settle_disturbed(
         point = point + disturbed.centre
     if before is not None:
         check_array(before.theta, (len(q), plant.arm.n_theta), "theta before [m, rad]")
-    q = true_angles(disturbed, q)
+    true_q = q + disturbed.offset
+    if disturbed.gears is not None:
+        true_q = true_q + gear_error(disturbed.gears, q)
     law = None
     if changes.stiffening or changes.backlash or changes.hysteresis:
         law = JointLaw(
@@ -167,21 +158,12 @@ def settle_disturbed(
             hysteresis=changes.hysteresis,
             before=None if before is None else before.theta[:, 6 * len(plant.arm.links) :],
         )
-    return settle(plant, q, wrench, point, Springs(law, changes.compensator))
+    return settle(plant, true_q, wrench, point, law=law, compensator=changes.compensator)
 
 
 def settle_pair(
-    disturbed: DisturbedPlant,
-    q: Array,
-    wrench: Array,
-    point: Array,
-    taken_off: Mask | None = None,
+    disturbed: DisturbedPlant, q: Array, wrench: Array, point: Array
 ) -> tuple[Equilibrium, Equilibrium]:
-    """The disturbed arm unloaded, then loaded from there; where `taken_off`, (runs,), unloaded again."""
+    """The disturbed arm unloaded, then loaded from there."""
     unloaded = settle_disturbed(disturbed, q)
-    loaded = settle_disturbed(disturbed, q, wrench, point, before=unloaded)
-    if taken_off is not None:
-        again = settle_disturbed(disturbed, q, before=loaded)
-        for own in fields(Equilibrium):
-            getattr(unloaded, own.name)[taken_off] = getattr(again, own.name)[taken_off]
-    return unloaded, loaded
+    return unloaded, settle_disturbed(disturbed, q, wrench, point, before=unloaded)

@@ -15,9 +15,10 @@ from dataclasses import dataclass, fields, replace
 import mujoco
 import numpy as np
 
+from testbench.arm.folder import Compensator
 from testbench.errors import Array, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
-from testbench.plant.compensator import Compensator, Strut, attached, stiffen, strut, strut_force
+from testbench.plant.compensator import Strut, attached, stiffen, strut, strut_force
 from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
 from testbench.plant.shapes import rotation_of
 from testbench.plant.state import Row, State, evaluate, generalised_force, moved, open_row, place
@@ -43,14 +44,6 @@ class Equilibrium:
 
 
 @dataclass(frozen=True)
-class Springs:
-    """What else holds the arm than linear springs."""
-
-    law: JointLaw | None = None  #: How the joints give way, `before` by run; None for linearly.
-    compensator: Compensator | None = None  #: From link 1 to link 2.
-
-
-@dataclass(frozen=True)
 class Poses:
     """Poses that take their Newton steps together; `some` are indices, repeated where a pose is varied."""
 
@@ -68,12 +61,14 @@ class Poses:
         return tool if self.strut is None else (*tool, *self.strut.ends)
 
 
-def settle(
+def settle(  # noqa: PLR0913 - all but two have defaults
     plant: Plant,
     q: Array,
     wrench: Array | None = None,
     point: Array | None = None,
-    springs: Springs | None = None,
+    *,
+    law: JointLaw | None = None,
+    compensator: Compensator | None = None,
 ) -> Equilibrium:
     """Static equilibrium of every pose under the arm's own weight and a wrench at the tool.
 
@@ -85,7 +80,8 @@ def settle(
         q: Actuated joints, (runs, n) [rad, m].
         wrench: Force and moment, world axes, (runs, 6) [N, N m].
         point: Where it acts, in the tool's frame, (runs, 3) [m].
-        springs: What else holds the arm than MuJoCo's linear springs.
+        law: How the joints give way, `before` by run; None for MuJoCo's linear springs.
+        compensator: What else holds the arm, from link 1 to link 2.
 
     Raises:
         NoEquilibrium: When the arm is too soft for its load; names the pose.
@@ -96,12 +92,10 @@ def settle(
     point = np.zeros((runs, 3)) if point is None else check_array(point, (runs, 3), "point [m]")
 
     def settled(some: slice, row: Row) -> Equilibrium:
-        poses = Poses(plant, hold(plant, q[some]), wrench[some], point[some])
-        if springs is not None:
-            poses = replace(poses, law=springs.law and springs.law.of(some))
-        if springs is not None and springs.compensator is not None:
+        poses = Poses(plant, hold(plant, q[some]), wrench[some], point[some], law and law.of(some))
+        if compensator is not None:
             state = evaluate(row, poses.held, attached(plant))
-            poses = replace(poses, strut=strut(springs.compensator, plant, state))
+            poses = replace(poses, strut=strut(compensator, plant, state))
         return _settle(poses, row)
 
     return in_parts(plant, runs, settled)
@@ -113,11 +107,6 @@ def in_parts(plant: Plant, runs: int, settled: Callable[[slice, Row], Equilibriu
     starts = stepwise(range(0, max(runs, 1), TOGETHER), "settling the arm")
     found = [settled(slice(start, start + TOGETHER), row) for start in starts]
     return Equilibrium(*(np.concatenate([getattr(e, f.name) for e in found]) for f in fields(Equilibrium)))
-
-
-def part_of(rest: Equilibrium, some: slice) -> Equilibrium:
-    """Some runs of an equilibrium."""
-    return Equilibrium(*(getattr(rest, f.name)[some] for f in fields(Equilibrium)))
 
 
 def hold(plant: Plant, q: Array) -> Array:

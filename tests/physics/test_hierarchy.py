@@ -14,8 +14,10 @@ from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
 from testbench.campaign.perturbed_prior import prior_of
 from testbench.campaign.true_arms import true_cell
+from testbench.correct.rest import rest
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
+from testbench.identify.arm_model import bending
 from testbench.identify.average import ODDS, averaged, of_two_priors
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.evidence import bends, greatest, posterior
@@ -35,10 +37,11 @@ from testbench.identify.metric import Belief, metric, whitened
 from testbench.identify.posterior import CURVED, HEAVY, curvature, intervals, linearise, quantile
 from testbench.identify.prior import Prior, Strength, cad_prior, softened
 from testbench.identify.solve import solve
+from testbench.model.load import Load
 from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import chain, observation
-from testbench.studies.loaded_stiffness.equilibrium import loaded_equilibrium
+from testbench.model.weights import no_weights
 
 
 @pytest.fixture(scope="module")
@@ -206,7 +209,8 @@ def test_intervals_widen_by_what_a_linear_model_leaves_out_which_grows_with_the_
     whole = curvature(kr500.vjm, C, data)
     tenth = curvature(kr500.vjm, C, replace(data, wrench=data.wrench / 10))
     np.testing.assert_allclose(tenth, whole / 100, rtol=0, atol=0.1 * np.abs(whole).max() / 100)
-    theta = loaded_equilibrium(kr500.vjm, C, data.q, data.wrench, data.point)
+    weightless = bending(kr500.vjm, C, no_weights(kr500.arm))
+    theta = rest(weightless, data.q, [Load(data.wrench, data.point)]).theta
     exact = loaded_deflection(kr500.vjm, data.q, theta, kr500.vjm.markers)
     where = chain(kr500.vjm, data.q)
     linear = displacement(where, secant(where, C, data.wrench, data.point), kr500.vjm.markers)

@@ -12,11 +12,11 @@ import numpy as np
 
 from testbench.errors import Array, InputError
 from testbench.plant.build import REFUSED
-from testbench.plant.feasible import body_name
+from testbench.plant.collide import VISUAL_GROUPS, body_name
 from testbench.plant.import_robot.meshes import MAX_ALL_FACES
 from testbench.plant.import_robot.robot import Body, Joint, Mesh, Note, Robot, Shape, Site, pose_of
 from testbench.plant.import_robot.solids import outermost, primitive
-from testbench.plant.shapes import KINDS, VISUAL_GROUPS, geom_rgba, rotation_of
+from testbench.plant.shapes import KINDS, geom_rgba, rotation_of
 
 ODD = {int(mujoco.mjtJoint.mjJNT_FREE): "is free", int(mujoco.mjtJoint.mjJNT_BALL): "is a ball"}
 NO_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE

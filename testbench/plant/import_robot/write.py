@@ -15,7 +15,7 @@ import numpy as np
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError
 from testbench.plant.build import REFUSED, check_geoms
-from testbench.plant.feasible import collide
+from testbench.plant.collide import collide
 from testbench.plant.import_robot.meshes import decimated, distinct, joined, stl_bytes, with_area
 from testbench.plant.import_robot.robot import Body, Chain, Faces, Point, Shape, Site, Surface, pose_of, seen
 from testbench.plant.import_robot.solids import VISIBLE, hull_of, outermost, plausible
