@@ -43,7 +43,6 @@ class Plant:
     markers: Ids  #: Body ids of the markers, (m,).
     load: Array  #: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
     C: Array  #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
-    K: Array  #: Stiffness of MuJoCo's springs, (nv, nv) [N/m, N m/rad].
     carries: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
 
     @property
@@ -125,7 +124,6 @@ def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
         markers=np.array([model.body(name).id for name in arm.markers]),
         load=np.asarray(tool.xmat.reshape(3, 3).T @ (data.body(arm.load).xpos - tool.xpos)),
         C=C,
-        K=_stiffness(model),
         carries=_carries(model),
     )
 
@@ -172,17 +170,6 @@ def _side_by_side(model: mujoco.MjModel, arms: int) -> mujoco.MjModel:
                     type=model.jnt_type[j], pos=model.jnt_pos[j], axis=model.jnt_axis[j], armature=1
                 )
     return spec.compile()
-
-
-def _stiffness(model: mujoco.MjModel) -> Array:
-    """Stiffness of the model's own springs, as MuJoCo sees them, (nv, nv): they are linear."""
-    data, columns = mujoco.MjData(model), []
-    for unit in np.eye(model.nv):
-        data.qpos[:] = unit
-        mujoco.mj_tendon(model, data)
-        mujoco.mj_passive(model, data)
-        columns.append(-data.qfrc_passive)
-    return np.column_stack(columns)
 
 
 def _carries(model: mujoco.MjModel) -> Array:

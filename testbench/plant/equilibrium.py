@@ -19,7 +19,7 @@ from testbench.arm.folder import Compensator
 from testbench.errors import Array, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
 from testbench.plant.compensator import Strut, attached, stiffen, strut, strut_force
-from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
+from testbench.plant.joint_law import JointLaw, slope, turn
 from testbench.plant.shapes import rotation_of
 from testbench.plant.state import Row, State, evaluate, generalised_force, moved, open_row, place
 from testbench.session import stepwise
@@ -38,9 +38,6 @@ class Equilibrium:
     markers: Array  #: Marker positions in the world, (runs, m, 3) [m].
     tool: Array  #: Tool positions in the world, (runs, 3) [m].
     rotation: Array  #: Tool orientations, world from tool, (runs, 3, 3) [1].
-    residual: Array  #: Largest generalised force out of balance, (runs,) [N, N m].
-    step: Array  #: Last Newton step, (runs,) [m, rad].
-    iterations: Ids  #: Newton steps taken, (runs,).
 
 
 @dataclass(frozen=True)
@@ -131,23 +128,13 @@ def unloaded(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, 
 def _settle(poses: Poses, row: Row) -> Equilibrium:
     """Equilibrium of poses that take their Newton steps together."""
     plant, markers = poses.plant, poses.plant.markers.tolist()
-    qpos, step, iterations = _newton(poses, row)
-    every = np.arange(len(qpos))
-    state = evaluate(row, qpos, {*poses.bodies, plant.tool, *markers})
-    Q = _force(poses, state, every)
-    unbalanced = Q - np.matvec(plant.K, qpos)
-    if law := poses.law:  # MuJoCo's own hinges are linear
-        hinges = plant.hinges
-        unbalanced[:, hinges] = Q[:, hinges] - spring_torque(law, qpos[:, hinges], Q[:, hinges])
-    free = np.setdiff1d(np.arange(plant.model.nv), plant.joints)
+    qpos = _newton(poses, row)
+    state = evaluate(row, qpos, {plant.tool, *markers})
     return Equilibrium(
         theta=qpos[:, plant.theta],
         markers=np.stack([state.position[body] for body in markers], axis=1),
         tool=state.position[plant.tool],
         rotation=state.rotation[plant.tool],
-        residual=np.abs(unbalanced[:, free]).max(axis=1),
-        step=step,
-        iterations=iterations,
     )
 
 
@@ -168,17 +155,16 @@ def _deflect(poses: Poses, Q: Array, some: Ids) -> Array:
     return np.asarray(deflection)
 
 
-def _newton(poses: Poses, row: Row) -> tuple[Array, Array, Ids]:
-    """Move the virtual joints from `held` to rest. A pose at rest, or lost, takes no further steps.
+def _newton(poses: Poses, row: Row) -> Array:
+    """Configurations with the virtual joints moved from `held` to rest, (poses, nv) [m, rad].
 
-    Returns:
-        Configurations (poses, nv), last steps (poses,) [m, rad], and numbers of steps (poses,).
+    A pose at rest, or lost, takes no further steps.
 
     Raises:
         NoEquilibrium: When a pose has none; names the first.
     """
     held, active = poses.held, np.arange(len(poses.held))
-    qpos, steps = held.copy(), np.zeros_like(active)
+    qpos = held.copy()
     size: Array = np.full(len(held), np.inf)
     inverses: dict[int, Array] = {}
     lost: dict[int, str] = {}
@@ -187,7 +173,7 @@ def _newton(poses: Poses, row: Row) -> tuple[Array, Array, Ids]:
         Q = _force(poses, evaluate(row, at, poses.bodies), active)
         step = _corrected(poses, inverses, held[active] + _deflect(poses, Q, active) - at, active)
         now = np.sqrt(np.vecdot(step, step))
-        qpos[active], size[active], steps[active] = at + step, now, k
+        qpos[active], size[active] = at + step, now
         done, going = now < STEP_TOLERANCE, (now >= STEP_TOLERANCE) & (now < MAX_SAG)
         for i in active[~done & ~going].tolist():
             lost[i] = _not_found(k, size[i])
@@ -204,7 +190,7 @@ def _newton(poses: Poses, row: Row) -> tuple[Array, Array, Ids]:
         q, wrench = poses.plant.arm.words(held[i, poses.plant.joints]), poses.wrench[i].round(1).tolist()
         where = f"q = {q} under wrench {wrench} N, N m"
         raise NoEquilibrium(f"{lost[i]} at {where}: too soft for its load, or buckled")
-    return qpos, size, steps
+    return qpos
 
 
 def _corrected(poses: Poses, inverses: dict[int, Array], step: Array, some: Ids) -> Array:
@@ -245,7 +231,7 @@ def settle_linear(plant: Plant, q: Array, wrench: Array, point: Array) -> Equili
     """First-order equilibrium of a weightless arm: theta = C_theta J_F^T w at theta = 0.
 
     Returns:
-        The displaced poses; residual and step are zero, iterations one.
+        The displaced poses.
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]")
@@ -266,13 +252,9 @@ def _displaced(plant: Plant, row: Row, q: Array, wrench: Array, point: Array) ->
     turns = np.tile([1.0, 0, 0, 0], (len(q), 1))
     for quaternion, vector in zip(turns, moved(plant, state, tool, theta)[1], strict=True):
         mujoco.mju_quatIntegrate(quaternion, vector, 1.0)
-    zero = np.zeros(len(q))
     return Equilibrium(
         theta=theta[:, plant.theta],
         markers=np.stack(places[:-1], axis=1),
         tool=places[-1],
         rotation=np.reshape([rotation_of(turn) for turn in turns], (-1, 3, 3)) @ state.rotation[tool],
-        residual=zero,
-        step=zero,
-        iterations=np.ones(len(q), dtype=int),
     )

@@ -25,7 +25,7 @@ from testbench.plant import (
 from testbench.plant.compensator import attached, stiffen, strut, strut_force
 from testbench.plant.disturbance import FOUNDATION
 from testbench.plant.equilibrium import Poses, hold, tangent
-from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
+from testbench.plant.joint_law import JointLaw, slope, turn
 from testbench.plant.state import evaluate, open_row
 
 CLEAN = Disturbances(own_weight=True)
@@ -175,7 +175,7 @@ def test_hysteresis_holds_back_loading_and_unloading_by_its_half_width(kr500, rn
     first, loaded = settle_pair(true, q, wrench, point)
     again = settle_disturbed(true, q, before=loaded)
     clean = settle(kr500.plant, q), settle(kr500.plant, q, wrench, point)
-    assert_same(replace(first, residual=clean[0].residual), clean[0])  # nothing to come from, nothing held
+    assert_same(first, clean[0])  # nothing to come from, nothing held
     moves = hinges(kr500, clean[1]) - hinges(kr500, clean[0])
     far = np.abs(moves) > 3 * h
     assert 40 < far.sum() < moves.size
@@ -187,7 +187,6 @@ def test_hysteresis_holds_back_loading_and_unloading_by_its_half_width(kr500, rn
     stuck = np.abs(moves) < 0.9 * h
     assert stuck.any()
     np.testing.assert_array_equal(hinges(kr500, loaded)[stuck], hinges(kr500, first)[stuck])
-    assert max(loaded.residual.max(), again.residual.max()) < 0.05
 
 
 def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):
@@ -221,6 +220,15 @@ def test_compliance_of_a_joint_is_the_slope_of_its_turn(before):
     expected = (turn(law, TORQUE + h) - turn(law, TORQUE - h)) / (2 * h)
     np.testing.assert_allclose(slope(law, TORQUE), expected, rtol=1e-6, atol=1e-15)
     assert (before is None) == (slope(law, TORQUE)[3] > 0)  # friction holds it
+
+
+def spring_torque(law, theta, torque):
+    """What springs hold at their turns, friction beside them: by the polynomial itself."""
+    x = law.compliance * torque
+    friction = 0.0 if law.before is None else law.hysteresis
+    slip = np.clip(theta - turn(replace(law, before=None), torque), -friction, friction)
+    phi = theta - law.backlash * np.tanh(x / law.backlash) - slip
+    return phi / law.compliance * (1 + law.stiffening * (phi / 1e-3) ** 2)
 
 
 @pytest.mark.parametrize("before", [None, np.array([0.0, 0.0, 2e-3, 8e-5])])
