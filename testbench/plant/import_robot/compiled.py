@@ -116,14 +116,9 @@ def _surfaces(file: Path, model: mujoco.MjModel, own: Mapping[str, Mesh]) -> lis
 
 def _marked(body: Body, cleaned: Cleaned) -> Body:
     """The body, told why its joint cannot be one of an arm."""
-    if body.name == ROOT:
-        return replace(body, name="world")
-    if odd := cleaned.odd.get(body.name):
-        return replace(body, odd=odd)
-    if body.joint is None or body.joint.name not in cleaned.follows:
-        return body
-    follows = cleaned.follows[body.joint.name]
-    return replace(body, odd=f"follows {follows!r} (mimic)", follows=follows)
+    follows = cleaned.follows.get(body.joint.name, "") if body.joint else ""
+    odd = f"follows {follows!r} (mimic)" if follows else cleaned.odd.get(body.name, body.odd)
+    return replace(body, name="world" if body.name == ROOT else body.name, odd=odd, follows=follows)
 
 
 def _split(model: mujoco.MjModel, b: int, parent: int, before: Array, count: int) -> tuple[list[Body], Array]:
