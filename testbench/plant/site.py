@@ -15,6 +15,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from testbench.arm.document import unique
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import read_mjcf
 from testbench.errors import Array, BenchError, Ids, PoseError, check_array, check_least
@@ -134,7 +135,8 @@ def build_site(
     where = None if station is None else check_position(station)
     root = read_mjcf(arm.rigid)
     lay_floor(root, floor)
-    weight, head = _unused(root, "payload"), _unused(root, "tracker")
+    taken = {str(body.get("name")) for body in root.iter("body")}
+    weight, head = unique("payload", taken), unique("tracker", taken)
     if payload is not None:
         _hang(root, weight, payload)
     if where is not None:
@@ -159,13 +161,6 @@ def build_site(
         facing=_facing(model, model.body(arm.tool).id, markers),
         part=part,
     )
-
-
-def _unused(root: ET.Element, name: str) -> str:
-    taken = {body.get("name") for body in root.iter("body")}
-    while name in taken:
-        name += "_"
-    return name
 
 
 def _hang(root: ET.Element, name: str, payload: Payload) -> None:
