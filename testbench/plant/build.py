@@ -17,7 +17,9 @@ from testbench.arm.folder import Arm
 from testbench.arm.mesh import read_meshes
 from testbench.arm.mjcf import LENGTH, mesh_files, read_mjcf
 from testbench.errors import Array, Ids, InputError
+from testbench.plant.disturbance import NOMINAL, Disturbances
 from testbench.plant.elastic import elastic_mjcf, theta_names
+from testbench.plant.gear import Gears
 
 REFUSED = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 """What MuJoCo raises of a model that it does not compile."""
@@ -44,6 +46,15 @@ class Plant:
     load: Array  #: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
     C: Array  #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
     carries: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
+    disturbances: (
+        Disturbances  #: What it does beyond its folder.
+    )
+    offset: Array  #: True minus commanded joint angles, the same in all poses, (n,) [rad].
+    centre: Array  #: True minus recorded hanging point, tool's axes, (3,) [m].
+    #: True minus drawn frames of the joints and the tool, (n + 1, 6) [m, rad]: shift along the axes of the
+    #: link before, turn about the frame's own. The model has them.
+    frames: Array
+    gears: Gears | None = None  #: Joint errors that depend on the pose; None for none.
 
     @property
     def hinges(self) -> Ids:
@@ -125,6 +136,10 @@ def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
         load=np.asarray(tool.xmat.reshape(3, 3).T @ (data.body(arm.load).xpos - tool.xpos)),
         C=C,
         carries=_carries(model),
+        disturbances=NOMINAL,
+        offset=np.zeros(arm.n_joints),
+        centre=np.zeros(3),
+        frames=np.zeros((arm.n_joints + 1, 6)),
     )
 
 

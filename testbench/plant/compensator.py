@@ -10,7 +10,7 @@ Joint 2 sees the equivalent stiffness K_eq = stiffness s'^2 + F s'', primes bein
 q_2: it vanishes nearly where the strut points at the axis and is largest where it stands square on its lever.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,32 +18,6 @@ from testbench.arm.folder import Compensator
 from testbench.errors import Array, BenchError, Ids
 from testbench.plant.build import Plant
 from testbench.plant.state import State, generalised_force, place
-
-KR500_COMPENSATOR = Compensator(
-    foot=(-0.48, 0.30, -0.27),
-    head=(-0.07, 0.30, 0.26),
-    rate=65e3,
-    rest_length=0.12,
-    stiffness=6.9e6,
-)
-"""For models/kr500_l480.
-
-foot: the rear end of the strut drawn in rigid.xml [assumed, by eye]. head: 0.27 m from axis 2 inside the
-drawn hub, on the line from axis to foot when the upper arm is upright, along which the strut is drawn
-[assumed]. rate and rest_length: 41 kN upright, 60 kN stretched, where it carries about the arm's own weight,
-16 kN m [assumed].
-
-stiffness: 1 / 0.144e-6 N/m. 0.144e-6 is [published] for a KR 270 beside 0.302e-6 rad/(N m) of its joint 2,
-without its unit; that it is the strut's own compliance in m/N is our reading. K_eq is then at most 4 % of the
-stiffness of joint 2, which agrees with the 4.8 % that the paper quotes. `STIFF_COMPENSATOR` is the other
-reading.
-"""
-
-STIFF_COMPENSATOR = replace(KR500_COMPENSATOR, stiffness=9.6e7)
-"""The same number read as a compliance of joint 2 in rad/(N m): K_eq at the best lever is 1 / 0.144e-6 =
-6.9e6 N m/rad, half of the stiffness of joint 2. As a plain spring it could not be: turning joint 2 by a
-radian would take 400 times the torque of the arm's own weight.
-"""
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from dataclasses import dataclass, fields, replace
 import mujoco
 import numpy as np
 
-from testbench.arm.folder import Compensator
 from testbench.errors import Array, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
 from testbench.plant.compensator import Strut, attached, stiffen, strut, strut_force
+from testbench.plant.gear import gear_error
 from testbench.plant.joint_law import JointLaw, slope, turn
 from testbench.plant.shapes import rotation_of
 from testbench.plant.state import Row, State, evaluate, generalised_force, moved, open_row, place
@@ -58,14 +58,13 @@ class Poses:
         return tool if self.strut is None else (*tool, *self.strut.ends)
 
 
-def settle(  # noqa: PLR0913 - all but two have defaults
+def settle(
     plant: Plant,
     q: Array,
     wrench: Array | None = None,
     point: Array | None = None,
     *,
-    law: JointLaw | None = None,
-    compensator: Compensator | None = None,
+    before: Equilibrium | None = None,
 ) -> Equilibrium:
     """Static equilibrium of every pose under the arm's own weight and a wrench at the tool.
 
@@ -73,29 +72,56 @@ def settle(  # noqa: PLR0913 - all but two have defaults
     does; without one the arm's own weight is left, without a point it acts at the tool's origin.
 
     Args:
-        plant: The arm.
-        q: Actuated joints, (runs, n) [rad, m].
-        wrench: Force and moment, world axes, (runs, 6) [N, N m].
-        point: Where it acts, in the tool's frame, (runs, 3) [m].
-        law: How the joints give way, `before` by run; None for MuJoCo's linear springs.
-        compensator: What else holds the arm, from link 1 to link 2.
+        plant: The arm, with what disturbs it.
+        q: Commanded joint angles, (runs, n) [rad, m].
+        wrench: Recorded force and moment, world axes, (runs, 6) [N, N m].
+        point: Where it is recorded to act, in the tool's frame, (runs, 3) [m].
+        before: What the arm rested at before this load, for the friction in its joints; None for joints that
+            have just moved to the pose and hold back nothing.
+
+    Returns:
+        The poses at rest; theta is measured from the true joint angles.
 
     Raises:
         NoEquilibrium: When the arm is too soft for its load; names the pose.
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
-    runs = len(q)
+    runs, changes = len(q), plant.disturbances
     wrench = np.zeros((runs, 6)) if wrench is None else check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = np.zeros((runs, 3)) if point is None else check_array(point, (runs, 3), "point [m]")
+    wrench, point, law = wrench * (1 + changes.mass_error), point + plant.centre, _law(plant, runs, before)
+    true_q = q + plant.offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
     def settled(some: slice, row: Row) -> Equilibrium:
-        poses = Poses(plant, hold(plant, q[some]), wrench[some], point[some], law and law.of(some))
-        if compensator is not None:
+        poses = Poses(plant, hold(plant, true_q[some]), wrench[some], point[some], law and law.of(some))
+        if changes.compensator is not None:
             state = evaluate(row, poses.held, attached(plant))
-            poses = replace(poses, strut=strut(compensator, plant, state))
+            poses = replace(poses, strut=strut(changes.compensator, plant, state))
         return _settle(poses, row)
 
     return in_parts(plant, runs, settled)
+
+
+def _law(plant: Plant, runs: int, before: Equilibrium | None) -> JointLaw | None:
+    """How the joints give way, by run; None for MuJoCo's linear springs."""
+    if before is not None:
+        check_array(before.theta, (runs, plant.arm.n_theta), "theta before [m, rad]")
+    changes = plant.disturbances
+    if not (changes.stiffening or changes.backlash or changes.hysteresis):
+        return None
+    return JointLaw(
+        compliance=np.array([joint.compliance for joint in plant.arm.joints]),
+        stiffening=changes.stiffening,
+        backlash=changes.backlash,
+        hysteresis=changes.hysteresis,
+        before=None if before is None else before.theta[:, 6 * len(plant.arm.links) :],
+    )
+
+
+def settle_pair(plant: Plant, q: Array, wrench: Array, point: Array) -> tuple[Equilibrium, Equilibrium]:
+    """The arm unloaded, then loaded from there."""
+    rest = settle(plant, q)
+    return rest, settle(plant, q, wrench, point, before=rest)
 
 
 def in_parts(plant: Plant, runs: int, settled: Callable[[slice, Row], Equilibrium]) -> Equilibrium:

@@ -61,9 +61,9 @@ def sound(cells: Mapping[str, Cell], seed: int) -> Sound:
     true = true_cell(cell, truth, seed).plant
     true = disturb(true, typical if disturbed else QUIET, stream(seed, 20))
     off = rng.uniform(0, 5e-3) * rng.standard_normal((len(cell.arm.markers), 3))
-    model = copy.copy(true.plant.model)
-    model.body_pos[true.plant.markers] += off
-    true = replace(true, plant=with_model(true.plant, model))
+    model = copy.copy(true.model)
+    model.body_pos[true.markers] += off
+    true = with_model(true, model)
     poses = clear_poses(cell, AREA[name], int(rng.integers(10, 25)), rng)
     asked = _loaded(cell, poses, loads, rng)
     before, after = settle_pair(true, asked.q, asked.wrench, asked.point)

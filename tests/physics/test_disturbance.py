@@ -18,7 +18,6 @@ from testbench.plant import (
     build_plant,
     disturb,
     settle,
-    settle_disturbed,
     settle_linear,
     settle_pair,
 )
@@ -63,7 +62,7 @@ def only_joint(cell, k):
 def test_an_undisturbed_arm_is_the_clean_one_to_the_last_bit_and_stays_as_it_is(kr500, rng):
     q = random_q(kr500, rng, 20)
     wrench, point = hung(kr500, 20)
-    settle_disturbed(disturbed(kr500, TYPICAL), q)
+    settle(disturbed(kr500, TYPICAL), q)
     unloaded, loaded = settle_pair(disturbed(kr500, CLEAN), q, wrench, point)
     assert_same(unloaded, settle(kr500.plant, q))
     assert_same(loaded, settle(kr500.plant, q, wrench, point))
@@ -137,7 +136,7 @@ def test_gears_turn_the_joints_by_a_sum_of_sines_and_a_share_of_the_angle(kr500,
     periodic = gears.sine[:, None] * np.sin(angle) + gears.cosine[:, None] * np.cos(angle)
     moved = q + true.offset + gears.ratio * q + periodic.sum(axis=0)
     assert np.abs(moved - q).max() > 1e-4
-    rest, expected = settle_disturbed(true, q), settle(kr500.plant, moved)
+    rest, expected = settle(true, q), settle(kr500.plant, moved)
     np.testing.assert_allclose(rest.markers, expected.markers, rtol=0, atol=1e-12)  # rounding of metres
 
 
@@ -173,7 +172,7 @@ def test_hysteresis_holds_back_loading_and_unloading_by_its_half_width(kr500, rn
     q = random_q(kr500, rng, 20)
     wrench, point = hung(kr500, 20)
     first, loaded = settle_pair(true, q, wrench, point)
-    again = settle_disturbed(true, q, before=loaded)
+    again = settle(true, q, before=loaded)
     clean = settle(kr500.plant, q), settle(kr500.plant, q, wrench, point)
     assert_same(first, clean[0])  # nothing to come from, nothing held
     moves = hinges(kr500, clean[1]) - hinges(kr500, clean[0])
@@ -204,7 +203,7 @@ def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):
     moved = soft.tool - rigid.tool
     # a newton bends the arm by 1e-6 m: second order is 1e-6; rounding of metres is 1e-8 of 1e-8 m
     np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
-    linear = settle_linear(disturbed(kr500, Disturbances(foundation=scale)).plant, q, wrench, point)
+    linear = settle_linear(disturbed(kr500, Disturbances(foundation=scale)), q, wrench, point)
     np.testing.assert_allclose(linear.tool - rest.tool, soft.tool - rest.tool, rtol=0, atol=1e-10)
 
 

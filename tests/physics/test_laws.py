@@ -43,8 +43,7 @@ from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import chain, plain_load, turns
 from testbench.model.weights import read_weights
-from testbench.plant import TYPICAL, Disturbances, disturb, settle_disturbed, settle_pair
-from testbench.plant.compensator import KR500_COMPENSATOR
+from testbench.plant import KR500_COMPENSATOR, TYPICAL, Disturbances, disturb, settle, settle_pair
 from testbench.studies.model_error.trial import disturbed
 
 SCENARIO = Scenario(
@@ -65,7 +64,7 @@ def loaded(kr500, seed, runs=12):
 def taken_off_again(plant, q, wrench, point, off):
     """The arm unloaded and loaded; where `off`, (runs,), unloaded after the load was taken off again."""
     before, after = settle_pair(plant, q, wrench, point)
-    put(before, np.flatnonzero(off), in_order(settle_disturbed(plant, q, before=after), off))
+    put(before, np.flatnonzero(off), in_order(settle(plant, q, before=after), off))
     return before, after
 
 
@@ -150,7 +149,7 @@ def test_torques_before_the_load_are_those_of_the_true_arm_at_rest(kr500):
     spring = kr500.arm.compensator
     true = strut_of(kr500.arm, rate=spring.rate, rest_length=spring.rest_length, stiffness=None)
     plant = disturb(kr500.plant, Disturbances(own_weight=True, compensator=true), np.random.default_rng(0))
-    at_rest = settle_disturbed(plant, q).theta[:, LINKS:48]
+    at_rest = settle(plant, q).theta[:, LINKS:48]
     torque = at_rest / np.array([joint.compliance for joint in kr500.arm.joints])
     found = laws_of(kr500.arm).before(chain(kr500.vjm, q)).T
     np.testing.assert_allclose(found, torque, rtol=0, atol=0.02 * np.abs(torque).max())
