@@ -46,9 +46,7 @@ class Plant:
     load: Array  #: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
     C: Array  #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
     carries: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
-    disturbances: (
-        Disturbances  #: What it does beyond its folder.
-    )
+    disturbances: Disturbances  #: What it does beyond its folder.
     offset: Array  #: True minus commanded joint angles, the same in all poses, (n,) [rad].
     centre: Array  #: True minus recorded hanging point, tool's axes, (3,) [m].
     #: True minus drawn frames of the joints and the tool, (n + 1, 6) [m, rad]: shift along the axes of the

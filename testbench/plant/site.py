@@ -292,7 +292,7 @@ def _touching(site: Site, pose: Ids, pairs: Ids, distance: Array) -> Ids:
 
 def collisions(site: Site, q: Array) -> list[tuple[str, str] | None]:
     """The two bodies of `contacts` in every pose, None where the arm is clear."""
-    return [found and found.bodies for found in contacts(site, q)]
+    return [found.bodies if found else None for found in contacts(site, q)]
 
 
 def check_poses(site: Site, q: Array) -> None:

@@ -241,8 +241,9 @@ def _fit(chain: Chain) -> Chain:
         fit = tuple(site._replace(name=site_name) for site, site_name in sites)
         joint = part.joint and replace(part.joint, name=own)
         renamed.append(replace(part, name=name, joint=joint, sites=fit))
-    named = zip((*chain.parts, *chain.joints), (*links, *joints), strict=True)
-    changed = tuple(f"{old.name!r} is {new}" for old, new in named if old.name != new)
+    had = [*(part.name for part in chain.parts), *(joint.name for joint in chain.joints)]
+    named = zip(had, (*links, *joints), strict=True)
+    changed = tuple(f"{old!r} is {new}" for old, new in named if old != new)
     notes = (*chain.notes, Note("renamed", changed)) if changed else chain.notes
     [name] = fit_names([chain.name])
     return replace(chain, name=name, parts=tuple(renamed), notes=notes)
