@@ -203,7 +203,7 @@ def load_arm(folder: str | Path) -> Arm:
         load=elastic.load,
         markers=tuple(elastic.markers),
         payload=None if elastic.payload is None else elastic.payload.value,
-        compensator=spring and Compensator(**{name: own.value for name, own in spring}),
+        compensator=None if spring is None else Compensator(**{k: v.value for k, v in spring}),
     )
     if arm.compensator is not None and (len(arm.links) < 3 or arm.joints[1].prismatic):
         place = toml_place(toml_path, ["compensator"])
