@@ -198,7 +198,7 @@ def test_loaded_stiffness_falls_to_zero_at_the_buckling_load_of_theory(kr500):
 @pytest.mark.parametrize("share", [1.001, 3.0])
 def test_beyond_its_buckling_load_an_arm_has_no_equilibrium(kr500, share):
     q, point, C_theta, height, compliance = inverted_pendulum(kr500)
-    wrench = np.array([[0, 0, -share / (compliance * height), 0, 0, 0]])
+    wrench = np.array([[1.0, 0, -share / (compliance * height), 0, 0, 0]])  # a newton tells it where to fall
     with pytest.raises(NoEquilibrium, match=r"-90\.0.*buckled"):
         at_rest(kr500, C_theta, q, wrench, point)
 
