@@ -29,8 +29,8 @@ from testbench.identify.registered import in_base, registered, unloaded
 from testbench.identify.registration import Frame, register
 from testbench.model.structure import mgco68
 from testbench.model.vjm import Vjm, tool_pose
-from testbench.plant import disturb
 from testbench.plant.disturbance import Disturbances, GeometryErrors
+from testbench.plant.disturbed import disturb
 
 ARM, PLACE, POSES, MASS = "kr500_l480", (2.2, -4.0, 1.6), 10, 460.3
 ROUGH, NOISE = 0.03, 1e-3  #: Of nominal targets, and of readings where the covariance is judged [m].
@@ -41,7 +41,7 @@ def of_model(cell: Cell, seed: int, errors: float) -> Array:
     """RMS error over the workspace in every case, (3,) [m]; joints off by `errors` [m, rad]."""
     if errors:
         geometry = Disturbances(own_weight=True, geometry=GeometryErrors(errors, errors))
-        cell = replace(cell, truth=disturb(cell.plant, geometry, stream(seed, 9)).plant)
+        cell = replace(cell, truth=disturb(cell.plant, geometry, stream(seed, 9)))
     setup = Scenario(arm=ARM, workspace_poses=100)
     poses = draw_poses(cell, setup, seed)
     clean, truth = (

@@ -16,7 +16,7 @@ from testbench.errors import BenchError
 from testbench.identify.prior import RANGE
 from testbench.model.poses import WorkArea
 from testbench.model.structure import Structure
-from testbench.plant import Payload
+from testbench.plant.site import Payload
 
 HIGHEST = 1000.0  #: Height of a floor, up or down [m]; beyond it a unit is a slip.
 MOST_POSES = 200
@@ -113,7 +113,8 @@ class PlanSettings:
 
 def pull_words(pull: Sequence[float]) -> str:
     """A pull, world axes [N], as plans name it."""
-    return f"pull {', '.join(f'{x:g}' for x in pull)} N"
+    along = [(f"{abs(x):g} N along {'-' * (x < 0)}{axis}") for x, axis in zip(pull, "xyz", strict=True) if x]
+    return f"pull of {along[0]}" if len(along) == 1 else f"pull {', '.join(f'{x:g}' for x in pull)} N"
 
 
 def _check_range(what: str, value: float | None, low: float, high: float) -> None:

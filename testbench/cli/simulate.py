@@ -22,11 +22,10 @@ from testbench.data.write import write_csv, write_series
 from testbench.errors import Array, BenchError, InputError
 from testbench.output.place import Kind, claim_file
 from testbench.output.whole import whole_files
-from testbench.plant import check_poses
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb
 from testbench.plant.gear import GearErrors
-from testbench.plant.site import check_position
+from testbench.plant.site import check_poses, check_position
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import plain_console
 
@@ -193,7 +192,7 @@ def _read_deflections(cell: Cell, asked: Options) -> None:
     scenario = Scenario(arm=cell.arm.name, payload=float(masses.max()) or None, sigma=_sigma(asked))
     if asked.geometry_mm:
         errors = Disturbances(own_weight=True, geometry=GeometryErrors(*[asked.geometry_mm / 1e3] * 2))
-        cell = replace(cell, truth=disturb(cell.plant, errors, stream(asked.seed, 3)).plant)
+        cell = replace(cell, truth=disturb(cell.plant, errors, stream(asked.seed, 3)))
     trackers = _trackers(asked)
     pose = np.repeat(np.arange(len(q)), masses.shape[1])
     loaded = hanging(cell, q[pose], pose + 1, masses.ravel())

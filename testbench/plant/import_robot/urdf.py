@@ -15,9 +15,11 @@ from urllib.parse import unquote, urlparse
 import mujoco
 import numpy as np
 
+from testbench.arm.document import inside
 from testbench.arm.lines import xml_place
 from testbench.arm.mesh import MeshError
 from testbench.errors import Array, InputError
+from testbench.plant.collide import VISUAL_GROUPS
 from testbench.plant.import_robot.compiled import ROOT, Cleaned
 from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size, stl_bytes
 from testbench.plant.import_robot.robot import Mesh, Note
@@ -29,13 +31,11 @@ from testbench.plant.import_robot.source import (
     UP,
     check_count,
     check_numbers,
-    inside,
     need,
     packages,
     read_numbers,
 )
 from testbench.plant.import_robot.tip import ARM_JOINTS
-from testbench.plant.shapes import VISUAL_GROUPS
 
 MOVING = ("revolute", "continuous", "prismatic")
 ODD = {"floating": "floats free", "planar": "is planar", "spherical": "is a ball joint"}
