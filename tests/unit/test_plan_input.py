@@ -55,7 +55,7 @@ BROKEN = [
     (DEG, np.tile(POSES, (501, 1)), "line 1002: expected 1 to 1000 tasks, got 1002"),
     (DEG + POINT, np.c_[POSES, np.ones((2, 3))], "expected force_x_N, force_y_N, force_z_N where point_x"),
     (DEG, [POSES[0], [0, 60, 90, 0, 20, 0]], "joint_2_deg: expected -130.0000 to 20.0000 deg, got 60"),
-    (DEG, [POSES[0], [0, 20, 60, 0, 0, 0]], "line 3: world collides with link_3 in this pose"),
+    (DEG, [POSES[0], [0, 20, 60, 0, 0, 0]], "line 3: link_3 collides with world in this pose"),
     (DEG + FORCE, np.c_[POSES, np.zeros((2, 3))], "line 2: expected a load, got zero force and moment"),
     (DEG + FORCE, np.c_[POSES, 1e9 * np.ones((2, 3))], "column force_x_N: expected -1e+06 to 1e+06"),
 ]
