@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 
-from testbench.data.lines import Line, cells_of, count_cells, tabbed
+from testbench.data.lines import Line, cells_of, tabbed
 from testbench.data.mapping import Layout
 from testbench.data.names import Unit, find_unit
 from testbench.data.sheet import SHEET
@@ -153,23 +153,19 @@ def notes(encoding: str, header: Header) -> tuple[str, ...]:
     return (*found, *["the line below the header holds units"] * any(header.units))
 
 
-def rows_of(path: Path, header: Header) -> list[str]:
-    """The rows, each with as many cells as the header; surplus blank ones at the end are left out.
+def row_of(path: Path, header: Header, line: Line) -> list[str]:
+    """The cells of a row, as many as the header has; surplus blank ones at the end are left out.
 
     Raises:
-        InputError: At the first row of another length.
+        InputError: At a row of another length.
     """
-    count, blank = len(header.names), _blanks(header.delimiter)
-    delimiter = "\t" if blank else header.delimiter
-    found = []
-    for line in header.body:
-        text = tabbed(line.text, header.delimiter) if blank else line.text
-        got = count_cells(text, delimiter)
-        while got > count and text.rstrip(" ").endswith(delimiter):
-            text, got = text.rstrip(" ")[:-1], got - 1
-        if got != count:
-            hint = "; for a line behind the table say footer = 1 in the map's [file]"
-            problem = f"expected {count} fields, got {got}" + hint * (line is header.body[-1])
-            raise InputError(path, f"line {line.number}", problem)
-        found.append(text)
-    return found
+    count, cells = len(header.names), cells_in(line, header.delimiter)
+    while len(cells) > count and not cells[-1]:
+        cells.pop()
+    if len(cells) != count:
+        hint = "; for a line behind the table say footer = 1 in the map's [file]"
+        problem = f"expected {count} fields, got {len(cells)}" + hint * (line is header.body[-1])
+        if not cells:
+            problem = f"not a table: expected {count} fields, quotes around whole cells"
+        raise InputError(path, f"line {line.number}", problem)
+    return cells

@@ -139,17 +139,15 @@ def tabbed(line: str, runs: str) -> str:
     return '"'.join(p if k % 2 else re.sub(rf"\s{{{len(runs)},}}", "\t", p) for k, p in enumerate(pieces))
 
 
-def count_cells(line: str, delimiter: str) -> int:
-    """How many cells a line has; delimiters in quotes do not count."""
-    return 1 + sum(piece.count(delimiter) for piece in line.split('"')[::2])
-
-
 def cells_of(line: str, delimiter: str) -> list[str]:
-    """Cells of a line without quotes and blanks around them; none for what is no table."""
+    """Cells of a line without quotes and blanks around them; none where quotes are not around whole cells."""
     try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+        [cells] = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
     except csv.Error:
         return []
+    if '"' in line and len(cells) != 1 + sum(piece.count(delimiter) for piece in line.split('"')[::2]):
+        return []
+    return [cell.strip() for cell in cells]
 
 
 def as_cell(text: str) -> str:

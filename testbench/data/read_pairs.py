@@ -17,7 +17,7 @@ from testbench.data.pair import HELD, Paired, pair
 from testbench.data.rows import Conditions, Readings, markers_only, read_conditions, read_readings
 from testbench.data.scatter import read_covariances, read_sigma
 from testbench.data.shots import averaged
-from testbench.data.spool import Campaign, Spool, some
+from testbench.data.spool import Campaign, some, spooled
 from testbench.data.stream import Source, Whole, alike, read_source
 from testbench.data.table import table_of
 from testbench.errors import Array, Ids, Mask, open_file
@@ -104,17 +104,10 @@ def _run_column(columns: Columns) -> list[int]:
 
 def _gathered(exports: Iterator[Export]) -> Export:
     """All runs in a file of their own, and some."""
-    spool, first = Spool(), next(exports)
-    run, pose, level = list[Ids](), list[Ids](), list[Array]()
-    for export in chain([first], exports):
-        data = alike(first.columns.table.path, first.data, export.data)
-        run.append(data.run)
-        pose.append(data.pose)
-        level.append(np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2))
-        spool.add(data)
-    every = Campaign(spool, np.concatenate(run), np.concatenate(pose), np.concatenate(level))
-    ordered = np.sort(every.run)
-    if (ordered[1:] == ordered[:-1]).any():  # rows of a run do not stand together
+    first = next(exports)
+    blocks = (export.data for export in chain([first], exports))
+    every = spooled(alike(first.columns.table.path, first.data, data) for data in blocks)
+    if len(np.unique(every.run)) < every.runs:  # rows of a run do not stand together
         raise Whole
     return replace(first, data=every.pick(some(np.arange(every.runs))), every=every)
 
