@@ -8,7 +8,7 @@ from pathlib import Path
 from testbench.data.lines import Line, cells_of, tabbed
 from testbench.data.mapping import Layout
 from testbench.data.names import Unit, find_unit
-from testbench.data.sheet import SHEET
+from testbench.data.workbook import SHEET
 from testbench.errors import InputError, shown
 
 SEARCHED, WIDEST, COUNTED = 100, 20_000, 200

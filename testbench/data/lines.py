@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from testbench.data.sheet import sheet_text
+from testbench.data.workbook import sheet_text
 from testbench.errors import InputError, read_bytes, shown
 
 MAX_BYTES = 300_000_000

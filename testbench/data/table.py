@@ -15,7 +15,7 @@ from testbench.data.header import Header, find_header, notes, row_of
 from testbench.data.lines import from_cell, read_letters, split_lines
 from testbench.data.mapping import Layout
 from testbench.data.names import Unit, squeeze
-from testbench.data.sheet import SHEET
+from testbench.data.workbook import SHEET
 from testbench.errors import Array, Ids, InputError, Mask, shown
 
 COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
