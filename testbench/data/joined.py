@@ -61,7 +61,7 @@ def with_log(table: Table, names: Names) -> Table:
         if own and own.slot == Slot("marker"):
             table = table.take(np.array([squeeze(text) not in names.ignored for text in table.texts(k)]))
     file = names.path.parent / names.log.file
-    return joined(table, read_table(file, lambda name: names.find(name) is not None, Layout()), names.log)
+    return joined(table, read_table(file, names.knows, Layout()), names.log)
 
 
 def joined(table: Table, log: Table, how: Log) -> Table:

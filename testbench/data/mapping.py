@@ -128,6 +128,10 @@ class Names:
         own = recognise(header, self.ours)
         return None if own is None else Named(*own)
 
+    def knows(self, header: str) -> bool:
+        """Whether a column of that name is looked for."""
+        return self.find(header) is not None
+
     def maps(self, header: str) -> bool:
         """Whether the map has a column of that name."""
         parts = split_unit(header)

@@ -26,6 +26,7 @@ from testbench.data.rows import (
     first_rows,
     markers_only,
     number_rows,
+    placed,
     read_conditions,
     read_readings,
     repeats,
@@ -185,10 +186,8 @@ def _assembled(
     """
     table, m = columns.table, len(read.markers)
     code = _grouped(columns, conditions, read) if read.long and m > 1 else np.arange(table.rows)
-    first = first_rows(code)
-    position = np.full((len(first), m, 3), np.nan)
-    position[code[read.row], read.marker] = read.position
-    lost = np.isnan(position).any(axis=2)
+    first, position = first_rows(code), placed(read, code)
+    lost = np.asarray(np.isnan(position).any(axis=2))
     P = np.zeros((len(first), m, 3, 3))
     P[code[read.row], read.marker] = _precision(scatter)[read.row]
     P[lost] = 0
@@ -225,14 +224,11 @@ def _grouped(columns: Columns, conditions: Conditions, read: Readings) -> Ids:
     table = columns.table
     marker = np.empty(table.rows, dtype=int)
     marker[read.row] = read.marker
-    parts: list[Array | Ids] = [conditions.wrench, conditions.point, conditions.pose[:, None]]
-    parts += [ids[:, None] for ids in (conditions.run, conditions.station) if ids is not None]
-    for slot in (Slot("series"), Slot("series_frame"), Slot("series_target"), Slot("state")):
-        column = columns.get(slot)
-        if column is not None:
-            parts.append(np.unique(table.texts(column.index), return_inverse=True)[1].reshape(-1, 1))
-    code = number_rows(np.column_stack([number_rows(part)[:, None] for part in parts]))
-    code = number_rows(np.column_stack([code, repeats(np.column_stack([code, marker]))]))
+    found = (columns.get(Slot(what)) for what in ("series", "series_frame", "series_target", "state"))
+    words = (np.array(table.texts(column.index)) for column in found if column is not None)
+    own = conditions
+    code = number_rows(own.wrench, own.point, own.pose, own.run, own.station, *words)
+    code = number_rows(code, repeats(code, marker))
     leader = first_rows(code)[code]
     moved = np.abs(conditions.q - conditions.q[leader]).max(axis=1)
     table.refuse(

@@ -91,7 +91,7 @@ def join_axes(table: Table, named: dict[int, Named], names: Names) -> tuple[Tabl
         points,
         names=(*(table.names[k] for k in kept), *(f"{XYZ[i]} {table.names[k]}" for k, i in spread)),
         units=tuple(table.units[k] for k in (*kept, *(k for k, _ in spread))),
-        cells=[points.cells[k] for k in kept] + [table.picked(k, rows[:, i]) for k, i in spread],
+        cells=[points.cells[k] for k in kept] + [table.cells[k].take(rows[:, i]) for k, i in spread],
     )
     found = {n: named[k] for n, k in enumerate(kept) if k in named}
     for n, (k, i) in enumerate(spread, start=len(kept)):

@@ -107,10 +107,11 @@ def same_poses(q: Array) -> Ids:
     return number_rows(labels) + 1
 
 
-def number_rows(values: Array | Ids) -> Ids:
-    """Equal rows of a table by one number, from 0 as they first appear, (rows,)."""
-    code = np.zeros(len(values), dtype=int)
-    for column in values.T:
+def number_rows(*parts: Array | Ids | Mask | None) -> Ids:
+    """Rows equal in all parts, (rows,) or (rows, k), by one number each, from 0 as they first appear."""
+    known = [part.reshape(len(part), -1) for part in parts if part is not None]
+    code = np.zeros(len(known[0]), dtype=int)
+    for column in (column for part in known for column in part.T):
         own, more = np.unique(column, return_inverse=True)
         code = np.unique(code * len(own) + more.reshape(-1), return_inverse=True)[1].reshape(-1)
     _, first, code = np.unique(code, return_index=True, return_inverse=True)
@@ -124,9 +125,9 @@ def first_rows(code: Ids) -> Ids:
     return np.unique(code, return_index=True)[1]
 
 
-def repeats(values: Array | Ids) -> Ids:
-    """How many equal rows stand before each row, (rows,)."""
-    code = number_rows(values)
+def repeats(*parts: Ids) -> Ids:
+    """How many rows that are equal in all parts stand before each row, (rows,)."""
+    code = number_rows(*parts)
     order = np.argsort(code, kind="stable")
     size = np.bincount(code)
     found = np.empty(len(code), dtype=int)
@@ -209,6 +210,19 @@ class Readings:
     position: Array  #: Where the target was, (s, 3) [m]; NaN where it was lost.
     long: bool  #: Whether a column of markers says which target a row is of.
     paired: bool  #: Whether both states stand in one row.
+
+
+def placed(read: Readings, code: Ids, some: Mask | slice = slice(None)) -> Array:
+    """Some readings by their group and marker, (groups, m, 3) [m]; NaN where there are none.
+
+    Args:
+        read: The readings.
+        code: The group of every row, (rows,).
+        some: Which of them.
+    """
+    found: Array = np.full((int(code.max()) + 1, len(read.markers), 3), np.nan)
+    found[code[read.row[some]], read.marker[some]] = read.position[some]
+    return found
 
 
 def markers_only(columns: Columns) -> tuple[Columns, list[str]]:

@@ -25,8 +25,7 @@ def averaged(columns: Columns) -> tuple[Columns, list[str]]:
     keys = [c for c in columns.found.values() if c.slot.what not in (*OWN, "joint")]
     if not any(c.slot.what in ("pose", "run") for c in keys):
         keys += columns.every("joint")
-    own = [np.unique(table.texts(c.index), return_inverse=True)[1].reshape(-1) for c in keys]
-    code = number_rows(np.column_stack(own))
+    code = number_rows(*(np.array(table.texts(c.index)) for c in keys))
     first, count, squares, free = first_rows(code), np.bincount(code), 0.0, 0
     table = table.take(np.isin(np.arange(table.rows), first))
     for column in columns.every("reading"):

@@ -51,10 +51,6 @@ class Source(Generic[Read]):
     ids: tuple[What, ...]  #: Quantities whose cells are integers here.
     compute: Callable[[Columns], Read]  #: What the columns of a block, or of a file, say.
 
-    def known(self, name: str) -> bool:
-        """Whether a column of this name is looked for."""
-        return self.names.find(name) is not None
-
 
 def read_source(source: Source[Read], gather: Callable[[Iterator[Read]], Read]) -> Read:
     """What a file says: gathered from the blocks of a large one, else read as a whole.
@@ -146,7 +142,7 @@ class _Reader(Generic[Read]):
         text, self.encoding = letters(self.path, content, own.encoding)
         if self.encoding not in ("utf-8", "cp1252") or _broken(content):
             raise Whole
-        table = table_of(self.path, (text, self.encoding), self.source.known, own)
+        table = table_of(self.path, (text, self.encoding), self.names.knows, own)
         if not table.rows:
             raise Whole
         self.columns = columns = find_columns(table, self.names, self.source.arm)
@@ -203,7 +199,7 @@ class _Reader(Generic[Read]):
             if self.encoding == "utf-8" and self.names.layout.encoding is None and b"\0" not in block:
                 raise Whole from None
             raise
-        found = table_of(self.path, text, self.source.known, self.layout)
+        found = table_of(self.path, text, self.names.knows, self.layout)
         slow = find_columns(found, self.names, self.source.arm)
         for k in self.ids:
             slow.table.integers(k)

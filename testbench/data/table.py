@@ -83,23 +83,10 @@ class Table:
         """Whether all of a column were read as integers."""
         return bool(pa.types.is_integer(self.cells[k].type))
 
-    def take(self, rows: Mask) -> "Table":
-        """The rows under a mask, (rows,)."""
-        mask = pa.array(rows)
-        return replace(self, lines=self.lines[rows], cells=[cells.filter(mask) for cells in self.cells])
-
-    def picked(self, k: int, rows: Ids) -> "pa.Array":
-        """Cells of a column in some of the rows, counted from 0."""
-        return self.cells[k].take(pa.array(rows))
-
-    def only(self, columns: Sequence[int]) -> "Table":
-        """Some of the columns."""
-        return replace(
-            self,
-            names=tuple(self.names[k] for k in columns),
-            units=tuple(self.units[k] for k in columns),
-            cells=[self.cells[k] for k in columns],
-        )
+    def take(self, rows: Mask | Ids) -> "Table":
+        """Rows under a mask, or by their places, in any order."""
+        places = np.arange(self.rows)[rows]
+        return replace(self, lines=self.lines[rows], cells=[cells.take(places) for cells in self.cells])
 
     def beside(self, other: "Table", rows: Ids) -> "Table":
         """With those columns of another table that it has not, in these rows; decimal commas are points."""
@@ -109,7 +96,7 @@ class Table:
             self,
             names=(*self.names, *(other.names[k] for k in kept)),
             units=(*self.units, *(other.units[k] for k in kept)),
-            cells=[*map(_pointed, self.cells), *(_pointed(other.picked(k, rows)) for k in kept)],
+            cells=[*map(_pointed, self.cells), *(_pointed(other.cells[k].take(rows)) for k in kept)],
             notes=(*self.notes, *(f"{other.path.name}: {note}" for note in other.notes)),
         )
 
