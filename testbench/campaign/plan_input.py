@@ -13,9 +13,9 @@ from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
 from testbench.data.columns import Columns, find_columns, vector, wrench
-from testbench.data.joint_columns import joint_coordinates
 from testbench.data.mapping import read_map
 from testbench.data.names import UNITS, find_unit
+from testbench.data.rows import joint_coordinates
 from testbench.data.table import Table, read_table
 from testbench.design.rows import Tasks
 from testbench.errors import Array, BenchError, InputError

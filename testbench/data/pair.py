@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.rows import SAME_POSE, Conditions, Readings, first_rows, number_rows, placed, repeats
+from testbench.data.readings import Readings, placed
+from testbench.data.rows import SAME_POSE, Conditions, first_rows, number_rows, repeats
 from testbench.data.table import Table
 from testbench.errors import Array, Ids
 

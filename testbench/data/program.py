@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
+from testbench.data.beside import read_rotations
 from testbench.data.columns import Column, Columns, find_columns, read_columns, vector, wrench
-from testbench.data.joint_columns import joint_coordinates
 from testbench.data.mapping import read_map
 from testbench.data.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, columns_of, program_names, split_unit
-from testbench.data.rotation import read_rotations
+from testbench.data.rows import joint_coordinates
 from testbench.data.table import read_table
 from testbench.errors import Array, Ids, InputError
 

@@ -14,9 +14,9 @@ from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import read_map
 from testbench.data.names import ENTRIES, Slot, columns_of
 from testbench.data.pair import HELD, Paired, pair
-from testbench.data.rows import Conditions, Readings, markers_only, read_conditions, read_readings
+from testbench.data.readings import Readings, averaged, markers_only, read_readings
+from testbench.data.rows import Conditions, read_conditions
 from testbench.data.scatter import read_covariances, read_sigma
-from testbench.data.shots import averaged
 from testbench.data.spool import Campaign, some, spooled
 from testbench.data.stream import Source, Whole, alike, read_source
 from testbench.data.table import table_of

@@ -10,30 +10,25 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.beside import read_temperature, read_time, read_torques
+from testbench.data.beside import read_rotations, read_temperature, read_time, read_torques
 from testbench.data.columns import Columns
 from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import read_map
 from testbench.data.names import ROTATIONS, WHEN, Slot, What, series_names
 from testbench.data.pair import HELD, not_held
 from testbench.data.read_pairs import runs_of
-from testbench.data.rotation import read_rotations
+from testbench.data.readings import Readings, averaged, markers_only, placed, read_readings
 from testbench.data.rows import (
     POSES,
     SAME_POSE,
     Conditions,
-    Readings,
     first_rows,
-    markers_only,
     number_rows,
-    placed,
     read_conditions,
-    read_readings,
     repeats,
 )
 from testbench.data.scatter import Scatter, read_scatter
 from testbench.data.series import Series, select_rows, series_of
-from testbench.data.shots import averaged
 from testbench.data.spool import together
 from testbench.data.stream import Source, Whole, alike, read_source
 from testbench.errors import Array, Ids, open_file, stem_of
