@@ -1,27 +1,36 @@
-"""The equations of a calibration, one by one, against what they stand for: covariances, sums, torques."""
+"""The equations of a calibration and how sure they leave it, by the book: dense covariances, evidence."""
 
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
+from unsure import unsure_everywhere
 
+from testbench.campaign.absolute import DRIFT, drifted
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
-from testbench.data.series import select_rows
+from testbench.campaign.named_parameters import functionals
+from testbench.data.series import Series, select_rows
+from testbench.identify.absolute import evidence as sizes
 from testbench.identify.absolute.align import aligned
-from testbench.identify.absolute.evidence import Learnt, choice, usual
+from testbench.identify.absolute.evidence import choice, usual
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import eliminate, moved_frame, moved_mount
-from testbench.identify.absolute.noise import Noise
-from testbench.identify.absolute.posterior import posterior_of
-from testbench.identify.absolute.scatter import expected_of, single
-from testbench.identify.absolute.state import equilibrium, nominal
-from testbench.identify.absolute.unknowns import unknowns_of
-from testbench.identify.fold import Point, reduce_series
+from testbench.identify.absolute.noise import Noise, combine, repeated, roots
+from testbench.identify.absolute.posterior import deviations_root, known, place, posterior_of, predict
+from testbench.identify.absolute.scatter import expected_of, scatter, single
+from testbench.identify.absolute.state import Mount, equilibrium, forward, nominal
+from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
+from testbench.identify.arm_model import About, ArmModel
+from testbench.identify.evidence import ALIKE, TAIL
+from testbench.identify.fold import Point, equations, reduce_series
 from testbench.identify.metric import metric
+from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Strength, cad_prior
-from testbench.identify.robust_loss import SQUARE
+from testbench.identify.registration import Frame
+from testbench.identify.robust_loss import READINGS, SQUARE
 from testbench.identify.rows import rows_of
 from testbench.model.joint_errors import JointErrors
 from testbench.model.load import Load
@@ -33,7 +42,9 @@ from testbench.studies.absolute_calibration.beside import registered
 PAIRS = AbsoluteCampaign(
     poses=25, masses=(0.0, 230.0, 460.0), orientations=True, sigma_rotation=1e-4, disturbances=REAL_ARM
 )
-S, SIGMA, TURN = 2e-4, 5e-5, 1e-4  #: What a model leaves open, and scatter of readings [m, m, rad].
+S = 2e-4  #: What a model leaves open [m, rad].
+SIGMA, TURN, OPEN, OPEN_TURN = 20e-6, 3e-5, 35e-6, 5e-5
+R = Rotation.from_euler("xyz", [0.4, -0.9, 2.1]).as_matrix()
 
 
 @pytest.fixture(scope="module")
@@ -48,19 +59,17 @@ def reduced(kr500, series):
     state = aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), series)
     unknowns = unknowns_of(kr500.vjm, series, JointErrors(), all153(kr500.arm))
     point = Point(unknowns, state, Noise(S, S), SQUARE)
-    return reduce_series(point, series), unknowns
+    return reduce_series(point, series), point
 
 
-def test_blocks_and_series_add_up_to_all_equations(kr500, series, reduced):
+def test_blocks_and_series_add_up_to_all_equations(series, reduced):
     """A part of few rows keeps them as they are, one of many its triangle; poses are never parted."""
-    whole, unknowns = reduced
-    one, state = series[0], aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), series)
+    (whole, point), one = reduced, series[0]
     first = np.unique(one.pose, return_inverse=True)[1] < 3
     block = np.where(first, 0, 1 + one.pose % 2)
     rows = [np.flatnonzero(block == k) for k in range(3)]
     halves = [np.concatenate(rows[:2]), rows[2]]  # as two series of the same frame and mount
-    point, cut = Point(unknowns, state, Noise(S, S), SQUARE), [select_rows(one, own) for own in halves]
-    parts = reduce_series(point, cut, [block[own] for own in halves])
+    parts = reduce_series(point, [select_rows(one, own) for own in halves], [block[own] for own in halves])
     assert [part.series for part in parts.parts] == [0, 0, 1]
     size = np.sqrt(np.maximum(np.diag(whole.gram.sum(axis=0)), 1e-300))
 
@@ -106,7 +115,7 @@ def test_a_reading_alone_scatters_as_the_mean_of_its_pose_says(series, factor):
 
 
 def test_a_solution_counts_what_is_left_and_what_it_spends(kr500, reduced):
-    equations, unknowns = reduced
+    equations, unknowns = reduced[0], reduced[1].unknowns
     elastic = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
     own = choice(unknowns, frozenset({"geometry shift", "geometry turn"}), elastic)
     learnt = usual(unknowns, len(equations.kinds))
@@ -137,28 +146,6 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
     turned = n * (np.tanh(torque / 0.1) if kind == "play" else torque * np.abs(torque))
     where = equilibrium(state, q, [Load(wrench, np.zeros((1, 3)))]).where
     np.testing.assert_allclose(where.position, tool_pose(vjm, q + turned)[0], rtol=0, atol=1e-6)
-
-
-def rigid(rng, equations=40, free=3, held=5):
-    """A linear problem of one kind: A, y, deviations."""
-    A, y = rng.normal(size=(equations, free + held)), rng.normal(size=equations)
-    return A, y, np.r_[np.full(free, np.inf), rng.uniform(0.1, 2, held)]
-
-
-def test_what_unknowns_spend_is_the_trace_of_the_hat_matrix(rng):
-    """Free ones a whole equation each, held ones what the readings tell of them."""
-    A, y, deviation = rigid(rng)
-    count = A.shape[1]
-    own = SimpleNamespace(
-        rigid=count, columns=np.arange(count), elastic=None, unknowns=SimpleNamespace(size=count, basis=None)
-    )
-    R = np.linalg.qr(np.column_stack([A, y]), mode="r")
-    reduced = SimpleNamespace(factors={0: R}, counts=np.array([len(A)]))
-    factor = 1.7
-    found = eliminate(own, reduced, Learnt(deviation, np.array([factor])))
-    P = A.T @ A / factor**2 + np.diag(deviation**-2.0)
-    assert found.spent == pytest.approx(np.trace(A @ np.linalg.solve(P, A.T)) / factor**2)
-    np.testing.assert_allclose(found.x, np.linalg.solve(P, A.T @ y / factor**2))
 
 
 @pytest.fixture(scope="module")
@@ -196,3 +183,196 @@ def test_a_frame_goes_with_the_arm_as_the_precision_of_a_calibration_couples_the
     np.testing.assert_allclose(
         left.T @ left / scale / scale[:, None], dense / scale / scale[:, None], atol=1e-6
     )
+
+
+def covariances(rng, *shape):
+    """Of readings, one axis much softer than the others [m^2]."""
+    A = rng.normal(size=(*shape, 3, 3))
+    return SIGMA**2 * (A @ A.swapaxes(-1, -2) + 0.2 * np.eye(3))
+
+
+def still(rows, rng, **more):
+    """Readings of an arm that rests anywhere, a pose a row."""
+    every, own = np.arange(rows), {"q": rng.uniform(-1.5, 1.5, (rows, 6))}
+    own |= {"wrench": np.zeros((rows, 6)), "point": np.zeros((rows, 3))}
+    own |= {"position": np.ones((rows, 1, 3)), "sigma": SIGMA, "pose": every}
+    return Series("s", ("P1",), "f", "t", every, **(own | more))
+
+
+@pytest.mark.parametrize("alike", [True, False], ids=["one sigma", "a covariance each"])
+def test_readings_with_covariances_and_orientations_are_whitened_in_base_axes(rng, alike):
+    """Of one pose the mean of its covariances; k s^2 of what the model leaves open on the mean of k alone."""
+    k, poses = 3, 4
+    C = np.tile(SIGMA**2 * np.eye(3), (poses * k, 1, 1, 1)) if alike else covariances(rng, poses * k, 1)
+    turned = {"rotation": np.tile(np.eye(3), (poses * k, 1, 1)), "sigma_rotation": TURN}
+    pose = np.repeat(np.arange(poses), k)
+    series = still(poses * k, rng, pose=pose, **turned, **({} if alike else {"precision": np.linalg.inv(C)}))
+    noise = Noise(OPEN, OPEN_TURN, np.array([1.1, 1.2, 1.3, 1.4]))
+    W, kinds = roots(series, noise, R, repeated(series))
+    H = combine([np.arange(k)[None]], np.eye(k)).T
+    np.testing.assert_allclose(H @ H.T, np.eye(k), atol=1e-12)
+    open_ = np.diag(H @ np.ones((k, k)) @ H.T)
+    for p in range(poses):
+        rows = np.flatnonzero(pose == p)
+        own = R.T @ C[rows, 0].mean(axis=0) @ R
+        for row, times in zip(rows, open_, strict=True):
+            position, turn = noise.factor[kinds[:, row]]
+            dense = position**2 * (own + times * OPEN**2 * np.eye(3))
+            np.testing.assert_allclose(W[0, row] @ dense @ W[0, row].T, np.eye(3), atol=1e-9)
+            dense = turn**2 * (TURN**2 + times * OPEN_TURN**2) * np.eye(3)
+            np.testing.assert_allclose(W[1, row] @ dense @ W[1, row].T, np.eye(3), atol=1e-9)
+
+
+def test_readings_of_a_pose_pull_no_harder_than_the_wildest_of_them(state, kr500, rng):
+    """Each by its distance in its own covariance; means and differences mix those of a pose."""
+    C, noise = covariances(rng, 6, 1), Noise(OPEN, OPEN_TURN, np.array([1.1, 1, 1, 1]))
+    series = read_by(state, still(6, rng, pose=np.repeat([0, 1], 3), precision=np.linalg.inv(C)))
+    unknowns = unknowns_of(kr500.vjm, (series,), JointErrors(), joints_only(kr500.arm))
+    far, own = rng.normal(size=(6, 3, 1)), noise.factor[0] ** 2 * (C[:, 0] + OPEN**2 * np.eye(3))
+    far /= np.sqrt((far * np.linalg.solve(own, far)).sum(axis=1, keepdims=True))
+    far *= READINGS.bend / np.array([1.0, 0.2, 0.6, 0.9, 1.0, 1.0])[:, None, None]
+    series = replace(series, position=series.position + far.swapaxes(1, 2))
+    held, whole = (equations(Point(unknowns, state, noise, loss), series) for loss in (READINGS, SQUARE))
+    np.testing.assert_array_equal(held[1], [[0, 2, 2, 0, 2, 2]])
+    np.testing.assert_allclose(held[0], whole[0] * np.sqrt(np.repeat([0.2, 0.9], 3)))
+
+
+def drawn_at_random(rng, free=2, small=6, large=50, equations=(120, 80)):
+    """A linear problem of two kinds of equations, and of three groups of unknowns beside free ones."""
+    count, play, band = free + small + 2 * large, sizes.USUAL["play"], sizes.USUAL["harmonics"]
+    groups = [("play", free + np.arange(small))]
+    groups += [("harmonics", free + small + k * large + np.arange(large)) for k in range(2)]
+    unknowns = SimpleNamespace(groups=groups, size=count)
+    own = SimpleNamespace(rigid=count, columns=np.arange(count), elastic=None, unknowns=unknowns)
+    unit = np.r_[np.ones(free), np.full(small, play), np.full(2 * large, band)]
+    x = unit * rng.normal(size=count) * np.repeat([1, 3, 0.4, 1.5], (free, small, large, large))
+    A = [rng.normal(size=(n, count)) / unit for n in equations]
+    y = [a @ x + s * rng.normal(size=len(a)) for a, s in zip(A, (1.6, 0.7), strict=True)]
+    return own, A, y
+
+
+def test_learnt_sizes_and_scatters_are_those_of_greatest_evidence(rng):
+    """The marginal likelihood of all equations, and of what is imagined beside them, is flat there."""
+    own, A, y = drawn_at_random(rng)
+    groups, counts = own.unknowns.groups, np.array([len(a) for a in A])
+    lines = [np.column_stack(pair) for pair in zip(A, y, strict=True)]
+    S, learnt = np.array([one.T @ one for one in lines]), sizes.usual(own.unknowns, 2)
+    learnt = sizes.learn(own, S, counts, learnt)
+    a, b = np.vstack(A), np.concatenate(y)
+
+    def loss(h):
+        factor, size = np.exp(h[:2]), np.exp(h[2:])
+        deviation = np.full(a.shape[1], 30.0)  # of the free ones, which are of order one
+        found = sizes.SPARE * (np.log(factor) + 1 / (2 * factor**2)).sum()
+        for d, (kind, at) in zip(size, groups, strict=True):
+            large = len(at) > sizes.LARGE
+            usual = sizes.USUAL[kind] * (sizes.SHARE if large else 1.0)
+            found += (1.0 if large else sizes.HELD) * (np.log(d) + usual**2 / (2 * d**2))
+            deviation[at] = d
+        found += (TAIL + 1) / 2 * np.log1p((np.log(size[2] / size[1]) / ALIKE) ** 2 / TAIL)
+        C = np.diag(np.repeat(factor**2, counts)) + a * deviation**2 @ a.T
+        return found + np.linalg.slogdet(C)[1] / 2 + b @ np.linalg.solve(C, b) / 2
+
+    h = np.log(np.r_[learnt.factor, [learnt.deviation[at[0]] for _, at in groups]])
+    step = 1e-3
+    slope, bend = np.transpose(
+        [
+            ((loss(h + e) - loss(h - e)) / (2 * step), (loss(h + e) - 2 * loss(h) + loss(h - e)) / step**2)
+            for e in step * np.eye(5)
+        ]
+    )
+    assert (bend > 1).all()
+    assert np.abs(slope / bend).max() < 1e-3  # a step to where it is flat, of logarithms
+
+
+@pytest.fixture(scope="module")
+def state(kr500):
+    """The arm as drawn, which a tracker sees turned and far away."""
+    found = nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6))
+    mount = Mount(np.array([[0.2, -0.1, 0.3]]), np.eye(3), ("P1",))
+    return replace(found, frames={"f": Frame(R, np.array([3.0, -2, 1]))}, mounts={"t": mount})
+
+
+def read_by(state, series):
+    """The series with the targets where the state has them."""
+    told = forward(state, series)
+    frame = state.frame(series)
+    x = told.where.points(state.mount(series).points) @ frame.rotation.T + frame.translation
+    return replace(series, position=x)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.7])
+def test_what_is_left_open_is_found_beside_readings_of_any_covariance(state, rng, share):
+    """Of 4000 readings within 5 %: it is known to 1.5 %. Unknowns that spend equations shorten residuals."""
+    rows, s = 4000, 60e-6
+    C = covariances(rng, rows, 1)
+    series = read_by(state, still(rows, rng, precision=np.linalg.inv(C)))
+    noise = (np.linalg.cholesky(C) @ rng.normal(size=(rows, 1, 3, 1)))[..., 0]
+    noise = np.sqrt(share) * (noise + s * rng.normal(size=noise.shape))
+    found = scatter(state, [replace(series, position=series.position + noise)], share)
+    assert found.open_position == pytest.approx(s, rel=0.05)
+
+
+@pytest.mark.parametrize("alike", [True, False], ids=["one sigma", "a covariance each"])
+def test_a_new_series_is_as_sure_as_its_rows_and_the_arm_leave_it(state, kr500, rng, alike):
+    """Readings minus model are linear in what nobody knows: the arm, and noise here and before."""
+    structure = joints_only(kr500.arm)
+    L = 1e-7 * (np.tril(rng.normal(size=(6, 6))) + 2 * np.eye(6))  # joints give way together
+    root = np.triu(rng.normal(size=(36, 36))) + 4 * np.eye(36)
+    noise = Noise(OPEN, OPEN_TURN, np.array([0.8, 1, 1, 1]))
+    arm = Posterior.normal(np.zeros(36), deviations_root(1e4 * root, L))
+    model = ArmModel(state, structure, np.arange(36), arm, About("made up"), noise)
+    C = np.tile(SIGMA**2 * np.eye(3), (20, 1, 1, 1)) if alike else covariances(rng, 20, 1)
+    series = read_by(state, still(20, rng, **({} if alike else {"precision": np.linalg.inv(C)})))
+    told, rest = np.arange(9), np.arange(9, 20)
+    placed = place(model, series, told)
+    again = known(replace(model, state=placed.state), select_rows(series, told))  # the frame was there before
+    np.testing.assert_allclose(again.posterior.root, placed.posterior.root, rtol=1e-6, atol=1e-12)
+    left, covariance = predict(model, placed, series)
+    np.testing.assert_allclose(left, 0, atol=1e-9)
+    every = unknowns_of(kr500.vjm, (series,), JointErrors(), structure)
+    A = rows_of(every, state, series)[0, :, :-1].transpose(2, 0, 1)  # row, axis, unknown
+    F, M = A[:, :, :9], A[:, :, 9:] @ block_diag(np.eye(30), L)
+    S = noise.factor[0] ** 2 * (R.T @ C[:, 0] @ R + OPEN**2 * np.eye(3))
+    P = np.linalg.inv(S[told])
+    frame = np.linalg.inv(np.einsum("rxa,rxy,ryb->ab", F[told], P, F[told]))
+    taken = frame @ np.einsum("rxa,rxy,ryb->ab", F[told], P, M[told])  # of the arm's moves, by the frame
+    V = np.linalg.inv(1e8 * root.T @ root)
+    for row in rest:
+        arm = M[row] - F[row] @ taken
+        dense = arm @ V @ arm.T + F[row] @ frame @ F[row].T + S[row]
+        np.testing.assert_allclose(covariance[row, 0], dense, rtol=1e-6, atol=1e-3 * np.trace(S[row]) / 3)
+
+
+def test_of_a_series_to_come_a_model_is_less_sure_by_how_far_geometry_moves(kr500, rng):
+    """Of the 30 numbers of geometry alone, each by itself."""
+    model = unsure_everywhere(kr500)
+    a = rng.standard_normal((3, len(model.columns)))
+    before, after = (one.posterior.covariance(a) for one in (model, drifted(model)))
+    np.testing.assert_allclose(after - before, DRIFT**2 * a[:, :30] @ a[:, :30].T, atol=1e-6 * DRIFT**2)
+
+
+def test_compliances_are_shown_under_their_names_and_in_the_units_of_their_axes(slides, rng):
+    """A joint's with that of the link before it about, or along, its axis, which points anywhere."""
+    vjm, structure, arm = slides.vjm, all153(slides.arm), slides.arm
+    unknowns = Unknowns(vjm, (), {}, JointErrors(), structure)
+    rigid = unknowns.starts["elastic"]
+    own = SimpleNamespace(unknowns=unknowns, columns=np.arange(unknowns.size), rigid=rigid, elastic=0)
+    C = structure.matrix(rng.normal(size=structure.n))
+    x, shown = np.r_[np.zeros(rigid), structure.entries(C)], {}
+    for group in functionals(own):
+        rows = zip(group.names, group.scale * (group.of @ x), group.units, strict=True)
+        shown |= {(group.part, name): (value, unit) for name, value, unit in rows}
+    names, links = ("x", "y", "z", "phi_x", "phi_y", "phi_z"), 6 * len(arm.links)
+    for k, joint in enumerate(arm.joints):
+        first = 6 * k + (0 if joint.prismatic else 3)
+        at, v = slice(first, first + 3), vjm.beam_axes[k]
+        value, unit = shown["joint compliances", joint.name]
+        assert unit == ("um/N" if joint.prismatic else "urad/(N m)")
+        assert value == pytest.approx(1e6 * (C[links + k, links + k] + v @ C[at, at] @ v))
+    assert np.abs(vjm.beam_axes).max() < 0.999  # no axis is one of the link's
+    for k, link in enumerate(arm.links):
+        for i, j in np.transpose(np.triu_indices(6)).tolist():
+            value, unit = shown["entries", f"{link.name} {names[i]}, {names[j]}"]
+            assert unit == ("um/N", "urad/N", "urad/(N m)")[(i > 2) + (j > 2)]
+            assert value == pytest.approx(1e6 * C[6 * k + i, 6 * k + j])

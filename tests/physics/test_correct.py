@@ -1,28 +1,33 @@
-"""The loaded tool put right: MuJoCo executes what the model commands."""
+"""The loaded tool, foretold and put right: MuJoCo's arm, limits of first order, what was not seen."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from loads import correct
+from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_everywhere
 
 import testbench as tb
+from testbench.arm.mjcf import GRAVITY
+from testbench.campaign.program import extrapolated
+from testbench.correct.beyond import extent
 from testbench.correct.compensated import compensate
 from testbench.correct.newton import SMALL, Aim, Target, asked
+from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
-from testbench.correct.uncertainty import Poses, half_widths
+from testbench.correct.stiffness import give_halves, stiffness
+from testbench.correct.uncertainty import Poses, fitted_half_widths, half_widths, most_open, rows_between
 from testbench.errors import BenchError, NoEquilibrium
+from testbench.identify.absolute.noise import Noise
 from testbench.identify.arm_model import About, bending, of_compliances, of_estimate
-from testbench.identify.posterior import Posterior
+from testbench.identify.posterior import CURVED, Posterior
 from testbench.model.load import Load
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
-from testbench.model.weights import read_weights
+from testbench.model.weights import Weights, read_weights
 from testbench.plant import collisions, settle
 
-TIP = np.array([0.2, 0.0, 0.1])
-POINTS = 60
-AIM = Aim(point=tuple(TIP))
+POSES = 60  #: Drawn all over the limits.
 HUNG = Load(np.array([0, 0, -900.0, 0, 0, 0]), TIP)
 
 
@@ -33,10 +38,10 @@ def state(kr500):
 
 def drawn(kr500, rng):
     """Poses all over the limits, singular ones among them, and forces of 1 to 3 kN."""
-    q = rng.uniform(*kr500.arm.limits, (POINTS, 6))
-    force = rng.normal(size=(POINTS, 3))
-    force *= rng.uniform(1e3, 3e3, (POINTS, 1)) / np.linalg.norm(force, axis=1, keepdims=True)
-    return q, [Load(np.hstack([force, np.zeros((POINTS, 3))]), TIP), HUNG]
+    q = rng.uniform(*kr500.arm.limits, (POSES, 6))
+    force = rng.normal(size=(POSES, 3))
+    force *= rng.uniform(1e3, 3e3, (POSES, 1)) / np.linalg.norm(force, axis=1, keepdims=True)
+    return q, [Load(np.hstack([force, np.zeros((POSES, 3))]), TIP), HUNG]
 
 
 def regular(kr500, q):
@@ -56,11 +61,6 @@ def test_an_arm_that_buckles_is_named(kr500, state):
     assert f"no static equilibrium at q = {kr500.arm.words(q[1])}" in str(err.value)
 
 
-def test_a_load_of_another_number_of_poses_is_refused(kr500, state):
-    with pytest.raises(BenchError, match="one for each of 2 poses"):
-        rest(state, np.zeros((2, 6)), [Load(np.zeros((3, 6)), np.zeros(3))])
-
-
 def tip(true):
     return true.tool + true.rotation @ TIP
 
@@ -71,7 +71,7 @@ def test_mujoco_has_the_corrected_tool_on_the_unloaded_one(kr500, state):
     q[0, 4] = 0.0  # a stretched wrist: joints 4 and 6 on one line
     found = correct(state, q, loads, asked(state, q, "unloaded", TIP), AIM)
     assert found.solved.all()
-    wrench, point = loads[0].wrench + loads[1].wrench, np.tile(TIP, (POINTS, 1))
+    wrench, point = loads[0].wrench + loads[1].wrench, np.tile(TIP, (POSES, 1))
     true = settle(kr500.plant, found.q, wrench, point)
     assert np.abs(tip(true) - tip(settle(kr500.plant, q))).max() < 1e-8
     assert np.linalg.norm(found.left, axis=1).max() < 1e-9
@@ -88,10 +88,7 @@ def test_mujoco_has_the_corrected_tool_on_the_unloaded_one(kr500, state):
 def test_what_is_free_makes_the_way_shorter(kr500, state, hold):
     q, loads = drawn(kr500, np.random.default_rng(7))
     target = asked(state, q, "unloaded", TIP)
-    whole, freer = (
-        correct(state, q, loads, target, AIM),
-        correct(state, q, loads, target, replace(AIM, hold=hold)),
-    )
+    whole, freer = (correct(state, q, loads, target, aim) for aim in (AIM, replace(AIM, hold=hold)))
     assert freer.solved.all()
     away = regular(kr500, q)
     assert (np.linalg.norm(freer.q - q, axis=1) <= np.linalg.norm(whole.q - q, axis=1) + 1e-9)[away].all()
@@ -101,7 +98,7 @@ def test_what_is_free_makes_the_way_shorter(kr500, state, hold):
 
 
 def test_out_of_reach_is_not_called_solved(kr500, state):
-    q = np.array([[0.1, -1.2, 1.6, 0.2, 0.5, 0.0], [0.1, -1.2, 1.6, 0.2, 0.5, 0.0]])
+    q = np.tile([0.1, -1.2, 1.6, 0.2, 0.5, 0.0], (2, 1))
     target = asked(state, q, "unloaded", TIP)
     far = Target(target.position + np.array([[0.0, 0, 0], [9.0, 0, 0]]), target.rotation)
     found = correct(state, q, [], far, AIM)
@@ -123,20 +120,18 @@ def test_an_absolute_model_is_put_where_the_drawing_has_the_tool(kr500, state):
 
 
 @pytest.fixture(scope="module")
-def known(kr500, state):
+def sure(kr500, state):
     """The arm, known without a doubt."""
-    structure = all153(kr500.arm)
-    pi = structure.entries(state.C_theta)
-    sure = Posterior.normal(pi, np.zeros((1, len(pi))))
-    return of_compliances(state, structure, sure, About("known"))
+    pi = all153(kr500.arm).entries(state.C_theta)
+    return of_compliances(state, all153(kr500.arm), normal(pi, np.zeros((1, 153))), About("known"))
 
 
-def test_a_joint_stops_at_its_limit_and_the_others_keep_the_tip(kr500, state, known):
+def test_a_joint_stops_at_its_limit_and_the_others_keep_the_tip(kr500, state, sure):
     lower, _ = kr500.arm.limits
     q = np.tile([0.3, -1.2, 1.6, 0.3, 0.0, 0.1], (3, 1))
     q[:, 4] = lower[4] + np.array([0.0, 1e-5, 0.1])
     load = [Load(np.array([0, 0, 2e3, 0, 0, 0]), TIP)]
-    found = compensate(known, q, load, AIM)
+    found = compensate(sure, q, load, AIM)
     assert found.held[:, 4].tolist() == [True, True, False]
     assert found.corrected.all()
     assert (found.q >= lower).all()
@@ -145,7 +140,7 @@ def test_a_joint_stops_at_its_limit_and_the_others_keep_the_tip(kr500, state, kn
     assert (np.linalg.norm(found.turned, axis=1) > 1e-6).tolist() == [True, True, False]
 
 
-def test_a_correction_into_the_floor_is_refused_and_the_point_stays(kr500, known):
+def test_a_correction_into_the_floor_is_refused_and_the_point_stays(kr500, sure):
     """An upward force is put right by going down, where the arm is a few micrometres above the floor."""
     q = np.array([[0.3, -0.8, 1.2, 0.3, 0.6, 0.1]])
     clear, touches = q[0, 1], 0.2
@@ -154,13 +149,13 @@ def test_a_correction_into_the_floor_is_refused_and_the_point_stays(kr500, known
         clear, touches = (clear, q[0, 1]) if collisions(kr500.room, q)[0] else (q[0, 1], touches)
     q[0, 1] = clear
     up = [Load(np.array([0, 0, 3e3, 0, 0, 0]), TIP)]
-    found = compensate(known, q, up, AIM, kr500.room)
+    found = compensate(sure, q, up, AIM, kr500.room)
     assert found.refused[0].why == "collision"
     assert np.array_equal(found.q, q)
     assert np.array_equal(found.after, found.before)
     q[0, 1] = touches  # what touches before may touch after: nothing new is in the way
-    assert compensate(known, q, up, AIM, kr500.room).corrected.all()
-    assert compensate(known, q, [Load(-up[0].wrench, TIP)], AIM, kr500.room).corrected.all()
+    assert compensate(sure, q, up, AIM, kr500.room).corrected.all()
+    assert compensate(sure, q, [Load(-up[0].wrench, TIP)], AIM, kr500.room).corrected.all()
 
 
 def test_half_widths_are_those_of_the_estimate(kr500):
@@ -174,5 +169,254 @@ def test_half_widths_are_those_of_the_estimate(kr500):
     half = half_widths(model, Poses(q, load), Poses(q), kr500.vjm.markers)
     own = tb.intervals(kr500.vjm, estimate, campaign.truth)
     assert np.allclose(half, ((own.upper - own.lower) / 2)[:40], rtol=0.1)  # linear at the unbent arm
+
+
+FEW = 12
+
+
+def sure_of(structure, state, unseen=None):
+    """A belief of 1 % in every entry, and rows that nothing has seen."""
+    pi = structure.entries(state.C_theta)
+    rows = np.zeros((0, structure.n)) if unseen is None else unseen
+    return Posterior(pi, np.diag(0.01 * np.abs(pi)), rows, np.abs(pi) + 1e-30)
+
+
+@pytest.fixture(scope="module")
+def model(kr500, state):
+    """The true compliances, as a model."""
+    structure = all153(kr500.arm)
+    return of_compliances(state, structure, sure_of(structure, state), About("truth", force=2000.0))
+
+
+@pytest.fixture(scope="module")
+def poses(kr500):
+    return np.random.default_rng(11).uniform(*(0.6 * kr500.arm.limits), (FEW, 6))
+
+
+@pytest.fixture(scope="module")
+def load():
+    rng = np.random.default_rng(12)
+    wrench = rng.normal(size=(FEW, 6)) * [2e3, 2e3, 2e3, 1e2, 1e2, 1e2]
+    return Load(wrench, 0.2 * rng.normal(size=(FEW, 3)))
+
+
+def weightless(model):
+    return replace(model, state=replace(model.state, weights=Weights(np.zeros(8), np.zeros((8, 3)))))
+
+
+def test_deflections_are_those_of_the_true_arm(kr500, model, poses, load):
+    """Markers and tool, loaded minus unloaded, own weight in both."""
+    found = predict(model, poses, [load])
+    true = [settle(kr500.plant, poses, w, load.point) for w in (0 * load.wrench, load.wrench)]
+    moved = np.concatenate([true[1].tool[:, None], true[1].markers], axis=1) - np.concatenate(
+        [true[0].tool[:, None], true[0].markers], axis=1
+    )
+    assert np.abs(found.deflection - moved).max() < 1e-9
+    assert np.abs(found.position[:, 0] - true[1].tool).max() < 1e-9
+    assert np.abs(found.rotation - true[1].rotation).max() < 1e-9
+
+
+def test_the_linear_prediction_is_the_limit_of_small_loads(model, poses, load):
+    """Of a weightless arm: what is left out falls with the square of the load."""
+    light, off = weightless(model), []
+    for share in (0.1, 0.01):
+        small = [Load(share * load.wrench, load.point)]
+        bent, linear = (predict(light, poses, small, linear=on) for on in (False, True))
+        off.append(
+            [np.abs(a - b).max() for a, b in ((bent.deflection, linear.deflection), (bent.turn, linear.turn))]
+        )
+        assert (linear.half >= bent.half).all()
+    np.testing.assert_allclose(np.divide(*off), 100, rtol=0.05)
+
+
+def test_the_ellipsoid_is_the_tangent_of_the_equilibrium(model, poses, load):
+    """A newton more along every principal axis; without own weight, whose K_w is left out."""
+    hung = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), model.vjm.load)
+    for own, most in ((weightless(model), 1e-6), (model, 0.01)):
+        found = stiffness(own, poses, [hung])
+        C = found.compliance[:, :3, :3]
+        for k in range(3):
+            axis, push = found.axes[:, :, k], np.zeros((FEW, 6))
+            push[:, :3] = axis
+            more, less = (
+                rest(own.state, poses, [hung, Load(sign * push, np.zeros(3))]).position for sign in (1, -1)
+            )
+            moved = (more - less) / 2
+            assert np.abs(moved - np.matvec(C, axis)).max() < most * found.give.max()
+            assert np.abs(moved - found.give[:, k, None] * axis).max() < most * found.give.max()
+    assert (np.diff(found.principal, axis=1) >= 0).all()
+
+
+def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses):
+    """The first joint was not seen: a load along its axis, at a bent arm too, needs it not."""
+    structure = model.structure
+    first = np.eye(structure.n)[[structure.entries(np.diag(np.arange(48) == 42)).argmax()]]
+    blind = replace(model, posterior=sure_of(structure, model.state, first))
+    down, aside = (
+        predict(blind, poses, [Load(np.array([*f, 0, 0, 0]), model.vjm.load)])
+        for f in ((0, 0, -4500.0), (0, 4500.0, 0))
+    )
+    assert np.isinf(aside.half[:, :, :2]).any(axis=2).all()
+    assert np.isfinite(down.half).all()
+    assert (down.widest > 0.002 * down.size).all()  # every entry is sure to 1 %, curvature is of that size
+    assert (down.widest < 0.05 * down.size).all()
+
+
+def test_positions_have_intervals_where_they_were_calibrated(model, poses, load):
+    """The scatter of a position is in its own interval; in that of a deflection it cancels."""
+    assert np.isinf(predict(model, poses, [load]).position_half).all()
+    calm, rough = (predict(replace(model, noise=Noise(scatter)), poses, [load]) for scatter in (0.0, 3e-4))
+    more = rough.position_half**2 - calm.position_half**2
+    np.testing.assert_allclose(more, (1.96 * 3e-4) ** 2, rtol=1e-3)
+    assert np.array_equal(rough.half, calm.half)
+
+
+def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(model, poses):
+    """Of every pose and principal axis, one by one."""
+    tool = stiffness(model, poses[:2])
+    halves = give_halves(model, poses[:2], tool, 700.0)
+    for k, q in enumerate(poses[:2, None]):
+        for axis, half in zip(tool.axes[k].T, halves[k], strict=True):
+            pushed = Poses(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
+            assert half == pytest.approx(half_widths(model, pushed, Poses(q), np.zeros((1, 3))).max())
+
+
+def test_what_a_linear_model_leaves_out_counts_once_and_twice_where_it_predicts_linearly(model, poses, load):
+    """Of compliances that are known nothing else is open; a linear fit put as much elsewhere."""
+    known = replace(model, posterior=replace(model.posterior, root=np.zeros((1, len(model.posterior.x)))))
+    straight, bent = (predict(known, poses, [load], linear=linear) for linear in (True, False))
+    left_out = np.abs(straight.deflection - bent.deflection)
+    for found, times in ((bent, 1), (straight, CURVED)):
+        np.testing.assert_allclose(found.half, times * left_out, rtol=0.05, atol=5e-3 * left_out.max())
+
+
+def test_rows_of_compliances_add_up_to_how_far_loads_and_own_weight_bend_the_arm(model, poses, load):
+    """Deflections from the arm as drawn are linear in them, to first order."""
+    point = np.array([[0.2, -0.1, 0.3]])
+    found = rows_between(model, Poses(poses, [load], heavy=True), None, point)[:, 0] @ model.posterior.x
+    p, R = tool_pose(model.vjm, poses)
+    bent = rest(model.state, poses, [load]).at(point[0]) - p - R @ point[0]
+    off = np.linalg.norm(found - bent, axis=1) / np.linalg.norm(bent, axis=1)
+    assert off.max() < 0.05
+
+
+POINTS = 8
+
+
+@pytest.fixture(scope="module")
+def known(kr500):
+    return unsure(kr500)
+
+
+@pytest.fixture(scope="module")
+def absolute(kr500):
+    return unsure_everywhere(kr500)
+
+
+@pytest.mark.parametrize(
+    "column", [3, 12, 29, 30, 32, 33, *range(36, 54, 4), *range(37, 54, 4), 54, 60, 130, 204, 206]
+)
+def test_rows_are_how_positions_move_with_what_is_unsure(absolute, column):
+    """Of geometry, joint errors and compliances: differences of the bent arm's tip, but for second order."""
+    q = Q[None]
+    row = rows_between(absolute, Poses(q, [FORCE]), None, TIP[None])[0, 0, :, column]
+    x, tips = absolute.unknowns.current(absolute.state), []
+    step = 1e-5 if column < RIGID else 1e-3 * max(abs(x[column]), 1e-7)
+    for sign in (1, -1):
+        moved = x.copy()
+        moved[column] += sign * step
+        tips.append(rest(state_of(absolute, moved), q, [FORCE]).at(TIP)[0])
+    slope = (tips[0] - tips[1]) / (2 * step)
+    assert np.abs(slope - row).max() < 0.03 * np.abs(slope).max() + 1e-6
+
+
+def test_what_points_share_goes_with_a_frame_that_is_fitted_to_them(absolute):
+    q = Q + np.random.default_rng(6).uniform(-0.1, 0.1, (POINTS, 6))
+    q[:, 0] = 0.3
+    stand = Poses(q, [FORCE])
+    whole, left = (
+        half_widths(absolute, stand, None, TIP[None])[:, 0],
+        fitted_half_widths(absolute, stand, TIP),
+    )
+    assert np.median(left) < 0.6 * np.median(whole)
+    base = np.zeros((1, len(absolute.posterior.root[0])))
+    base[0, 3:6] = 1e-3  # a turn of link 1's end, joint 1 at rest: all go round as one
+    turned = replace(absolute, posterior=normal(absolute.posterior.x, base))
+    assert fitted_half_widths(turned, stand, TIP).max() < 1e-6
+    assert half_widths(turned, stand, None, TIP[None]).max() > 1e-3
+
+
+def test_before_and_after_are_foretold_minus_asked_and_zero_where_nothing_acts(kr500, known):
+    q, wrench = np.array([Q, Q]), np.array([np.zeros(6), FORCE.wrench])
+    found = compensate(known, q, [Load(wrench, np.array([TIP, TIP]))], AIM)
+    assert np.array_equal(found.q[0], q[0])
+    assert not np.array_equal(found.q[1], q[1])
+    rests = settle(kr500.plant, q, wrench, np.array([TIP, TIP])), settle(kr500.plant, q)
+    np.testing.assert_allclose(found.before, tip(rests[0]) - tip(rests[1]), atol=1e-8)
+    again = correct(known.state, q, [], asked(known.state, q, "drawn", TIP), AIM)
+    sagged = compensate(known, q, [], replace(AIM, asked="drawn"))
+    assert sagged.before[0, 2] < -1e-3  # own weight
+    assert np.array_equal(sagged.q, again.q)
+    assert (sagged.half[0] > 1e-5).any()  # compliances are unsure by a tenth
+
+
+def test_the_part_that_is_named_is_the_one_whose_knowledge_helps(kr500, known):
+    """Two joints whose errors cancel leave nothing open between them, however unsure each is by itself."""
+    q = Q + np.random.default_rng(7).uniform(-0.2, 0.2, (POINTS, 6))
+    pi, columns = known.posterior.x, len(known.posterior.x)
+    joint = {name: columns - 6 + k for k, name in enumerate(j.name for j in kr500.arm.joints)}
+    root = np.zeros((1, columns))
+    root[0, joint["joint_2"]] = 1e-7
+    open_ = most_open(replace(known, posterior=normal(pi, root)), q, [FORCE], TIP, absolute=False)
+    assert (open_.name, open_.joint) == ("joint_2", True)
+    assert open_.share == pytest.approx(1)
+    unseen = np.zeros((1, columns))
+    unseen[0, joint["joint_1"]] = 1
+    blind = replace(known, posterior=normal(pi, root, unseen))
+    assert most_open(blind, q, [FORCE], TIP, absolute=False).name == "joint_1"
+    both = np.zeros((2, columns))
+    both[0, joint["joint_2"]] = both[1, joint["joint_3"]] = 1e-7
+    alike = most_open(replace(known, posterior=normal(pi, both)), q, [FORCE], TIP, absolute=False)
+    assert alike is None or alike.name in ("joint_2", "joint_3")
+
+
+def test_loads_beyond_those_of_the_identification_are_said_even_where_these_were_none(kr500, known):
+    q = Q[None]
+    size = float(np.linalg.norm(FORCE.wrench[:3]))
+    half = replace(known, about=About("made up", force=size / 2, moment=1e9))
+    assert "2.0 times the largest force" in extrapolated(extent(half, q, [FORCE]))[0]
+    none = replace(known, about=About("made up", force=0.0, moment=0.0))
+    assert "under own weight alone" in extrapolated(extent(none, q, [FORCE]))[0]
+    assert not extrapolated(extent(replace(known, about=About("made up")), q, [FORCE]))
+    lever = np.cross(tool_pose(known.vjm, q)[1][0] @ TIP, FORCE.wrench[:3])
+    held = Load(np.concatenate([FORCE.wrench[:3], -lever]), TIP)  # its moment about the tool's origin is zero
+    assert extent(known, q, [held]).moment < 1e-9
+    heavy = Load(np.array([0, 0, -2 * 9.81 * kr500.arm.payload, 0, 0, 0]), TIP)
+    assert "2.0 times the payload" in extrapolated(extent(known, q, [heavy]))[0]
+
+
+#: Near a stretched elbow and wrist: how a path was once torn between two ways to take a point.
+TORN = [0.679164, -1.850984, 0.144721, 0.827372, 0.01697, -0.264587]
+TO = [0.679618, -1.851264, 0.144247, 0.827643, 0.016682, -0.264803]
+
+
+@pytest.mark.parametrize("hold", ["pose", "axis", "position"])
+def test_points_that_are_close_have_corrections_that_are_close(known, hold):
+    q = np.linspace(TORN, TO, 60)
+    load = [Load(np.array([2434.54, 1322.173, 1151.032, 0, 0, 0]), np.array([0.3, 0.1, 0.1]))]
+    aim = Aim(hold, point=(0.3, 0.1, 0.1))
+    found = correct(known.state, q, load, asked(known.state, q, "unloaded", np.array(aim.point)), aim)
+    assert found.solved.all()
+    assert np.abs(np.diff(found.q - q, axis=0)).max() < 1e-3
+
+
+def test_an_aim_that_is_none_no_points_and_what_a_model_does_not_know_are_refused(known):
+    for one in ({"hold": "positon"}, {"asked": "taught"}, {"spindle": (2.0, 0, 0)}, {"point": (300.0, 0, 0)}):
+        with pytest.raises(BenchError, match="aim"):
+            Aim(**one)
+    with pytest.raises(BenchError, match="at least one point"):
+        compensate(known, np.zeros((0, 6)), [])
+    with pytest.raises(BenchError, match="one for each of 2 poses"):
+        rest(known.state, np.zeros((2, 6)), [Load(np.zeros((3, 6)), np.zeros(3))])
     with pytest.raises(BenchError, match="expected an absolute model"):
-        half_widths(model, Poses(q, load), None, kr500.vjm.markers)
+        half_widths(known, Poses(Q[None], [FORCE]), None, TIP[None])

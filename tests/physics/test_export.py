@@ -58,6 +58,20 @@ def any_arm(request, tmp_path_factory):
     return build_cell(folder).arm
 
 
+def poses_by_mujoco(text, link, names, q):
+    """Poses of a link of a URDF in its first one, (poses, 4, 4), and what MuJoCo reads it as."""
+    keep = 'fusestatic="false" discardvisual="true" boundmass="1e-6" boundinertia="1e-6"'
+    text = text.replace("</robot>", f"<mujoco><compiler {keep}/></mujoco></robot>")
+    model = mujoco.MjModel.from_xml_string(text)
+    data, found = mujoco.MjData(model), np.tile(np.eye(4), (len(q), 1, 1))
+    for pose, row in zip(found, q, strict=True):
+        for name, value in zip(names, row, strict=True):
+            data.joint(name).qpos = value
+        mujoco.mj_kinematics(model, data)
+        pose[:3] = np.column_stack([data.body(link).xmat.reshape(3, 3), data.body(link).xpos])
+    return found, model
+
+
 def test_a_new_urdf_is_the_model_to_mujoco_too(ur10, rng, tmp_path):
     state, out = planted(ur10, rng, ends=True), tmp_path / "new.urdf"
     draft = draft_new(state)
@@ -65,42 +79,12 @@ def test_a_new_urdf_is_the_model_to_mujoco_too(ur10, rng, tmp_path):
     assert (done.read_back.poses, draft.frames.names[-1]) == (1000, "tool")
     assert max(done.read_back.position_um, done.read_back.rotation_urad) < 1e-4
     assert 0.1 < done.geometry_mm[0] < 5
-    keep = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'
-    model = mujoco.MjModel.from_xml_string(out.read_text().replace("</robot>", keep))
-    data, q = mujoco.MjData(model), random_joints(state.vjm)[:30]
-    for row, expected in zip(q, tool_poses(state.vjm, q, state.theta_0), strict=True):
-        data.qpos[:] = row
-        mujoco.mj_kinematics(model, data)
-        found = np.column_stack([data.body("tool").xmat.reshape(3, 3), data.body("tool").xpos])
-        np.testing.assert_allclose(found, expected[:3], rtol=0, atol=1e-10)
+    q, names = random_joints(state.vjm)[:30], [joint.name for joint in ur10.joints]
+    found, model = poses_by_mujoco(out.read_text(), "tool", names, q)
+    np.testing.assert_allclose(found, tool_poses(state.vjm, q, state.theta_0), rtol=0, atol=1e-10)
     np.testing.assert_allclose(model.body_mass[1:], state.weights.mass)
     np.testing.assert_allclose(model.body_ipos[1:], state.weights.centre, atol=1e-12)
     np.testing.assert_allclose(model.jnt_range, ur10.limits.T, atol=1e-10)
-
-
-def poses_by_hand(text, tip, names, q):
-    """Poses of a link of a URDF, by a reader of its own."""
-    root = ET.fromstring(text)
-    before = {joint.find("child").get("link"): joint for joint in root.findall("joint")}
-    path = []
-    while tip in before:
-        path.insert(0, before[tip])
-        tip = before[tip].find("parent").get("link")
-    T = np.tile(np.eye(4), (len(q), 1, 1))
-    for joint in path:
-        step, move = np.eye(4), np.tile(np.eye(4), (len(q), 1, 1))
-        numbers = {k: np.array(v.split(), dtype=float) for k, v in joint.find("origin").attrib.items()}
-        step[:3, :3] = Rotation.from_euler("xyz", numbers["rpy"]).as_matrix()
-        step[:3, 3] = numbers["xyz"]
-        if joint.get("type") != "fixed":
-            axis = np.array(joint.find("axis").get("xyz").split(), dtype=float)
-            along = q[:, names.index(joint.get("name")), None] * axis / np.linalg.norm(axis)
-            if joint.get("type") == "prismatic":
-                move[:, :3, 3] = along
-            else:
-                move[:, :3, :3] = Rotation.from_rotvec(along).as_matrix()
-        T = T @ step @ move
-    return T
 
 
 def without_origins(text, names):
@@ -123,13 +107,13 @@ def test_an_own_urdf_keeps_all_but_the_origins_of_its_chain(ur10, rng, tmp_path,
     new = out.read_text()
     q = random_joints(state.vjm)[:50]
     expected = tool_poses(state.vjm, q, state.theta_0) @ tip
-    far = apart(root @ poses_by_hand(new, "tool0", names, q), expected)
+    far = apart(root @ poses_by_mujoco(new, "tool0", names, q)[0], expected)
     assert max(far) < 1e-10
     changed = [*names, "to_flange"] if ends else names
     assert without_origins(new, changed) == without_origins(text, changed)
     assert file.read_text() == text
-    q0 = np.zeros((1, 6))
-    assert apart(poses_by_hand(new, "l3", names, q0), poses_by_hand(text, "l3", names, q0))[0] < 5e-3
+    drawn_, moved = (poses_by_mujoco(own, "l3", names, np.zeros((1, 6)))[0] for own in (text, new))
+    assert apart(drawn_, moved)[0] < 5e-3
 
 
 @pytest.mark.parametrize("digits", [17, 6])
@@ -160,7 +144,7 @@ def test_what_stands_beside_gives_the_models_deflections(ur10, rng, tmp_path):
     where = chain(state.vjm, q)
     load, tool = generalised_load(where, wrench, np.zeros((1, 3)))[:, 0], where.position[0]
     links = ["base", *(f"l{k}" for k in range(1, 7))]
-    at = {name: root @ poses_by_hand(text, name, names, q)[0] for name in links}
+    at = {name: root @ poses_by_mujoco(text, name, names, q)[0][0] for name in links[1:]} | {"base": root}
     moved = np.zeros(3)
     for link in said["links"]:
         T = at[link["urdf_link"]]
@@ -181,6 +165,10 @@ def test_what_stands_beside_gives_the_models_deflections(ur10, rng, tmp_path):
         np.testing.assert_allclose(found[:3], p[:, 0] + R[..., 0] @ centre, atol=1e-8)
 
 
+ELBOW = 'name="elbow_joint" type="continuous"'
+AXIS = '<axis xyz="0.0 0.0 2.0"/>'
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -188,18 +176,10 @@ def test_what_stands_beside_gives_the_models_deflections(ur10, rng, tmp_path):
         ("<robot name", "<mujoco name", "not well-formed"),
         ('<?xml version="1.0" ?>', '<!DOCTYPE x [<!ENTITY a "b">]>', "entities are not allowed"),
         ('<child link="l3"/>', "", "elbow_joint.*expected a <child>"),
-        (
-            '<axis xyz="0.0 0.0 2.0"/>',
-            '<axis xyz="0.0 0.0 -2.0"/>',
-            r"up to [\d.e+]+ mm .* counts its joints",
-        ),
-        ('<axis xyz="0.0 0.0 2.0"/>', '<axis xyz="0 0 nan"/>', "expected 3 number"),
-        ('name="elbow_joint" type="continuous"', 'name="elbow_joint" type="planar"', "is planar"),
-        (
-            'name="elbow_joint" type="continuous"',
-            'name="elbow_joint" type="prismatic"',
-            "it slides; in ur10 it turns",
-        ),
+        (AXIS, AXIS.replace("2.0", "-2.0"), r"up to [\d.e+]+ mm .* counts its joints"),
+        (AXIS, AXIS.replace("2.0", "nan"), "expected 3 number"),
+        (ELBOW, ELBOW.replace("continuous", "planar"), "is planar"),
+        (ELBOW, ELBOW.replace("continuous", "prismatic"), "it slides; in ur10 it turns"),
     ],
 )
 def test_another_robot_or_a_broken_file_is_one_line(ur10, rng, tmp_path, old, new, said):

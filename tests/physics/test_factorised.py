@@ -22,19 +22,14 @@ from testbench.studies.estimators.factorised import (
 )
 from testbench.studies.estimators.search import BOX, Budget, explore, trial_points
 
-SECTION_5_2 = FullPose(
-    arm="arm_6r", sigma=25e-6 / 2**0.5, sigma_rotation=250e-6 / 2**0.5, least=9e-3, most=41e-3
-)
+NOISE = {"sigma": 25e-6 / 2**0.5, "sigma_rotation": 250e-6 / 2**0.5}
+SECTION_5_2 = FullPose(arm="arm_6r", least=9e-3, most=41e-3, **NOISE)
 TINY = Budget(population=2, generations=3, trial_points=40, stage_one_points=10)
-
-
-def data_of(cell, seed):
-    return simulate(cell, SECTION_5_2, seed).identification
 
 
 @pytest.fixture(scope="module")
 def data(arm_6r):
-    return data_of(arm_6r, 1)
+    return simulate(arm_6r, SECTION_5_2, 1).identification
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +64,7 @@ def test_costs_of_a_population_are_the_cost_of_each_and_f_m_of_its_parameters(ar
     np.testing.assert_allclose(by_parameters, each, rtol=1e-12)
 
 
-@pytest.mark.parametrize("m", [1, 2, 3, 6])
+@pytest.mark.parametrize("m", [1, 3, 6])
 def test_parameters_are_gramians_of_at_most_rank_m(regression, rng, m):
     problem = factorise(regression, m)
     C = regression.structure.matrix(parameters(problem, random_start(problem, rng)))
@@ -81,14 +76,11 @@ def test_parameters_are_gramians_of_at_most_rank_m(regression, rng, m):
         assert (values > 1e-9).sum() == min(m, len(block))
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_local_solve_of_full_order_reaches_the_conic_optimum(arm_6r, seed):
-    data = data_of(arm_6r, seed)
-    conic = gco(arm_6r.vjm, mgco69(arm_6r.arm), data)
-    problem = factorise(conic.regression)
-    value = descend(problem, random_start(problem, stream(seed))).f_m
+def test_a_local_solve_of_full_order_reaches_the_conic_optimum(best):
+    problem = factorise(best.regression)
+    value = descend(problem, random_start(problem, stream(1))).f_m
     # solves end where a step gains less than 1e-12; in flat valleys that leaves up to some 1e-6
-    assert value == pytest.approx(conic.f_m, rel=1e-5)
+    assert value == pytest.approx(best.f_m, rel=1e-5)
 
 
 def test_what_cannot_be_searched_is_refused(arm_6r, data):
@@ -104,18 +96,14 @@ def test_what_cannot_be_searched_is_refused(arm_6r, data):
             Budget(**numbers)
 
 
-def test_the_papers_search_ends_at_the_conic_optimum_by_the_same_random_numbers(best):
-    one, two = (explore(factorise(best.regression), TINY, stream(1)) for _ in range(2))
+def test_the_papers_search_ends_at_the_conic_optimum_and_f_m_falls_until_there(best):
+    """By the same random numbers at the same place; local solves are seen to fall too."""
+    problem, seen, of_several = factorise(best.regression), [], []
+    one, two = (explore(problem, TINY, stream(1), observe=to) for to in (seen.append, lambda _: None))
     np.testing.assert_array_equal(one.best, two.best)
     assert one.f_m == pytest.approx(best.f_m, rel=1e-5)
-    assert one.best.tolist() != explore(factorise(best.regression), TINY, stream(2)).best.tolist()
-
-
-def test_observers_see_f_m_fall_until_that_of_the_best(regression):
-    problem, seen, of_several = factorise(regression, 3), [], []
-    least = explore(problem, TINY, stream(1), observe=seen.append).f_m
-    solves = descents(problem, stream(4), starts=3, observe=of_several.append)
-    for values, end in ((seen, least), (of_several, min(d.f_m for d in solves))):
+    solves = descents(factorise(best.regression, 3), stream(4), starts=3, observe=of_several.append)
+    for values, end in ((seen, one.f_m), (of_several, min(d.f_m for d in solves))):
         assert len(values) > 10
         assert (np.diff(values) < 0).all()
         assert values[-1] == pytest.approx(end, rel=1e-12)
@@ -134,5 +122,6 @@ def test_trial_points_lie_inside_the_box_and_differ(regression):
     assert points.shape == (700, problem.size)
     assert np.abs(points).max() <= BOX
     assert len(np.unique(points, axis=0)) == 700
+    assert not np.isin(points, trial_points(problem, np.zeros(problem.size), 700, stream(4))).all()
     from_outside = trial_points(problem, np.full(problem.size, 2 * BOX), 100, stream(3))
     assert np.abs(from_outside).max() <= BOX

@@ -1,9 +1,8 @@
 """Eq. (7) on the model side: K_w against differences; tangents, equilibria and errors against MuJoCo."""
 
-import mujoco
 import numpy as np
 import pytest
-from loads import random_q
+from loads import GRAVITY, hung, random_q
 
 from testbench.errors import BenchError, NoEquilibrium
 from testbench.identify.regression import non_redundant, rank
@@ -16,13 +15,13 @@ from testbench.model.loaded import (
     loaded_deflection,
     secant,
 )
-from testbench.model.structure import all153, template56
+from testbench.model.structure import template56
 from testbench.model.vjm import (
     chain,
     generalised_load,
     observation,
 )
-from testbench.plant import settle, settle_linear, weightless
+from testbench.plant import settle, weightless
 from testbench.plant.equilibrium import Poses
 from testbench.plant.equilibrium import tangent as plant_tangent
 from testbench.plant.state import open_row
@@ -50,40 +49,9 @@ def bent(cell, rng, runs):
     return random_q(cell, rng, runs), theta
 
 
-def hung(cell, runs, load):
-    wrench = np.zeros((runs, 6))
-    wrench[:, 2] = -load
-    return wrench, np.tile(cell.vjm.load, (runs, 1))
-
-
 def random_wrench(rng, runs, force, moment):
     part = rng.standard_normal((runs, 6)) * np.repeat([force, moment], 3)
     return part, rng.uniform(-0.4, 0.4, (runs, 3))  # well off the tool's centre
-
-
-# --- chain away from zero --------------------------------------------------------------------------------
-
-
-def test_bent_chain_and_its_jacobian_are_those_of_the_elastic_mjcf(cell, rng):
-    (q, theta), point = bent(cell, rng, 5), np.array([0.3, -0.2, 0.1])
-    where = chain(cell.vjm, q, theta)
-    J = load_jacobian(where, np.tile(point, (5, 1)))
-    plant, data = cell.plant, mujoco.MjData(cell.plant.model)
-    for i in range(5):
-        data.qpos[plant.joints], data.qpos[plant.theta] = q[i], theta[i]
-        mujoco.mj_kinematics(plant.model, data)
-        mujoco.mj_comPos(plant.model, data)
-        frame = data.xmat[plant.tool].reshape(3, 3)
-        # both libraries round at 1e-16 a joint, 50 joints, lengths of metres
-        np.testing.assert_allclose(where.position[i], data.xpos[plant.tool], rtol=0, atol=1e-12)
-        np.testing.assert_allclose(where.rotation[i], frame, rtol=0, atol=1e-12)
-        expected = np.zeros((6, plant.model.nv))
-        at = data.xpos[plant.tool] + frame @ point
-        mujoco.mj_jac(plant.model, data, expected[:3], expected[3:], at, plant.tool)
-        np.testing.assert_allclose(J[i], expected[:, plant.theta], rtol=0, atol=1e-12)
-
-
-# --- K_w -------------------------------------------------------------------------------------------------
 
 
 def differences_of_the_load(cell, q, theta, wrench, point):
@@ -109,9 +77,6 @@ def test_k_w_is_the_derivative_of_the_generalised_load(request, name, rng):
     np.testing.assert_allclose(K_w, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
-# --- tangent of the loaded arm ---------------------------------------------------------------------------
-
-
 def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
     """I - C_theta K_w of Eq. (7), by which the plant takes its steps and finds that an arm buckles."""
     plant, q = weightless(cell.plant), random_q(cell, rng, 3)
@@ -129,14 +94,11 @@ def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
         np.testing.assert_allclose(np.eye(len(found)) - found, expected, rtol=0, atol=1e-7 * size)
 
 
-# --- equilibrium under load ------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("share", [0.1, 0.46, 1.0])
 def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng, monkeypatch):
     """Pinocchio's chain with Newton on Eq. (7), MuJoCo's with springs as tendons: one equilibrium."""
     plant, q = weightless(cell.plant), random_q(cell, rng, 40)
-    wrench, point = hung(cell, 40, share * HEAVIEST[cell.arm.name.removesuffix("_l480")])
+    wrench, point = hung(cell, 40, share * HEAVIEST[cell.arm.name.removesuffix("_l480")] / GRAVITY)
     monkeypatch.setattr(equilibrium, "MAX_ITERATIONS", 7)  # quadratic convergence takes at most six
     rest = settle(plant, q, wrench, point)
     theta = loaded_equilibrium(cell.vjm, cell.arm.C_theta, q, wrench, point)
@@ -151,16 +113,10 @@ def test_second_order_of_a_secant_is_the_load_on_the_bent_arm(cell, rng):
     wrench, point = random_wrench(rng, 5, 100, 100)
     where, C_theta = chain(cell.vjm, random_q(cell, rng, 5)), cell.arm.C_theta
     K_w = geometric_stiffness(where, wrench, point)
-    for own in (np.zeros_like(K_w), K_w):
-        theta = secant(where, C_theta, wrench, point, own)
+    for given, own in ((None, 0 * K_w), (K_w, K_w)):
+        theta = secant(where, C_theta, wrench, point, given)
         u = generalised_load(where, wrench, point).T + np.matvec(own, theta)
         np.testing.assert_allclose(theta, u @ C_theta, rtol=0, atol=1e-12 * np.abs(theta).max())
-    np.testing.assert_array_equal(
-        secant(where, C_theta, wrench, point), secant(where, C_theta, wrench, point, 0 * K_w)
-    )
-
-
-# --- buckling and bad input ------------------------------------------------------------------------------
 
 
 def inverted_pendulum(cell):
@@ -200,7 +156,7 @@ def test_beyond_its_buckling_load_an_arm_has_no_equilibrium(kr500, share):
 
 def test_a_load_beyond_all_measure_names_its_pose(arm_6r):
     q = np.deg2rad([[0.0, 0, 0, 0, 0, 0], [0.0, 10, 0, 0, 0, 0]])
-    wrench, point = hung(arm_6r, 2, 1e6)
+    wrench, point = hung(arm_6r, 2, 1e5)
     wrench[0] = 0
     with pytest.raises(NoEquilibrium, match=r"no static equilibrium in 1 .*10\.0.*too soft"):
         loaded_equilibrium(arm_6r.vjm, arm_6r.arm.C_theta, q, wrench, point)
@@ -211,61 +167,34 @@ def test_wrong_shapes_say_what_was_expected(kr500):
     q, wrench, point, theta = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 3)), np.zeros((2, 48))
     where, K_w = chain(vjm, q), np.zeros((2, 48, 48))
     J = load_jacobian(where, point)
-    cases = {
+    for text, call in {
         r"q \[rad, m\]: expected shape \(any, 6\), got \(2, 5\)": lambda: chain(vjm, q[:, :5]),
-        "q .*finite": lambda: chain(vjm, q + np.nan),
-        r"theta \[m, rad\]: expected shape \(2, 48\), got \(2, 42\)": lambda: chain(vjm, q, theta[:, :42]),
         r"theta \[m, rad\]: expected shape \(2, 48\), got \(1, 48\)": lambda: chain(vjm, q, theta[:1]),
-        "theta .*finite": lambda: chain(vjm, q, np.full((2, 48), np.nan)),
+        "theta .*finite": lambda: chain(vjm, q, theta + np.nan),
         r"wrench .*\(2, 6\), got \(1, 6\)": lambda: geometric_stiffness(where, wrench[:1], point),
         r"point .*\(2, 3\), got \(3,\)": lambda: geometric_stiffness(where, wrench, point[0]),
-        "wrench .*finite": lambda: geometric_stiffness(where, wrench + np.inf, point),
         r"point .*\(2, 3\), got \(1, 3\)": lambda: load_jacobian(where, point[:1]),
         r"J_theta .*\(any, 6, any\), got \(6, 48\)": lambda: loaded_compliance(J[0], arm.C_theta, K_w),
         r"C_theta .*\(48, 48\), got \(42, 42\)": lambda: loaded_compliance(J, np.eye(42), K_w),
         r"K_w .*\(2, 48, 48\), got \(48, 48\)": lambda: loaded_compliance(J, arm.C_theta, K_w[0]),
         r"C_theta .*got \(48,\)": lambda: loaded_equilibrium(vjm, np.ones(48), q, wrench, point),
-        r"wrench .*got \(3, 6\)": lambda: loaded_equilibrium(vjm, arm.C_theta, q, np.zeros((3, 6)), point),
+        r"wrench .*got \(1, 6\)": lambda: loaded_equilibrium(vjm, arm.C_theta, q, wrench[:1], point),
         r"q \[rad, m\].*got \(2, 5\)": lambda: loaded_equilibrium(vjm, arm.C_theta, q[:, :5], wrench, point),
         r"targets .*\(any, 3\), got \(3,\)": lambda: loaded_deflection(vjm, q, theta, np.zeros(3)),
         r"targets .*got \(1, 2\)": lambda: displacement(where, theta, np.zeros((1, 2))),
         r"K_w .*got \(1, 48, 48\)": lambda: secant(where, arm.C_theta, wrench, point, K_w[:1]),
-    }
-    for text, call in cases.items():
+    }.items():
         with pytest.raises(BenchError, match=text):
             call()
 
 
-def random_load(rng, runs):
-    return 1000 * rng.standard_normal((runs, 6)), 0.3 * rng.standard_normal((runs, 3))
-
-
-@pytest.fixture(params=["kr500", "arm_6r"])
-def six_axes(request):
-    return request.getfixturevalue(request.param)
-
-
-def test_markers_move_as_in_the_first_order_truth(cell, rng):
-    """Partial pose: force at one point, markers at others, against MuJoCo's Jacobians."""
-    q = random_q(cell, rng, 10)
-    wrench, point = random_load(rng, 10)
-    structure = all153(cell.arm)
-    A = observation(chain(cell.vjm, q), structure, wrench, point, cell.vjm.markers)
-    start = settle_linear(cell.plant, q, 0 * wrench, point).markers
-    moved = settle_linear(cell.plant, q, wrench, point).markers - start
-    predicted = A @ structure.entries(cell.arm.C_theta)
-    np.testing.assert_allclose(predicted, moved, rtol=0, atol=1e-14)
-
-
-def test_algebraic_reduction_finds_the_32_parameters_of_mls32(six_axes, rng):
-    full = template56(six_axes.arm)
-    reduced = non_redundant(six_axes.vjm, full, name="MLS32")
+@pytest.mark.parametrize("name", ["kr500", "arm_6r"])
+def test_algebraic_reduction_finds_the_32_parameters_of_mls32(name, request, rng):
+    cell = request.getfixturevalue(name)
+    full = template56(cell.arm)
+    reduced = non_redundant(cell.vjm, full, name="MLS32")
     assert (reduced.name, reduced.n) == ("MLS32", 32)
-    q = random_q(six_axes, rng, 30)
-    wrench, point = random_load(rng, 30)
-    A, B = (
-        observation(chain(six_axes.vjm, q), s, wrench, point, six_axes.vjm.markers).reshape(-1, s.n)
-        for s in (full, reduced)
-    )
+    where, load = chain(cell.vjm, random_q(cell, rng, 30)), random_wrench(rng, 30, 1000, 1000)
+    A, B = (observation(where, s, *load, cell.vjm.markers).reshape(-1, s.n) for s in (full, reduced))
     assert rank(B) == rank(A)  # and so every prediction of the 56 can be had from the 32
     assert rank(np.hstack([A, B])) == rank(B)

@@ -1,4 +1,4 @@
-"""The truth side against MuJoCo's own time stepping; many poses at once: each as if alone."""
+"""The truth against MuJoCo's own time stepping, each disturbance against theory; many poses, each alone."""
 
 import shutil
 import subprocess
@@ -13,9 +13,27 @@ from loads import hung, random_q
 
 from testbench.arm.folder import load_arm
 from testbench.cli.elastic import write_elastic
-from testbench.errors import InputError, NoEquilibrium
-from testbench.plant import TYPICAL, build_plant, disturb, settle, settle_linear, settle_pair
+from testbench.errors import BenchError, InputError, NoEquilibrium
+from testbench.plant import (
+    KR500_COMPENSATOR,
+    TYPICAL,
+    Compensator,
+    Disturbances,
+    GearErrors,
+    GeometryErrors,
+    build_plant,
+    disturb,
+    settle,
+    settle_disturbed,
+    settle_linear,
+    settle_pair,
+)
 from testbench.plant.build import plant_of
+from testbench.plant.compensator import attached, stiffen, strut, strut_force
+from testbench.plant.disturbance import FOUNDATION
+from testbench.plant.equilibrium import Poses, hold, tangent
+from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
+from testbench.plant.state import evaluate, open_row
 
 
 def at_pose(plant, q, theta=0.0):
@@ -41,27 +59,6 @@ def test_newton_residual_is_that_of_mujocos_full_forward_pass(kr500, rng):
         assert np.abs(Q[kr500.plant.theta]).max() == pytest.approx(rest.residual[i], abs=1e-9)
         assert rest.residual[i] < 0.05
         assert data.nefc == 0  # no constraint: MuJoCo 4.0.0's sparse constraint solver is wrong
-
-
-@pytest.mark.parametrize("mass", [0.0, 460.3])
-def test_newton_finds_where_time_stepping_comes_to_rest(kr500, mass):
-    q = np.deg2rad([[20.0, -80, 95, 10, -30, 15]])
-    wrench, point = hung(kr500, 1, mass)
-    rest = settle(kr500.plant, q, wrench, point)
-    model, data = kr500.plant.model, at_pose(kr500.plant, q[0])
-    for _ in range(3000):
-        mujoco.mj_step1(model, data)
-        data.qfrc_applied[:] = 0
-        if mass:
-            frame = data.xmat[kr500.plant.tool].reshape(3, 3)
-            where = data.xpos[kr500.plant.tool] + frame @ point[0]
-            mujoco.mj_applyFT(
-                model, data, wrench[0, :3], np.zeros(3), where, kr500.plant.tool, data.qfrc_applied
-            )
-        mujoco.mj_step2(model, data)
-    assert np.abs(data.qvel).max() < 1e-8  # at rest
-    assert np.abs(data.qpos[kr500.plant.joints] - q[0]).max() < 1e-9  # the brakes hold
-    np.testing.assert_allclose(data.qpos[kr500.plant.theta], rest.theta[0], rtol=0, atol=2e-9)
 
 
 def test_the_elastic_arm_is_never_written_over_the_rigid_one(kr500, tmp_path):
@@ -117,37 +114,31 @@ POSES = 41  # five times the arms side by side, and one
 
 
 def loads(cell, rng):
-    q = rng.uniform(*cell.arm.limits, (POSES, cell.arm.n_joints))
-    wrench = np.zeros((POSES, 6))
-    wrench[:, 2] = -rng.uniform(0, 5000, POSES)
-    return q, wrench, np.tile(cell.plant.load, (POSES, 1))
-
-
-def loaded(plant, q, wrench, point):
-    return settle(plant, q, wrench, point)
+    wrench, point = hung(cell, POSES, rng.uniform(0, 500, POSES))
+    return random_q(cell, rng, POSES), wrench, point
 
 
 def typical(plant, q, wrench, point):
     return settle_pair(disturb(plant, TYPICAL, np.random.default_rng(1)), q, wrench, point)[1]
 
 
-def assert_same(one, other):
+def assert_close(one, other):
     """To rounding, a millionth of the last Newton step: BLAS may round by where an array lies."""
     for field in fields(one):
         atol = 1e-6 if field.name == "residual" else 1e-13  # springs of 1e10 N/m
         np.testing.assert_allclose(getattr(one, field.name), getattr(other, field.name), rtol=0, atol=atol)
 
 
-@pytest.mark.parametrize("settled", [loaded, typical, settle_linear])
+@pytest.mark.parametrize("settled", [settle, typical, settle_linear])
 def test_poses_settle_alike_in_any_order_and_in_any_company(kr500, rng, monkeypatch, settled):
     runs, order = loads(kr500, rng), rng.permutation(POSES)
     expected = settled(kr500.plant, *runs)
     shuffled = settled(kr500.plant, *(part[order] for part in runs))
-    assert_same(shuffled, replace(expected, **{k: v[order] for k, v in vars(expected).items()}))
+    assert_close(shuffled, replace(expected, **{k: v[order] for k, v in vars(expected).items()}))
     monkeypatch.setattr("testbench.plant.equilibrium.TOGETHER", 7)
-    assert_same(settled(kr500.plant, *runs), expected)
+    assert_close(settled(kr500.plant, *runs), expected)
     monkeypatch.setattr("testbench.plant.build.ABREAST", 1)
-    assert_same(settled(plant_of(kr500.arm, kr500.plant.model), *runs), expected)
+    assert_close(settled(plant_of(kr500.arm, kr500.plant.model), *runs), expected)
 
 
 def test_threads_of_a_caller_find_the_same(kr500, rng):
@@ -156,7 +147,7 @@ def test_threads_of_a_caller_find_the_same(kr500, rng):
     expected = typical(kr500.plant, *runs)
     with ThreadPoolExecutor(3) as pool:
         for found in pool.map(lambda _: typical(kr500.plant, *runs), range(9)):
-            assert_same(found, expected)
+            assert_close(found, expected)
 
 
 @pytest.mark.parametrize("together", [2, 512])
@@ -177,3 +168,232 @@ def test_of_poses_without_equilibrium_the_first_is_named(kr500, monkeypatch, tog
         settle(plant, q, wrench, point)
     hanging = [0, 1, 2, 5]
     assert settle(plant, q[hanging], wrench[hanging], point[hanging]).residual.max() < 0.05
+
+
+CLEAN = Disturbances(own_weight=True)
+
+
+def disturbed(cell, disturbances, seed=1):
+    return disturb(cell.plant, disturbances, np.random.default_rng(seed))
+
+
+def assert_same(one, other):
+    for field in fields(one):
+        assert getattr(one, field.name).tobytes() == getattr(other, field.name).tobytes(), field.name
+
+
+def hinges(cell, equilibrium):
+    return equilibrium.theta[:, 6 * len(cell.arm.links) :]
+
+
+def only_joint(cell, k):
+    """The arm with all links and all joints but one a million times stiffer."""
+    arm = cell.arm
+    both = arm.links, arm.joints
+    links, joints = ([replace(part, compliance=1e-6 * part.compliance) for part in own] for own in both)
+    joints[k] = arm.joints[k]
+    return build_plant(replace(arm, links=tuple(links), joints=tuple(joints)))
+
+
+def test_an_undisturbed_arm_is_the_clean_one_to_the_last_bit_and_stays_as_it_is(kr500, rng):
+    q = random_q(kr500, rng, 20)
+    wrench, point = hung(kr500, 20)
+    settle_disturbed(disturbed(kr500, TYPICAL), q)
+    unloaded, loaded = settle_pair(disturbed(kr500, CLEAN), q, wrench, point)
+    assert_same(unloaded, settle(kr500.plant, q))
+    assert_same(loaded, settle(kr500.plant, q, wrench, point))
+
+
+@pytest.mark.parametrize("stiffness", [None, KR500_COMPENSATOR.stiffness])
+def test_force_of_the_compensator_is_minus_the_gradient_of_its_energy(kr500, rng, stiffness):
+    """All 54 coordinates, by central differences in a bent pose; its stiffness in the held one."""
+    spring = replace(KR500_COMPENSATOR, stiffness=stiffness)
+    plant, model, data = kr500.plant, kr500.plant.model, mujoco.MjData(kr500.plant.model)
+    data.qpos[plant.joints] = np.deg2rad([10.0, -40, 60, 20, 30, 0])
+    k = spring.rate if stiffness is None else stiffness
+
+    def length():
+        mujoco.mj_kinematics(model, data)
+        ends = [
+            data.body(name).xpos + data.body(name).xmat.reshape(3, 3) @ where
+            for name, where in (("link_1", spring.foot), ("link_2", spring.head))
+        ]
+        return np.linalg.norm(ends[1] - ends[0])
+
+    def slopes(of):
+        """Derivatives of a function by all coordinates where they are, (nv,)."""
+        at, h, found = data.qpos.copy(), 1e-6, []
+        for unit in np.eye(model.nv):
+            ends = []
+            for sign in (1, -1):
+                data.qpos[:] = at + sign * h * unit
+                ends.append(of())
+            found.append((ends[0] - ends[1]) / (2 * h))
+        data.qpos[:] = at
+        return np.array(found)
+
+    held, row = length(), open_row(plant)
+    compensator = strut(spring, plant, evaluate(row, data.qpos[None], attached(plant)))
+
+    def energy():
+        stretch = length() - held
+        return spring.rate * (held - spring.rest_length) * stretch + k * stretch**2 / 2
+
+    g, step = slopes(length), rng.standard_normal(model.nv)
+    (eased,) = stiffen(compensator, step[None], np.arange(1))
+    np.testing.assert_allclose(eased + k * (plant.C @ g) * (g @ eased), step, rtol=0, atol=1e-6)
+    data.qpos[plant.theta] = 1e-4 * rng.standard_normal(len(plant.theta))
+    (Q,) = strut_force(compensator, plant, evaluate(row, data.qpos[None], attached(plant)), np.arange(1))
+    gradient = slopes(energy)
+    # forces of 1e5 N: rounding of an energy of 1e2 J over 2e-6 m is 1e-8, second order of the step 1e-7
+    np.testing.assert_allclose(Q, -gradient, rtol=1e-5, atol=1e-7 * np.abs(Q).max())
+
+
+def test_newton_s_matrix_has_the_joints_as_soft_as_their_law_says(kr500, rng):
+    plant, row = kr500.plant, open_row(kr500.plant)
+    q = hold(plant, random_q(kr500, rng, 1))
+    poses = Poses(plant, q, np.array([[0, 0, -5000.0, 0, 0, 0]]), np.zeros((1, 3)))
+    twice = JointLaw(2 * plant.C[plant.hinges, plant.hinges], stiffening=0, backlash=0, hysteresis=0)
+    linear, soft = (np.eye(q.size) - tangent(p, row, q[0], 0) for p in (poses, replace(poses, law=twice)))
+    expected = linear.copy()
+    expected[plant.hinges] *= 2
+    assert np.abs(linear[plant.hinges]).max() > 1e-3
+    np.testing.assert_allclose(soft, expected, rtol=0, atol=1e-15)
+
+
+def test_gears_turn_the_joints_by_a_sum_of_sines_and_a_share_of_the_angle(kr500, rng):
+    q = random_q(kr500, rng, 3)
+    errors = GearErrors(orders=5, ratio=1e-4, line=1e-4, line_order=202)
+    true = disturbed(kr500, replace(CLEAN, sensor_offset=1e-3, gear=errors))
+    gears = true.gears
+    assert 0 < np.abs(gears.sine[:5]).max() < 2e-4  # 30 urad each
+    assert not gears.sine[5:201].any()
+    np.testing.assert_allclose(np.hypot(gears.sine[201], gears.cosine[201]), 1e-4, rtol=1e-12)
+    angle = np.arange(1, len(gears.sine) + 1)[:, None, None] * q
+    periodic = gears.sine[:, None] * np.sin(angle) + gears.cosine[:, None] * np.cos(angle)
+    moved = q + true.offset + gears.ratio * q + periodic.sum(axis=0)
+    assert np.abs(moved - q).max() > 1e-4
+    rest, expected = settle_disturbed(true, q), settle(kr500.plant, moved)
+    np.testing.assert_allclose(rest.markers, expected.markers, rtol=0, atol=1e-12)  # rounding of metres
+
+
+def test_a_centre_error_is_a_load_that_hangs_elsewhere(kr500, rng):
+    q = random_q(kr500, rng, 5)
+    wrench, point = hung(kr500, 5)
+    true = disturbed(kr500, replace(CLEAN, centre_error=5e-3))
+    loaded = settle_pair(true, q, wrench, point)[1]
+    assert_same(loaded, settle(kr500.plant, q, wrench, point + true.centre))
+    assert np.abs(true.centre).max() > 1e-3
+
+
+def test_backlash_adds_the_play_where_the_load_turns_the_torque_round_and_nothing_elsewhere(kr500):
+    """Joint 5 carries the tool to the front; a moment presses it on, or turns it round."""
+    plant, b = only_joint(kr500, 4), 2e-5
+    q = np.zeros((2, 6))
+    wrench = np.zeros((2, 6))
+    wrench[:, 4] = 3000.0, -3000.0  # own weight makes 275 N m, play is taken up at b / C = 29 N m
+
+    def change(backlash):
+        true = disturb(plant, replace(CLEAN, backlash=backlash), np.random.default_rng(1))
+        unloaded, loaded = settle_pair(true, q, wrench, np.zeros((2, 3)))
+        return (hinges(kr500, loaded) - hinges(kr500, unloaded))[:, 4]
+
+    extra = change(b) - change(0.0)
+    assert extra[0] == pytest.approx(0.0, abs=1e-4 * b)  # 1 - tanh(275 / 29) is 1e-8; weight's lever: 1e-5
+    assert extra[1] == pytest.approx(-2 * b, rel=1e-4)
+
+
+def test_hysteresis_holds_back_loading_and_unloading_by_its_half_width(kr500, rng):
+    h = 3e-5
+    true = disturbed(kr500, replace(CLEAN, hysteresis=h))
+    q = random_q(kr500, rng, 20)
+    wrench, point = hung(kr500, 20)
+    first, loaded = settle_pair(true, q, wrench, point)
+    again = settle_disturbed(true, q, before=loaded)
+    clean = settle(kr500.plant, q), settle(kr500.plant, q, wrench, point)
+    assert_same(replace(first, residual=clean[0].residual), clean[0])  # nothing to come from, nothing held
+    moves = hinges(kr500, clean[1]) - hinges(kr500, clean[0])
+    far = np.abs(moves) > 3 * h
+    assert 40 < far.sum() < moves.size
+    short = hinges(kr500, clean[1]) - hinges(kr500, loaded)
+    back = hinges(kr500, again) - hinges(kr500, first)
+    # other joints that hold back change a joint's torque by 1e-3 of itself
+    np.testing.assert_allclose(short[far], h * np.sign(moves[far]), rtol=0, atol=0.05 * h)
+    np.testing.assert_allclose(back[far], h * np.sign(moves[far]), rtol=0, atol=0.05 * h)
+    stuck = np.abs(moves) < 0.9 * h
+    assert stuck.any()
+    np.testing.assert_array_equal(hinges(kr500, loaded)[stuck], hinges(kr500, first)[stuck])
+    assert max(loaded.residual.max(), again.residual.max()) < 0.05
+
+
+def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):
+    """Weightless arm, 1 N and 1 N m: twist of the base C_f times the wrench about its origin."""
+    q = random_q(kr500, rng, 5)
+    wrench, point = rng.standard_normal((5, 6)), 0.3 * rng.standard_normal((5, 3))
+    scale = 3.0
+    (rest, rigid), (_, soft) = (
+        settle_pair(disturbed(kr500, Disturbances(foundation=f)), q, wrench, point) for f in (0.0, scale)
+    )
+    at = rest.tool + (rest.rotation @ point[:, :, None])[:, :, 0]
+    moment = wrench[:, 3:] + np.cross(at, wrench[:, :3])
+    twist = scale * np.array(FOUNDATION) * np.c_[wrench[:, :3], moment]
+    expected = twist[:, :3] + np.cross(twist[:, 3:], rest.tool)
+    moved = soft.tool - rigid.tool
+    # a newton bends the arm by 1e-6 m: second order is 1e-6; rounding of metres is 1e-8 of 1e-8 m
+    np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+    linear = settle_linear(disturbed(kr500, Disturbances(foundation=scale)).plant, q, wrench, point)
+    np.testing.assert_allclose(linear.tool - rest.tool, soft.tool - rest.tool, rtol=0, atol=1e-10)
+
+
+LAW = JointLaw(
+    compliance=np.array([0.075e-6, 0.15e-6, 0.7e-6, 0.7e-6]), stiffening=0.2, backlash=5e-5, hysteresis=3e-5
+)
+TORQUE = np.array([13e3, -4e3, 900.0, 40.0])  # the last within the play
+
+
+@pytest.mark.parametrize("before", [None, np.array([0.0, 0.0, 2e-3, 8e-5])])
+def test_compliance_of_a_joint_is_the_slope_of_its_turn_whose_certificate_sees_a_nanoradian(before):
+    """Springs by their polynomial, not by the root that was solved for; within its band friction holds."""
+    law, h = replace(LAW, before=before), 1e-3
+    expected = (turn(law, TORQUE + h) - turn(law, TORQUE - h)) / (2 * h)
+    np.testing.assert_allclose(slope(law, TORQUE), expected, rtol=1e-6, atol=1e-15)
+    moving, theta = slope(law, TORQUE) > 0, turn(law, TORQUE)
+    assert (before is None) == moving[3]  # friction holds it
+    np.testing.assert_allclose(spring_torque(law, theta, TORQUE), TORQUE, rtol=1e-9)
+    for off in (1e-9, -1e-9):
+        left = np.abs(spring_torque(law, theta + off, TORQUE) - TORQUE)
+        outside = moving if before is None else moving & (off * np.sign(theta - before) < 0)  # others: within
+        assert np.all(left[outside] > 0.9e-9 / law.compliance[outside])
+
+
+def test_the_same_seed_gives_the_same_arm_and_a_switch_leaves_the_other_numbers_alone(kr500, rng):
+    """All that disturbs it is in balance, on springs that MuJoCo has: no foundation counts twice."""
+    q, arms = random_q(kr500, rng, 3), [disturbed(kr500, TYPICAL, seed) for seed in (7, 7, 8)]
+    one, same, other = (settle_pair(arm, q, *hung(kr500, 3))[1] for arm in arms)
+    assert_same(one, same)
+    assert np.abs(one.markers - other.markers).max() > 1e-6
+    assert one.residual.max() < 0.05  # of 4.5 kN
+    fewer = replace(TYPICAL, geometry=None, foundation=0.0, compensator=None)
+    np.testing.assert_array_equal(disturbed(kr500, fewer, 7).offset, arms[0].offset)
+    np.testing.assert_array_equal(disturbed(kr500, fewer, 7).centre, arms[0].centre)
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: Disturbances(backlash=-1e-5), "backlash: expected a finite number of at least 0"),
+        (lambda: Disturbances(mass_error=-1.5), "mass_error: expected a finite number of at least -1"),
+        (lambda: GeometryErrors(position=1e-3, angle=-1.0), "angle: expected a finite number"),
+        (lambda: GearErrors(orders=-1), "orders: expected 0 to 1000, got -1"),
+        (lambda: Compensator((0, 0, 0), (0, 0, 1), -1.0, 0.5), "rate of the compensator"),
+        (lambda: Compensator((0, 0), (0, 0, 1), 1.0, 0.5), r"foot of the compensator.*shape \(3\)"),
+    ],
+)
+def test_impossible_disturbances_are_refused(build, message):
+    with pytest.raises(BenchError, match=message):
+        build()
+
+
+def test_an_arm_without_link_2_has_no_compensator(single_link):
+    with pytest.raises(BenchError, match="links 1 and 2, single_link has 1 links"):
+        disturbed(single_link, TYPICAL)

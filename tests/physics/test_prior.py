@@ -1,24 +1,49 @@
-"""Priors: their metric, what they do to least squares and GCO, how firmly to believe them."""
+"""Priors: their metric, what they do to fits, how firmly to believe them, given or learnt; averages."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
+from testbench.campaign.advice import of_average
 from testbench.campaign.campaign import Scenario, simulate
+from testbench.campaign.doubt import of_scale
+from testbench.campaign.model_selection import with_priors
+from testbench.campaign.models import named_models
+from testbench.campaign.perturbed_prior import prior_of
+from testbench.campaign.true_arms import true_cell
 from testbench.data.dataset import select
 from testbench.errors import BenchError
-from testbench.identify import gco, reduce
+from testbench.identify import gco, reduce, with_prior
+from testbench.identify.average import ODDS, averaged, of_two_priors
 from testbench.identify.crossval import (
     Candidate,
     divided,
     unless_beaten,
 )
+from testbench.identify.evaluate import deflections, score
+from testbench.identify.evidence import bends, greatest, posterior
+from testbench.identify.hierarchy import (
+    ALONE,
+    LOOSE,
+    MISFIT,
+    WIDEST,
+    _scales,
+    contradicted,
+    evidence,
+    learn,
+    log_evidence_alone,
+    unchecked,
+)
 from testbench.identify.metric import Belief, metric, precision_root, rescaled, whitened
-from testbench.identify.prior import Prior, Strength, aggregate, cad_prior
+from testbench.identify.posterior import CURVED, HEAVY, curvature, intervals, linearise, quantile
+from testbench.identify.prior import Prior, Strength, aggregate, cad_prior, softened
 from testbench.identify.regression import f_m
 from testbench.identify.solve import answer, solve
-from testbench.model.structure import Structure, all153, mgco68, mgco147, template56
+from testbench.model.loaded import displacement, loaded_deflection, secant
+from testbench.model.structure import Structure, all153, joints_only, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
 from testbench.studies.estimators.stein import (
     SLACK,
@@ -28,9 +53,10 @@ from testbench.studies.estimators.stein import (
     gco_least_trace,
     gco_stein,
 )
+from testbench.studies.loaded_stiffness.equilibrium import loaded_equilibrium
 
 
-def campaign(cell, seed, **changes):
+def simulated(cell, seed, **changes):
     return simulate(cell, Scenario(arm="kr500_l480", truth="linear", workspace_poses=50, **changes), seed)
 
 
@@ -71,7 +97,7 @@ def test_joints_left_out_add_to_the_link_before_them(name, request, rng):
 
 def test_least_squares_with_a_prior_is_the_ridge_solution(kr500, structure):
     """Against the minimiser of the penalised sum itself, the common scale an unknown of its own."""
-    run = campaign(kr500, 1)
+    run = simulated(kr500, 1)
     regression = reduce(kr500.vjm, structure, run.identification)
     own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, structure), regression)
     A, y = whitened(regression, own)
@@ -87,7 +113,7 @@ def test_gco_with_a_prior_meets_the_optimality_conditions_of_the_cone(kr500, str
     """The gradient S of the penalised sum is PSD in every block and orthogonal to X: no model is better."""
     binds = 0
     for seed in (1, 3):
-        regression = reduce(kr500.vjm, structure, campaign(kr500, seed).identification)
+        regression = reduce(kr500.vjm, structure, simulated(kr500, seed).identification)
         own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, structure), regression)
         strength = Strength(uncertainty)
         estimate = solve(regression, "psd", Belief(own, strength))
@@ -107,7 +133,7 @@ def test_gco_with_a_prior_meets_the_optimality_conditions_of_the_cone(kr500, str
 
 
 def test_log_det_prior_is_never_singular_and_of_least_cost(kr500):
-    run = campaign(kr500, 3)
+    run = simulated(kr500, 3)
     structure = template56(kr500.arm)
     regression = reduce(kr500.vjm, structure, run.identification)
     own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, structure), regression)
@@ -130,7 +156,7 @@ def test_log_det_prior_is_never_singular_and_of_least_cost(kr500):
 
 
 def test_least_trace_has_less_trace_and_fits_as_well(kr500):
-    run, structure = campaign(kr500, 2), mgco68(kr500.arm)
+    run, structure = simulated(kr500, 2), mgco68(kr500.arm)
     regression = reduce(kr500.vjm, structure, run.identification)
     own = metric(cad_prior(kr500.arm), kr500.vjm, structure)
     ours, plain = gco_least_trace(regression, own), gco(kr500.vjm, structure, run.identification)
@@ -154,7 +180,7 @@ def with_orientations(data, rng):
 
 @pytest.mark.parametrize("read", [lambda data, _: data, with_covariances, with_orientations])
 def test_folds_are_whole_poses_reduced_by_themselves_and_cover_all_runs(kr500, rng, read):
-    data = read(campaign(kr500, 1).identification, rng)
+    data = read(simulated(kr500, 1).identification, rng)
     structure = template56(kr500.arm)
     folds = every_fold(kr500.vjm, structure, data)
     part = divided(data)
@@ -172,7 +198,7 @@ def test_folds_are_whole_poses_reduced_by_themselves_and_cover_all_runs(kr500, r
 
 
 def test_load_levels_are_held_out_whole_where_there_are_several(kr500):
-    light, heavy = (campaign(kr500, 1, payload=mass).identification for mass in (200.0, 460.3))
+    light, heavy = (simulated(kr500, 1, payload=mass).identification for mass in (200.0, 460.3))
     structure = template56(kr500.arm)
     assert len(every_fold(kr500.vjm, structure, heavy)) == 8
     names = ("run", "pose", "q", "wrench", "point", "before", "after")
@@ -186,7 +212,7 @@ def test_load_levels_are_held_out_whole_where_there_are_several(kr500):
 
 
 def test_cross_validation_takes_the_strength_that_predicts_best(kr500):
-    data = campaign(kr500, 1).identification
+    data = simulated(kr500, 1).identification
     structure = template56(kr500.arm)
     own = metric(cad_prior(kr500.arm), kr500.vjm, structure)
     folds = every_fold(kr500.vjm, structure, data)
@@ -210,21 +236,21 @@ def test_a_model_stays_unless_beaten_fold_by_fold_by_more_than_chance():
     assert duel.standard_error == pytest.approx(np.std(noise, ddof=1) / np.sqrt(6))
 
 
-BROKEN = {
-    "shape": (lambda C: C[:-1, :-1], "prior broken .*expected shape"),
-    "indefinite": (lambda C: C * np.where(np.eye(len(C)), 1, 2), "expected a positive definite block"),
-    "negative": (lambda C: -C, "a positive diagonal"),
-    "unsymmetric": (
-        lambda C: C + 1e-3 * np.triu(np.abs(C).max() * np.ones_like(C), 1),
-        "expected a symmetric",
-    ),
-    "nan": (lambda C: C * np.nan, "expected finite numbers"),
-}
+def unsymmetric(C):
+    return C + 1e-3 * np.triu(np.full_like(C, np.abs(C).max()), 1)
 
 
-@pytest.mark.parametrize("case", BROKEN)
-def test_a_broken_prior_is_refused_by_name(kr500, case):
-    spoil, text = BROKEN[case]
+@pytest.mark.parametrize(
+    ("spoil", "text"),
+    [
+        (lambda C: C[:-1, :-1], "prior broken .*expected shape"),
+        (lambda C: C * np.where(np.eye(len(C)), 1, 2), "expected a positive definite block"),
+        (lambda C: -C, "a positive diagonal"),
+        (unsymmetric, "expected a symmetric"),
+        (lambda C: C * np.nan, "expected finite numbers"),
+    ],
+)
+def test_a_broken_prior_is_refused_by_name(kr500, spoil, text):
     with pytest.raises(BenchError, match=text):
         metric(Prior("broken", spoil(kr500.arm.C_theta)), kr500.vjm, mgco68(kr500.arm))
 
@@ -236,6 +262,293 @@ def test_strengths_of_nothing_structures_with_holes_and_too_few_poses_are_refuse
     holes = Structure.of(kr500.arm, links=["link_2"], entries=((0, 0), (0, 1), (1, 1), (1, 2)), name="holes")
     with pytest.raises(BenchError, match="holes lacks entries"):
         metric(cad_prior(kr500.arm), kr500.vjm, holes)
-    data = campaign(kr500, 1, identification_poses=1, identification_runs=2).identification
+    data = simulated(kr500, 1, identification_poses=1, identification_runs=2).identification
     with pytest.raises(BenchError, match="expected at least 2 poses, got 1"):
         every_fold(kr500.vjm, template56(kr500.arm), data)
+
+
+@pytest.fixture(scope="module")
+def campaign(kr500):
+    return simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=10), 3)
+
+
+def seen_by(cell, campaign, structure, prior=None):
+    prior = prior_of(cell, "scaled", 3) if prior is None else prior
+    return reduce(cell.vjm, structure, campaign.identification), metric(prior, cell.vjm, structure)
+
+
+@pytest.mark.parametrize("make", [all153, mgco68, template56, joints_only])
+def test_slopes_and_bends_of_the_evidence_are_those_of_differences(kr500, campaign, make, rng):
+    seen = evidence(*seen_by(kr500, campaign, make(kr500.arm)))
+    h = seen.start + 0.2 * rng.standard_normal(len(seen.start))
+    own, step = posterior(seen.problem, h), 1e-5
+    ends = [[posterior(seen.problem, h + sign * step * e) for sign in (1, -1)] for e in np.eye(len(h))]
+    H, J = bends(seen.problem, h, own)
+    of_slopes = (own.gradient, lambda x: x.loss), (H, lambda x: x.gradient), (J.T, lambda x: x.normal.x)
+    for found, of in of_slopes:
+        expected = np.array([(of(up) - of(down)) / (2 * step) for up, down in ends])
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+
+
+def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, campaign):
+    regression, own = seen_by(kr500, campaign, mgco68(kr500.arm))
+    seen = evidence(regression, own)
+    h, other = seen.start.copy(), seen.start.copy()
+    h[-3:], other[-3:] = np.log([0.3, 0.2, 1.2]), np.log([0.5, 0.1, 1.0])
+    other[-6:-3] = np.log([0.5, 1.0, 2.0])  # of links 0, 2 and 3
+
+    def density(h):
+        """Minus its logarithm, from all rows as they are, the scales at one."""
+        A, y = whitened(regression, seen.metric)
+        u, c, kappa = np.exp(h[-3:])
+        D = (np.where(seen.metric.couplings, c, u) * shares(seen, h)[seen.block]) ** 2
+        S = kappa**2 * np.eye(len(y)) + A * D @ A.T
+        e = y - A @ seen.metric.expected
+        more = sum(t.equations / 3 * t.rest for t in regression.terms) / kappa**2 / 2
+        beyond = (regression.equations - len(y)) * np.log(kappa)
+        return (np.linalg.slogdet(S)[1] + e @ np.linalg.solve(S, e)) / 2 + more + beyond
+
+    def hyper(h):
+        z = (h[-6:] - seen.start[-6:]) / np.array([0.5, 0.5, 0.5, 0.4, 0.7, 0.7])
+        return z @ z / 2
+
+    found = [posterior(seen.problem, point).loss - hyper(point) - density(point) for point in (h, other)]
+    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-6)  # but for a constant
+
+
+def shares(seen, h):
+    """What u and c of every block are times, (blocks,)."""
+    found = np.ones(seen.blocks)
+    found[seen.whole] = np.exp(h[-3 - len(seen.whole) : -3])
+    return found
+
+
+def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, campaign):
+    regression, own = seen_by(kr500, campaign, all153(kr500.arm))
+    belief = learn(regression, own)
+    (A, y), D = whitened(regression, belief.metric), belief.misfit**2
+    e, strength = belief.metric.expected, belief.strength
+    assert np.std(np.log(strength.shares[:7])) > 0.01  # links of one arm are unlike
+    own = np.repeat(strength.shares, [21] * 7 + [1] * 6)
+    P = D * (own * np.where(belief.metric.couplings, strength.coupling, strength.uncertainty)) ** 2
+    S = D * np.eye(len(y)) + A * P @ A.T
+    expected = e + P * (A.T @ np.linalg.solve(S, y - A @ e))
+    estimate = solve(regression, "none", belief)
+    x = np.linalg.solve(belief.metric.L, estimate.pi)
+    np.testing.assert_allclose(x, expected, rtol=0, atol=1e-6)  # rows of 1e3, entries of 1
+    rows = np.linalg.qr(np.random.default_rng(0).standard_normal((153, 5)))[0].T
+    functionals = rows @ np.linalg.inv(belief.metric.L)
+    covariance = np.diag(P) - (P[:, None] * A.T) @ np.linalg.solve(S, A * P)
+    variance = np.einsum("ki,ij,kj->k", rows, covariance, rows)
+    variance += np.square(functionals @ belief.moves.T).sum(axis=1)
+    np.testing.assert_allclose(linearise(estimate).deviations(functionals), np.sqrt(variance), rtol=1e-5)
+
+
+def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(kr500, campaign):
+    """Laplace's covariance times derivatives of the estimate, which is solved again at every difference."""
+    regression, own = seen_by(kr500, campaign, mgco68(kr500.arm))
+    belief, seen = learn(regression, own), evidence(regression, own)
+    h = greatest(seen.problem, seen.start)
+
+    def estimate(h):
+        L = seen.metric.L * np.exp(h[: seen.blocks])[seen.block]
+        u, c, kappa = np.exp(h[-3:])
+        own = Strength(u / kappa, 0.0, coupling=c / kappa, shares=tuple(shares(seen, h)))
+        there = Belief(replace(seen.metric, L=L), own)
+        return solve(regression, "none", there).pi
+
+    steps = 1e-4 * np.eye(len(h))[:-1]
+    J = np.array([estimate(h + d) - estimate(h - d) for d in steps]) / 2e-4
+    slopes = [[posterior(seen.problem, h + s * d).gradient for s in (1, -1)] for d in steps]
+    H = np.array([up - down for up, down in slopes])[:, :-1] / 2e-4
+    assert np.linalg.eigvalsh(H)[0] > WIDEST**-2
+    expected = J.T @ np.linalg.solve(H, J)
+    np.testing.assert_allclose(belief.moves.T @ belief.moves, expected, rtol=0, atol=1e-4 * expected.max())
+
+
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+def test_joints_ten_times_off_are_found_and_hardly_cost_anything(kr500, factor):
+    prior = cad_prior(kr500.arm)
+    C = prior.C_theta.copy()
+    C[42:, 42:] *= factor
+    campaign = simulate(kr500, Scenario(arm="kr500_l480", truth="linear", workspace_poses=20), 5)
+    errors = {}
+    for name, own in (("right", prior), ("wrong", Prior("joints off", C))):
+        estimate = with_prior(gco, own)(kr500.vjm, all153(kr500.arm), campaign.identification)
+        errors[name] = np.abs(estimate.C_theta - kr500.arm.C_theta)[42:, 42:].max()
+    [joints] = [scale for scale in estimate.belief.scales if scale.name == "joints"]
+    assert abs(np.log(joints.factor * factor)) < 4 * joints.deviation < np.log(10)  # told from 1
+    [doubt] = [scale for scale in contradicted(estimate.belief) if scale.name == "joints"]
+    assert f"want {joints.factor:.2g} times" in of_scale(doubt).sentence
+    assert "beside the links" in of_scale(doubt).sentence
+    assert errors["wrong"] < errors["right"] + 0.3 * kr500.arm.C_theta[42:, 42:].max()
+
+
+@pytest.mark.parametrize(("link", "factor"), [(k, 0.1 if k % 2 else 10.0) for k in range(7)])
+def test_a_link_ten_times_off_is_contradicted_or_named_as_open_that_way(kr500, campaign, link, factor):
+    C = kr500.arm.C_theta.copy()
+    C[6 * link : 6 * link + 6] *= factor
+    name = kr500.arm.links[link].name
+    regression, own = seen_by(kr500, campaign, all153(kr500.arm), Prior("one link off", C))
+    told = any(scale.name == name for scale in contradicted(learn(regression, own)))
+    found = unchecked(regression, own)
+    assert told or name in (found.stiffer if factor > 1 else found.softer)
+
+
+def test_noise_counts_as_normal_and_what_the_prior_puts_in_as_student(kr500, campaign):
+    """Of a direction that readings tell, noise is left; of one that none tells, as joint 1, the prior."""
+    s, joint_1 = all153(kr500.arm), 153 - 6
+    found = linearise(with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, s, campaign.identification))
+    noise, prior = np.vsplit(found.root, [len(found.root) - found.heavy])
+    shares = np.linalg.norm(prior, axis=0) / np.linalg.norm(found.root, axis=0)
+    assert shares[joint_1] == pytest.approx(1, abs=1e-9)
+    told, open_ = np.linalg.svd(noise)[2][:1], np.eye(s.n)[[joint_1]]
+    widths = [(found.half_widths(a) / found.deviations(a))[0] for a in (told, open_)]
+    assert quantile(np.inf, 0.975) <= widths[0] <= widths[1]
+    assert widths[1] == pytest.approx(quantile(HEAVY, 0.975), rel=1e-9)
+
+
+def test_readings_that_move_against_the_load_are_refused_in_one_line(kr500, campaign):
+    data, method = campaign.identification, with_prior(gco, cad_prior(kr500.arm))
+    with pytest.raises(BenchError, match="expected data that move with the load"):
+        method(kr500.vjm, mgco68(kr500.arm), replace(data, before=data.after, after=data.before))
+
+
+def test_intervals_widen_by_what_a_linear_model_leaves_out_which_grows_with_the_square_of_the_load(
+    kr500, campaign
+):
+    data, C = campaign.truth, kr500.arm.C_theta
+    whole = curvature(kr500.vjm, C, data)
+    tenth = curvature(kr500.vjm, C, replace(data, wrench=data.wrench / 10))
+    np.testing.assert_allclose(tenth, whole / 100, rtol=0, atol=0.1 * np.abs(whole).max() / 100)
+    theta = loaded_equilibrium(kr500.vjm, C, data.q, data.wrench, data.point)
+    exact = loaded_deflection(kr500.vjm, data.q, theta, kr500.vjm.markers)
+    where = chain(kr500.vjm, data.q)
+    linear = displacement(where, secant(where, C, data.wrench, data.point), kr500.vjm.markers)
+    np.testing.assert_allclose(whole, exact - linear, rtol=0, atol=0.1 * np.abs(whole).max())
+    method = with_prior(gco, cad_prior(kr500.arm))
+    estimate = method(kr500.vjm, template56(kr500.arm), campaign.identification)
+    found = intervals(kr500.vjm, estimate, data)
+    rows = observation(where, estimate.structure, data.wrench, data.point, kr500.vjm.markers)
+    half = linearise(estimate).half_widths(rows.reshape(-1, 56)).reshape(whole.shape)
+    left_out = curvature(kr500.vjm, estimate.C_theta, data)
+    np.testing.assert_allclose(found.upper - found.centre, np.hypot(half, CURVED * left_out), rtol=1e-9)
+
+
+def test_scales_are_ratios_to_their_kind_as_sure_as_the_difference_of_their_logarithms(kr500, campaign, rng):
+    own = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
+    seen = evidence(reduce(kr500.vjm, own.structure, campaign.identification), own)
+    h, A = rng.normal(size=len(seen.start)), rng.normal(size=(len(seen.start) - 1,) * 2)
+    C, K = A @ A.T, seen.blocks
+    of = [(k, K + kind) for k, kind in enumerate(seen.kind)] + [(K + 1, K)]  # last the joints over the links
+    for scale, (i, j) in zip(_scales(seen, h, C), of, strict=True):
+        assert scale.factor == pytest.approx(np.exp(h[i]) / np.exp(h[j]))
+        assert scale.deviation == pytest.approx(np.sqrt(C[i, i] + C[j, j] - 2 * C[i, j]))
+
+
+SCENARIO = Scenario(arm="kr500_l480", identification_poses=8, identification_runs=16, workspace_poses=60)
+
+
+@pytest.fixture(scope="module")
+def rigid(kr500):
+    """Campaigns of links a thousand times stiffer than the folder's, by seed."""
+    cell = true_cell(kr500, "tubes", 1, stiffer=1000)
+    return {seed: simulate(cell, SCENARIO, seed) for seed in (1, 2, 3)}
+
+
+def errors(cell, campaign, *estimates):
+    truth = campaign.truth
+    return [score(deflections(cell.vjm, e, truth), truth.deflection).rms for e in estimates]
+
+
+@pytest.mark.parametrize("prior", ["right", "scaled"])
+def test_where_links_are_rigid_the_default_is_joints_alone(kr500, rigid, prior):
+    for seed, campaign in rigid.items():
+        data = campaign.identification
+        [model] = with_priors(kr500.arm, named_models(kr500, ["ALL153"]), prior_of(kr500, prior, seed))
+        found = model.estimator(kr500.vjm, model.structure, data)
+        alone = gco(kr500.vjm, joints_only(kr500.arm), data)
+        ours, theirs = errors(kr500, campaign, found, alone)
+        assert found.average.weight > 0.75
+        [said] = of_average(found.average)
+        assert said.startswith("link compliances do not improve the model: joint stiffness only weighs")
+        assert ours < 1.05 * theirs
+
+
+def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
+    """Of joints alone: a normal density of the readings about a scale, integrated over it by quadrature."""
+    data, found = rigid[2].identification, []
+    s = joints_only(kr500.arm)
+    regression = reduce(kr500.vjm, s, data)
+    for name in ("right", "scaled", "uncoupled"):
+        own = metric(prior_of(kr500, name, 2), kr500.vjm, s)
+        log_evidence, belief = log_evidence_alone(regression, own)
+        kappa, e = LOOSE / belief.strength.uncertainty, belief.metric.expected
+        A, y = whitened(regression, belief.metric)
+        S = kappa**2 * np.eye(len(y)) + ALONE**2 * A @ A.T
+        best = float(y @ np.linalg.solve(S, A @ e))
+        best /= float(A @ e @ np.linalg.solve(S, A @ e))
+
+        def density(v, A=A, y=y, S=S, e=e, best=best):
+            e0, e1 = y - A @ (best * e), y - A @ (v * e)
+            return math.exp((e0 @ np.linalg.solve(S, e0) - e1 @ np.linalg.solve(S, e1)) / 2)
+
+        e0 = y - A @ (best * e)
+        log_size = np.linalg.slogdet(S)[1]
+        over_scale = math.log(quad(density, best - 2, best + 2, points=[best], limit=200)[0])
+        rest = sum(t.equations / 3 * t.rest for t in regression.terms) / kappa**2
+        beyond = (regression.equations - len(y)) * math.log(kappa)
+        dense = over_scale - (e0 @ np.linalg.solve(S, e0) + log_size + rest) / 2 - beyond
+        found.append(log_evidence - dense + (math.log(kappa) / MISFIT) ** 2 / 2)
+    np.testing.assert_allclose(found, found[0], rtol=0, atol=1e-5)  # but for powers of 2 pi
+
+
+def test_the_weight_is_the_odds_beforehand_times_the_ratio_of_evidences(kr500, rigid):
+    data, prior, s = rigid[3].identification, cad_prior(kr500.arm), all153(kr500.arm)
+    belief = learn(regression := reduce(kr500.vjm, s, data), own := metric(prior, kr500.vjm, s))
+    alone = joints_only(kr500.arm)
+    there = log_evidence_alone(reduce(kr500.vjm, alone, data), metric(prior, kr500.vjm, alone))[0]
+    odds = ODDS * math.exp(there - belief.log_evidence)
+    found = averaged(regression, "psd", own, widths=True)
+    assert found.average.weight == pytest.approx(odds / (1 + odds), rel=1e-5)
+
+
+@pytest.fixture(scope="module")
+def by_beams_and_both(kr500):
+    """Estimates by the folder's prior alone, and by the softened one too, of three arms a kind; truths."""
+    s, prior, found = all153(kr500.arm), cad_prior(kr500.arm), {}
+    beams, soft = (metric(own, kr500.vjm, s) for own in (prior, softened(prior)))
+    for kind in ("coupled", "tubes"):
+        arms = [simulate(true_cell(kr500, kind, seed), SCENARIO, seed) for seed in (1, 2, 3)]
+        reduced = [(arm, reduce(kr500.vjm, s, arm.identification)) for arm in arms]
+        found[kind] = [
+            (arm, averaged(r, "psd", beams, widths=True), of_two_priors(r, "psd", beams, soft))
+            for arm, r in reduced
+        ]
+    return found
+
+
+def test_links_that_are_no_beams_are_told_by_the_evidence(kr500, by_beams_and_both):
+    pairs = [errors(kr500, arm, *both) for arm, *both in by_beams_and_both["coupled"]]
+    assert np.mean([ours / alone for alone, ours in pairs]) < 0.95
+    for arm, *both in by_beams_and_both["tubes"]:
+        alone, ours = errors(kr500, arm, *both)
+        assert ours < 1.05 * alone
+
+
+def test_an_average_is_conservative_with_the_covariance_of_the_mixture(kr500, rigid, by_beams_and_both):
+    """Of links and of none, each as sure as the other is near; of two priors."""
+    found = with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, all153(kr500.arm), rigid[1].identification)
+    whole, w, links = found.average.whole, found.average.weight, slice(0, 42)
+    np.testing.assert_allclose(found.C_theta[links, links], (1 - w) * whole.C_theta[links, links], rtol=1e-12)
+    assert found.conservative
+    rows = np.eye(found.structure.n)
+    expected = np.hypot(linearise(whole).deviations(rows), np.abs(found.pi - whole.pi))
+    np.testing.assert_allclose(linearise(found).deviations(rows), expected, rtol=1e-9)
+    found = next(own for *_, own in by_beams_and_both["coupled"] if own.average.parts)
+    parts = found.average.parts
+    assert sum(share for share, _ in parts) == pytest.approx(1)
+    assert found.conservative
+    np.testing.assert_allclose(found.pi, sum(share * own.pi for share, own in parts), rtol=1e-12)
+    each = [w * (linearise(own).deviations(rows) ** 2 + (own.pi - found.pi) ** 2) for w, own in parts]
+    np.testing.assert_allclose(linearise(found).deviations(rows) ** 2, sum(each), rtol=1e-9)

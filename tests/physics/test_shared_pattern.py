@@ -80,22 +80,26 @@ def test_errors_that_are_each_joints_own_share_no_pattern(seed):
 
 
 def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
-    """Unknowns and precision by normal equations in which the prior alone knows the pattern."""
+    """Unknowns and precision by normal equations in which the prior alone knows the pattern.
+
+    They spend the trace of the hat matrix: free ones a whole equation each.
+    """
     pattern = Pattern((0, 1), (0.0, 1.1), (1, -1))
     errors = JointErrors(tuple(range(1, 5)))
     size = 2 * errors.size
     B, A, y = basis(pattern, errors, 0, size), rng.normal(size=(40, size)), rng.normal(size=40)
-    deviation = rng.uniform(0.5, 2.0, size)
+    deviation, factor = np.r_[rng.uniform(0.5, 2.0, size - 3), [np.inf] * 3], 1.7
     own = SimpleNamespace(
         rigid=size, columns=np.arange(size), elastic=None, unknowns=SimpleNamespace(size=size, basis=B)
     )
     R = np.linalg.qr(np.column_stack([A, y]), mode="r")
     plain = Reduced((0,), (Part(0, (R.T @ R)[None], np.array([40])),), {0: R})
-    found = eliminate(own, plain.turned(B), Learnt(deviation, np.ones(1)))
+    found = eliminate(own, plain.turned(B), Learnt(deviation, np.array([factor])))
     back = np.linalg.inv(B.toarray())
-    P = A.T @ A + back.T @ np.diag(deviation**-2.0) @ back
+    P = A.T @ A / factor**2 + back.T @ np.diag(deviation**-2.0) @ back
     np.testing.assert_allclose(found.root.T @ found.root, P, atol=1e-9)
-    np.testing.assert_allclose(found.x, np.linalg.solve(P, A.T @ y))
+    np.testing.assert_allclose(found.x, np.linalg.solve(P, A.T @ y / factor**2))
+    assert found.spent == pytest.approx(np.trace(A @ np.linalg.solve(P, A.T)) / factor**2)
     assert not np.tril(found.root, -1).any()
     [part] = plain.turned(B).parts
     np.testing.assert_allclose(part.gram[0][:-1, :-1], B.T @ (A.T @ A) @ B, atol=1e-9)

@@ -17,32 +17,31 @@ from testbench.model.weights import own_weight, read_weights
 AGREE = 1e-12  # of the largest load; both sides are sums of a few products
 
 
-def of_mujoco(model, q, joints, theta=None, bent=()):
-    """Generalised force of gravity, (runs, nv); some joints bent by theta, (runs, n)."""
+def forces(model, qpos, body=0, wrench=None, point=None):
+    """Generalised forces of gravity, and of a wrench at a point of a body, (runs, nv) [N m, N]."""
     data, found = mujoco.MjData(model), []
-    for run, pose in enumerate(q):
-        data.qpos[:] = 0
-        data.qpos[joints] = pose
-        if theta is not None:
-            data.qpos[bent] += theta[run]
+    for run, pose in enumerate(qpos):
+        data.qpos[:] = pose
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_rne(model, data, 0, data.qfrc_bias)
         found.append(-data.qfrc_bias)
+        if body:
+            at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ point[run]
+            mujoco.mj_applyFT(model, data, wrench[run, :3], wrench[run, 3:], at, body, found[-1])
     return np.array(found)
 
 
-@pytest.mark.parametrize("size", [0.0, 0.3])
-def test_own_weight_is_mujocos_on_every_virtual_joint(cell, size, rng):
+def test_own_weight_is_mujocos_on_every_virtual_joint(cell, rng):
     """Virtual joints bent by 0.3 m and 0.3 rad too."""
     model = cell.plant.model.__copy__()
     for link in cell.arm.links:
         model.body(f"{link.name}_end").mass[:] = 0  # a carrier is not of the arm
-    q = rng.uniform(*cell.arm.limits, (20, cell.arm.n_joints))
-    theta = size * rng.uniform(-1, 1, (20, cell.arm.n_theta))
-    expected = of_mujoco(model, q, cell.plant.joints, theta, cell.plant.theta)
-    load = own_weight(chain(cell.vjm, q, theta), read_weights(cell.arm))
-    scale = np.abs(expected).max()
-    np.testing.assert_allclose(load.T, expected[:, cell.plant.theta], rtol=0, atol=AGREE * scale)
+    qpos = np.zeros((20, model.nv))
+    qpos[:, cell.plant.joints] = q = random_q(cell, rng, 20)
+    qpos[10:, cell.plant.theta] = 0.3 * rng.uniform(-1, 1, (10, cell.arm.n_theta))
+    expected = forces(model, qpos)[:, cell.plant.theta]
+    load = own_weight(chain(cell.vjm, q, qpos[:, cell.plant.theta]), read_weights(cell.arm))
+    np.testing.assert_allclose(load.T, expected, rtol=0, atol=AGREE * np.abs(expected).max())
 
 
 FIXED = """<body name="motor" pos="0.1 0.2 0.3" euler="20 30 40"><inertial pos="0.1 -0.1 0.2" mass="3"
@@ -51,20 +50,18 @@ FIXED = """<body name="motor" pos="0.1 0.2 0.3" euler="20 30 40"><inertial pos="
 DRAWN = '<default><default class="drawn"><geom mass="0"/></default></default>'
 
 
-def rewritten(folder, change):
+def rewritten(folder, *changes):
     text = (folder / "rigid.xml").read_text(encoding="utf-8")
-    (folder / "rigid.xml").write_text(change(text), encoding="utf-8")
+    for old, new in changes:
+        text = text.replace(old, new, 1)
+    (folder / "rigid.xml").write_text(text, encoding="utf-8")
     return load_arm(folder)
 
 
 def test_bodies_fixed_to_a_link_weigh_with_it(tmp_path):
     folder = write_arm(tmp_path / "arm", "zyx", degrees=True)
-    arm = rewritten(
-        folder,
-        lambda text: text.replace('<body name="link_3"', f'{FIXED}<body name="link_3"').replace(
-            "<worldbody>", f"{DRAWN}<worldbody>"
-        ),
-    )
+    link_3 = '<body name="link_3"'
+    arm = rewritten(folder, (link_3, FIXED + link_3), ("<worldbody>", f"{DRAWN}<worldbody>"))
     model = mujoco.MjModel.from_xml_path(str(arm.rigid))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -84,7 +81,7 @@ def test_bodies_fixed_to_a_link_weigh_with_it(tmp_path):
     ],
 )
 def test_masses_that_only_mujoco_could_weigh_are_refused(tmp_path, old, new, expected):
-    arm = rewritten(write_arm(tmp_path / "arm", "zyx"), lambda text: text.replace(old, new, 1))
+    arm = rewritten(write_arm(tmp_path / "arm", "zyx"), (old, new))
     with pytest.raises(InputError, match=expected):
         read_weights(arm)
 
@@ -100,16 +97,9 @@ def other_arm(cell, rng):
 
 def true_torques(cell, model, q, wrench, point):
     """Generalised forces of gravity and of a wrench at the tool on the joints, (runs, n) [N m, N]."""
-    data, found, tool = mujoco.MjData(model), [], cell.room.model.body(cell.arm.tool).id
-    for run, pose in enumerate(q):
-        data.qpos[cell.room.joints] = pose
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_rne(model, data, 0, data.qfrc_bias)
-        force = np.zeros(model.nv)
-        at = data.xpos[tool] + data.xmat[tool].reshape(3, 3) @ point[run]
-        mujoco.mj_applyFT(model, data, wrench[run, :3], wrench[run, 3:], at, tool, force)
-        found.append((force - data.qfrc_bias)[cell.room.joints])
-    return np.array(found)
+    qpos, joints = np.zeros((len(q), model.nv)), cell.room.joints
+    qpos[:, joints] = q
+    return forces(model, qpos, model.body(cell.arm.tool).id, wrench, point)[:, joints]
 
 
 def with_torques(q, wrench, point, torque):
