@@ -7,8 +7,8 @@ import numpy as np
 from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import Arm
 from testbench.data.columns import Column, Columns
-from testbench.data.joined import clock, seconds
 from testbench.data.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
+from testbench.data.rearranged import clock, seconds
 from testbench.errors import Array, InputError
 
 UNIT_NORM = 5e-3

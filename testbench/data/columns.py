@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.joined import with_log
 from testbench.data.mapping import Named, Names
 from testbench.data.names import (
     DEFLECTION,
@@ -22,7 +21,7 @@ from testbench.data.names import (
     columns_of,
     split_unit,
 )
-from testbench.data.rearranged import join_axes, take_apart
+from testbench.data.rearranged import join_axes, take_apart, with_log
 from testbench.data.table import Table, read_table
 from testbench.errors import Array, InputError, Mask
 

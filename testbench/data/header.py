@@ -108,6 +108,11 @@ def _blanks(delimiter: str) -> bool:
 def cells_in(line: Line, delimiter: str) -> list[str]:
     """Cells of a line as of a header; a comment's are those behind its mark."""
     text = line.text.lstrip().lstrip("#/") if line.comment else line.text
+    return [cell.strip() for cell in _cells(text, delimiter)]
+
+
+def _cells(text: str, delimiter: str) -> list[str]:
+    """The same with blanks around them."""
     return cells_of(tabbed(text, delimiter), "\t") if _blanks(delimiter) else cells_of(text, delimiter)
 
 
@@ -154,13 +159,13 @@ def notes(encoding: str, header: Header) -> tuple[str, ...]:
 
 
 def row_of(path: Path, header: Header, line: Line) -> list[str]:
-    """The cells of a row, as many as the header has; surplus blank ones at the end are left out.
+    """The cells of a row with blanks around them, as many as the header has, without surplus blank ones.
 
     Raises:
         InputError: At a row of another length.
     """
-    count, cells = len(header.names), cells_in(line, header.delimiter)
-    while len(cells) > count and not cells[-1]:
+    count, cells = len(header.names), _cells(line.text, header.delimiter)
+    while len(cells) > count and not cells[-1].strip():
         cells.pop()
     if len(cells) != count:
         hint = "; for a line behind the table say footer = 1 in the map's [file]"

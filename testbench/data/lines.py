@@ -140,14 +140,17 @@ def tabbed(line: str, runs: str) -> str:
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
-    """Cells of a line without quotes and blanks around them; none where quotes are not around whole cells."""
-    try:
-        [cells] = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
-    except csv.Error:
-        return []
-    if '"' in line and len(cells) != 1 + sum(piece.count(delimiter) for piece in line.split('"')[::2]):
-        return []
-    return [cell.strip() for cell in cells]
+    """Cells of a line without quotes around them; none where quotes are not around whole cells."""
+    cells = line.split(delimiter)
+    if '"' in line:
+        count = 1 + sum(piece.count(delimiter) for piece in line.split('"')[::2])
+        try:
+            [cells] = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
+        except csv.Error:
+            return []
+        if len(cells) != count:
+            return []
+    return cells
 
 
 def as_cell(text: str) -> str:

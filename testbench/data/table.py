@@ -305,4 +305,4 @@ def _parse(path: Path, header: Header) -> list["pa.Array"]:
     for first in range(0, len(header.body), TOGETHER):
         rows = [row_of(path, header, line) for line in header.body[first : first + TOGETHER]]
         parts.append([pa.array(own, pa.string()) for own in zip(*rows, strict=True)])
-    return [pa.concat_arrays(own) for own in zip(*parts, strict=True)]
+    return [pc.utf8_trim_whitespace(pa.concat_arrays(own)) for own in zip(*parts, strict=True)]
