@@ -131,7 +131,7 @@ def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) 
     from testbench.plant import collisions
 
     names = read_map(mapping, cell.arm)
-    table = read_table(path, names.knows, names.layout)
+    table = read_table(path, names.knows, names.map.file)
     columns = find_columns(table, names, cell.arm)
     q = joint_coordinates(columns, cell.arm)
     if not 1 <= table.rows <= MAX_TASKS:

@@ -48,7 +48,7 @@ def _from_angles(columns: Columns, found: list[Column]) -> Array:
     """Of three angles in the notation of the map, or a rotation vector under our own names."""
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
 
-    notation = columns.names.series.rotation or _unsaid(columns, found)
+    notation = columns.names.map.series.rotation or _unsaid(columns, found)
     first = found[0].slot.index // 3 * 3
     ours = "123" if first else "xyz"
     own = columns.whole({f"rotation_{x}_rad": Slot("rotation", first + k) for k, x in enumerate(ours)})

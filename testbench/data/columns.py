@@ -148,7 +148,7 @@ class Columns:
 
 def read_columns(path: Path, names: Names, arm: Arm) -> Columns:
     """The columns of a file; InputError as `read_table` and `find_columns` raise it."""
-    table = read_table(path, names.knows, names.layout)
+    table = read_table(path, names.knows, names.map.file)
     return find_columns(with_log(table, names), names, arm)
 
 
@@ -189,7 +189,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     mark = table.mark([c.index for c in found.values() if c.unit])
     table = table.worded(readings, names.lost)
     table = table.worded(loads, {word: value.replace(".", mark) for word, value in names.loads.items()})
-    if names.layout.merged:
+    if names.map.file.merged:
         table = table.filled([c.index for c in found.values() if c.index not in readings])
     return Columns(table, names, found, ignored, mark)
 

@@ -170,7 +170,7 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
         InputError: Names the line and what was expected.
     """
     names = read_map(mapping, arm)
-    table = read_table(path, names.knows, names.layout)
+    table = read_table(path, names.knows, names.map.file)
     read_as = {k: own for k, name in enumerate(table.names) if (own := names.find(name))}
     joints = {k: own for k, own in read_as.items() if own.slot.what == "joint"}
     first = {own.slot: k for k, own in reversed(joints.items())}

@@ -91,7 +91,7 @@ def read_held(*how: *How) -> Export:
 def from_text(text: str, arm: Arm) -> Dataset:
     """Runs of an arm from what `write.csv_text` made of them."""
     names = read_map(None, arm)
-    table = table_of(Path("runs"), (text, "utf-8"), names.knows, names.layout)
+    table = table_of(Path("runs"), (text, "utf-8"), names.knows, names.map.file)
     return runs_of(find_columns(table, names, arm), arm, None).data
 
 

@@ -142,7 +142,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     scatter = read_scatter(columns, sigma)
     whole, first, lost, more = _assembled(columns, arm, conditions, read, scatter)
     notes += [*shots, *conditions.notes, *scatter.notes, *more]
-    if columns.names.frame == "base":
+    if columns.names.map.frame == "base":
         notes.append("the map says base: its pose is found all the same")
     return SeriesExport(_parted(columns, whole, first, scatter), columns, tuple(notes), lost)
 
@@ -150,7 +150,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
 def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     """Both readings of a run stand in a row."""
     export = runs_of(columns, arm, sigma)
-    said, stem = columns.names.series, stem_of(columns.table.path)
+    said, stem = columns.names.map.series, stem_of(columns.table.path)
     series = series_of(export.data, stem, said.target or stem)
     if said.frame:
         series = tuple(replace(s, frame=s.frame.replace(s.name, said.frame, 1)) for s in series)
@@ -262,7 +262,7 @@ def _parted(columns: Columns, whole: Series, first: Ids, scatter: Scatter) -> tu
         first: Row of the table of each.
         scatter: Of every row of the table.
     """
-    said, stem = columns.names.series, stem_of(columns.table.path)
+    said, stem = columns.names.map.series, stem_of(columns.table.path)
     texts = [_texts(columns, what, first) for what in NAMES]
     keys = list(zip(*texts, strict=True))
     found = []

@@ -168,7 +168,7 @@ def averaged(columns: Columns) -> tuple[Columns, list[str]]:
     The noise of a mean is the pooled scatter over the root of their number, where nothing else says it.
     """
     names, table = columns.names, columns.table
-    if not names.layout.average:
+    if not names.map.file.average:
         return columns, []
     keys = [c for c in columns.found.values() if c.slot.what not in (*OWN, "joint")]
     if not any(c.slot.what in ("pose", "run") for c in keys):

@@ -173,13 +173,13 @@ def with_log(table: Table, names: Names) -> Table:
 
     Points that the map ignores have no row in the log.
     """
-    if names.log is None or names.path is None:
+    if names.map.log is None or names.path is None:
         return table
     for k, own in enumerate(map(names.find, table.names)):
         if own and own.slot == Slot("marker"):
             table = table.take(np.array([squeeze(text) not in names.ignored for text in table.texts(k)]))
-    file = names.path.parent / names.log.file
-    return joined(table, read_table(file, names.knows, Layout()), names.log)
+    file = names.path.parent / names.map.log.file
+    return joined(table, read_table(file, names.knows, Layout()), names.map.log)
 
 
 def joined(table: Table, log: Table, how: Log) -> Table:

@@ -116,7 +116,7 @@ class _Reader(Generic[Read]):
         """
         with open_file(self.path, MOST) as file:
             head = file.read(HEAD)
-            letters(self.path, head, self.names.layout.encoding or "latin-1")
+            letters(self.path, head, self.names.map.file.encoding or "latin-1")
             self._understand(head[: head.rfind(b"\n") + 1])
             file.seek(len(self.above))
             content, number, more = b"", self.start, True
@@ -135,8 +135,8 @@ class _Reader(Generic[Read]):
 
     def _understand(self, content: bytes) -> None:
         """The header and the columns, by the first block."""
-        own = self.names.layout
-        whole = own.footer or own.merged or own.average or self.names.log
+        own = self.names.map.file
+        whole = own.footer or own.merged or own.average or self.names.map.log
         if whole or self.names.cells or self.names.ignored or not content:
             raise Whole
         text, self.encoding = letters(self.path, content, own.encoding)
@@ -196,7 +196,7 @@ class _Reader(Generic[Read]):
         try:
             text = letters(self.path, padded, self.encoding)
         except InputError:
-            if self.encoding == "utf-8" and self.names.layout.encoding is None and b"\0" not in block:
+            if self.encoding == "utf-8" and self.names.map.file.encoding is None and b"\0" not in block:
                 raise Whole from None
             raise
         found = table_of(self.path, text, self.names.knows, self.layout)
