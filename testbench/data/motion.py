@@ -30,13 +30,6 @@ NO_AXIS = "9E9"  #: An external axis of RAPID that is not there.
 URSCRIPT_RATES = "a=0.5, v=0.25"  #: Acceleration and speed of the joint that leads [rad/s^2, rad/s].
 
 
-TAKEN = {
-    name: re.compile("|".join([*own["words"].split(), *own["patterns"]]), re.IGNORECASE)
-    for name, own in tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")).items()
-}
-"""Of every language the names that it has a meaning for, in any case."""
-
-
 @dataclass(frozen=True)
 class _Moves:
     """What a program consists of."""
@@ -105,50 +98,26 @@ def _urscript(moves: _Moves) -> Iterator[str]:
 class Language:
     """A robots' language."""
 
+    lines: Callable[[_Moves], Iterator[str]]
     title: str  #: For people.
     suffix: str  #: Of its files.
     newline: str  #: Between its lines.
-    begins: bytes  #: Regular expression of the beginning of a file of ours.
-    lines: Callable[[_Moves], Iterator[str]]
+    begins: str  #: Regular expression of the beginning of a file of ours.
     longest: int  #: Characters of a name.
-    taken: re.Pattern[str]  #: Names that it has.
+    words: str  #: Names that it has a meaning for, in any case.
+    patterns: list[str]  #: Regular expressions of further ones.
     decimals: int  #: Of a number; a controller keeps some seven digits of degrees and millimetres.
     radians: bool = False  #: Whether it has six joints that turn, in radians; else degrees and millimetres.
 
+    def takes(self, name: str) -> bool:
+        """Whether a name is free."""
+        taken = "|".join([*self.words.split(), *self.patterns])
+        return re.fullmatch(taken, name, re.IGNORECASE) is None
 
-WRITERS: Mapping[str, Language] = {
-    "krl": Language(
-        "KUKA KRL",
-        ".src",
-        "\r\n",
-        rb"DEF \w+\(\)\r\n; A1 is ",
-        _krl,
-        longest=24,
-        taken=TAKEN["krl"],
-        decimals=8,
-    ),
-    "rapid": Language(
-        "ABB RAPID",
-        ".mod",
-        "\r\n",
-        rb"MODULE \w+\r\n  ! rax_1 is ",
-        _rapid,
-        longest=32 - len(RAPID_PREFIX),
-        taken=TAKEN["rapid"],
-        decimals=8,
-    ),
-    "urscript": Language(
-        "URScript",
-        ".script",
-        "\n",
-        rb"def \w+\(\):\n  # joints \[rad\]: ",
-        _urscript,
-        longest=64,
-        taken=TAKEN["urscript"],
-        decimals=11,
-        radians=True,
-    ),
-}
+
+_LINES = {"krl": _krl, "rapid": _rapid, "urscript": _urscript}
+_DECLARED = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+WRITERS: Mapping[str, Language] = {name: Language(lines, **_DECLARED[name]) for name, lines in _LINES.items()}
 
 
 def format_of(path: Path, asked: str | None = None) -> str:
@@ -210,7 +179,7 @@ def write_moves(
 def _identifier(name: str, language: Language) -> str:
     """A name as a language takes it: letters, digits and `_`, a letter first, no name that it has."""
     fit = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "program"
-    if not fit[0].isalpha() or language.taken.fullmatch(fit):
+    if not fit[0].isalpha() or not language.takes(fit):
         fit = MARK + fit
     return fit[: language.longest].rstrip("_")
 
