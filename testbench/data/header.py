@@ -8,7 +8,6 @@ from pathlib import Path
 from testbench.data.lines import Line, cells_of, tabbed
 from testbench.data.mapping import Layout
 from testbench.data.names import Unit, find_unit
-from testbench.data.workbook import SHEET
 from testbench.errors import InputError, shown
 
 SEARCHED, WIDEST, COUNTED = 100, 20_000, 200
@@ -145,25 +144,8 @@ def _units(line: Line, delimiter: str, count: int) -> list[Unit | None] | None:
     return units + [None] * (count - len(units))
 
 
-def notes(encoding: str, header: Header) -> tuple[str, ...]:
-    """How a file was read, in words."""
-    between = {"\t": "tabs", " ": "runs of blanks", "  ": "runs of two or more blanks"}.get(
-        header.delimiter, f"{header.delimiter!r}"
-    )
-    where = f"header in line {header.line}" if header.line else "the map names the columns"
-    how = encoding if encoding.startswith(SHEET) else f"text in {encoding}"
-    found = [f"{how}, {between} between the cells, {where}"]
-    counts = {"before the header": header.skipped, "of comments or the header again": header.left_out}
-    found += [f"{count} line{'s'[: count > 1]} {what} left out" for what, count in counts.items() if count]
-    return (*found, *["the line below the header holds units"] * any(header.units))
-
-
 def row_of(path: Path, header: Header, line: Line) -> list[str]:
-    """The cells of a row with blanks around them, as many as the header has, without surplus blank ones.
-
-    Raises:
-        InputError: At a row of another length.
-    """
+    """The cells of a row with blanks around them, without surplus blank ones; InputError for other counts."""
     count, cells = len(header.names), _cells(line.text, header.delimiter)
     while len(cells) > count and not cells[-1].strip():
         cells.pop()

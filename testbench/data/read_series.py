@@ -20,12 +20,12 @@ from testbench.data.read_pairs import runs_of
 from testbench.data.readings import Readings, averaged, markers_only, placed, read_readings
 from testbench.data.rows import (
     POSES,
-    SAME_POSE,
     Conditions,
     first_rows,
     number_rows,
     read_conditions,
     repeats,
+    same_poses,
 )
 from testbench.data.scatter import Scatter, read_scatter
 from testbench.data.series import Series, select_rows, series_of
@@ -98,7 +98,7 @@ def _pose_columns(columns: Columns) -> list[int]:
 
 def _gathered(exports: Iterator[SeriesExport]) -> SeriesExport:
     """All blocks of a file; a pose has one identifier, and stands in one block."""
-    batches, known = dict[str, list[Series]](), 0
+    batches, known, named = dict[str, list[Series]](), 0, True
     met, lost, notes = dict[str, list[Ids]](), list[Ids](), dict[str, None]()
     for export in exports:
         named = export.columns.get(Slot("pose")) is not None
@@ -106,19 +106,19 @@ def _gathered(exports: Iterator[SeriesExport]) -> SeriesExport:
             every = batches.setdefault(batch.name, [])
             own = alike(export.columns.table.path, (every or [batch])[0], batch)
             every.append(replace(own, pose=own.pose + known))
-            _, row = np.unique(own.pose, return_index=True)
-            digits = np.round(own.q[row] / SAME_POSE).astype(np.int64)
-            mark = digits @ np.random.default_rng(0).integers(
-                2**62, size=own.q.shape[1]
-            )  # alike for no others
-            met.setdefault(own.name, []).append(own.pose[row] if named else mark)
+            met.setdefault(own.name, []).append(np.unique(every[-1].pose))
         known += 0 if named else max(int(batch.pose.max()) for batch in export.series)
         lost.append(export.lost)
         notes |= dict.fromkeys(note for note in export.notes if not note.startswith(POSES))
-    if any((np.diff(np.sort(np.concatenate(own))) == 0).any() for own in met.values()):
-        raise Whole
+    series = tuple(map(together, batches.values()))
+    for one in series:
+        poses = np.concatenate(met[one.name])
+        if not named:
+            poses = same_poses(one.q[np.unique(one.pose, return_index=True)[1]])
+        if len(np.unique(poses)) < len(poses):
+            raise Whole
     said = (*notes, *([] if named else [f"{POSES}: {known} of them"]))
-    return SeriesExport(tuple(map(together, batches.values())), export.columns, said, np.concatenate(lost))
+    return SeriesExport(series, export.columns, said, np.concatenate(lost))
 
 
 def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:

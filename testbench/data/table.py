@@ -11,8 +11,9 @@ import pyarrow.compute as pc
 from pyarrow import csv
 
 from testbench.arm.decimal import NUMBER, is_integer
-from testbench.data.header import Header, find_header, notes, row_of
-from testbench.data.lines import from_cell, read_letters, split_lines
+from testbench.data.formula import from_cell
+from testbench.data.header import Header, find_header, row_of
+from testbench.data.lines import read_letters, split_lines
 from testbench.data.mapping import Layout
 from testbench.data.names import Unit, squeeze
 from testbench.data.workbook import SHEET
@@ -231,10 +232,23 @@ def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool],
         header=header.line,
         delimiter=header.delimiter,
         lines=np.array([line.number for line in header.body], dtype=int),
-        notes=notes(encoding, header),
+        notes=_notes(encoding, header),
         decimal=layout.decimal,
         cells=_parse(path, header),
     )
+
+
+def _notes(encoding: str, header: Header) -> tuple[str, ...]:
+    """How a file was read, in words."""
+    between = {"\t": "tabs", " ": "runs of blanks", "  ": "runs of two or more blanks"}.get(
+        header.delimiter, f"{header.delimiter!r}"
+    )
+    where = f"header in line {header.line}" if header.line else "the map names the columns"
+    how = encoding if encoding.startswith(SHEET) else f"text in {encoding}"
+    found = [f"{how}, {between} between the cells, {where}"]
+    counts = {"before the header": header.skipped, "of comments or the header again": header.left_out}
+    found += [f"{count} line{'s'[: count > 1]} {what} left out" for what, count in counts.items() if count]
+    return (*found, *["the line below the header holds units"] * any(header.units))
 
 
 TOGETHER = 10_000  #: Rows that are told apart at a time: their cells take ten times their letters.
