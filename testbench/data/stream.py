@@ -39,9 +39,9 @@ class Whole(Exception):
     """This file has to be read as a whole."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Source(Generic[Read]):
-    """A file, and how its blocks are understood."""
+    """A file; block by block each is read under what the first one says of its columns."""
 
     path: Path
     arm: Arm
@@ -50,62 +50,6 @@ class Source(Generic[Read]):
     key: Callable[[Columns], list[int]]
     ids: tuple[What, ...]  #: Quantities whose cells are integers here.
     compute: Callable[[Columns], Read]  #: What the columns of a block, or of a file, say.
-
-
-def read_source(source: Source[Read], gather: Callable[[Iterator[Read]], Read]) -> Read:
-    """What a file says: gathered from the blocks of a large one, else read as a whole.
-
-    Args:
-        source: The file.
-        gather: Makes one of what the blocks say; may raise `Whole`.
-
-    Raises:
-        InputError: Names line and column, and what was expected.
-    """
-    try:
-        status = source.path.stat()
-        large = stat.S_ISREG(status.st_mode) and LEAST <= status.st_size <= MOST
-    except OSError:
-        large = False
-    if large:
-        try:
-            found = gather(_Reader(source).blocks())
-            release()
-            return found
-        except Whole as err:
-            if status.st_size > MAX_BYTES:
-                raise InputError(source.path, "", f"more than {MAX_BYTES} bytes: {FORM}") from err
-        except InputError:  # what is wrong in a block may be sound in the whole, as rows sorted by marker
-            if status.st_size > MAX_BYTES:
-                raise
-    return source.compute(read_columns(source.path, source.names, source.arm))
-
-
-def alike(path: Path, first: Held, block: Held) -> Held:
-    """A block with the markers in the order of the first one.
-
-    Raises:
-        InputError: Where the two scatter differently.
-        Whole: Where one has what the other lacks: targets, orientations, torques, temperature, time.
-    """
-    if block.sigma != first.sigma or block.sigma_rotation != first.sigma_rotation:
-        place = f"run {(block.run if isinstance(block, Dataset) else block.row)[0]}"
-        raise InputError(path, place, "expected one value of sigma in the whole file")
-    have = [arrays(own).keys() - {"precision"} for own in (first, block)]
-    if set(block.markers) != set(first.markers) or have[0] != have[1]:
-        raise Whole
-    order: list[int] = [block.markers.index(name) for name in first.markers]
-    if order == [*range(len(order))]:
-        return block
-    ordered = {name: own[:, order] for name, own in arrays(block).items() if name in BY_MARKER}
-    return replace(with_arrays(block, ordered), markers=first.markers)
-
-
-class _Reader(Generic[Read]):
-    """Reads a file block by block, each under what the first one says of its columns."""
-
-    def __init__(self, source: Source[Read]) -> None:
-        self.source, self.path, self.names = source, source.path, source.names
 
     def blocks(self) -> Iterator[Read]:
         """What every block says.
@@ -145,12 +89,12 @@ class _Reader(Generic[Read]):
         table = table_of(self.path, (text, self.encoding), self.names.knows, own)
         if not table.rows:
             raise Whole
-        self.columns = columns = find_columns(table, self.names, self.source.arm)
-        self.key = self.source.key(columns)
-        if columns.table.names != table.names or not self.key:
+        self.columns = columns = find_columns(table, self.names, self.arm)
+        self.shared = self.key(columns)
+        if columns.table.names != table.names or not self.shared:
             raise Whole
-        self.ids = [c.index for c in columns.every(*self.source.ids)]
-        if not all(is_integer(text) for k in self.ids for text in columns.table.texts(k)):
+        self.integers = [c.index for c in columns.every(*self.ids)]
+        if not all(is_integer(text) for k in self.integers for text in columns.table.texts(k)):
             raise Whole
         self.markers = self._markers(columns)
         self.start = int(table.lines[0]) - 1
@@ -160,7 +104,7 @@ class _Reader(Generic[Read]):
         self.layout = own.model_copy(update=settled)
         self.above = b"".join(content.splitlines(keepends=True)[: self.start])
         self.kinds = {c.index: NUMBER_CELL if c.unit else WORD_CELL for c in columns.found.values()}
-        self.kinds |= dict.fromkeys(self.ids, ID_CELL)
+        self.kinds |= dict.fromkeys(self.integers, ID_CELL)
         self.plain = not (self.names.lost or self.names.loads)
 
     def _whole_keys(self, content: bytes) -> int:
@@ -173,8 +117,8 @@ class _Reader(Generic[Read]):
             begin = content.rfind(b"\n", 0, end - 1) + 1
             line = content[begin:end].decode(self.encoding, "replace").rstrip("\r\n")
             cells = cells_in(Line(0, line), self.columns.table.delimiter)
-            own = [cells[k] for k in self.key if k < len(cells)]
-            if len(own) == len(self.key) and all(is_decimal(cell.replace(",", ".")) for cell in own):
+            own = [cells[k] for k in self.shared if k < len(cells)]
+            if len(own) == len(self.shared) and all(is_decimal(cell.replace(",", ".")) for cell in own):
                 if last and own != last:  # no comment, no header again
                     return end
                 last = own
@@ -189,7 +133,7 @@ class _Reader(Generic[Read]):
         plain = block.replace(b"\r\n", b"\n") if b"\r" in block else block
         if self.plain and (fast := read_numbers(table, plain, number, self.kinds)) is not None:
             try:
-                return self.source.compute(replace(self.columns, table=fast))
+                return self.compute(replace(self.columns, table=fast))
             except InputError:  # said by the cells as they stand there
                 pass
         padded = self.above + b"\n" * (number - self.start) + block
@@ -200,11 +144,11 @@ class _Reader(Generic[Read]):
                 raise Whole from None
             raise
         found = table_of(self.path, text, self.names.knows, self.layout)
-        slow = find_columns(found, self.names, self.source.arm)
-        for k in self.ids:
+        slow = find_columns(found, self.names, self.arm)
+        for k in self.integers:
             slow.table.integers(k)
         try:
-            return self.source.compute(slow)
+            return self.compute(slow)
         except InputError:
             if self._markers(slow) - self.markers:  # sorted by marker
                 raise Whole from None
@@ -212,9 +156,58 @@ class _Reader(Generic[Read]):
 
     def _markers(self, columns: Columns) -> set[str]:
         """The markers that have rows."""
-        column, known = columns.get(Slot("marker")), self.source.arm.markers
+        column, known = columns.get(Slot("marker")), self.arm.markers
         texts = [] if column is None else columns.table.texts(column.index)
         return {self.names.word(text, known) for text in dict.fromkeys(texts)} - {""}
+
+
+def read_source(source: Source[Read], gather: Callable[[Iterator[Read]], Read]) -> Read:
+    """What a file says: gathered from the blocks of a large one, else read as a whole.
+
+    Args:
+        source: The file.
+        gather: Makes one of what the blocks say; may raise `Whole`.
+
+    Raises:
+        InputError: Names line and column, and what was expected.
+    """
+    try:
+        status = source.path.stat()
+        large = stat.S_ISREG(status.st_mode) and LEAST <= status.st_size <= MOST
+    except OSError:
+        large = False
+    if large:
+        try:
+            found = gather(source.blocks())
+            release()
+            return found
+        except Whole as err:
+            if status.st_size > MAX_BYTES:
+                raise InputError(source.path, "", f"more than {MAX_BYTES} bytes: {FORM}") from err
+        except InputError:  # what is wrong in a block may be sound in the whole, as rows sorted by marker
+            if status.st_size > MAX_BYTES:
+                raise
+    return source.compute(read_columns(source.path, source.names, source.arm))
+
+
+def alike(path: Path, first: Held, block: Held) -> Held:
+    """A block with the markers in the order of the first one.
+
+    Raises:
+        InputError: Where the two scatter differently.
+        Whole: Where one has what the other lacks: targets, orientations, torques, temperature, time.
+    """
+    if block.sigma != first.sigma or block.sigma_rotation != first.sigma_rotation:
+        place = f"run {(block.run if isinstance(block, Dataset) else block.row)[0]}"
+        raise InputError(path, place, "expected one value of sigma in the whole file")
+    have = [arrays(own).keys() - {"precision"} for own in (first, block)]
+    if set(block.markers) != set(first.markers) or have[0] != have[1]:
+        raise Whole
+    order: list[int] = [block.markers.index(name) for name in first.markers]
+    if order == [*range(len(order))]:
+        return block
+    ordered = {name: own[:, order] for name, own in arrays(block).items() if name in BY_MARKER}
+    return replace(with_arrays(block, ordered), markers=first.markers)
 
 
 def _broken(content: bytes) -> bool:
