@@ -37,7 +37,7 @@ def whole(found: Export) -> Dataset:
 def read_both_ways(path: Path, arm: Arm, mapping: Path | None = None) -> tuple[Dataset, bool]:
     """The runs of a file, and whether it was read block by block."""
     try:
-        with patch.object(table, "TOGETHER", 7):
+        with patch.object(table, "TOGETHER", 200):
             expected = read_export(path, arm, mapping).data
     except InputError:
         with pytest.raises(InputError):
