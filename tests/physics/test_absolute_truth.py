@@ -19,7 +19,9 @@ from testbench.identify.prior import cad_prior
 from testbench.model.joint_errors import JointErrors
 from testbench.model.vjm import chain
 from testbench.model.weights import read_weights
-from testbench.plant import Disturbances, GeometryErrors, build_plant, settle
+from testbench.plant.build import build_plant
+from testbench.plant.disturbance import Disturbances, GeometryErrors
+from testbench.plant.equilibrium import settle
 
 EXACT = AbsoluteCampaign(
     poses=12,

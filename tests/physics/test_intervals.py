@@ -28,7 +28,7 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, mgco68, template56
 from testbench.model.vjm import chain, marker_points, observation
-from testbench.plant import GearErrors
+from testbench.plant.gear import GearErrors
 from testbench.studies.absolute_calibration.beside import judged, true_state
 from testbench.studies.absolute_calibration.trial import check
 from testbench.studies.estimators.bootstrap import resampler

@@ -21,8 +21,8 @@ from testbench.model.vjm import (
     generalised_load,
     observation,
 )
-from testbench.plant import settle, weightless
-from testbench.plant.equilibrium import Poses
+from testbench.plant.build import weightless
+from testbench.plant.equilibrium import Poses, settle
 from testbench.plant.equilibrium import tangent as plant_tangent
 from testbench.plant.state import open_row
 

@@ -36,7 +36,7 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.model.load import Load
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import all153, joints_only, mgco68, template56
-from testbench.plant import collisions
+from testbench.plant.site import collisions
 
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
 
