@@ -21,14 +21,8 @@ from testbench.model.vjm import chain
 from testbench.model.weights import read_weights
 from testbench.plant import Disturbances, GeometryErrors, build_plant, settle_disturbed
 
-EXACT = AbsoluteCampaign(
-    poses=12,
-    series=2,
-    targets=3,
-    orientations=True,
-    noise=False,
-    disturbances=Disturbances(own_weight=True),
-)
+WEIGHT = Disturbances(own_weight=True)
+EXACT = AbsoluteCampaign(poses=12, series=2, targets=3, orientations=True, noise=False, disturbances=WEIGHT)
 
 
 def seen(truth, series, where):
@@ -106,10 +100,8 @@ def test_loads_hang_one_after_the_other_in_the_pose_that_was_approached(kr500):
     assert pairs.pose.tolist() == sorted([*range(1, 13), *range(1, 6)])
     first, loaded = pairs.wrench[:, 2] == 0, pairs.wrench[:, 2] < 0
     assert np.unique(pairs.pose[loaded]).tolist() == [1, 2, 3, 4, 5]
-    no_scatter = [
-        true_poses(truth, 0, pairs.q[some], pairs.wrench[some], pairs.point[some])[0]
-        for some in (first, loaded)
-    ]
+    at = [(pairs.q[some], pairs.wrench[some], pairs.point[some]) for some in (first, loaded)]
+    no_scatter = [true_poses(truth, 0, *some)[0] for some in at]
     moved = pairs.position[loaded] - pairs.position[first][:5]
     expected = no_scatter[1] - no_scatter[0][:5]
     assert rms(pairs.position[first] - no_scatter[0]) > 1e-3
@@ -123,11 +115,13 @@ def test_more_targets_than_markers_are_refused(kr500):
         AbsoluteCampaign(masses=(1.0, 1.0))
 
 
-def with_compliance(cell, scale):
-    """An arm whose links and joints give way so many times as much, in truth."""
-    links = tuple(replace(link, compliance=scale * link.compliance) for link in cell.arm.links)
-    joints = tuple(replace(joint, compliance=scale * joint.compliance) for joint in cell.arm.joints)
-    return Cell(cell.arm, cell.vjm, build_plant(replace(cell.arm, links=links, joints=joints)))
+def softer(cell, **scales):
+    """An arm whose links or joints give way so many times as much, in truth."""
+    own = {
+        kind: tuple(replace(part, compliance=scale * part.compliance) for part in getattr(cell.arm, kind))
+        for kind, scale in scales.items()
+    }
+    return Cell(cell.arm, cell.vjm, build_plant(replace(cell.arm, **own)))
 
 
 def off(cell, disturbances, mass):
@@ -156,8 +150,8 @@ def test_every_load_step_gains_an_order_in_the_compliance(name, steps, request, 
     """Half the compliance leaves a quarter of the error of loads on the straight arm, then 1/8 and 1/16."""
     cell = request.getfixturevalue(name)
     monkeypatch.setattr(absolute, "LOAD_STEPS", steps)
-    weight, mass = Disturbances(own_weight=True), cell.arm.payload or 20.0
-    whole, half = (off(with_compliance(cell, scale), weight, mass).mean() for scale in (4.0, 2.0))
+    mass = cell.arm.payload or 20.0
+    whole, half = (off(softer(cell, links=scale, joints=scale), WEIGHT, mass).mean() for scale in (4.0, 2.0))
     assert whole / half == pytest.approx(2 ** (2 + steps), rel=0.01)
     assert half > 1e-10  # more than where MuJoCo's equilibrium ends
 
@@ -170,10 +164,8 @@ def test_true_parameters_leave_less_than_a_micrometre(kr500, mass):
 
 def test_joint_errors_that_stand_in_for_soft_links_are_declined_once_links_are_known(kr500):
     """Without joint errors in the truth: of four such arms one where they pay beside rigid links."""
-    soft = tuple(replace(link, compliance=6 * link.compliance) for link in kr500.arm.links)
-    cell = replace(kr500, truth=build_plant(replace(kr500.arm, links=soft)))
     asked = AbsoluteCampaign(poses=60, disturbances=replace(REAL_ARM, gear=None))
-    series, _ = simulate_series(cell, asked, 4)
+    series, _ = simulate_series(softer(kr500, links=6), asked, 4)
     prior = cad_prior(kr500.arm)
     rigid = calibrate(kr500.vjm, series, prior, Options(orders=8, without=frozenset({"links"})))
     found = calibrate(kr500.vjm, series, prior, Options(orders=8))

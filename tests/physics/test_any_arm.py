@@ -1,23 +1,28 @@
-"""Any serial arm: any pose of any body in any notation, hinges and slides, 3 to 9 joints."""
+"""Any serial arm: any pose of any body in any notation, hinges and slides, 3 to 9 joints; the UR10."""
 
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from loads import random_q
+from scipy import optimize
+from scipy.spatial.transform import Rotation
 from serial_arms import turned_arm, write_arm
 
 from testbench.campaign.campaign import Scenario, build_cell, check_agreement, hanging, measure, simulate
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import default_models, default_name
 from testbench.campaign.models import named_models, plain_name
+from testbench.data.read_series import read_series
 from testbench.errors import BenchError, InputError
 from testbench.identify import least_squares
 from testbench.identify.prior import cad_prior
 from testbench.model import kinematics
 from testbench.model.loaded import load_jacobian
 from testbench.model.structure import mgco147
-from testbench.model.vjm import chain
+from testbench.model.vjm import chain, rotation, tool_pose
 from testbench.plant import TYPICAL, disturb, settle, settle_pair
 from testbench.plant.equilibrium import hold
 from testbench.plant.state import evaluate, generalised_force, open_row, place
@@ -29,10 +34,9 @@ def test_mujoco_and_the_model_agree_for_any_pose_of_any_body(seed, tmp_path):
     rng = np.random.default_rng(seed)
     cell = build_cell(turned_arm(tmp_path / "arm", rng, "zyZxyx"))
     assert check_agreement(cell.vjm, cell.plant) < 1e-13
-    plant, (lower, upper) = cell.plant, cell.arm.limits
+    plant, q, wrench = cell.plant, random_q(cell, rng, 5), rng.standard_normal((5, 6))
     ranges = [plant.model.joint(joint.name).range for joint in cell.arm.joints]
     np.testing.assert_allclose(cell.arm.limits.T, ranges, rtol=1e-15)
-    q, wrench = rng.uniform(lower, upper, (5, cell.arm.n_joints)), rng.standard_normal((5, 6))
     state = evaluate(open_row(plant), hold(plant, q), {plant.tool})
     Q = generalised_force(plant, state, plant.tool, wrench, place(state, plant.tool, plant.load))
     J = load_jacobian(chain(cell.vjm, q), np.tile(cell.vjm.load, (5, 1)))
@@ -76,8 +80,7 @@ def test_a_pose_that_is_none_names_its_body(turned, words, tmp_path):
 def test_a_gravity_campaign_of_any_arm_is_identified_to_rounding(joints, tmp_path):
     rng = np.random.default_rng(3)
     cell = build_cell(turned_arm(tmp_path / "arm", rng, joints))
-    lower, upper = cell.arm.limits
-    q = rng.uniform(lower, upper, (12, cell.arm.n_joints))
+    q = random_q(cell, rng, 12)
     setup = Scenario(arm=cell.arm.name, truth="linear", payload=10.0, noise=False)
     data = measure(cell, setup, hanging(cell, q, np.arange(12) + 1, 10.0))
     found = least_squares(cell.vjm, mgco147(cell.arm), data)
@@ -129,8 +132,7 @@ def test_joint_1_is_a_parameter_where_gravity_loads_it(joints, turned, name, tmp
 
 def test_slides_have_friction_and_play_and_come_to_rest_with_them(slides):
     rng = np.random.default_rng(2)
-    lower, upper = slides.arm.limits
-    q = rng.uniform(lower, upper, (10, slides.arm.n_joints))
+    q = random_q(slides, rng, 10)
     wrench = np.tile([0, 0, -9.81 * 10, 0, 0, 0], (10, 1))
     disturbed = disturb(slides.plant, replace(TYPICAL, compensator=None), rng)
     before, after = settle_pair(disturbed, q, wrench, np.tile(slides.vjm.load, (10, 1)))
@@ -160,10 +162,9 @@ def test_a_campaign_of_any_arm_is_under_its_payload_in_all_its_reach(tmp_path):
     assert section_6.station.lower == (1.7, -0.9, 1.1)
 
 
-@pytest.mark.parametrize("mount", ["", 'euler="0 0 0.7"'])
-def test_an_arm_whose_joints_no_load_turns_is_identified_by_its_links(mount, tmp_path):
+def test_an_arm_whose_joints_no_load_turns_is_identified_by_its_links(tmp_path):
     """Hinges about z and slides along y: a hung weight bends the links alone."""
-    cell = build_cell(write_arm(tmp_path / "arm", "zYzYzY", mount=mount))
+    cell = build_cell(write_arm(tmp_path / "arm", "zYzYzY", mount='euler="0 0 0.7"'))
     data = simulate(cell, seed=1).identification
     models = default_models(cell, cad_prior(cell.arm))
     found = fit(cell, models, Runs("runs.csv", data, data, None), lambda: 0.0).fits
@@ -172,3 +173,72 @@ def test_an_arm_whose_joints_no_load_turns_is_identified_by_its_links(mount, tmp
     assert "Joints is left out: no load acts on what it can bend" in found.notes
     with pytest.raises(BenchError, match=r"expected loads that bend a model, these bend none of Joints$"):
         fit(cell, named_models(cell, ["Joints"]), Runs("runs.csv", data, data, None), lambda: 0.0)
+
+
+READINGS = Path(__file__).parents[2] / "models" / "ur10" / "readings"
+DH = [(0.1273, 0, 90), (0, -0.612, 0), (0, -0.5723, 0), (0.163941, 0, 90), (0.1157, 0, -90), (0.0922, 0, 0)]
+"""d [m], a [m] and alpha [deg] of every joint, as published by Universal Robots."""
+
+
+def flange(q):
+    """Pose of the flange by Denavit and Hartenberg, (4, 4)."""
+    T = np.eye(4)
+    for angle, (d, a, alpha) in zip(q, DH, strict=True):
+        turned, step = np.eye(4), np.eye(4)
+        turned[:3, :3] = rotation(np.array([0.0, 0.0, 1.0]), angle)
+        step[:3, :3] = rotation(np.array([1.0, 0.0, 0.0]), np.deg2rad(alpha))
+        step[:3, 3] = a, 0, d
+        T = T @ turned @ step
+    return T
+
+
+def test_the_flange_is_where_the_published_denavit_hartenberg_parameters_place_it(ur10, rng):
+    q = random_q(ur10, rng, 50)
+    position, orientation = tool_pose(ur10.vjm, q)
+    expected = np.array([flange(row) for row in q])
+    np.testing.assert_allclose(position, expected[:, :3, 3], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(orientation, expected[:, :3, :3], rtol=0, atol=1e-13)
+
+
+@pytest.fixture(scope="module", params=[("series_A_every_8th", 1489), ("series_C", 2773)], ids=["A", "C"])
+def readings(request, ur10):
+    name, rows = request.param
+    [series] = read_series(READINGS / f"{name}.csv", ur10.arm).series
+    assert series.rows == rows
+    return series
+
+
+def left(x, position, orientation, read):
+    """What a frame, (6,), and a place in the tool, (3,), leave of readings, (rows, 3) [m]."""
+    return read - Rotation.from_rotvec(x[:3]).apply(position + orientation @ x[6:]) - x[3:6]
+
+
+def test_frame_and_target_alone_explain_what_a_tracker_read_to_a_millimetre(ur10, readings):
+    """A joint's sign, zero or place in the order, or a length, would leave centimetres."""
+    some = slice(None, None, 20)
+    position, orientation = tool_pose(ur10.vjm, readings.q)
+    read, at = readings.position[:, 0], orientation @ ur10.vjm.markers[0] + position
+    turn, _ = Rotation.align_vectors(read - read.mean(axis=0), at - at.mean(axis=0))
+    start = [*turn.as_rotvec(), *(read - turn.apply(at)).mean(axis=0), *ur10.vjm.markers[0]]
+    few = position[some], orientation[some], read[some]
+    found = optimize.least_squares(lambda x: left(x, *few).ravel(), start, x_scale="jac").x
+    error = np.linalg.norm(left(found, position, orientation, read), axis=1)
+    assert error.mean() < 1e-3  # 0.8 and 0.9 mm; the geometry of the arm is nominal
+    np.testing.assert_allclose(found[6:], ur10.vjm.markers[0], rtol=0, atol=2e-3)
+    # gravity: both trackers were levelled, so the arm stood upright
+    up = Rotation.from_rotvec(found[:3]).apply([0.0, 0.0, 1.0])
+    assert np.rad2deg(np.arccos(up[2])) < 1
+
+
+def test_orientations_are_the_targets_in_the_trackers_frame(ur10, readings):
+    """One turn of the mount and one of the frame explain them to a tenth of a degree."""
+    _, orientation = tool_pose(ur10.vjm, readings.q)
+    flange, read = Rotation.from_matrix(orientation), Rotation.from_matrix(readings.rotation)
+    # turns between poses, seen from the base and from the tracker, have the same axes but for the frame
+    a = (flange[1:] * flange[:-1].inv()).as_rotvec()
+    b = (read[1:] * read[:-1].inv()).as_rotvec()
+    clear = np.linalg.norm(a, axis=1) < 2.5  # far from half a turn, where the axis changes its sign
+    frame, _ = Rotation.align_vectors(b[clear], a[clear])
+    mounts = (frame * flange).inv() * read
+    apart = (mounts.mean().inv() * mounts).magnitude()
+    assert np.rad2deg(np.sqrt(np.mean(apart**2))) < 0.15

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from loads import GRAVITY, hung
 from run_here import here
 
 from testbench.campaign.arm_models import load_model
@@ -52,12 +53,8 @@ LINKS = 42  #: Virtual joints of the links.
 
 
 def loaded(kr500, seed, runs=12):
-    rng = np.random.default_rng(seed)
-    lower, upper = kr500.arm.limits
-    q = rng.uniform(0.7 * lower, 0.7 * upper, (runs, 6))
-    wrench = np.zeros((runs, 6))
-    wrench[:, 2] = -4500.0
-    return q, wrench, np.tile(kr500.vjm.load, (runs, 1))
+    q = np.random.default_rng(seed).uniform(*(0.7 * kr500.arm.limits), (runs, 6))
+    return q, *hung(kr500, runs, 4500 / GRAVITY)
 
 
 def true_turns(kr500, what, q, wrench, point, taken_off=None):
@@ -124,9 +121,9 @@ def test_readings_of_loads_taken_off_are_of_use_where_they_say_so(kr500, campaig
     arm = disturb(kr500.plant, TYPICAL, stream(5, 20))
     before, after = settle_pair(arm, plain.q, plain.wrench, plain.point, off)
     silent = replace(plain, before=before.markers, after=after.markers)
-    model, data = default(kr500), replace(silent, taken_off=off)
-    found, wrong = (model.estimator(kr500.vjm, model.structure, own) for own in (data, silent))
-    ours, theirs = (score(deflections(kr500.vjm, e, truth), truth.deflection).rms for e in (found, wrong))
+    data = replace(silent, taken_off=off)
+    found, wrong = (default(kr500, own) for own in (data, silent))
+    ours, theirs = rms(kr500, truth, found, wrong)
     assert ours < 0.9 * theirs
     moved = deflections(kr500.vjm, found, data)
     np.testing.assert_allclose(intervals(kr500.vjm, found, data).centre, moved, rtol=0, atol=1e-12)
@@ -169,9 +166,14 @@ def test_turns_of_laws_are_turns_of_their_joints(kr500):
     np.testing.assert_allclose(ours.J_theta[:, 66], theirs.J_theta[:, LINKS + 1], rtol=0, atol=1e-12)
 
 
-def default(cell):
+def default(cell, data, structure=None):
+    """Its estimate of runs, by its own structure or another."""
     [model] = with_priors(cell.arm, named_models(cell, ["ALL153"]), cad_prior(cell.arm))
-    return model
+    return model.estimator(cell.vjm, structure or model.structure, data)
+
+
+def rms(cell, truth, *estimates):
+    return [score(deflections(cell.vjm, e, truth), truth.deflection).rms for e in estimates]
 
 
 @pytest.fixture(scope="module")
@@ -184,27 +186,26 @@ def campaigns(kr500):
     }
 
 
-def with_and_without(cell, data):
-    """Estimates of the default, and of the same without laws."""
-    model = default(cell)
-    return [model.estimator(cell.vjm, s, data) for s in (model.structure, all153(cell.arm))]
+@pytest.fixture(scope="module")
+def estimates(kr500, campaigns):
+    """Of both campaigns those of the default, and of the same without laws."""
+    runs, linear = {kind: data for kind, (data, _) in campaigns.items()}, all153(kr500.arm)
+    return {kind: (default(kr500, own), default(kr500, own, linear)) for kind, own in runs.items()}
 
 
-def test_where_joints_obey_laws_the_default_finds_them(kr500, campaigns):
-    data, truth = campaigns["all"]
-    found, linear = with_and_without(kr500, data)
+def test_where_joints_obey_laws_the_default_finds_them(kr500, campaigns, estimates):
+    (_, truth), (found, linear) = campaigns["all"], estimates["all"]
     assert found.average.laws == 1
     assert found.conservative
-    ours, theirs = (score(deflections(kr500.vjm, e, truth), truth.deflection).rms for e in (found, linear))
+    ours, theirs = rms(kr500, truth, found, linear)
     assert ours < 0.7 * theirs
     own = intervals(kr500.vjm, found, truth)
     assert np.mean((own.lower <= truth.deflection) & (truth.deflection <= own.upper)) > 0.9
 
 
-def test_where_joints_are_linear_the_default_is_linear(kr500, campaigns):
+def test_where_joints_are_linear_the_default_is_linear(kr500, campaigns, estimates):
     """Nearly: laws keep a small weight, and widths count that they are not ruled out."""
-    data, truth = campaigns["plain"]
-    found, linear = with_and_without(kr500, data)
+    (_, truth), (found, linear) = campaigns["plain"], estimates["plain"]
     assert found.average.laws == 0
     assert 0.05 < found.average.likely < 0.5
     ours, theirs = (deflections(kr500.vjm, own, truth) for own in (found, linear))
@@ -213,21 +214,16 @@ def test_where_joints_are_linear_the_default_is_linear(kr500, campaigns):
     assert 1 < np.median(half[0] / half[1]) < 1.4
 
 
-def test_a_mean_of_both_is_between_them_and_its_intervals_hold_both(kr500, campaigns):
+def test_a_mean_of_both_is_between_them_and_its_intervals_hold_both(kr500, campaigns, estimates):
     """The weight is set, as a campaign that leaves it open would be a matter of digits."""
-    data, truth = campaigns["all"]
-    model = default(kr500)
-    own = model.estimator(kr500.vjm, model.structure, data)
+    truth, own = campaigns["all"][1], estimates["all"][0]
     lawful_, whole, w, s = own.average.lawful, own.average.whole, 0.4, own.structure
     pi = w * lawful_.pi
     pi[s.a < s.plain] += (1 - w) * whole.pi
-    mean = replace(
-        own, pi=pi, C_theta=s.matrix(pi), average=replace(own.average, weight=0.0, laws=w, likely=w)
-    )
-    both = [deflections(kr500.vjm, e, truth) for e in (lawful_, whole)]
-    np.testing.assert_allclose(
-        deflections(kr500.vjm, mean, truth), w * both[0] + (1 - w) * both[1], rtol=0, atol=1e-12
-    )
+    average = replace(own.average, weight=0.0, laws=w, likely=w)
+    mean = replace(own, pi=pi, C_theta=s.matrix(pi), average=average)
+    *both, found = (deflections(kr500.vjm, e, truth) for e in (lawful_, whole, mean))
+    np.testing.assert_allclose(found, w * both[0] + (1 - w) * both[1], rtol=0, atol=1e-12)
     sides = [intervals(kr500.vjm, e, truth) for e in (lawful_, whole)]
     half = [(e.upper - e.lower) / 2 for e in (intervals(kr500.vjm, mean, truth), *sides)]
     apart = np.abs(both[0] - both[1])
@@ -253,11 +249,9 @@ def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
     np.testing.assert_allclose(found.pi, linear.pi, rtol=0, atol=1e-6 * np.abs(linear.pi).max())
 
 
-def test_predictions_and_stiffness_of_a_model_with_laws(kr500, campaigns):
+def test_predictions_and_stiffness_of_a_model_with_laws(kr500, campaigns, estimates):
     """The equilibrium is the linear prediction but for the bent arm, the tangent its change with the load."""
-    data, _ = campaigns["all"]
-    model = default(kr500)
-    found = model.estimator(kr500.vjm, model.structure, data)
+    data, found = campaigns["all"][0], estimates["all"][0]
     own = of_estimate(kr500.vjm, found, read_weights(kr500.arm))
     some = slice(0, 4)
     load = Load(data.wrench[some], data.point[some])
@@ -265,15 +259,11 @@ def test_predictions_and_stiffness_of_a_model_with_laws(kr500, campaigns):
     np.testing.assert_allclose(by_rest.deflection, straight.deflection, rtol=0, atol=2.5e-4)
     expected = deflections(kr500.vjm, found, data)[some]
     np.testing.assert_allclose(straight.deflection[:, 1:], expected, rtol=0, atol=1e-5)
-    compliance = stiffness(own, data.q[some], [load]).compliance
-    more = Load(data.wrench[some] + 1e-1 * np.eye(6)[2], data.point[some])
-    at_tool = [
-        predict(own, data.q[some], [Load(one.wrench, 0 * one.point)]).deflection[:, 0] for one in (load, more)
-    ]
+    ends = [Load(data.wrench[some] + step * np.eye(6)[2], 0 * load.point) for step in (0, 1e-1)]
+    at_tool = [predict(own, data.q[some], [end]).deflection[:, 0] for end in ends]
     by_steps = (at_tool[1] - at_tool[0]) / 1e-1
-    at_origin = stiffness(own, data.q[some], [Load(load.wrench, 0 * load.point)]).compliance[:, :3, 2]
-    np.testing.assert_allclose(at_origin, by_steps, rtol=0, atol=0.02 * np.abs(by_steps).max())
-    assert compliance.shape == (4, 6, 6)
+    found = stiffness(own, data.q[some], ends[:1]).compliance[:, :3, 2]
+    np.testing.assert_allclose(found, by_steps, rtol=0, atol=0.02 * np.abs(by_steps).max())
 
 
 def test_a_joint_that_sticks_more_than_it_bends_gives_nothing_to_a_small_load(kr500):
@@ -301,15 +291,10 @@ def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_pat
     assert said["laws"][0]["strut_percent"] is None
     own = load_model(tmp_path / "fit")
     assert own.vjm.laws is not None
-    again = deflected(own, campaigns["all"][0])
-    model = default(kr500)
-    found = model.estimator(kr500.vjm, model.structure, read_csv(data, kr500.arm))
-    ours = deflected(of_estimate(kr500.vjm, found, read_weights(kr500.arm)), campaigns["all"][0])
+    fresh = of_estimate(kr500.vjm, default(kr500, read_csv(data, kr500.arm)), read_weights(kr500.arm))
+    some = campaigns["all"][0]
+    ours, again = (predict(m, some.q, [Load(some.wrench, some.point)]).deflection for m in (fresh, own))
     np.testing.assert_allclose(again, ours, rtol=0, atol=2e-5)
-
-
-def deflected(model, data):
-    return predict(model, data.q, [Load(data.wrench, data.point)]).deflection
 
 
 def test_a_prior_wrong_in_scale_costs_laws_nothing(kr500, campaigns):

@@ -46,25 +46,30 @@ def test_an_estimator_of_ones_own_takes_neither_prior_nor_robust_loss(prior):
             combine(rigid)
 
 
-def test_a_recommendation_holds_poses_out_of_an_estimator_of_ones_own_too(kr500, campaign):
+def test_an_estimator_of_ones_own_sees_kinematics_without_compliances_and_poses_but_those_held_out(
+    kr500, campaign
+):
     seen = []
 
     def mine(vjm, structure, data):
-        seen.append(np.unique(data.pose))
+        seen.append((vjm, len(np.unique(data.pose))))
         return rigid(vjm, structure, data)
 
-    data = campaign.identification
-    models = [*named_models(kr500, ["MGCO47"]), Model("mine", template56(kr500.arm), mine)]
-    found = recommend(kr500, models, data)
+    data, own = campaign.identification, Model("mine", template56(kr500.arm), mine)
+    identify(kr500, campaign, [own], lambda: 0.0)
+    of_model(kr500, own, data)
+    found = recommend(kr500, [*named_models(kr500, ["MGCO47"]), own], data)
     assert found.name == "MGCO47"
     assert [c.name for c in found.candidates] == ["MGCO47", "mine"]
-    assert [len(poses) for poses in seen] == [7] * 8  # every one of the eight left out once
-    # a rigid arm's F_M is the RMS deflection over sqrt(2) sigma, fold by fold
+    assert [poses for _, poses in seen] == [8] * 2 + [7] * 8  # every one of the eight left out once
+    q = campaign.truth.q
+    for vjm, _ in seen:
+        assert np.isnan(np.diag(vjm.arm.C_theta)).all()
+        np.testing.assert_array_equal(tool_pose(vjm, q)[0], tool_pose(kr500.vjm, q)[0])
+    # a rigid arm's F_M is the RMS deflection over sqrt(2) sigma, fold by fold; a hair is 1e-4 of C
     moved = [data.deflection[data.pose == pose] for pose in np.unique(data.pose)]
     expected = [np.sqrt((d**2).sum() / d[..., 0].size) / (np.sqrt(2) * data.sigma) for d in moved]
-    np.testing.assert_allclose(
-        found.candidates[1].errors, expected, rtol=1e-3
-    )  # a hair is a ten-thousandth of C
+    np.testing.assert_allclose(found.candidates[1].errors, expected, rtol=1e-3)
 
 
 def test_the_default_gives_way_to_joints_alone_only_where_these_are_clearly_better(kr500, campaign):
@@ -152,25 +157,6 @@ def test_one_estimator_that_fails_does_not_cost_the_others(kr500, campaign, esti
     if estimator is not of_few:  # alone it has no rival, and nothing is held out
         with pytest.raises(BenchError, match=re.escape(f"mine: its estimator failed: {why}")):
             fit(kr500, [own], runs, lambda: 0.0)
-
-
-def test_an_estimator_of_ones_own_sees_the_kinematics_and_no_compliance(kr500, campaign):
-    seen = []
-
-    def mine(vjm, structure, data):
-        seen.append((vjm, data.runs))
-        return rigid(vjm, structure, data)
-
-    own = Model("mine", template56(kr500.arm), mine)
-    identify(kr500, campaign, [own], lambda: 0.0)
-    of_model(kr500, own, campaign.identification)
-    recommend(kr500, [*named_models(kr500, ["MGCO47"]), own], campaign.identification)
-    assert len(seen) == 10
-    q, runs = campaign.truth.q, campaign.identification.runs
-    assert sum(own for _, own in seen[2:]) == 7 * runs  # all but one of eight folds, each in turn
-    for vjm, _ in seen:
-        assert np.isnan(np.diag(vjm.arm.C_theta)).all()
-        np.testing.assert_array_equal(tool_pose(vjm, q)[0], tool_pose(kr500.vjm, q)[0])
 
 
 @pytest.mark.parametrize(("times", "doubted"), [(1.0, []), (1.2, []), (1.96, ["noise"]), (5.0, ["noise"])])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from loads import random_q
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from serial_arms import write_arm
@@ -40,23 +41,16 @@ def frames(rng, stations):
 def read(data, R, t):
     """A dataset in base axes as its stations, numbered from 0, read it."""
     k = data.station
-    turn = {}
-    if data.rotation_before is not None:
-        turn = {
-            name: (Rotation.from_matrix(R[k]) * Rotation.from_rotvec(getattr(data, name))).as_rotvec()
-            for name in ("rotation_before", "rotation_after")
-        }
     before, after = (np.einsum("rxy,rmy->rmx", R[k], x) + t[k][:, None] for x in (data.before, data.after))
-    return replace(data, before=before, after=after, **turn)
+    return replace(data, before=before, after=after)
 
 
 def unloaded(cell, rng, poses, *, targets=3, stations=1, noise=0.0, joints=None):
     """A model whose targets are nominally off by 20 mm an axis; readings by stations of the true ones."""
     vjm = cell.vjm
-    lower, upper = vjm.arm.limits
-    q = rng.uniform(lower, upper, (poses, len(lower)))
+    q = random_q(cell, rng, poses)
     if joints is not None:
-        q[:, [j for j in range(len(lower)) if j not in joints]] = (lower + upper)[0] / 3
+        q[:, np.setdiff1d(np.arange(q.shape[1]), joints)] = 0.3
     p, R = tool_pose(vjm, q)
     x = p[:, None] + vjm.markers[:targets] @ R.transpose(0, 2, 1)
     ids, zero = np.arange(poses), np.zeros((poses, 6))
@@ -70,21 +64,17 @@ def unloaded(cell, rng, poses, *, targets=3, stations=1, noise=0.0, joints=None)
 
 @pytest.mark.parametrize("arm", ["kr500", "arm_7r", "slides"])
 @pytest.mark.parametrize("targets", [1, 2, 3])
-@pytest.mark.parametrize("stations", [1, 2, 3])
+@pytest.mark.parametrize("stations", [1, 3])
 @pytest.mark.parametrize("named", [True, False])
 def test_exact_readings_give_back_frames_and_targets(arm, targets, stations, named, request, rng):
     """Six poses a station; targets 20 mm off an axis, or not in the arm's folder at all."""
     cell = request.getfixturevalue(arm)
     vjm, data = unloaded(cell, rng, 6 * stations, targets=targets, stations=stations)
     if not named:
-        names = tuple(f"T{k}" for k in range(targets))
-        data = replace(data, markers=names)
+        data = replace(data, markers=("T0", "T1", "T2")[:targets])
     R, t = frames(rng, stations)
     found = register(vjm, read(data, R, t))
-    np.testing.assert_allclose(found.targets, cell.vjm.markers[:targets], rtol=0, atol=1e-9)
-    for k, frame in enumerate(found.frames.values()):
-        np.testing.assert_allclose(frame.rotation, R[k], rtol=0, atol=1e-9)
-        np.testing.assert_allclose(frame.translation, t[k], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(errors(found, cell.vjm, R, t), 0, atol=1e-9)
     back = registered(vjm, read(data, R, t))
     np.testing.assert_allclose(back.data.before, data.before, rtol=0, atol=1e-9)
     for name, target in zip(data.markers, cell.vjm.markers, strict=False):
@@ -97,7 +87,7 @@ def errors(found, vjm, R, t):
         (Rotation.from_matrix(R[k].T @ frame.rotation).as_rotvec(), frame.translation - t[k])
         for k, frame in enumerate(found.frames.values())
     ]
-    return np.concatenate([*np.ravel(parts).reshape(-1, 6), (found.targets - vjm.markers).ravel()])
+    return np.r_[np.ravel(parts), (found.targets - vjm.markers[: len(found.targets)]).ravel()]
 
 
 def test_covariance_is_that_of_the_errors(kr500):
@@ -157,21 +147,17 @@ def test_frame_that_is_hardly_known_is_refused_or_the_base(kr500, rng):
     vjm, data = unloaded(kr500, rng, 1)
     (found,) = register(vjm, data).frames.values()
     assert found.deviation > LOOSE
-    with pytest.raises(
-        BenchError, match=r"frame of station 0 is known to \d\.\d deg only; expected more poses"
-    ):
+    said = r"frame of station 0 is known to \d\.\d deg only; expected more poses"
+    with pytest.raises(BenchError, match=said):
         registered(vjm, data, "tracker")
     assert registered(vjm, data).frame == "base"
 
 
-def test_readings_in_the_bases_frame_stay_as_they_are(kr500):
+def test_readings_in_the_bases_frame_stay_as_they_are_and_those_of_another_arm_are_said(kr500, rng):
     data = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=1), 500).measured
     for choice in ("auto", "base"):
         found = registered(kr500.vjm, data, choice)
         assert (found.frame, found.data, found.vjm) == ("base", data, kr500.vjm)
-
-
-def test_readings_of_another_arm_are_left_alone_and_said(kr500, rng):
     vjm, data = unloaded(kr500, rng, 10)
     found = registered(vjm, replace(data, q=data.q[:, ::-1].copy()))
     assert found.data.before is data.before
