@@ -147,12 +147,19 @@ def _unpacked(n: int) -> tuple[Ids, Array]:
 
 def congruence(A: Array) -> Array:
     """The maps svec(Y) -> svec(A Y A^T), (..., t, t), of matrices (..., n, n)."""
-    i, j = upper(A.shape[-1])
-    diagonal = i == j
-    weight = np.where(diagonal, 1.0, math.sqrt(2))[:, None] * np.where(diagonal, 0.5, math.sqrt(0.5))
-    row, column = i[:, None], j[:, None]
-    both = A[..., row, i] * A[..., column, j] + A[..., row, j] * A[..., column, i]
-    return np.asarray(both * weight)
+    n = A.shape[-1]
+    places, weight = _products(n)
+    a, b, c, d = (A.reshape(*A.shape[:-2], n * n).take(place, axis=-1) for place in places)
+    return np.asarray((a * b + c * d) * weight)
+
+
+@cache
+def _products(n: int) -> tuple[tuple[Ids, ...], Array]:
+    """Places of the factors of two products in a matrix of order n, and the weight of their sum, (t, t)."""
+    i, j = upper(n)
+    row, column = n * i[:, None], n * j[:, None]
+    weight = np.where(i == j, 1.0, math.sqrt(2))[:, None] * np.where(i == j, 0.5, math.sqrt(0.5))
+    return (row + i, column + j, row + j, column + i), weight
 
 
 @lru_cache(maxsize=64)

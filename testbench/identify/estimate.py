@@ -84,7 +84,6 @@ class Estimate(Displayed):
     pi: Array  #: Parameters, (n,) [m/N, rad/(N m), rad/N].
     C_theta: Array  #: Aggregated joint compliance, (n_theta, n_theta).
     f_m: float  #: Cost, Eq. (19) [1].
-    f_m_floor: float  #: Cost to expect of noise alone [1].
     status: str = "not certified"  #: "solved", or what went wrong, or "not certified" where nobody knows.
     #: Distance from the optimum; None where none was computed (least squares).
     certificate: Certificate | None = None
@@ -115,6 +114,11 @@ class Estimate(Displayed):
     def structure(self) -> Structure:
         """The structure that was identified."""
         return self.regression.structure
+
+    @property
+    def f_m_floor(self) -> float:
+        """Cost to expect of noise alone [1]."""
+        return self.regression.f_m_floor
 
     @property
     def of_compliances(self) -> Regression:
@@ -175,7 +179,6 @@ def make_estimate(
         pi=pi,
         C_theta=C,
         f_m=cost,
-        f_m_floor=regression.f_m_floor,
         advice=advice,
         constraint=constraint,
     )

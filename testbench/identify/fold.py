@@ -42,6 +42,9 @@ from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
 BLOCK_RUNS = 384  #: Pairs reduced at a time: long enough for LAPACK, short enough for the cache.
+SORTED_RUNS = (
+    16 * BLOCK_RUNS
+)  #: Pairs sorted by their parts at a time, so that memory does not grow with them.
 BATCH = 3_000_000  #: Numbers of the equations of absolute readings that are in memory at a time.
 PANEL = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
 THREADS = 2
@@ -70,7 +73,10 @@ class Folded:
         for part in np.unique(parts).tolist():
             own = np.where(parts == part, kinds, -1)
             for kind in np.unique(own[own >= 0]).tolist():
-                some = np.ascontiguousarray(lines[:, :, own == kind].reshape(self.columns, -1))
+                these = own == kind
+                rows = np.flatnonzero(these.any(axis=1))
+                block = slice(rows[0], rows[-1] + 1)  # a tenth of the time of a mask, where nothing was lost
+                some = lines[:, :, block if these[block].all() else these].reshape(self.columns, -1)
                 self.equations[kind, part] += some.shape[1]
                 self.add(kind, part, some)
 
@@ -185,7 +191,7 @@ def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Bloc
         for at, data in some:
             if isinstance(runs, Dataset) or part[at].max() >= 0:
                 check_runs(vjm, data)
-                for these in batches(part[at], np.arange(data.runs), BLOCK_RUNS):
+                for these in _blocks_of(part[at]):
                     load = Load(data.wrench[these], data.point[these])
                     told = {
                         v: straight(as_loaded(v, data.taken_off, these), data.q[these], [load])
@@ -208,6 +214,14 @@ def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Bloc
         Parts(s, next(alone), slice(None)) if place is None else Parts(s, first[0], place)
         for s, place in zip(structures, places, strict=True)
     ]
+
+
+def _blocks_of(part: Ids) -> Iterator[Ids]:
+    """Places of runs in batches of about BLOCK_RUNS, part by part of some thousand runs after the other."""
+    for first in range(0, len(part), SORTED_RUNS):
+        own = part[first : first + SORTED_RUNS]
+        for these in batches(own, np.arange(len(own)), BLOCK_RUNS):
+            yield first + these
 
 
 def batches(part: Ids, pose: Ids, size: int) -> Iterator[Ids]:

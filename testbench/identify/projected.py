@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dposv
 
 from testbench.errors import Array, Ids
 from testbench.identify import cone
@@ -104,9 +105,8 @@ def follow(path: Sequence[float], start: Start, cost: Cost, groups: list[Ids]) -
         missing = gradient - s
         if not np.isfinite(missing).all():
             return None
-        try:
-            dx = cho_solve(cho_factor(H + K, lower=True), -missing)
-        except (np.linalg.LinAlgError, ValueError):  # not positive definite, or not finite
+        _, dx, failed = dposv(H + K, -missing, lower=1)
+        if failed:  # not positive definite
             return None
         if k >= len(path) - 1 and -missing @ dx <= CONVERGED * start.size:
             return x, s

@@ -37,7 +37,7 @@ PLAY, STICK = 5e-5, 3e-5  #: Half-widths of backlash and of a loop of friction o
 BESIDE = 0.3  #: Stiffness K of a compensator of size one over that of joint 2 [1].
 UNIT_SIZES = {**dict(zip(KINDS, (STIFFER, PLAY, STICK), strict=True)), STRUT: BESIDE / (1 + BESIDE)}
 """What a size of one means [1, rad, rad, 1]; of a compensator the largest share that it takes off a turn."""
-VJMS = 32  #: How many models with laws are remembered.
+VJMS = STRUCTURES = 32  #: How many models with laws, and structures without them, are remembered.
 
 
 @dataclass(frozen=True)
@@ -200,8 +200,11 @@ def with_laws(structure: Structure, arm: Arm) -> Structure:
     )
 
 
+@lru_cache(maxsize=STRUCTURES)
 def without_laws(structure: Structure) -> Structure:
-    """The structure of compliances alone."""
+    """The structure of compliances alone, the same one for every fit: what follows from it is found once."""
+    if not structure.laws:
+        return structure
     keep = np.flatnonzero(structure.a < structure.plain)
     plain = structure.keep(keep, structure.name.removesuffix(" + laws"))
     return replace(plain, n_theta=structure.plain, labels=structure.labels[: structure.plain], laws=0)

@@ -17,6 +17,7 @@ from testbench.shell import interrupt
 from testbench.shell.interrupt import INTERRUPTED
 
 WRONG = 2
+GONE = 141  #: Nobody reads the output any more, as behind `head`: 128 + SIGPIPE.
 UNFIT = "Cc", "Zl", "Zp"
 """Unicode's categories of control characters and ends of lines."""
 
@@ -37,7 +38,8 @@ def run(app: typer.Typer, fail: Callable[[str], object] = say) -> int:
         fail: Where the line about an error goes.
 
     Returns:
-        0 when it went well, 2 for what the user can mend, 130 after Ctrl-C, 143 after SIGTERM.
+        0 when it went well, 2 for what the user can mend, 130 after Ctrl-C, 141 where nobody reads on,
+        143 after SIGTERM.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # what its encoding cannot write is no reason to fail
@@ -64,6 +66,8 @@ def _outcome(app: typer.Typer) -> tuple[int, str]:
         _flush()
     except Interrupted as err:
         return INTERRUPTED, f"interrupted: {err}"
+    except SystemExit:  # of typer and rich where a pipe is broken
+        return GONE, ""
     except BenchError as err:
         return WRONG, f"error: {err}"
     except TyperException as err:

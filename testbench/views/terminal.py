@@ -20,7 +20,6 @@ from testbench.views.markdown import as_plain as as_plain
 from testbench.views.schema import Column, Table, brackets, narrowed
 
 BADGES = {"Holds": "bold green", "Do not": "bold red"}  #: Styles of a badge by its first words.
-GONE = 141  #: Exit code of a program whose output nobody reads, 128 + SIGPIPE.
 MORE = "under More in report.md"
 NARROW = 9  #: Letters of a heading's line, unless a word has more.
 
@@ -30,13 +29,6 @@ class PlainConsole(Console):
 
     def __init__(self) -> None:
         super().__init__(highlight=False, markup=False, emoji=False)
-
-    def on_broken_pipe(self) -> None:
-        """Whoever read the output is gone, as `head` is: not an exit code of ours."""
-        try:
-            super().on_broken_pipe()
-        except SystemExit as err:
-            raise SystemExit(GONE) from err
 
     def render_str(self, text: str, **how: object) -> Text:
         """Text on its way into a table or a line."""

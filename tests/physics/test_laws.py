@@ -37,6 +37,7 @@ from testbench.model.laws import (
     tangent,
     vjm_of,
     with_laws,
+    without_laws,
 )
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
@@ -237,6 +238,8 @@ def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
     assert s.labels[48:50] == ("joint_1 stiffening", "joint_2 stiffening")
     assert s.labels[-1] == "joint_2 compensator"
     assert with_laws(s, kr500.arm) is s
+    assert without_laws(s) is without_laws(s)  # what is remembered of a structure is of use
+    assert without_laws(without_laws(s)) is without_laws(s)
     for estimator in (least_squares, gco):
         assert estimator(kr500.vjm, s, data).structure.laws == 0
     [model] = with_priors(kr500.arm, named_models(kr500, ["Joints"]), cad_prior(kr500.arm))

@@ -61,9 +61,9 @@ def test_check_says_what_is_in_the_arm_and_what_to_confirm():
     assert not re.search(r"\de[+-]?\d", words)
 
 
-def test_a_reader_that_is_gone_is_no_missed_threshold():
-    start = "from testbench.cli import main; main()"
-    words = [sys.executable, "-c", start, "data", "check", "kr500_l480", "docs/example_dataset.csv"]
+@pytest.mark.parametrize("asked", ["data check kr500_l480 docs/example_dataset.csv", "plan --help"])
+def test_a_reader_that_is_gone_is_no_missed_threshold(asked):
+    words = [sys.executable, "-c", "from testbench.cli import main; main()", *asked.split()]
     gone = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     gone.stdout.close()
     assert gone.communicate()[1] == b""

@@ -52,6 +52,23 @@ def test_shares_join_to_the_rows_of_both(rows, split):
     np.testing.assert_allclose(T.T @ T, A.T @ A, rtol=0, atol=1e-12 * len(A))
 
 
+@pytest.mark.parametrize("lost", [0, 5])
+def test_readings_go_to_the_rows_of_their_kind_and_part(rng, lost):
+    """Two positions and an orientation a run, some readings lost: each kind and part has its own rows."""
+    A, runs = rng.normal(size=(3, 3, COLUMNS, 40)), np.arange(40)
+    kinds = np.repeat([[0], [0], [1]], 40, axis=1)
+    kinds[rng.integers(0, 3, lost), rng.integers(0, 40, lost)] = -1
+    found = Folded(COLUMNS)
+    found.take(A, kinds, runs % 2)
+    for kind in (0, 1):
+        for part in (0, 1):
+            of = (kinds == kind) & (runs % 2 == part)
+            rows = A.transpose(0, 3, 1, 2)[of].reshape(-1, COLUMNS)
+            T = found.factor(kind, [part])
+            np.testing.assert_allclose(T.T @ T, rows.T @ rows, rtol=0, atol=1e-11)
+            assert found.equations[kind, part] == len(rows)
+
+
 @pytest.mark.parametrize("size", [1, 7, 1000])
 def test_rows_come_part_by_part_and_those_of_a_pose_together(rng, size):
     """Poses of two parts in any order; a few rows are left out."""
