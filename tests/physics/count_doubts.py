@@ -60,15 +60,14 @@ def table(found):
     """A row for each mistake named in less than 98 %, the most seldom first, then one for all others."""
     rows, always, others = [], [], []
     for name, mistake in MISTAKES.items():
-        own = [doubt for case, _, doubt in found if case == name]
-        held = [right(name, doubt) for doubt in own]
-        if own and np.mean(held) >= OFTEN:
+        own = [(doubt, right(name, doubt)) for case, _, doubt in found if case == name]
+        often = np.mean([well for _, well in own]) if own else 0.0
+        if often >= OFTEN:
             always.append(mistake.words)
-            others += zip(own, held, strict=True)
+            others += own
         elif own:
             names = mistake.names.replace(" ", " or ")
-            cells = counted([*zip(own, held, strict=True)])
-            rows.append((np.mean(held), f"| {mistake.words} | {names} | {cells} |"))
+            rows.append((often, f"| {mistake.words} | {names} | {counted(own)} |"))
     yield "| mistake | doubt that names it | sets | named first, % (95 %) | no doubt, % | named instead |"
     yield "| --- | --- | ---: | ---: | ---: | --- |"
     yield from (row for _, row in sorted(rows, key=lambda row: row[0]))

@@ -118,23 +118,15 @@ SEEDS = 100
 
 def verdicts(factor):
     """What is said where a model's check error is so many times the paper's MGCO56's, a number a seed."""
-    check = {"check": {"rms_mm": 0.2, "max_relative_percent": 6.0, "max_mm": 0.4}}
+    same = Row(identification=Row(rms_mm=0.1), check=Row(rms_mm=0.2, max_relative_percent=6.0, max_mm=0.4))
+    plain = {name: name.startswith("MLS") for name in SECTION_6}
     models = [
-        Row(
-            name=name,
-            constraint="none" if name.startswith("MLS") else "psd",
-            conservative=not name.startswith("MLS"),
-            identification=Row(rms_mm=0.1),
-            check=Row(check["check"]),
-        )
-        for name in SECTION_6
+        Row(same, name=name, constraint="none" if ls else "psd", conservative=not ls)
+        for name, ls in plain.items()
     ]
-    rows = [
-        {"name": name, "seed": seed, "check.rms_mm": 0.2 * factor.get(name, 1.0) * (1 + 0.01 * k)}
-        for seed in range(SEEDS)
-        for k, name in enumerate(SECTION_6)
-    ]
-    trials = Trials.holding({key: [row[key] for row in rows] for key in rows[0]})
+    errors = [0.2 * factor.get(name, 1.0) * (1 + 0.01 * k) for k, name in enumerate(SECTION_6)]
+    seeds, names = np.repeat(range(SEEDS), len(SECTION_6)).tolist(), [*SECTION_6] * SEEDS
+    trials = Trials.holding({"name": names, "seed": seeds, "check.rms_mm": errors * SEEDS})
     return {row.claim: row for row in section_6._judged(Row(models=models), trials)}
 
 
@@ -151,10 +143,6 @@ def test_a_model_is_the_best_where_it_errs_least_in_most_seeds():
 
 
 PAPER = {"arm": "arm_6r", "least": 9e-3, "most": 41e-3}
-
-
-def clock():
-    return 0.0
 
 
 def test_campaign_is_that_of_section_5_2(arm_6r):
@@ -175,9 +163,8 @@ def test_noise_of_a_deflection_is_root_two_of_a_readings(arm_6r):
     scenario = FullPose(**PAPER, check_runs=1000, sigma=40e-6, sigma_rotation=300e-6)
     campaign = simulate(arm_6r, scenario, 3)
     error = campaign.check.deflection - campaign.truth.deflection
-    turn = (
-        Rotation.from_rotvec(campaign.truth.rotation).inv() * Rotation.from_rotvec(campaign.check.rotation)
-    ).as_rotvec()
+    true, read = (Rotation.from_rotvec(own.rotation) for own in (campaign.truth, campaign.check))
+    turn = (true.inv() * read).as_rotvec()
     # 3000 components: the standard error of their RMS is 1.3 %
     assert np.sqrt(np.mean(error**2)) == pytest.approx(np.sqrt(2) * 40e-6, rel=0.05)
     assert np.sqrt(np.mean(turn**2)) == pytest.approx(np.sqrt(2) * 300e-6, rel=0.05)
@@ -193,7 +180,7 @@ def test_true_check_deflections_are_those_of_the_same_runs_without_noise(kr500, 
         np.testing.assert_array_equal(noisy.check_true.deflection, calm.check.deflection)
         np.testing.assert_array_equal(noisy.check_true.q, noisy.check.q)
         assert np.abs(noisy.check.deflection - noisy.check_true.deflection).max() > scenario.sigma
-        [result] = identify(cell, noisy, named_models(cell, ["MGCO56"]), clock)
+        [result] = identify(cell, noisy, named_models(cell, ["MGCO56"]), lambda: 0.0)
         error = deflections(cell.vjm, result.estimate, noisy.check) - noisy.check_true.deflection
         rms = np.sqrt((error**2).sum(axis=-1).mean())
         assert result.check_true.rms == pytest.approx(rms, rel=1e-9) != pytest.approx(result.check.rms)
@@ -212,9 +199,8 @@ def test_noise_free_linear_runs_are_what_the_model_of_the_truth_predicts(arm_6r)
 
 
 def test_deflections_out_of_reach_say_how_many_were_drawn(arm_6r):
-    with pytest.raises(
-        PoseError, match=r"found 0 of 120 check runs with a deflection of 900 to 1000 mm among"
-    ):
+    said = "found 0 of 120 check runs with a deflection of 900 to 1000 mm among"
+    with pytest.raises(PoseError, match=said):
         simulate(arm_6r, FullPose(arm="arm_6r", least=0.9), 1)
 
 
