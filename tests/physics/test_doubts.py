@@ -60,7 +60,7 @@ def test_sound_runs_raise_no_doubt(sets, kind):
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_planted_mistake_is_named_first(sets, name):
     mistake = MISTAKES[name]
-    kind = "pressed" if mistake.possible(sets["pressed"]) else "levels"
+    kind = "levels" if mistake.possible(sets["levels"]) else "pressed"
     [first, *_] = named(mistake.plant(sets[kind], stream(1, 40)))
     assert first.name in mistake.names.split()
     assert len(first.sentence) < 300

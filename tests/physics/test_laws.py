@@ -41,7 +41,7 @@ from testbench.model.laws import (
 )
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
-from testbench.model.vjm import chain, plain_load, turns
+from testbench.model.vjm import chain, plain_load
 from testbench.model.weights import read_weights
 from testbench.plant import TYPICAL, Disturbances, disturb, settle_disturbed, settle_pair
 from testbench.plant.compensator import KR500_COMPENSATOR
@@ -156,17 +156,6 @@ def test_slopes_are_the_change_of_the_turns_with_the_torque(kr500):
     np.testing.assert_allclose(own, by_steps, rtol=0, atol=1e-5 * np.abs(own).max())
 
 
-def test_turns_of_laws_are_turns_of_their_joints(kr500):
-    theta = np.random.default_rng(1).standard_normal((3, 67)) * 1e-3
-    vjm = lawful(kr500.vjm)
-    q = loaded(kr500, 6, runs=3)[0]
-    ours, theirs = chain(vjm, q, theta), chain(kr500.vjm, q, turns(vjm, theta))
-    np.testing.assert_allclose(ours.position, theirs.position, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(ours.J_theta[:, :48], theirs.J_theta, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(ours.J_theta[:, 60:66], theirs.J_theta[:, LINKS:48], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(ours.J_theta[:, 66], theirs.J_theta[:, LINKS + 1], rtol=0, atol=1e-12)
-
-
 def default(cell, data, structure=None):
     """Its estimate of runs, by its own structure or another."""
     [model] = with_priors(cell.arm, named_models(cell, ["ALL153"]), cad_prior(cell.arm))
@@ -181,10 +170,7 @@ def rms(cell, truth, *estimates):
 def campaigns(kr500):
     """Noise-free campaigns of an arm as drawn, and with every disturbance; readings and true deflections."""
     plain = simulate(kr500, SCENARIO, 5)
-    return {
-        "plain": (plain.identification, plain.truth),
-        "all": disturbed(kr500, plain, TYPICAL, 5),
-    }
+    return {"plain": (plain.identification, plain.truth), "all": disturbed(kr500, plain, TYPICAL, 5)}
 
 
 @pytest.fixture(scope="module")

@@ -55,14 +55,6 @@ def test_noise_free_data_give_eq_21_back(single_link):
     assert np.abs((found[GCO] - C) / unit).max() < 1e-3
 
 
-def test_least_squares_of_axis_loads_reads_the_columns_directly(single_link):
-    data = measure(single_link, STUDY, 3).identification
-    columns = np.hstack([data.deflection[:, 0], data.rotation]).T / 10
-    C = estimates(single_link, data)[LEAST_SQUARES]
-    np.testing.assert_allclose(C, columns, rtol=0, atol=1e-15)
-    assert np.abs(columns - columns.T).max() > 1e-6
-
-
 def test_eq_22_differs_from_the_truth_as_noise_of_a_deflection_under_axis_loads(printed):
     pin = printed.pinning
     assert pin.position_rms_over_sigma == pytest.approx(1.02, abs=0.005)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from loads import random_q
 from scipy.integrate import quad
 
 from testbench.campaign.advice import of_average
@@ -18,11 +19,7 @@ from testbench.data.dataset import select
 from testbench.errors import BenchError
 from testbench.identify import gco, reduce, with_prior
 from testbench.identify.average import ODDS, averaged, of_two_priors
-from testbench.identify.crossval import (
-    Candidate,
-    divided,
-    unless_beaten,
-)
+from testbench.identify.crossval import Candidate, divided, unless_beaten
 from testbench.identify.evaluate import deflections, score
 from testbench.identify.evidence import bends, greatest, posterior
 from testbench.identify.hierarchy import (
@@ -56,8 +53,15 @@ from testbench.studies.estimators.stein import (
 from testbench.studies.loaded_stiffness.equilibrium import loaded_equilibrium
 
 
-def simulated(cell, seed, **changes):
-    return simulate(cell, Scenario(arm="kr500_l480", truth="linear", workspace_poses=50, **changes), seed)
+def runs(cell, seed, **changes):
+    asked = Scenario(arm="kr500_l480", truth="linear", workspace_poses=1, **changes)
+    return simulate(cell, asked, seed).identification
+
+
+def scaled(cell, structure, seed):
+    """Equations of a campaign, and the prior of the drawing in their scale."""
+    regression = reduce(cell.vjm, structure, runs(cell, seed))
+    return regression, rescaled(metric(cad_prior(cell.arm), cell.vjm, structure), regression)
 
 
 @pytest.fixture(params=[mgco147, all153, mgco68, template56])
@@ -83,66 +87,49 @@ def test_expected_compliance_is_the_prior_and_distances_are_frobenius(kr500, str
 def test_joints_left_out_add_to_the_link_before_them(name, request, rng):
     """The paper's aggregation: all links with it predict what all parameters do, in any pose."""
     cell = request.getfixturevalue(name)
-    whole, links = all153(cell.arm), mgco147(cell.arm)
-    lower, upper = cell.arm.limits
-    q, wrench = rng.uniform(lower, upper, (20, cell.arm.n_joints)), rng.standard_normal((20, 6))
-    where = chain(cell.vjm, q)
-    moved = [
-        observation(where, s, wrench, np.zeros((20, 3)), cell.vjm.markers)
-        @ s.entries(aggregate(cell.arm.C_theta, cell.vjm, s))
-        for s in (whole, links)
-    ]
+    where, moved = chain(cell.vjm, random_q(cell, rng, 20)), []
+    load = rng.standard_normal((20, 6)), np.zeros((20, 3))
+    for s in (all153(cell.arm), mgco147(cell.arm)):
+        pi = s.entries(aggregate(cell.arm.C_theta, cell.vjm, s))
+        moved.append(observation(where, s, *load, cell.vjm.markers) @ pi)
     np.testing.assert_allclose(moved[1], moved[0], rtol=0, atol=1e-9 * np.abs(moved[0]).max())
 
 
-def test_least_squares_with_a_prior_is_the_ridge_solution(kr500, structure):
-    """Against the minimiser of the penalised sum itself, the common scale an unknown of its own."""
-    run = simulated(kr500, 1)
-    regression = reduce(kr500.vjm, structure, run.identification)
-    own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, structure), regression)
-    A, y = whitened(regression, own)
-    n, e = structure.n, own.expected
-    rows = np.block([[A, np.zeros((len(A), 1))], [2 * np.eye(n), -2 * e[:, None]]])
-    x = np.linalg.lstsq(rows, np.r_[y, np.zeros(n)], rcond=None)[0][:n]
-    estimate = solve(regression, "none", Belief(own, Strength(0.5)))
-    np.testing.assert_allclose(estimate.pi, own.L @ x, rtol=0, atol=1e-7 * np.abs(own.L @ x).max())
-
-
 @pytest.mark.parametrize("uncertainty", [0.2, 2.0])
-def test_gco_with_a_prior_meets_the_optimality_conditions_of_the_cone(kr500, structure, uncertainty):
-    """The gradient S of the penalised sum is PSD in every block and orthogonal to X: no model is better."""
-    binds = 0
+def test_with_a_prior_least_squares_is_the_ridge_solution_and_gco_optimal_in_the_cone(
+    kr500, structure, uncertainty
+):
+    """The common scale is an unknown of its own. The gradient S of the penalised sum is PSD in every block
+    and orthogonal to X: no model is better."""
+    binds, n = 0, structure.n
     for seed in (1, 3):
-        regression = reduce(kr500.vjm, structure, simulated(kr500, seed).identification)
-        own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, structure), regression)
-        strength = Strength(uncertainty)
-        estimate = solve(regression, "psd", Belief(own, strength))
+        regression, own = scaled(kr500, structure, seed)
+        (A, y), e, belief = whitened(regression, own), own.expected, Belief(own, Strength(uncertainty))
+        rows = np.block([[A, np.zeros((len(A), 1))], [np.eye(n) / uncertainty, -e[:, None] / uncertainty]])
+        ridge = own.L @ np.linalg.lstsq(rows, np.r_[y, np.zeros(n)], rcond=None)[0][:n]
+        free, estimate = (solve(regression, constraint, belief) for constraint in ("none", "psd"))
+        np.testing.assert_allclose(free.pi, ridge, rtol=0, atol=1e-7 * np.abs(ridge).max())
         assert estimate.status == "solved"
         assert estimate.conservative
-        x = np.linalg.solve(own.L, estimate.pi)
-        (A, y), (B, c) = whitened(regression, own), precision_root(own, strength)
+        x, (B, c) = np.linalg.solve(own.L, estimate.pi), precision_root(own, belief.strength)
         gradient = 2 * A.T @ (A @ x - y) + 2 * B.T @ (B @ x - c)
         # relative to the two halves of the gradient, which cancel inside the cone
         size = np.abs(A.T @ y).max()
         for X, S in zip(own.matrices(x), own.matrices(gradient), strict=True):
             assert np.linalg.eigvalsh(S)[0] > -1e-5 * size
             assert abs((S * X).sum()) < 1e-5 * size * max(1, np.trace(X))
-        binds += not solve(regression, "none", Belief(own, strength)).conservative
+        binds += not free.conservative
     if uncertainty > 1 and structure.name != "MGCO68":
         assert binds  # else the cone was never asked for anything
 
 
 def test_log_det_prior_is_never_singular_and_of_least_cost(kr500):
-    run = simulated(kr500, 3)
-    structure = template56(kr500.arm)
-    regression = reduce(kr500.vjm, structure, run.identification)
-    own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, structure), regression)
+    regression, own = scaled(kr500, template56(kr500.arm), 3)
     loose = gco_stein(regression, own, Strength(3.0))
     assert loose.status == "solved"
     x = np.linalg.solve(own.L, loose.pi)
     assert min(np.linalg.eigvalsh(X)[0] for X in own.matrices(x)) > 1e-3
-    A, y = whitened(regression, own)
-    e = own.expected
+    (A, y), e = whitened(regression, own), own.expected
     scale = np.linalg.solve(own.L, solve(regression, "psd", Belief(own, Strength(3.0))).pi) @ e / (e @ e)
 
     def cost(x):
@@ -156,10 +143,9 @@ def test_log_det_prior_is_never_singular_and_of_least_cost(kr500):
 
 
 def test_least_trace_has_less_trace_and_fits_as_well(kr500):
-    run, structure = simulated(kr500, 2), mgco68(kr500.arm)
-    regression = reduce(kr500.vjm, structure, run.identification)
-    own = metric(cad_prior(kr500.arm), kr500.vjm, structure)
-    ours, plain = gco_least_trace(regression, own), gco(kr500.vjm, structure, run.identification)
+    data, structure = runs(kr500, 2), mgco68(kr500.arm)
+    regression, own = scaled(kr500, structure, 2)
+    ours, plain = gco_least_trace(regression, own), gco(kr500.vjm, structure, data)
     assert ours.conservative
     assert ours.f_m <= (1 + SLACK) * plain.f_m * (1 + 1e-6)
     traces = [own.expected @ np.linalg.solve(own.L, e.pi) for e in (ours, plain)]
@@ -180,7 +166,7 @@ def with_orientations(data, rng):
 
 @pytest.mark.parametrize("read", [lambda data, _: data, with_covariances, with_orientations])
 def test_folds_are_whole_poses_reduced_by_themselves_and_cover_all_runs(kr500, rng, read):
-    data = read(simulated(kr500, 1).identification, rng)
+    data = read(runs(kr500, 1), rng)
     structure = template56(kr500.arm)
     folds = every_fold(kr500.vjm, structure, data)
     part = divided(data)
@@ -191,17 +177,17 @@ def test_folds_are_whole_poses_reduced_by_themselves_and_cover_all_runs(kr500, r
     for fold, kept in zip(folds, masks, strict=True):
         assert not set(data.pose[kept]) & set(data.pose[~kept])
         for pi in (np.zeros(structure.n), structure.entries(kr500.arm.C_theta)):
-            for found, runs in ((fold.fitted, kept), (fold.held_out, ~kept)):
-                alone = reduce(kr500.vjm, structure, select(data, runs))
+            for found, some in ((fold.fitted, kept), (fold.held_out, ~kept)):
+                alone = reduce(kr500.vjm, structure, select(data, some))
                 assert f_m(found, pi) == pytest.approx(f_m(alone, pi), rel=1e-9)
                 assert (found.equations, found.rank) == (alone.equations, alone.rank)
 
 
 def test_load_levels_are_held_out_whole_where_there_are_several(kr500):
-    light, heavy = (simulated(kr500, 1, payload=mass).identification for mass in (200.0, 460.3))
+    light, heavy = (runs(kr500, 1, payload=mass) for mass in (200.0, 460.3))
     structure = template56(kr500.arm)
     assert len(every_fold(kr500.vjm, structure, heavy)) == 8
-    names = ("run", "pose", "q", "wrench", "point", "before", "after")
+    names = "run pose q wrench point before after".split()
     both = replace(heavy, **{k: np.concatenate([getattr(light, k), getattr(heavy, k)]) for k in names})
     folds = every_fold(kr500.vjm, structure, both)
     assert [fold.held_out.equations for fold in folds[8:]] == [9 * light.runs, 9 * heavy.runs]
@@ -212,11 +198,9 @@ def test_load_levels_are_held_out_whole_where_there_are_several(kr500):
 
 
 def test_cross_validation_takes_the_strength_that_predicts_best(kr500):
-    data = simulated(kr500, 1).identification
-    structure = template56(kr500.arm)
+    structure, errors = template56(kr500.arm), {}
     own = metric(cad_prior(kr500.arm), kr500.vjm, structure)
-    folds = every_fold(kr500.vjm, structure, data)
-    errors = {}
+    folds = every_fold(kr500.vjm, structure, runs(kr500, 1))
     for u in UNCERTAINTIES:
         fits = [solve(fold.fitted, "none", Belief(own, Strength(u))).pi for fold in folds]
         errors[u] = np.mean([f_m(fold.held_out, pi) for fold, pi in zip(folds, fits, strict=True)])
@@ -262,7 +246,7 @@ def test_strengths_of_nothing_structures_with_holes_and_too_few_poses_are_refuse
     holes = Structure.of(kr500.arm, links=["link_2"], entries=((0, 0), (0, 1), (1, 1), (1, 2)), name="holes")
     with pytest.raises(BenchError, match="holes lacks entries"):
         metric(cad_prior(kr500.arm), kr500.vjm, holes)
-    data = simulated(kr500, 1, identification_poses=1, identification_runs=2).identification
+    data = runs(kr500, 1, identification_poses=1, identification_runs=2)
     with pytest.raises(BenchError, match="expected at least 2 poses, got 1"):
         every_fold(kr500.vjm, template56(kr500.arm), data)
 
@@ -464,10 +448,9 @@ def errors(cell, campaign, *estimates):
 @pytest.mark.parametrize("prior", ["right", "scaled"])
 def test_where_links_are_rigid_the_default_is_joints_alone(kr500, rigid, prior):
     for seed, campaign in rigid.items():
-        data = campaign.identification
         [model] = with_priors(kr500.arm, named_models(kr500, ["ALL153"]), prior_of(kr500, prior, seed))
-        found = model.estimator(kr500.vjm, model.structure, data)
-        alone = gco(kr500.vjm, joints_only(kr500.arm), data)
+        found = model.estimator(kr500.vjm, model.structure, campaign.identification)
+        alone = gco(kr500.vjm, joints_only(kr500.arm), campaign.identification)
         ours, theirs = errors(kr500, campaign, found, alone)
         assert found.average.weight > 0.75
         [said] = of_average(found.average)

@@ -148,18 +148,6 @@ def nearest(z, blocks):
     return cone.solve(cone.Problem(cost, (cone.free_block(0, 1), *blocks), rows))
 
 
-@pytest.mark.parametrize("n", [1, 2, 6])
-def test_svec_keeps_lengths_and_smat_takes_it_back(rng, n):
-    X = np.array([symmetric(rng, n) for _ in range(3)])
-    x = cone.svec(X)
-    assert x.shape == (3, cone.triangle(n))
-    np.testing.assert_allclose(np.linalg.norm(x, axis=1), np.linalg.norm(X, axis=(1, 2)), rtol=1e-14)
-    np.testing.assert_allclose(cone.smat(x), X, rtol=1e-15)
-    assert cone.order(x.shape[1]) == n
-    A = rng.standard_normal((n, n))
-    np.testing.assert_allclose(x @ cone.congruence(A).T, cone.svec(A @ X @ A.T), rtol=1e-12, atol=1e-12)
-
-
 def test_the_nearest_psd_matrices_are_those_without_negative_eigenvalues(rng):
     A, B = symmetric(rng, 4), symmetric(rng, 3)
     found = nearest(np.r_[cone.svec(A), cone.svec(B)], cone.psd_blocks(1, (4, 3)))
