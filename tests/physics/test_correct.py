@@ -105,19 +105,6 @@ def test_out_of_reach_is_not_called_solved(kr500, state):
     assert np.linalg.norm(found.left[1]) > 1
 
 
-def test_an_absolute_model_is_put_where_the_drawing_has_the_tool(kr500, state):
-    """Errors of geometry and own weight are put right too."""
-    rng = np.random.default_rng(8)
-    wrong = replace(state, theta_0=state.theta_0 + 5e-4 * rng.normal(size=state.theta_0.shape))
-    q, loads = drawn(kr500, rng)
-    target = asked(wrong, q, "drawn", TIP)
-    found = correct(wrong, q, loads, target, AIM)
-    met = rest(wrong, found.q, loads).at(TIP)
-    position, R = tool_pose(kr500.vjm, q)
-    assert found.solved.all()
-    assert np.abs(met - position - R @ TIP).max() < 1e-9
-
-
 @pytest.fixture(scope="module")
 def sure(kr500, state):
     """The arm, known without a doubt."""

@@ -72,7 +72,7 @@ def strut_of(arm, **own):
     )
 
 
-@pytest.mark.parametrize("kind", ["stiffening", "backlash", "friction", "compensator"])
+@pytest.mark.parametrize("kind", ["stiffening", "backlash", "compensator"])
 def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
     """But for what the bent arm changes of the torques, a percent or two, and for link 1 under the strut."""
     q, wrench, point = loaded(kr500, 3)
@@ -82,7 +82,6 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
     without, what = {
         "stiffening": (own_weight, replace(own_weight, stiffening=STIFFER)),
         "backlash": (own_weight, replace(own_weight, backlash=PLAY)),
-        "friction": (own_weight, replace(own_weight, hysteresis=STICK)),
         "compensator": (Disturbances(), Disturbances(compensator=strut_of(kr500.arm, stiffness=stiffness))),
     }[kind]
     more = true_turns(kr500, what, q, wrench, point) - true_turns(kr500, without, q, wrench, point)

@@ -173,7 +173,6 @@ def test_wrong_shapes_say_what_was_expected(kr500):
     for text, call in {
         r"q \[rad, m\]: expected shape \(any, 6\), got \(2, 5\)": lambda: chain(vjm, q[:, :5]),
         r"theta \[m, rad\]: expected shape \(2, 48\), got \(1, 48\)": lambda: chain(vjm, q, theta[:1]),
-        "theta .*finite": lambda: chain(vjm, q, theta + np.nan),
         r"wrench .*\(2, 6\), got \(1, 6\)": lambda: geometric_stiffness(where, wrench[:1], point),
         r"point .*\(2, 3\), got \(3,\)": lambda: geometric_stiffness(where, wrench, point[0]),
         r"point .*\(2, 3\), got \(1, 3\)": lambda: load_jacobian(where, point[:1]),
@@ -182,7 +181,6 @@ def test_wrong_shapes_say_what_was_expected(kr500):
         r"K_w .*\(2, 48, 48\), got \(48, 48\)": lambda: loaded_compliance(J, arm.C_theta, K_w[0]),
         r"C_theta .*got \(48,\)": lambda: loaded_equilibrium(vjm, np.ones(48), q, wrench, point),
         r"wrench .*got \(1, 6\)": lambda: loaded_equilibrium(vjm, arm.C_theta, q, wrench[:1], point),
-        r"q \[rad, m\].*got \(2, 5\)": lambda: loaded_equilibrium(vjm, arm.C_theta, q[:, :5], wrench, point),
         r"targets .*\(any, 3\), got \(3,\)": lambda: loaded_deflection(vjm, q, theta, np.zeros(3)),
         r"targets .*got \(1, 2\)": lambda: displacement(where, theta, np.zeros((1, 2))),
         r"K_w .*got \(1, 48, 48\)": lambda: secant(where, arm.C_theta, wrench, point, K_w[:1]),

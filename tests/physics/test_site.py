@@ -9,7 +9,7 @@ from loads import random_q
 
 from testbench.arm.folder import load_arm
 from testbench.errors import BenchError
-from testbench.model.vjm import chain
+from testbench.model.vjm import tool_points
 from testbench.plant import (
     Contact,
     Payload,
@@ -28,14 +28,8 @@ READY = np.deg2rad([[10.0, -70, 80, 20, -35, 15]])
 """A pose of the KR 500 in which 460.3 kg hang clear, and STATION sees all markers."""
 
 
-def in_world(cell, q, points):
-    """Points of the tool in the world, by Pinocchio: (poses, p, 3) [m]."""
-    where = chain(cell.vjm, q)
-    return where.position[:, None] + np.einsum("rxy,py->rpx", where.rotation, points)
-
-
 def load_point(cell, q=READY):
-    return in_world(cell, q, cell.vjm.load[None])[0, 0]
+    return tool_points(cell.vjm, q, cell.vjm.load[None])[0, 0]
 
 
 def altered(cell, tmp_path, *changes):
@@ -118,7 +112,7 @@ def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr5
     arm = np.flatnonzero((site.part == KINDS.index("itself")) & (model.geom_contype != 0))
     assert model.geom_size[head, 0] == HEAD_RADIUS
     found = contacts(site, q)
-    loads = in_world(kr500, q, kr500.vjm.load[None])[:, 0]
+    loads = tool_points(kr500.vjm, q, kr500.vjm.load[None])[:, 0]
 
     def nearest(some, more):
         return min(mujoco.mj_geomDistance(model, data, a, b, 1.0, None) for a in some for b in more)
@@ -159,7 +153,7 @@ def test_a_tracker_inside_what_does_not_move_or_nowhere_is_refused_in_one_line(n
 def test_the_ready_pose_is_seen_and_a_wall_hides_it(kr500, tmp_path):
     """Whether the wall is drawn, only collides, or is fully transparent."""
     assert hidden(build_site(kr500.arm, Payload(460.3), STATION), READY) == [None]
-    middle = (in_world(kr500, READY, kr500.vjm.markers)[0, 0] + STATION) / 2
+    middle = (tool_points(kr500.vjm, READY, kr500.vjm.markers)[0, 0] + STATION) / 2
     wall = f'type="sphere" size="0.3" pos="{" ".join(map(str, middle))}"'
     for looks in ("", 'group="3"', 'rgba="1 1 1 0"', 'contype="0" conaffinity="0"'):
         arm = furnished(kr500, tmp_path, f"<geom {wall} {looks}/>")
@@ -176,7 +170,7 @@ def test_a_ball_hides_a_target_where_it_meets_the_line_of_sight(name, request, t
     arm = furnished(cell, tmp_path, ball)
     by_arm = np.array([h is not None for h in hidden(build_site(cell.arm, station=STATION), q)])
     by_both = np.array([h is not None for h in hidden(build_site(arm, station=STATION), q)])
-    beams = in_world(cell, q, cell.vjm.markers) - station
+    beams = tool_points(cell.vjm, q, cell.vjm.markers) - station
     beams *= 1 - TARGET_RADIUS / np.linalg.norm(beams, axis=2, keepdims=True)
     along = np.clip((beams @ (centre - station)) / (beams**2).sum(axis=2), 0, 1)
     distance = np.linalg.norm(station + along[:, :, None] * beams - centre, axis=2)
@@ -197,7 +191,7 @@ def test_a_padded_collision_shape_around_a_target_hides_nothing(kr500, tmp_path)
 
 
 def test_the_end_of_its_holder_hides_no_target_but_another_thing_near_by_does(kr500, tmp_path):
-    P1 = in_world(kr500, READY, kr500.vjm.markers)[0, 0]
+    P1 = tool_points(kr500.vjm, READY, kr500.vjm.markers)[0, 0]
     toward = (np.array(STATION) - P1) / np.linalg.norm(np.array(STATION) - P1)
     for distance, expected in ((TARGET_RADIUS - 0.005, None), (TARGET_RADIUS + 0.005, ("P1", "world"))):
         bead = P1 + (distance - 0.001) * toward  # its face towards the tracker is 1 mm nearer

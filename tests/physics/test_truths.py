@@ -307,6 +307,18 @@ def test_torsion_is_bredts():
     assert own.torsion_constant[0] == pytest.approx(bredt + saint_venant, rel=1e-12)
 
 
+def test_moments_of_area_are_of_the_midline_about_the_centroid():
+    """A box of unlike webs: by hand."""
+    own = box(0.2, 0.3, (0.01, 0.03, 0.01, 0.01))
+    area = 0.2 * 0.02 + 0.3 * 0.04
+    y = (0.3 * 0.03 - 0.3 * 0.01) * 0.1 / area
+    yy = 0.02 * (0.2**3 / 12 + 0.2 * y**2) + 0.3 * (0.03 * (0.1 - y) ** 2 + 0.01 * (0.1 + y) ** 2)
+    zz = 0.04 * 0.3**3 / 12 + 0.2 * 0.02 * 0.15**2
+    assert own.area[0] == pytest.approx(area)
+    np.testing.assert_allclose(own.centroid[0], [y, 0], atol=1e-16)
+    np.testing.assert_allclose(own.second_moments[0], [[yy, 0], [0, zz]], rtol=1e-12, atol=1e-18)
+
+
 def test_the_shear_centre_of_an_open_side_is_that_of_a_channel():
     """e = 3 b^2 t_f / (h t_w + 6 b t_f) beyond the web; twist of a force through the centroid by Bredt."""
     b, h, flange, web = 0.2, 0.3, 0.01, 0.02
