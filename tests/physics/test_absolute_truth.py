@@ -45,10 +45,8 @@ def rms(x):
 
 
 def same(one, other):
-    return all(
-        np.asarray(getattr(one, f.name)).tobytes() == np.asarray(getattr(other, f.name)).tobytes()
-        for f in fields(one)
-    )
+    pairs = ([np.asarray(getattr(x, f.name)).tobytes() for x in (one, other)] for f in fields(one))
+    return all(a == b for a, b in pairs)
 
 
 @pytest.mark.parametrize("name", ["kr500", "slides"])
@@ -175,12 +173,6 @@ def test_joint_errors_that_stand_in_for_soft_links_are_declined_once_links_are_k
     assert not found.state.n.any()
 
 
-def near(series, rows):
-    """Those rows of a series that are nearest to its first in joint space."""
-    far = np.linalg.norm(series.q - series.q[0], axis=1)
-    return select_rows(series, np.sort(np.argsort(far)[:rows]))
-
-
 def test_a_series_is_foretold_only_by_a_fair_share_of_the_readings(kr500, monkeypatch):
     """What 12 readings in one corner tell of an arm must not decide which errors it has."""
     (long, short), _ = simulate_series(kr500, AbsoluteCampaign(series=2, poses=100), 21)
@@ -188,7 +180,9 @@ def test_a_series_is_foretold_only_by_a_fair_share_of_the_readings(kr500, monkey
     monkeypatch.setattr(
         choose, "_held_out", lambda own, S, parts, *more: held.append(parts) or left(own, S, parts, *more)
     )
-    for some, series in (((long, short), {0, 1}), ((long, near(short, 12)), {1})):
+    far = np.linalg.norm(short.q - short.q[0], axis=1)
+    near = select_rows(short, np.sort(np.argsort(far)[:12]))
+    for some, series in (((long, short), {0, 1}), ((long, near), {1})):
         held.clear()
         found = calibrate(kr500.vjm, some, cad_prior(kr500.arm), Options(orders=2))
         assert {parts[0].series for parts in held if len(parts) > 1} == series

@@ -17,7 +17,7 @@ from testbench.identify.registered import LOOSE, in_base, registered
 from testbench.identify.registered import unloaded as series_of_stations
 from testbench.identify.registration import Frame
 from testbench.identify.registration import register as register_series
-from testbench.model.vjm import tool_pose
+from testbench.model.vjm import tool_points
 
 FINE = 1e-7  #: Noise said of exact readings [m]: nominal positions then pull by less than 1e-11 m.
 
@@ -51,13 +51,9 @@ def unloaded(cell, rng, poses, *, targets=3, stations=1, noise=0.0, joints=None)
     q = random_q(cell, rng, poses)
     if joints is not None:
         q[:, np.setdiff1d(np.arange(q.shape[1]), joints)] = 0.3
-    p, R = tool_pose(vjm, q)
-    x = p[:, None] + vjm.markers[:targets] @ R.transpose(0, 2, 1)
-    ids, zero = np.arange(poses), np.zeros((poses, 6))
-    x = x + noise * rng.standard_normal(x.shape)
-    data = Dataset(
-        vjm.arm.markers[:targets], ids, ids, q, zero, zero[:, :3], x, x, FINE, station=ids % stations
-    )
+    x, ids, zero = tool_points(vjm, q, vjm.markers[:targets]), np.arange(poses), np.zeros((poses, 6))
+    x, names = x + noise * rng.standard_normal(x.shape), vjm.arm.markers[:targets]
+    data = Dataset(names, ids, ids, q, zero, zero[:, :3], x, x, FINE, station=ids % stations)
     rough = replace(vjm, markers=vjm.markers + 0.02 * rng.standard_normal(vjm.markers.shape))
     return rough, data
 

@@ -202,28 +202,6 @@ def traces(structure, pi):
     return np.array([diagonal[block].sum() for block in structure.blocks])
 
 
-def random_within(structure, t, rng):
-    """A conservative model of any rank whose blocks have traces between nothing and all of their bounds."""
-    unit, C = scaled_units(structure), np.zeros((structure.n_theta,) * 2)
-    for block, most in zip(structure.blocks, t, strict=True):
-        V = rng.standard_normal((rng.integers(1, len(block) + 1), len(block))) * unit[block]
-        X = V.T @ V
-        size = (np.diag(X) / unit[block] ** 2).sum()
-        C[np.ix_(block, block)] = rng.choice([0.0, 1.0, 10 ** rng.uniform(-4, 0)]) * most / size * X
-    return structure.entries(C)
-
-
-def against_the_proof(structure, dual, regression, t):
-    """The model that the proof fears most: all of a bound along the worst direction of its S_i."""
-    unit = scaled_units(structure)
-    g = sum(term.R.T @ y for term, y in zip(regression.terms, dual.y, strict=True))
-    S, C = structure.gradient(g) * np.outer(unit, unit), np.zeros((structure.n_theta,) * 2)
-    for block, most in zip(structure.blocks, t, strict=True):
-        v = np.linalg.eigh(S[np.ix_(block, block)])[1][:, 0] * unit[block]
-        C[np.ix_(block, block)] = most * np.outer(v, v)
-    return structure.entries(C)
-
-
 def best_within(regression, t):
     """The model of least F_M within traces: another program, without a trace weight, by another solver."""
     program = scale_program(regression)
@@ -272,20 +250,24 @@ def test_not_even_the_best_model_within_the_bounds_beats_it(kr500, structure, sh
 @pytest.mark.parametrize("kind", ["kind", *NASTY])
 def test_random_and_nasty_datasets_do_not_fool_it(kind, rng):
     """Zero columns, rank one, no noise, readings against the loads; duals of their own and random ones."""
+    within = 0
     for _ in range(8):
         regression = random_regression(kind, rng)
         s, best = regression.structure, optimum(regression)
-        estimates = [best, by_hand(regression, 0 * best.pi), by_hand(regression, 2 * best.pi)]
+        others, t = [best.pi, 0 * best.pi], best.certificate.trace_bounds
+        least = best_within(regression, t)
+        if (traces(s, least) <= t * (1 + 1e-6)).all():  # Clarabel solves most of them
+            others, within = [least, *others], within + 1
         y = rng.standard_normal((len(regression.terms), s.n + 1))
         y /= np.linalg.norm(y, axis=1)[:, None]
-        for estimate in estimates:
+        for estimate in (best, by_hand(regression, 0 * best.pi), by_hand(regression, 2 * best.pi)):
             for dual in (None, best.certificate.dual, Dual(y[:, :-1], y[:, -1])):
                 dual = dual or gradient_dual(regression, estimate.pi)
-                found = bound(regression, estimate.pi, dual, best.certificate.trace_bounds)
-                worst = against_the_proof(s, found.dual, regression, found.trace_bounds)
-                others = [random_within(s, found.trace_bounds, rng) for _ in range(10)]
-                for other in [*others, worst, best.pi, 0 * best.pi]:
-                    assert refuted(regression, found, estimate.pi, other) <= SLACK
+                found = bound(regression, estimate.pi, dual, t)
+                for other in others:
+                    slack = 1e-9 if other is least else SLACK  # what Clarabel leaves of its constraints
+                    assert refuted(regression, found, estimate.pi, other) <= slack
+    assert within >= 4
 
 
 def test_a_dual_longer_than_one_would_prove_too_much_and_is_refused(kr500):
