@@ -15,10 +15,8 @@ from testbench.identify.prior import cad_prior
 from testbench.model.load import Load
 from testbench.model.structure import all153
 from testbench.model.weights import read_weights
-from testbench.studies.loaded_stiffness.equilibrium import loaded_equilibrium
 
 ARM, SEED, POINTS, REPEATS = "kr500_l480", 5, 10_000, 5
-FEW = 500  #: Points at which Newton's equilibrium is timed: it costs as much at every one.
 FORCE = 2000.0  #: Of the process [N].
 DRAWN = 300  #: Feasible poses between which paths run.
 
@@ -37,23 +35,12 @@ def correcting_ten_thousand_points() -> list[Row]:
         target = asked(state, q, "unloaded", np.zeros(3))
         found.append(corrected(Points(state, q, [load], target, Aim(), np.ones(q.shape))))
 
-    def newton() -> None:
-        loaded_equilibrium(cell.vjm, cell.arm.C_theta, q[:FEW], load.wrench[:FEW], load.point[:FEW])
-
-    own, still, one = interleave(REPEATS, solve, lambda: rest(state, q, [load]), newton)
-    one = one * POINTS / FEW
+    own, still = interleave(REPEATS, solve, lambda: rest(state, q, [load]))
     left = np.linalg.norm(found[-1].left, axis=1).max()
     return [
         at_most(f"(m) correcting {POINTS} points", np.median(own), "s", 2, spread(own, digits=2)),
-        at_most(
-            "(m) the same over one loaded equilibrium a point, Eq. (7) by Newton",
-            np.median(own / one),
-            "x",
-            3,
-            f"{FEW} points timed, {spread(one, digits=2)} s for all",
-        ),
         note(
-            "    the same over one equilibrium a point by the steps that corrections take too",
+            "    the same over one equilibrium a point, by the steps that corrections take too",
             np.median(own / still),
             "x",
             f"own weight in both; {spread(still, digits=2)} s of equilibria alone",

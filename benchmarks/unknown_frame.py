@@ -41,7 +41,7 @@ def of_model(cell: Cell, seed: int, errors: float) -> Array:
     """RMS error over the workspace in every case, (3,) [m]; joints off by `errors` [m, rad]."""
     if errors:
         geometry = Disturbances(own_weight=True, geometry=GeometryErrors(errors, errors))
-        cell = replace(cell, truth=disturb(cell.plant, geometry, stream(seed, 9)).plant)
+        cell = replace(cell, truth=disturb(cell.plant, geometry, stream(seed, 9)))
     setup = Scenario(arm=ARM, workspace_poses=100)
     poses = draw_poses(cell, setup, seed)
     clean, truth = (

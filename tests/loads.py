@@ -3,12 +3,21 @@
 import numpy as np
 
 from testbench.correct.newton import Aim, Points, solve
+from testbench.correct.rest import rest
 from testbench.data.dataset import Dataset
+from testbench.identify.arm_model import bending
+from testbench.model.load import Load
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, generalised_load, observation, parameter_rows
+from testbench.model.weights import no_weights
 
 GRAVITY = 9.81
 SIGMA, SIGMA_ROTATION = 25e-6, 250e-6  #: Of a reading along an axis [m, rad].
+
+
+def at_rest(cell, C_theta, q, wrench, point):
+    """Virtual joints of the arm without weight under a load, (runs, n_theta) [m, rad]."""
+    return rest(bending(cell.vjm, C_theta, no_weights(cell.arm)), q, [Load(wrench, point)]).theta
 
 
 def random_q(cell, rng, runs):

@@ -2,6 +2,7 @@
 
 import tomllib
 import xml.etree.ElementTree as ET
+from collections.abc import Container
 from pathlib import Path
 from typing import Annotated
 
@@ -30,6 +31,13 @@ def _fit(name: str) -> str:
 
 Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_fit)]
 """Of a body, joint or marker: letters of any script, and whatever else is seen."""
+
+
+def unique(name: str, taken: Container[str]) -> str:
+    """A name that nothing else has: underscores are put behind it."""
+    while name in taken:
+        name += "_"
+    return name
 
 
 def parse_toml(path: Path, text: str) -> dict[str, object]:

@@ -7,6 +7,7 @@ which link, and the true compliances, each number with its unit and origin).
 import math
 import os
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -14,20 +15,12 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.arm.elastic import (
-    CompensatorEntry,
-    Elastic,
-    JointEntry,
-    LinkEntry,
-    beam_frame,
-    link_place,
-    read_elastic,
-)
+from testbench.arm.elastic import Elastic, JointEntry, LinkEntry, beam_frame, link_place, read_elastic
 from testbench.arm.lines import toml_place
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.stiffness import Tube, check_compliance, tube_compliance
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, InputError, cut, shown
+from testbench.errors import Array, BenchError, InputError, check_array, check_least, cut, shown
 
 PACKAGE = Path(__file__).resolve().parents[1]
 FOLDERS = (PACKAGE / "models", PACKAGE.parent / "models")
@@ -94,14 +87,23 @@ class Joint:
         return 1e3 if self.prismatic else 180 / math.pi
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Compensator:
     """A spring from link 1 to link 2 that helps joint 2 to carry the arm."""
 
-    foot: Array  #: Where it is hinged on link 1, in that body's axes, (3,) [m].
-    head: Array  #: Where it is hinged on link 2, in that body's axes, (3,) [m].
+    foot: Sequence[float]  #: Where it is hinged on link 1, in that body's axes, (3,) [m].
+    head: Sequence[float]  #: Where it is hinged on link 2, in that body's axes, (3,) [m].
     rate: float  #: Change of force over change of length as joint 2 turns [N/m].
     rest_length: float  #: Length without force [m].
+    #: Change of force over change of length as the true arm deflects [N/m]; None for the rate.
+    stiffness: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("foot", "head"):
+            check_array(getattr(self, name), (3,), f"{name} of the compensator [m]")
+        for name in ("rate", "rest_length", "stiffness"):
+            value = getattr(self, name)
+            check_least(0.0 if value is None else value, f"{name} of the compensator")
 
 
 @dataclass(frozen=True, repr=False)
@@ -187,6 +189,7 @@ def load_arm(folder: str | Path) -> Arm:
     folder = find_arm(folder)
     toml_path, rigid = folder / "elastic.toml", folder / "rigid.xml"
     elastic, root = read_elastic(toml_path), read_mjcf(rigid)
+    spring = elastic.compensator
     arm = Arm(
         name=shown(folder.resolve().name),
         title=cut(shown(elastic.title), LONGEST_TITLE),
@@ -200,7 +203,7 @@ def load_arm(folder: str | Path) -> Arm:
         load=elastic.load,
         markers=tuple(elastic.markers),
         payload=None if elastic.payload is None else elastic.payload.value,
-        compensator=_compensator(elastic.compensator),
+        compensator=None if spring is None else Compensator(**{k: v.value for k, v in spring}),
     )
     if arm.compensator is not None and (len(arm.links) < 3 or arm.joints[1].prismatic):
         place = toml_place(toml_path, ["compensator"])
@@ -208,13 +211,6 @@ def load_arm(folder: str | Path) -> Arm:
     _check_chain(rigid, root, arm)
     _check_lengths(toml_path, elastic, stretched(rigid, root, arm))
     return arm
-
-
-def _compensator(entry: CompensatorEntry | None) -> Compensator | None:
-    if entry is None:
-        return None
-    foot, head = np.array(entry.foot.value), np.array(entry.head.value)
-    return Compensator(foot, head, entry.rate.value, entry.rest_length.value)
 
 
 def _link(path: Path, index: int, link: LinkEntry) -> Link:

@@ -20,18 +20,17 @@ from testbench.campaign.tracker import (
     read_orientations,
     read_positions,
 )
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, in_order
 from testbench.data.series import Series
 from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.plant import (
     TYPICAL,
     Disturbances,
-    DisturbedPlant,
     GearErrors,
     Gears,
+    Plant,
     disturb,
-    part_of,
-    settle_disturbed,
+    settle,
 )
 
 MOST_POSES = 20_000
@@ -93,7 +92,7 @@ class Frame:
 class Truth:
     """The true arm and how it was looked at."""
 
-    arm: DisturbedPlant  #: The arm that was measured.
+    arm: Plant  #: The arm that was measured.
     stations: tuple[Frame, ...]  #: The world in the tracker's frame, of every series.
     mounts: tuple[Frame, ...]  #: The mount of the targets in the tool's frame, of every series.
     markers: Array  #: Targets on their mount, (m, 3) [m].
@@ -102,7 +101,7 @@ class Truth:
     @property
     def C_theta(self) -> Array:
         """True aggregated joint compliance, (n_theta, n_theta), Eq. (17)."""
-        return self.arm.plant.arm.C_theta
+        return self.arm.arm.C_theta
 
     @property
     def gears(self) -> Gears | None:
@@ -117,15 +116,15 @@ class Truth:
         truly is; a joint's is its offset. Deflections add to them to first order. Stations, mounts and gears
         are apart.
         """
-        plant = self.arm.plant
+        plant = self.arm
         names = [*(link.name for link in plant.arm.links[1:]), plant.arm.tool]
         parts = []
-        for link, name, error in zip(plant.arm.links, names, self.arm.frames, strict=True):
+        for link, name, error in zip(plant.arm.links, names, plant.frames, strict=True):
             frame = Rotation.from_quat(plant.model.body(name).quat, scalar_first=True)
             beam = Rotation.from_matrix(link.frame).inv() * frame
             turn = beam * Rotation.from_rotvec(error[3:]) * beam.inv()
             parts += [link.frame.T @ error[:3], turn.as_euler("XYZ")]
-        return np.concatenate([*parts, self.arm.offset])
+        return np.concatenate([*parts, plant.offset])
 
 
 def _seen(truth: Truth, series: int, tool: Array, rotation: Array) -> tuple[Array, Array]:
@@ -216,7 +215,7 @@ def _turns(asked: AbsoluteCampaign, poses: int) -> Ids:
     return np.asarray(np.arange(rows.sum()) - np.repeat(np.cumsum(rows) - rows, rows))
 
 
-def _settled(arm: DisturbedPlant, rows: LoadedPoses, turn: Ids, off: Array) -> tuple[Array, Array]:
+def _settled(arm: Plant, rows: LoadedPoses, turn: Ids, off: Array) -> tuple[Array, Array]:
     """The tool of every row at rest in the world; in a pose each load is hung on the arm as the last left it.
 
     A row has the `turn`-th load of its pose, its joints are `off` what is commanded, (rows, n) [rad, m].
@@ -224,9 +223,9 @@ def _settled(arm: DisturbedPlant, rows: LoadedPoses, turn: Ids, off: Array) -> t
     tool, rotation, rest = np.empty((len(turn), 3)), np.empty((len(turn), 3, 3)), None
     for k in range(turn.max() + 1):
         own = np.flatnonzero(turn == k)  # poses of several loads come first
-        before = None if rest is None else part_of(rest, slice(len(own)))
+        before = None if rest is None else in_order(rest, slice(len(own)))
         q = rows.q[own] + off[own]
-        rest = settle_disturbed(arm, q, rows.wrench[own], rows.point[own], before=before)
+        rest = settle(arm, q, rows.wrench[own], rows.point[own], before=before)
         tool[own], rotation[own] = rest.tool, rest.rotation
     return tool, rotation
 

@@ -175,11 +175,9 @@ def _fragments(arm: Looked) -> Iterator[str]:
 
 def _drawn(cell: Cell) -> dict[int, Array]:
     """Corners of every link that is drawn, in its frame, (c, 3) [m]."""
-    from testbench.plant.shapes import body_names, corners, is_drawn, visual_shapes
+    from testbench.plant.shapes import corners, drawn_shapes
 
-    if not is_drawn(cell.room):
-        return {}
-    names, shapes, found = body_names(cell.room), visual_shapes(cell.room), {}
+    names, shapes, found = cell.room.names, drawn_shapes(cell.room), {}
     for k, link in enumerate(cell.arm.links):
         own = [corners(shape) for shape in shapes if names[shape.body] == link.name]
         if own:
@@ -273,9 +271,9 @@ def _densities(cell: Cell, weights: Array) -> Iterator[str]:
     """Masses that fit the hulls of what collides, as far as the links have them."""
     from testbench.plant.import_robot.solids import hull_volume
     from testbench.plant.import_robot.weigh import PLAUSIBLE
-    from testbench.plant.shapes import body_names, corners, solid_shapes
+    from testbench.plant.shapes import corners, solid_shapes
 
-    names, volumes = body_names(cell.room), dict.fromkeys((link.name for link in cell.arm.links), 0.0)
+    names, volumes = cell.room.names, dict.fromkeys((link.name for link in cell.arm.links), 0.0)
     for shape in solid_shapes(cell.room):
         if names[shape.body] in volumes:
             volumes[names[shape.body]] += hull_volume(corners(shape))

@@ -38,7 +38,7 @@ from testbench.model.laws import vjm_of, with_laws
 from testbench.model.load import Load, resultant
 from testbench.model.structure import Structure, all153, joints_only, labels_of
 from testbench.model.vjm import Vjm, tool_pose
-from testbench.model.weights import Weights, read_weights
+from testbench.model.weights import Weights, no_weights, read_weights
 from testbench.output.replace import reading
 
 if TYPE_CHECKING:  # who only reads a model needs no fits
@@ -266,8 +266,7 @@ def weights_known(arm: Arm) -> tuple[Weights, list[str]]:
     try:
         return read_weights(arm), []
     except InputError as err:
-        bodies = arm.n_joints + 2
-        return Weights(np.zeros(bodies), np.zeros((bodies, 3))), [f"Own weight is left out: {err}"]
+        return no_weights(arm), [f"Own weight is left out: {err}"]
 
 
 def _prior(belief: Belief) -> object:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, Va
 from testbench.arm.folder import Arm, load_arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.tracker import Tracker, read_orientations, read_positions
-from testbench.data.dataset import Dataset, split
+from testbench.data.dataset import Dataset, in_order, split
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, InputError, Mask
 from testbench.model.kinematics import build_vjm
@@ -20,7 +20,7 @@ from testbench.model.poses import WorkArea, random_poses
 from testbench.model.vjm import Vjm, body_poses
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
-    from testbench.plant import Equilibrium, Plant, Room
+    from testbench.plant import Equilibrium, Plant, Site
 
     Pair = tuple[Equilibrium, Equilibrium]
 
@@ -129,11 +129,11 @@ class Cell(Displayed):
         return self.truth or build_plant(self.arm)
 
     @cached_property
-    def room(self) -> "Room":
+    def room(self) -> "Site":
         """Where it stands, for collisions."""
-        from testbench.plant import build_room
+        from testbench.plant import build_site
 
-        return build_room(self.arm, self.floor)
+        return build_site(self.arm, floor=self.floor)
 
 
 @dataclass(frozen=True, repr=False)
@@ -329,9 +329,9 @@ def read_markers(
 
 def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Array) -> "Pair":
     """The true arm unloaded and loaded, all in one call: a call of its own costs what 20 poses cost."""
-    from testbench.plant import part_of, settle, settle_linear
+    from testbench.plant import settle, settle_linear
 
     runs, find = len(q), settle_linear if truth == "linear" else settle
     loads = np.concatenate([np.zeros_like(wrench), wrench])
     rest = find(plant, np.concatenate([q, q]), loads, np.concatenate([point, point]))
-    return part_of(rest, slice(runs)), part_of(rest, slice(runs, None))
+    return in_order(rest, slice(runs)), in_order(rest, slice(runs, None))

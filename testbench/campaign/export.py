@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench import files
+from testbench.arm.document import unique
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.urdf_text import NEW_STAMP, origin_of, with_origins, words
@@ -231,24 +232,19 @@ def _new_urdf(state: State, geometry: Rigid) -> str:
         link = ET.SubElement(robot, "link", name=name)
         if mass > 0:
             _inertial(link, float(mass), centre, tensors[name])
-    taken = {joint.name for joint in arm.joints}
-    _add_joint(robot, _free(f"{names[0]}_fixed", taken), "fixed", (ROOT, names[0]), geometry.base)
+    taken = [joint.name for joint in arm.joints]
+    taken.append(unique(f"{names[0]}_fixed", taken))
+    _add_joint(robot, taken[-1], "fixed", (ROOT, names[0]), geometry.base)
     for k, joint in enumerate(arm.joints):
         kind = "prismatic" if joint.prismatic else "revolute"
         e = _add_joint(robot, joint.name, kind, (names[k], names[k + 1]), geometry.steps[k])
         ET.SubElement(e, "axis", xyz=words(state.vjm.axes[k]))
         ET.SubElement(e, "limit", lower=f"{joint.lower:.12g}", upper=f"{joint.upper:.12g}")
         e[-1].attrib.update(UNKNOWN)
-    _add_joint(robot, _free(f"{names[-1]}_fixed", taken), "fixed", (names[-2], names[-1]), geometry.tool)
+    last = unique(f"{names[-1]}_fixed", taken)
+    _add_joint(robot, last, "fixed", (names[-2], names[-1]), geometry.tool)
     ET.indent(robot)
     return f'<?xml version="1.0"?>\n{NEW_STAMP}{ET.tostring(robot, encoding="unicode")}\n'
-
-
-def _free(name: str, taken: set[str]) -> str:
-    while name in taken:
-        name += "_"
-    taken.add(name)
-    return name
 
 
 def _add_joint(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], pose: Array) -> ET.Element:

@@ -3,7 +3,7 @@
 Of an arm without joints (section 5.1) there is one pose; of a six-axis arm (section 5.2) there are many.
 """
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 from pydantic import Field
@@ -18,7 +18,7 @@ from testbench.campaign.campaign import (
     measure_both,
     stream,
 )
-from testbench.data.dataset import Dataset
+from testbench.correct.rest import joined
 from testbench.errors import Array, Ids, PoseError
 from testbench.plant import settle_linear
 
@@ -62,16 +62,9 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
     checks = at_tool(check_q, ids, check_wrench)
     identification = measure(cell, scenario, at_tool(q[pose], pose + 1, wrench), noise_rng)
     check, true = measure_both(cell, scenario, checks, noise_rng)
-    measured = _joined(identification, check)
+    measured = joined([identification, check])
+    measured = replace(measured, run=np.arange(measured.runs) + 1)
     return Campaign(scenario, seed, measured, identification, check, true, true, drawn)
-
-
-def _joined(a: Dataset, b: Dataset) -> Dataset:
-    """The runs of both, numbered anew."""
-    names = [f.name for f in fields(a) if isinstance(getattr(a, f.name), np.ndarray)]
-    joined = {k: np.concatenate([getattr(a, k), getattr(b, k)]) for k in names}
-    joined["run"] = np.arange(a.runs + b.runs) + 1
-    return replace(a, **joined)  # type: ignore[arg-type]  # arrays, by the names of theirs
 
 
 def random_wrenches(count: int, force: float, moment: float, rng: np.random.Generator) -> Array:

@@ -24,7 +24,7 @@ from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load, weight
 from testbench.model.poses import WorkArea
 from testbench.model.vjm import tool_pose
-from testbench.plant import Room
+from testbench.plant import Site
 
 T = TypeVar("T")
 NAMED = 5  #: Points that a message names; more are counted.
@@ -59,7 +59,7 @@ class CorrectedProgram:
 
 
 def correct_program(
-    model: ArmModel, program: Program, aim: Aim, room: Room | None = None, *, start: Array | None = None
+    model: ArmModel, program: Program, aim: Aim, room: Site | None = None, *, start: Array | None = None
 ) -> CorrectedProgram:
     """Correct a program, in a room where collisions are to be checked.
 

@@ -6,12 +6,12 @@ and a UR10 by elastostatic calibration.
 """
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from testbench.arm.document import unique
 from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.arm.stiffness import Material, Tube
 from testbench.campaign.beam import COINCIDE, Beam, beams, extent, outer_diameter, reach, triangles
@@ -101,12 +101,12 @@ def propose(chain: Chain, wishes: Wishes) -> Proposal:
     ahead = _ahead(chain, tool, lines[-1], long)
     axes = tool[:3, :3].T @ lines[-1].frame  # beam axes in the tool's frame, as columns
     sites, taken = _sites(chain, tool), [part.name for part in chain.parts]
-    taken.append(tool_name := _unique("tool", taken))
-    taken.append(load_name := _unique("load", taken))
+    taken.append(tool_name := unique("tool", taken))
+    taken.append(load_name := unique("load", taken))
     load = np.round((ahead + BEYOND * long) * axes[:, 0], MILLIMETRE) if wishes.load is None else wishes.load
     markers: list[Point] = []
     for name, place in wishes.markers or sites or _ring(axes, AROUND * long, ahead):
-        taken.append(name := _unique(name, taken))
+        taken.append(name := unique(name, taken))
         markers.append((name, place))
     stated = {
         Note("tool"): wishes.tool is not None,
@@ -185,13 +185,6 @@ def on_a_line(positions: Array) -> bool:
         return True
     along, across, *_ = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False)
     return bool(across <= FLAT * along)
-
-
-def _unique(name: str, taken: Iterable[str]) -> str:
-    """A name that nothing else has: underscores are put behind it."""
-    while name in taken:
-        name += "_"
-    return name
 
 
 def _sites(chain: Chain, tool: Array) -> tuple[Point, ...]:

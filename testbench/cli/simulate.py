@@ -193,7 +193,7 @@ def _read_deflections(cell: Cell, asked: Options) -> None:
     scenario = Scenario(arm=cell.arm.name, payload=float(masses.max()) or None, sigma=_sigma(asked))
     if asked.geometry_mm:
         errors = Disturbances(own_weight=True, geometry=GeometryErrors(*[asked.geometry_mm / 1e3] * 2))
-        cell = replace(cell, truth=disturb(cell.plant, errors, stream(asked.seed, 3)).plant)
+        cell = replace(cell, truth=disturb(cell.plant, errors, stream(asked.seed, 3)))
     trackers = _trackers(asked)
     pose = np.repeat(np.arange(len(q)), masses.shape[1])
     loaded = hanging(cell, q[pose], pose + 1, masses.ravel())

@@ -13,7 +13,7 @@ from testbench.correct.uncertainty import Poses, half_widths
 from testbench.errors import Array, BenchError, Mask, check_array
 from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load
-from testbench.plant import Room, collisions
+from testbench.plant import Site, collisions
 
 Why = Literal["reach", "equilibrium", "limit", "collision"]
 
@@ -53,7 +53,7 @@ def compensate(
     q: Array,
     loads: Sequence[Load],
     aim: Aim | None = None,
-    room: Room | None = None,
+    room: Site | None = None,
 ) -> Compensated:
     """Joints that put the loaded tool where a program asks it to be.
 
@@ -116,7 +116,7 @@ def within_limits(
     return found, points.free == 0
 
 
-def _refused(arm: Arm, found: Corrected, q: Array, room: Room | None) -> list[Refusal | None]:
+def _refused(arm: Arm, found: Corrected, q: Array, room: Site | None) -> list[Refusal | None]:
     """Why points cannot be put right."""
     lower, upper = arm.limits
     reasons: list[Refusal | None] = [None] * len(q)

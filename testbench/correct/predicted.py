@@ -10,7 +10,7 @@ from testbench.correct.rest import batches, joined, rest
 from testbench.correct.uncertainty import Poses, curvature, half_widths
 from testbench.errors import Array, check_array
 from testbench.identify.arm_model import ArmModel
-from testbench.identify.posterior import CONFIDENCE, CURVED
+from testbench.identify.posterior import CURVED
 from testbench.model.load import Load, on_joints
 from testbench.model.loaded import displacement
 from testbench.model.tool_motion import turn_between, turned
@@ -42,14 +42,13 @@ class Prediction:
         return np.asarray(self.half.max(axis=2))
 
 
-def predict(  # noqa: PLR0913 - all but two have defaults
+def predict(
     model: ArmModel,
     q: Array,
     loads: Sequence[Load] = (),
     *,
     points: Array | None = None,
     linear: bool = False,
-    confidence: float = CONFIDENCE,
 ) -> Prediction:
     """Where loads bring the tool: by the equilibrium of Eq. (7), or by Eq. (6).
 
@@ -59,27 +58,26 @@ def predict(  # noqa: PLR0913 - all but two have defaults
         loads: What acts beside own weight, each in all poses alike or with a row a pose.
         points: Of the tool, in its own frame, (m, 3) [m]; the arm's markers if not given.
         linear: Whether by Eq. (6), the compliance of the unloaded arm.
-        confidence: Of each interval by itself.
 
     Returns:
-        Deflections of the tool's origin and the points, their intervals, and where the tool is.
+        Deflections of the tool's origin and the points, their intervals of 95 %, and where the tool is.
 
     Raises:
         NoEquilibrium: When the arm cannot bear the loads; names the pose.
-        BenchError: When an array has another shape or is not finite, or the confidence is outside (0, 1).
+        BenchError: When an array has another shape or is not finite.
     """
     q = check_array(q, (None, model.arm.n_joints), "q [rad, m]")
     points = model.vjm.markers if points is None else check_array(points, (None, 3), "points [m]")
     points = np.vstack([np.zeros(3), points])
     every = Poses(q, loads)
-    return joined([_predict(model, every.of(some), points, linear, confidence) for some in batches(len(q))])
+    return joined([_predict(model, every.of(some), points, linear) for some in batches(len(q))])
 
 
-def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool, confidence: float) -> Prediction:
+def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool) -> Prediction:
     """The same of few poses."""
     before, after = rest(model.state, loaded.q), loaded.at_rest(model.state)
     loaded, free = replace(loaded, rest=after), Poses(loaded.q, rest=before)
-    half = half_widths(model, loaded, free, points, confidence)
+    half = half_widths(model, loaded, free, points)
     turn, straight = turn_between(before.rotation, after.rotation), _linear(model, loaded, points)
     deflection = after.points(points) - before.points(points)
     apart = np.linalg.norm(deflection[:, 0] - straight[0][:, 0], axis=1)
@@ -90,9 +88,7 @@ def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool, confid
         half = np.hypot(half, curved * (1.0 if model.absolute else np.sqrt(CURVED**2 - 1)))
         deflection, turn = straight
         rotation = turned(turn) @ before.rotation
-    known = np.full(half.shape, np.inf)
-    if model.absolute:
-        known = half_widths(model, loaded, None, points, confidence)
+    known = half_widths(model, loaded, None, points) if model.absolute else np.full(half.shape, np.inf)
     return Prediction(deflection, half, turn, start + deflection, known, rotation, apart)
 
 

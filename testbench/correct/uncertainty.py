@@ -15,7 +15,7 @@ from testbench.data.dataset import in_order
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.state import State
 from testbench.identify.arm_model import ArmModel
-from testbench.identify.posterior import CONFIDENCE, check_confidence, conditional, quantile
+from testbench.identify.posterior import CONFIDENCE, conditional, quantile
 from testbench.identify.rows import jacobian, straight
 from testbench.model.joint_errors import basis
 from testbench.model.load import Load, on_joints
@@ -53,17 +53,14 @@ class Poses:
         return self.rest or rest(state, self.q, self.loads)
 
 
-def half_widths(
-    model: ArmModel, end: Poses, start: Poses | None, points: Array, confidence: float = CONFIDENCE
-) -> Array:
-    """Half the interval of where points of the tool are, or of how far they are from where they were.
+def half_widths(model: ArmModel, end: Poses, start: Poses | None, points: Array) -> Array:
+    """Half the 95 % interval of where points of the tool are, or of how far they are from where they were.
 
     Args:
         model: The arm.
         end: Where the tool is.
         start: Where it was, as many poses; None for positions in the world, of an absolute model.
         points: In the tool's frame, (k, 3) [m].
-        confidence: Of each interval by itself.
 
     Returns:
         Along world x, y, z, (poses, k, 3) [m]; infinite where the model has not seen what decides.
@@ -72,23 +69,24 @@ def half_widths(
         BenchError: When a model of compliances alone is asked for positions.
         NoEquilibrium: When the arm cannot bear a load.
     """
-    check_confidence(confidence)
     if start is None and not model.absolute:
         raise BenchError("intervals: expected an absolute model for positions; this one knows deflections")
-    scatter = quantile(math.inf, (1 + confidence) / 2) * model.scatter
-    found = []
+    scatter, found = _scatter(model), []
     for some in batches(len(end.q)):
         before = None if start is None else start.of(some)
         rows = rows_between(model, end.of(some), before, points)
-        half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1]), confidence).reshape(
-            rows.shape[:3]
-        )
+        half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
         if not model.absolute:
             half = np.hypot(half, curvature(model, end.of(some), points))
         elif start is None:
             half = np.hypot(half, scatter)
         found.append(half)
     return np.concatenate(found)
+
+
+def _scatter(model: ArmModel) -> float:
+    """Half the interval of how readings scatter about an absolute model [m]."""
+    return quantile(math.inf, (1 + CONFIDENCE) / 2) * model.scatter
 
 
 def fitted_half_widths(model: ArmModel, end: Poses, point: Array) -> Array:
@@ -114,7 +112,7 @@ def fitted_half_widths(model: ArmModel, end: Poses, point: Array) -> Array:
     A = rows.reshape(len(F), -1)
     A = A - F @ np.linalg.lstsq(F, A)[0]
     half = model.posterior.half_widths(A).reshape(x.shape)
-    return np.asarray(np.hypot(half, quantile(math.inf, (1 + CONFIDENCE) / 2) * model.scatter))
+    return np.asarray(np.hypot(half, _scatter(model)))
 
 
 def rows_between(model: ArmModel, end: Poses, start: Poses | None, points: Array) -> Array:

@@ -135,9 +135,9 @@ def choose_greedily(search: Search, criterion: Criterion, examined: CandidateSet
     chosen = greedy(problem, criterion, problem.rows, poses)
     chosen = chosen[_order(examined.q[chosen], examined.load[chosen], search.reach)]
     M = information(problem, chosen)
-    value, Z = criterion.information(M), criterion.tangent(M).Z
+    Z = criterion.tangent(M).Z
     bound = float((Z * problem.prior).sum() + poses * sensitivity(problem.rows, Z).max())
-    return _measured(search, criterion, examined, chosen, Relaxed(chosen, np.ones(poses), value, bound, Z))
+    return _measured(search, criterion, examined, chosen, Relaxed(chosen, np.ones(poses), bound, Z))
 
 
 def _measured(

@@ -39,7 +39,6 @@ class Relaxed:
 
     support: Ids  #: Candidates with weight, (s,).
     weights: Array  #: Their weights, the sum is the number of poses, (s,).
-    value: float  #: Phi there.
     bound: float  #: No plan of as many poses has more.
     dual: Array  #: Z that proves it, (r, r).
 
@@ -64,7 +63,7 @@ def relax(problem: Problem, criterion: Criterion, poses: int, start: Relaxed | N
         g = sensitivity(problem.rows, plane.Z)
         limit = float((plane.Z * problem.prior).sum() + poses * g.max())
         if best is None or limit < best.bound:
-            best = Relaxed(S, w, criterion.information(M), limit, plane.Z)
+            best = Relaxed(S, w, limit, plane.Z)
         if limit <= (1 + GAP) * plane.height:
             break
         S, w = _exchange_members(g, S, w)

@@ -73,10 +73,10 @@ def loaded_compliance(J_theta: Array, C_theta: Array, K_w: Array) -> Array:
     every = np.shape(C_theta)[:-2]
     C = check_array(C_theta, (*every, n_theta, n_theta), "C_theta [m/N, rad/(N m)]")
     K_w = check_array(K_w, (runs, n_theta, n_theta), "K_w [N/m, N, N m]")
-    return np.asarray(J @ solve_springs(C, K_w, C @ J.swapaxes(1, 2)))
+    return np.asarray(J @ _solve_springs(C, K_w, C @ J.swapaxes(1, 2)))
 
 
-def solve_springs(C_theta: Array, K_w: Array, right: Array) -> Array:
+def _solve_springs(C_theta: Array, K_w: Array, right: Array) -> Array:
     """(I - C_theta K_w)^-1 right, (runs, n_theta, columns)."""
     try:
         return np.asarray(np.linalg.solve(np.eye(C_theta.shape[-1]) - C_theta @ K_w, right))
@@ -98,7 +98,7 @@ def secant(where: Chain, C_theta: Array, wrench: Array, point: Array, K_w: Array
     theta = (C @ generalised_load(where, wrench, point)).T
     if K_w is not None:
         K_w = check_array(K_w, (runs, n_theta, n_theta), "K_w [N/m, N, N m]")
-        theta = solve_springs(C, K_w, theta[..., None])[..., 0]
+        theta = _solve_springs(C, K_w, theta[..., None])[..., 0]
     return np.asarray(theta)
 
 

@@ -30,6 +30,11 @@ class Weights:
         return np.column_stack([self.mass, self.mass[:, None] * self.centre])
 
 
+def no_weights(arm: Arm) -> Weights:
+    """Those of an arm that weighs nothing."""
+    return Weights(np.zeros(arm.n_joints + 2), np.zeros((arm.n_joints + 2, 3)))
+
+
 def read_weights(arm: Arm) -> Weights:
     """Masses and centres of an arm's MJCF.
 

@@ -1,8 +1,6 @@
 """The true arm as MuJoCo models: one to look into, and some side by side to compute with.
 
 A Newton step needs MuJoCo's kinematics and the force of the arm's own weight, 2.8 us a pose, and what leads
-from testbench.errors import Ids
-from testbench.errors import Ids, Mask
 from Python to them costs as much. So a second model holds several arms, without geoms and springs: one call
 serves a pose of each.
 """
@@ -19,7 +17,9 @@ from testbench.arm.folder import Arm
 from testbench.arm.mesh import read_meshes
 from testbench.arm.mjcf import LENGTH, mesh_files, read_mjcf
 from testbench.errors import Array, Ids, InputError
+from testbench.plant.disturbance import NOMINAL, Disturbances
 from testbench.plant.elastic import elastic_mjcf, theta_names
+from testbench.plant.gear import Gears
 
 REFUSED = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 """What MuJoCo raises of a model that it does not compile."""
@@ -45,8 +45,14 @@ class Plant:
     markers: Ids  #: Body ids of the markers, (m,).
     load: Array  #: Load point in the tool's frame, as MuJoCo reads it, (3,) [m].
     C: Array  #: True compliance in MuJoCo's coordinates, zero at the actuated joints, (nv, nv).
-    K: Array  #: Stiffness of MuJoCo's springs, (nv, nv) [N/m, N m/rad].
     carries: Array  #: One where a joint moves a body, else zero, (bodies, nv) [1].
+    disturbances: Disturbances  #: What it does beyond its folder.
+    offset: Array  #: True minus commanded joint angles, the same in all poses, (n,) [rad].
+    centre: Array  #: True minus recorded hanging point, tool's axes, (3,) [m].
+    #: True minus drawn frames of the joints and the tool, (n + 1, 6) [m, rad]: shift along the axes of the
+    #: link before, turn about the frame's own. The model has them.
+    frames: Array
+    gears: Gears | None = None  #: Joint errors that depend on the pose; None for none.
 
     @property
     def hinges(self) -> Ids:
@@ -127,8 +133,11 @@ def plant_of(arm: Arm, model: mujoco.MjModel) -> Plant:
         markers=np.array([model.body(name).id for name in arm.markers]),
         load=np.asarray(tool.xmat.reshape(3, 3).T @ (data.body(arm.load).xpos - tool.xpos)),
         C=C,
-        K=_stiffness(model),
         carries=_carries(model),
+        disturbances=NOMINAL,
+        offset=np.zeros(arm.n_joints),
+        centre=np.zeros(3),
+        frames=np.zeros((arm.n_joints + 1, 6)),
     )
 
 
@@ -140,13 +149,6 @@ def with_model(plant: Plant, model: mujoco.MjModel) -> Plant:
         one, all_arms = getattr(model, name)[1:], getattr(abreast, name)[1:]
         all_arms.reshape(-1, *one.shape)[:] = one
     return replace(plant, model=model, abreast=abreast)
-
-
-def with_markers(plant: Plant, off: Array) -> Plant:
-    """The plant with its markers moved in the tool's frame, by (m, 3) [m]."""
-    model = copy.copy(plant.model)
-    model.body_pos[plant.markers] += off
-    return with_model(plant, model)
 
 
 def weightless(plant: Plant) -> Plant:
@@ -181,17 +183,6 @@ def _side_by_side(model: mujoco.MjModel, arms: int) -> mujoco.MjModel:
                     type=model.jnt_type[j], pos=model.jnt_pos[j], axis=model.jnt_axis[j], armature=1
                 )
     return spec.compile()
-
-
-def _stiffness(model: mujoco.MjModel) -> Array:
-    """Stiffness of the model's own springs, as MuJoCo sees them, (nv, nv): they are linear."""
-    data, columns = mujoco.MjData(model), []
-    for unit in np.eye(model.nv):
-        data.qpos[:] = unit
-        mujoco.mj_tendon(model, data)
-        mujoco.mj_passive(model, data)
-        columns.append(-data.qfrc_passive)
-    return np.column_stack(columns)
 
 
 def _carries(model: mujoco.MjModel) -> Array:

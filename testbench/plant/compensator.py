@@ -10,66 +10,14 @@ Joint 2 sees the equivalent stiffness K_eq = stiffness s'^2 + F s'', primes bein
 q_2: it vanishes nearly where the strut points at the axis and is largest where it stands square on its lever.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.errors import Array, BenchError, Ids, check_array, check_least
+from testbench.arm.folder import Compensator
+from testbench.errors import Array, BenchError, Ids
 from testbench.plant.build import Plant
 from testbench.plant.state import State, generalised_force, place
-
-Point = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Compensator:
-    """A spring between a point of link 1 and a point of link 2."""
-
-    foot: Point  #: Where it is hinged on link 1, in the frame of that body, (3,) [m].
-    head: Point  #: Where it is hinged on link 2, in the frame of that body, (3,) [m].
-    rate: float  #: Change of force over change of length as joint 2 turns [N/m].
-    rest_length: float  #: Length without force [m].
-    #: Change of force over change of length as the arm deflects [N/m]; None for the rate.
-    stiffness: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("foot", "head"):
-            check_array(getattr(self, name), (3,), f"{name} of the compensator [m]")
-        for name in ("rate", "rest_length", "stiffness"):
-            value = getattr(self, name)
-            check_least(0.0 if value is None else value, f"{name} of the compensator")
-
-    @property
-    def slope(self) -> float:
-        """Change of force over change of length as the arm deflects [N/m]."""
-        return self.rate if self.stiffness is None else self.stiffness
-
-
-KR500_COMPENSATOR = Compensator(
-    foot=(-0.48, 0.30, -0.27),
-    head=(-0.07, 0.30, 0.26),
-    rate=65e3,
-    rest_length=0.12,
-    stiffness=6.9e6,
-)
-"""For models/kr500_l480.
-
-foot: the rear end of the strut drawn in rigid.xml [assumed, by eye]. head: 0.27 m from axis 2 inside the
-drawn hub, on the line from axis to foot when the upper arm is upright, along which the strut is drawn
-[assumed]. rate and rest_length: 41 kN upright, 60 kN stretched, where it carries about the arm's own weight,
-16 kN m [assumed].
-
-stiffness: 1 / 0.144e-6 N/m. 0.144e-6 is [published] for a KR 270 beside 0.302e-6 rad/(N m) of its joint 2,
-without its unit; that it is the strut's own compliance in m/N is our reading. K_eq is then at most 4 % of the
-stiffness of joint 2, which agrees with the 4.8 % that the paper quotes. `STIFF_COMPENSATOR` is the other
-reading.
-"""
-
-STIFF_COMPENSATOR = replace(KR500_COMPENSATOR, stiffness=9.6e7)
-"""The same number read as a compliance of joint 2 in rad/(N m): K_eq at the best lever is 1 / 0.144e-6 =
-6.9e6 N m/rad, half of the stiffness of joint 2. As a plain spring it could not be: turning joint 2 by a
-radian would take 400 times the torque of the arm's own weight.
-"""
 
 
 @dataclass(frozen=True)
@@ -77,10 +25,11 @@ class Strut:
     """The compensator in some poses; `some` are indices of them."""
 
     spring: Compensator
+    slope: float  #: Change of force over change of length as the arm deflects [N/m].
     ends: tuple[int, int]  #: Ids of the bodies that it is hinged on.
     held: Array  #: Its length in the held poses, theta = 0, (poses,) [m].
     C_g: Array  #: C g with g = ds / dqpos in the held poses, (poses, nv).
-    share: Array  #: k g / (1 + k g C_g), k its slope, (poses, nv).
+    share: Array  #: k g / (1 + k g C_g), k the slope, (poses, nv).
 
 
 def attached(plant: Plant) -> tuple[int, int]:
@@ -108,16 +57,16 @@ def strut(compensator: Compensator, plant: Plant, state: State) -> Strut:
     held = _length(hinges)
     g = _pull(plant, ends, state, hinges, np.full(len(held), -1.0))
     C_g = np.matvec(plant.C, g)
-    k = compensator.slope
+    k = compensator.rate if compensator.stiffness is None else compensator.stiffness
     share = (k / (1 + k * np.vecdot(g, C_g)))[:, None] * g
-    return Strut(compensator, ends, held, C_g, share)
+    return Strut(compensator, k, ends, held, C_g, share)
 
 
 def strut_force(strut: Strut, plant: Plant, state: State, some: Ids) -> Array:
     """Its generalised force where the arm is, (some, nv) [N, N m]."""
     spring, held = strut.spring, strut.held[some]
     hinges = _hinges(spring, strut.ends, state)
-    force = spring.rate * (held - spring.rest_length) + spring.slope * (_length(hinges) - held)
+    force = spring.rate * (held - spring.rest_length) + strut.slope * (_length(hinges) - held)
     return _pull(plant, strut.ends, state, hinges, force)
 
 

@@ -4,10 +4,10 @@ All are plain numbers in SI, so that a scenario or a manifest can hold them. `te
 them into a plant.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from testbench.arm.folder import Compensator
 from testbench.errors import check_least
-from testbench.plant.compensator import KR500_COMPENSATOR, Compensator
 from testbench.plant.gear import GearErrors
 
 
@@ -55,12 +55,40 @@ class Disturbances:
         check_least(self.mass_error, "mass_error", -1)
 
 
+KR500_COMPENSATOR = Compensator(
+    foot=(-0.48, 0.30, -0.27),
+    head=(-0.07, 0.30, 0.26),
+    rate=65e3,
+    rest_length=0.12,
+    stiffness=6.9e6,
+)
+"""For models/kr500_l480.
+
+foot: the rear end of the strut drawn in rigid.xml [assumed, by eye]. head: 0.27 m from axis 2 inside the
+drawn hub, on the line from axis to foot when the upper arm is upright, along which the strut is drawn
+[assumed]. rate and rest_length: 41 kN upright, 60 kN stretched, where it carries about the arm's own weight,
+16 kN m [assumed].
+
+stiffness: 1 / 0.144e-6 N/m. 0.144e-6 is [published] for a KR 270 beside 0.302e-6 rad/(N m) of its joint 2,
+without its unit; that it is the strut's own compliance in m/N is our reading. K_eq is then at most 4 % of the
+stiffness of joint 2, which agrees with the 4.8 % that the paper quotes. `STIFF_COMPENSATOR` is the other
+reading.
+"""
+
+STIFF_COMPENSATOR = replace(KR500_COMPENSATOR, stiffness=9.6e7)
+"""The same number read as a compliance of joint 2 in rad/(N m): K_eq at the best lever is 1 / 0.144e-6 =
+6.9e6 N m/rad, half of the stiffness of joint 2. As a plain spring it could not be: turning joint 2 by a
+radian would take 400 times the torque of the arm's own weight.
+"""
+
 FOUNDATION = (1e-9, 1e-9, 0.5e-9, 2.5e-9, 2.5e-9, 1.5e-9)
 """Main entries of the compliance below the base, at its origin, world axes [m/N, rad/(N m)].
 
 All assumed: anchored into a concrete floor, 4e8 N m/rad against rocking. The base casting of
 models/kr500_l480 itself bends by 6e-9 rad/(N m).
 """
+
+NOMINAL = Disturbances(own_weight=True)  #: An arm as its folder has it.
 
 TYPICAL = Disturbances(
     own_weight=True,

@@ -1,45 +1,28 @@
-"""The disturbed true arm: a plant with disturbances built in, and its equilibria.
+"""The disturbed true arm: a plant with disturbances built in.
 
 Weight, geometry and foundation change the MuJoCo model; offsets and payload errors what it is given;
-compensator and joint laws the forces and springs of its equilibrium. The nominal plant stays as it is.
+compensator and joint laws the forces and springs of its equilibrium. The nominal plant stays as it is. The
+foundation's six coordinates come into C, not into theta.
 """
 
 import copy
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass, fields
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import find_body
-from testbench.errors import Array, Mask, check_array
+from testbench.errors import Array
 from testbench.plant.build import Plant, compile_mjcf, plant_of, weightless, with_model
 from testbench.plant.compensator import attached
-from testbench.plant.disturbance import FOUNDATION, Disturbances, GeometryErrors
+from testbench.plant.disturbance import FOUNDATION, Disturbances
 from testbench.plant.elastic import AXES, elastic_mjcf, insert_carrier
-from testbench.plant.equilibrium import Equilibrium, Springs, settle
-from testbench.plant.gear import Gears, draw_gears, gear_error
-from testbench.plant.joint_law import JointLaw
+from testbench.plant.gear import draw_gears
 
 
-@dataclass(frozen=True)
-class DisturbedPlant:
-    """The true arm with its disturbances."""
-
-    #: The arm with true weight, geometry and foundation. `arm` and `load` are as recorded, and so is the
-    #: order of theta: the foundation's six coordinates come into C and the residual, not into theta.
-    plant: Plant
-    disturbances: Disturbances  #: What is disturbed.
-    offset: Array  #: True minus commanded joint angles, the same in all poses, (n,) [rad].
-    centre: Array  #: True minus recorded hanging point, tool's axes, (3,) [m].
-    #: True minus drawn frames of the joints and the tool, (n + 1, 6) [m, rad]: shift along the axes of the
-    #: link before, turn about the frame's own.
-    frames: Array
-    gears: Gears | None  #: Joint errors that depend on the pose; None for none.
-
-
-def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) -> DisturbedPlant:
+def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) -> Plant:
     """The plant with disturbances built in.
 
     Every disturbance takes its random numbers, on or off: switching one leaves the others as they are. Gears
@@ -61,30 +44,19 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
     true = _on_foundation(plant, disturbances.foundation)
     if not disturbances.own_weight:
         true = weightless(true)
-    frames = _sized(frames, disturbances.geometry)
-    if disturbances.geometry is not None:
+    if (errors := disturbances.geometry) is None:
+        frames = np.zeros_like(frames)
+    else:
+        frames = frames * np.repeat([errors.position, errors.angle], 3)
         true = _displaced(true, frames)
-    return DisturbedPlant(
-        plant=true,
+    return replace(
+        true,
         disturbances=disturbances,
         offset=disturbances.sensor_offset * offset,
         centre=disturbances.centre_error * centre,
         frames=frames,
         gears=None if disturbances.gear is None else draw_gears(disturbances.gear, n, rng.spawn(1)[0]),
     )
-
-
-def true_angles(disturbed: DisturbedPlant, q: Array) -> Array:
-    """Where the joints are when they are commanded to q and carry nothing, (runs, n) [rad, m]."""
-    true = q + disturbed.offset
-    return true if disturbed.gears is None else true + gear_error(disturbed.gears, q)
-
-
-def _sized(normal: Array, errors: GeometryErrors | None) -> Array:
-    """Errors of frames from standard normal numbers, (n + 1, 6) [m, rad]."""
-    if errors is None:
-        return np.zeros_like(normal)
-    return np.asarray(normal * np.repeat([errors.position, errors.angle], 3))
 
 
 def _on_foundation(plant: Plant, scale: float) -> Plant:
@@ -123,65 +95,3 @@ def _displaced(plant: Plant, frames: Array) -> Plant:
         model.body_pos[model.body_parentid[body]] += error[:3]
         mujoco.mju_quatIntegrate(model.body_quat[body], error[3:], 1.0)
     return with_model(plant, model)
-
-
-def settle_disturbed(
-    disturbed: DisturbedPlant,
-    q: Array,
-    wrench: Array | None = None,
-    point: Array | None = None,
-    *,
-    before: Equilibrium | None = None,
-) -> Equilibrium:
-    """Static equilibrium of every pose of the disturbed arm.
-
-    Args:
-        disturbed: The arm.
-        q: Commanded joint angles, (runs, n) [rad, m].
-        wrench: Recorded force and moment, world axes, (runs, 6) [N, N m]; None for none.
-        point: Where it is recorded to act, in the tool's frame, (runs, 3) [m]; None for the tool's origin.
-        before: What the arm rested at before this load, for the friction in its joints; None for joints that
-            have just moved to the pose and hold back nothing.
-
-    Returns:
-        The poses at rest; theta is measured from the true joint angles.
-
-    Raises:
-        NoEquilibrium: When the arm is too soft for its load; names the pose.
-    """
-    plant, changes = disturbed.plant, disturbed.disturbances
-    q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
-    if wrench is not None:
-        wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]") * (1 + changes.mass_error)
-        point = np.zeros((len(q), 3)) if point is None else check_array(point, (len(q), 3), "point [m]")
-        point = point + disturbed.centre
-    if before is not None:
-        check_array(before.theta, (len(q), plant.arm.n_theta), "theta before [m, rad]")
-    q = true_angles(disturbed, q)
-    law = None
-    if changes.stiffening or changes.backlash or changes.hysteresis:
-        law = JointLaw(
-            compliance=np.array([joint.compliance for joint in plant.arm.joints]),
-            stiffening=changes.stiffening,
-            backlash=changes.backlash,
-            hysteresis=changes.hysteresis,
-            before=None if before is None else before.theta[:, 6 * len(plant.arm.links) :],
-        )
-    return settle(plant, q, wrench, point, Springs(law, changes.compensator))
-
-
-def settle_pair(
-    disturbed: DisturbedPlant,
-    q: Array,
-    wrench: Array,
-    point: Array,
-    taken_off: Mask | None = None,
-) -> tuple[Equilibrium, Equilibrium]:
-    """The disturbed arm unloaded, then loaded from there; where `taken_off`, (runs,), unloaded again."""
-    unloaded = settle_disturbed(disturbed, q)
-    loaded = settle_disturbed(disturbed, q, wrench, point, before=unloaded)
-    if taken_off is not None:
-        again = settle_disturbed(disturbed, q, before=loaded)
-        for own in fields(Equilibrium):
-            getattr(unloaded, own.name)[taken_off] = getattr(again, own.name)[taken_off]
-    return unloaded, loaded

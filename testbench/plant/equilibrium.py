@@ -17,8 +17,9 @@ import numpy as np
 
 from testbench.errors import Array, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
-from testbench.plant.compensator import Compensator, Strut, attached, stiffen, strut, strut_force
-from testbench.plant.joint_law import JointLaw, slope, spring_torque, turn
+from testbench.plant.compensator import Strut, attached, stiffen, strut, strut_force
+from testbench.plant.gear import gear_error
+from testbench.plant.joint_law import JointLaw, slope, turn
 from testbench.plant.shapes import rotation_of
 from testbench.plant.state import Row, State, evaluate, generalised_force, moved, open_row, place
 from testbench.session import stepwise
@@ -37,17 +38,6 @@ class Equilibrium:
     markers: Array  #: Marker positions in the world, (runs, m, 3) [m].
     tool: Array  #: Tool positions in the world, (runs, 3) [m].
     rotation: Array  #: Tool orientations, world from tool, (runs, 3, 3) [1].
-    residual: Array  #: Largest generalised force out of balance, (runs,) [N, N m].
-    step: Array  #: Last Newton step, (runs,) [m, rad].
-    iterations: Ids  #: Newton steps taken, (runs,).
-
-
-@dataclass(frozen=True)
-class Springs:
-    """What else holds the arm than linear springs."""
-
-    law: JointLaw | None = None  #: How the joints give way, `before` by run; None for linearly.
-    compensator: Compensator | None = None  #: From link 1 to link 2.
 
 
 @dataclass(frozen=True)
@@ -73,7 +63,8 @@ def settle(
     q: Array,
     wrench: Array | None = None,
     point: Array | None = None,
-    springs: Springs | None = None,
+    *,
+    before: Equilibrium | None = None,
 ) -> Equilibrium:
     """Static equilibrium of every pose under the arm's own weight and a wrench at the tool.
 
@@ -81,30 +72,56 @@ def settle(
     does; without one the arm's own weight is left, without a point it acts at the tool's origin.
 
     Args:
-        plant: The arm.
-        q: Actuated joints, (runs, n) [rad, m].
-        wrench: Force and moment, world axes, (runs, 6) [N, N m].
-        point: Where it acts, in the tool's frame, (runs, 3) [m].
-        springs: What else holds the arm than MuJoCo's linear springs.
+        plant: The arm, with what disturbs it.
+        q: Commanded joint angles, (runs, n) [rad, m].
+        wrench: Recorded force and moment, world axes, (runs, 6) [N, N m].
+        point: Where it is recorded to act, in the tool's frame, (runs, 3) [m].
+        before: What the arm rested at before this load, for the friction in its joints; None for joints that
+            have just moved to the pose and hold back nothing.
+
+    Returns:
+        The poses at rest; theta is measured from the true joint angles.
 
     Raises:
         NoEquilibrium: When the arm is too soft for its load; names the pose.
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
-    runs = len(q)
+    runs, changes = len(q), plant.disturbances
     wrench = np.zeros((runs, 6)) if wrench is None else check_array(wrench, (runs, 6), "wrench [N, N m]")
     point = np.zeros((runs, 3)) if point is None else check_array(point, (runs, 3), "point [m]")
+    wrench, point, law = wrench * (1 + changes.mass_error), point + plant.centre, _law(plant, runs, before)
+    true_q = q + plant.offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
     def settled(some: slice, row: Row) -> Equilibrium:
-        poses = Poses(plant, hold(plant, q[some]), wrench[some], point[some])
-        if springs is not None:
-            poses = replace(poses, law=springs.law and springs.law.of(some))
-        if springs is not None and springs.compensator is not None:
+        poses = Poses(plant, hold(plant, true_q[some]), wrench[some], point[some], law and law.of(some))
+        if changes.compensator is not None:
             state = evaluate(row, poses.held, attached(plant))
-            poses = replace(poses, strut=strut(springs.compensator, plant, state))
+            poses = replace(poses, strut=strut(changes.compensator, plant, state))
         return _settle(poses, row)
 
     return in_parts(plant, runs, settled)
+
+
+def _law(plant: Plant, runs: int, before: Equilibrium | None) -> JointLaw | None:
+    """How the joints give way, by run; None for MuJoCo's linear springs."""
+    if before is not None:
+        check_array(before.theta, (runs, plant.arm.n_theta), "theta before [m, rad]")
+    changes = plant.disturbances
+    if not (changes.stiffening or changes.backlash or changes.hysteresis):
+        return None
+    return JointLaw(
+        compliance=np.array([joint.compliance for joint in plant.arm.joints]),
+        stiffening=changes.stiffening,
+        backlash=changes.backlash,
+        hysteresis=changes.hysteresis,
+        before=None if before is None else before.theta[:, 6 * len(plant.arm.links) :],
+    )
+
+
+def settle_pair(plant: Plant, q: Array, wrench: Array, point: Array) -> tuple[Equilibrium, Equilibrium]:
+    """The arm unloaded, then loaded from there."""
+    rest = settle(plant, q)
+    return rest, settle(plant, q, wrench, point, before=rest)
 
 
 def in_parts(plant: Plant, runs: int, settled: Callable[[slice, Row], Equilibrium]) -> Equilibrium:
@@ -113,11 +130,6 @@ def in_parts(plant: Plant, runs: int, settled: Callable[[slice, Row], Equilibriu
     starts = stepwise(range(0, max(runs, 1), TOGETHER), "settling the arm")
     found = [settled(slice(start, start + TOGETHER), row) for start in starts]
     return Equilibrium(*(np.concatenate([getattr(e, f.name) for e in found]) for f in fields(Equilibrium)))
-
-
-def part_of(rest: Equilibrium, some: slice) -> Equilibrium:
-    """Some runs of an equilibrium."""
-    return Equilibrium(*(getattr(rest, f.name)[some] for f in fields(Equilibrium)))
 
 
 def hold(plant: Plant, q: Array) -> Array:
@@ -142,23 +154,13 @@ def unloaded(plant: Plant, q: Array, names: Sequence[str]) -> list[tuple[Array, 
 def _settle(poses: Poses, row: Row) -> Equilibrium:
     """Equilibrium of poses that take their Newton steps together."""
     plant, markers = poses.plant, poses.plant.markers.tolist()
-    qpos, step, iterations = _newton(poses, row)
-    every = np.arange(len(qpos))
-    state = evaluate(row, qpos, {*poses.bodies, plant.tool, *markers})
-    Q = _force(poses, state, every)
-    unbalanced = Q - np.matvec(plant.K, qpos)
-    if law := poses.law:  # MuJoCo's own hinges are linear
-        hinges = plant.hinges
-        unbalanced[:, hinges] = Q[:, hinges] - spring_torque(law, qpos[:, hinges], Q[:, hinges])
-    free = np.setdiff1d(np.arange(plant.model.nv), plant.joints)
+    qpos = _newton(poses, row)
+    state = evaluate(row, qpos, {plant.tool, *markers})
     return Equilibrium(
         theta=qpos[:, plant.theta],
         markers=np.stack([state.position[body] for body in markers], axis=1),
         tool=state.position[plant.tool],
         rotation=state.rotation[plant.tool],
-        residual=np.abs(unbalanced[:, free]).max(axis=1),
-        step=step,
-        iterations=iterations,
     )
 
 
@@ -179,17 +181,16 @@ def _deflect(poses: Poses, Q: Array, some: Ids) -> Array:
     return np.asarray(deflection)
 
 
-def _newton(poses: Poses, row: Row) -> tuple[Array, Array, Ids]:
-    """Move the virtual joints from `held` to rest. A pose at rest, or lost, takes no further steps.
+def _newton(poses: Poses, row: Row) -> Array:
+    """Configurations with the virtual joints moved from `held` to rest, (poses, nv) [m, rad].
 
-    Returns:
-        Configurations (poses, nv), last steps (poses,) [m, rad], and numbers of steps (poses,).
+    A pose at rest, or lost, takes no further steps.
 
     Raises:
         NoEquilibrium: When a pose has none; names the first.
     """
     held, active = poses.held, np.arange(len(poses.held))
-    qpos, steps = held.copy(), np.zeros_like(active)
+    qpos = held.copy()
     size: Array = np.full(len(held), np.inf)
     inverses: dict[int, Array] = {}
     lost: dict[int, str] = {}
@@ -198,7 +199,7 @@ def _newton(poses: Poses, row: Row) -> tuple[Array, Array, Ids]:
         Q = _force(poses, evaluate(row, at, poses.bodies), active)
         step = _corrected(poses, inverses, held[active] + _deflect(poses, Q, active) - at, active)
         now = np.sqrt(np.vecdot(step, step))
-        qpos[active], size[active], steps[active] = at + step, now, k
+        qpos[active], size[active] = at + step, now
         done, going = now < STEP_TOLERANCE, (now >= STEP_TOLERANCE) & (now < MAX_SAG)
         for i in active[~done & ~going].tolist():
             lost[i] = _not_found(k, size[i])
@@ -215,7 +216,7 @@ def _newton(poses: Poses, row: Row) -> tuple[Array, Array, Ids]:
         q, wrench = poses.plant.arm.words(held[i, poses.plant.joints]), poses.wrench[i].round(1).tolist()
         where = f"q = {q} under wrench {wrench} N, N m"
         raise NoEquilibrium(f"{lost[i]} at {where}: too soft for its load, or buckled")
-    return qpos, size, steps
+    return qpos
 
 
 def _corrected(poses: Poses, inverses: dict[int, Array], step: Array, some: Ids) -> Array:
@@ -256,7 +257,7 @@ def settle_linear(plant: Plant, q: Array, wrench: Array, point: Array) -> Equili
     """First-order equilibrium of a weightless arm: theta = C_theta J_F^T w at theta = 0.
 
     Returns:
-        The displaced poses; residual and step are zero, iterations one.
+        The displaced poses.
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     wrench = check_array(wrench, (len(q), 6), "wrench [N, N m]")
@@ -277,13 +278,9 @@ def _displaced(plant: Plant, row: Row, q: Array, wrench: Array, point: Array) ->
     turns = np.tile([1.0, 0, 0, 0], (len(q), 1))
     for quaternion, vector in zip(turns, moved(plant, state, tool, theta)[1], strict=True):
         mujoco.mju_quatIntegrate(quaternion, vector, 1.0)
-    zero = np.zeros(len(q))
     return Equilibrium(
         theta=theta[:, plant.theta],
         markers=np.stack(places[:-1], axis=1),
         tool=places[-1],
         rotation=np.reshape([rotation_of(turn) for turn in turns], (-1, 3, 3)) @ state.rotation[tool],
-        residual=zero,
-        step=zero,
-        iterations=np.ones(len(q), dtype=int),
     )

@@ -2,8 +2,7 @@
 
 true q = commanded q + ratio q + sum over k = 1 ... K of sine_k sin(k q) + cosine_k cos(k q)
 
-Teeth, bearings and encoders repeat with a turn of the joint; the wave generator of a strain wave gear draws
-one line, at twice the gear ratio. A slide has metres for radians.
+Teeth, bearings and encoders repeat with a turn of the joint. A slide has metres for radians.
 """
 
 from dataclasses import dataclass
@@ -25,15 +24,12 @@ class GearErrors:
     sigma: float = 30e-6  #: Standard deviation of every coefficient of the flat spectrum [rad].
     orders: int = 30  #: Its highest order, K; 0 for none.
     ratio: float = 0.0  #: Standard deviation of the relative error of the gear ratio [1].
-    line: float = 0.0  #: Amplitude of one more line, of random phase in every joint [rad].
-    line_order: int = 1  #: Its order, such as twice the gear ratio.
 
     def __post_init__(self) -> None:
-        for name in ("sigma", "ratio", "line"):
+        for name in ("sigma", "ratio"):
             check_least(getattr(self, name), name)
-        for name, least in (("orders", 0), ("line_order", 1)):
-            if not least <= getattr(self, name) <= HIGHEST:
-                raise BenchError(f"{name}: expected {least} to {HIGHEST}, got {getattr(self, name)}")
+        if not 0 <= self.orders <= HIGHEST:
+            raise BenchError(f"orders: expected 0 to {HIGHEST}, got {self.orders}")
 
 
 @dataclass(frozen=True)
@@ -47,12 +43,11 @@ class Gears:
 
 def draw_gears(errors: GearErrors, joints: int, rng: np.random.Generator) -> Gears:
     """Errors of so many joints; those of an order do not depend on how many orders there are."""
-    ratio, phase = rng.standard_normal(joints), rng.uniform(-np.pi, np.pi, joints)
-    highest = max(errors.orders, errors.line_order if errors.line else 0)
-    spectrum = np.zeros((highest, 2, joints))
-    spectrum[: errors.orders] = errors.sigma * rng.standard_normal((errors.orders, 2, joints))
-    if errors.line:
-        spectrum[errors.line_order - 1] += errors.line * np.array([np.cos(phase), np.sin(phase)])
+    ratio, _ = (
+        rng.standard_normal(joints),
+        rng.uniform(size=joints),
+    )  # spare: arms stay those of the published tables
+    spectrum = errors.sigma * rng.standard_normal((errors.orders, 2, joints))
     return Gears(ratio=errors.ratio * ratio, sine=spectrum[:, 0], cosine=spectrum[:, 1])
 
 

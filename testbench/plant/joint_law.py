@@ -57,24 +57,6 @@ def slope(law: JointLaw, torque: Array) -> Array:
     return law.compliance * rate
 
 
-def spring_torque(law: JointLaw, theta: Array, torque: Array) -> Array:
-    """Torque of the springs at the turns theta, by the polynomial itself.
-
-    Args:
-        law: The joints.
-        theta: Turns, (..., n) [rad].
-        torque: Torque on the joints, (..., n) [N m]: tells the flank that they lie on, and what friction
-            carries.
-
-    Returns:
-        What springs and friction hold against, (..., n) [N m]; equals `torque` at rest.
-    """
-    friction = 0.0 if law.before is None else law.hysteresis
-    slip = np.clip(theta - _target(law, torque), -friction, friction)
-    phi = theta - _play(law, law.compliance * torque) - slip
-    return phi / law.compliance * (1 + law.stiffening * (phi / STIFFENING_ANGLE) ** 2)
-
-
 def _target(law: JointLaw, torque: Array) -> Array:
     """Turn without friction, (..., n) [rad]."""
     x = law.compliance * torque

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array, Ids, Mask, check_array
 from testbench.plant.build import Plant
-from testbench.plant.feasible import Room, body_name
+from testbench.plant.collide import VISUAL_GROUPS
+from testbench.plant.site import Site
 
 Kind = Literal["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"]
 
@@ -23,9 +24,6 @@ KINDS: dict[int, Kind] = {
     int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
 }
 """Geoms that are drawn; a plane is the floor."""
-
-VISUAL_GROUPS = 3
-"""Geoms of groups 0 to 2 are visible in MuJoCo's viewer; by convention 3 and above only collide."""
 
 STICK = 0.02  #: Radius of the sticks of an arm without visual geoms, over the length of its chain [1].
 
@@ -56,31 +54,30 @@ class Shape:
 
 @dataclass(frozen=True)
 class Frames:
-    """Where the bodies of the rigid MJCF are, the world first."""
+    """Where the bodies of the rigid MJCF are, the world first, as in `Site.names`."""
 
     positions: Array  #: Origins, (runs, bodies, 3) [m].
     rotations: Array  #: World from body, (runs, bodies, 3, 3) [1].
 
 
-def body_names(room: Room) -> list[str]:
-    """Names of all bodies in the order of `Frames`, the world first."""
-    return [body_name(room.model, k) for k in range(room.model.nbody)]
-
-
-def origins(room: Room, names: Sequence[str], frames: "Frames") -> Array:
+def origins(site: Site, names: Sequence[str], frames: Frames) -> Array:
     """Origins of named bodies, (rows, len(names), 3) [m]."""
-    known = body_names(room)
-    return np.asarray(frames.positions[:, [known.index(name) for name in names]])
+    return np.asarray(frames.positions[:, [site.names.index(name) for name in names]])
 
 
-def visual_shapes(room: Room) -> list[Shape]:
-    """The visual geoms of an arm; sticks from body to body where it has none."""
-    return _shapes(room.model, room.model.geom_group < VISUAL_GROUPS) or _sticks(room.model)
+def drawn_shapes(site: Site) -> list[Shape]:
+    """The visual geoms of an arm; none where it has none."""
+    return _shapes(site.model, site.model.geom_group < VISUAL_GROUPS)
 
 
-def solid_shapes(room: Room) -> list[Shape]:
+def visual_shapes(site: Site) -> list[Shape]:
+    """The same; sticks from body to body where it has none."""
+    return drawn_shapes(site) or _sticks(site.model)
+
+
+def solid_shapes(site: Site) -> list[Shape]:
     """The geoms of an arm that collide."""
-    return _shapes(room.model, room.model.geom_contype != 0)
+    return _shapes(site.model, site.model.geom_contype != 0)
 
 
 def _shapes(model: mujoco.MjModel, some: Mask) -> list[Shape]:
@@ -176,10 +173,10 @@ def quaternions(R: Array) -> Array:
     return np.asarray(Rotation.from_matrix(R).as_quat())
 
 
-def rigid_frames(room: Room, q: Array) -> Frames:
+def rigid_frames(site: Site, q: Array) -> Frames:
     """Where the bodies of the rigid arm are."""
-    q = check_array(q, (None, room.arm.n_joints), "q [rad, m]")
-    return _frames(room.model, room.joints, q, np.arange(room.model.nbody))
+    q = check_array(q, (None, site.arm.n_joints), "q [rad, m]")
+    return _frames(site.model, site.joints, q, np.arange(site.model.nbody))
 
 
 def elastic_frames(plant: Plant, q: Array, theta: Array) -> Frames:
@@ -235,9 +232,3 @@ def corners(shape: Shape) -> Array:
     """Points of a shape whose hull is that of the shape, in its body, (points, 3) [m]."""
     own = POINTS[shape.kind](shape.size) if shape.mesh is None else shape.mesh.vertices
     return np.asarray(shape.position + own @ shape.rotation.T)
-
-
-def is_drawn(room: Room) -> bool:
-    """Whether the arm has visual shapes of its own; sticks stand in for them otherwise."""
-    visible = room.model.geom_group < VISUAL_GROUPS
-    return bool(visible[np.isin(room.model.geom_type, list(KINDS))].any())

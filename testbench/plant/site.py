@@ -1,10 +1,11 @@
-"""The rigid arm at work: a payload hangs from it, a tracker stands beside it; what touches, what hides.
+"""The rigid arm at work: a payload may hang from it, a tracker stand beside it; what touches, what hides.
 
-Which shapes count: what collides in the arm's MJCF may not touch, as in testbench/plant/feasible.py. A ray of
-light is stopped by what is drawn instead: shapes that only collide are padded, and may well enclose a marker.
-Of a body where nothing is drawn, and of the world, whose shapes nobody pads, every shape stops it.
+Which shapes count: what collides in the arm's MJCF may not touch. A ray of light is stopped by what is drawn
+instead: shapes that only collide are padded, and may well enclose a marker. Of a body where nothing is drawn,
+and of the world, whose shapes nobody pads, every shape stops it.
 """
 
+import copy
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -14,12 +15,12 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from testbench.arm.document import unique
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import read_mjcf
-from testbench.errors import Array, BenchError, Ids, check_array, check_least
+from testbench.errors import Array, BenchError, Ids, PoseError, check_array, check_least
 from testbench.plant.build import compile_mjcf
-from testbench.plant.feasible import COLLIDES, body_name, collide, lay_floor
-from testbench.plant.shapes import VISUAL_GROUPS
+from testbench.plant.collide import COLLIDES, VISUAL_GROUPS, body_name, collide, lay_floor
 
 Kind = Literal["itself", "room", "tracker", "payload"]
 
@@ -39,7 +40,7 @@ TARGET_RADIUS = 0.06
 """What is hit this near to a marker [m] is the target itself, its nest or the end of its holder."""
 SOLID = " ".join(f'{key}="{value}"' for key, value in COLLIDES.items())
 OPAQUE = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
-"""Geom groups that stop a ray: `build_site` puts such geoms into group 0, all others into group 5."""
+"""Geom groups that stop a ray: `_opaque` puts such geoms into group 0, all others into group 5."""
 
 
 @dataclass(frozen=True)
@@ -86,12 +87,13 @@ class Contact:
 
 @dataclass(frozen=True)
 class Site:
-    """The rigid arm, its room, and what stands or hangs there while it is measured."""
+    """The rigid arm, its room, and what may stand or hang there while it is measured."""
 
     arm: Arm  #: Its description.
     payload: Payload | None  #: What hangs from it; None for nothing.
     station: Array | None  #: Where the tracker's beam leaves, (3,) [m]; None for no tracker.
     model: mujoco.MjModel  #: Rigid MuJoCo model of all of it.
+    sight: mujoco.MjModel  #: The same as a ray sees it.
     data: mujoco.MjData  #: Its state, overwritten by every question: making one takes longer than an answer.
     names: tuple[str, ...]  #: Of the bodies.
     joints: Ids  #: Address of each actuated joint in qpos, (n,).
@@ -118,7 +120,7 @@ def build_site(
     station: tuple[float, float, float] | None = None,
     floor: float | None = None,
 ) -> Site:
-    """The rigid MuJoCo model of an arm with its payload and its tracker.
+    """The rigid MuJoCo model of an arm, alone or with its payload and its tracker.
 
     Args:
         arm: The arm.
@@ -133,7 +135,8 @@ def build_site(
     where = None if station is None else check_position(station)
     root = read_mjcf(arm.rigid)
     lay_floor(root, floor)
-    weight, head = _unused(root, "payload"), _unused(root, "tracker")
+    taken = {str(body.get("name")) for body in root.iter("body")}
+    weight, head = unique("payload", taken), unique("tracker", taken)
     if payload is not None:
         _hang(root, weight, payload)
     if where is not None:
@@ -141,7 +144,6 @@ def build_site(
     model = compile_mjcf(arm.rigid, ET.tostring(root, encoding="unicode"))
     part = _parts(model, arm, weight, head)
     _check_head(model, part, where)
-    _make_opaque(model, part)
     slides = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == _body(model, weight))
     markers = np.array([model.body(name).id for name in arm.markers])
     return Site(
@@ -149,6 +151,7 @@ def build_site(
         payload=payload,
         station=where,
         model=model,
+        sight=_opaque(model, part),
         data=mujoco.MjData(model),
         names=tuple(body_name(model, body) for body in range(model.nbody)),
         joints=np.array([model.joint(j.name).qposadr[0] for j in arm.joints], dtype=int),
@@ -158,13 +161,6 @@ def build_site(
         facing=_facing(model, model.body(arm.tool).id, markers),
         part=part,
     )
-
-
-def _unused(root: ET.Element, name: str) -> str:
-    taken = {body.get("name") for body in root.iter("body")}
-    while name in taken:
-        name += "_"
-    return name
 
 
 def _hang(root: ET.Element, name: str, payload: Payload) -> None:
@@ -231,14 +227,16 @@ def _check_head(model: mujoco.MjModel, part: Ids, where: Array | None) -> None:
             )
 
 
-def _make_opaque(model: mujoco.MjModel, part: Ids) -> None:
-    """Put the geoms that stop a ray into group 0, and all others into group 5."""
+def _opaque(model: mujoco.MjModel, part: Ids) -> mujoco.MjModel:
+    """The model with the geoms that stop a ray in group 0, and all others in group 5."""
+    model = copy.copy(model)
     body, drawn = model.geom_bodyid, model.geom_group < VISUAL_GROUPS
     bare = ~np.isin(body, body[drawn])
     opaque = (drawn | bare | (body == 0)) & (part != KINDS.index("tracker"))
     model.geom_group[:] = np.where(opaque, 0, 5)
     model.geom_rgba[:, 3] = 1  # MuJoCo's rays pass through what is fully transparent
     model.mat_rgba[:, 3] = 1
+    return model
 
 
 def _facing(model: mujoco.MjModel, tool: int, markers: Ids) -> Array:
@@ -292,6 +290,35 @@ def _touching(site: Site, pose: Ids, pairs: Ids, distance: Array) -> Ids:
     return np.asarray(touching[np.unique(pose[touching], return_index=True)[1]])
 
 
+def collisions(site: Site, q: Array) -> list[tuple[str, str] | None]:
+    """The two bodies of `contacts` in every pose, None where the arm is clear."""
+    return [found.bodies if found else None for found in contacts(site, q)]
+
+
+def check_poses(site: Site, q: Array) -> None:
+    """Refuse the first pose that the arm cannot take.
+
+    Raises:
+        PoseError: Names the pose and the limit or the colliding bodies.
+    """
+    q = check_array(q, (None, site.arm.n_joints), "q [rad, m]")
+    lower, upper = site.arm.limits
+    for i, k in np.argwhere((q < lower) | (q > upper)):
+        joint = site.arm.joints[k]
+        limits = f"{joint.lower:.4f} to {joint.upper:.4f}"
+        raise PoseError(f"pose {i + 1}: {joint.name} at {q[i, k]:.4f} {joint.unit}, expected {limits}")
+    for i, pair in enumerate(collisions(site, q)):
+        if pair:
+            raise PoseError(f"pose {i + 1}: {pair[0]} collides with {pair[1]} at q = {site.arm.words(q[i])}")
+
+
+def has_surroundings(site: Site) -> bool:
+    """Whether anything of the world collides, such as a floor or a wall."""
+    model = site.model
+    collides = (model.geom_contype | model.geom_conaffinity) != 0
+    return bool((collides & (model.geom_bodyid == 0)).any())
+
+
 def hidden(site: Site, q: Array) -> list[tuple[str, str] | None]:
     """The first marker in every pose whose line of sight is blocked, and by which body; None where none is.
 
@@ -313,7 +340,7 @@ def _first_hidden(site: Site, station: Array, data: mujoco.MjData) -> tuple[str,
     for k, (beam, length) in enumerate(zip(beams, lengths, strict=True)):
         if length <= TARGET_RADIUS:
             continue
-        share = mujoco.mj_ray(site.model, data, station, beam, OPAQUE, True, site.markers[k], hit, None)
+        share = mujoco.mj_ray(site.sight, data, station, beam, OPAQUE, True, site.markers[k], hit, None)
         if share >= 0 and share * length < length - TARGET_RADIUS:
             return site.arm.markers[k], site.names[site.model.geom_bodyid[hit[0]]]
     return None

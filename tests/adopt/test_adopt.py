@@ -12,7 +12,7 @@ from testbench.campaign.new_arm import sentence, write_arm
 from testbench.campaign.propose import Wishes
 from testbench.plant.import_robot.chain import read_chain
 from testbench.plant.import_robot.weigh import DENSITY
-from testbench.plant.import_robot.write import surfaces
+from testbench.plant.import_robot.write import drawn_mesh
 
 ARMS = {
     light_urdf: (pinocchio_urdf, "tool0", "a1 a2 a3 a4 a5 a6 a7"),
@@ -171,15 +171,15 @@ def test_a_mesh_that_cannot_be_read_costs_a_note_and_the_collision_mesh_is_drawn
 
 def test_what_is_fixed_to_a_link_does_not_hide_that_its_mesh_is_gone(tmp_path):
     file = light_urdf(tmp_path)
-    whole = surfaces(read_chain(file).parts[1]).drawn
+    whole, _ = drawn_mesh(read_chain(file).parts[1])
     plate = """<link name="plate"><visual><geometry><box size="0.01 0.01 0.01"/></geometry></visual></link>
         <joint name="p" type="fixed"><parent link="link_1"/><child link="plate"/></joint></robot>"""
     file.write_text(
         file.read_text().replace("meshes/link.stl", "meshes/gone.dae", 1).replace("</robot>", plate)
     )
-    found = surfaces(read_chain(file).parts[1])
-    assert len(found.drawn_solids) == 1
-    np.testing.assert_allclose(found.drawn[0], whole[0])
+    part = read_chain(file).parts[1]
+    assert [s.kind for s in part.shapes if s.visual] == ["mesh", "box"]
+    np.testing.assert_allclose(drawn_mesh(part)[0][0], whole[0])
 
 
 def test_equal_masses_of_all_links_are_placeholders(tmp_path):

@@ -17,7 +17,7 @@ from testbench.arm.folder import load_arm
 from testbench.campaign.arm_check import check
 from testbench.model.kinematics import build_vjm
 from testbench.model.vjm import body_poses, tool_pose
-from testbench.plant import build_room, collisions
+from testbench.plant import build_site, collisions
 
 STRANGERS = light_urdf, heavy_urdf, classes_mjcf, mounted_mjcf, sliding_mjcf
 FUZZED = 25
@@ -132,7 +132,7 @@ def test_rods_hinder_no_pose_of_a_robot_that_states_no_collision_shapes(tmp_path
     for file in files:
         file.write_text(re.sub("<collision>.*?</collision>", "", file.read_text(), flags=re.DOTALL))
         fine("new", tmp_path / file.stem, "--from", file, "--payload-kg", 300)
-        rooms.append(build_room(load_arm(tmp_path / file.stem)))
+        rooms.append(build_site(load_arm(tmp_path / file.stem)))
     lower, upper = rooms[0].arm.limits
     q = np.random.default_rng(0).uniform(lower, upper, (50, 6))
     mine, bare = (collisions(room, q) for room in rooms)

@@ -4,6 +4,7 @@ Drawn are the arm, the true arm of the family, what disturbs it, how wrong the f
 which loads, how good the tracker is and where it stands, how far targets are from where the folder has them.
 """
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -16,7 +17,8 @@ from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset
 from testbench.identify.prior import Prior, cad_prior, distorted
 from testbench.model.poses import WorkArea
-from testbench.plant import TYPICAL, Disturbances, disturb, settle_pair, with_markers
+from testbench.plant import TYPICAL, Disturbances, disturb, settle_pair
+from testbench.plant.build import with_model
 
 PAYLOAD = {"kr500_l480": 460.3, "arm_6r": 20.0}
 """Largest mass that hangs from each arm [kg]."""
@@ -59,7 +61,9 @@ def sound(cells: Mapping[str, Cell], seed: int) -> Sound:
     true = true_cell(cell, truth, seed).plant
     true = disturb(true, typical if disturbed else QUIET, stream(seed, 20))
     off = rng.uniform(0, 5e-3) * rng.standard_normal((len(cell.arm.markers), 3))
-    true = replace(true, plant=with_markers(true.plant, off))
+    model = copy.copy(true.model)
+    model.body_pos[true.markers] += off
+    true = with_model(true, model)
     poses = clear_poses(cell, AREA[name], int(rng.integers(10, 25)), rng)
     asked = _loaded(cell, poses, loads, rng)
     before, after = settle_pair(true, asked.q, asked.wrench, asked.point)

@@ -19,7 +19,7 @@ from testbench.identify.prior import cad_prior
 from testbench.model.joint_errors import JointErrors
 from testbench.model.vjm import chain
 from testbench.model.weights import read_weights
-from testbench.plant import Disturbances, GeometryErrors, build_plant, settle_disturbed
+from testbench.plant import Disturbances, GeometryErrors, build_plant, settle
 
 WEIGHT = Disturbances(own_weight=True)
 EXACT = AbsoluteCampaign(poses=12, series=2, targets=3, orientations=True, noise=False, disturbances=WEIGHT)
@@ -36,7 +36,7 @@ def seen(truth, series, where):
 
 def true_poses(truth, series, *at):
     """The same of the true arm at rest, in poses under loads."""
-    rest = settle_disturbed(truth.arm, *at)
+    rest = settle(truth.arm, *at)
     return seen(truth, series, SimpleNamespace(position=rest.tool, rotation=rest.rotation))
 
 

@@ -24,6 +24,7 @@ from testbench.model.loaded import load_jacobian
 from testbench.model.structure import mgco147
 from testbench.model.vjm import chain, rotation, tool_pose
 from testbench.plant import TYPICAL, disturb, settle, settle_pair
+from testbench.plant.disturbance import NOMINAL
 from testbench.plant.equilibrium import hold
 from testbench.plant.state import evaluate, generalised_force, open_row, place
 
@@ -125,10 +126,10 @@ def test_slides_have_friction_and_play_and_come_to_rest_with_them(slides):
     q = random_q(slides, rng, 10)
     wrench = np.tile([0, 0, -9.81 * 10, 0, 0, 0], (10, 1))
     disturbed = disturb(slides.plant, replace(TYPICAL, compensator=None), rng)
-    before, after = settle_pair(disturbed, q, wrench, np.tile(slides.vjm.load, (10, 1)))
-    assert max(before.residual.max(), after.residual.max()) < 1e-5  # of 100 N
+    _, after = settle_pair(disturbed, q, wrench, np.tile(slides.vjm.load, (10, 1)))
     second = 6 * len(slides.arm.links) + 1
-    linear = settle(disturbed.plant, q + disturbed.offset, wrench, np.tile(slides.vjm.load, (10, 1)))
+    plain = replace(disturbed, disturbances=NOMINAL, centre=np.zeros(3))
+    linear = settle(plain, q, wrench, np.tile(slides.vjm.load, (10, 1)))
     play = np.abs(after.theta - linear.theta)[:, second]
     assert (play > 0).all()
     assert play.max() < 2e-4  # play, friction and stiffening of a slide: 50, 30 and some um

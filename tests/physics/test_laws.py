@@ -15,7 +15,9 @@ from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
 from testbench.cli.program import program
 from testbench.correct.predicted import predict
+from testbench.correct.rest import put
 from testbench.correct.stiffness import stiffness
+from testbench.data.dataset import in_order
 from testbench.data.read_pairs import read_csv
 from testbench.data.write import write_csv
 from testbench.identify import gco, intervals, least_squares, robust, with_prior
@@ -43,8 +45,7 @@ from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import chain, plain_load
 from testbench.model.weights import read_weights
-from testbench.plant import TYPICAL, Disturbances, disturb, settle_disturbed, settle_pair
-from testbench.plant.compensator import KR500_COMPENSATOR
+from testbench.plant import KR500_COMPENSATOR, TYPICAL, Disturbances, disturb, settle, settle_pair
 from testbench.studies.model_error.trial import disturbed
 
 SCENARIO = Scenario(
@@ -58,10 +59,17 @@ def loaded(kr500, seed, runs=12):
     return q, *hung(kr500, runs, 4500 / GRAVITY)
 
 
-def true_turns(kr500, what, q, wrench, point, taken_off=None):
+def taken_off_again(plant, q, wrench, point, off):
+    """The arm unloaded and loaded; where `off`, (runs,), unloaded after the load was taken off again."""
+    before, after = settle_pair(plant, q, wrench, point)
+    put(before, np.flatnonzero(off), in_order(settle(plant, q, before=after), off))
+    return before, after
+
+
+def true_turns(kr500, what, q, wrench, point, off=()):
     """Turns of MuJoCo's joints under the load, (runs, 6) [rad]."""
     plant = disturb(kr500.plant, what, np.random.default_rng(0))
-    before, after = settle_pair(plant, q, wrench, point, taken_off)
+    before, after = taken_off_again(plant, q, wrench, point, np.isin(np.arange(len(q)), off))
     return (after.theta - before.theta)[:, LINKS:48]
 
 
@@ -103,7 +111,7 @@ def test_friction_holds_back_a_load_taken_off_by_all_of_its_width(kr500):
     q, wrench, point = loaded(kr500, 3)
     what, off = Disturbances(own_weight=True, hysteresis=STICK), np.arange(len(q)) % 2 == 0
     clean = true_turns(kr500, replace(what, hysteresis=0.0), q, wrench, point)
-    on, back = (true_turns(kr500, what, q, wrench, point, own) for own in (None, off))
+    on, back = (true_turns(kr500, what, q, wrench, point, own) for own in ((), np.flatnonzero(off)))
     where = chain(as_loaded(lawful(kr500.vjm), off), q)
     expected = where.laws.load(where, plain_load(where, wrench, point)[LINKS:])[12:18].T
     np.testing.assert_allclose(back - clean, expected, rtol=0, atol=0.06 * STICK)
@@ -119,7 +127,7 @@ def test_readings_of_loads_taken_off_are_of_use_where_they_say_so(kr500, campaig
     plain, truth = simulate(kr500, SCENARIO, 5).identification, campaigns["all"][1]
     off = np.arange(plain.runs) % 2 == 1
     arm = disturb(kr500.plant, TYPICAL, stream(5, 20))
-    before, after = settle_pair(arm, plain.q, plain.wrench, plain.point, off)
+    before, after = taken_off_again(arm, plain.q, plain.wrench, plain.point, off)
     silent = replace(plain, before=before.markers, after=after.markers)
     data = replace(silent, taken_off=off)
     found, wrong = (default(kr500, own) for own in (data, silent))
@@ -138,7 +146,7 @@ def test_torques_before_the_load_are_those_of_the_true_arm_at_rest(kr500):
     spring = kr500.arm.compensator
     true = strut_of(kr500.arm, rate=spring.rate, rest_length=spring.rest_length, stiffness=None)
     plant = disturb(kr500.plant, Disturbances(own_weight=True, compensator=true), np.random.default_rng(0))
-    at_rest = settle_disturbed(plant, q).theta[:, LINKS:48]
+    at_rest = settle(plant, q).theta[:, LINKS:48]
     torque = at_rest / np.array([joint.compliance for joint in kr500.arm.joints])
     found = laws_of(kr500.arm).before(chain(kr500.vjm, q)).T
     np.testing.assert_allclose(found, torque, rtol=0, atol=0.02 * np.abs(torque).max())

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loads import random_q
+from loads import at_rest, random_q
 from scipy.integrate import quad
 
 from testbench.campaign.advice import of_average
@@ -50,7 +50,6 @@ from testbench.studies.estimators.stein import (
     gco_least_trace,
     gco_stein,
 )
-from testbench.studies.loaded_stiffness.equilibrium import loaded_equilibrium
 
 
 def runs(cell, seed, **changes):
@@ -405,7 +404,7 @@ def test_intervals_widen_by_what_a_linear_model_leaves_out_which_grows_with_the_
     whole = curvature(kr500.vjm, C, data)
     tenth = curvature(kr500.vjm, C, replace(data, wrench=data.wrench / 10))
     np.testing.assert_allclose(tenth, whole / 100, rtol=0, atol=0.1 * np.abs(whole).max() / 100)
-    theta = loaded_equilibrium(kr500.vjm, C, data.q, data.wrench, data.point)
+    theta = at_rest(kr500, C, data.q, data.wrench, data.point)
     exact = loaded_deflection(kr500.vjm, data.q, theta, kr500.vjm.markers)
     where = chain(kr500.vjm, data.q)
     linear = displacement(where, secant(where, C, data.wrench, data.point), kr500.vjm.markers)

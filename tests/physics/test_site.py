@@ -13,14 +13,13 @@ from testbench.model.vjm import tool_points
 from testbench.plant import (
     Contact,
     Payload,
-    build_room,
     build_site,
     collisions,
     contacts,
     has_surroundings,
     hidden,
 )
-from testbench.plant.shapes import body_names, rigid_frames
+from testbench.plant.shapes import rigid_frames
 from testbench.plant.site import HEAD_RADIUS, KINDS, TARGET_RADIUS
 
 STATION = (4.5, -2.5, 1.6)
@@ -54,23 +53,18 @@ def test_a_floor_that_is_laid_is_one_that_stands_in_the_file(kr500, tmp_path, rn
     bare = altered(kr500, tmp_path / "bare", (floor, ""))
     q = random_q(kr500, rng, 300)
     assert contacts(build_site(bare, floor=0.3), q) == contacts(build_site(raised), q)
-    assert collisions(build_room(bare, 0.3), q) == collisions(build_room(raised), q)
-    assert collisions(build_room(bare), q) != collisions(build_room(bare, 0.3), q)
-    there = [has_surroundings(build_room(*own)) for own in ((raised,), (bare, 0.3), (bare,))]
-    assert there == [True, True, False]
+    assert collisions(build_site(bare, floor=0.3), q) == collisions(build_site(raised), q)
+    assert collisions(build_site(bare), q) != collisions(build_site(bare, floor=0.3), q)
+    assert has_surroundings(build_site(raised))
+    assert has_surroundings(build_site(bare, floor=0.3))
+    assert not has_surroundings(build_site(bare))
 
 
-@pytest.mark.parametrize("name", ["kr500", "arm_6r"])
-def test_alone_the_site_is_the_room(name, request, rng):
-    cell = request.getfixturevalue(name)
-    q = random_q(cell, rng, 300)
-    found = contacts(build_site(cell.arm), q)
-    expected = collisions(cell.room, q)
-    assert [c is None for c in found] == [pair is None for pair in expected]
-    if name == "kr500":  # the other one has no shapes that collide
-        touching = [c for c in found if c]
-        assert {c.kind for c in touching} == {"itself", "room"}
-        assert all((c.bodies[1] == "world") == (c.kind == "room") for c in touching)
+def test_alone_the_arm_touches_itself_and_the_floor(kr500, arm_6r, rng):
+    touching = [c for c in contacts(kr500.room, random_q(kr500, rng, 300)) if c]
+    assert {c.kind for c in touching} == {"itself", "room"}
+    assert all((c.bodies[1] == "world") == (c.kind == "room") for c in touching)
+    assert not any(contacts(arm_6r.room, random_q(arm_6r, rng, 300)))  # it has no shapes that collide
 
 
 def test_the_weight_is_a_steel_cylinder_as_high_as_wide(kr500):
@@ -203,11 +197,11 @@ def test_the_end_of_its_holder_hides_no_target_but_another_thing_near_by_does(kr
 def test_targets_face_along_the_z_axis_of_their_bodies(kr500, tmp_path, rng):
     marker = '<body name="P2" pos="0.48 -0.32 0.26"'
     arm = altered(kr500, tmp_path, (marker, f'{marker} quat="0.8 0.1 -0.5 0.3"'))
-    facing = build_site(arm).facing
+    room = build_site(arm)
+    facing = room.facing
     np.testing.assert_allclose(facing[[0, 2]], [[0, 0, 1]] * 2, atol=1e-15)  # rounding, as below
-    room = build_room(arm)
     frames = rigid_frames(room, random_q(kr500, rng, 1))
-    names = body_names(room)
+    names = room.names
     tool, P2 = frames.rotations[0, names.index("tool")], frames.rotations[0, names.index("P2")]
     np.testing.assert_allclose(tool @ facing[1], P2[:, 2], atol=1e-14)
     assert abs(facing[1, 2]) < 0.9

@@ -10,13 +10,13 @@ import rerun.blueprint as rrb
 from read_back import chunks_of, columns
 
 from testbench.campaign.campaign import build_cell, settle_both
-from testbench.plant.shapes import body_names, elastic_frames, join_meshes, rigid_frames, visual_shapes
+from testbench.plant.shapes import elastic_frames, join_meshes, rigid_frames, visual_shapes
 from testbench.views.recording.stream import Header, layout, recording
 from testbench.views.recording.world import reach, write_arm
 
 
 def test_shapes_are_the_visual_geoms_of_the_mjcf_in_their_own_places(kr500):
-    shapes, names = visual_shapes(kr500.room), body_names(kr500.room)
+    shapes, names = visual_shapes(kr500.room), kr500.room.names
     root = ET.parse(kr500.arm.rigid).getroot()
     geoms = [(b.get("name"), g) for b in root.iter("body") for g in b.findall("geom[@class='visual']")]
     assert [(names[s.body], s.kind) for s in shapes] == [(b, g.get("type")) for b, g in geoms]
@@ -35,7 +35,7 @@ def test_shapes_are_the_visual_geoms_of_the_mjcf_in_their_own_places(kr500):
 
 
 def test_colours_come_from_the_material(kr500):
-    shapes, names = visual_shapes(kr500.room), body_names(kr500.room)
+    shapes, names = visual_shapes(kr500.room), kr500.room.names
     markers = [s for s in shapes if names[s.body] == "P1"]
     assert markers[0].rgba == pytest.approx([0.835, 0.369, 0, 1], abs=1e-6)
 
@@ -45,13 +45,13 @@ def test_elastic_frames_are_rigid_at_rest_and_hold_the_markers_of_the_loaded_arm
     q = rng.uniform(-0.5, 0.5, (3, 6))
     rigid = rigid_frames(kr500.room, q)
     still = elastic_frames(kr500.plant, q, np.zeros((len(q), kr500.arm.n_theta)))
-    assert rigid.positions.shape == (3, len(body_names(kr500.room)), 3)
+    assert rigid.positions.shape == (3, len(kr500.room.names), 3)
     assert still.positions == pytest.approx(rigid.positions, abs=1e-12)
     assert still.rotations == pytest.approx(rigid.rotations, abs=1e-12)
     wrench = np.tile([0.0, 0, -4500, 0, 0, 0], (3, 1))
     _, loaded = settle_both(kr500.plant, "nonlinear", q, wrench, np.zeros((3, 3)))
     frames = elastic_frames(kr500.plant, q, loaded.theta)
-    index = [body_names(kr500.room).index(name) for name in kr500.arm.markers]
+    index = [kr500.room.names.index(name) for name in kr500.arm.markers]
     assert frames.positions[:, index] == pytest.approx(loaded.markers, abs=1e-12)
 
 
@@ -134,7 +134,7 @@ def bare(arm_6r, tmp_path):
 
 
 def test_an_arm_without_visual_geoms_is_drawn_as_sticks_between_its_bodies(bare, tmp_path):
-    shapes, names = visual_shapes(bare.room), body_names(bare.room)
+    shapes, names = visual_shapes(bare.room), bare.room.names
     assert {s.kind for s in shapes} == {"capsule"}
     upper = next(s for s in shapes if names[s.body] == "link_2")
     tip = upper.position + upper.rotation[:, 2] * upper.size[2]

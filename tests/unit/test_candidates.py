@@ -27,7 +27,7 @@ from testbench.campaign.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP,
 from testbench.errors import Array, BenchError, PoseError
 from testbench.model.poses import WorkArea
 from testbench.plant import Payload, collisions, contacts, hidden
-from testbench.plant.shapes import body_names, rigid_frames
+from testbench.plant.shapes import rigid_frames
 
 HERE = (4.5, -2.5, 1.6)
 FRONT = WorkArea((1.0, -1.5, 1.0), (3.0, 1.5, 2.6))
@@ -47,7 +47,7 @@ def found(checks) -> Candidates:
 
 def bodies(cell: Cell, q: Array) -> tuple[Array, Array, Array]:
     """Tool and markers by MuJoCo's kinematics: tool (poses, 3), markers and their z axes (poses, m, 3)."""
-    names, frames = body_names(cell.room), rigid_frames(cell.room, q)
+    names, frames = cell.room.names, rigid_frames(cell.room, q)
     markers = [names.index(name) for name in cell.arm.markers]
     return (
         frames.positions[:, names.index(cell.arm.tool)],

@@ -59,10 +59,10 @@ def read_chain(file: Path, tip: str | None = None) -> Chain:
     path = path_to(robot, end.body)
     _check_joints(file, robot, path)
     _check_sizes(file, robot)
-    bodies, notes = weigh(file, robot.bodies, _belonging(robot, path[0]))
-    carriers = [k for k in path if bodies[k].joint is not None]
+    carriers = [k for k in path if robot.bodies[k].joint is not None]
     carriers.insert(0, path[path.index(carriers[0]) - 1])
-    placed = _place(bodies, path, carriers)
+    placed = _place(robot.bodies, path, carriers)
+    bodies, notes = weigh(file, robot.bodies, placed)
     rods = _rods(bodies, path, carriers, placed)
     parts = tuple(_part(bodies, placed, part, k, rods) for part, k in enumerate(carriers))
     parts = (replace(parts[0], pose=_in_world(bodies, carriers[0])), *parts[1:])
@@ -123,14 +123,6 @@ def _check_sizes(file: Path, robot: Robot) -> None:
         ):
             if not value <= most:
                 raise InputError(file, body.name, f"expected at most {most:g} {what}, got {value:.3g}")
-
-
-def _belonging(robot: Robot, first: int) -> list[bool]:
-    """Which bodies hang on the first one of the arm."""
-    belongs = [k == first for k in range(len(robot.bodies))]
-    for k, body in enumerate(robot.bodies):
-        belongs[k] |= body.parent >= 0 and belongs[body.parent]
-    return belongs
 
 
 class Placed(NamedTuple):
@@ -242,28 +234,19 @@ def _became(
 
 def _fit(chain: Chain) -> Chain:
     """The chain with names of letters, digits, `_` and `-` that differ in more than upper and lower case."""
-    parts = chain.parts
-    links = fit_names(part.name for part in parts)
-    joints = iter(fit_names(joint.name for joint in chain.joints))
-    renamed = tuple(
-        replace(
-            part,
-            name=name,
-            joint=part.joint and replace(part.joint, name=next(joints)),
-            sites=tuple(
-                site._replace(name=fit)
-                for site, fit in zip(part.sites, fit_names(s.name for s in part.sites), strict=True)
-            ),
-        )
-        for part, name in zip(parts, links, strict=True)
-    )
-    named = [(old.name, new.name) for old, new in zip(parts, renamed, strict=True)]
-    moving = [part.joint for part in renamed if part.joint]
-    named += [(old.name, new.name) for old, new in zip(chain.joints, moving, strict=True)]
-    changed = [f"{old!r} is {new}" for old, new in named if old != new]
-    notes = (*chain.notes, Note("renamed", tuple(changed))) if changed else chain.notes
+    links, joints = fit_names(p.name for p in chain.parts), fit_names(joint.name for joint in chain.joints)
+    renamed = []
+    for part, name, own in zip(chain.parts, links, ("", *joints), strict=True):  # the base has no joint
+        sites = zip(part.sites, fit_names(site.name for site in part.sites), strict=True)
+        fit = tuple(site._replace(name=site_name) for site, site_name in sites)
+        joint = part.joint and replace(part.joint, name=own)
+        renamed.append(replace(part, name=name, joint=joint, sites=fit))
+    had = [*(part.name for part in chain.parts), *(joint.name for joint in chain.joints)]
+    named = zip(had, (*links, *joints), strict=True)
+    changed = tuple(f"{old!r} is {new}" for old, new in named if old != new)
+    notes = (*chain.notes, Note("renamed", changed)) if changed else chain.notes
     [name] = fit_names([chain.name])
-    return replace(chain, name=name, parts=renamed, notes=notes)
+    return replace(chain, name=name, parts=tuple(renamed), notes=notes)
 
 
 def fit_names(names: Iterable[str]) -> list[str]:

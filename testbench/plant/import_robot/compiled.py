@@ -12,11 +12,11 @@ import numpy as np
 
 from testbench.errors import Array, InputError
 from testbench.plant.build import REFUSED
-from testbench.plant.feasible import body_name
+from testbench.plant.collide import VISUAL_GROUPS, body_name
 from testbench.plant.import_robot.meshes import MAX_ALL_FACES
 from testbench.plant.import_robot.robot import Body, Joint, Mesh, Note, Robot, Shape, Site, pose_of
 from testbench.plant.import_robot.solids import outermost, primitive
-from testbench.plant.shapes import KINDS, VISUAL_GROUPS, geom_rgba, rotation_of
+from testbench.plant.shapes import KINDS, geom_rgba, rotation_of
 
 ODD = {int(mujoco.mjtJoint.mjJNT_FREE): "is free", int(mujoco.mjtJoint.mjJNT_BALL): "is a ball"}
 NO_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
@@ -116,14 +116,9 @@ def _surfaces(file: Path, model: mujoco.MjModel, own: Mapping[str, Mesh]) -> lis
 
 def _marked(body: Body, cleaned: Cleaned) -> Body:
     """The body, told why its joint cannot be one of an arm."""
-    if body.name == ROOT:
-        return replace(body, name="world")
-    if odd := cleaned.odd.get(body.name):
-        return replace(body, odd=odd)
-    if body.joint is None or body.joint.name not in cleaned.follows:
-        return body
-    follows = cleaned.follows[body.joint.name]
-    return replace(body, odd=f"follows {follows!r} (mimic)", follows=follows)
+    follows = cleaned.follows.get(body.joint.name, "") if body.joint else ""
+    odd = f"follows {follows!r} (mimic)" if follows else cleaned.odd.get(body.name, body.odd)
+    return replace(body, name="world" if body.name == ROOT else body.name, odd=odd, follows=follows)
 
 
 def _split(model: mujoco.MjModel, b: int, parent: int, before: Array, count: int) -> tuple[list[Body], Array]:

@@ -18,6 +18,7 @@ import numpy as np
 from testbench.arm.lines import xml_place
 from testbench.arm.mesh import MeshError
 from testbench.errors import Array, InputError
+from testbench.plant.collide import VISUAL_GROUPS
 from testbench.plant.import_robot.compiled import ROOT, Cleaned
 from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size, stl_bytes
 from testbench.plant.import_robot.robot import Mesh, Note
@@ -35,7 +36,6 @@ from testbench.plant.import_robot.source import (
     read_numbers,
 )
 from testbench.plant.import_robot.tip import ARM_JOINTS
-from testbench.plant.shapes import VISUAL_GROUPS
 
 MOVING = ("revolute", "continuous", "prismatic")
 ODD = {"floating": "floats free", "planar": "is planar", "spherical": "is a ball joint"}

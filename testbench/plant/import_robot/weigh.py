@@ -1,6 +1,6 @@
 """Masses that a file does not state, from the volume of its shapes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,13 +17,13 @@ PLAUSIBLE = 300.0, 4000.0  #: The same of a file that states masses; beyond it t
 PLACEHOLDERS = 4  #: So many links of one and the same mass were never weighed.
 
 
-def weigh(file: Path, bodies: Sequence[Body], of_arm: Sequence[bool]) -> tuple[list[Body], list[Note]]:
+def weigh(file: Path, bodies: Sequence[Body], of_arm: Iterable[int]) -> tuple[list[Body], list[Note]]:
     """The bodies, those without a mass weighed by their geometry.
 
     Args:
         file: For messages.
         bodies: All bodies.
-        of_arm: Which of them belong to the arm.
+        of_arm: Places of those that belong to the arm.
 
     Returns:
         The bodies, and what is to be said of them.
@@ -31,8 +31,7 @@ def weigh(file: Path, bodies: Sequence[Body], of_arm: Sequence[bool]) -> tuple[l
     Raises:
         InputError: When the file has neither masses nor shapes.
     """
-    own = [k for k, belongs in enumerate(of_arm) if belongs]
-    weighed, notes = list(bodies), []
+    own, weighed, notes = sorted(of_arm), list(bodies), []
     masses = [bodies[k].mass for k in own if bodies[k].weighed and bodies[k].mass > 0]
     if len(masses) >= PLACEHOLDERS and min(masses) == max(masses):
         notes.append(Note("placeholders", (), (masses[0],)))

@@ -6,7 +6,6 @@ The shapes of a part are few small files: one mesh that is drawn, hulls and prim
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -15,10 +14,10 @@ import numpy as np
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array, BenchError
 from testbench.plant.build import REFUSED, check_geoms
-from testbench.plant.feasible import collide
+from testbench.plant.collide import collide
 from testbench.plant.import_robot.meshes import decimated, distinct, joined, stl_bytes, with_area
 from testbench.plant.import_robot.robot import Body, Chain, Faces, Point, Shape, Site, Surface, pose_of, seen
-from testbench.plant.import_robot.solids import VISIBLE, hull_of, outermost, plausible
+from testbench.plant.import_robot.solids import hull_of, outermost, plausible
 
 DRAWN_FACES = 1500  #: Of the mesh that shows a part.
 HULL_FACES = 200  #: Of a hull.
@@ -30,34 +29,14 @@ ENOUGH = 1.2  #: A surface of so many times the faces asked for is thin enough [
 MOST_HULLS = 8  #: Of a part; more are one.
 
 
-@dataclass(frozen=True, eq=False)
-class Surfaces:
-    """What a part looks like, and what of it others run into."""
-
-    drawn: Surface | None  #: One mesh for all meshes of the file.
-    drawn_solids: list[Shape]  #: Primitives.
-    rgba: Array  #: Of the mesh, that of its largest piece, (4,) [1].
-    hulls: list[Surface]
-    solids: list[Shape]  #: Primitives that collide.
-
-
-def surfaces(part: Body) -> Surfaces:
-    """What is written of a part's shapes.
-
-    Where nothing is drawn, what collides is drawn; where nothing collides, the hull of what is drawn does.
-    Rods do not: held at zero, they stand where the arm goes.
-    """
-    drawn, hard = seen(part.shapes), [s for s in part.shapes if s.collides]
-    meshes = [s for s in drawn if s.kind == "mesh"]
+def drawn_mesh(part: Body) -> tuple[Surface, Array] | None:
+    """One mesh for all that are drawn of a part, and its colour, (4,) [1], that of its largest piece."""
+    meshes = [s for s in seen(part.shapes) if s.kind == "mesh"]
+    if not meshes:
+        return None
     found = [s.surface for s in meshes]
-    areas = [_area(*surface) for surface in found]
-    return Surfaces(
-        drawn=_small(joined(found), DRAWN_FACES) if found else None,
-        drawn_solids=[s for s in drawn if s.kind != "mesh"],
-        rgba=meshes[int(np.argmax(areas))].rgba if meshes else VISIBLE,
-        hulls=_hulls([s for s in hard if s.kind == "mesh"] if hard else [s for s in drawn if s.bears]),
-        solids=[s for s in hard if s.kind != "mesh"],
-    )
+    largest = int(np.argmax([_area(*surface) for surface in found]))
+    return _small(joined(found), DRAWN_FACES), meshes[largest].rgba
 
 
 def _area(vertices: Array, faces: Faces) -> float:
@@ -114,6 +93,16 @@ def _hulls(shapes: Sequence[Shape]) -> list[Surface]:
 
 
 Pair = tuple[str, str]
+FRAME = f"""<mujoco>
+<compiler angle="radian" autolimits="true" inertiafromgeom="false" meshdir="meshes"/>
+<option gravity="0 0 -{GRAVITY}" jacobian="dense"/>
+<default>
+<default class="visual"><geom contype="0" conaffinity="0" group="2" mass="0"/></default>
+<default class="collision">
+<geom contype="1" conaffinity="1" group="3" mass="0" rgba="0.2 0.5 0.9 0.4"/></default>
+</default>
+<asset/><worldbody/><contact/></mujoco>"""
+"""What is drawn does not collide and the other way round; nothing that is drawn weighs."""
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2}
 """How many numbers MuJoCo has for the size of a primitive, where not three."""
 BALL = 0.008  #: Radius of a marker as drawn, over the arm's reach [1].
@@ -139,36 +128,23 @@ def rigid_mjcf(
     Raises:
         BenchError: When MuJoCo refuses the arm.
     """
-    root = ET.Element("mujoco", model=chain.name)
-    angles = {"angle": "radian", "autolimits": "true"}
-    compiler = ET.SubElement(root, "compiler", {**angles, "inertiafromgeom": "false", "meshdir": "meshes"})
-    ET.SubElement(root, "option", gravity=f"0 0 -{GRAVITY}", jacobian="dense")
-    _defaults(root)
-    asset, parent = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
+    root = ET.fromstring(FRAME)
+    root.set("model", chain.name)
+    compiler, _, _, asset, parent, contact = root
     meshes: dict[str, bytes] = {}
     for part in chain.parts:
         parent = _body(parent, part.name, part.pose)
         _filled(parent, part)
-        meshes |= _shaped(parent, asset, part.name, surfaces(part))
+        meshes |= _shaped(parent, asset, part)
     _tool(parent, chain, tool, points)
     if not meshes:
         root.remove(asset)
         del compiler.attrib["meshdir"]
-    contact = ET.SubElement(root, "contact")
     ET.SubElement(contact, "exclude", body1=chain.parts[0].name, body2=chain.parts[1].name)
     touching = _always_touching(chain, ET.tostring(root, encoding="unicode"), meshes)
     for one, other in touching:
         ET.SubElement(contact, "exclude", body1=one, body2=other)
     return root, meshes, touching
-
-
-def _defaults(root: ET.Element) -> None:
-    """What is drawn does not collide and the other way round; nothing that is drawn weighs."""
-    top = ET.SubElement(root, "default")
-    drawn = ET.SubElement(top, "default", {"class": "visual"})
-    ET.SubElement(drawn, "geom", contype="0", conaffinity="0", group="2", mass="0")
-    hard = ET.SubElement(top, "default", {"class": "collision"})
-    ET.SubElement(hard, "geom", contype="1", conaffinity="1", group="3", mass="0", rgba="0.2 0.5 0.9 0.4")
 
 
 def _body(parent: ET.Element, name: str, pose: Array) -> ET.Element:
@@ -208,9 +184,13 @@ def _digits(values: Array) -> str:
     return " ".join(f"{x:.9g}" for x in values)
 
 
-def _shaped(body: ET.Element, asset: ET.Element, part: str, found: Surfaces) -> dict[str, bytes]:
-    """The geoms of a part, and its mesh files."""
-    meshes = {}
+def _shaped(body: ET.Element, asset: ET.Element, part: Body) -> dict[str, bytes]:
+    """The geoms of a part, and its mesh files.
+
+    Where nothing is drawn, what collides is drawn; where nothing collides, the hull of what is drawn does.
+    Rods do not: held at zero, they stand where the arm goes.
+    """
+    drawn, hard, meshes = seen(part.shapes), [s for s in part.shapes if s.collides], {}
 
     def mesh(name: str, surface: Surface, looks: dict[str, str]) -> None:
         meshes[f"{name}.stl"] = stl_bytes(*surface)
@@ -218,13 +198,14 @@ def _shaped(body: ET.Element, asset: ET.Element, part: str, found: Surfaces) -> 
         ET.SubElement(asset, "mesh", {"name": name, "file": f"{name}.stl", **shell})
         ET.SubElement(body, "geom", {**looks, "type": "mesh", "mesh": name})
 
-    if found.drawn:
-        mesh(part, found.drawn, {"class": "visual", "rgba": _colour(found.rgba)})
-    for solid in found.drawn_solids:
+    if found := drawn_mesh(part):
+        mesh(part.name, found[0], {"class": "visual", "rgba": _colour(found[1])})
+    for solid in [s for s in drawn if s.kind != "mesh"]:
         ET.SubElement(body, "geom", {"class": "visual", **_solid(solid), "rgba": _colour(solid.rgba)})
-    for k, hull in enumerate(found.hulls):
-        mesh(f"{part}.hull" + (f"_{k + 1}" if k else ""), hull, {"class": "collision"})
-    for solid in found.solids:
+    hulls = _hulls([s for s in hard if s.kind == "mesh"] if hard else [s for s in drawn if s.bears])
+    for k, hull in enumerate(hulls):
+        mesh(f"{part.name}.hull" + (f"_{k + 1}" if k else ""), hull, {"class": "collision"})
+    for solid in [s for s in hard if s.kind != "mesh"]:
         ET.SubElement(body, "geom", {"class": "collision", **_solid(solid)})
     return meshes
 

@@ -30,7 +30,7 @@ from testbench.campaign.rows import FAILED, MM
 from testbench.campaign.true_arms import FAMILY, TRUTHS, member, true_cell
 from testbench.correct.compensated import Compensated, compensate
 from testbench.correct.newton import Aim
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, in_order
 from testbench.data.write import csv_text
 from testbench.design.rows import Tasks
 from testbench.errors import Array, Ids, NoEquilibrium
@@ -40,7 +40,7 @@ from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior
 from testbench.model.structure import all153
 from testbench.model.weights import read_weights
-from testbench.plant import TYPICAL, DisturbedPlant, Equilibrium, disturb, part_of, settle_pair
+from testbench.plant import TYPICAL, Equilibrium, Plant, disturb, settle_pair
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.plans import TIP, drawn, jobs, loads, tasks
 from testbench.studies.compensation.settings import Settings, Way
@@ -141,7 +141,7 @@ def true_arm(cell: Cell, seed: int, arm: str) -> tuple[Settle, Settle]:
     return partial(settle_pair, found), partial(settle_pair, exactly_loaded(found))
 
 
-def exactly_loaded(found: DisturbedPlant) -> DisturbedPlant:
+def exactly_loaded(found: Plant) -> Plant:
     """The same under loads exactly as recorded."""
     exact = replace(found.disturbances, mass_error=0.0, centre_error=0.0)
     return replace(found, disturbances=exact, centre=np.zeros(3))
@@ -171,7 +171,7 @@ def measure(cell: Cell, settle: Settle, asked: Settings, ways: Sequence[Way], se
     for k, way in enumerate(ways):
         runs = slice(first, first := first + s.RUNS * way.poses)
         loaded = LoadedPoses(q[runs], pose[runs], wrench[load[runs]], point[load[runs]])
-        before, after = (part_of(rest, runs) for rest in settled)
+        before, after = (in_order(rest, runs) for rest in settled)
         found.append(read_markers(cell, SETUP, loaded, (before, after), stream(seed, NOISE + k)))
     return found
 

@@ -9,7 +9,10 @@ import typer
 
 from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Cell, build_cell, clear_poses, stream
+from testbench.correct.rest import rest
 from testbench.errors import Array
+from testbench.identify.arm_model import bending
+from testbench.model.load import Load
 from testbench.model.loaded import (
     displacement,
     geometric_stiffness,
@@ -19,8 +22,8 @@ from testbench.model.loaded import (
 from testbench.model.poses import WorkArea
 from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation
+from testbench.model.weights import no_weights
 from testbench.plant import Plant, settle, weightless
-from testbench.studies.loaded_stiffness.equilibrium import loaded_equilibrium
 
 FULL, QUICK = (7, 200), (4, 30)  #: How many weights, and poses a seed.
 WORKSPACE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))  #: Where the tool has to be.
@@ -112,7 +115,7 @@ def hang(cell: Cell, plants: Mapping[Truth, Plant], q: Array, load: float) -> li
 def predict(cell: Cell, q: Array, wrench: Array, point: Array) -> dict[Method, Array]:
     """Deflection of the tool by method, with the true compliances, (poses, 3) [m]."""
     unloaded, C_theta = chain(cell.vjm, q), cell.arm.C_theta
-    theta = loaded_equilibrium(cell.vjm, C_theta, q, wrench, point)
+    theta = rest(bending(cell.vjm, C_theta, no_weights(cell.arm)), q, [Load(wrench, point)]).theta
     K_w = geometric_stiffness(unloaded, wrench, point)
     return {
         "linear": displacement(unloaded, secant(unloaded, C_theta, wrench, point), AT_TOOL)[:, 0],

@@ -11,7 +11,7 @@ from rerun.components import FillMode
 
 from testbench.campaign.campaign import Cell
 from testbench.errors import Array
-from testbench.plant.shapes import Frames, Shape, body_names, join_meshes, quaternions, visual_shapes
+from testbench.plant.shapes import Frames, Shape, join_meshes, quaternions, visual_shapes
 from testbench.views.colours import GREY, MEASURED, SCALE, Colour
 from testbench.views.markdown import Markdown, as_markdown, place
 from testbench.views.recording.stream import Pen, snake, text_view
@@ -32,7 +32,7 @@ def write_arm(pen: Pen, cell: Cell, root: str, rigid: Frames, bent: Frames | Non
     A ghost of another body would flicker through its surface.
     """
     pen.still("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-    names, shapes = body_names(cell.room), visual_shapes(cell.room)
+    names, shapes = cell.room.names, visual_shapes(cell.room)
     hidden, moving = {cell.arm.load, *cell.arm.markers}, [] if bent is None else _moving(rigid, bent)
     for body in sorted({shape.body for shape in shapes}):
         if names[body] in hidden:  # drawn by their roles
