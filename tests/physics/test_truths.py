@@ -178,21 +178,21 @@ def test_turning_a_beam_turns_its_compliance(rng):
     assert quarter[2, 3] == pytest.approx(-TUBE[2, 4])  # phi_y of before is -phi_x
 
 
-@pytest.mark.parametrize(("name", "times"), [("stiffer_3", 3), ("stiffer_100", 100), ("soft_link", 0.2)])
-def test_links_of_a_member_of_the_family_are_all_stiffer_or_one_of_them_is_softer(kr500, name, times):
+def test_links_of_a_member_of_the_family_are_all_stiffer_or_one_of_them_is_softer(kr500):
     met, soft = set(), set()
     for seed in SEEDS:
         kind, own, rng = family_member(kr500, seed)
-        found, factors = drawn(kr500, name, seed), np.full(7, 1 / times)
-        if name == "soft_link":
-            factors = np.where(np.arange(7) == rng.integers(7), 5.0, 1.0)
-            soft.add(factors.argmax())
-        expected = factors[:, None, None] * compliances(own.links)
-        np.testing.assert_allclose(compliances(found.links), expected, rtol=1e-12)
-        assert found.joints == own.joints
+        one = np.arange(7) == rng.integers(7)
+        softer = np.where(one, 5, 1)
+        for name, factors in (("stiffer_3", 1 / 3), ("stiffer_100", 0.01), ("soft_link", softer)):
+            found = drawn(kr500, name, seed)
+            expected = np.broadcast_to(factors, 7)[:, None, None] * compliances(own.links)
+            np.testing.assert_allclose(compliances(found.links), expected, rtol=1e-12)
+            assert found.joints == own.joints
         met.add(kind)
+        soft.add(one.argmax())
     assert met == set(TRUTHS)
-    assert len(soft) >= 5 or name != "soft_link"
+    assert len(soft) >= 5
 
 
 def family_member(kr500, seed):
