@@ -374,13 +374,7 @@ def phi(q):
     return np.hstack([np.sin(np.outer(q, HIGH)), np.cos(np.outer(q, HIGH))])
 
 
-def test_a_pattern_turned_and_mirrored_is_its_error_at_the_turned_angle(rng):
-    f, q = rng.normal(size=2 * K), rng.uniform(-3, 3, 30)
-    for turn, sense in PLACED.values():
-        np.testing.assert_allclose(phi(q) @ turned(f, turn, sense, HIGH), sense * phi(sense * q + turn) @ f)
-
-
-def test_waves_are_the_pattern_of_their_joints_and_differences_that_add_up_to_none(rng):
+def test_waves_are_the_pattern_turned_and_mirrored_and_differences_that_add_up_to_none(rng):
     """Whatever joints without the pattern, low orders and other unknowns are."""
     pattern = Pattern(tuple(PLACED), *map(tuple, zip(*PLACED.values(), strict=True)))
     first, size = 7, 7 + 4 * ERRORS.size + 5
@@ -392,6 +386,9 @@ def test_waves_are_the_pattern_of_their_joints_and_differences_that_add_up_to_no
     off = [turned(np.eye(2 * K), *PLACED[j], HIGH) @ x[at[j]] for j in PLACED]  # its inverse is its transpose
     np.testing.assert_allclose(np.mean(off, axis=0), z[at[0]], atol=1e-12)
     assert np.sum((off - z[at[0]]) ** 2) == pytest.approx(np.sum(z[at[[2, 3]]] ** 2))
+    f, q = rng.normal(size=2 * K), rng.uniform(-3, 3, 30)
+    for turn, sense in PLACED.values():
+        np.testing.assert_allclose(phi(q) @ turned(f, turn, sense, HIGH), sense * phi(sense * q + turn) @ f)
 
 
 def told(errors, ranges, rng):
@@ -407,8 +404,8 @@ def sought(readings):
     return find(readings, np.full(2 * K, OWN**2), np.full(2 * K, SIZE**2), HIGH)
 
 
-@pytest.mark.parametrize("seed", range(1000, 1005))
-def test_joints_that_share_a_pattern_are_found_with_their_turns(seed):
+@pytest.mark.parametrize("seed", range(1000, 1010))
+def test_joints_that_share_a_pattern_are_found_with_their_turns_and_no_others(seed):
     """The one with errors of its own, and the one that was hardly turned, are left out."""
     rng = np.random.default_rng(seed)
     f = SIZE * rng.standard_normal(2 * K)
@@ -418,10 +415,6 @@ def test_joints_that_share_a_pattern_are_found_with_their_turns(seed):
     assert pattern.joints == tuple(PLACED)
     assert pattern.senses == tuple(sense for _, sense in PLACED.values())
     np.testing.assert_allclose(pattern.turns, [turn for turn, _ in PLACED.values()], atol=np.radians(3))
-
-
-@pytest.mark.parametrize("seed", range(1000, 1010))
-def test_errors_that_are_each_joints_own_share_no_pattern(seed):
     rng = np.random.default_rng(seed)
     errors = SIZE * rng.standard_normal((4, 2 * K))
     assert sought(told(errors, [(-3, 3)] * 4, rng)) is None

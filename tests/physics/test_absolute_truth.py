@@ -63,7 +63,7 @@ def test_true_geometry_without_weight_is_the_chain_at_theta_0(name, request):
     assert np.abs(truth.theta_0).max() > 5e-3
 
 
-def test_readings_come_from_the_seed_and_a_switch_leaves_all_else(kr500):
+def test_readings_come_from_the_seed_a_switch_leaves_all_else_and_too_much_is_refused(kr500):
     asked = EXACT.model_copy(update={"noise": True, "outliers": 0.2, "repeatability": 1e-5})
     (first, second), truth = simulate_series(kr500, asked, 7)
     (again, _), _ = simulate_series(kr500, asked, 7)
@@ -79,6 +79,10 @@ def test_readings_come_from_the_seed_and_a_switch_leaves_all_else(kr500):
     np.testing.assert_array_equal(clean.q, first.q)
     size = np.linalg.norm(wild.position - clean.position, axis=2)
     np.testing.assert_allclose(size, asked.outlier_size * truth.outliers[0], rtol=0, atol=1e-12)
+    with pytest.raises(BenchError, match="targets: expected at most 3, as kr500_l480 has P1, P2, P3"):
+        simulate_series(kr500, AbsoluteCampaign(targets=4))
+    with pytest.raises(BenchError, match="masses: expected different ones"):
+        AbsoluteCampaign(masses=(1.0, 1.0))
 
 
 def test_noise_is_as_large_as_the_series_says(kr500):
@@ -104,13 +108,6 @@ def test_loads_hang_one_after_the_other_in_the_pose_that_was_approached(kr500):
     expected = no_scatter[1] - no_scatter[0][:5]
     assert rms(pairs.position[first] - no_scatter[0]) > 1e-3
     assert rms(moved - expected) < 5e-3 * rms(expected)  # a milliradian turns a deflection by 1e-3
-
-
-def test_more_targets_than_markers_are_refused(kr500):
-    with pytest.raises(BenchError, match="targets: expected at most 3, as kr500_l480 has P1, P2, P3"):
-        simulate_series(kr500, AbsoluteCampaign(targets=4))
-    with pytest.raises(BenchError, match="masses: expected different ones"):
-        AbsoluteCampaign(masses=(1.0, 1.0))
 
 
 def softer(cell, **scales):

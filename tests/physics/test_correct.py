@@ -235,13 +235,18 @@ def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses)
     assert (down.widest < 0.05 * down.size).all()
 
 
-def test_positions_have_intervals_where_they_were_calibrated(model, poses, load):
-    """The scatter of a position is in its own interval; in that of a deflection it cancels."""
+def test_scatter_counts_in_positions_and_what_a_linear_model_leaves_out_once_or_twice(model, poses, load):
+    """Scatter cancels in a deflection. Of known compliances nothing else is open; a fit put it elsewhere."""
     assert np.isinf(predict(model, poses, [load]).position_half).all()
     calm, rough = (predict(replace(model, noise=Noise(scatter)), poses, [load]) for scatter in (0.0, 3e-4))
     more = rough.position_half**2 - calm.position_half**2
     np.testing.assert_allclose(more, (1.96 * 3e-4) ** 2, rtol=1e-3)
     assert np.array_equal(rough.half, calm.half)
+    known = replace(model, posterior=replace(model.posterior, root=np.zeros((1, len(model.posterior.x)))))
+    straight, bent = (predict(known, poses, [load], linear=linear) for linear in (True, False))
+    left_out = np.abs(straight.deflection - bent.deflection)
+    for found, times in ((bent, 1), (straight, CURVED)):
+        np.testing.assert_allclose(found.half, times * left_out, rtol=0.05, atol=5e-3 * left_out.max())
 
 
 def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(model, poses):
@@ -252,15 +257,6 @@ def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(model, 
         for axis, half in zip(tool.axes[k].T, halves[k], strict=True):
             pushed = Poses(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
             assert half == pytest.approx(half_widths(model, pushed, Poses(q), np.zeros((1, 3))).max())
-
-
-def test_what_a_linear_model_leaves_out_counts_once_and_twice_where_it_predicts_linearly(model, poses, load):
-    """Of compliances that are known nothing else is open; a linear fit put as much elsewhere."""
-    known = replace(model, posterior=replace(model.posterior, root=np.zeros((1, len(model.posterior.x)))))
-    straight, bent = (predict(known, poses, [load], linear=linear) for linear in (True, False))
-    left_out = np.abs(straight.deflection - bent.deflection)
-    for found, times in ((bent, 1), (straight, CURVED)):
-        np.testing.assert_allclose(found.half, times * left_out, rtol=0.05, atol=5e-3 * left_out.max())
 
 
 def test_rows_of_compliances_add_up_to_how_far_loads_and_own_weight_bend_the_arm(model, poses, load):

@@ -147,12 +147,6 @@ def test_one_run_exchanged_among_few_is_named_and_no_noise(made, seed):
     assert named(MISTAKES["noise"].plant(own, stream(seed, 40)))[0].name == "noise"
 
 
-def test_the_chance_of_a_step_is_that_of_fisher_s_ratio():
-    """Squares that z numbers take away over z, against the variance that so many free equations tell."""
-    step = Finding("tracker_moved", size=np.zeros(3), beside={"free": 40.0}, nats=6.0)
-    assert chance(step) == pytest.approx(f_ratio.sf(12 / 3, 3, 40))
-
-
 def test_mistakes_are_undone_one_after_the_other():
     """Each from data without those before; what cannot be undone is told once."""
     seen = []
@@ -215,7 +209,7 @@ def test_a_link_that_is_longer_is_told_in_its_own_axes(arm_6r):
     np.testing.assert_allclose(found.size, step, atol=1e-6)
 
 
-def test_the_score_test_is_the_logarithm_of_a_bayes_factor():
+def test_the_score_test_is_a_bayes_factor_and_the_chance_of_a_step_that_of_fishers_ratio():
     """Of residuals N(0, 1) and N(0, 1 + Z Z^T), by the densities; b is the mean of what explains them."""
     rng = np.random.default_rng(1)
     Z, e = rng.standard_normal((3, 20, 4)), rng.standard_normal((3, 20))
@@ -225,6 +219,8 @@ def test_the_score_test_is_the_logarithm_of_a_bayes_factor():
         wide, narrow = (multivariate_normal(np.zeros(20), C).logpdf(e[k]) for C in (S, np.eye(20)))
         assert found.nats[k] == pytest.approx(wide - narrow)
         np.testing.assert_allclose(found.b[k], Z[k].T @ np.linalg.solve(S, e[k]))
+    step = Finding("tracker_moved", size=np.zeros(3), beside={"free": 40.0}, nats=6.0)
+    assert chance(step) == pytest.approx(f_ratio.sf(12 / 3, 3, 40))
 
 
 def told(vjm, data, frame="base"):

@@ -223,7 +223,7 @@ def test_bounds_hold_the_truth_and_are_proven_by_their_dual(kr500, campaign, str
             assert rows[k] @ pi == pytest.approx((found.lower, found.upper)[side][k], abs=1e-8)
 
 
-def test_bounds_of_a_small_set_are_those_of_its_ellipse(kr500, campaign):
+def test_bounds_of_a_small_set_are_those_of_its_ellipse_of_an_empty_one_none(kr500, campaign):
     """Two joints far inside the cone: the support function of an ellipse, in closed form."""
     s = Structure.of(kr500.arm, joints=["joint_2", "joint_3"])
     models = fit_set(*prepare(kr500, s, campaign.identification), 0.9, ceiling=1000.0)
@@ -235,9 +235,6 @@ def test_bounds_of_a_small_set_are_those_of_its_ellipse(kr500, campaign):
     np.testing.assert_allclose(found.upper, a @ x + half, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(found.lower, a @ x - half, rtol=1e-6, atol=1e-9)
     assert models.radius**2 == pytest.approx(4.605, abs=1e-3)  # chi squared, 2 degrees, 90 %
-
-
-def test_data_that_no_conservative_model_fits_leave_an_empty_set(kr500, campaign):
     s = template56(kr500.arm)
     data = campaign.identification
     lifted = replace(data, after=2 * data.before - data.after)  # deflections against the load

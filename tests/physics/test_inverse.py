@@ -93,8 +93,8 @@ def test_points_out_of_reach_are_named_with_what_is_missing(kr500):
     np.testing.assert_allclose(found.q[-1], q0, rtol=0, atol=1e-8)
 
 
-def test_a_joint_at_its_limit_stays_there(kr500):
-    """A tool that turns about joint 6's axis by more than that joint can follows no farther."""
+def test_a_joint_at_its_limit_stays_there_and_through_a_stretched_wrist_joints_are_steady(kr500):
+    """A tool turns about joint 6 by more than that can; joint 5 goes through zero, and just beside it."""
     vjm = kr500.vjm
     upper = vjm.arm.limits[1][5]
     q = np.tile(np.radians([10.0, -60, 70, 20, 50, 0]), (40, 1))
@@ -103,10 +103,6 @@ def test_a_joint_at_its_limit_stays_there(kr500):
     found = reach(vjm, Target(position, R), np.tile(q[0], (40, 1)))
     np.testing.assert_array_equal(found.there, q[:, 5] <= upper)
     assert (found.q <= vjm.arm.limits[1]).all()
-
-
-def test_through_a_stretched_wrist_the_joints_stay_steady(kr500):
-    """The tool tilts so that joint 5 goes through zero exactly, and once just beside it."""
     vjm = kr500.vjm
     q = np.tile(np.radians([10.0, -60, 70, 20, 0, 30]), (101, 1))
     q[:, 4] = np.linspace(-0.3, 0.3, 101)

@@ -153,7 +153,7 @@ def test_torques_before_the_load_are_those_of_the_true_arm_at_rest(kr500):
     assert np.abs(torque[:, 1]).max() > 1e3
 
 
-def test_slopes_are_the_change_of_the_turns_with_the_torque(kr500):
+def test_slopes_are_the_change_of_the_turns_and_what_sticks_gives_nothing_to_a_small_load(kr500):
     q, wrench, point = loaded(kr500, 5)
     where = chain(lawful(kr500.vjm), q)
     u = plain_load(where, wrench, point)[LINKS:]
@@ -161,6 +161,13 @@ def test_slopes_are_the_change_of_the_turns_with_the_torque(kr500):
     own = where.laws.slope(where, u)
     by_steps = (where.laws.load(where, u + step) - where.laws.load(where, u - step)) / (2 * step)
     np.testing.assert_allclose(own, by_steps, rtol=0, atol=1e-5 * np.abs(own).max())
+    vjm, joints = lawful(kr500.vjm), slice(LINKS, 48)
+    C = np.diag(np.r_[np.diag(kr500.arm.C_theta), np.repeat([0.0, 0.0, 3.0], 6), 0.0])
+    where = chain(vjm, loaded(kr500, 8, runs=2)[0])
+    found = tangent(vjm, C, where, np.zeros((48, 2)))
+    np.testing.assert_array_equal(found[:, joints, joints], np.zeros((2, 6, 6)))
+    pushed = tangent(vjm, C, where, np.full((48, 2), 1e5))  # slipping: its spring alone
+    np.testing.assert_array_equal(pushed[0, joints, joints], C[joints, joints])
 
 
 def default(cell, data, structure=None):
@@ -187,7 +194,8 @@ def estimates(kr500, campaigns):
     return {kind: (default(kr500, own), default(kr500, own, linear)) for kind, own in runs.items()}
 
 
-def test_where_joints_obey_laws_the_default_finds_them(kr500, campaigns, estimates):
+def test_where_joints_obey_laws_the_default_finds_them_and_elsewhere_none(kr500, campaigns, estimates):
+    """Nearly: laws keep a small weight, and widths count that they are not ruled out."""
     (_, truth), (found, linear) = campaigns["all"], estimates["all"]
     assert found.average.laws == 1
     assert found.conservative
@@ -195,10 +203,6 @@ def test_where_joints_obey_laws_the_default_finds_them(kr500, campaigns, estimat
     assert ours < 0.7 * theirs
     own = intervals(kr500.vjm, found, truth)
     assert np.mean((own.lower <= truth.deflection) & (truth.deflection <= own.upper)) > 0.9
-
-
-def test_where_joints_are_linear_the_default_is_linear(kr500, campaigns, estimates):
-    """Nearly: laws keep a small weight, and widths count that they are not ruled out."""
     (_, truth), (found, linear) = campaigns["plain"], estimates["plain"]
     assert found.average.laws == 0
     assert 0.05 < found.average.likely < 0.5
@@ -262,16 +266,6 @@ def test_predictions_and_stiffness_of_a_model_with_laws(kr500, campaigns, estima
     np.testing.assert_allclose(found, by_steps, rtol=0, atol=0.02 * np.abs(by_steps).max())
 
 
-def test_a_joint_that_sticks_more_than_it_bends_gives_nothing_to_a_small_load(kr500):
-    vjm, joints = lawful(kr500.vjm), slice(LINKS, 48)
-    C = np.diag(np.r_[np.diag(kr500.arm.C_theta), np.repeat([0.0, 0.0, 3.0], 6), 0.0])
-    where = chain(vjm, loaded(kr500, 8, runs=2)[0])
-    found = tangent(vjm, C, where, np.zeros((48, 2)))
-    np.testing.assert_array_equal(found[:, joints, joints], np.zeros((2, 6, 6)))
-    pushed = tangent(vjm, C, where, np.full((48, 2), 1e5))  # slipping: its spring alone
-    np.testing.assert_array_equal(pushed[0, joints, joints], C[joints, joints])
-
-
 def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_path):
     """From the command to the folder and back: sizes in its table, the same predictions."""
     data = tmp_path / "data.csv"
@@ -293,16 +287,12 @@ def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_pat
     np.testing.assert_allclose(again, ours, rtol=0, atol=2e-5)
 
 
-def test_a_prior_wrong_in_scale_costs_laws_nothing(kr500, campaigns):
-    """The scale common to compliances is the data's; sizes of laws have none."""
+def test_sizes_of_laws_scatter_as_the_prior_says_whose_scale_is_none_of_theirs(kr500, campaigns):
     data, s = campaigns["all"][0], with_laws(all153(kr500.arm), kr500.arm)
     found = [
         with_prior(gco, Prior("scaled", scale * kr500.arm.C_theta))(kr500.vjm, s, data) for scale in (1, 3)
     ]
     np.testing.assert_allclose(found[1].pi, found[0].pi, rtol=1e-6, atol=1e-9 * np.abs(found[0].pi).max())
-
-
-def test_sizes_of_laws_scatter_about_their_median_as_the_prior_says(kr500, campaigns):
     data, s = campaigns["all"][0], with_laws(all153(kr500.arm), kr500.arm)
     vjm = vjm_of(kr500.vjm, s)
     own = evidence(reduce(vjm, s, data), metric(cad_prior(kr500.arm), kr500.vjm, s))

@@ -317,8 +317,8 @@ def test_wrong_masses_are_mended_to_the_noise_of_the_torques(name, sign, request
     assert ("the weight's" in of_masses(found)) == (sign == 1)
 
 
-def test_torques_that_are_not_of_the_weight_change_no_mass(kr500, rng):
-    """Joints in another order; and none at all."""
+def test_torques_that_are_not_of_the_weight_change_no_mass_and_none_beyond_its_bounds(kr500, rng):
+    """In another order; none; an unstated load, of 250 kg like heavy links, of a tonne like nothing."""
     weights = read_weights(kr500.arm)
     q, (wrench, point) = random_q(kr500, rng, 200), hung(kr500, 200, 0.0)
     exact = true_torques(kr500, kr500.room.model, q, wrench, point)
@@ -326,10 +326,6 @@ def test_torques_that_are_not_of_the_weight_change_no_mass(kr500, rng):
     assert found.weights is weights
     assert "order of joints" in of_masses(found)
     assert fit_weights(kr500.vjm, weights, (with_torques(q, wrench, point, None),)) is None
-
-
-def test_what_no_mass_explains_stays_in_bounds_and_is_said(kr500, rng):
-    """A load that nobody wrote down: a few hundred kilograms look like heavy links, a tonne like none."""
     weights = read_weights(kr500.arm)
     q = random_q(kr500, rng, 200)
 

@@ -279,7 +279,8 @@ def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, places):
     assert absolute.joint_rest(union, q) == pytest.approx(rms, rel=0.03)
 
 
-def test_a_joint_that_never_turns_hides_what_its_turning_would_show_and_a_plan_shows_it(union, places):
+def test_a_joint_that_never_turns_hides_what_a_plan_shows_but_for_structural_directions(union, places):
+    """Of an arm of n hinges with m free targets 4 n + 3 m are found of 6 n + 3 m numbers (Everett 1987)."""
     stuck = places[:POSES].copy()
     stuck[:, 4] = 0.3
     said = [words for words in left_open(union, stuck) if words.startswith("joint_4's offset hides behind")]
@@ -290,10 +291,6 @@ def test_a_joint_that_never_turns_hides_what_its_turning_would_show_and_a_plan_s
     criterion = criterion_of("I", problem, absolute.position_rows(union, places[-20:]))
     plan = exchange(problem, criterion, problem.rows, greedy(problem, criterion, problem.rows, POSES))
     assert not [words for words in left_open(union, places[plan]) if "offset" in words]
-
-
-def test_structural_directions_are_as_many_as_theory_says(union, places):
-    """Of an arm of n hinges with m free targets 4 n + 3 m are found of 6 n + 3 m numbers (Everett 1987)."""
     first, *_ = left_open(union, places[:POSES])
     joints = ", ".join(f"joint_{k} (2)" for k in range(1, 7))
     assert first.startswith("12 directions of geometry, frames and mounts are structural")

@@ -98,8 +98,7 @@ def test_joints_left_out_add_to_the_link_before_them(name, request, rng):
 def test_with_a_prior_least_squares_is_the_ridge_solution_and_gco_optimal_in_the_cone(
     kr500, structure, uncertainty
 ):
-    """The common scale is an unknown of its own. The gradient S of the penalised sum is PSD in every block
-    and orthogonal to X: no model is better."""
+    """With the common scale an unknown; the gradient S is PSD in every block and orthogonal to X."""
     binds, n = 0, structure.n
     for seed in (1, 3):
         regression, own = scaled(kr500, structure, seed)
@@ -238,7 +237,7 @@ def test_a_broken_prior_is_refused_by_name(kr500, spoil, text):
         metric(Prior("broken", spoil(kr500.arm.C_theta)), kr500.vjm, mgco68(kr500.arm))
 
 
-def test_strengths_of_nothing_structures_with_holes_and_too_few_poses_are_refused(kr500):
+def test_strengths_of_nothing_holes_too_few_poses_and_moves_against_the_load_are_refused(kr500, campaign):
     for bad in (0, np.nan, np.inf, 1e-200):
         with pytest.raises(BenchError, match="uncertainty: expected 1e-06 to 1e"):
             Strength(bad)
@@ -248,6 +247,9 @@ def test_strengths_of_nothing_structures_with_holes_and_too_few_poses_are_refuse
     data = runs(kr500, 1, identification_poses=1, identification_runs=2)
     with pytest.raises(BenchError, match="expected at least 2 poses, got 1"):
         every_fold(kr500.vjm, template56(kr500.arm), data)
+    data, method = campaign.identification, with_prior(gco, cad_prior(kr500.arm))
+    with pytest.raises(BenchError, match="expected data that move with the load"):
+        method(kr500.vjm, mgco68(kr500.arm), replace(data, before=data.after, after=data.before))
 
 
 @pytest.fixture(scope="module")
@@ -389,12 +391,6 @@ def test_noise_counts_as_normal_and_what_the_prior_puts_in_as_student(kr500, cam
     widths = [(found.half_widths(a) / found.deviations(a))[0] for a in (told, open_)]
     assert quantile(np.inf, 0.975) <= widths[0] <= widths[1]
     assert widths[1] == pytest.approx(quantile(HEAVY, 0.975), rel=1e-9)
-
-
-def test_readings_that_move_against_the_load_are_refused_in_one_line(kr500, campaign):
-    data, method = campaign.identification, with_prior(gco, cad_prior(kr500.arm))
-    with pytest.raises(BenchError, match="expected data that move with the load"):
-        method(kr500.vjm, mgco68(kr500.arm), replace(data, before=data.after, after=data.before))
 
 
 def test_intervals_widen_by_what_a_linear_model_leaves_out_which_grows_with_the_square_of_the_load(

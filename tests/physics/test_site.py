@@ -174,7 +174,7 @@ def test_a_ball_hides_a_target_where_it_meets_the_line_of_sight(name, request, t
     np.testing.assert_array_equal(by_both[sure], (by_arm | by_ball)[sure])
 
 
-def test_a_padded_collision_shape_around_a_target_hides_nothing(kr500, tmp_path):
+def test_padding_and_the_end_of_its_holder_hide_no_target_but_another_thing_near_by_does(kr500, tmp_path):
     """A ray is stopped by what is drawn of a body, and by what collides only where nothing is drawn."""
     P1 = '<body name="P1" pos="0.12 0.40 0.24">'
     hull = '<geom class="collision" type="sphere" size="0.3" pos="0.12 0.40 0.24"/>'
@@ -182,9 +182,6 @@ def test_a_padded_collision_shape_around_a_target_hides_nothing(kr500, tmp_path)
     assert hidden(build_site(arm, station=STATION), READY) == [None]
     bare = altered(kr500, tmp_path, (P1, f'<body name="case">{hull}</body>{P1}'))
     assert hidden(build_site(bare, station=STATION), READY) == [("P1", "case")]
-
-
-def test_the_end_of_its_holder_hides_no_target_but_another_thing_near_by_does(kr500, tmp_path):
     P1 = tool_points(kr500.vjm, READY, kr500.vjm.markers)[0, 0]
     toward = (np.array(STATION) - P1) / np.linalg.norm(np.array(STATION) - P1)
     for distance, expected in ((TARGET_RADIUS - 0.005, None), (TARGET_RADIUS + 0.005, ("P1", "world"))):

@@ -148,7 +148,8 @@ def nearest(z, blocks):
     return cone.solve(cone.Problem(cost, (cone.free_block(0, 1), *blocks), rows))
 
 
-def test_the_nearest_psd_matrices_are_those_without_negative_eigenvalues(rng):
+def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_their_block_lacks(rng):
+    """The second has a diagonal and one off-diagonal entry of 3 x 3: a 2 x 2 block and a number."""
     A, B = symmetric(rng, 4), symmetric(rng, 3)
     found = nearest(np.r_[cone.svec(A), cone.svec(B)], cone.psd_blocks(1, (4, 3)))
     assert found.status == "solved"
@@ -157,10 +158,6 @@ def test_the_nearest_psd_matrices_are_those_without_negative_eigenvalues(rng):
     lost = [np.minimum(np.linalg.eigvalsh(M), 0) for M in (A, B)]
     assert found.cost == pytest.approx(np.linalg.norm(np.concatenate(lost)), rel=1e-8)
     assert found.bound == pytest.approx(found.cost, rel=1e-8)
-
-
-def test_a_block_that_lacks_entries_keeps_them_zero(rng):
-    """Diagonal and one off-diagonal entry of a 3 x 3 matrix: a 2 x 2 block and a number."""
     z = np.array([1.0, -2.0, 3.0, 4.0])  # X_00, X_11, X_22, X_01
     places = np.zeros((6, 4))
     places[[0, 2, 5, 1], [0, 1, 2, 3]] = 1, 1, 1, np.sqrt(2)

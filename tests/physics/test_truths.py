@@ -291,24 +291,12 @@ def test_a_tube_of_thin_walls_adds_timoshenkos_shear():
     assert_same(C, expected, 1e-4)  # of the polygon of 400 walls
 
 
-def test_cowpers_box_of_unlike_walls():
+def test_a_box_of_unlike_walls_has_bredts_torsion_cowpers_shear_and_moments_by_hand():
     """Cowper 1966, thin-walled box of flanges b t_f and webs h t_w, at a Poisson's ratio of 0."""
-    b, h, flange, web = 0.2, 0.3, 0.01, 0.016
-    m, n = b * flange / (h * web), b / h
-    k = 10 * (1 + 3 * m) ** 2 / (12 + 72 * m + 150 * m**2 + 90 * m**3 + 30 * n**2 * (m + m**2))
-    own = box(b, h, (flange, web, flange, web))
-    assert 1 / (own.shear_flexibility[0, 1, 1] * own.area[0]) == pytest.approx(k, rel=1e-12)
-
-
-def test_torsion_is_bredts():
     own = box(0.2, 0.3, (0.010, 0.016, 0.012, 0.020))
     bredt = 4 * (0.2 * 0.3) ** 2 / (0.2 / 0.010 + 0.3 / 0.016 + 0.2 / 0.012 + 0.3 / 0.020)
     saint_venant = (0.2 * (0.010**3 + 0.012**3) + 0.3 * (0.016**3 + 0.020**3)) / 3
     assert own.torsion_constant[0] == pytest.approx(bredt + saint_venant, rel=1e-12)
-
-
-def test_moments_of_area_are_of_the_midline_about_the_centroid():
-    """A box of unlike webs: by hand."""
     own = box(0.2, 0.3, (0.01, 0.03, 0.01, 0.01))
     area = 0.2 * 0.02 + 0.3 * 0.04
     y = (0.3 * 0.03 - 0.3 * 0.01) * 0.1 / area
@@ -317,6 +305,11 @@ def test_moments_of_area_are_of_the_midline_about_the_centroid():
     assert own.area[0] == pytest.approx(area)
     np.testing.assert_allclose(own.centroid[0], [y, 0], atol=1e-16)
     np.testing.assert_allclose(own.second_moments[0], [[yy, 0], [0, zz]], rtol=1e-12, atol=1e-18)
+    b, h, flange, web = 0.2, 0.3, 0.01, 0.016
+    m, n = b * flange / (h * web), b / h
+    k = 10 * (1 + 3 * m) ** 2 / (12 + 72 * m + 150 * m**2 + 90 * m**3 + 30 * n**2 * (m + m**2))
+    own = box(b, h, (flange, web, flange, web))
+    assert 1 / (own.shear_flexibility[0, 1, 1] * own.area[0]) == pytest.approx(k, rel=1e-12)
 
 
 def test_the_shear_centre_of_an_open_side_is_that_of_a_channel():
