@@ -52,14 +52,6 @@ def regular(kr500, q):
     return np.linalg.svd(J[:, 3:] @ stay)[1][:, -1] > 1.5 * SMALL
 
 
-def test_an_arm_that_buckles_is_named(kr500, state):
-    q = np.outer([0.2, 0.3], kr500.arm.limits[0])
-    wrench = np.array([[0.0] * 6, [0, 0, -3e7, 0, 0, 0]])
-    with pytest.raises(NoEquilibrium) as err:
-        rest(state, q, [Load(wrench, kr500.vjm.load)])
-    assert f"no static equilibrium at q = {kr500.arm.words(q[1])}" in str(err.value)
-
-
 def tip(true):
     return true.tool + true.rotation @ TIP
 
@@ -202,7 +194,7 @@ def test_the_linear_prediction_is_the_limit_of_small_loads(model, poses, load):
     np.testing.assert_allclose(np.divide(*off), 100, rtol=0.05)
 
 
-def test_the_ellipsoid_is_the_tangent_of_the_equilibrium(model, poses, load):
+def test_the_ellipsoid_is_the_tangent_of_the_equilibrium_as_sure_as_under_its_forces(model, poses, load):
     """A newton more along every principal axis; without own weight, whose K_w is left out."""
     hung = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), model.vjm.load)
     for own, most in ((weightless(model), 1e-6), (model, 0.01)):
@@ -218,6 +210,12 @@ def test_the_ellipsoid_is_the_tangent_of_the_equilibrium(model, poses, load):
             assert np.abs(moved - np.matvec(C, axis)).max() < most * found.give.max()
             assert np.abs(moved - found.give[:, k, None] * axis).max() < most * found.give.max()
     assert (np.diff(found.principal, axis=1) >= 0).all()
+    tool = stiffness(model, poses[:2])
+    halves = give_halves(model, poses[:2], tool, 700.0)
+    for k, q in enumerate(poses[:2, None]):
+        for axis, half in zip(tool.axes[k].T, halves[k], strict=True):
+            pushed = Poses(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
+            assert half == pytest.approx(half_widths(model, pushed, Poses(q), np.zeros((1, 3))).max())
 
 
 def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses):
@@ -247,16 +245,6 @@ def test_scatter_counts_in_positions_and_what_a_linear_model_leaves_out_once_or_
     left_out = np.abs(straight.deflection - bent.deflection)
     for found, times in ((bent, 1), (straight, CURVED)):
         np.testing.assert_allclose(found.half, times * left_out, rtol=0.05, atol=5e-3 * left_out.max())
-
-
-def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(model, poses):
-    """Of every pose and principal axis, one by one."""
-    tool = stiffness(model, poses[:2])
-    halves = give_halves(model, poses[:2], tool, 700.0)
-    for k, q in enumerate(poses[:2, None]):
-        for axis, half in zip(tool.axes[k].T, halves[k], strict=True):
-            pushed = Poses(q, [Load(np.r_[700 * axis, 0, 0, 0], np.zeros(3))])
-            assert half == pytest.approx(half_widths(model, pushed, Poses(q), np.zeros((1, 3))).max())
 
 
 def test_rows_of_compliances_add_up_to_how_far_loads_and_own_weight_bend_the_arm(model, poses, load):
@@ -379,7 +367,9 @@ def test_points_that_are_close_have_corrections_that_are_close(known, hold):
     assert np.abs(np.diff(found.q - q, axis=0)).max() < 1e-3
 
 
-def test_an_aim_that_is_none_no_points_and_what_a_model_does_not_know_are_refused(known):
+def test_an_aim_that_is_none_no_points_what_a_model_does_not_know_and_buckling_are_refused(
+    known, kr500, state
+):
     for one in ({"hold": "positon"}, {"asked": "taught"}, {"spindle": (2.0, 0, 0)}, {"point": (300.0, 0, 0)}):
         with pytest.raises(BenchError, match="aim"):
             Aim(**one)
@@ -389,3 +379,8 @@ def test_an_aim_that_is_none_no_points_and_what_a_model_does_not_know_are_refuse
         rest(known.state, np.zeros((2, 6)), [Load(np.zeros((3, 6)), np.zeros(3))])
     with pytest.raises(BenchError, match="expected an absolute model"):
         half_widths(known, Poses(Q[None], [FORCE]), None, TIP[None])
+    q = np.outer([0.2, 0.3], kr500.arm.limits[0])
+    wrench = np.array([[0.0] * 6, [0, 0, -3e7, 0, 0, 0]])
+    with pytest.raises(NoEquilibrium) as err:
+        rest(state, q, [Load(wrench, kr500.vjm.load)])
+    assert f"no static equilibrium at q = {kr500.arm.words(q[1])}" in str(err.value)

@@ -122,13 +122,18 @@ def test_sound_joints_play_and_stiffen_as_if_they_turned(sets):
             np.testing.assert_allclose(found[..., j, k], moved, rtol=0, atol=limit)
 
 
-def test_a_reading_that_outweighs_all_others_is_named(sets):
+def test_a_reading_that_outweighs_all_others_or_is_the_only_one_is_named(sets, made):
     own = sets["levels"]
     after = own.data.after.copy()
     after[3, 1] = own.data.before[3, 1] + np.array([-3.0, 2.0, 8.0])  # metres, against the load
     [first, *_] = named(replace(own, data=replace(own.data, after=after)))
     marker, run = own.data.markers[1], own.data.run[3]
     assert f"{marker} in run {run}" in first.sentence or f"run {run}: {marker}" in first.sentence
+    own = made(4)
+    assert (own.cell.arm.name, own.tracker) == ("arm_6r", True)
+    data = select(own.data, own.data.run == 1)
+    given = HandedIn(own.cell.vjm, data, Registered(own.cell.vjm, data, None, "base", ()), declared=False)
+    assert [doubt.kind for doubt in doubts(given, own.prior)] == ["pose"]
 
 
 @pytest.mark.parametrize("fault", ["joint_sign", "longer", "kilograms"])
@@ -254,14 +259,6 @@ def test_single_runs_are_found_among_many(sets):
         ("reading", "run 4"),
         ("reading", f"run {data.runs - 1}"),
     }
-
-
-def test_a_single_reading_that_lies_apart_is_a_doubt_with_nothing_left_to_weigh(made):
-    own = made(4)
-    assert (own.cell.arm.name, own.tracker) == ("arm_6r", True)
-    data = select(own.data, own.data.run == 1)
-    given = HandedIn(own.cell.vjm, data, Registered(own.cell.vjm, data, None, "base", ()), declared=False)
-    assert [doubt.kind for doubt in doubts(given, own.prior)] == ["pose"]
 
 
 def bumped(given, run, shift, turn=(0.0, 0.0, 0.0), *, loaded=False):

@@ -134,7 +134,7 @@ def seen(kr500):
     return data, beams, A, 1e-6 * data.deflection[data.seen].ravel() / sigma
 
 
-def test_ridge_leaves_each_reading_out_in_turn_by_its_weight(kr500, seen):
+def test_ridge_leaves_readings_out_by_their_weight_and_clipping_makes_the_nearest_matrices(kr500, seen):
     """Generalised cross-validation of all equations by the hat matrix, not of those that are reduced."""
     data, beams, A, y = seen
     A = A / np.linalg.norm(A, axis=0).clip(1e-9 * np.linalg.norm(A, axis=0).max())
@@ -153,9 +153,6 @@ def test_ridge_leaves_each_reading_out_in_turn_by_its_weight(kr500, seen):
     expected = A @ fit(best) @ y * np.sqrt(2) * data.sigma
     np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
     assert found.constraint == "ridge"
-
-
-def test_clipping_makes_the_nearest_conservative_matrix_of_every_block(kr500, seen):
     data, beams, _, _ = seen
     plain, held = (method(kr500.vjm, beams, data) for method in (least_squares, clipped))
     assert (plain.conservative, held.conservative, held.f_m > plain.f_m) == (False, True, True)

@@ -158,20 +158,6 @@ def test_positions_lie_in_their_ellipsoids(arms, kr500):
     assert np.sqrt(np.mean(np.square(error))) < 0.15e-3
 
 
-def test_a_prior_that_is_hardly_believed_takes_no_bound_from_what_readings_show(kr500, rng):
-    """Directions that neither tells have none; deflections of the runs that were read have one."""
-    campaign = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=2), 5)
-    data = replace(campaign.identification, sigma=1e-8)
-    own = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
-    regression = reduce(kr500.vjm, own.structure, data)
-    found = linearise(solve(regression, "none", Belief(own, Strength(1e6))))
-    where, points = chain(kr500.vjm, data.q), marker_points(kr500.vjm, data.markers)
-    rows = observation(where, own.structure, data.wrench, data.point, points).reshape(-1, own.structure.n)
-    assert len(found.unseen) > 0
-    assert np.isfinite(found.deviations(rows)).all()
-    assert np.isinf(found.deviations(rng.normal(size=(5, own.structure.n)) / found.scale)).all()
-
-
 def test_an_interval_is_as_wide_as_noise_by_the_normal_and_the_prior_by_students_distribution(rng):
     """In quadrature: neither hides the other, and each alone is its own quantile."""
     noise, prior = rng.normal(size=(2, 4, 6))
@@ -279,7 +265,8 @@ def full_pose(arm_6r):
     return s, rows_of(arm_6r, s, campaign.check, np.zeros((1, 3))), campaign.identification
 
 
-def test_what_gravity_does_not_load_is_infinitely_uncertain(kr500, campaign):
+def test_what_nothing_shows_is_infinitely_uncertain_and_nothing_else(kr500, campaign, rng):
+    """Joint 1 under a weight; a prior that is hardly believed takes no bound from what readings show."""
     joint_1 = Structure.of(kr500.arm, joints=["joint_1", "joint_2"])
     sd = linearise(least_squares(kr500.vjm, joint_1, campaign.identification)).deviations(np.eye(2))
     assert np.isinf(sd[0])
@@ -297,6 +284,16 @@ def test_what_gravity_does_not_load_is_infinitely_uncertain(kr500, campaign):
     two = np.vstack([rows_of(kr500, s, campaign.truth)[:1], seen[:1]])
     found = bootstrap(estimate, two, 0.5, draws=3, rng=np.random.default_rng(0))
     np.testing.assert_array_equal(np.isinf(found.upper), [True, False])
+    campaign = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=2), 5)
+    data = replace(campaign.identification, sigma=1e-8)
+    own = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
+    regression = reduce(kr500.vjm, own.structure, data)
+    found = linearise(solve(regression, "none", Belief(own, Strength(1e6))))
+    where, points = chain(kr500.vjm, data.q), marker_points(kr500.vjm, data.markers)
+    rows = observation(where, own.structure, data.wrench, data.point, points).reshape(-1, own.structure.n)
+    assert len(found.unseen) > 0
+    assert np.isfinite(found.deviations(rows)).all()
+    assert np.isinf(found.deviations(rng.normal(size=(5, own.structure.n)) / found.scale)).all()
 
 
 def test_bootstrap_is_near_linearised_where_the_cone_does_not_bind(arm_6r, full_pose):

@@ -131,7 +131,7 @@ def inverted_pendulum(cell):
     return q, point[None], C_theta, height, compliance
 
 
-def test_stiffness_falls_to_zero_at_the_buckling_load_of_theory_beyond_which_is_no_equilibrium(kr500):
+def test_stiffness_falls_to_zero_at_the_buckling_load_of_theory_beyond_which_a_pose_is_named(kr500, arm_6r):
     """An inverted pendulum of height h on a spring k: stiffness k - P h, critical load P = k / h."""
     q, point, C_theta, height, compliance = inverted_pendulum(kr500)
     critical = 1 / (compliance * height)
@@ -148,9 +148,6 @@ def test_stiffness_falls_to_zero_at_the_buckling_load_of_theory_beyond_which_is_
         wrench = np.array([[1.0, 0, -share * critical, 0, 0, 0]])  # a newton tells it where to fall
         with pytest.raises(NoEquilibrium, match=r"-90\.0.*buckled"):
             at_rest(kr500, C_theta, q, wrench, point)
-
-
-def test_a_load_beyond_all_measure_names_its_pose(arm_6r):
     q = np.deg2rad([[0.0, 0, 0, 0, 0, 0], [0.0, 10, 0, 0, 0, 0]])
     wrench, point = hung(arm_6r, 2, 1e5)
     wrench[0] = 0

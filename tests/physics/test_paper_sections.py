@@ -44,7 +44,7 @@ def printed(single_link):
     return printed_matrices(single_link, STUDY, measure(single_link, STUDY, 1).truth)
 
 
-def test_noise_free_data_give_eq_21_back(single_link):
+def test_noise_free_data_give_eq_21_back_and_rank_counts_what_is_beyond_rounding(single_link):
     campaign = STUDY.campaign.model_copy(update={"noise": False})
     data = measure(single_link, replace(STUDY, campaign=campaign), 1).identification
     found = estimates(single_link, data)
@@ -53,6 +53,11 @@ def test_noise_free_data_give_eq_21_back(single_link):
     np.testing.assert_allclose(found[LEAST_SQUARES], C, rtol=0, atol=1e-15)
     # the interior point stops at 1e-7 of the data; noise would be of order one
     assert np.abs((found[GCO] - C) / unit).max() < 1e-3
+    C = single_link.arm.C_theta
+    assert rank_beyond_noise(STUDY.campaign, C) == 6
+    values, Q = np.linalg.eigh(C)
+    values[:2] = 0, 1e-14
+    assert rank_beyond_noise(STUDY.campaign, (Q * values) @ Q.T) == 4
 
 
 def test_eq_22_differs_from_the_truth_by_noise_under_axis_loads_and_eq_23_is_of_rank_4(printed):
@@ -84,14 +89,6 @@ def test_eq_22_is_the_papers_dataset_and_eq_23_is_not_its_optimum(single_link, p
     distance = [row.rms_to_eq_23_over_sigma for row in own.order]
     assert int(np.argmin(distance)) + 1 == 4  # the order that the paper seems to have used
     assert own.order[-1].f_m == pytest.approx(own.optimum_f_m, rel=1e-6)
-
-
-def test_rank_counts_what_is_beyond_rounding_in_units_of_the_noise(single_link):
-    C = single_link.arm.C_theta
-    assert rank_beyond_noise(STUDY.campaign, C) == 6
-    values, Q = np.linalg.eigh(C)
-    values[:2] = 0, 1e-14
-    assert rank_beyond_noise(STUDY.campaign, (Q * values) @ Q.T) == 4
 
 
 def test_a_draw_is_the_same_alone_and_among_others():
@@ -134,7 +131,7 @@ def test_a_model_is_the_best_where_it_errs_least_in_most_seeds():
 PAPER = {"arm": "arm_6r", "least": 9e-3, "most": 41e-3}
 
 
-def test_campaign_is_that_of_section_5_2(arm_6r):
+def test_campaign_is_that_of_section_5_2_its_noise_root_two_of_a_readings(arm_6r):
     campaign = simulate(arm_6r, FullPose(**PAPER), 1)
     data = campaign.identification
     assert (data.runs, len(np.unique(data.pose)), campaign.check.runs) == (108, 18, 120)
@@ -146,9 +143,6 @@ def test_campaign_is_that_of_section_5_2(arm_6r):
     assert 9e-3 <= size.min() < size.max() <= 41e-3
     assert len(np.unique(campaign.check.q, axis=0)) == 120
     assert campaign.drawn >= 120
-
-
-def test_noise_of_a_deflection_is_root_two_of_a_readings(arm_6r):
     scenario = FullPose(**PAPER, check_runs=1000, sigma=40e-6, sigma_rotation=300e-6)
     campaign = simulate(arm_6r, scenario, 3)
     error = campaign.check.deflection - campaign.truth.deflection

@@ -89,14 +89,6 @@ def promise_of(spec, q, load):
     return forecast(problem, information(problem, np.arange(len(q))), task_rows(spec))
 
 
-def test_information_is_that_of_the_reduced_regression(kr500, spec, poses):
-    q, setup = poses[:7], Scenario(arm=kr500.arm.name, truth="linear")
-    data = measure(kr500, setup, hanging(kr500, q, np.arange(7) + 1, 460.3), stream(2))
-    rows = reading_rows(spec.experiment, q, spec.loads[0]).reshape(-1, 68)
-    A, _ = whitened(reduce(kr500.vjm, mgco68(kr500.arm), data), spec.experiment.metric)
-    np.testing.assert_allclose(rows.T @ rows, A.T @ A, atol=1e-9 * np.abs(A.T @ A).max())
-
-
 def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spec, poses):
     """Fewer with a lighter load beside; of exact readings in many poses joint 1's, which nothing turns."""
     prior, heavy = cad_prior(kr500.arm), spec.loads[0]
@@ -124,7 +116,7 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
     assert left(poses[:11], 1, replace(whole, uncertainty=None)) == left(poses[:11], 1, spec) == {}
 
 
-def test_prediction_variance_in_seen_coordinates_is_that_of_all_unknowns(spec, poses):
+def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns(spec, poses, kr500):
     """A side force asks for directions that gravity does not show: the prior's part must come in whole."""
     rows = reading_rows(spec.experiment, poses, spec.loads[0])
     problem = build_problem(spec.experiment, rows, 0.3)
@@ -139,6 +131,11 @@ def test_prediction_variance_in_seen_coordinates_is_that_of_all_unknowns(spec, p
     inside = problem.lift @ np.linalg.solve(information(problem, chosen), problem.lift.T) + problem.hidden
     by_hand, ours = (np.einsum("pkn,nl,pkl->p", wanted, C, wanted) for C in (whole, inside))
     np.testing.assert_allclose(ours, by_hand, rtol=1e-6)
+    q, setup = poses[:7], Scenario(arm=kr500.arm.name, truth="linear")
+    data = measure(kr500, setup, hanging(kr500, q, np.arange(7) + 1, 460.3), stream(2))
+    rows = reading_rows(spec.experiment, q, spec.loads[0]).reshape(-1, 68)
+    A, _ = whitened(reduce(kr500.vjm, mgco68(kr500.arm), data), spec.experiment.metric)
+    np.testing.assert_allclose(rows.T @ rows, A.T @ A, atol=1e-9 * np.abs(A.T @ A).max())
 
 
 def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, poses):
@@ -297,7 +294,7 @@ def test_a_joint_that_never_turns_hides_what_a_plan_shows_but_for_structural_dir
     assert first.endswith(joints)
 
 
-def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other(union):
+def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_zero_does(union, places):
     """Information k of the sum of two unit normals: each keeps (1 + k) / (1 + 2 k) of its variance."""
     unknowns, k = union.unknowns, 50.0
     one, other = (
@@ -311,9 +308,6 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other(uni
         [("joint_3's offset", ("joint_6's compliance",))],
         [("joint_6's compliance", ("joint_3's offset",))],
     )
-
-
-def test_what_is_taken_to_be_zero_is_not_spoken_of(union, places):
     unknowns, q = union.unknowns, places[:POSES]
     prior = np.diag(np.diag(union.L @ union.L.T))
     prior[unknowns.columns("errors")] = 0

@@ -121,7 +121,7 @@ def test_with_a_prior_least_squares_is_the_ridge_solution_and_gco_optimal_in_the
         assert binds  # else the cone was never asked for anything
 
 
-def test_log_det_prior_is_never_singular_and_of_least_cost(kr500):
+def test_log_det_prior_is_never_singular_and_of_least_cost_and_least_trace_fits_as_well(kr500):
     regression, own = scaled(kr500, template56(kr500.arm), 3)
     loose = gco_stein(regression, own, Strength(3.0))
     assert loose.status == "solved"
@@ -138,9 +138,6 @@ def test_log_det_prior_is_never_singular_and_of_least_cost(kr500):
     root = np.linalg.cholesky(A.T @ A + np.eye(len(x)) / (3.0 * scale) ** 2)
     steps = 1e-3 * np.linalg.solve(root.T, np.random.default_rng(1).standard_normal((len(x), 40)))
     assert min(cost(x + sign * step) for step in steps.T for sign in (1, -1)) > cost(x)
-
-
-def test_least_trace_has_less_trace_and_fits_as_well(kr500):
     data, structure = runs(kr500, 2), mgco68(kr500.arm)
     regression, own = scaled(kr500, structure, 2)
     ours, plain = gco_least_trace(regression, own), gco(kr500.vjm, structure, data)
@@ -181,7 +178,7 @@ def test_folds_are_whole_poses_reduced_by_themselves_and_cover_all_runs(kr500, r
                 assert (found.equations, found.rank) == (alone.equations, alone.rank)
 
 
-def test_load_levels_are_held_out_whole_where_there_are_several(kr500):
+def test_load_levels_are_held_out_whole_and_the_strength_that_predicts_best_is_taken(kr500):
     light, heavy = (runs(kr500, 1, payload=mass) for mass in (200.0, 460.3))
     structure = template56(kr500.arm)
     assert len(every_fold(kr500.vjm, structure, heavy)) == 8
@@ -193,9 +190,6 @@ def test_load_levels_are_held_out_whole_where_there_are_several(kr500):
     folds = every_fold(kr500.vjm, structure, replace(heavy, wrench=heavy.wrench + turned))
     some = -(-heavy.runs // 3)
     assert [fold.held_out.equations for fold in folds[8:]] == [9 * (heavy.runs - some), 9 * some]
-
-
-def test_cross_validation_takes_the_strength_that_predicts_best(kr500):
     structure, errors = template56(kr500.arm), {}
     own = metric(cad_prior(kr500.arm), kr500.vjm, structure)
     folds = every_fold(kr500.vjm, structure, runs(kr500, 1))

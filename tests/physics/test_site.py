@@ -67,13 +67,18 @@ def test_alone_the_arm_touches_itself_and_the_floor(kr500, arm_6r, rng):
     assert not any(contacts(arm_6r.room, random_q(arm_6r, rng, 300)))  # it has no shapes that collide
 
 
-def test_the_weight_is_a_steel_cylinder_as_high_as_wide(kr500):
+def test_the_weight_is_a_steel_cylinder_and_names_of_the_model_are_left_to_its_owner(kr500, tmp_path):
     payload = Payload(460.3)
     d = payload.diameter
     assert np.pi / 4 * d**3 * 7850 == pytest.approx(460.3, rel=1e-12)  # rounding
     model = build_site(kr500.arm, payload).model
     weight = np.flatnonzero(model.geom_bodyid == model.body("payload").id)[0]
     np.testing.assert_allclose(model.geom_size[weight, :2], d / 2, rtol=1e-15)
+    stands = '<body name="payload"/><body name="tracker"/>'
+    sling = load_point(kr500)[2] - 0.3
+    arm = furnished(kr500, tmp_path, stands)
+    found = contacts(build_site(arm, Payload(460.3, sling=sling), STATION), READY)
+    assert found == [Contact("payload", ("world", "payload_"))]
 
 
 @pytest.mark.parametrize(
@@ -202,14 +207,6 @@ def test_targets_face_along_the_z_axis_of_their_bodies(kr500, tmp_path, rng):
     tool, P2 = frames.rotations[0, names.index("tool")], frames.rotations[0, names.index("P2")]
     np.testing.assert_allclose(tool @ facing[1], P2[:, 2], atol=1e-14)
     assert abs(facing[1, 2]) < 0.9
-
-
-def test_names_of_the_model_are_left_to_its_owner(kr500, tmp_path):
-    stands = '<body name="payload"/><body name="tracker"/>'
-    sling = load_point(kr500)[2] - 0.3
-    arm = furnished(kr500, tmp_path, stands)
-    found = contacts(build_site(arm, Payload(460.3, sling=sling), STATION), READY)
-    assert found == [Contact("payload", ("world", "payload_"))]
 
 
 @pytest.mark.parametrize(
