@@ -7,12 +7,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from sound_sets import PAYLOAD, Sound
 
+from testbench import BenchError, registered
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.doubt import Doubt, said
-from testbench.errors import BenchError
 from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
 from testbench.identify.prior import Prior
-from testbench.identify.registered import registered
 from testbench.model.vjm import tool_pose
 
 POSES = 12  #: Of a set-up in which the tracker moves by half a millimetre.

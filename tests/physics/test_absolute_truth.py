@@ -6,16 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from testbench import BenchError, cad_prior
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import Cell
 from testbench.data.series import select_rows
-from testbench.errors import BenchError
 from testbench.identify.absolute import choose
 from testbench.identify.absolute import state as absolute
 from testbench.identify.absolute.evidence import LOOSE, Learnt, solve
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.state import forward, nominal
-from testbench.identify.prior import cad_prior
 from testbench.model.joint_errors import JointErrors
 from testbench.model.vjm import chain
 from testbench.model.weights import read_weights

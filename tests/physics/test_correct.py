@@ -7,12 +7,11 @@ import pytest
 from loads import correct
 from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_everywhere
 
+from testbench import Load, compensate, predict
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.program import extrapolated
 from testbench.correct.beyond import extent
-from testbench.correct.compensated import compensate
 from testbench.correct.newton import SMALL, Aim, Target, asked
-from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
 from testbench.correct.stiffness import give_halves, stiffness
 from testbench.correct.uncertainty import Poses, fitted_half_widths, half_widths, most_open, rows_between
@@ -20,7 +19,6 @@ from testbench.errors import BenchError, NoEquilibrium
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.arm_model import About, bending, of_compliances
 from testbench.identify.posterior import CURVED, Posterior
-from testbench.model.load import Load
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import Weights, read_weights

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from loads import SIGMA, SIGMA_ROTATION, axis_loads, rotation_observation
 
+from testbench import BenchError, Scenario, simulate
 from testbench.campaign.advice import advice
-from testbench.campaign.campaign import Scenario, simulate
 from testbench.campaign.identifiability import describe, tasks
 from testbench.commands.identifiability import report as said
 from testbench.data.dataset import in_order
-from testbench.errors import BenchError
 from testbench.identify import cone, gco, interior, least_squares, reduce
 from testbench.identify.certify import bound, default_trace_bounds, gradient_dual
 from testbench.identify.metric import metric, whitened

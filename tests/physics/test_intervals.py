@@ -14,18 +14,15 @@ from scipy.stats import kstest, norm
 from scipy.stats import t as student
 from unsure import AIM, FORCE, TIP, Q, drawn_state, unsure, unsure_everywhere
 
+from testbench import BenchError, compensate, gco, intervals, least_squares, predict, reduce, with_prior
 from testbench.campaign import named_parameters
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import Scenario, clear_poses, simulate, stream
 from testbench.campaign.pose_campaign import FullPose
 from testbench.campaign.pose_campaign import simulate as simulate_full_pose
-from testbench.correct.compensated import compensate
 from testbench.correct.newton import asked
-from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
 from testbench.data.dataset import in_order
-from testbench.errors import BenchError
-from testbench.identify import gco, intervals, least_squares, reduce, with_prior
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.posterior import posterior_of
 from testbench.identify.metric import Belief, metric

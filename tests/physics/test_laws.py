@@ -9,20 +9,15 @@ import pytest
 from loads import GRAVITY, hung
 from run_here import here
 
-from testbench.campaign.arm_models import load_model
+from testbench import Load, deflections, load_model, predict, read_csv, score, stiffness, write_csv
 from testbench.campaign.campaign import Scenario, simulate, stream
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
 from testbench.cli.program import program
-from testbench.correct.predicted import predict
 from testbench.correct.rest import put
-from testbench.correct.stiffness import stiffness
 from testbench.data.dataset import in_order
-from testbench.data.read_pairs import read_csv
-from testbench.data.write import write_csv
 from testbench.identify import gco, intervals, least_squares, robust, with_prior
 from testbench.identify.arm_model import of_estimate
-from testbench.identify.evaluate import deflections, score
 from testbench.identify.fold import reduce
 from testbench.identify.hierarchy import LAW, evidence
 from testbench.identify.metric import metric
@@ -41,7 +36,6 @@ from testbench.model.laws import (
     with_laws,
     without_laws,
 )
-from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import chain, plain_load
 from testbench.model.weights import read_weights

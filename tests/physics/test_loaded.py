@@ -6,13 +6,11 @@ import pytest
 from loads import GRAVITY, at_rest, hung, random_q
 from serial_arms import write_arm
 
-from testbench.arm.folder import load_arm
+from testbench import Series, load_arm
 from testbench.campaign.absolute import of_masses
-from testbench.data.series import Series
 from testbench.errors import BenchError, InputError, NoEquilibrium
 from testbench.identify.absolute.torques import CENTRE, LIMIT, MASS, fit_weights
 from testbench.identify.regression import non_redundant, rank
-from testbench.model.load import Load, on_joints, resultant
 from testbench.model.loaded import (
     displacement,
     geometric_stiffness,
@@ -31,17 +29,6 @@ from testbench.plant.state import open_row
 
 HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0, "slides": 3_000.0}
 """Most that the arm carries in every pose [N]: the light arm's virtual joints then turn by 0.2 rad."""
-
-
-def test_the_resultant_of_loads_moves_joints_as_the_loads_do(cell, rng):
-    """One load a pose and one for all, at points that turn with the tool, the moment about its origin."""
-    where = chain(cell.vjm, random_q(cell, rng, 4))
-    each = Load(rng.normal(size=(4, 6)), rng.normal(size=(4, 3)))
-    all_ = Load(rng.normal(size=6), rng.normal(size=3))
-    total = resultant(where.rotation, [each, all_])
-    at_origin = generalised_load(where, total, np.zeros((4, 3)))
-    expected = on_joints(where, [each, all_.over(4)])
-    np.testing.assert_allclose(at_origin, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
 def bent(cell, rng, runs):
@@ -106,17 +93,6 @@ def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng):
     np.testing.assert_allclose(theta, rest.theta, rtol=0, atol=1e-9)
     moved = loaded_deflection(cell.vjm, q, theta, cell.vjm.markers)
     np.testing.assert_allclose(moved, rest.markers - settle(plant, q).markers, rtol=0, atol=1e-8)
-
-
-def test_second_order_of_a_secant_is_the_load_on_the_bent_arm(cell, rng):
-    """theta = C_theta (J^T w + K_w theta), by Eq. (7); without K_w that of Eq. (6)."""
-    wrench, point = random_wrench(rng, 5, 100, 100)
-    where, C_theta = chain(cell.vjm, random_q(cell, rng, 5)), cell.arm.C_theta
-    K_w = geometric_stiffness(where, wrench, point)
-    for given, own in ((None, 0 * K_w), (K_w, K_w)):
-        theta = secant(where, C_theta, wrench, point, given)
-        u = generalised_load(where, wrench, point).T + np.matvec(own, theta)
-        np.testing.assert_allclose(theta, u @ C_theta, rtol=0, atol=1e-12 * np.abs(theta).max())
 
 
 def inverted_pendulum(cell):

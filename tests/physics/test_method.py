@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 from loads import axis_loads
 
+from testbench import BenchError, Scenario, deflections, score, simulate
 from testbench.campaign.advice import advice
-from testbench.campaign.campaign import Scenario, simulate
 from testbench.campaign.evaluation import identify, of_model
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import DEFAULT, choose, default_models, recommend
 from testbench.campaign.models import Model, is_least_squares, named_models
-from testbench.errors import BenchError
 from testbench.identify import gco, huber, least_squares, make_estimate, reduce, robust, weighed, with_prior
 from testbench.identify.estimate import TOOL
-from testbench.identify.evaluate import deflections, score
 from testbench.identify.hierarchy import learn
 from testbench.identify.huber import REJECT, search, without_outliers
 from testbench.identify.method import ROBUST_UNCERTAINTY

@@ -9,13 +9,12 @@ from loads import rotation_observation
 from printed_matrices import OWN, least_cost, printed_matrices, readings, tables
 from scipy.spatial.transform import Rotation
 
-from testbench.campaign.campaign import Scenario
+from testbench import Scenario, deflections
 from testbench.campaign.campaign import simulate as calibrate
 from testbench.campaign.evaluation import identify
 from testbench.campaign.models import named_models
 from testbench.campaign.pose_campaign import FullPose, random_wrenches, simulate
 from testbench.errors import PoseError
-from testbench.identify.evaluate import deflections
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, observation
 from testbench.report.table import Row, Trials

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import wishart
 
+from testbench import BenchError, Load, PlanSettings, deflections, least_squares, reduce, with_prior
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign import predicted_error
 from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
@@ -14,7 +15,6 @@ from testbench.campaign.campaign import Scenario, hanging, measure, stream
 from testbench.campaign.candidates import Conditions, build_checks, find
 from testbench.campaign.open_laws import open_laws
 from testbench.campaign.plan import left_open, union_after, union_of
-from testbench.campaign.plan_settings import PlanSettings
 from testbench.campaign.unobservable import quantities, unobservable
 from testbench.commands.plan_numbers import filled
 from testbench.design import absolute
@@ -36,18 +36,14 @@ from testbench.design.rows import (
     task_rows,
 )
 from testbench.design.whole_arm import fit_of, promise_on
-from testbench.errors import BenchError
-from testbench.identify import least_squares, reduce, with_prior
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.pull import information as told_by
 from testbench.identify.absolute.pull import pull_of
 from testbench.identify.absolute.state import forward
-from testbench.identify.evaluate import deflections
 from testbench.identify.metric import metric, precision_root, whitened
 from testbench.identify.observability import hidden
 from testbench.identify.prior import Strength, cad_prior
-from testbench.model.load import Load
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.plant import collisions

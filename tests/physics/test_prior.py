@@ -8,19 +8,16 @@ import pytest
 from loads import at_rest, random_q
 from scipy.integrate import quad
 
+from testbench import BenchError, Scenario, deflections, gco, reduce, score, simulate, with_prior
 from testbench.campaign.advice import of_average
-from testbench.campaign.campaign import Scenario, simulate
 from testbench.campaign.doubt import of_scale
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
 from testbench.campaign.perturbed_prior import prior_of
 from testbench.campaign.true_arms import true_cell
 from testbench.data.dataset import select
-from testbench.errors import BenchError
-from testbench.identify import gco, reduce, with_prior
 from testbench.identify.average import ODDS, averaged, of_two_priors
 from testbench.identify.crossval import Candidate, divided, unless_beaten
-from testbench.identify.evaluate import deflections, score
 from testbench.identify.evidence import bends, greatest, posterior
 from testbench.identify.hierarchy import (
     ALONE,

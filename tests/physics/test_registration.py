@@ -9,10 +9,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from serial_arms import write_arm
 
-from testbench.campaign.campaign import Scenario, build_cell, simulate
+from testbench import BenchError, Dataset, Scenario, build_cell, simulate
 from testbench.campaign.registration_notes import registration_notes
-from testbench.data.dataset import Dataset
-from testbench.errors import BenchError
 from testbench.identify.registered import LOOSE, in_base, registered
 from testbench.identify.registered import unloaded as series_of_stations
 from testbench.identify.registration import Frame

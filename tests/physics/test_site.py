@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from loads import random_q
 
-from testbench.arm.folder import load_arm
-from testbench.errors import BenchError
+from testbench import BenchError, load_arm
 from testbench.model.vjm import tool_points
 from testbench.plant import (
     Contact,

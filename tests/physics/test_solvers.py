@@ -7,9 +7,8 @@ import pytest
 from agreement import APART, OFF, WORSE, compared, least_squares_off
 from programs import NASTY, random_regression, with_random_prior
 
-from testbench.campaign.campaign import Scenario, build_cell, simulate
+from testbench import BenchError, Scenario, build_cell, deflections, simulate
 from testbench.data.dataset import in_order
-from testbench.errors import BenchError
 from testbench.identify import certify, cone, conic, gco, least_squares, make_estimate, projected, reduce
 from testbench.identify.certify import (
     bound,
@@ -29,7 +28,6 @@ from testbench.identify.conic import (
     scale_program,
 )
 from testbench.identify.estimate import Dual
-from testbench.identify.evaluate import deflections
 from testbench.identify.metric import Belief, Case, metric, rescaled
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import Term, f_m, regression_of

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from testbench import MODELS, BenchError, cad_prior, deflections
 from testbench.arm.stiffness import (
     Material,
     Tube,
@@ -16,7 +17,6 @@ from testbench.arm.stiffness import (
 )
 from testbench.campaign.campaign import Scenario, simulate, stream
 from testbench.campaign.cast import CAST_IRON, Casting, Line, as_compliant, beam_compliance, draw_casting
-from testbench.campaign.models import MODELS
 from testbench.campaign.perturbed_prior import FAR, PRIORS, TURN, prior_of, wrong_prior
 from testbench.campaign.section import Sections, rib_thickness
 from testbench.campaign.true_arms import (
@@ -29,9 +29,6 @@ from testbench.campaign.true_arms import (
     member,
     true_cell,
 )
-from testbench.errors import BenchError
-from testbench.identify.evaluate import deflections
-from testbench.identify.prior import cad_prior
 from testbench.model.structure import TEMPLATE
 
 TUBE = tube_compliance(Tube(1.3, 0.34, 0.31, 1.1e11, 0.26))

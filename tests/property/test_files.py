@@ -17,12 +17,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from refused import one_line
 
-from testbench.arm.folder import load_arm
+from testbench import load_arm, read_csv, write_csv
 from testbench.data.dataset import Dataset, select, split
 from testbench.data.names import LARGEST, LEAST
-from testbench.data.read_pairs import read_csv
 from testbench.data.scatter import SIGMA_RANGE
-from testbench.data.write import write_csv
 from testbench.errors import InputError
 
 ROOT = Path(__file__).parents[2]
