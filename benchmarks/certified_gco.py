@@ -15,7 +15,7 @@ from testbench.identify import Estimate, gco, reduce
 from testbench.identify.cone import TOLERANCE
 from testbench.identify.conic import by_clarabel, scale_program
 from testbench.model.structure import Structure, all153
-from testbench.plant import settle_linear
+from testbench.plant.equilibrium import settle_linear
 from testbench.studies.estimators.modelled import Entries, cvxpy, solve_modelled, vectorised
 
 ARMS = ("arm_6r", "kr500_l480")

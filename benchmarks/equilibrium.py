@@ -12,9 +12,8 @@ from mujoco.batch import Batch
 
 from testbench.campaign.campaign import Cell, build_cell
 from testbench.errors import Array
-from testbench.plant import Equilibrium, settle
 from testbench.plant.elastic import DAMPING
-from testbench.plant.equilibrium import STEP_TOLERANCE, hold
+from testbench.plant.equilibrium import STEP_TOLERANCE, Equilibrium, hold, settle
 from testbench.plant.state import evaluate, open_row
 
 POSES = 1000

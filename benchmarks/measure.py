@@ -14,7 +14,7 @@ from testbench.campaign.campaign import Cell
 from testbench.errors import Array
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.vjm import Vjm
-from testbench.plant import collisions
+from testbench.plant.site import collisions
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 PAYLOAD = 460.3 * GRAVITY

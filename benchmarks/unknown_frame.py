@@ -29,8 +29,8 @@ from testbench.identify.registered import in_base, registered, unloaded
 from testbench.identify.registration import Frame, register
 from testbench.model.structure import mgco68
 from testbench.model.vjm import Vjm, tool_pose
-from testbench.plant import disturb
 from testbench.plant.disturbance import Disturbances, GeometryErrors
+from testbench.plant.disturbed import disturb
 
 ARM, PLACE, POSES, MASS = "kr500_l480", (2.2, -4.0, 1.6), 10, 460.3
 ROUGH, NOISE = 0.03, 1e-3  #: Of nominal targets, and of readings where the covariance is judged [m].

@@ -1,5 +1,6 @@
 """TOML and XML as people hand them in: well-formed, without what may reach elsewhere; strict models."""
 
+import os
 import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Container
@@ -31,6 +32,16 @@ def _fit(name: str) -> str:
 
 Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_fit)]
 """Of a body, joint or marker: letters of any script, and whatever else is seen."""
+
+
+def inside(folder: Path, file: Path) -> Path | None:
+    """A file of a folder, symbolic links followed; None where it lies elsewhere."""
+    home = os.path.realpath(folder)
+    try:
+        real = Path(os.path.realpath(Path(home) / file))
+    except ValueError:  # a zero byte
+        return None
+    return real if real.is_relative_to(home) else None
 
 
 def unique(name: str, taken: Container[str]) -> str:

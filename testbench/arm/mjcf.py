@@ -11,7 +11,7 @@ from collections import Counter
 from pathlib import Path
 
 from testbench.arm.decimal import WRITTEN, read_decimals
-from testbench.arm.document import parse_xml
+from testbench.arm.document import inside, parse_xml
 from testbench.arm.lines import xml_place
 from testbench.errors import InputError, read_text
 
@@ -186,13 +186,13 @@ def _check_values(path: Path, e: ET.Element) -> None:
 
 def _check_files(path: Path, root: ET.Element) -> None:
     """Every file that the MJCF names lies in the arm's folder, symbolic links followed."""
-    home, folder = os.path.realpath(path.parent), _mesh_folder(path, root)
+    folder = _mesh_folder(path, root)
     for e in root.iter():
         for key in [key for key in ("file", "meshdir") if key in e.attrib]:
-            for base in (path.parent, folder):
-                if not Path(os.path.realpath(base / e.attrib[key])).is_relative_to(home):
-                    problem = f"{key}: expected a file inside the arm's folder"
-                    raise InputError(path, xml_place(path, e), problem)
+            bases = (path.parent.absolute(), folder.absolute())
+            if not all(inside(path.parent, base / e.attrib[key]) for base in bases):
+                problem = f"{key}: expected a file inside the arm's folder"
+                raise InputError(path, xml_place(path, e), problem)
 
 
 def _mesh_folder(path: Path, root: ET.Element) -> Path:

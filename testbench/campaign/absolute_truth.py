@@ -23,15 +23,11 @@ from testbench.campaign.tracker import (
 from testbench.data.dataset import Dataset, in_order
 from testbench.data.series import Series
 from testbench.errors import Array, BenchError, Ids, Mask
-from testbench.plant import (
-    TYPICAL,
-    Disturbances,
-    GearErrors,
-    Gears,
-    Plant,
-    disturb,
-    settle,
-)
+from testbench.plant.build import Plant
+from testbench.plant.disturbance import TYPICAL, Disturbances
+from testbench.plant.disturbed import disturb
+from testbench.plant.equilibrium import settle
+from testbench.plant.gear import GearErrors, Gears
 
 MOST_POSES = 20_000
 Mass = Annotated[float, Field(ge=0, le=10_000)]

@@ -13,6 +13,7 @@ from testbench.arm.folder import find_arm
 from testbench.campaign.arm_doubts import UPRIGHT, Looked, arm_doubts, sag, stance
 from testbench.campaign.campaign import build_cell, check_agreement
 from testbench.campaign.doubt import Doubt
+from testbench.campaign.rows import rms
 from testbench.errors import Array
 from testbench.model.vjm import body_poses
 
@@ -82,11 +83,6 @@ def _points(arm: Looked) -> Iterator[Item]:
         yield Item(share, f"markers {', '.join(asked)}, estimated: {OF_ASIDE}")
     if elastic.tool in names:
         yield Item(0.0, f"tool {elastic.tool}, estimated: readings do not need it, tasks do")
-
-
-def rms(vectors: Array) -> float:
-    """Root mean square of the lengths of vectors, (..., 3)."""
-    return float(np.sqrt(np.square(vectors).sum(axis=-1).mean()))
 
 
 @dataclass(frozen=True, eq=False)

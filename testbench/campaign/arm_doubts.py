@@ -76,7 +76,7 @@ def sag(cell: Cell) -> Sag:
 
 def work_area(cell: Cell) -> Array:
     """Poses over the joint limits, clear of collision where the shapes can tell, (poses, n) [rad, m]."""
-    from testbench.plant import collisions
+    from testbench.plant.site import collisions
 
     lower, upper = cell.arm.limits
     turning = np.array([not joint.prismatic for joint in cell.arm.joints], dtype=bool)

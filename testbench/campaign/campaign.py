@@ -20,7 +20,9 @@ from testbench.model.poses import WorkArea, random_poses
 from testbench.model.vjm import Vjm, body_poses
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
-    from testbench.plant import Equilibrium, Plant, Site
+    from testbench.plant.build import Plant
+    from testbench.plant.equilibrium import Equilibrium
+    from testbench.plant.site import Site
 
     Pair = tuple[Equilibrium, Equilibrium]
 
@@ -124,14 +126,14 @@ class Cell(Displayed):
     @cached_property
     def plant(self) -> "Plant":
         """The truth."""
-        from testbench.plant import build_plant
+        from testbench.plant.build import build_plant
 
         return self.truth or build_plant(self.arm)
 
     @cached_property
     def room(self) -> "Site":
         """Where it stands, for collisions."""
-        from testbench.plant import build_site
+        from testbench.plant.site import build_site
 
         return build_site(self.arm, floor=self.floor)
 
@@ -181,7 +183,7 @@ def check_agreement(vjm: Vjm, plant: "Plant") -> float:
 
     MuJoCo and Pinocchio read an arm each for itself: InputError names a body that rounding does not explain.
     """
-    from testbench.plant import unloaded
+    from testbench.plant.equilibrium import unloaded
 
     arm = vjm.arm
     q = np.random.default_rng(0).uniform(arm.limits[0], arm.limits[1], (POSES, arm.n_joints))
@@ -265,7 +267,7 @@ def simulate_at(cell: Cell, scenario: Scenario, seed: int, poses: Poses) -> Camp
 
 def clear_poses(cell: Cell, area: WorkArea | None, count: int, rng: np.random.Generator) -> Array:
     """Random poses with the tool in an area, None for anywhere, free of collision, (count, n) [rad, m]."""
-    from testbench.plant import collisions
+    from testbench.plant.site import collisions
 
     def clear(q: Array) -> Mask:
         return np.array([pair is None for pair in collisions(cell.room, q)], dtype=bool)
@@ -329,7 +331,7 @@ def read_markers(
 
 def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Array) -> "Pair":
     """The true arm unloaded and loaded, all in one call: a call of its own costs what 20 poses cost."""
-    from testbench.plant import settle, settle_linear
+    from testbench.plant.equilibrium import settle, settle_linear
 
     runs, find = len(q), settle_linear if truth == "linear" else settle
     loads = np.concatenate([np.zeros_like(wrench), wrench])

@@ -13,7 +13,7 @@ from testbench.campaign.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP,
 from testbench.errors import Array, BenchError, Mask, PoseError, check_array
 from testbench.model.poses import WorkArea, in_area
 from testbench.model.vjm import Vjm, chain
-from testbench.plant import Kind, Payload, Site, build_site, contacts, hidden
+from testbench.plant.site import Kind, Payload, Site, build_site, contacts, hidden
 from testbench.session import tell
 
 BATCH = 1024

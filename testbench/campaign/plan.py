@@ -43,7 +43,7 @@ from testbench.model.joint_errors import JointErrors
 from testbench.model.load import Load, weight
 from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
-from testbench.plant import build_site, contacts
+from testbench.plant.site import build_site, contacts
 
 WORKSPACE = 200  #: Poses that stand for the workspace.
 STEP, SLIDE_STEP = math.radians(5), 0.02

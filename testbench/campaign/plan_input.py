@@ -128,7 +128,7 @@ def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) 
     Raises:
         InputError: Names line, joint or bodies, and what was expected.
     """
-    from testbench.plant import collisions
+    from testbench.plant.site import collisions
 
     names = read_map(mapping, cell.arm)
     table = read_table(path, lambda name: names.find(name) is not None, names.layout)

@@ -16,7 +16,7 @@ from testbench.errors import BenchError
 from testbench.identify.prior import RANGE
 from testbench.model.poses import WorkArea
 from testbench.model.structure import Structure
-from testbench.plant import Payload
+from testbench.plant.site import Payload
 
 HIGHEST = 1000.0  #: Height of a floor, up or down [m]; beyond it a unit is a slip.
 MOST_POSES = 200

@@ -20,7 +20,7 @@ from testbench.campaign.campaign import (
 )
 from testbench.correct.rest import joined
 from testbench.errors import Array, Ids, PoseError
-from testbench.plant import settle_linear
+from testbench.plant.equilibrium import settle_linear
 
 BATCH = 120
 MAX_BATCHES = 200

@@ -24,7 +24,7 @@ from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load, weight
 from testbench.model.poses import WorkArea
 from testbench.model.vjm import tool_pose
-from testbench.plant import Site
+from testbench.plant.site import Site
 
 T = TypeVar("T")
 NAMED = 5  #: Points that a message names; more are counted.

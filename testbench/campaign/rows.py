@@ -6,12 +6,18 @@ import numpy as np
 
 from testbench.campaign.advice import advice
 from testbench.data.dataset import Dataset
+from testbench.errors import Array
 from testbench.identify import Constraint, Estimate
 from testbench.identify.certify import total_trace
 from testbench.identify.evaluate import Score
 from testbench.trials.spread import Number, Share, Spread
 
 MM, UM = 1e3, 1e6
+
+
+def rms(vectors: Array) -> float:
+    """Root mean square of the lengths of vectors, (..., 3)."""
+    return float(np.sqrt(np.square(vectors).sum(axis=-1).mean()))
 
 
 @dataclass(frozen=True)

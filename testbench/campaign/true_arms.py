@@ -220,7 +220,7 @@ def true_cell(cell: Cell, name: str, seed: int, stiffer: float = 1.0) -> Cell:
     Raises:
         BenchError: When it is none of TRUTHS and HELD_OUT.
     """
-    from testbench.plant import build_plant
+    from testbench.plant.build import build_plant
 
     known = {**TRUTHS, **HELD_OUT}
     if name not in known:

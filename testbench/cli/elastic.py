@@ -14,7 +14,7 @@ from testbench.campaign.campaign_flags import ArmName
 from testbench.errors import InputError, read_bytes, word
 from testbench.output.place import Kind, claim_file
 from testbench.output.whole import whole_files
-from testbench.plant import elastic_mjcf
+from testbench.plant.elastic import elastic_mjcf
 from testbench.shell.options import Force
 from testbench.views.terminal import plain_console
 

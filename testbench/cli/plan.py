@@ -22,7 +22,7 @@ from testbench.errors import BenchError
 from testbench.identify.absolute.fit import Options as Fit
 from testbench.model.load import weight
 from testbench.output.place import claim_folder
-from testbench.plant import Payload
+from testbench.plant.site import Payload
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.markdown import as_plain
 from testbench.views.terminal import looked_at, plain_console, print_words

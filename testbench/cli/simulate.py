@@ -22,11 +22,10 @@ from testbench.data.write import write_csv, write_series
 from testbench.errors import Array, BenchError, InputError
 from testbench.output.place import Kind, claim_file
 from testbench.output.whole import whole_files
-from testbench.plant import check_poses
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb
 from testbench.plant.gear import GearErrors
-from testbench.plant.site import check_position
+from testbench.plant.site import check_poses, check_position
 from testbench.shell.options import Force, takes
 from testbench.views.terminal import plain_console
 

@@ -44,7 +44,7 @@ from testbench.errors import Array, Ids
 from testbench.identify.prior import cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
-from testbench.plant import has_surroundings
+from testbench.plant.site import has_surroundings
 from testbench.report.table import Row, finite
 from testbench.trials.spread import Spread
 

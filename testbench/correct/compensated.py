@@ -13,7 +13,7 @@ from testbench.correct.uncertainty import Poses, half_widths
 from testbench.errors import Array, BenchError, Mask, check_array
 from testbench.identify.arm_model import ArmModel
 from testbench.model.load import Load
-from testbench.plant import Site, collisions
+from testbench.plant.site import Site, collisions
 
 Why = Literal["reach", "equilibrium", "limit", "collision"]
 

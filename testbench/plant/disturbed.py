@@ -6,19 +6,16 @@ foundation's six coordinates come into C, not into theta.
 """
 
 import copy
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import mujoco
 import numpy as np
 
-from testbench.arm.folder import Arm
-from testbench.arm.mjcf import find_body
 from testbench.errors import Array
 from testbench.plant.build import Plant, compile_mjcf, plant_of, weightless, with_model
 from testbench.plant.compensator import attached
 from testbench.plant.disturbance import FOUNDATION, Disturbances
-from testbench.plant.elastic import AXES, elastic_mjcf, insert_carrier
+from testbench.plant.elastic import AXES, elastic_mjcf
 from testbench.plant.gear import draw_gears
 
 
@@ -59,28 +56,24 @@ def disturb(plant: Plant, disturbances: Disturbances, rng: np.random.Generator) 
     )
 
 
+def exactly_loaded(plant: Plant) -> Plant:
+    """The same under loads exactly as recorded."""
+    exact = replace(plant.disturbances, mass_error=0.0, centre_error=0.0)
+    return replace(plant, disturbances=exact, centre=np.zeros(3))
+
+
 def _on_foundation(plant: Plant, scale: float) -> Plant:
     """The plant on a foundation of `scale` times the usual compliance, 0 for a rigid one."""
     arm = plant.arm
     if not scale:
         return plant
-    model = compile_mjcf(arm.rigid, _foundation_mjcf(arm, scale * np.array(FOUNDATION)))
+    compliance = scale * np.array(FOUNDATION)
+    model = compile_mjcf(arm.rigid, elastic_mjcf(arm, compliance))
     model.opt.gravity[:] = plant.model.opt.gravity
     true = plant_of(arm, model)
     soft = [model.joint(f"foundation_{axis}").dofadr[0] for axis in AXES]
-    true.C[soft, soft] = scale * np.array(FOUNDATION)
+    true.C[soft, soft] = compliance
     return true
-
-
-def _foundation_mjcf(arm: Arm, compliance: Array) -> str:
-    """The elastic MJCF with a sprung body of six degrees of freedom below the base."""
-    root = ET.fromstring(elastic_mjcf(arm))
-    base = find_body(arm.rigid, root, arm.links[0].name)
-    parent = next(element for element in root.iter() if base in list(element))
-    carrier = insert_carrier(parent, base, "foundation", np.eye(3), "foundation")
-    for joint, soft in zip(carrier.iter("joint"), compliance, strict=False):
-        joint.set("stiffness", repr(float(1 / soft)))
-    return ET.tostring(root, encoding="unicode")
 
 
 def _displaced(plant: Plant, frames: Array) -> Plant:

@@ -49,10 +49,15 @@ def theta_names(arm: Arm) -> list[str]:
     return links + [sprung_joint(j.name) for j in arm.joints]
 
 
-def elastic_mjcf(arm: Arm) -> str:
+def elastic_mjcf(arm: Arm, foundation: Array | None = None) -> str:
     """The arm's rigid MJCF with its true compliances built in as joints and springs.
 
     Contacts are off: an equilibrium has none, and a feasible pose is judged on the rigid arm.
+
+    Args:
+        arm: The arm.
+        foundation: Main entries of the compliance of a sprung body below its base, at its origin, world axes,
+            (6,) [m/N, rad/(N m)]; None for a rigid one.
 
     Returns:
         MJCF text; mesh files are named as in rigid.xml.
@@ -74,6 +79,12 @@ def elastic_mjcf(arm: Arm) -> str:
         _add_springs(tendons, link)
     for joint in arm.joints:
         _insert_spring(root, joint.name, 1 / joint.compliance)
+    if foundation is not None:
+        base = find_body(arm.rigid, root, arm.links[0].name)
+        parent = next(element for element in root.iter() if base in list(element))
+        carrier = _insert_carrier(parent, base, "foundation", np.eye(3), "foundation")
+        for own, soft in zip(carrier.findall("joint"), foundation, strict=True):
+            own.set("stiffness", repr(float(1 / soft)))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode")
 
@@ -81,12 +92,12 @@ def elastic_mjcf(arm: Arm) -> str:
 def _insert_virtual_joint(rigid: Path, root: ET.Element, link: Link, end: str) -> None:
     """Put a body with the link's virtual joint between the link and the body at its end."""
     parent, child = find_body(rigid, root, link.name), find_body(rigid, root, end)
-    carrier = insert_carrier(parent, child, f"{link.name}_end", link.frame, f"{link.name}_theta")
+    carrier = _insert_carrier(parent, child, f"{link.name}_end", link.frame, f"{link.name}_theta")
     tiny = repr(CARRIER_MASS)
     ET.SubElement(carrier, "inertial", pos="0 0 0", mass=tiny, diaginertia=" ".join([tiny] * 3))
 
 
-def insert_carrier(parent: ET.Element, child: ET.Element, name: str, frame: Array, joint: str) -> ET.Element:
+def _insert_carrier(parent: ET.Element, child: ET.Element, name: str, frame: Array, joint: str) -> ET.Element:
     """A body between two others, with slides and hinges JOINT_x to JOINT_phi_z along a frame's columns."""
     carrier = ET.Element("body", name=name, pos=child.attrib.pop("pos", "0 0 0"))
     parent.insert(list(parent).index(child), carrier)

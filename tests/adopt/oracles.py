@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from testbench.campaign.campaign import build_cell
 from testbench.model.vjm import tool_pose
-from testbench.plant import unloaded
+from testbench.plant.equilibrium import unloaded
 
 
 @dataclass(frozen=True)

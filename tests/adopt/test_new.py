@@ -17,7 +17,7 @@ from testbench.arm.folder import load_arm
 from testbench.campaign.arm_check import check
 from testbench.model.kinematics import build_vjm
 from testbench.model.vjm import body_poses, tool_pose
-from testbench.plant import build_site, collisions
+from testbench.plant.site import build_site, collisions
 
 STRANGERS = light_urdf, heavy_urdf, classes_mjcf, mounted_mjcf, sliding_mjcf
 FUZZED = 25

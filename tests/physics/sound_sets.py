@@ -17,8 +17,10 @@ from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import Dataset
 from testbench.identify.prior import Prior, cad_prior, distorted
 from testbench.model.poses import WorkArea
-from testbench.plant import TYPICAL, Disturbances, disturb, settle_pair
 from testbench.plant.build import with_model
+from testbench.plant.disturbance import TYPICAL, Disturbances
+from testbench.plant.disturbed import disturb
+from testbench.plant.equilibrium import settle_pair
 
 PAYLOAD = {"kr500_l480": 460.3, "arm_6r": 20.0}
 """Largest mass that hangs from each arm [kg]."""

@@ -18,7 +18,9 @@ from testbench.identify.absolute.state import forward, nominal
 from testbench.model.joint_errors import JointErrors
 from testbench.model.vjm import chain
 from testbench.model.weights import read_weights
-from testbench.plant import Disturbances, GeometryErrors, build_plant, settle
+from testbench.plant.build import build_plant
+from testbench.plant.disturbance import Disturbances, GeometryErrors
+from testbench.plant.equilibrium import settle
 
 WEIGHT = Disturbances(own_weight=True)
 EXACT = AbsoluteCampaign(poses=12, series=2, targets=3, orientations=True, noise=False, disturbances=WEIGHT)

@@ -21,9 +21,9 @@ from testbench.model import kinematics
 from testbench.model.loaded import load_jacobian
 from testbench.model.structure import mgco147
 from testbench.model.vjm import chain, rotation, tool_pose
-from testbench.plant import TYPICAL, disturb, settle, settle_pair
-from testbench.plant.disturbance import NOMINAL
-from testbench.plant.equilibrium import hold
+from testbench.plant.disturbance import NOMINAL, TYPICAL
+from testbench.plant.disturbed import disturb
+from testbench.plant.equilibrium import hold, settle, settle_pair
 from testbench.plant.state import evaluate, generalised_force, open_row, place
 
 

@@ -22,7 +22,8 @@ from testbench.identify.posterior import CURVED, Posterior
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import Weights, read_weights
-from testbench.plant import collisions, settle
+from testbench.plant.equilibrium import settle
+from testbench.plant.site import collisions
 
 POSES = 60  #: Drawn all over the limits.
 HUNG = Load(np.array([0, 0, -900.0, 0, 0, 0]), TIP)

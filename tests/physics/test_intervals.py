@@ -31,7 +31,7 @@ from testbench.identify.prior import Prior, Strength, aggregate, cad_prior
 from testbench.identify.solve import solve
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.model.vjm import chain, marker_points, observation
-from testbench.plant import GearErrors
+from testbench.plant.gear import GearErrors
 from testbench.studies.absolute_calibration.beside import true_state
 from testbench.studies.absolute_calibration.trial import check
 from testbench.studies.estimators.bootstrap import bootstrap, resampler

@@ -39,7 +39,9 @@ from testbench.model.laws import (
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import chain, plain_load
 from testbench.model.weights import read_weights
-from testbench.plant import KR500_COMPENSATOR, TYPICAL, Disturbances, disturb, settle, settle_pair
+from testbench.plant.disturbance import KR500_COMPENSATOR, TYPICAL, Disturbances
+from testbench.plant.disturbed import disturb
+from testbench.plant.equilibrium import settle, settle_pair
 from testbench.studies.model_error.trial import disturbed
 
 SCENARIO = Scenario(

@@ -22,8 +22,8 @@ from testbench.model.loaded import (
 from testbench.model.structure import template56
 from testbench.model.vjm import chain, generalised_load, observation
 from testbench.model.weights import own_weight, read_weights
-from testbench.plant import settle, weightless
-from testbench.plant.equilibrium import Poses
+from testbench.plant.build import weightless
+from testbench.plant.equilibrium import Poses, settle
 from testbench.plant.equilibrium import tangent as plant_tangent
 from testbench.plant.state import open_row
 

@@ -46,7 +46,7 @@ from testbench.identify.observability import hidden
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import all153, joints_only, mgco68, template56
-from testbench.plant import collisions
+from testbench.plant.site import collisions
 
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
 

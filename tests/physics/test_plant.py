@@ -14,22 +14,12 @@ from loads import hung, random_q
 from testbench.arm.folder import Compensator, load_arm
 from testbench.cli.elastic import write_elastic
 from testbench.errors import BenchError, InputError, NoEquilibrium
-from testbench.plant import (
-    KR500_COMPENSATOR,
-    TYPICAL,
-    Disturbances,
-    GearErrors,
-    GeometryErrors,
-    build_plant,
-    disturb,
-    settle,
-    settle_linear,
-    settle_pair,
-)
-from testbench.plant.build import plant_of
+from testbench.plant.build import build_plant, plant_of
 from testbench.plant.compensator import attached, stiffen, strut, strut_force
-from testbench.plant.disturbance import FOUNDATION
-from testbench.plant.equilibrium import Poses, hold, tangent
+from testbench.plant.disturbance import FOUNDATION, KR500_COMPENSATOR, TYPICAL, Disturbances, GeometryErrors
+from testbench.plant.disturbed import disturb
+from testbench.plant.equilibrium import Poses, hold, settle, settle_linear, settle_pair, tangent
+from testbench.plant.gear import GearErrors
 from testbench.plant.joint_law import JointLaw, slope, turn
 from testbench.plant.state import evaluate, open_row
 
@@ -82,7 +72,7 @@ def test_what_mujoco_warns_of_is_logged_and_leaves_no_file(kr500, tmp_path, monk
 UNSTABLE = """
 import mujoco
 from testbench.cli.elastic import write_elastic
-from testbench.plant import build_plant
+from testbench.plant.build import build_plant
 ball = "<body><freejoint/><geom size='1'/></body>"
 model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
 data = mujoco.MjData(model)

@@ -9,7 +9,11 @@ from loads import random_q
 
 from testbench import BenchError, load_arm
 from testbench.model.vjm import tool_points
-from testbench.plant import (
+from testbench.plant.shapes import rigid_frames
+from testbench.plant.site import (
+    HEAD_RADIUS,
+    KINDS,
+    TARGET_RADIUS,
     Contact,
     Payload,
     build_site,
@@ -18,8 +22,6 @@ from testbench.plant import (
     has_surroundings,
     hidden,
 )
-from testbench.plant.shapes import rigid_frames
-from testbench.plant.site import HEAD_RADIUS, KINDS, TARGET_RADIUS
 
 STATION = (4.5, -2.5, 1.6)
 READY = np.deg2rad([[10.0, -70, 80, 20, -35, 15]])

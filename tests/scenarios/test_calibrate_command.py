@@ -28,7 +28,7 @@ from testbench.identify.absolute.state import nominal
 from testbench.identify.absolute.unknowns import unknowns_of
 from testbench.identify.posterior import Posterior
 from testbench.identify.rows import rows_of
-from testbench.plant import build_plant
+from testbench.plant.build import build_plant
 from testbench.report.report import read
 from testbench.views.markdown import grid
 from testbench.views.schema import show

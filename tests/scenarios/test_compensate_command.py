@@ -28,7 +28,7 @@ from testbench.identify.fold import reduce
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.structure import all153
 from testbench.model.vjm import tool_pose
-from testbench.plant import settle
+from testbench.plant.equilibrium import settle
 
 TIP, SPINDLE = np.array([0.1, 0.0, 0.05]), np.array([1.0, 0.0, 0.0])
 FEED, CROSS, AXIAL = -700.0, 500.0, -900.0

@@ -20,7 +20,8 @@ from testbench.identify.arm_model import of_estimate
 from testbench.model.load import on_joints
 from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import read_weights
-from testbench.plant import TYPICAL, disturb
+from testbench.plant.disturbance import TYPICAL
+from testbench.plant.disturbed import disturb
 from testbench.studies.compensation import plans, settings, trial
 from testbench.studies.compensation.settings import ADVISED, BOTH, DEFAULT, IDEAL, PERFECT, REAL
 

@@ -3,7 +3,7 @@
 import pytest
 from run_here import app_of_study, check_files, quick_study
 
-from testbench.plant import Disturbances
+from testbench.plant.disturbance import Disturbances
 from testbench.studies.model_error.settings import Settings, disturbances
 from testbench.studies.model_error.trial import trials
 

@@ -23,7 +23,7 @@ from testbench.model.load import weight
 from testbench.model.loaded import load_jacobian
 from testbench.model.poses import in_area
 from testbench.model.vjm import chain
-from testbench.plant import collisions
+from testbench.plant.site import collisions
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"

@@ -26,8 +26,8 @@ from testbench.campaign.candidates import (
 from testbench.campaign.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP, Station, out_of_view
 from testbench.errors import Array, BenchError, PoseError
 from testbench.model.poses import WorkArea
-from testbench.plant import Payload, collisions, contacts, hidden
 from testbench.plant.shapes import rigid_frames
+from testbench.plant.site import Payload, collisions, contacts, hidden
 
 HERE = (4.5, -2.5, 1.6)
 FRONT = WorkArea((1.0, -1.5, 1.0), (3.0, 1.5, 2.6))

@@ -12,7 +12,7 @@ from testbench.data.program import read_program, unread
 from testbench.data.write import write_program
 from testbench.errors import InputError
 from testbench.model.vjm import tool_pose
-from testbench.plant import collisions
+from testbench.plant.site import collisions
 
 ROOT = Path(__file__).parents[2]
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.arm.document import inside
 from testbench.arm.lines import xml_place
 from testbench.arm.mesh import MeshError
 from testbench.errors import InputError
@@ -24,7 +25,6 @@ from testbench.plant.import_robot.source import (
     MAX_SHAPES,
     check_count,
     check_numbers,
-    inside,
     need,
     read_numbers,
     read_xml,

@@ -90,16 +90,6 @@ def need(file: Path, e: ET.Element, key: str) -> str:
     return text
 
 
-def inside(folder: Path, file: Path) -> Path | None:
-    """A file of a folder, symbolic links followed; None where it lies elsewhere."""
-    home = os.path.realpath(folder)
-    try:
-        real = Path(os.path.realpath(Path(home) / file))
-    except ValueError:  # a zero byte
-        return None
-    return real if real.is_relative_to(home) else None
-
-
 def packages(folder: Path, name: str) -> list[Path]:
     """Folders of a package: of that name, or with a package.xml that says so, from the URDF upwards."""
     if name in ("", ".", ".."):

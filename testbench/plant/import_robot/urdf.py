@@ -15,6 +15,7 @@ from urllib.parse import unquote, urlparse
 import mujoco
 import numpy as np
 
+from testbench.arm.document import inside
 from testbench.arm.lines import xml_place
 from testbench.arm.mesh import MeshError
 from testbench.errors import Array, InputError
@@ -30,7 +31,6 @@ from testbench.plant.import_robot.source import (
     UP,
     check_count,
     check_numbers,
-    inside,
     need,
     packages,
     read_numbers,

@@ -11,7 +11,7 @@ from testbench.arm.folder import find_arm
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
 from testbench.campaign.campaign import Cell, build_cell, clear_poses, stream
 from testbench.campaign.perturbed_prior import wrong_prior
-from testbench.campaign.rows import MM, UM
+from testbench.campaign.rows import MM, UM, rms
 from testbench.campaign.tracker import Tracker, read_positions
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.series import Series
@@ -20,7 +20,8 @@ from testbench.errors import Array, BenchError, Mask
 from testbench.identify.absolute.fit import Calibration, explain, gather
 from testbench.identify.absolute.fit import Options as Fit
 from testbench.identify.absolute.posterior import inside, model_of, posterior_of, predict
-from testbench.plant import GearErrors, build_plant
+from testbench.plant.build import build_plant
+from testbench.plant.gear import GearErrors
 from testbench.report.table import Row
 from testbench.studies.absolute_calibration.beside import Held, judged, optimum_mm, registered, true_state
 
@@ -271,8 +272,8 @@ def _row(
     return FitRow(
         **about,
         kept=tuple(step.name for step in fit.chosen.steps if step.kept),
-        error_mm=_rms_mm(off),
-        loaded_mm=_rms_mm(check(fit, checks[1], rng)[0]),
+        error_mm=MM * rms(off),
+        loaded_mm=MM * rms(check(fit, checks[1], rng)[0]),
         positions=Held(within.size, int(within.sum())),
         geometry=held.get("geometry"),
         joint_errors=held.get("joint errors"),
@@ -294,11 +295,6 @@ def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> t
     left, covariance = predict(model_of(calibration), registered(calibration, read), read)
     turn = calibration.state.frame(true).rotation
     return left - (read.position - true.position) @ turn, np.asarray(inside(left, covariance))
-
-
-def _rms_mm(off: Array) -> float:
-    """Of distances, (rows, m, 3) [m]."""
-    return MM * float(np.sqrt((off**2).sum(axis=-1).mean()))
 
 
 def _known(fit: Calibration) -> Array:

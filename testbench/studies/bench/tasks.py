@@ -28,7 +28,7 @@ from testbench.identify.prior import Prior, cad_prior
 from testbench.identify.registered import registered
 from testbench.model.structure import Structure, all153
 from testbench.model.vjm import chain, marker_points, observation
-from testbench.plant import Disturbances
+from testbench.plant.disturbance import Disturbances
 from testbench.studies.factorial.trial import reread
 from testbench.studies.model_error.settings import ALL, disturbances
 from testbench.studies.model_error.trial import disturbed

@@ -21,7 +21,7 @@ from testbench.design.rows import Experiment, Specification, Tasks
 from testbench.errors import Array, BenchError
 from testbench.identify.metric import metric
 from testbench.model.load import Load, weight
-from testbench.plant import Payload
+from testbench.plant.site import Payload
 from testbench.studies.compensation import settings as s
 from testbench.studies.study import Everywhere
 

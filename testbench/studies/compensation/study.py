@@ -10,7 +10,7 @@ from testbench.campaign.models import JOINTS, WITHOUT_CONE
 from testbench.campaign.rows import MM, UM
 from testbench.campaign.true_arms import CALLED, FAMILY, TRUTH_WORDS, TRUTHS, member, true_cell
 from testbench.errors import Array
-from testbench.plant import settle
+from testbench.plant.equilibrium import settle
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.badge import of_rivals
 from testbench.report.columns import columns

@@ -40,7 +40,9 @@ from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior
 from testbench.model.structure import all153
 from testbench.model.weights import read_weights
-from testbench.plant import TYPICAL, Equilibrium, Plant, disturb, settle_pair
+from testbench.plant.disturbance import TYPICAL
+from testbench.plant.disturbed import disturb, exactly_loaded
+from testbench.plant.equilibrium import Equilibrium, settle_pair
 from testbench.studies.compensation import settings as s
 from testbench.studies.compensation.plans import TIP, drawn, jobs, loads, tasks
 from testbench.studies.compensation.settings import Settings, Way
@@ -139,12 +141,6 @@ def true_arm(cell: Cell, seed: int, arm: str) -> tuple[Settle, Settle]:
         return own, own
     found = disturb(cell.plant, LINEAR_JOINTS if arm == s.LINEAR else TYPICAL, stream(seed, HIDDEN))
     return partial(settle_pair, found), partial(settle_pair, exactly_loaded(found))
-
-
-def exactly_loaded(found: Plant) -> Plant:
-    """The same under loads exactly as recorded."""
-    exact = replace(found.disturbances, mass_error=0.0, centre_error=0.0)
-    return replace(found, disturbances=exact, centre=np.zeros(3))
 
 
 def chosen(asked: Settings, way: Way, seed: int) -> tuple[Array, Ids]:

@@ -23,7 +23,8 @@ from testbench.model.poses import WorkArea
 from testbench.model.structure import joints_only
 from testbench.model.vjm import chain, observation
 from testbench.model.weights import no_weights
-from testbench.plant import Plant, settle, weightless
+from testbench.plant.build import Plant, weightless
+from testbench.plant.equilibrium import settle
 
 FULL, QUICK = (7, 200), (4, 30)  #: How many weights, and poses a seed.
 WORKSPACE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))  #: Where the tool has to be.

@@ -9,7 +9,7 @@ import typer
 from testbench.campaign.campaign_flags import TrueArmFlag
 from testbench.campaign.true_arms import FAMILY, HELD_OUT
 from testbench.errors import BenchError
-from testbench.plant import STIFF_COMPENSATOR, TYPICAL, Disturbances
+from testbench.plant.disturbance import STIFF_COMPENSATOR, TYPICAL, Disturbances
 
 SIZES = 0.5, 2.0  #: Of all disturbances, over those of the cases [1].
 QUICK_WORKSPACE = 20

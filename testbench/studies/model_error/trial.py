@@ -10,18 +10,17 @@ Beside it stand arms of kinds held out of the family, and the same arm disturbed
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, simulate, stream
 from testbench.campaign.model_selection import DEFAULT, FILLED
 from testbench.campaign.models import JOINTS, Model
 from testbench.campaign.own_estimator import Hired, Models
-from testbench.campaign.rows import UM
+from testbench.campaign.rows import UM, rms
 from testbench.campaign.true_arms import member, true_cell
 from testbench.data.dataset import Dataset
-from testbench.errors import Array
-from testbench.plant import Disturbances, disturb, settle_pair
+from testbench.plant.disturbance import Disturbances
+from testbench.plant.disturbed import disturb, exactly_loaded
+from testbench.plant.equilibrium import settle_pair
 from testbench.studies.factorial.trial import (
     Case,
     Cover,
@@ -76,14 +75,9 @@ def _rows(cell: Cell, models: Sequence[Model], cases: Sequence[Case]) -> Iterato
     def more(name: str, k: int) -> dict[str, object]:
         truth, asked = cases[k].judge, name in COVERED and cases[k].factors["sigma_um"]
         own = cover(cell, fits[name][k], truth) if asked else None
-        return {"deflection_um": UM * _rms(truth.deflection), "cover": own}
+        return {"deflection_um": UM * rms(truth.deflection), "cover": own}
 
     yield from judged(cell, cases, fits, DisturbedRow, more)
-
-
-def _rms(moved: Array) -> float:
-    """Of lengths of vectors, (..., 3) [m]."""
-    return float(np.sqrt(np.square(moved).sum(axis=-1).mean()))
 
 
 def _campaign(cell: Cell, asked: Settings, seed: int) -> Campaign:
@@ -100,7 +94,7 @@ def _cases(cell: Cell, asked: Settings, seed: int, factors: Mapping[str, object]
     for name, own in disturbances(asked.scale, asked.only).items():
         clean, truth = disturbed(cell, campaign, own, seed)
         quiet = truth.deflection if quiet is None else quiet  # the first case is none
-        moved = UM * _rms(truth.deflection - quiet)
+        moved = UM * rms(truth.deflection - quiet)
         for noise in (0.0, asked.sigma):
             runs = reread(clean, noise, stream(seed, 1))
             of_case = {"case": name, "sigma_um": UM * noise, "moved_um": moved}
@@ -119,10 +113,8 @@ def _beside(cell: Cell, asked: Settings, seed: int, size: float, factors: Mappin
 def disturbed(cell: Cell, campaign: Campaign, own: Disturbances, seed: int) -> tuple[Dataset, Dataset]:
     """Noise-free runs to identify from, and those to be judged by, of a disturbed arm, one for every case."""
     true = disturb(cell.plant, own, stream(seed, 20))
-    exact = replace(own, mass_error=0.0, centre_error=0.0)
-    judge = replace(true, disturbances=exact, centre=np.zeros(3))
     found = []
-    for arm, runs in ((true, campaign.identification), (judge, campaign.truth)):
+    for arm, runs in ((true, campaign.identification), (exactly_loaded(true), campaign.truth)):
         before, after = settle_pair(arm, runs.q, runs.wrench, runs.point)
         found.append(replace(runs, before=before.markers, after=after.markers))
     return found[0], found[1]

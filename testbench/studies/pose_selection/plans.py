@@ -17,7 +17,7 @@ from testbench.design.baselines import observability
 from testbench.design.planning import make_plan, promise
 from testbench.design.refine import Reach
 from testbench.design.rows import task_rows
-from testbench.plant import Payload
+from testbench.plant.site import Payload
 from testbench.studies.pose_selection import settings as s
 from testbench.studies.pose_selection.settings import FITS, PLANNED, Settings
 from testbench.studies.pose_selection.trial import specify
