@@ -22,20 +22,7 @@ from testbench.identify.fold import reduce
 from testbench.identify.hierarchy import LAW, evidence
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior, cad_prior
-from testbench.model.laws import (
-    BESIDE,
-    KINDS,
-    PLAY,
-    STICK,
-    STIFFER,
-    as_loaded,
-    lawful,
-    laws_of,
-    tangent,
-    vjm_of,
-    with_laws,
-    without_laws,
-)
+from testbench.model import laws
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import chain, plain_load
 from testbench.model.weights import read_weights
@@ -82,21 +69,21 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
     q, wrench, point = loaded(kr500, 3)
     vjm, own_weight = kr500.vjm, Disturbances(own_weight=True)
     longest = np.linalg.norm(np.cross(vjm.axes[1], kr500.arm.compensator.head))
-    stiffness = BESIDE / kr500.arm.joints[1].compliance / longest**2
+    stiffness = laws.BESIDE / kr500.arm.joints[1].compliance / longest**2
     without, what = {
-        "stiffening": (own_weight, replace(own_weight, stiffening=STIFFER)),
-        "backlash": (own_weight, replace(own_weight, backlash=PLAY)),
+        "stiffening": (own_weight, replace(own_weight, stiffening=laws.STIFFER)),
+        "backlash": (own_weight, replace(own_weight, backlash=laws.PLAY)),
         "compensator": (Disturbances(), Disturbances(compensator=strut_of(kr500.arm, stiffness=stiffness))),
     }[kind]
     more = true_turns(kr500, what, q, wrench, point) - true_turns(kr500, without, q, wrench, point)
     if kind != "compensator":
         vjm = replace(vjm, arm=replace(kr500.arm, compensator=None))
-    where = chain(lawful(vjm), q)
+    where = chain(laws.lawful(vjm), q)
     own = where.laws.load(where, plain_load(where, wrench, point)[LINKS:])
     if kind == "compensator":
         expected, more = own[-1], more[:, 1]
     else:
-        k = KINDS.index(kind)
+        k = laws.KINDS.index(kind)
         expected = own[6 * k : 6 * k + 6].T
     assert np.abs(expected).max() > 2e-5
     np.testing.assert_allclose(more, expected, rtol=0, atol=0.06 * np.abs(expected).max())
@@ -105,17 +92,17 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
 def test_friction_holds_back_a_load_taken_off_by_all_of_its_width(kr500):
     """On the way there by a half, on the way back by another: twice the one less the other has none."""
     q, wrench, point = loaded(kr500, 3)
-    what, off = Disturbances(own_weight=True, hysteresis=STICK), np.arange(len(q)) % 2 == 0
+    what, off = Disturbances(own_weight=True, hysteresis=laws.STICK), np.arange(len(q)) % 2 == 0
     clean = true_turns(kr500, replace(what, hysteresis=0.0), q, wrench, point)
     on, back = (true_turns(kr500, what, q, wrench, point, own) for own in ((), np.flatnonzero(off)))
-    where = chain(as_loaded(lawful(kr500.vjm), off), q)
+    where = chain(laws.as_loaded(laws.lawful(kr500.vjm), off), q)
     expected = where.laws.load(where, plain_load(where, wrench, point)[LINKS:])[12:18].T
-    np.testing.assert_allclose(back - clean, expected, rtol=0, atol=0.06 * STICK)
+    np.testing.assert_allclose(back - clean, expected, rtol=0, atol=0.06 * laws.STICK)
     np.testing.assert_array_equal(back[~off], on[~off])
-    far = off[:, None] & (np.abs(clean) > 3 * STICK)
+    far = off[:, None] & (np.abs(clean) > 3 * laws.STICK)
     assert far.any(axis=0).sum() >= 3
-    np.testing.assert_allclose((2 * on - back)[far], clean[far], rtol=0, atol=0.1 * STICK)
-    assert np.abs(back - on)[far].min() > 0.9 * STICK
+    np.testing.assert_allclose((2 * on - back)[far], clean[far], rtol=0, atol=0.1 * laws.STICK)
+    assert np.abs(back - on)[far].min() > 0.9 * laws.STICK
 
 
 def test_readings_of_loads_taken_off_are_of_use_where_they_say_so(kr500, campaigns):
@@ -144,25 +131,25 @@ def test_torques_before_the_load_are_those_of_the_true_arm_at_rest(kr500):
     plant = disturb(kr500.plant, Disturbances(own_weight=True, compensator=true), np.random.default_rng(0))
     at_rest = settle(plant, q).theta[:, LINKS:48]
     torque = at_rest / np.array([joint.compliance for joint in kr500.arm.joints])
-    found = laws_of(kr500.arm).before(chain(kr500.vjm, q)).T
+    found = laws.laws_of(kr500.arm).before(chain(kr500.vjm, q)).T
     np.testing.assert_allclose(found, torque, rtol=0, atol=0.02 * np.abs(torque).max())
     assert np.abs(torque[:, 1]).max() > 1e3
 
 
 def test_slopes_are_the_change_of_the_turns_and_what_sticks_gives_nothing_to_a_small_load(kr500):
     q, wrench, point = loaded(kr500, 5)
-    where = chain(lawful(kr500.vjm), q)
+    where = chain(laws.lawful(kr500.vjm), q)
     u = plain_load(where, wrench, point)[LINKS:]
     step = 1e-3
     own = where.laws.slope(where, u)
     by_steps = (where.laws.load(where, u + step) - where.laws.load(where, u - step)) / (2 * step)
     np.testing.assert_allclose(own, by_steps, rtol=0, atol=1e-5 * np.abs(own).max())
-    vjm, joints = lawful(kr500.vjm), slice(LINKS, 48)
+    vjm, joints = laws.lawful(kr500.vjm), slice(LINKS, 48)
     C = np.diag(np.r_[np.diag(kr500.arm.C_theta), np.repeat([0.0, 0.0, 3.0], 6), 0.0])
     where = chain(vjm, loaded(kr500, 8, runs=2)[0])
-    found = tangent(vjm, C, where, np.zeros((48, 2)))
+    found = laws.tangent(vjm, C, where, np.zeros((48, 2)))
     np.testing.assert_array_equal(found[:, joints, joints], np.zeros((2, 6, 6)))
-    pushed = tangent(vjm, C, where, np.full((48, 2), 1e5))  # slipping: its spring alone
+    pushed = laws.tangent(vjm, C, where, np.full((48, 2), 1e5))  # slipping: its spring alone
     np.testing.assert_array_equal(pushed[0, joints, joints], C[joints, joints])
 
 
@@ -227,12 +214,12 @@ def test_a_mean_of_both_is_between_them_and_its_intervals_hold_both(kr500, campa
 
 def test_laws_are_of_a_learnt_prior_alone(kr500, campaigns):
     data, _ = campaigns["all"]
-    s = with_laws(all153(kr500.arm), kr500.arm)
+    s = laws.with_laws(all153(kr500.arm), kr500.arm)
     assert s.labels[48:50] == ("joint_1 stiffening", "joint_2 stiffening")
     assert s.labels[-1] == "joint_2 compensator"
-    assert with_laws(s, kr500.arm) is s
-    assert without_laws(s) is without_laws(s)  # what is remembered of a structure is of use
-    assert without_laws(without_laws(s)) is without_laws(s)
+    assert laws.with_laws(s, kr500.arm) is s
+    assert laws.without_laws(s) is laws.without_laws(s)  # what is remembered of a structure is of use
+    assert laws.without_laws(laws.without_laws(s)) is laws.without_laws(s)
     for estimator in (least_squares, gco):
         assert estimator(kr500.vjm, s, data).structure.laws == 0
     [model] = with_priors(kr500.arm, named_models(kr500, ["Joints"]), cad_prior(kr500.arm))
@@ -284,13 +271,13 @@ def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_pat
 
 
 def test_sizes_of_laws_scatter_as_the_prior_says_whose_scale_is_none_of_theirs(kr500, campaigns):
-    data, s = campaigns["all"][0], with_laws(all153(kr500.arm), kr500.arm)
+    data, s = campaigns["all"][0], laws.with_laws(all153(kr500.arm), kr500.arm)
     found = [
         with_prior(gco, Prior("scaled", scale * kr500.arm.C_theta))(kr500.vjm, s, data) for scale in (1, 3)
     ]
     np.testing.assert_allclose(found[1].pi, found[0].pi, rtol=1e-6, atol=1e-9 * np.abs(found[0].pi).max())
-    data, s = campaigns["all"][0], with_laws(all153(kr500.arm), kr500.arm)
-    vjm = vjm_of(kr500.vjm, s)
+    data, s = campaigns["all"][0], laws.with_laws(all153(kr500.arm), kr500.arm)
+    vjm = laws.vjm_of(kr500.vjm, s)
     own = evidence(reduce(vjm, s, data), metric(cad_prior(kr500.arm), kr500.vjm, s))
     normal, size = own.problem.priors[0], math.log(LAW[0])
     losses = []

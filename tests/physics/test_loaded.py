@@ -11,14 +11,7 @@ from testbench.campaign.absolute import of_masses
 from testbench.errors import BenchError, InputError, NoEquilibrium
 from testbench.identify.absolute.torques import CENTRE, LIMIT, MASS, fit_weights
 from testbench.identify.regression import non_redundant, rank
-from testbench.model.loaded import (
-    displacement,
-    geometric_stiffness,
-    load_jacobian,
-    loaded_compliance,
-    loaded_deflection,
-    secant,
-)
+from testbench.model import loaded
 from testbench.model.structure import template56
 from testbench.model.vjm import chain, generalised_load, observation
 from testbench.model.weights import own_weight, read_weights
@@ -59,7 +52,7 @@ def test_k_w_is_the_derivative_of_the_generalised_load(request, name, rng):
     cell = request.getfixturevalue(name)
     q, theta = bent(cell, rng, 3)
     wrench, point = random_wrench(rng, 3, 1000, 1000)
-    K_w = geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
+    K_w = loaded.geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
     expected = differences_of_the_load(cell, q, theta, wrench, point)
     # differences: rounding 1e-16 / h = 1e-11 and truncation h^2 = 1e-10, of the largest entry
     np.testing.assert_allclose(K_w, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
@@ -71,7 +64,7 @@ def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
     most = HEAVIEST[cell.arm.name.removesuffix("_l480")]
     wrench, point = random_wrench(rng, 3, most / 10, most / 10)  # of a force alone it would be symmetric
     theta, row = settle(plant, q, wrench, point).theta, open_row(plant)
-    K_w = geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
+    K_w = loaded.geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
     qpos = np.zeros((3, plant.model.nv))
     qpos[:, plant.joints], qpos[:, plant.theta] = q, theta
     for i in range(3):
@@ -91,7 +84,7 @@ def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng):
     theta = at_rest(cell, cell.arm.C_theta, q, wrench, point)
     # the plant stops at a step of 1e-9, which gains a factor of four or more
     np.testing.assert_allclose(theta, rest.theta, rtol=0, atol=1e-9)
-    moved = loaded_deflection(cell.vjm, q, theta, cell.vjm.markers)
+    moved = loaded.loaded_deflection(cell.vjm, q, theta, cell.vjm.markers)
     np.testing.assert_allclose(moved, rest.markers - settle(plant, q).markers, rtol=0, atol=1e-8)
 
 
@@ -115,8 +108,8 @@ def test_stiffness_falls_to_zero_at_the_buckling_load_of_theory_beyond_which_a_p
         wrench = np.array([[0, 0, -share * critical, 0, 0, 0]])
         theta = at_rest(kr500, C_theta, q, wrench, point)
         where = chain(kr500.vjm, q, theta)
-        K_w = geometric_stiffness(where, wrench, point)
-        sideways = loaded_compliance(load_jacobian(where, point), C_theta, K_w)[0, 0, 0]
+        K_w = loaded.geometric_stiffness(where, wrench, point)
+        sideways = loaded.loaded_compliance(loaded.load_jacobian(where, point), C_theta, K_w)[0, 0, 0]
         # a dozen roundings, magnified ten times by the nearness of buckling
         expected = height**2 * compliance / (1 - share)
         np.testing.assert_allclose(sideways, expected, rtol=1e-13)
@@ -135,19 +128,19 @@ def test_wrong_shapes_say_what_was_expected(kr500):
     arm, vjm = kr500.arm, kr500.vjm
     q, wrench, point, theta = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 3)), np.zeros((2, 48))
     where, K_w = chain(vjm, q), np.zeros((2, 48, 48))
-    J = load_jacobian(where, point)
+    J = loaded.load_jacobian(where, point)
     for text, call in {
         r"q \[rad, m\]: expected shape \(any, 6\), got \(2, 5\)": lambda: chain(vjm, q[:, :5]),
         r"theta \[m, rad\]: expected shape \(2, 48\), got \(1, 48\)": lambda: chain(vjm, q, theta[:1]),
-        r"wrench .*\(2, 6\), got \(1, 6\)": lambda: geometric_stiffness(where, wrench[:1], point),
-        r"point .*\(2, 3\), got \(3,\)": lambda: geometric_stiffness(where, wrench, point[0]),
-        r"point .*\(2, 3\), got \(1, 3\)": lambda: load_jacobian(where, point[:1]),
-        r"J_theta .*\(any, 6, any\), got \(6, 48\)": lambda: loaded_compliance(J[0], arm.C_theta, K_w),
-        r"C_theta .*\(48, 48\), got \(42, 42\)": lambda: loaded_compliance(J, np.eye(42), K_w),
-        r"K_w .*\(2, 48, 48\), got \(48, 48\)": lambda: loaded_compliance(J, arm.C_theta, K_w[0]),
-        r"targets .*\(any, 3\), got \(3,\)": lambda: loaded_deflection(vjm, q, theta, np.zeros(3)),
-        r"targets .*got \(1, 2\)": lambda: displacement(where, theta, np.zeros((1, 2))),
-        r"K_w .*got \(1, 48, 48\)": lambda: secant(where, arm.C_theta, wrench, point, K_w[:1]),
+        r"wrench .*\(2, 6\), got \(1, 6\)": lambda: loaded.geometric_stiffness(where, wrench[:1], point),
+        r"point .*\(2, 3\), got \(3,\)": lambda: loaded.geometric_stiffness(where, wrench, point[0]),
+        r"point .*\(2, 3\), got \(1, 3\)": lambda: loaded.load_jacobian(where, point[:1]),
+        r"J_theta .*\(any, 6, any\), got \(6, 48\)": lambda: loaded.loaded_compliance(J[0], arm.C_theta, K_w),
+        r"C_theta .*\(48, 48\), got \(42, 42\)": lambda: loaded.loaded_compliance(J, np.eye(42), K_w),
+        r"K_w .*\(2, 48, 48\), got \(48, 48\)": lambda: loaded.loaded_compliance(J, arm.C_theta, K_w[0]),
+        r"targets .*\(any, 3\), got \(3,\)": lambda: loaded.loaded_deflection(vjm, q, theta, np.zeros(3)),
+        r"targets .*got \(1, 2\)": lambda: loaded.displacement(where, theta, np.zeros((1, 2))),
+        r"K_w .*got \(1, 48, 48\)": lambda: loaded.secant(where, arm.C_theta, wrench, point, K_w[:1]),
     }.items():
         with pytest.raises(BenchError, match=text):
             call()

@@ -19,44 +19,35 @@ from testbench.model.structure import all153
 from testbench.model.vjm import chain, observation
 from testbench.report.table import Row, Trials
 from testbench.studies.paper import EQ_22, EQ_23, SECTION_6
-from testbench.studies.single_link.trial import (
-    GCO,
-    LEAST_SQUARES,
-    Settings,
-    measure,
-    models,
-    noise_scale,
-    rank_beyond_noise,
-    trials,
-)
+from testbench.studies.single_link import trial
 
-STUDY = Settings()
+STUDY = trial.Settings()
 LOADS = np.diag([10.0] * 6)
 
 
 def estimates(cell, data):
-    return {m.name: m.estimator(cell.vjm, m.structure, data).C_theta for m in models(cell)}
+    return {m.name: m.estimator(cell.vjm, m.structure, data).C_theta for m in trial.models(cell)}
 
 
 @pytest.fixture(scope="module")
 def printed(single_link):
-    return printed_matrices(single_link, STUDY, measure(single_link, STUDY, 1).truth)
+    return printed_matrices(single_link, STUDY, trial.measure(single_link, STUDY, 1).truth)
 
 
 def test_noise_free_data_give_eq_21_back_and_rank_counts_what_is_beyond_rounding(single_link):
     campaign = STUDY.campaign.model_copy(update={"noise": False})
-    data = measure(single_link, replace(STUDY, campaign=campaign), 1).identification
+    data = trial.measure(single_link, replace(STUDY, campaign=campaign), 1).identification
     found = estimates(single_link, data)
-    C, unit = single_link.arm.C_theta, noise_scale(STUDY.campaign)
+    C, unit = single_link.arm.C_theta, trial.noise_scale(STUDY.campaign)
     # rounding of marker positions of order one, over 10 N
-    np.testing.assert_allclose(found[LEAST_SQUARES], C, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(found[trial.LEAST_SQUARES], C, rtol=0, atol=1e-15)
     # the interior point stops at 1e-7 of the data; noise would be of order one
-    assert np.abs((found[GCO] - C) / unit).max() < 1e-3
+    assert np.abs((found[trial.GCO] - C) / unit).max() < 1e-3
     C = single_link.arm.C_theta
-    assert rank_beyond_noise(STUDY.campaign, C) == 6
+    assert trial.rank_beyond_noise(STUDY.campaign, C) == 6
     values, Q = np.linalg.eigh(C)
     values[:2] = 0, 1e-14
-    assert rank_beyond_noise(STUDY.campaign, (Q * values) @ Q.T) == 4
+    assert trial.rank_beyond_noise(STUDY.campaign, (Q * values) @ Q.T) == 4
 
 
 def test_eq_22_differs_from_the_truth_by_noise_under_axis_loads_and_eq_23_is_of_rank_4(printed):
@@ -80,7 +71,7 @@ def test_eq_22_differs_from_the_truth_by_noise_under_axis_loads_and_eq_23_is_of_
 
 def test_eq_22_is_the_papers_dataset_and_eq_23_is_not_its_optimum(single_link, printed):
     data = readings(single_link, STUDY.campaign, LOADS, LOADS @ np.array(EQ_22).T)
-    C = estimates(single_link, data)[LEAST_SQUARES]
+    C = estimates(single_link, data)[trial.LEAST_SQUARES]
     np.testing.assert_allclose(C, EQ_22, rtol=0, atol=1e-15)
     own = printed[OWN]
     assert least_cost(printed).verdict == "not confirmed"
@@ -94,8 +85,8 @@ def test_a_draw_is_the_same_alone_and_among_others():
     def without_clock(rows):
         return [replace(row, solve_seconds=0.0) for row in rows]
 
-    [alone] = trials(STUDY, [8])
-    assert without_clock(alone) == without_clock(trials(STUDY, [7, 8])[1])
+    [alone] = trial.trials(STUDY, [8])
+    assert without_clock(alone) == without_clock(trial.trials(STUDY, [7, 8])[1])
 
 
 SEEDS = 100

@@ -18,23 +18,13 @@ from testbench.campaign.plan import left_open, union_after, union_of
 from testbench.campaign.unobservable import quantities, unobservable
 from testbench.commands.plan_numbers import filled
 from testbench.design import absolute
+from testbench.design import rows as plans
 from testbench.design.baselines import error_after
 from testbench.design.criteria import CRITERIA, criterion_of
 from testbench.design.exchange import exchange, greedy
 from testbench.design.forecast import forecast
 from testbench.design.planning import DETOUR, _order, candidate_set, make_plan, promise
 from testbench.design.refine import Reach
-from testbench.design.rows import (
-    Experiment,
-    Specification,
-    Tasks,
-    build_problem,
-    deflection_rows,
-    information,
-    problem_of,
-    reading_rows,
-    task_rows,
-)
 from testbench.design.whole_arm import fit_of, promise_on
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.posterior import model_of
@@ -64,10 +54,10 @@ def poses(kr500):
 def spec(kr500, poses):
     own = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     load = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), kr500.vjm.load)
-    return Specification(
-        experiment=Experiment(kr500.vjm, own, kr500.vjm.markers, 50e-6),
+    return plans.Specification(
+        experiment=plans.Experiment(kr500.vjm, own, kr500.vjm.markers, 50e-6),
         loads=(load,),
-        tasks=Tasks(poses[200:210], load),
+        tasks=plans.Tasks(poses[200:210], load),
         workspace=poses[210:],
         uncertainty=0.3,
         poses=9,
@@ -81,8 +71,8 @@ def plan(kr500, spec, poses):
 
 def promise_of(spec, q, load):
     """Errors to expect at the tasks after any poses were measured, such as those of a plan made by hand."""
-    problem = problem_of(spec, q, load)
-    return forecast(problem, information(problem, np.arange(len(q))), task_rows(spec))
+    problem = plans.problem_of(spec, q, load)
+    return forecast(problem, plans.information(problem, np.arange(len(q))), plans.task_rows(spec))
 
 
 def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spec, poses):
@@ -114,22 +104,24 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
 
 def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns(spec, poses, kr500):
     """A side force asks for directions that gravity does not show: the prior's part must come in whole."""
-    rows = reading_rows(spec.experiment, poses, spec.loads[0])
-    problem = build_problem(spec.experiment, rows, 0.3)
+    rows = plans.reading_rows(spec.experiment, poses, spec.loads[0])
+    problem = plans.build_problem(spec.experiment, rows, 0.3)
     assert problem.r == 49
-    assert build_problem(spec.experiment, rows, None).unseen.shape == (68, 19)
+    assert plans.build_problem(spec.experiment, rows, None).unseen.shape == (68, 19)
     chosen = np.arange(9)
     side = Load(np.array([0, 3000.0, 0, 0, 0, 0]), spec.loads[0].point)
-    wanted = deflection_rows(spec.experiment, poses[200:203], side)
+    wanted = plans.deflection_rows(spec.experiment, poses[200:203], side)
     B, _ = precision_root(spec.experiment.metric, Strength(0.3, 10.0))
     A = rows[chosen].reshape(-1, 68)
     whole = np.linalg.inv(B.T @ B + A.T @ A)
-    inside = problem.lift @ np.linalg.solve(information(problem, chosen), problem.lift.T) + problem.hidden
+    inside = (
+        problem.lift @ np.linalg.solve(plans.information(problem, chosen), problem.lift.T) + problem.hidden
+    )
     by_hand, ours = (np.einsum("pkn,nl,pkl->p", wanted, C, wanted) for C in (whole, inside))
     np.testing.assert_allclose(ours, by_hand, rtol=1e-6)
     q, setup = poses[:7], Scenario(arm=kr500.arm.name, truth="linear")
     data = measure(kr500, setup, hanging(kr500, q, np.arange(7) + 1, 460.3), stream(2))
-    rows = reading_rows(spec.experiment, q, spec.loads[0]).reshape(-1, 68)
+    rows = plans.reading_rows(spec.experiment, q, spec.loads[0]).reshape(-1, 68)
     A, _ = whitened(reduce(kr500.vjm, mgco68(kr500.arm), data), spec.experiment.metric)
     np.testing.assert_allclose(rows.T @ rows, A.T @ A, atol=1e-9 * np.abs(A.T @ A).max())
 
@@ -142,7 +134,7 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
     assert 0.7 < plan.efficiency <= 1
     np.testing.assert_array_equal(plan.examined.q[plan.chosen], plan.q)
     chance = [promise_of(spec, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int)).overall for k in range(20)]
-    assert promise(plan, task_rows(spec)).overall < min(chance)
+    assert promise(plan, plans.task_rows(spec)).overall < min(chance)
 
 
 @pytest.mark.parametrize("name", CRITERIA)

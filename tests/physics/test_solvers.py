@@ -18,15 +18,6 @@ from testbench.identify.certify import (
     total_trace,
     trace_weight,
 )
-from testbench.identify.conic import (
-    by_clarabel,
-    by_interior,
-    by_squares,
-    norms_below,
-    optimum,
-    psd_blocks,
-    scale_program,
-)
 from testbench.identify.estimate import Dual
 from testbench.identify.metric import Belief, Case, metric, rescaled
 from testbench.identify.prior import Strength, cad_prior
@@ -54,8 +45,8 @@ def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
         assert found.over <= WORSE
         assert not found.own or found.gap <= APART
         assert least_squares_off(case) <= OFF
-        program, weight = scale_program(regression), trace_weight(regression)
-        answers = by_interior(regression, program), by_clarabel(regression, program)
+        program, weight = conic.scale_program(regression), trace_weight(regression)
+        answers = conic.by_interior(regression, program), conic.by_clarabel(regression, program)
         if answers[0] is not None:
             trace = [weight * total_trace(regression.structure, a.pi) for a in answers]
             cost = [f_m(regression, a.pi) + t for a, t in zip(answers, trace, strict=True)]
@@ -70,7 +61,8 @@ def test_the_last_digits_of_readings_move_no_prediction(kr500, campaigns, rng):
         for k in range(4):
             after = run.identification.after
             after = after * (1 + 2e-16 * k * rng.standard_normal(after.shape))
-            estimate = optimum(reduce(kr500.vjm, all153(kr500.arm), replace(run.identification, after=after)))
+            changed = replace(run.identification, after=after)
+            estimate = conic.optimum(reduce(kr500.vjm, all153(kr500.arm), changed))
             told.append(deflections(kr500.vjm, estimate, run.truth))
         assert np.ptp(told, axis=0).max() < 2e-7
 
@@ -91,23 +83,23 @@ def test_without_noise_last_digits_of_readings_do_not_change_what_is_said(name, 
     for k in range(4):
         after = data.after * (1 + 1e-15) ** (k % 2) * (1 + 2e-16 * k * rng.standard_normal(data.after.shape))
         changed = in_order(replace(data, after=after), rng.permutation(data.runs))
-        found = optimum(reduce(cell.vjm, structure(cell.arm), changed))
+        found = conic.optimum(reduce(cell.vjm, structure(cell.arm), changed))
         assert found.status == "solved"
         unit = f_m(found.regression, np.zeros(found.structure.n))
         assert found.f_m < 1e-5 * unit
-        squares = by_squares(found.regression, scale_program(found.regression))
+        squares = conic.by_squares(found.regression, conic.scale_program(found.regression))
         assert f_m(found.regression, squares) < 1e-8 * unit
 
 
 @pytest.mark.parametrize(("off", "status"), [(1e-9, "solved"), (1e-2, "worse")])
 def test_what_is_not_near_enough_is_not_called_solved(kr500, campaigns, off, status, monkeypatch):
     regression = reduce(kr500.vjm, mgco68(kr500.arm), campaigns[0].identification)
-    own = by_clarabel(regression, scale_program(regression))
+    own = conic.by_clarabel(regression, conic.scale_program(regression))
     far = replace(own, pi=(1 + off) * own.pi, failure="worse")
     monkeypatch.setattr(conic, "by_interior", lambda *args: None)
     monkeypatch.setattr(conic, "by_clarabel", lambda *args: far)
     monkeypatch.setattr(conic, "by_squares", lambda *args: far.pi)
-    assert optimum(regression).status == status
+    assert conic.optimum(regression).status == status
 
 
 def not_projected(path, start, cost, groups):
@@ -199,18 +191,18 @@ def traces(structure, pi):
 
 def best_within(regression, t):
     """The model of least F_M within traces: another program, without a trace weight, by another solver."""
-    program = scale_program(regression)
+    program = conic.scale_program(regression)
     s, count = program.structure, len(regression.terms)
     of_block = {tuple(block): most for block, most in zip(regression.structure.blocks, t, strict=True)}
     room = np.zeros((len(s.blocks), count + s.n))
     for k, block in enumerate(s.blocks):
         own = np.flatnonzero((s.a == s.b) & np.isin(s.a, block))
         room[k, count + own] = program.scale[own] / scaled_units(s)[s.a[own]] ** 2 / of_block[tuple(block)]
-    norms = norms_below(program.R, program.z, program.rest)
+    norms = conic.norms_below(program.R, program.z, program.rest)
     found = cone.solve(
         cone.Problem(
             cost=np.r_[np.ones(count), np.zeros(s.n)],
-            blocks=(cone.free_block(0, count), *psd_blocks(s, count)),
+            blocks=(cone.free_block(0, count), *conic.psd_blocks(s, count)),
             rows=(*norms, cone.Rows("nonnegative", room, np.ones(len(room)))),
         )
     )
@@ -232,7 +224,7 @@ def refuted(regression, certificate, cost, pi):
 def test_not_even_the_best_model_within_the_bounds_beats_it(kr500, structure, share):
     """It does better than the optimum of the weighted program, so that there is something to refute."""
     regression = reduce(kr500.vjm, structure(kr500.arm), gravity(kr500, 6))
-    found = optimum(regression)
+    found = conic.optimum(regression)
     t = share * default_trace_bounds(regression, found.pi)
     certificate = bound(regression, found.pi, found.certificate.dual, t)
     best = best_within(regression, t)
@@ -248,7 +240,7 @@ def test_random_and_nasty_datasets_do_not_fool_it(kind, rng):
     within = 0
     for _ in range(8):
         regression = random_regression(kind, rng)
-        s, best = regression.structure, optimum(regression)
+        s, best = regression.structure, conic.optimum(regression)
         others, t = [best.pi, 0 * best.pi], best.certificate.trace_bounds
         least = best_within(regression, t)
         if (traces(s, least) <= t * (1 + 1e-6)).all():  # Clarabel solves most of them
@@ -305,5 +297,5 @@ def test_an_axis_that_the_data_hardly_show_may_explain_all_of_them(shown):
     assert default_trace_bounds(regression, np.zeros(2))[1] == pytest.approx(2 * truth[1])
     stiff = by_hand(regression, np.zeros(2))
     assert certify(stiff).f_m_excess_bound >= stiff.f_m * (1 - SLACK)  # the truth has an F_M of zero
-    best = optimum(regression)
+    best = conic.optimum(regression)
     assert refuted(regression, best.certificate, best.pi, truth) <= SLACK

@@ -7,33 +7,17 @@ import pytest
 from scipy.optimize import minimize
 
 from testbench import MODELS, BenchError, cad_prior, deflections
-from testbench.arm.stiffness import (
-    Material,
-    Tube,
-    check_compliance,
-    eigenvalue_scale,
-    tube_compliance,
-    turned,
-)
+from testbench.arm import stiffness
+from testbench.campaign import true_arms
 from testbench.campaign.campaign import Scenario, simulate, stream
 from testbench.campaign.cast import CAST_IRON, Casting, Line, as_compliant, beam_compliance, draw_casting
 from testbench.campaign.perturbed_prior import FAR, PRIORS, TURN, prior_of, wrong_prior
 from testbench.campaign.section import Sections, rib_thickness
-from testbench.campaign.true_arms import (
-    HELD_OUT,
-    TRUTHS,
-    UNEQUAL,
-    coupled,
-    deformed,
-    distance_from_tubes,
-    member,
-    true_cell,
-)
 from testbench.model.structure import TEMPLATE
 
-TUBE = tube_compliance(Tube(1.3, 0.34, 0.31, 1.1e11, 0.26))
+TUBE = stiffness.tube_compliance(stiffness.Tube(1.3, 0.34, 0.31, 1.1e11, 0.26))
 OFF = {"off_10": 0.1, "off_20": 0.2, "off_40": 0.4}
-TRUE = {**TRUTHS, **HELD_OUT}
+TRUE = {**true_arms.TRUTHS, **true_arms.HELD_OUT}
 SEEDS = range(20)
 
 
@@ -52,7 +36,7 @@ def random_symmetric(rng):
 
 def test_the_distance_from_tubes_is_the_least_over_templates(rng):
     """By its definition |T^-1/2 C T^-1/2 - 1| / sqrt(6), searched from the tube that was deformed."""
-    C = deformed(TUBE, random_symmetric(rng), 0.25)
+    C = true_arms.deformed(TUBE, random_symmetric(rng), 0.25)
     scale = np.array([np.sqrt(TUBE[a, a] * TUBE[b, b]) for a, b in TEMPLATE])
 
     def apart(x):
@@ -68,17 +52,17 @@ def test_the_distance_from_tubes_is_the_least_over_templates(rng):
     settings = {"maxiter": 20_000, "maxfev": 20_000, "xatol": 1e-9, "fatol": 1e-12, "adaptive": True}
     found = minimize(apart, start, method="Nelder-Mead", options=settings)
     assert found.fun < 0.9 * apart(start)  # the tube itself is not the nearest
-    assert found.fun == pytest.approx(distance_from_tubes(C), rel=1e-6)
+    assert found.fun == pytest.approx(true_arms.distance_from_tubes(C), rel=1e-6)
 
 
 @pytest.mark.parametrize("name", OFF)
 def test_links_are_as_far_from_tubes_as_their_name_says(kr500, name, rng):
     """In their own axes exactly so, in the model's, from which they are turned, further."""
     for link in kr500.arm.links:
-        C = deformed(link.compliance, random_symmetric(rng), OFF[name])
-        assert distance_from_tubes(C) == pytest.approx(OFF[name], rel=1e-5)
-    found = [distance_from_tubes(link.compliance) for k in range(3) for link in drawn(kr500, name, k).links]
-    assert np.median(found) > 1.2 * OFF[name]
+        C = true_arms.deformed(link.compliance, random_symmetric(rng), OFF[name])
+        assert true_arms.distance_from_tubes(C) == pytest.approx(OFF[name], rel=1e-5)
+    links = [link for k in range(3) for link in drawn(kr500, name, k).links]
+    assert np.median([true_arms.distance_from_tubes(link.compliance) for link in links]) > 1.2 * OFF[name]
 
 
 @pytest.mark.parametrize("name", TRUE)
@@ -87,17 +71,17 @@ def test_every_truth_is_conservative_and_new_for_every_seed_and_comes_again(kr50
     for seed in seeds:
         own, again = (drawn(kr500, name, seed) for _ in range(2))
         for link in own.links:
-            check_compliance(link.compliance, name)
+            stiffness.check_compliance(link.compliance, name)
         np.testing.assert_array_equal(own.C_theta, again.C_theta)
         seen.add(tuple(np.ravel(own.C_theta)))
-        assert name in HELD_OUT or (own.joints == kr500.arm.joints) == (name != "joints")
-    least = len(seeds) - (name in HELD_OUT)  # a member of the family in six is the folder's arm
+        assert name in true_arms.HELD_OUT or (own.joints == kr500.arm.joints) == (name != "joints")
+    least = len(seeds) - (name in true_arms.HELD_OUT)  # a member of the family in six is the folder's arm
     assert len(seen) == 1 if name == "tubes" else len(seen) >= least
 
 
 @pytest.mark.parametrize(
     ("name", "middle", "spread"),
-    [("joints", 0, UNEQUAL), ("far_joints", np.log(0.9) / 2, np.log(10) / np.sqrt(12))],
+    [("joints", 0, true_arms.UNEQUAL), ("far_joints", np.log(0.9) / 2, np.log(10) / np.sqrt(12))],
 )
 def test_joints_are_normal_or_far_off_evenly_in_the_logarithm_each_by_itself(kr500, name, middle, spread):
     own = compliances(kr500.arm.joints)
@@ -110,10 +94,10 @@ def test_joints_are_normal_or_far_off_evenly_in_the_logarithm_each_by_itself(kr5
         assert np.log(0.3) <= off.min() <= off.max() <= np.log(3.0)
 
 
-@pytest.mark.parametrize("name", TRUTHS)
+@pytest.mark.parametrize("name", true_arms.TRUTHS)
 def test_mujoco_and_the_model_agree_to_first_order_on_every_truth(kr500, name):
     """MuJoCo's linear deflections against those of the model with the true compliances."""
-    cell = true_cell(kr500, name, 3)
+    cell = true_arms.true_cell(kr500, name, 3)
     assert cell.arm is kr500.arm
     assert cell.vjm is kr500.vjm
     scenario = Scenario(arm=kr500.arm.name, truth="linear", noise=False, workspace_poses=20)
@@ -158,19 +142,19 @@ def test_priors_are_wrong_as_their_names_say(kr500):
     assert (np.abs(soft - 30) < 16).all()  # of 60 each, four standard deviations
     for mine, theirs in zip(blocks(own["axes"]), blocks(base), strict=True):
         np.testing.assert_allclose(np.linalg.eigvalsh(mine[:3, :3]), np.linalg.eigvalsh(theirs[:3, :3]))
-        assert distance_from_tubes(mine) > 0.1
-        assert distance_from_tubes(theirs) < 1e-12
+        assert true_arms.distance_from_tubes(mine) > 0.1
+        assert true_arms.distance_from_tubes(theirs) < 1e-12
 
 
 def test_turning_a_beam_turns_its_compliance(rng):
     """About its own axis a tube does not change; there and back it is what it was."""
-    scale = eigenvalue_scale(TUBE)
+    scale = stiffness.eigenvalue_scale(TUBE)
     axis = rng.standard_normal(3)
-    about = turned(TUBE, np.array([1.0, 0, 0]), 0.7)
-    back = turned(turned(TUBE, axis, TURN), axis, -TURN)
+    about = stiffness.turned(TUBE, np.array([1.0, 0, 0]), 0.7)
+    back = stiffness.turned(stiffness.turned(TUBE, axis, TURN), axis, -TURN)
     for C in (about, back):
         np.testing.assert_allclose(C / np.outer(scale, scale), TUBE / np.outer(scale, scale), atol=1e-12)
-    quarter = turned(TUBE, np.array([0, 0, 1.0]), np.pi / 2)  # along y now
+    quarter = stiffness.turned(TUBE, np.array([0, 0, 1.0]), np.pi / 2)  # along y now
     assert quarter[1, 1] == pytest.approx(TUBE[0, 0])
     assert quarter[2, 3] == pytest.approx(-TUBE[2, 4])  # phi_y of before is -phi_x
 
@@ -188,15 +172,15 @@ def test_links_of_a_member_of_the_family_are_all_stiffer_or_one_of_them_is_softe
             assert found.joints == own.joints
         met.add(kind)
         soft.add(one.argmax())
-    assert met == set(TRUTHS)
+    assert met == set(true_arms.TRUTHS)
     assert len(soft) >= 5
 
 
 def family_member(kr500, seed):
     """Kind and arm that the first draws of a seed's stream make, and that stream from there on."""
     rng = stream(seed, 8)
-    kind = list(TRUTHS)[rng.integers(len(TRUTHS))]
-    return kind, TRUTHS[kind](kr500.arm, rng), rng
+    kind = list(true_arms.TRUTHS)[rng.integers(len(true_arms.TRUTHS))]
+    return kind, true_arms.TRUTHS[kind](kr500.arm, rng), rng
 
 
 def test_soft_bearings_tilt_and_shift_at_the_ends_of_links_before_joints(kr500):
@@ -213,7 +197,7 @@ def test_soft_bearings_tilt_and_shift_at_the_ends_of_links_before_joints(kr500):
 def test_random_couplings_keep_the_diagonal_and_are_uniform_over_correlation_matrices():
     """An entry of a uniform correlation matrix of order n is Beta(n/2, n/2) on -1 to 1, variance 1/(n+1)."""
     rng = np.random.default_rng(4)
-    found = np.array([coupled(TUBE, rng) for _ in range(2000)])
+    found = np.array([true_arms.coupled(TUBE, rng) for _ in range(2000)])
     scale = np.sqrt(np.diag(TUBE))
     R = found / np.outer(scale, scale)
     np.testing.assert_allclose(R[:, range(6), range(6)], 1, rtol=1e-12)
@@ -224,18 +208,16 @@ def test_random_couplings_keep_the_diagonal_and_are_uniform_over_correlation_mat
     assert np.mean(np.abs(off) < 0.5) == pytest.approx(0.792969, abs=0.01)  # (15 x - 10 x^3 + 3 x^5) / 8
 
 
-def test_the_family_gives_every_seed_the_next_kind_and_a_name_gives_itself():
-    assert [member("family", 12 + k) for k in range(2 * len(TRUTHS))] == [*TRUTHS, *TRUTHS]
-    assert {member("cast", seed) for seed in SEEDS} == {"cast"}
+def test_the_family_gives_every_seed_the_next_kind_and_an_unknown_name_is_answered_with_all(kr500):
+    kinds = [*true_arms.TRUTHS, *true_arms.TRUTHS]
+    assert [true_arms.member("family", 12 + k) for k in range(len(kinds))] == kinds
+    assert {true_arms.member("cast", seed) for seed in SEEDS} == {"cast"}
+    for find, names in ((true_arms.true_cell, true_arms.TRUTHS), (prior_of, PRIORS)):
+        with pytest.raises(BenchError, match=", ".join(names)):
+            find(kr500, "rubber", 1)
 
 
-@pytest.mark.parametrize(("find", "names"), [(true_cell, TRUTHS), (prior_of, PRIORS)])
-def test_an_unknown_name_is_answered_with_those_there_are(kr500, find, names):
-    with pytest.raises(BenchError, match=", ".join(names)):
-        find(kr500, "rubber", 1)
-
-
-STEEL = Material(2.1e11, 0.3)
+STEEL = stiffness.Material(2.1e11, 0.3)
 
 
 def polygon(corners, thickness):
@@ -272,7 +254,7 @@ def straight(length, section, segments=3):
 
 def assert_same(C, expected, rtol):
     """To a share of the diagonal."""
-    scale = eigenvalue_scale(expected)
+    scale = stiffness.eigenvalue_scale(expected)
     np.testing.assert_allclose(
         C / np.outer(scale, scale), expected / np.outer(scale, scale), rtol=0, atol=rtol
     )
@@ -281,7 +263,7 @@ def assert_same(C, expected, rtol):
 def test_a_tube_of_thin_walls_adds_timoshenkos_shear():
     L, r, t = 1.3, 0.16, 1e-4
     C = straight(L, ring(r, t).compliance(STEEL))
-    expected = tube_compliance(Tube(L, 2 * r + t, 2 * r - t, STEEL.E, STEEL.nu))
+    expected = stiffness.tube_compliance(stiffness.Tube(L, 2 * r + t, 2 * r - t, STEEL.E, STEEL.nu))
     expected[[1, 2], [1, 2]] += L / (
         0.5 * STEEL.G * 2 * np.pi * r * t
     )  # F L^3/(3 E I) + F L/(k G A), k = 1/2
