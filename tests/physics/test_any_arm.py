@@ -52,15 +52,13 @@ def test_what_truth_and_model_read_differently_is_refused_by_name(kr500, tmp_pat
     """Seeded: the model takes its euler angles in the wrong order."""
     folder = shutil.copytree(kr500.arm.rigid.parent, tmp_path / "arm")
     text = (folder / "rigid.xml").read_text("utf-8")
-    (folder / "rigid.xml").write_text(
-        text.replace('<body name="tool"', '<body name="tool" euler="0.3 0.2 0.1"'), "utf-8"
-    )
+    turned = text.replace('<body name="tool"', '<body name="tool" euler="0.3 0.2 0.1"')
+    (folder / "rigid.xml").write_text(turned, "utf-8")
     build_cell(folder)
     rotation = kinematics.rotation
     monkeypatch.setattr(kinematics, "rotation", lambda axis, angle: rotation(axis[::-1], angle))
-    with pytest.raises(
-        InputError, match=r"rigid\.xml: <body name='tool'>: MuJoCo and Pinocchio place it .* apart"
-    ):
+    said = r"rigid\.xml: <body name='tool'>: MuJoCo and Pinocchio place it .* apart"
+    with pytest.raises(InputError, match=said):
         build_cell(folder)
 
 

@@ -21,7 +21,7 @@ from testbench.identify.arm_model import About, bending, of_compliances
 from testbench.identify.posterior import CURVED, Posterior
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
-from testbench.model.weights import Weights, read_weights
+from testbench.model.weights import no_weights, read_weights
 from testbench.plant.equilibrium import settle
 from testbench.plant.site import collisions
 
@@ -165,17 +165,15 @@ def load():
 
 
 def weightless(model):
-    return replace(model, state=replace(model.state, weights=Weights(np.zeros(8), np.zeros((8, 3)))))
+    return replace(model, state=replace(model.state, weights=no_weights(model.arm)))
 
 
 def test_deflections_are_those_of_the_true_arm(kr500, model, poses, load):
     """Markers and tool, loaded minus unloaded, own weight in both."""
     found = predict(model, poses, [load])
     true = [settle(kr500.plant, poses, w, load.point) for w in (0 * load.wrench, load.wrench)]
-    moved = np.concatenate([true[1].tool[:, None], true[1].markers], axis=1) - np.concatenate(
-        [true[0].tool[:, None], true[0].markers], axis=1
-    )
-    assert np.abs(found.deflection - moved).max() < 1e-9
+    before, after = (np.concatenate([one.tool[:, None], one.markers], axis=1) for one in true)
+    assert np.abs(found.deflection - (after - before)).max() < 1e-9
     assert np.abs(found.position[:, 0] - true[1].tool).max() < 1e-9
     assert np.abs(found.rotation - true[1].rotation).max() < 1e-9
 
@@ -186,9 +184,7 @@ def test_the_linear_prediction_is_the_limit_of_small_loads(model, poses, load):
     for share in (0.1, 0.01):
         small = [Load(share * load.wrench, load.point)]
         bent, linear = (predict(light, poses, small, linear=on) for on in (False, True))
-        off.append(
-            [np.abs(a - b).max() for a, b in ((bent.deflection, linear.deflection), (bent.turn, linear.turn))]
-        )
+        off.append([np.abs(getattr(bent, x) - getattr(linear, x)).max() for x in ("deflection", "turn")])
         assert (linear.half >= bent.half).all()
     np.testing.assert_allclose(np.divide(*off), 100, rtol=0.05)
 
@@ -200,11 +196,10 @@ def test_the_ellipsoid_is_the_tangent_of_the_equilibrium_as_sure_as_under_its_fo
         found = stiffness(own, poses, [hung])
         C = found.compliance[:, :3, :3]
         for k in range(3):
-            axis, push = found.axes[:, :, k], np.zeros((FEW, 6))
-            push[:, :3] = axis
-            more, less = (
-                rest(own.state, poses, [hung, Load(sign * push, np.zeros(3))]).position for sign in (1, -1)
-            )
+            axis = found.axes[:, :, k]
+            push = Load(np.hstack([axis, 0 * axis]), np.zeros(3))
+            pull = replace(push, wrench=-push.wrench)
+            more, less = (rest(own.state, poses, [hung, one]).position for one in (push, pull))
             moved = (more - less) / 2
             assert np.abs(moved - np.matvec(C, axis)).max() < most * found.give.max()
             assert np.abs(moved - found.give[:, k, None] * axis).max() < most * found.give.max()
@@ -222,10 +217,8 @@ def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses)
     structure = model.structure
     first = np.eye(structure.n)[[structure.entries(np.diag(np.arange(48) == 42)).argmax()]]
     blind = replace(model, posterior=sure_of(structure, model.state, first))
-    down, aside = (
-        predict(blind, poses, [Load(np.array([*f, 0, 0, 0]), model.vjm.load)])
-        for f in ((0, 0, -4500.0), (0, 4500.0, 0))
-    )
+    forces = np.array([0, 0, -4500.0, 0, 0, 0]), np.array([0, 4500.0, 0, 0, 0, 0])
+    down, aside = (predict(blind, poses, [Load(force, model.vjm.load)]) for force in forces)
     assert np.isinf(aside.half[:, :, :2]).any(axis=2).all()
     assert np.isfinite(down.half).all()
     assert (down.widest > 0.002 * down.size).all()  # every entry is sure to 1 %, curvature is of that size

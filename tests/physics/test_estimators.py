@@ -102,9 +102,8 @@ def test_it_takes_no_prior_and_looks_for_outliers_as_least_squares_does(arm_6r):
         with_prior(completed_least_squares, cad_prior(arm_6r.arm))
     structure, data = mgco147(arm_6r.arm), simulate(arm_6r, SECTION_5_2, 1).identification
     data = replace(data, after=data.after + 0.01 * (data.run == 8)[:, None, None])
-    plain, filled = (
-        robust(fit)(arm_6r.vjm, structure, data) for fit in (least_squares, completed_least_squares)
-    )
+    methods = robust(least_squares), robust(completed_least_squares)
+    plain, filled = (method(arm_6r.vjm, structure, data) for method in methods)
     assert {r.run for r in filled.rejected} == {r.run for r in plain.rejected} == {8}
     assert filled.conservative
     assert filled.f_m == pytest.approx(plain.f_m, rel=1e-7)

@@ -114,9 +114,8 @@ def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns
     B, _ = precision_root(spec.experiment.metric, Strength(0.3, 10.0))
     A = rows[chosen].reshape(-1, 68)
     whole = np.linalg.inv(B.T @ B + A.T @ A)
-    inside = (
-        problem.lift @ np.linalg.solve(plans.information(problem, chosen), problem.lift.T) + problem.hidden
-    )
+    seen, lift = plans.information(problem, chosen), problem.lift
+    inside = lift @ np.linalg.solve(seen, lift.T) + problem.hidden
     by_hand, ours = (np.einsum("pkn,nl,pkl->p", wanted, C, wanted) for C in (whole, inside))
     np.testing.assert_allclose(ours, by_hand, rtol=1e-6)
     q, setup = poses[:7], Scenario(arm=kr500.arm.name, truth="linear")
@@ -330,9 +329,8 @@ def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, places):
     A = absolute.position_rows(across, places[-20:])[:, :, on].reshape(-1, len(on))
     error = np.sqrt(3 * np.einsum("ki,ik->k", A, np.linalg.solve(P, A.T)).mean())
     problem = absolute.candidate_set(own, q, len(q)).problem
-    assert error_after(problem, absolute.position_rows(own, places[-20:]))(np.arange(6)) == pytest.approx(
-        error
-    )
+    found = error_after(problem, absolute.position_rows(own, places[-20:]))
+    assert found(np.arange(6)) == pytest.approx(error)
 
 
 def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, places):

@@ -239,9 +239,8 @@ def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):
     q = random_q(kr500, rng, 5)
     wrench, point = rng.standard_normal((5, 6)), 0.3 * rng.standard_normal((5, 3))
     scale = 3.0
-    (rest, rigid), (_, soft) = (
-        settle_pair(disturbed(kr500, Disturbances(foundation=f)), q, wrench, point) for f in (0.0, scale)
-    )
+    arms = [disturbed(kr500, Disturbances(foundation=f)) for f in (0.0, scale)]
+    (rest, rigid), (_, soft) = (settle_pair(arm, q, wrench, point) for arm in arms)
     at = rest.tool + (rest.rotation @ point[:, :, None])[:, :, 0]
     moment = wrench[:, 3:] + np.cross(at, wrench[:, :3])
     twist = scale * np.array(FOUNDATION) * np.c_[wrench[:, :3], moment]
@@ -249,7 +248,7 @@ def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):
     moved = soft.tool - rigid.tool
     # a newton bends the arm by 1e-6 m: second order is 1e-6; rounding of metres is 1e-8 of 1e-8 m
     np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
-    linear = settle_linear(disturbed(kr500, Disturbances(foundation=scale)), q, wrench, point)
+    linear = settle_linear(arms[1], q, wrench, point)
     np.testing.assert_allclose(linear.tool - rest.tool, soft.tool - rest.tool, rtol=0, atol=1e-10)
 
 

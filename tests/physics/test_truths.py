@@ -124,9 +124,7 @@ def test_priors_are_wrong_as_their_names_say(kr500):
         base = wrong_prior(kr500, seed).C_theta
         np.testing.assert_array_equal(own["right"], cad_prior(kr500.arm).C_theta)
         np.testing.assert_array_equal(own["scaled"], base)
-        factors = np.array(
-            [a[0, 0] / b[0, 0] for a, b in zip(blocks(own["link"]), blocks(base), strict=True)]
-        )
+        factors = np.divide(*([block[0, 0] for block in blocks(C)] for C in (own["link"], base)))
         [far] = np.flatnonzero(np.abs(factors - 1) > 1e-9)
         assert factors[far] in (pytest.approx(FAR), pytest.approx(1 / FAR))
         np.testing.assert_allclose(blocks(own["link"])[far], factors[far] * blocks(base)[far])
@@ -255,9 +253,8 @@ def straight(length, section, segments=3):
 def assert_same(C, expected, rtol):
     """To a share of the diagonal."""
     scale = stiffness.eigenvalue_scale(expected)
-    np.testing.assert_allclose(
-        C / np.outer(scale, scale), expected / np.outer(scale, scale), rtol=0, atol=rtol
-    )
+    unit = np.outer(scale, scale)
+    np.testing.assert_allclose(C / unit, expected / unit, rtol=0, atol=rtol)
 
 
 def test_a_tube_of_thin_walls_adds_timoshenkos_shear():
