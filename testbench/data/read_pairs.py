@@ -14,10 +14,10 @@ from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import read_map
 from testbench.data.names import ENTRIES, Slot, columns_of
 from testbench.data.pair import HELD, Paired, pair
-from testbench.data.rows import Conditions, Readings, markers_only, read_conditions, read_readings
+from testbench.data.readings import Readings, averaged, markers_only, read_readings
+from testbench.data.rows import Conditions, read_conditions
 from testbench.data.scatter import read_covariances, read_sigma
-from testbench.data.shots import averaged
-from testbench.data.spool import Campaign, Spool, some
+from testbench.data.spool import Campaign, some, spooled
 from testbench.data.stream import Source, Whole, alike, read_source
 from testbench.data.table import table_of
 from testbench.errors import Array, Ids, Mask, open_file
@@ -91,7 +91,7 @@ def read_held(*how: *How) -> Export:
 def from_text(text: str, arm: Arm) -> Dataset:
     """Runs of an arm from what `write.csv_text` made of them."""
     names = read_map(None, arm)
-    table = table_of(Path("runs"), (text, "utf-8"), lambda name: names.find(name) is not None, names.layout)
+    table = table_of(Path("runs"), (text, "utf-8"), names.knows, names.map.file)
     return runs_of(find_columns(table, names, arm), arm, None).data
 
 
@@ -104,17 +104,10 @@ def _run_column(columns: Columns) -> list[int]:
 
 def _gathered(exports: Iterator[Export]) -> Export:
     """All runs in a file of their own, and some."""
-    spool, first = Spool(), next(exports)
-    run, pose, level = list[Ids](), list[Ids](), list[Array]()
-    for export in chain([first], exports):
-        data = alike(first.columns.table.path, first.data, export.data)
-        run.append(data.run)
-        pose.append(data.pose)
-        level.append(np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2))
-        spool.add(data)
-    every = Campaign(spool, np.concatenate(run), np.concatenate(pose), np.concatenate(level))
-    ordered = np.sort(every.run)
-    if (ordered[1:] == ordered[:-1]).any():  # rows of a run do not stand together
+    first = next(exports)
+    blocks = (export.data for export in chain([first], exports))
+    every = spooled(alike(first.columns.table.path, first.data, data) for data in blocks)
+    if len(np.unique(every.run)) < every.runs:  # rows of a run do not stand together
         raise Whole
     return replace(first, data=every.pick(some(np.arange(every.runs))), every=every)
 
