@@ -305,8 +305,12 @@ def test_a_load_taken_off_belongs_to_the_unloaded_reading_of_its_own_run(tmp_pat
     assert found.before[:, 0, 0].tolist() == [1, 4]
     assert found.taken_off is not None
     assert found.taken_off.tolist() == [False, True]
-    file.write_text("\n".join(",".join(map(str, line)) for line in [head, *lines[:3]]))
-    assert "line 4: loading off: expected an unloaded reading of the same run" in refused(read_csv, file, ARM)
+    for wrong, said in (
+        (lines[:3], "line 4: loading off: expected an unloaded reading of the same run"),
+        ([*lines, lines[1]], "line 6: this marker was read before in the same run"),
+    ):
+        file.write_text("\n".join(",".join(map(str, line)) for line in [head, *wrong]))
+        assert said in refused(read_csv, file, ARM)
 
 
 @pytest.mark.parametrize(
