@@ -15,7 +15,7 @@ from testbench.design.relaxation import relax
 from testbench.design.rows import Problem, information
 
 R, K = 5, 2
-A_OPTIMAL = Linear("A", np.eye(R) / R)
+A_OPTIMAL = Linear(np.eye(R) / R)
 
 
 def rng(seed=0):
@@ -34,7 +34,7 @@ def criteria(seed=5):
         A_OPTIMAL,
         criterion_e(),
         criterion_g(rng(seed + 1).normal(size=(7, 3, R))),
-        Linear("test", W),
+        Linear(W),
     ]
 
 
@@ -46,7 +46,7 @@ def parabola():
 
 @pytest.mark.parametrize(
     ("criterion", "weights"),
-    [(Determinant(), (1 / 3, 1 / 3, 1 / 3)), (Linear("A", np.eye(3) / 3), (1 / 4, 1 / 2, 1 / 4))],
+    [(Determinant(), (1 / 3, 1 / 3, 1 / 3)), (Linear(np.eye(3) / 3), (1 / 4, 1 / 2, 1 / 4))],
     ids=["D", "A"],
 )
 def test_relaxed_design_of_a_parabola_is_the_textbook_one(criterion, weights):
