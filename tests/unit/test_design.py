@@ -80,7 +80,7 @@ def by_trying_everything(problem, criterion, plan, poses):
 
 
 @pytest.mark.parametrize("prior", [0.1, 1e-9], ids=["prior", "next to none"])
-@pytest.mark.parametrize("criterion", criteria(), ids=lambda c: c.name)
+@pytest.mark.parametrize("criterion", criteria(), ids="DAEGI")
 def test_bounds_and_updates_exchange_what_trying_everything_does(criterion, prior):
     for seed in range(3):
         problem, start = random_problem(50, seed, prior), rng(seed).integers(0, 50, 6)
