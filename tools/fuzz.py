@@ -28,6 +28,7 @@ from testbench.shell import command
 
 ROOT = Path(__file__).resolve().parents[1]
 MAIN = "from testbench.cli import main; main()"
+READ = 2**20  #: Files above are told by size and time alone [byte].
 REAL = 50  #: One of so many cases runs as a process of its own.
 ROBOT = """<robot name="r"><link name="base"/>{links}</robot>"""
 LINK = """<joint name="j{k}" type="revolute"><parent link="{parent}"/><child link="l{k}"/>
@@ -201,23 +202,31 @@ def flag(rng: random.Random, param: object) -> list[str]:
     return [*option, rng.choice(pool or rng.choice([NUMBERS, TRIPLES, WORDS, PLACES, PLACES]))]
 
 
-State = dict[str, str]
+State = dict[str, tuple[object, ...]]
 
 
 def state(work: Path) -> State:
-    """What every path is, and what is in it."""
-    return {str(path.relative_to(work)): _state(path) for path in sorted(work.rglob("*"))}
+    """What every path is, and what is in it; pipes and links are not followed."""
+    found = {}
+    for root, folders, files in os.walk(work):
+        for name in (*folders, *files):
+            path = Path(root, name)
+            found[os.fsencode(path.relative_to(work)).decode(errors="backslashreplace")] = _state(path)
+    return found
 
 
-def _state(path: Path) -> str:
+def _state(path: Path) -> tuple[object, ...]:
+    status = path.lstat()
     if path.is_symlink():
-        return f"link to {path.readlink()}"
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else "folder or pipe"
+        return "link", str(path.readlink())
+    if not path.is_file():
+        return "other", status.st_mode
+    if status.st_size > READ:
+        return "large", status.st_size, status.st_mtime_ns
+    return "file", hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def problem(
-    args: list[str], before: dict[str, str], after: dict[str, str], done: tuple[int, str, str]
-) -> str:
+def problem(args: list[str], before: State, after: State, done: tuple[int, str, str]) -> str:
     """What a command did that it must not do; empty if nothing."""
     code, out, err = done
     changed = sorted(name for name in before if after.get(name) != before[name])

@@ -1,7 +1,6 @@
 """Hostile inputs: one clear line, exit code 2, nothing changed, little time and memory."""
 
 import contextlib
-import hashlib
 import json
 import os
 import subprocess
@@ -10,10 +9,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from fuzz import state
+
 ROOT = Path(__file__).resolve().parents[2]
 PEAK = 2 * 10**9  #: Most memory that a refusal may take [byte].
 SECONDS = 10  #: Most processor time; the command is ended beyond it [s].
-READ = 2**20  #: Files above are told by size and time alone [byte].
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,6 @@ class Outcome:
     out: str
     err: str
     peak: int  #: Memory [byte].
-    seconds: float  #: Of the processor.
     changed: tuple[str, ...]  #: Paths in the folder that are new, gone or other than before.
 
     def refused(self, *said: str) -> None:
@@ -85,24 +84,3 @@ def warm() -> Iterator[Attack]:
         assert process.stdout.readline() == "ready\n"
         yield attack
         process.stdin.close()
-
-
-def state(folder: Path) -> dict[str, tuple[object, ...]]:
-    """What every path below a folder is, and what is in it; pipes and links are not followed."""
-    found = {}
-    for root, folders, files in os.walk(folder):
-        for name in (*folders, *files):
-            path = Path(root, name)
-            found[os.fsencode(path.relative_to(folder)).decode(errors="backslashreplace")] = _state(path)
-    return found
-
-
-def _state(path: Path) -> tuple[object, ...]:
-    status = path.lstat()
-    if path.is_symlink():
-        return "link", str(path.readlink())
-    if not path.is_file():
-        return ("other", status.st_mode)
-    if status.st_size > READ:
-        return "large", status.st_size, status.st_mtime_ns
-    return "file", hashlib.sha256(path.read_bytes()).hexdigest()

@@ -18,7 +18,6 @@ def attack() -> Iterator[Attack]:
 
 @pytest.fixture(scope="session")
 def stock(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Sound inputs, made once."""
     return fuzz.make_stock(tmp_path_factory.mktemp("stock") / "lab").folder
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from spoil import Spoil, holds, sparse, swap
+from spoil import Spoil, holds, link, sparse, swap
 
 MESH = '<mesh name="m" file="{}"/>'
 GEOM = '<geom type="mesh" mesh="m"/>'
@@ -25,13 +25,10 @@ def asset(text: str, geom: str = GEOM) -> Spoil:
 
 
 def inside(text: str) -> Spoil:
-    """The arm with more in its first link."""
     return asset("", text)
 
 
 def mesh(name: str, make: Spoil) -> Spoil:
-    """The arm with a mesh file."""
-
     def spoil(arm: Path) -> None:
         asset(MESH.format(name))(arm)
         make(arm / name)
@@ -68,14 +65,6 @@ def cylinder(count: int) -> bytes:
     return surface(corners, np.concatenate(faces))
 
 
-def crowd(count: int) -> bytes:
-    """So many triangles of 500 corners, each of which hundreds share."""
-    rng = np.random.default_rng(0)
-    return surface(
-        rng.uniform(0, 0.2, (500, 3)), rng.permuted(np.tile(np.arange(500), (count, 1)), axis=1)[:, :3]
-    )
-
-
 def ball(count: int) -> bytes:
     """Triangles all corners of which are on a sphere."""
     corners = np.random.default_rng(0).normal(size=(3 * count, 3))
@@ -84,7 +73,6 @@ def ball(count: int) -> bytes:
 
 
 def rigid(pattern: str, new: str) -> Spoil:
-    """The arm with other words."""
     return lambda arm: swap(pattern, new)(arm / "rigid.xml")
 
 
@@ -101,51 +89,29 @@ def touching(count: int) -> Spoil:
     return spoil
 
 
+MANY = [f'a{k}="1"' for k in range(50_000)]
 ARMS: dict[str, tuple[Spoil, str]] = {
-    "a supersphere without end": (
-        asset('<mesh name="m" builtin="supersphere" params="3000 1 1"/>'),
-        "'builtin' is not allowed",
-    ),
+    "a supersphere": (asset('<mesh name="m" builtin="supersphere"/>'), "'builtin' is not allowed"),
     "a pipe": (mesh("a.stl", os.mkfifo), "got a folder or a device"),
     "a folder": (mesh("a.stl", Path.mkdir), "got a folder or a device"),
-    "a device": (mesh("a.stl", lambda file: file.symlink_to("/dev/zero")), "inside the arm's folder"),
-    "a link that leads out": (
-        mesh("a.stl", lambda f: f.symlink_to("/etc/passwd")),
-        "inside the arm's folder",
-    ),
+    "a link that leads out": (mesh("a.stl", link("/etc/passwd")), "inside the arm's folder"),
     "a link to itself": (mesh("a.stl", lambda file: file.symlink_to(file)), "a.stl: cannot be read"),
     "100 GB of nothing": (mesh("a.stl", sparse(10**11)), "expected at most 64000000 bytes"),
     "60 MB of nothing": (mesh("a.stl", sparse(6 * 10**7)), "expected binary STL"),
-    "an empty mesh": (mesh("a.stl", holds("")), "expected binary STL"),
     "a head that lies": (mesh("a.stl", holds(stl(4, 4 * 10**9))), "expected binary STL"),
     "a million triangles": (mesh("a.stl", holds(stl(10**6))), "200000 triangles, got 1000000"),
     "corners that are no number": (mesh("a.stl", holds(stl(4, value=np.nan))), "vertex 1: expected finite"),
-    "corners light years away": (mesh("a.stl", holds(stl(4, value=1e30))), "vertex 1: expected finite"),
-    "STL as text": (mesh("a.stl", holds("solid a\nendsolid a\n" * 9)), "expected binary STL"),
-    "a polygon without end": (
-        mesh("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 500}\n")),
-        "at most 256 corners of a face",
-    ),
+    "a polygon without end": (mesh("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 500}\n")), "256 corners of a face"),
     "a line without end": (mesh("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 10**6}\n")), "bytes in a line"),
     "a million vertices": (mesh("a.obj", holds(OBJ * 200_000 + "f 1 2 3\n")), "at most 600000 vertices"),
     "vertices of 1e308 m": (mesh("a.obj", holds(f"{OBJ}v 1e308 0 0\nf 1 2 3\n")), "vertex 5: expected"),
     "an index that is none": (mesh("a.obj", holds(f"{OBJ}f 1 2 3\nf 1 2 99\n")), "rigid.xml: MuJoCo refuses"),
     "MSH of two billion": (mesh("a.msh", holds(msh(2**30, 0, 0, 2**30))), "by its head"),
-    "MSH of less than nothing": (mesh("a.msh", holds(msh(-4, 0, 0, -4))), "by its head"),
     "a mesh of another kind": (mesh("a.dae", holds("<a/>")), "expected a mesh: stl, obj, msh"),
     **{tag: (asset(f"<{tag}/>"), f"<{tag}>") for tag in ("texture", "hfield", "skin")},
-    **{
-        tag: (inside(f"<{tag}/>"), f"<{tag}>: not allowed")
-        for tag in "flexcomp composite replicate plugin include".split()
-    },
-    "50,000 bodies": (
-        inside("".join(f'<body name="b{k}"/>' for k in range(50_000))),
-        "at most 1000 in an arm",
-    ),
-    "50,000 attributes": (
-        inside("<geom " + " ".join(f'a{k}="1"' for k in range(50_000)) + "/>"),
-        "'a0' is not allowed",
-    ),
+    **{tag: (inside(f"<{tag}/>"), f"<{tag}>: not allowed") for tag in ("composite", "plugin", "include")},
+    "50,000 bodies": (inside("<body/>" * 50_000), "at most 1000 in an arm"),
+    "50,000 attributes": (inside(f"<geom {' '.join(MANY)}/>"), "'a0' is not allowed"),
     "50,000 cameras": (inside("<camera/>" * 50_000), "at most 100 in an arm"),
     "50,000 pairs to exclude": (
         rigid("</mujoco>", "<contact>" + '<exclude body1="a" body2="b"/>' * 50_000 + "</contact></mujoco>"),
@@ -168,7 +134,7 @@ def test_sound_meshes_pass(attack, lab):
     attack(lab, "check", "arm").done()
 
 
-DEAR = {"a fine cylinder": cylinder(60_000), "a ball": ball(30_000), "a crowd": crowd(40_000)}
+DEAR = {"a fine cylinder": cylinder(60_000), "a ball": ball(30_000)}
 """Meshes that pass the doors, and that convex hulls and thinning must not take minutes for."""
 
 
@@ -222,11 +188,7 @@ ROBOTS: dict[str, tuple[str, Spoil, str]] = {
     "solids without end": ("a.stl", holds("solid a\nendsolid\n" * 10**5), "at most 2000 solids"),
     "groups without end": ("a.obj", holds(OBJ + "o a\nusemtl b\nf 1 2 3\n" * 10**4), "at most 2000 groups"),
     "a line without end": ("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 10**6}\n"), "bytes in a line"),
-    "two billion vertices": (
-        "a.ply",
-        holds(PLY.format("ascii 1.0", 2 * 10**9, 1)),
-        "at most 1500000 elements",
-    ),
+    "two billion vertices": ("a.ply", holds(PLY.format("ascii 1.0", 2 * 10**9, 1)), "1500000 elements"),
     "a head without end": ("a.ply", holds("ply\n" + "comment\n" * 10**5), "expected the head of a PLY file"),
     "a scene of 10^9 instances": ("a.dae", holds(BOMB), "at most 2000 instances"),
     "an entity": ("a.dae", holds('<!DOCTYPE m [<!ENTITY a "b">]><a>&a;</a>'), "document types and entities"),

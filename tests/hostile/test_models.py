@@ -21,7 +21,6 @@ Change = Callable[[dict], object]
 
 @pytest.fixture(scope="module")
 def model(attack, stock, tmp_path_factory):
-    """A sound model, and the program that it is asked about."""
     folder = tmp_path_factory.mktemp("models") / "lab"
     shutil.copytree(stock, folder)
     words = "identify arm data.csv --no-intervals --model MGCO56 --out model"
@@ -41,8 +40,6 @@ def forge(model: Path, change: Change, **arrays: np.ndarray) -> None:
 
 
 def says(*place: str, value: object) -> Change:
-    """Another value at a place of model.json."""
-
     def change(document: dict) -> None:
         *first, last = place
         for key in first:

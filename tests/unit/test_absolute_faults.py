@@ -28,7 +28,7 @@ from testbench.model.vjm import marker_points, tool_points
 from testbench.model.weights import read_weights
 
 ONLY = Options(only=frozenset({"joint springs"}), orders=5)
-ROWS = 60
+ROWS = 40
 
 
 def read(cell, seed=1, **asked):
@@ -43,7 +43,6 @@ def gathered(cell, *series):
 
 
 def moves(found, cell):
-    """What moved in mid-series, in words."""
     return [said(move, cell.arm).sentence for move in found.found]
 
 
@@ -86,22 +85,20 @@ def test_nothing_moves_in_sound_series(ur10, order):
 
 def test_what_a_pose_leaves_open_is_no_move_however_many_readings_it_has(kr500):
     """Three targets under three loads, 27 numbers a pose, share the errors of its gears; a move is seen."""
-    (one,) = read(kr500, poses=40, targets=3, orientations=False, masses=(0.0, 200.0, 460.0))
+    (one,) = read(kr500, poses=24, targets=3, orientations=False, masses=(0.0, 200.0, 460.0))
     assert not gathered(kr500, one).found
-    behind = np.arange(one.rows) >= 60
+    behind = np.arange(one.rows) >= 36
     moved = gathered(kr500, replace(one, position=one.position + behind[:, None, None] * 5e-3))
     (words,) = moves(moved, kr500)
-    size = float(re.search(r"the tracker moved by (\S+) mm.* between rows 60 and 61:", words)[1])
+    size = float(re.search(r"the tracker moved by (\S+) mm.* between rows 36 and 37:", words)[1])
     assert size == pytest.approx(5 * 3**0.5, rel=0.05)  # tenths of a millimetre are the arm's own
 
 
 FAULTS = {
     "target by 1 mm": (9, "target", lambda s, k: target_moved(s, k, (0, 0.6e-3, 0.8e-3))),
-    "target by 1 mrad": (25, "target", lambda s, k: target_moved(s, k, (0, 0, 0), (0, 6e-4, 8e-4))),
-    "target by 90 degrees": (30, "target", lambda s, k: target_moved(s, k, (0.05, 0, 0.1), (0, 0, 1.57))),
-    "tracker by 1 mm": (51, "tracker", lambda s, k: tracker_moved(s, k, (6e-4, 0, 8e-4))),
+    "target by 90 degrees": (20, "target", lambda s, k: target_moved(s, k, (0.05, 0, 0.1), (0, 0, 1.57))),
     "tracker by 1 mrad": (12, "tracker", lambda s, k: tracker_moved(s, k, (0, 0, 0), (0, 6e-4, 8e-4))),
-    "tracker by metres": (32, "tracker", lambda s, k: tracker_moved(s, k, (3, 0.4, 0), (0, 0, 0.3))),
+    "tracker by metres": (22, "tracker", lambda s, k: tracker_moved(s, k, (3, 0.4, 0), (0, 0, 0.3))),
 }
 
 
@@ -123,14 +120,13 @@ def test_what_moved_in_mid_series_is_found_at_its_row_and_parted(ur10, fault):
 def test_a_mount_that_moved_is_shared_no_more(ur10):
     """With which part another series would share it is not known."""
     one, two = read(ur10, series=2, share_target=True)
-    found = gathered(ur10, target_moved(one, 30, (0, 0, 5e-3)), two)
+    found = gathered(ur10, target_moved(one, 20, (0, 0, 5e-3)), two)
     assert moves(found, ur10)[1] == "series 2: shared that mount, is taken to have its own"
-    assert [part.target for part in found.series] == ["mount 1", "mount 1 from row 31", "mount 1 of series 2"]
+    assert [part.target for part in found.series] == ["mount 1", "mount 1 from row 21", "mount 1 of series 2"]
     assert found.noise.open_position < 2e-4
 
 
 def joints(change):
-    """Other joint angles."""
     return lambda s: replace(s, q=change(s.q))
 
 
@@ -146,31 +142,21 @@ def notation(meant, read):
 
 
 def positions(change):
-    """Other positions."""
     return lambda s: replace(s, position=change(s.position))
 
 
 MIRRORED = r"left-handed frame: the sign of an axis, or two axes exchanged\?"
 MISTAKES = {
     "x and y": (positions(lambda p: p[..., [1, 0, 2]]), "fit if x and y of the positions are exchanged"),
-    "y and z": (positions(lambda p: p[..., [0, 2, 1]]), "fit if y and z of the positions are exchanged"),
-    "x and z": (positions(lambda p: p[..., [2, 1, 0]]), "fit if x and z of the positions are exchanged"),
     "sign of y": (positions(lambda p: p * [1, -1, 1]), "fit if y of the positions has the other sign"),
     "y and z alone": (lambda s: position_only(positions(lambda p: p[..., [0, 2, 1]])(s)), MIRRORED),
     "degrees": (joints(np.degrees), "fit if joint angles are degrees, not radians"),
     "radians of radians": (joints(np.radians), "joint angles are radians, not"),
     "millimetres": (positions(lambda p: 1e3 * p), "are 1000 times too large: milli"),
     "sign of joint 2": (flipped(1), "fit if shoulder_lift_joint has the other sign"),
-    "sign of joint 6": (flipped(5), "fit if wrist_3_joint has the other sign"),
     "its sign, positions": (lambda s: position_only(flipped(5)(s)), "if wrist_3_joint counted the oth"),
-    "zero of joint 4": (
-        joints(lambda q: q + np.pi * np.eye(6)[3]),
-        "zero of wrist_1_joint is off by 180 deg",
-    ),
-    "two exchanged": (
-        joints(lambda q: q[:, [0, 1, 3, 2, 4, 5]]),
-        "elbow_joint and wrist_1_joint are exchanged",
-    ),
+    "zero of joint 4": (joints(lambda q: q + np.pi * np.eye(6)[3]), "wrist_1_joint is off by 180 deg"),
+    "two exchanged": (joints(lambda q: q[:, [0, 1, 3, 2, 4, 5]]), "elbow_joint and wrist_1_joint are exch"),
     "pose before": (joints(lambda q: np.roll(q, -1, axis=0)), "are those of the pose before"),
     "opposite order": (joints(lambda q: q[:, ::-1]), "opposite order"),
     "sign of y alone": (lambda s: position_only(positions(lambda p: p * [1, -1, 1])(s)), MIRRORED),
@@ -180,11 +166,7 @@ MISTAKES = {
         lambda s: replace(s, rotation=Rotation.random(s.rows, random_state=0).as_matrix()),
         "its positions fit this arm, its orientations do not",
     ),
-    "five poses": (
-        lambda s: select_rows(s, np.arange(5)),
-        "5 poses .* too few for the 12 numbers .* at least 6",
-    ),
-    "positions of five": (lambda s: select_rows(position_only(s), np.arange(5)), "too few for the 9 numb"),
+    "five poses": (lambda s: select_rows(s, np.arange(5)), "5 poses .* for the 12 numbers .* at least 6"),
     "joint 1 alone": (
         joints(lambda q: np.where(np.arange(6) == 0, q, q[0])),
         "only shoulder_pan_joint turn.* expected 2 joints",
@@ -196,26 +178,29 @@ MISTAKES = {
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_mistake_is_named(ur10, mistake):
     plant, words = MISTAKES[mistake]
-    (one,) = read(ur10)
+    (one,) = read(ur10, poses=30)
     with pytest.raises(BenchError, match=f"^series 1: .*{words}"):
         gathered(ur10, plant(one))
 
 
 def test_readings_of_another_arm_are_refused_with_their_size(ur10, kr500):
     """A KR500 reaches 2.5 times as far as a UR10."""
-    (one,) = simulate_series(kr500, AbsoluteCampaign(poses=ROWS), 1)[0]
+    (one,) = simulate_series(kr500, AbsoluteCampaign(poses=20), 1)[0]
     with pytest.raises(BenchError, match=r"spread 2\.\d+ times as far as its tool: another arm"):
         gathered(ur10, one)
 
 
-@pytest.mark.parametrize("turn", [(90, 0, 0), (0, 90, 0), (0, 0, 90), (0, 180, 0)])
-def test_a_mount_may_be_turned_by_any_angle(ur10, turn):
-    """It starts from where the same series without the turn would, turned."""
-    (one,) = read(ur10)
-    W = Rotation.from_rotvec(turn, degrees=True).as_matrix()
+def test_a_mount_may_be_turned_by_any_angle(ur10):
+    """It starts from where the same series without the turn would, turned; also one that another shares."""
+    one, two = read(ur10, series=2, share_target=True)
     bare = nominal(ur10.vjm, read_weights(ur10.arm), np.ones(6))
-    sound, turned = (align(bare, replace(one, rotation=one.rotation @ R))[1] for R in (np.eye(3), W))
-    np.testing.assert_allclose(turned.rotation, sound.rotation @ W, atol=1e-9)
+    sound = align(bare, two)[1].rotation
+    for turn in ((90, 0, 0), (0, 90, 0), (0, 0, 172), (0, 180, 0)):
+        W = Rotation.from_rotvec(turn, degrees=True).as_matrix()
+        turned = replace(two, rotation=two.rotation @ W)
+        np.testing.assert_allclose(align(bare, turned)[1].rotation, sound @ W, atol=1e-9)
+    shared = aligned(bare, (position_only(one), turned)).mounts["mount 1"].rotation
+    np.testing.assert_array_equal(shared, align(bare, turned)[1].rotation)
 
 
 def test_a_target_that_was_never_read_is_left_out(kr500):
@@ -256,7 +241,7 @@ def test_a_frame_that_is_not_shared_after_all_is_refused(ur10):
             gathered(ur10, first, replace(second, frame=first.frame))
     _, _, jump = FAULTS["tracker by metres"]
     one, two = read(ur10, series=2, share_frame=True)
-    assert "the tracker moved by" in moves(gathered(ur10, jump(one, 32), two), ur10)[0]
+    assert "the tracker moved by" in moves(gathered(ur10, jump(one, 22), two), ur10)[0]
 
 
 @pytest.mark.parametrize("shared", [{"share_frame": True}, {"share_target": True}])
@@ -276,7 +261,6 @@ def test_what_few_poses_leave_open_is_taken_from_what_others_share(ur10, shared)
 
 @pytest.fixture(scope="module")
 def seven(tmp_path_factory):
-    """An arm of seven joints."""
     return build_cell(str(write_arm(tmp_path_factory.mktemp("seven") / "arm", "zyzyzyz")))
 
 
@@ -295,9 +279,7 @@ def test_two_joints_that_turn_are_enough_beside_a_series_of_the_same_frame(seven
     few = turning_alone(seven, [0, 1])
     state = gathered(seven, few, rich).state
     assert np.sqrt((residuals(state, few)[:1] ** 2).sum(axis=1).mean()) < 1e-3
-    with pytest.raises(
-        BenchError, match=r"^turned: only joint_1 and joint_2 turn; expected 3 .* another series"
-    ):
+    with pytest.raises(BenchError, match=r"^turned: only joint_1 and joint_2 turn; expected 3 .* another"):
         aligned(nominal(seven.vjm, read_weights(seven.arm), np.ones(7)), (few,))
 
 
@@ -316,16 +298,6 @@ def test_few_poses_under_two_loads_keep_a_scatter_of_their_own(ur10):
     found = calibrate(ur10.vjm, series, cad_prior(ur10.arm), options)
     assert outliers(found.state, found.series, found.pulls) is None
     assert found.noise.factor[0] > 0.4
-
-
-def test_a_mount_shared_with_a_series_without_orientations_starts_turned(ur10):
-    """Whichever comes first."""
-    one, two = read(ur10, series=2, share_target=True)
-    W = Rotation.from_rotvec((0, 3, 0)).as_matrix()
-    two = replace(two, rotation=two.rotation @ W)
-    bare = nominal(ur10.vjm, read_weights(ur10.arm), np.ones(6))
-    first = aligned(bare, (position_only(one), two)).mounts["mount 1"].rotation
-    np.testing.assert_array_equal(first, align(bare, two)[1].rotation)
 
 
 def test_outliers_of_2_mm_are_counted_and_the_worst_is_named(ur10):
@@ -353,10 +325,7 @@ def late(one, k, shift):
     return select_rows(replace(one, q=q), np.arange(one.rows - 1))
 
 
-@pytest.mark.parametrize(
-    ("turned", "k", "shift"),
-    [(True, 15, -1), (True, 80, 1), (False, 15, 1), (False, 50, -1)],
-)
+@pytest.mark.parametrize(("turned", "k", "shift"), [(True, 15, -1), (True, 80, 1), (False, 15, 1)])
 def test_rows_that_slipped_are_named_with_the_first_one(ur10, hundred, turned, k, shift):
     one = late(hundred if turned else position_only(hundred), k, shift)
     words = "pose before" if shift < 0 else "pose after"
@@ -413,16 +382,12 @@ def test_runs_that_slipped_are_named_in_pairs_too(kr500, rows, k, shift, words):
 
 
 def test_a_zero_that_geometry_hides_is_a_doubt_with_its_joint_and_size(ur10, hundred):
-    """A turn of the link before it does the same, so that the readings fit."""
+    """A turn of the link before it does the same, so that the readings fit; sound ones raise no doubt."""
     one = replace(hundred, q=hundred.q + np.radians(5) * np.eye(6)[4])
-    found = calibrated(ur10.vjm, [one], ONLY)
-    numbers = report(found, left_of(found)).numbers
+    every = [calibrated(ur10.vjm, [own], ONLY) for own in (hundred, one)]
+    sound, numbers = (report(found, left_of(found)).numbers for found in every)
+    assert sound.far_geometry == ""
     assert numbers.total_after.mean_mm < 0.3
     (doubt,) = [text for text in numbers.doubts if text.startswith("Geometry no arm has: ")]
     size = re.search(r"the zero of wrist_2_joint is off by (\S+) deg", doubt)
     assert float(size[1]) == pytest.approx(-5, abs=0.3)  # the arm's own errors are tenths of a degree there
-
-
-def test_sound_geometry_is_no_doubt(ur10, hundred):
-    found = calibrated(ur10.vjm, [hundred], ONLY)
-    assert report(found, left_of(found)).numbers.far_geometry == ""

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from refused import refused
+from spoil import swap
 
 from testbench.arm.folder import load_arm
 from testbench.arm.mesh import MAX_FACES, read_meshes
-from testbench.arm.mjcf import MAX_DEPTH, angle_unit, read_mjcf
+from testbench.arm.mjcf import MAX_DEPTH, read_mjcf
 from testbench.errors import InputError
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -19,34 +20,13 @@ PAYLOAD, JOINT = r"(?<=payload = \{ value = )[^,]+", r"(?<=\ncompliance = \{ val
 
 
 def copy_arm(tmp_path, name="arm_6r"):
-    """A copy of a model's folder, to be broken."""
     return Path(shutil.copytree(MODELS / name, tmp_path / name))
 
 
-def change(file, pattern, new):
-    """Replace the first match of a pattern, which must be there."""
-    text = file.read_text("utf-8")
-    changed = re.sub(pattern, lambda _: new, text, count=1)
-    assert changed != text, f"{pattern} changes nothing in {file.name}"
-    file.write_text(changed, "utf-8")
-
-
 def refusal(tmp_path, name, pattern, new, arm="arm_6r"):
-    """What is said of an arm with other words in a file."""
     folder = copy_arm(tmp_path, arm)
-    change(folder / name, pattern, new)
+    swap(pattern, new)(folder / name)
     return refused(load_arm, folder)
-
-
-def with_compliance(tmp_path, C):
-    """The single link with another compliance."""
-    folder = copy_arm(tmp_path, "single_link")
-    change(folder / "elastic.toml", r"value = \[[\s\S]*\n\]", f"value = {np.asarray(C).tolist()}")
-    return folder
-
-
-def eq_21():
-    return load_arm(MODELS / "single_link").links[0].compliance.copy()
 
 
 def same(a, b):
@@ -57,23 +37,6 @@ def same(a, b):
 
 
 # What is right
-
-
-@pytest.mark.parametrize(
-    ("name", "links", "joints"), [("arm_6r", 7, 6), ("kr500_l480", 7, 6), ("single_link", 1, 0)]
-)
-def test_every_model_loads_with_one_link_more_than_joints_and_blocks_on_the_diagonal(name, links, joints):
-    arm = load_arm(MODELS / name)
-    assert arm.n_theta == 6 * links + joints
-    assert [x.name for x in arm.links] == [f"link_{i}" for i in range(links)]
-    assert [x.name for x in arm.joints] == [f"joint_{i + 1}" for i in range(joints)]
-    assert arm.limits.shape == (2, joints)
-    C = np.diag([0.0] * (6 * links) + [j.compliance for j in arm.joints])
-    for i, link in enumerate(arm.links):
-        np.testing.assert_allclose(link.frame.T @ link.frame, np.eye(3), rtol=0, atol=1e-15)
-        assert np.linalg.det(link.frame) > 0
-        C[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = link.compliance
-    np.testing.assert_array_equal(arm.C_theta, C)
 
 
 @pytest.mark.parametrize(
@@ -88,26 +51,20 @@ def test_every_model_loads_with_one_link_more_than_joints_and_blocks_on_the_diag
 )
 def test_the_same_arm_may_be_written_otherwise(tmp_path, pattern, new):
     folder = copy_arm(tmp_path)
-    change(folder / "elastic.toml", pattern, new)
+    swap(pattern, new)(folder / "elastic.toml")
     if new == "\ufeff":
-        change(folder / "rigid.xml", pattern, new)
+        swap(pattern, new)(folder / "rigid.xml")
     same(load_arm(folder), load_arm(MODELS / "arm_6r"))
 
 
 @pytest.mark.parametrize(
     ("compiler", "unit"),
-    [
-        ("", np.pi / 180),
-        ("<compiler/>", np.pi / 180),
-        ('<compiler angle="degree"/>', np.pi / 180),
-        ('<compiler angle="radian"/><compiler meshdir="."/>', 1.0),
-    ],
+    [("<compiler/>", np.pi / 180), ('<compiler angle="radian"/><compiler meshdir="."/>', 1.0)],
 )
 def test_limits_are_degrees_unless_the_compiler_says_radian(tmp_path, compiler, unit):
     folder = copy_arm(tmp_path)
-    change(folder / "rigid.xml", r"<compiler .*?/>", compiler)
-    change(folder / "rigid.xml", r'(?<=name="joint_2")(.*?)range=".*?"', ' axis="0 1 0" range="-90 45"')
-    assert angle_unit(read_mjcf(folder / "rigid.xml")) == unit
+    swap(r"<compiler .*?/>", compiler)(folder / "rigid.xml")
+    swap(r'(?<=name="joint_2")(.*?)range=".*?"', ' axis="0 1 0" range="-90 45"')(folder / "rigid.xml")
     np.testing.assert_allclose(load_arm(folder).limits[:, 1], [-90 * unit, 45 * unit], rtol=1e-15)
 
 
@@ -157,18 +114,12 @@ WRONG_TOML = {
     "a key of two lines": (r"\A", '"a\\nb" = 1\n', ["a b: Extra"]),
     "a name of two lines": (r'tool = "tool"', 'tool = "to\\nol"', ["tool: "]),
     "an unknown key at the top": (r"\A", "colour = 1\n", ["colour: Extra inputs are not permitted"]),
-    "a missing title": (r"title = .*", "", ["title: Field required"]),
     "another format": (r"format = 1", "format = 2", ["format: Input should be 1, got 2"]),
-    "a string for a number": (LENGTH, '"0.7"', ["link.0.tube.length.value", "valid number", "got '0.7'"]),
     "a boolean for a number": (LENGTH, "true", ["link.0.tube.length.value", "valid number", "got True"]),
     "no axis": (r"axis = \[1.*\n", "", ["line 21, column 3, link.1.axis: Field required"]),
     "no markers": (r"markers = .*", "markers = []", ["markers", "at least 1 item"]),
     "NaN": (LENGTH, "nan", ["line 15, column 17, link.0.tube.length.value", "finite number", "got nan"]),
-    "a wrong unit": (
-        r'unit = "m"',
-        'unit = "mm"',
-        ["line 15, column 30, link.0.tube.length.unit", "got 'mm'"],
-    ),
+    "a wrong unit": (r'unit = "m"', 'unit = "mm"', ["line 15, column 30, link.0.tube.length.unit", "'mm'"]),
     "a wrong origin": (r'"assumed"', '"guess"', ["payload.origin", "'inferred', 'assumed' or 'estimated'"]),
     "a slide's compliance for a hinge": (r'(?<=unit = )"rad/\(N m\)"', '"m/N"', [SLIDE]),
     "a payload in tonnes": (PAYLOAD, "0.0001", ["payload: expected 0.001 to 10000 kg, got 0.0001"]),
@@ -179,44 +130,43 @@ WRONG_TOML = {
     "neither": (r"(tube\..*\n)+", "\n", EITHER),
     "an axis that is no unit vector": (AXIS, "[0.0, 0.0, 1.001]", ["link.0.axis (link_0)", "unit vectors"]),
     "an axis along the normal": (AXIS, "[0.0, 1.0, 0.0]", ["link.0.axis (link_0)", "at right angles"]),
-    "an axis of two numbers": (AXIS, "[0.0, 1.0]", ["link.0.axis", "at least 3 items"]),
     "a zero joint compliance": (JOINT, "0.0", ["joint.0.compliance (joint_1)", "expected 1e-18 to 1000"]),
     "one joint too few": (r"\[\[joint\]\]\n.*\n.*\n", "", ["link: ", "got 7 links and 5 joints"]),
     "a joint named twice": (r'"joint_2"', '"joint_1"', ["joint: expected different names"]),
-    "an empty name": (r'tool = "tool"', 'tool = ""', ["tool", "at least 1 character"]),
     "a tool in the middle": (r'"tool"', '"link_3"', ["'link_3'>: expected as a direct child of"]),
     "an unknown load point": (r"load = .*", 'load = "P9"', ["no load point 'P9'; bodies are ['load'"]),
     "an unknown marker": (r"markers = .*", 'markers = ["P9"]', ["no marker 'P9'; bodies are ['load', 'pr"]),
 }
 HEAVY, ENTRY, FOOT = "kr500_l480", r"8\.01e-5", r"\[-0.49, 0.3, -0.26\]"
 WRONG_OF_OTHERS = {
-    "an entry in words": (
+    "rows of other lengths": (
         "single_link",
-        ENTRY,
-        '"1e-8"',
-        ["line 18, column 1, link.0.compliance.value.1.1: "],
+        r"(?<=value = \[\n).*?\],",
+        "[1.0],",
+        ["link.0.compliance (link_0): compliance: expected numbers"],
     ),
     "no number": ("single_link", ENTRY, "nan", ["link.0.compliance.value.1.1: ", "finite number"]),
     "a negative rate": (HEAVY, "6.2e4", "-1.0", ["compensator", "rate", "expected 0 to 1e+09 N/m, got -1"]),
-    "a rate in words": (HEAVY, "6.2e4", '"soft"', ["compensator", "rate"]),
     "a rate a millimetre": (HEAVY, r"(?<=6.2e4, unit = ).N/m.", '"N/mm"', ["compensator", "unit", "N/m"]),
-    "two coordinates": (HEAVY, FOOT, "[-0.49, 0.3]", ["compensator", "foot"]),
     "a foot in mm": (HEAVY, FOOT, "[-490, 300, -260]", ["compensator", "foot", "expected -100 to 100 m"]),
-    "no length at rest": (HEAVY, r"rest_length = .*\n", "", ["compensator", "rest_length"]),
 }
 
 
-def test_a_compliance_is_symmetric_but_for_rounding_and_of_rows_alike(tmp_path):
-    C = eq_21()
-    C[1, 5] *= 1 + 1e-12
-    read = load_arm(with_compliance(tmp_path / "rounded", C)).links[0].compliance
+def test_a_compliance_is_symmetric_but_for_rounding(tmp_path):
+    folder = copy_arm(tmp_path, "single_link")
+    C = load_arm(folder).links[0].compliance.copy()
+
+    def write(entry):
+        C[1, 5] = entry
+        swap(r"value = \[[\s\S]*?\],?\s*\]", f"value = {C.tolist()}")(folder / "elastic.toml")
+
+    write(C[5, 1] * (1 + 1e-12))
+    read = load_arm(folder).links[0].compliance
     np.testing.assert_array_equal(read, read.T)
-    C[1, 5] = 2.0e-4
-    line = refused(load_arm, with_compliance(tmp_path / "other", C))
+    write(2.0e-4)
+    line = refused(load_arm, folder)
     assert "link.0.compliance (link_0): compliance: expected a symmetric matrix" in line
     assert "0.0002 at row 2, column 6 against 0.000398 at row 6, column 2" in line
-    line = refusal(tmp_path, "elastic.toml", r"(?<=value = \[\n).*?\],", "[1.0],", arm="single_link")
-    assert "link.0.compliance (link_0): compliance: expected numbers" in line
 
 
 # rigid.xml against elastic.toml
@@ -239,11 +189,7 @@ WRONG_CHAIN = {
     ),
     "a joint off its body's origin": (r'name="joint_2"', 'name="joint_2" pos="0 0 0.1"', ["expected no pos"]),
     "a missing range": (HINGE, hinge('axis="0 1 0"'), ["line 21, column 11, <joint", "attribute range of 2"]),
-    "an inverted range": (
-        HINGE,
-        hinge('axis="0 1 0" range="1 -1"'),
-        ["range: expected lower < upper, got '1"],
-    ),
+    "an inverted range": (HINGE, hinge('axis="0 1 0" range="1 -1"'), ["expected lower < upper, got '1"]),
     "a range too wide to draw from": (
         HINGE,
         hinge('axis="0 1 0" range="-1e308 1e308"'),
@@ -276,8 +222,8 @@ def test_what_is_wrong_is_named_with_its_place(tmp_path, arm, name, pattern, new
 def test_a_body_outside_the_chain_is_no_link(tmp_path):
     folder = copy_arm(tmp_path)
     hinge = re.search(HINGE, (folder / "rigid.xml").read_text("utf-8"))[0]
-    change(folder / "rigid.xml", r'(?<=<body name=")link_2(?=")', "between")
-    change(folder / "rigid.xml", "<worldbody>", f'<worldbody><body name="link_2">{hinge}</body>')
+    swap(r'(?<=<body name=")link_2(?=")', "between")(folder / "rigid.xml")
+    swap("<worldbody>", f'<worldbody><body name="link_2">{hinge}</body>')(folder / "rigid.xml")
     assert "'link_2'>: expected as a direct child of body 'link_1'" in refused(load_arm, folder)
 
 
@@ -299,8 +245,6 @@ def inside(element):
 
 
 TEXTS = {
-    "nothing": ("", "not well-formed XML: .*line 1"),
-    "an end without a beginning": ("<mujoco></worldbody>", "not well-formed XML: .*line 1"),
     "another root": ("<robot/>", "expected <mujoco> at the top, got <robot>"),
     "entities": (BOMB, "document types and entities are not allowed"),
     "entities that hide in another encoding": (UTF_16, "expected UTF-8"),
@@ -308,7 +252,7 @@ TEXTS = {
     "a namespace of two lines": ('<mujoco><n:body xmlns:n="a&#10;b"/></mujoco>', "<{a b}body>: not allowed"),
     **{
         f"{n} nested bodies": (inside("<body>" * n + "</body>" * n), f"at most {MAX_DEPTH} nested elements")
-        for n in (MAX_DEPTH + 1, 200_000)
+        for n in (MAX_DEPTH + 1, 20_000)
     },
     "4 MB": (inside(f"<!--{'x' * 4_000_000}-->"), "expected at most 4000000 bytes, got 4000"),
     "a zero mass": (inside('<inertial pos="0 0 0" mass="0"/>'), "mass: expected more than 0 kg, got 0.0"),
@@ -386,5 +330,5 @@ def test_a_compensator_needs_a_hinge_between_link_1_and_link_2(tmp_path):
     folder = copy_arm(tmp_path, "single_link")
     text = (MODELS / "kr500_l480" / "elastic.toml").read_text()
     table = text[text.index("[compensator]") : text.index("[[link]]")]
-    change(folder / "elastic.toml", r"\[\[link\]\]", table + "[[link]]")
+    swap(r"\[\[link\]\]", table + "[[link]]")(folder / "elastic.toml")
     assert "expected an arm whose link 1 and link 2 a hinge joins" in refused(load_arm, folder)

@@ -27,7 +27,7 @@ from testbench.campaign.tracker import FACES_AWAY, TOO_FAR, TOO_NEAR, TOO_STEEP,
 from testbench.errors import Array, BenchError, PoseError
 from testbench.model.poses import WorkArea
 from testbench.plant.shapes import rigid_frames
-from testbench.plant.site import Payload, collisions, contacts, hidden
+from testbench.plant.site import Payload, contacts, hidden
 
 HERE = (4.5, -2.5, 1.6)
 FRONT = WorkArea((1.0, -1.5, 1.0), (3.0, 1.5, 2.6))
@@ -92,17 +92,6 @@ def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500, checks):
     assert len(set(expected)) >= 6
 
 
-def test_with_nothing_asked_limits_and_collisions_decide(kr500):
-    q = np.random.default_rng(5).uniform(*kr500.arm.limits, (400, 6))
-    reasons = why_not(build_checks(kr500, Conditions()), q)
-    assert [r is None for r in reasons] == [pair is None for pair in collisions(kr500.room, q)]
-    assert set(reasons) == {None, TOUCHING["itself"], TOUCHING["room"]}
-    fixed = Conditions(station=Station(HERE, acceptance=1.0))
-    by_hand = Conditions(station=Station(HERE))
-    assert FACES_AWAY in why_not(build_checks(kr500, fixed), q)
-    assert FACES_AWAY not in why_not(build_checks(kr500, by_hand), q)
-
-
 @pytest.mark.parametrize(
     ("conditions", "limits", "reason"),
     [
@@ -149,26 +138,24 @@ def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest
 
 def test_fewer_than_asked_for_are_an_error_unless_they_are_enough(kr500):
     """One pose in 2000 has its tool in this box; a search goes on for 1000 draws a pose, so it ends."""
-    rare = Conditions(area=WorkArea((2.4, -0.3, 1.5), (2.8, 0.3, 1.9)))
-    checks = build_checks(kr500, rare)
+    checks = build_checks(kr500, Conditions(area=WorkArea((2.4, -0.3, 1.5), (2.8, 0.3, 1.9))))
     few = find(checks, 10**6, np.random.default_rng(8), least=1, patience=10_000)
     n = len(few.q)
     assert 1 <= n < 10**6
     assert 10_000 + 1000 * n <= few.drawn < 10_000 + 1000 * n + BATCH
-    assert why_not(checks, few.q) == [None] * n
-    assert n + sum(few.rejected.values()) == few.drawn
-    with pytest.raises(PoseError, match=f"found {n} of {n + 1} poses in {few.drawn} draws"):
-        find(checks, n + 1, np.random.default_rng(8), patience=10_000)
-    with pytest.raises(PoseError, match=f"found {n} of {n + 9} poses"):
+    with pytest.raises(PoseError, match=f"found {n} of {n + 9} poses in {few.drawn} draws"):
         find(checks, n + 9, np.random.default_rng(8), least=n + 1, patience=10_000)
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"count": 0}, {"count": 5, "least": 6}, {"count": 5, "least": 0}, {"count": 5, "patience": 0}]
-)
-def test_numbers_that_make_no_sense_and_poses_of_another_arm_are_refused(checks, wrong):
-    with pytest.raises(BenchError, match="expected 1 <= least <= count and a patience of 1 or more"):
-        find(checks, rng=np.random.default_rng(9), **wrong)
+def test_numbers_that_make_no_sense_and_poses_of_another_arm_are_refused(checks):
+    for wrong in (
+        {"count": 0},
+        {"count": 5, "least": 6},
+        {"count": 5, "least": 0},
+        {"count": 5, "patience": 0},
+    ):
+        with pytest.raises(BenchError, match="expected 1 <= least <= count and a patience of 1 or more"):
+            find(checks, rng=np.random.default_rng(9), **wrong)
     with pytest.raises(BenchError, match=r"q \[rad, m\]: expected shape \(any, 6\), got \(1, 5\)"):
         why_not(checks, np.zeros((1, 5)))
     assert why_not(checks, np.empty((0, 6))) == []

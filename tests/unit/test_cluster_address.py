@@ -34,14 +34,6 @@ def test_an_address_is_encrypted_or_of_this_machine_or_said_aloud_to_be_insecure
         check_address(address, insecure=address in PLAIN)
 
 
-@pytest.fixture
-def nobody():
-    """An address where nobody listens."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return f"tcp://127.0.0.1:{free.getsockname()[1]}"
-
-
 def no_work(seeds):
     return [[] for _ in seeds]
 
@@ -50,23 +42,22 @@ def connect(address):
     return next(on_cluster(no_work, iter([(1,)]), address=address, patience=0.5))
 
 
-@pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 9])
-def test_a_port_where_somebody_else_listens_is_told(answer):
+def reply(stranger):
+    caller, _ = stranger.accept()
+    with caller:
+        caller.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n" * 9)
+        while caller.recv(4096):  # until the caller goes
+            pass
+
+
+def test_a_port_where_somebody_else_listens_is_told():
     with socket.create_server(("127.0.0.1", 0)) as stranger:
-        thread = threading.Thread(target=reply, args=(stranger, answer))
+        thread = threading.Thread(target=reply, args=(stranger,))
         thread.start()
         address = f"tcp://127.0.0.1:{stranger.getsockname()[1]}"
         with pytest.raises(BenchError, match=f"no scheduler answers at {address}$"):
             connect(address)
         thread.join()
-
-
-def reply(stranger, answer):
-    caller, _ = stranger.accept()
-    with caller:
-        caller.sendall(answer)
-        while caller.recv(4096):  # until the caller goes
-            pass
 
 
 def test_the_command_line_chooses_one_backend():
@@ -91,9 +82,12 @@ def test_certificates_are_asked_for_whatever_there_is_to_do(tmp_path):
                 ask("tls://192.0.2.1:1")
 
 
-def test_a_study_of_one_chunk_goes_to_the_cluster_that_is_asked_for(tmp_path, monkeypatch, nobody):
-    """It was done here, in silence, however wrong the address."""
+def test_a_study_of_one_chunk_goes_to_the_cluster_that_is_asked_for(tmp_path, monkeypatch):
+    """It was done here, in silence, however wrong the address; nobody listens there."""
     monkeypatch.setattr("testbench.shell.trials.on_cluster", partial(on_cluster, patience=0.3))
-    done = here(app(STUDY), "--quick", "--seeds", 1, "--cluster", nobody, "--out", tmp_path / "out")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        nobody = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+        done = here(app(STUDY), "--quick", "--seeds", 1, "--cluster", nobody, "--out", tmp_path / "out")
     assert (done.returncode, done.stderr) == (2, f"error: --cluster: no scheduler answers at {nobody}\n")
     assert not (tmp_path / "out").exists()

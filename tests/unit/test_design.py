@@ -27,15 +27,10 @@ def random_problem(candidates=40, seed=0, prior=0.1):
     return Problem(rows, prior * np.eye(R), np.eye(R), np.zeros((R, R)), np.zeros((R, 0)))
 
 
-def criteria(seed=5):
-    W = mean_square(rng(seed).normal(size=(4, 3, R)))
-    return [
-        Determinant(),
-        A_OPTIMAL,
-        criterion_e(),
-        criterion_g(rng(seed + 1).normal(size=(7, 3, R))),
-        Linear(W),
-    ]
+def criteria():
+    W = mean_square(rng(5).normal(size=(4, 3, R)))
+    worst = criterion_g(rng(6).normal(size=(7, 3, R)))
+    return [Determinant(), A_OPTIMAL, criterion_e(), worst, Linear(W)]
 
 
 def parabola():
@@ -82,7 +77,7 @@ def by_trying_everything(problem, criterion, plan, poses):
 @pytest.mark.parametrize("prior", [0.1, 1e-9], ids=["prior", "next to none"])
 @pytest.mark.parametrize("criterion", criteria(), ids="DAEGI")
 def test_bounds_and_updates_exchange_what_trying_everything_does(criterion, prior):
-    for seed in range(3):
+    for seed in range(2):
         problem, start = random_problem(50, seed, prior), rng(seed).integers(0, 50, 6)
         found = exchange(problem, criterion, problem.rows, start)
         assert found.tolist() == by_trying_everything(problem, criterion, start, 6)
@@ -131,13 +126,7 @@ def test_observability_indices_are_those_of_the_definitions():
     s = np.linalg.svd(problem.rows[plan].reshape(-1, R))[1]
     found = observability(problem, plan)
     assert (found.seen, found.of) == (R, R)
-    by_hand = (
-        np.prod(s) ** (1 / R) / 2,
-        s.min() / s.max(),
-        s.min(),
-        s.min() ** 2 / s.max(),
-        1 / np.sum(1 / s),
-    )
+    by_hand = [np.prod(s) ** (1 / R) / 2, s.min() / s.max(), s.min(), s.min() ** 2 / s.max(), 1 / sum(1 / s)]
     np.testing.assert_allclose((found.o1, found.o2, found.o3, found.o4, found.o5), by_hand)
     little = observability(problem, np.array([0, 0]))
     assert (little.seen, little.o1, little.o3) == (K, 0, 0)
@@ -191,25 +180,21 @@ def test_round_trip_goes_around_and_not_across():
     np.testing.assert_allclose(legs, 2 * np.sin(np.pi / 20))
 
 
+LIMITS = np.array([[-3.0], [3.0]])
+
+
 def circle_rows(q, _k=0):
     """Rows that see the direction of an angle: the best pair is at right angles."""
     return np.stack([np.cos(q[:, 0]), np.sin(q[:, 0])], axis=1)[:, None]
-
-
-LIMITS = np.array([[-3.0], [3.0]])
 
 
 def near(feasible):
     return Search(circle_rows, 2, LIMITS, Reach(feasible), rng(0))
 
 
-def refined(feasible):
-    start, prior = np.array([[0.0], [0.4]]), 1e-6 * np.eye(2)
-    return refine(start, prior, Determinant(), circle_rows, near(feasible))
-
-
 def test_refinement_turns_a_pair_to_right_angles():
-    q = refined(lambda q: np.ones(len(q), dtype=bool))
+    start, anywhere = np.array([[0.0], [0.4]]), near(lambda q: np.ones(len(q), dtype=bool))
+    q = refine(start, 1e-6 * np.eye(2), Determinant(), circle_rows, anywhere)
     assert abs(np.cos(q[1, 0] - q[0, 0])) < 0.05
 
 

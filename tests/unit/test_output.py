@@ -100,10 +100,7 @@ def test_a_place_that_cannot_be_written_is_found_before_anything_is_made(tmp_pat
     folder_refused(tmp_path / "/proc/new", "cannot be written")
 
 
-@pytest.mark.parametrize(
-    "write", [lambda out: write_whole("", out / "a.csv"), lambda out: write_run(out, "a.json")]
-)
-def test_what_killed_processes_left_goes_and_what_others_make_stays(write, tmp_path, monkeypatch):
+def test_what_killed_processes_left_goes_and_what_others_make_stays(tmp_path, monkeypatch):
     code = "import os, sys; from testbench.output.place import whole_folder; from pathlib import Path\n"
     code += "with whole_folder(Path(sys.argv[1])) as f: (f / 'half').touch(); os.kill(os.getpid(), 9)"
     subprocess.run([sys.executable, "-c", code, tmp_path], check=False)
@@ -111,16 +108,17 @@ def test_what_killed_processes_left_goes_and_what_others_make_stays(write, tmp_p
     elsewhere = tmp_path / left.name.replace(HOST, "elsewhere", 1)
     for path in (elsewhere, tmp_path / ".new-mine"):
         path.touch()
-    with scratch(tmp_path) as neighbour, monkeypatch.context() as patch:
-        left.mkdir(exist_ok=True)
-        (left / "half").touch()
-        patch.setattr("fcntl.flock", no_locks)
-        write(tmp_path)
-        assert left.exists()  # where there are no locks, nobody knows whose it is
-        patch.undo()
-        write(tmp_path)
-        assert not left.exists()
-        assert all(path.exists() for path in (elsewhere, tmp_path / ".new-mine", neighbour))
+    for write in (lambda out: write_whole("", out / "a.csv"), lambda out: write_run(out, "a.json")):
+        with scratch(tmp_path) as neighbour, monkeypatch.context() as patch:
+            left.mkdir(exist_ok=True)
+            (left / "half").touch()
+            patch.setattr("fcntl.flock", no_locks)
+            write(tmp_path)
+            assert left.exists()  # where there are no locks, nobody knows whose it is
+            patch.undo()
+            write(tmp_path)
+            assert not left.exists()
+            assert all(path.exists() for path in (elsewhere, tmp_path / ".new-mine", neighbour))
 
 
 def no_locks(*_):

@@ -1,10 +1,12 @@
 """Programs as tables: every notation says the same points, and what is wrong is named by its line."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tables import write_table
 
 from testbench.correct.inverse import joints_along
 from testbench.correct.process import process_wrench
@@ -23,43 +25,27 @@ Q = np.radians([[10, -80, 100, 5, 60, 0], [12, -81, 101, 5, 61, -3], [15, -83, 1
 
 @pytest.fixture
 def write(tmp_path):
-    """Writes a table and gives its path."""
-
-    def done(header, rows):
-        lines = [",".join(x if isinstance(x, str) else repr(float(x)) for x in row) for row in rows]
-        path = tmp_path / "program.csv"
-        path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
-        return path
-
-    return done
+    return partial(write_table, tmp_path / "program.csv")
 
 
 def test_joints_loads_labels_and_other_columns_are_read(kr500, write):
-    header = f"speed,point,{DEG},force_z_kN,point_x_mm,point_y_mm,point_z_mm,feed_N,axial_N,mass_kg,comment"
+    """Missing parts of a vector are zero, jumps are read where they are allowed."""
+    header = f"speed,point,{DEG},force_z_kN,moment_x_Nm,point_x_mm,point_z_mm,feed_N,axial_N,mass_kg,comment"
+    there = Q + [[0], [1], [0]] * np.array([1, 0, 0, 0, 0, 0])
     rows = [
-        ["fast", f"P{k}", *q, -1.5, 40, 0, -5, 100, -2, 7, "cut, then lift"[:3]]
-        for k, q in enumerate(np.degrees(Q))
+        ["fast", f"P{k}", *q, -1.5, 5, 40, -5, 100, -2, 7, "cut"] for k, q in enumerate(np.degrees(there))
     ]
-    program = read_program(write(header, rows), kr500.arm)
-    np.testing.assert_allclose(program.q, Q, rtol=0, atol=1e-15)
+    program = read_program(write(header, rows), kr500.arm, jumps=True)
+    np.testing.assert_allclose(program.q, there, rtol=0, atol=1e-15)
     assert program.position is None
     assert program.rotation is None
     assert program.labels == ("P0", "P1", "P2")
     assert program.line.tolist() == [2, 3, 4]
     assert program.other == ("speed", "comment")
-    assert program.wrench.tolist() == [[0, 0, -1500, 0, 0, 0]] * 3
+    assert program.wrench.tolist() == [[0, 0, -1500, 5, 0, 0]] * 3
     assert program.along.tolist() == [[100, 0, -2]] * 3
     assert program.mass.tolist() == [7] * 3
     np.testing.assert_allclose(program.point, [[0.04, 0, -0.005]] * 3)
-
-
-def test_missing_parts_of_a_vector_are_zero_and_jumps_are_read_where_they_are_allowed(kr500, write):
-    header = f"{DEG},force_y_N,force_z_N,moment_x_Nm,point_z_mm"
-    shown = np.degrees(Q)
-    shown[1, 0] += 50
-    program = read_program(write(header, [[*q, 30, -40, 5, 150] for q in shown]), kr500.arm, jumps=True)
-    assert program.wrench.tolist() == [[0, 30, -40, 5, 0, 0]] * 3
-    np.testing.assert_allclose(program.point, [[0, 0, 0.15]] * 3)
 
 
 def test_columns_that_were_not_read_are_said_and_louder_where_they_look_like_loads(kr500, write):
@@ -119,7 +105,6 @@ POSE = [2000.0, 0.0, 1200.0, 1.0, 0.0, 0.0, 0.0]
 FEED, POSES = f"{DEG},feed_N", f"{PLACE},qw,qx,qy,qz"
 JUMP = "lines 2 and 3: the path jumps,"
 WRONG = {
-    "line 3, column joint_2_deg: expected a finite number, got 'nan'": (FEED, changed(1, 1, "nan")),
     "line 4, column joint_3_deg: expected .* deg, got 220": (FEED, changed(2, 2, 220)),
     f"{JUMP} joint_1 from 10 to 60 deg: expected at most 45 deg .*--jumps": (FEED, changed(1, 0, 60)),
     "line 2, column feed_N: expected -1e.06 to 1e.06 N, got 2e.06": (FEED, changed(0, 6, 2e6)),
@@ -132,22 +117,17 @@ WRONG = {
         f"{DEG},force_x_N",
         changed(1, 6, ""),
     ),
-    "line 3, column qw: expected a unit quaternion, got one of norm 0": (
-        POSES,
-        [POSE, [*POSE[:3], 0, 0, 0, 0]],
-    ),
+    "line 3, column qw: expected a unit quaternion, got one of no": (POSES, [POSE, [*POSE[:3], 0, 0, 0, 0]]),
     "line 2, column qw: expected an orientation": (POSES, [[*POSE[:3], "", "", "", ""]]),
     f"{JUMP} the tool by 1.5 m": (POSES, [POSE, [POSE[0], 1500, *POSE[2:]]]),
     f"{JUMP} the tool by 90 deg": (POSES, [POSE, [*POSE[:3], 0.70710678, 0.70710678, 0, 0]]),
     r"missing columns \['quaternion_w'": (PLACE, [POSE[:3]]),
-    r"missing columns \['z_mm'\]": ("x_mm,y_mm,qw,qx,qy,qz", [[*POSE[:2], *POSE[3:]]]),
 }
 
 
 @pytest.mark.parametrize("message", WRONG)
 def test_what_is_wrong_is_named(kr500, write, message):
     header, rows = WRONG[message]
-    rows = [[x if isinstance(x, str) else float(x) for x in row] for row in rows]
     with pytest.raises(InputError, match=message):
         read_program(write(header, rows), kr500.arm)
 

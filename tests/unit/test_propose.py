@@ -7,11 +7,7 @@ import pytest
 
 from testbench.campaign.beam import outer_diameter, triangles
 from testbench.campaign.new_arm import SPREAD, elastic_toml
-from testbench.campaign.propose import (
-    Wishes,
-    joint_compliance,
-    propose,
-)
+from testbench.campaign.propose import Wishes, joint_compliance, propose
 from testbench.cli.new import read_wishes
 from testbench.errors import BenchError
 from testbench.plant.import_robot.robot import Body, Chain, Joint, Mesh, Shape, Site, pose_of
@@ -113,16 +109,6 @@ def test_the_law_of_the_joints_misses_the_known_ones_by_the_factor_that_it_says(
     assert abs(np.mean(missed)) < np.log(1.1)
 
 
-def test_a_payload_that_nobody_stated_is_the_first_thing_to_confirm():
-    arm = chain_of(part("one", (0, 0, 0.4)), part("two", (0.5, 0, 0)), part("three", (0.5, 0, 0)))
-    elastic = elastic_of(arm, Wishes())
-    made = tomllib.loads(elastic)
-    assert (made["payload"]["value"], made["payload"]["origin"]) == (4.9, "estimated")
-    first = next(line for line in elastic.splitlines() if line.startswith("#  1."))
-    assert "payload 4.9 kg, root of its 20 kg, times 1.10 m of reach" in first
-    assert "payload" not in elastic_of(arm, Wishes(payload=4.0)).split("format = 1")[0]
-
-
 def test_a_slide_is_proposed_in_metres_a_newton():
     slide = part("slide", (0, 0, 0.4), Z, prismatic=True)
     arm = chain_of(slide, part("two", (0.5, 0, 0)), part("three", (0.5, 0, 0)))
@@ -174,10 +160,14 @@ def test_a_wrong_flag_is_named(flags, words):
         read_wishes(*flags)
 
 
-def test_points_that_nobody_stated_are_to_be_confirmed_and_no_others():
-    arm = chain_of(part("tool", (0, 0, 0.4)), part("two", (0.5, 0, 0)))
-    made = tomllib.loads(elastic_of(arm, Wishes()))
+def test_what_nobody_stated_is_to_be_confirmed_the_payload_first_and_nothing_else():
+    arm = chain_of(part("tool", (0, 0, 0.4)), part("two", (0.5, 0, 0)), part("three", (0.5, 0, 0)))
+    elastic, stated = (elastic_of(arm, own) for own in (Wishes(), read_wishes(4.0, None, [], "0,0,0.1")))
+    made = tomllib.loads(elastic)
+    assert (made["payload"]["value"], made["payload"]["origin"]) == (4.9, "estimated")
+    first = next(line for line in elastic.splitlines() if line.startswith("#  1."))
+    assert "payload 4.9 kg, root of its 20 kg, times 1.10 m of reach" in first
+    assert "payload" not in stated.split("format = 1")[0]
     assert made["tool"] == "tool_"  # the robot has a part of that name
     assert made["to_confirm"] == ["tool_", "load", "P1", "P2", "P3"]
-    made = tomllib.loads(elastic_of(arm, read_wishes(None, None, [], "0,0,0.1")))
-    assert made["to_confirm"] == ["tool_", "P1", "P2", "P3"]
+    assert tomllib.loads(stated)["to_confirm"] == ["tool_", "P1", "P2", "P3"]

@@ -45,19 +45,7 @@ def cell():
     return tb.build_cell("kr500_l480")
 
 
-def test_a_plan_of_a_few_lines_has_the_poses_that_were_asked_for(cell):
-    tasks = tb.simulate(cell, seed=2).check.q
-    asked = tb.PlanSettings(loads_kg=(460.3,), poses=6, candidates_wanted=60, model="Joints")
-    planned = tb.plan(cell, tasks, asked)
-    assert planned.plan.q.shape == (6, 6)
-    assert (planned.plan.q >= cell.arm.limits[0]).all()
-    assert (planned.plan.q <= cell.arm.limits[1]).all()
-    with pytest.raises(tb.BenchError, match="tasks q"):
-        tb.plan(cell, tasks[0], asked)
-
-
 def clipped(vjm, structure, data):
-    """An estimator of one's own."""
     plain = tb.least_squares(vjm, structure, data)
     return tb.make_estimate(plain.regression, np.maximum(plain.pi, 0), method="LS, negative values clipped")
 
@@ -99,6 +87,7 @@ def test_ten_lines_simulate_fit_predict_score_and_compare_an_own_estimator(cell,
         (lambda cell: tb.simulate(cell, seed=-1), "seed: expected an integer from 0 on, got -1"),
         (lambda _: tb.score(np.zeros((2, 3)), np.zeros((4, 3))), r"equal shapes, got \(2, 3\) and \(4, 3\)"),
         (lambda _: tb.with_prior(tb.gco, None), "prior: expected one, such as cad_prior"),
+        (lambda cell: tb.plan(cell, np.zeros(6), tb.PlanSettings(loads_kg=(460.3,))), "tasks q"),
         (lambda cell: tb.calibrate(cell.vjm, [], tb.cad_prior(cell.arm)), "series: expected one or more"),
     ],
 )

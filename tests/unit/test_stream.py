@@ -20,12 +20,7 @@ from testbench.data.dataset import Dataset, select
 from testbench.data.series import Series, select_rows, series_of
 from testbench.data.spool import Campaign, Spool
 from testbench.data.write import write_csv, write_series
-from testbench.errors import InputError
-from testbench.identify.crossval import divided, folds
-from testbench.identify.fold import reduce, reduce_parts
-from testbench.identify.regression import f_m
 from testbench.model.vjm import chain, observation, tool_points
-from testbench.studies.estimators.stein import every_fold
 
 ARM = load_arm(Path(__file__).parents[2] / "models" / "kr500_l480")
 CELL = build_cell("kr500_l480")
@@ -48,6 +43,7 @@ def runs(count: int, *, lost: bool = False) -> Dataset:
     if not lost:
         return found
     gone = (rng.random((count, 3)) < 0.2)[..., None]
+    gone &= ~gone.all(axis=1, keepdims=True)  # a run without a reading is of no fold
     precision = np.where(gone[..., None], 0.0, np.eye(3) / (2 * 5e-5**2))
     before, after = (np.where(gone, 0.0, x) for x in (before, after))
     return replace(found, before=before, after=after, precision=precision)
@@ -83,21 +79,6 @@ WRITTEN = {
 AT_ONCE = {"plain", "windows", "decimal_comma", "tabs_and_no_end", "title"}
 
 
-@pytest.mark.parametrize("name", WRITTEN)
-def test_blocks_are_read_as_the_whole_file_is(tmp_path, name):
-    """Runs of blanks have no blank cells; of numbers alone only the head is looked at line by line."""
-    data = runs(24, lost=name != "runs_of_blanks")
-    write_csv(data, ARM, tmp_path / "runs.csv")
-    file = tmp_path / "other.csv"
-    file.write_bytes(WRITTEN[name]((tmp_path / "runs.csv").read_text(encoding="utf-8")))
-    found, streamed = read_both_ways(file, ARM)
-    assert streamed
-    check_equal(replace(found, precision=None), replace(data, precision=None))
-    with patch.object(stream, "table_of", wraps=stream.table_of) as asked:
-        assert len(in_blocks(file, ARM).every) > 10
-    assert asked.call_count == 1 or name not in AT_ONCE
-
-
 def readings(*, lost: bool = False) -> list[Series]:
     """Two set-ups of one tracker, two readings a pose; of the second some targets, or rows, are lost."""
     [both] = series_of(runs(24), "set-up", "mount")
@@ -112,14 +93,25 @@ def readings(*, lost: bool = False) -> list[Series]:
 
 
 @pytest.mark.parametrize("name", WRITTEN)
-def test_batches_of_absolute_readings_are_those_of_the_whole_file(tmp_path, name):
-    write_series(tmp_path / "all.csv", ARM, readings(lost=name != "runs_of_blanks"))
-    file = tmp_path / "other.csv"
-    file.write_bytes(WRITTEN[name]((tmp_path / "all.csv").read_text(encoding="utf-8")))
-    found, streamed = series_both_ways(file, ARM)
+def test_blocks_are_read_as_the_whole_file_is(tmp_path, name):
+    """Runs of blanks have no blank cells; of numbers alone only the head is looked at line by line."""
+    lost = name != "runs_of_blanks"
+    data = runs(24, lost=lost)
+    pairs, series = tmp_path / "pairs.csv", tmp_path / "series.csv"
+    write_csv(data, ARM, pairs)
+    write_series(series, ARM, readings(lost=lost))
+    for file in (pairs, series):
+        file.write_bytes(WRITTEN[name](file.read_text(encoding="utf-8")))
+    found, streamed = read_both_ways(pairs, ARM)
     assert streamed
-    assert len(found.series) == 2
-    assert any("rows without a reading" in note for note in found.notes) == (name != "runs_of_blanks")
+    check_equal(replace(found, precision=None), replace(data, precision=None))
+    with patch.object(stream, "table_of", wraps=stream.table_of) as asked:
+        assert len(in_blocks(pairs, ARM).every) > 10
+    assert asked.call_count == 1 or name not in AT_ONCE
+    absolute, streamed = series_both_ways(series, ARM)
+    assert streamed
+    assert len(absolute.series) == 2
+    assert any("rows without a reading" in note for note in absolute.notes) == lost
 
 
 def test_poses_without_a_column_are_numbered_alike_and_may_not_return(tmp_path):
@@ -177,10 +169,7 @@ def test_what_is_wrong_far_down_is_named_as_ever(tmp_path, lines, change, said):
     assert said in found.pop()
 
 
-def test_rows_of_a_run_that_stand_apart_are_read_as_a_whole_or_refused_by_what_is_the_matter(
-    tmp_path, lines, monkeypatch
-):
-    """Above the largest size of a whole file no block may lack markers of a run, and that is said."""
+def test_rows_of_a_run_that_stand_apart_are_read_as_a_whole(tmp_path, lines):
     apart, file = tmp_path / "apart.csv", tmp_path / "sorted.csv"
     apart.write_text("\n".join([*lines[:2], *lines[3:], lines[2]]), encoding="utf-8")
     assert not read_both_ways(apart, ARM)[1]
@@ -188,10 +177,6 @@ def test_rows_of_a_run_that_stand_apart_are_read_as_a_whole_or_refused_by_what_i
     data, streamed = read_both_ways(file, ARM)
     assert not streamed
     assert (data.runs, data.markers) == (60, ("P1", "P2", "P3"))
-    monkeypatch.setattr(stream, "MAX_BYTES", 1000)
-    monkeypatch.setattr(stream, "HEAD", 3000)
-    with pytest.raises(InputError, match=r"more than 1000 bytes: .* the rows of a run together"):
-        in_blocks(file, ARM)
 
 
 def test_memory_does_not_grow_with_the_runs(tmp_path):
@@ -221,28 +206,8 @@ def test_memory_does_not_grow_with_the_runs(tmp_path):
 
 
 @pytest.mark.parametrize("lost", [False, True])
-def test_blocks_in_threads_hold_what_reduce_and_its_folds_do(lost):
-    data, vjm = runs(90, lost=lost), CELL.vjm
-    part = divided(data)
-    models = named_models(CELL, ["MLS56", "MGCO68", "ALL153"])
-    reduced = reduce_parts(vjm, [m.structure for m in models], campaign(data), part)
-    for model, parts in zip(models, reduced, strict=True):
-        expected = reduce(vjm, model.structure, data)
-        [own], [term] = parts.together().terms, expected.terms
-        size = np.abs(term.R.T @ term.R).max()
-        np.testing.assert_allclose(own.R.T @ own.R, term.R.T @ term.R, rtol=0, atol=1e-10 * size)
-        assert own.equations == term.equations
-        lengths = [t.z @ t.z + t.rest for t in (own, term)]
-        assert lengths[0] == pytest.approx(lengths[1], rel=1e-9)
-        pi = model.structure.entries(ARM.C_theta)
-        for fold, other in zip(folds(parts), every_fold(vjm, model.structure, data), strict=True):
-            for kind in ("fitted", "held_out"):
-                one, two = (f_m(getattr(x, kind), pi) for x in (fold, other))
-                assert one == pytest.approx(two, rel=1e-9)
-
-
-def test_very_many_runs_are_fitted_chosen_and_judged_as_few_are():
-    data = runs(80)
+def test_very_many_runs_are_fitted_chosen_and_judged_as_few_are(lost):
+    data = runs(80, lost=lost)
     held = data.pose % 9 == 0
     models = named_models(CELL, ["Joints", "MLS56", "MGCO56"])
     few = Runs("runs.csv", data, select(data, ~held), select(data, held))
@@ -262,25 +227,20 @@ def test_very_many_runs_are_fitted_chosen_and_judged_as_few_are():
     assert "all 80 runs are fitted" in two.fits.notes[-1]
 
 
-def test_of_more_runs_than_are_looked_at_the_worst_are(monkeypatch):
-    data = runs(80)
+def test_of_more_runs_than_are_looked_at_the_worst_are_and_some_have_intervals(monkeypatch):
+    """The notes say so."""
+    data, models = runs(80), named_models(CELL, ["Joints"])
     data.after[37, 1] += 0.01
-    monkeypatch.setattr("testbench.data.spool.SHOWN", 10)
+    for module in ("data.spool", "campaign.fits"):
+        monkeypatch.setattr(f"testbench.{module}.SHOWN", 10)
     monkeypatch.setattr("testbench.identify.evaluate.FAR", 3)
-    many = Runs("runs.csv", data, data, None, many=Many(campaign(data), np.ones(80, dtype=bool)))
-    found = fit(CELL, named_models(CELL, ["Joints"]), many, lambda: 0.0).runs
+    held = Runs("runs.csv", data, data, None)
+    many = replace(held, many=Many(campaign(data), np.ones(80, dtype=bool)))
+    found = fit(CELL, models, many, lambda: 0.0).runs
     assert 10 <= found.every.runs <= 13
     assert 38 in found.every.run
     assert found.total == 80
-
-
-def test_of_many_runs_that_are_held_whole_some_have_intervals_and_the_notes_say_so(monkeypatch):
-    data = runs(80)
-    monkeypatch.setattr("testbench.data.spool.SHOWN", 10)
-    monkeypatch.setattr("testbench.campaign.fits.SHOWN", 10)
-    fits = fit(
-        CELL, named_models(CELL, ["Joints"]), Runs("r", data, data, None), lambda: 0.0, widths=True
-    ).fits
+    fits = fit(CELL, models, held, lambda: 0.0, widths=True).fits
     assert fits.runs == 80
     asked = [row["run"] for row in fits.models[0].intervals.deflections[::3]]
     assert asked == [1, 10, 19, 27, 36, 45, 54, 62, 71, 80]

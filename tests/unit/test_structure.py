@@ -113,10 +113,7 @@ def test_keep_leaves_these_parameters_and_drops_the_rest(arm):
         ({"joints": ["a1"]}, r"no joint 'a1' in \w+; joints are joint_1, joint_2, .*, joint_6$"),
         ({"joints": ["joint_1"] * 2}, r"joints: expected different names, got"),
         ({"links": ["link_1"], "entries": ()}, "expected at least one elastic link or joint"),
-        (
-            {"links": ["link_1"], "entries": ((0, 6),)},
-            "entries: expected different pairs a <= b out of 0 to 5",
-        ),
+        ({"links": ["link_1"], "entries": ((0, 6),)}, "expected different pairs a <= b out of 0 to 5"),
         ({"links": ["link_1"], "entries": ((1, 0),)}, "entries: expected different pairs"),
         ({"links": ["link_1"], "entries": ((0, 0), (0, 0))}, "entries: expected different pairs"),
         ({"links": ["link_1"], "entries": ((0, 1), (1, 0), (0, 2))}, "or every pair with its mirror"),

@@ -92,29 +92,21 @@ def test_two_writers_of_a_folder_leave_the_files_of_one(tmp_path, work):
 
 
 def test_a_second_run_is_refused_at_once_and_told_who_writes(tmp_path):
+    """Also a file into the folder of a run, and a run into the folder of a file."""
     out, picture = tmp_path / "deep" / "run", tmp_path / "p.png"
-    with claim_folder(out, COMMAND, force=False), claim_file(picture, PNG):
-        assert code(forked(claimed, out, "two")) == 2
-        for again in (claim_folder(out, COMMAND, force=True), claim_file(picture, PNG)):
+    with (
+        claim_folder(out, COMMAND, force=False),
+        claim_file(picture, PNG),
+        claim_file(tmp_path / "other.png", PNG),
+    ):
+        assert [code(forked(claimed, place, "two")) for place in (out, tmp_path)] == [2, 2]
+        files_ = [claim_file(place, PNG) for place in (picture, out / "q.png")]
+        for again in (claim_folder(out, COMMAND, force=True), *files_):
             with pytest.raises(InputError, match=f"is being written by another run, process {os.getpid()}:"):
                 again.__enter__()
-        with claim_file(tmp_path / "other.png", PNG):
-            pass
     assert not list(tmp_path.iterdir())
     claimed(out, "one")
     assert whose(out) == "one"
-
-
-def test_no_file_is_written_into_a_folder_that_a_run_has_claimed_nor_a_run_beside_claimed_files(tmp_path):
-    with claim_folder(tmp_path, COMMAND, force=False):
-        with pytest.raises(InputError, match="is being written by another run"):
-            claim_file(tmp_path / "p.png", PNG).__enter__()
-        assert len(list(tmp_path.iterdir())) == 1
-    with claim_file(tmp_path / "p.png", PNG):
-        with claim_file(tmp_path / "q.png", PNG):
-            assert code(forked(claimed, tmp_path, "one")) == 2
-        assert code(forked(claimed, tmp_path, "one")) == 2
-    assert not list(tmp_path.iterdir())
 
 
 def test_claims_of_killed_runs_go_and_what_is_no_claim_stays(tmp_path):
@@ -201,17 +193,15 @@ def test_nothing_is_moved_where_something_else_stands_in_the_way(tmp_path):
     assert not list((tmp_path / "elsewhere").iterdir())
 
 
+BOTH, MANIFEST = '["manifest.json", "mine"]', "manifest.json"
 PLANTED = {
-    "removes": lambda ready, run: ready.joinpath("manifest.json").write_text(run.replace("mine", "yours")),
-    "removes all": lambda ready, run: ready.joinpath("manifest.json").write_text(
-        run.replace('["manifest.json", "mine"]', "[]")
-    ),
-    "names a file elsewhere": lambda ready, run: (
-        ready.joinpath("manifest.json").write_text(run),
-        ready.with_name("manifest.json").write_text(run.replace("mine", "/etc/hostname")),
-    ),
-    "replaces": lambda ready, run: ready.joinpath("mine").write_text("theirs"),
-    "links": lambda ready, run: ready.joinpath("theirs").symlink_to("/etc/hostname"),
+    "removes": lambda ready, run: (ready / MANIFEST).write_text(run.replace(BOTH, "[]")),
+    "names a file elsewhere": lambda ready, run: [
+        (place / MANIFEST).write_text(text)
+        for place, text in ((ready, run), (ready.parent, run.replace("mine", "/etc/hostname")))
+    ],
+    "replaces": lambda ready, run: (ready / "mine").write_text("theirs"),
+    "links": lambda ready, run: (ready / "theirs").symlink_to("/etc/hostname"),
     "pipes": lambda ready, run: os.mkfifo(ready / "theirs"),
 }
 
