@@ -75,34 +75,34 @@ TITLE = (
     "twice too soft, 30 % off and more."
 )
 ANSWER = (
-    "{featured} planned poses with weight and pull: the default leaves {gains.least_squares.ours_mm:~.3f} "
-    "mm, least squares {gains.least_squares.theirs_mm:~.3f} mm, {gains.least_squares:less}. Joint "
-    "stiffness only leaves {gains.joints.theirs_mm:~.3f} mm of {best.before.median_mm:~.3f} mm, "
-    "{gains.joints:more trial}."
+    "Disturbed arm, {featured} planned poses with weight and pull: the default leaves "
+    "{gains.joints.ours_mm:~.3f} mm of {best.before.median_mm:~.3f} mm, joint stiffness only "
+    "{gains.joints.theirs_mm:~.3f} mm, {gains.joints:more trial}. Least squares leaves "
+    "{gains.least_squares.theirs_mm:~.3f} mm, {gains.least_squares:more}."
 )
 WORST = (
     "Worst by the weight alone, which never loads joint 1: {hung.removed_percent:~.1f} % removed, joint "
-    "stiffness only {hung_joints.removed_percent:~.1f} %. With a disturbed arm "
-    "{real.removed_percent:~.1f} %, joint stiffness only {real_joints.removed_percent:~.1f} %, perfect "
-    "compliances {real_exact.removed_percent:~.1f} %."
+    "stiffness only {hung_joints.removed_percent:~.1f} %. With the pull "
+    "{best.removed_percent:~.1f} %, joint stiffness only {joints.removed_percent:~.1f} %, perfect "
+    "compliances {exact.removed_percent:~.1f} %; undisturbed {ideal.removed_percent:~.1f} and "
+    "{ideal_joints.removed_percent:~.1f} %."
 )
 CLAIMS = (
-    "The default makes {best.worse} of {best.cases} points worse, by the weight alone {hung.worse}, with a "
-    "disturbed arm {real.worse}.",
-    "With every disturbance except backlash, friction and stiffening, the default removes "
-    "{linear.removed_percent:~.1f} %.",
-    "The 95 % intervals of the default hold {best.covered_percent:.1f} % of what is left, disturbed "
-    "{real.covered_percent:.1f} %; those with joint stiffness only {joints.covered_percent:.1f} %.",
+    "The default makes {best.worse} of {best.cases} points worse, by the weight alone {hung.worse}, "
+    "undisturbed {ideal.worse}.",
+    "Without backlash, friction and stiffening the default removes {linear.removed_percent:~.1f} %.",
+    "The 95 % intervals of the default hold {best.covered_percent:.1f} % of what is left, undisturbed "
+    "{ideal.covered_percent:.1f} %; with joint stiffness only {joints.covered_percent:.1f} %.",
 )
 """What else there is to say, what matters most first."""
 TOLD = {
-    "best": (DEFAULT, ADVISED, IDEAL),
-    "joints": (JOINTS, ADVISED, IDEAL),
-    "hung": (DEFAULT, HUNG, IDEAL),
-    "hung_joints": (JOINTS, HUNG, IDEAL),
-    "real": (DEFAULT, ADVISED, REAL),
-    "real_joints": (JOINTS, ADVISED, REAL),
-    "real_exact": (s.PERFECT, NOWHERE, REAL),
+    "best": (DEFAULT, ADVISED, REAL),
+    "joints": (JOINTS, ADVISED, REAL),
+    "exact": (s.PERFECT, NOWHERE, REAL),
+    "hung": (DEFAULT, HUNG, REAL),
+    "hung_joints": (JOINTS, HUNG, REAL),
+    "ideal": (DEFAULT, ADVISED, IDEAL),
+    "ideal_joints": (JOINTS, ADVISED, IDEAL),
     "linear": (DEFAULT, ADVISED, s.LINEAR),
 }
 """Groups that sentences speak of."""
@@ -113,7 +113,7 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
     advised = trials.where(**vars(ADVISED))
     met = [name for name in TRUTHS if name in advised.values("true_arm")]
     chosen = trials.where(name=DEFAULT)["chosen"].tolist()
-    left = advised.where(arm=IDEAL)
+    left = advised.where(arm=REAL)
     left = left.add(left_mm=np.median(np.array([*left["after_mm"]]), axis=1))
     rivals = {"least_squares": s.LEAST_SQUARES, "joints": JOINTS}
     f = Row(
@@ -156,7 +156,7 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
     )
 
 
-def group(f: Row, name: str, way: Way, arm: str = IDEAL) -> Row:
+def group(f: Row, name: str, way: Way, arm: str) -> Row:
     """A model by a campaign."""
     return find(f.groups, name=name, campaign=way.campaign, poses=way.poses, arm=arm)
 
@@ -209,11 +209,11 @@ def _sizes(mm: Array) -> Row:
 
 def _tables(f: Row) -> dict[str, Table]:
     """Share removed by campaign; all numbers; the advised campaign by true arm."""
-    title = "share of the deflection removed, median over all points, %"
-    own = [g for g in f.groups if g.arm == IDEAL and g.poses == f.featured]
+    title = "share of a disturbed arm's deflection removed, median over all points, %"
+    own = [g for g in f.groups if g.arm == REAL and g.poses == f.featured]
     campaign, model, share = columns("campaign name removed_percent")
-    by_arm = [g for g in f.by_truth if g.arm == IDEAL and g.name in (JOINTS, DEFAULT)]
-    words = f"by true arm, undisturbed: {f.featured} planned poses, weight and pull"
+    by_arm = [g for g in f.by_truth if g.arm == REAL and g.name in (JOINTS, DEFAULT)]
+    words = f"by true arm, disturbed: {f.featured} planned poses, weight and pull"
     return {
         "short": pivot(Table((), own, title), campaign, model, replace(share, exact=True)),
         "both": Table(columns(FOUND), f.groups, "both jobs"),
@@ -222,24 +222,23 @@ def _tables(f: Row) -> dict[str, Table]:
 
 
 def figures(found: Report) -> dict[str, Figure]:
-    """What is left by campaign and number of poses, with an undisturbed arm and a disturbed one."""
+    """What is left by campaign of as many poses as are featured, the arm disturbed and undisturbed."""
     f = Row(found.numbers)
-    shown = [g for g in f.groups if g.name not in (s.NOMINAL, s.PRIOR, s.PERFECT)]
-    groups = [Row(g, campaign=f"{g.campaign},\n{g.poses} poses") for g in shown]
-    own = [name for name in dict.fromkeys(g.name for g in shown) if name not in LOOKS]
+    groups = [g for g in f.groups if g.poses == f.featured]
+    own = [name for name in dict.fromkeys(g.name for g in groups) if name not in LOOKS]
     looks = LOOKS | {name: look(f"own {k}", "own", prior=True) for k, name in enumerate(own, 1)}
     *named, left = columns("campaign name after.median_mm")
     error = replace(left, heading="error after correction")
     panes = {
         title: Table((*named, error), [g for g in groups if g.arm == arm], looks=looks)
-        for title, arm in (("arm that bends as a model can", IDEAL), ("disturbed arm", REAL))
+        for title, arm in (("disturbed arm", REAL), ("arm that bends as a model can", IDEAL))
     }
     gains = {"least squares": f.gains.least_squares, "joint stiffness only": f.gains.joints}
     return {
         "compensation.png": ranges(
             panes,
-            f"{f.arm}, {f.featured} planned poses, weight and pull, error left: {beside(gains)}",
-            "Title: arms that bend as a model can. What is left of the deflection in the median point of a "
+            f"{f.arm} disturbed, {f.featured} planned poses, weight and pull, error left: {beside(gains)}",
+            f"All of {f.featured} poses. What is left of the deflection in the median point of a "
             f"trial; dots: medians, lines: {span(f.trials)} of {f.trials} trials, {f.force[0]:g} to "
             f"{f.force[1]:g} N. To the left is better.",
         )
@@ -274,7 +273,9 @@ def seen(run: Run[s.Settings]) -> Seen:
     )
     drawn, lines = with_errors(poses, where, off, DRAWN_AS, M)
     chart = RunChart("How far the tool is off at each point (mm)", 0, "point", labels, lines)
-    return Seen(scene=Scene(true, f"What is off, and how the arm bends, x {M:g}.", [drawn]), runs=[chart])
+    return Seen(
+        scene=Scene(true, f"What is off, and how the arm bends, undisturbed, x {M:g}.", [drawn]), runs=[chart]
+    )
 
 
 STUDY = Study(
