@@ -4,6 +4,7 @@ import shutil
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from serial_arms import turned_arm, write_arm
 
@@ -14,7 +15,6 @@ from testbench.campaign.models import named_models, plain_name
 from testbench.errors import BenchError, InputError
 from testbench.identify import least_squares
 from testbench.identify.prior import cad_prior
-from testbench.model import kinematics
 from testbench.model.loaded import load_jacobian
 from testbench.model.structure import mgco147
 from testbench.model.vjm import chain
@@ -54,8 +54,8 @@ def test_what_truth_and_model_read_differently_is_refused_by_name(kr500, tmp_pat
         text.replace('<body name="tool"', '<body name="tool" euler="0.3 0.2 0.1"'), "utf-8"
     )
     build_cell(folder)
-    rotation = kinematics.rotation
-    monkeypatch.setattr(kinematics, "rotation", lambda axis, angle: rotation(axis[::-1], angle))
+    rotate, other = pin.utils.rotate, dict(zip("xyz", "zyx", strict=True))
+    monkeypatch.setattr(pin.utils, "rotate", lambda axis, angle: rotate(other[axis], angle))
     with pytest.raises(
         InputError, match=r"rigid\.xml: <body name='tool'>: MuJoCo and Pinocchio place it .* apart"
     ):
