@@ -12,10 +12,10 @@ from testbench.arm.elastic import PAYLOAD_RANGE
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Cell
-from testbench.data.columns import Columns, find_columns, vector
-from testbench.data.joint_columns import joint_coordinates
+from testbench.data.columns import Columns, find_columns, vector, wrench
 from testbench.data.mapping import read_map
 from testbench.data.names import UNITS, find_unit
+from testbench.data.rows import joint_coordinates
 from testbench.data.table import Table, read_table
 from testbench.design.rows import Tasks
 from testbench.errors import Array, BenchError, InputError
@@ -131,7 +131,7 @@ def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) 
     from testbench.plant.site import collisions
 
     names = read_map(mapping, cell.arm)
-    table = read_table(path, lambda name: names.find(name) is not None, names.layout)
+    table = read_table(path, names.knows, names.map.file)
     columns = find_columns(table, names, cell.arm)
     q = joint_coordinates(columns, cell.arm)
     if not 1 <= table.rows <= MAX_TASKS:
@@ -145,17 +145,14 @@ def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) 
 
 def _read_load(columns: Columns, hung: Load) -> Load:
     """The load of every task."""
-    table = columns.table
-    force, moment, point = (vector(columns, what) for what in ("force", "moment", "point"))
-    if force is None and moment is None:
+    table, acts, point = columns.table, wrench(columns), vector(columns, "point")
+    if acts is None:
         if point is None:
             return hung
         given = "point_x_m, point_y_m, point_z_m are given"
         raise table.header_error(f"expected force_x_N, force_y_N, force_z_N where {given}")
-    none = np.zeros((table.rows, 3))
-    wrench = np.hstack([none if part is None else part for part in (force, moment)])
-    table.refuse(np.asarray(~wrench.any(axis=1)), "", "expected a load, got zero force and moment")
-    return Load(wrench, np.tile(hung.point, (table.rows, 1)) if point is None else point)
+    table.refuse(np.asarray(~acts.any(axis=1)), "", "expected a load, got zero force and moment")
+    return Load(acts, np.tile(hung.point, (table.rows, 1)) if point is None else point)
 
 
 def read_mass(text: str) -> float:

@@ -18,7 +18,7 @@ from testbench.campaign.campaign import (
     measure_both,
     stream,
 )
-from testbench.correct.rest import joined
+from testbench.data.dataset import joined
 from testbench.errors import Array, Ids, PoseError
 from testbench.plant.equilibrium import settle_linear
 
@@ -62,8 +62,8 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
     checks = at_tool(check_q, ids, check_wrench)
     identification = measure(cell, scenario, at_tool(q[pose], pose + 1, wrench), noise_rng)
     check, true = measure_both(cell, scenario, checks, noise_rng)
-    measured = joined([identification, check])
-    measured = replace(measured, run=np.arange(measured.runs) + 1)
+    both = joined([identification, check])
+    measured = replace(both, run=np.arange(both.runs) + 1)
     return Campaign(scenario, seed, measured, identification, check, true, true, drawn)
 
 

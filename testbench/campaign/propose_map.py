@@ -16,9 +16,9 @@ import numpy as np
 
 from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import Arm
-from testbench.data.joined import joined, keys_of, nearest, times_of
 from testbench.data.mapping import Layout, Log
 from testbench.data.names import XYZ, recognise, series_names, split_unit, squeeze
+from testbench.data.rearranged import joined, keys_of, nearest, times_of
 from testbench.data.table import Table, read_table
 from testbench.errors import InputError, Mask
 

@@ -157,7 +157,7 @@ def look_at(
 
 def _said(export: Export, asked: Readings) -> str:
     """The frame that was said, "auto" if none was."""
-    frame = export.columns.names.frame
+    frame = export.columns.names.map.frame
     return asked.frame if asked.frame != "auto" or frame is None else frame
 
 

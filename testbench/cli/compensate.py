@@ -85,7 +85,7 @@ def command(asked: Options) -> None:
     given = [asked.model, asked.program, *([asked.mapping] if asked.mapping else [])]
     kind = Kind("a corrected program", rb"[^\n]*correction_")
     if form != CSV:
-        kind = Kind(f"a program in {WRITERS[form].title}", WRITERS[form].begins)
+        kind = Kind(f"a program in {WRITERS[form].title}", WRITERS[form].begins.encode())
     with (
         claim_file(program_to, kind, inputs=given, force=asked.force),
         claim_folder(folder, COMMAND, own=frozenset(), inputs=given, force=asked.force),

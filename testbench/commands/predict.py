@@ -13,7 +13,7 @@ from testbench.campaign.program import Predicted, direction_words, extrapolated
 from testbench.campaign.rows import MM
 from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_places, places_at
 from testbench.correct.rest import rest
-from testbench.data.lines import as_cell
+from testbench.data.formula import as_cell
 from testbench.errors import Array, Ids
 from testbench.identify.posterior import CONFIDENCE
 from testbench.model.vjm import turns

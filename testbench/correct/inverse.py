@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.correct.newton import Target
-from testbench.correct.rest import joined, replaced
-from testbench.data.dataset import in_order
+from testbench.correct.rest import replaced
+from testbench.data.dataset import in_order, joined
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.model.tool_motion import tool_motion, turn_between
 from testbench.model.vjm import Vjm

@@ -24,8 +24,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from testbench.correct.rest import batches, joined, put, rest
-from testbench.data.dataset import in_order
+from testbench.correct.rest import batches, put, rest
+from testbench.data.dataset import in_order, joined
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.identify.absolute.state import State, loads_at, unbent
 from testbench.model.load import Load

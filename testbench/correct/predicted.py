@@ -6,8 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.correct.rest import batches, joined, rest
+from testbench.correct.rest import batches, rest
 from testbench.correct.uncertainty import Poses, curvature, half_widths
+from testbench.data.dataset import joined
 from testbench.errors import Array, check_array
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.posterior import CURVED

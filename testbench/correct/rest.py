@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Rows, arrays, with_arrays
+from testbench.data.dataset import Rows, arrays, joined
 from testbench.errors import Array, Ids, check_array
 from testbench.identify.absolute.state import State, equilibrium
 from testbench.model.load import Load
@@ -18,12 +18,6 @@ TOGETHER = 512  #: Poses computed side by side: enough for numpy, few for its ca
 def batches(poses: int) -> Iterator[slice]:
     """Places of some poses at a time; one empty part of none."""
     return stepwise([slice(k, k + TOGETHER) for k in range(0, max(poses, 1), TOGETHER)], "solving poses")
-
-
-def joined(parts: Sequence[Rows]) -> Rows:
-    """Those of all parts, one after the other."""
-    every = [arrays(part) for part in parts]
-    return with_arrays(parts[0], {name: np.concatenate([own[name] for own in every]) for name in every[0]})
 
 
 def put(rows: Rows, where: Ids, others: Rows) -> None:

@@ -1,4 +1,4 @@
-"""What stands beside absolute readings: torques of the joints, temperature, time."""
+"""What stands beside positions: orientations in any notation, torques of the joints, temperature, time."""
 
 import re
 
@@ -7,11 +7,108 @@ import numpy as np
 from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import Arm
 from testbench.data.columns import Column, Columns
-from testbench.data.joined import clock, seconds
-from testbench.data.names import Slot, torque_columns
+from testbench.data.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
+from testbench.data.rearranged import clock, seconds
 from testbench.errors import Array, InputError
 
+UNIT_NORM = 5e-3
+"""How far a quaternion's norm, or a matrix times its transpose, may be from one [1]: rounding in a file."""
+MOST = 2.5 * np.pi  #: Angles beyond it are in degrees [rad].
 ROUNDED = re.compile(r"\d([.,]\d*)?[eE]\+?13|\d{6}0{8}")  #: 2,02011E+13: its hour, and more, is gone.
+
+
+def read_rotations(columns: Columns) -> Array | None:
+    """Orientation of the target in every row, the tracker from the target, (rows, 3, 3).
+
+    Returns:
+        All NaN in rows where it is blank; None where no column says it.
+
+    Raises:
+        InputError: When the notation is not said or a part is missing, and at what is no rotation.
+    """
+    found = [c for c in columns.every(*ROTATIONS) if not c.slot.when]
+    if not found:
+        return None
+    kinds = sorted({c.slot.what for c in found})
+    if len(kinds) > 1:
+        raise columns.table.header_error(f"expected orientations in one notation, got {' and '.join(kinds)}")
+    what = found[0].slot.what
+    if what == "rotation":
+        return _from_angles(columns, found)
+    own = columns.whole(columns_of(what))
+    values, there = columns.together(own)
+    read = _from_quaternions if what == "quaternion" else _from_matrices
+    none = [1.0, 0, 0, 0] if what == "quaternion" else np.eye(3).ravel()
+    rotation = read(columns, own[0].name, np.where(there[:, None], values, none))
+    rotation[~there] = np.nan
+    return rotation
+
+
+def _from_angles(columns: Columns, found: list[Column]) -> Array:
+    """Of three angles in the notation of the map, or a rotation vector under our own names."""
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
+
+    notation = columns.names.map.series.rotation or _unsaid(columns, found)
+    first = found[0].slot.index // 3 * 3
+    ours = "123" if first else "xyz"
+    own = columns.whole({f"rotation_{x}_rad": Slot("rotation", first + k) for k, x in enumerate(ours)})
+    angles, there = columns.together(own)
+
+    def problem(row: int, k: int) -> str:
+        unit = own[k].unit
+        hint = "; are these degrees?" if unit and unit.name == "rad" else ""
+        return f"expected an angle of at most {MOST:.2f} rad, got {angles[row, k]:g} rad{hint}"
+
+    columns.table.refuse(np.abs(angles) > MOST, [column.name for column in own], problem)
+    angles[~there] = 0
+    if notation == "vector":
+        rotation = Rotation.from_rotvec(angles).as_matrix()
+    else:
+        kind, axes = notation.split()
+        if axes[1] in (axes[0], axes[2]):
+            raise columns.map_error("series.rotation", f"no Euler angles {axes!r}")
+        if not first:  # named by their axes
+            if len(set(axes)) < len(axes):
+                missing = ["rotation_1_rad", "rotation_2_rad", "rotation_3_rad"]
+                raise columns.lack(missing, f"; the angles {axes} are named by their order")
+            angles = angles[:, [XYZ.index(axis) for axis in axes]]
+        order = axes.upper() if kind == "intrinsic" else axes
+        rotation = Rotation.from_euler(order, angles).as_matrix()
+    rotation[~there] = np.nan
+    return np.asarray(rotation)
+
+
+def _unsaid(columns: Columns, found: list[Column]) -> str:
+    """Our own rotation_x, y, z are a rotation vector; what others call angles must be said."""
+    if all(column.slot.index < len(XYZ) and not columns.names.maps(column.name) for column in found):
+        return "vector"
+    problem = 'expected "intrinsic xyz", "extrinsic zyx" or the like, or "vector", for three angles'
+    raise columns.map_error("series.rotation", problem)
+
+
+def _from_quaternions(columns: Columns, name: str, values: Array) -> Array:
+    from scipy.spatial.transform import Rotation  # here: the same
+
+    norm = np.linalg.norm(np.clip(values, -MOST, MOST), axis=1)
+    columns.table.refuse(
+        np.abs(norm - 1) > UNIT_NORM,
+        name,
+        lambda row: f"expected a unit quaternion, got one of norm {norm[row]:.4g}",
+    )
+    return np.asarray(Rotation.from_quat(values[:, [1, 2, 3, 0]]).as_matrix())
+
+
+def _from_matrices(columns: Columns, name: str, values: Array) -> Array:
+    R = np.clip(values.reshape(-1, 3, 3), -MOST, MOST)
+    off, det = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0), np.linalg.det(R)
+
+    def problem(row: int) -> str:
+        differs = f"R R^T differs from 1 by {off[row]:.2g}, det R is {det[row]:.3g}"
+        return f"expected a rotation matrix, {differs}"
+
+    columns.table.refuse((off > UNIT_NORM) | (det < 0), name, problem)
+    U, _, V = np.linalg.svd(R)
+    return np.asarray(U @ V)
 
 
 def read_torques(columns: Columns, arm: Arm) -> Array | None:

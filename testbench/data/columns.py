@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.joined import with_log
 from testbench.data.mapping import Named, Names
 from testbench.data.names import (
     DEFLECTION,
@@ -22,7 +21,7 @@ from testbench.data.names import (
     columns_of,
     split_unit,
 )
-from testbench.data.rearranged import join_axes, take_apart
+from testbench.data.rearranged import join_axes, take_apart, with_log
 from testbench.data.table import Table, read_table
 from testbench.errors import Array, InputError, Mask
 
@@ -30,15 +29,11 @@ READ: tuple[What, ...] = ("reading", "covariance", "deviation", "turn_deviation"
 """Quantities whose cells are blank, or hold a word, where a target was lost."""
 ACTS: tuple[What, ...] = ("force", "moment", "process")
 """Quantities that are 0 where nothing acts."""
-FARTHEST: dict[What, float] = {
-    "force": 1e6,
-    "moment": 1e6,
-    "process": 1e6,
-    "mass": 1e5,
-    "point": 10.0,
-    "set_point": 100.0,
+LIMITS: Mapping[What, tuple[float, float]] = {
+    **dict.fromkeys(("force", "moment", "process"), (-1e6, 1e6)),
+    **{"mass": (0.0, 1e5), "point": (-10.0, 10.0), "set_point": (-100.0, 100.0)},
 }
-"""Largest components [N, N m, N, kg, m, m]; beyond them a unit is a slip."""
+"""Least and largest components [N, N m, N, kg, m, m]; beyond them a unit is a slip."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +148,7 @@ class Columns:
 
 def read_columns(path: Path, names: Names, arm: Arm) -> Columns:
     """The columns of a file; InputError as `read_table` and `find_columns` raise it."""
-    table = read_table(path, lambda name: names.find(name) is not None, names.layout)
+    table = read_table(path, names.knows, names.map.file)
     return find_columns(with_log(table, names), names, arm)
 
 
@@ -194,7 +189,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     mark = table.mark([c.index for c in found.values() if c.unit])
     table = table.worded(readings, names.lost)
     table = table.worded(loads, {word: value.replace(".", mark) for word, value in names.loads.items()})
-    if names.layout.merged:
+    if names.map.file.merged:
         table = table.filled([c.index for c in found.values() if c.index not in readings])
     return Columns(table, names, found, ignored, mark)
 
@@ -267,15 +262,22 @@ def vector(columns: Columns, what: What, count: int = len(XYZ)) -> Array | None:
     found = [columns.said(Slot(what, k)) for k in range(count)]
     if all(own is None for own in found):
         return None
-    most, values = FARTHEST[what], np.column_stack([columns.every_row(own) for own in found])
+    (least, most), values = LIMITS[what], np.column_stack([columns.every_row(own) for own in found])
 
     def problem(row: int, k: int) -> str:
-        return f"expected {-most:g} to {most:g} {SI[what][0]}, got {values[row, k]:g}"
+        return f"expected {least:g} to {most:g} {SI[what][0]}, got {values[row, k]:g}"
 
-    far = np.abs(values) > most
+    far = (values < least) | (values > most)
     stated = [not isinstance(own, Column) for own in found]
     if far.any() and stated[np.argwhere(far)[0, 1]]:
         raise columns.map_error("values", problem(*np.argwhere(far)[0]))
-    names = [own.name if isinstance(own, Column) else "" for own in found]
-    columns.table.refuse(far, names, problem)
+    columns.table.refuse(far, [own.name if isinstance(own, Column) else "" for own in found], problem)
     return values
+
+
+def wrench(columns: Columns) -> Array | None:
+    """Force and moment of every row, (rows, 6) [N, N m]; as `vector` has them."""
+    parts = [vector(columns, what) for what in ("force", "moment")]
+    if all(part is None for part in parts):
+        return None
+    return np.hstack([np.zeros((columns.table.rows, 3)) if part is None else part for part in parts])

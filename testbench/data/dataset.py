@@ -1,6 +1,6 @@
 """Measured runs as arrays: one load in one pose a run, every marker read before and after loading."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, TypeVar
 
@@ -13,6 +13,8 @@ from testbench.errors import Array, BenchError, Ids, Mask, check_array
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
+Shapes = dict[str, tuple[int | None, ...]]
+"""Of arrays by name and unit; None for any length."""
 
 SKEW = 1e-9  #: Share of a matrix by which it may differ from its transpose.
 
@@ -46,26 +48,14 @@ class Dataset(Displayed):
     def __post_init__(self) -> None:
         """Refuse wrong shapes, identifiers, markers and sigmas, and what is not finite, by BenchError."""
         runs, m = len(self.run), len(self.markers)
-        ids = {"run": self.run, "pose": self.pose, "station": self.station}
-        check_ids({name: own for name, own in ids.items() if own is not None}, runs)
-        check_markers(self.markers)
-        check_array(self.q, (runs, None), "q [rad, m]")
-        check_array(self.wrench, (runs, 6), "wrench [N, N m]")
-        check_array(self.point, (runs, 3), "point [m]")
-        check_array(self.before, (runs, m, 3), "before [m]")
-        check_array(self.after, (runs, m, 3), "after [m]")
-        check_sigma(self.sigma, "m")
         rotations = (self.rotation_before, self.rotation_after, self.sigma_rotation)
         if any(x is None for x in rotations) != all(x is None for x in rotations):
             raise BenchError("orientations: expected before, after and sigma together, or none")
-        if self.sigma_rotation is not None:
-            check_array(self.rotation_before, (runs, 3), "rotation_before [rad]")
-            check_array(self.rotation_after, (runs, 3), "rotation_after [rad]")
-            check_sigma(self.sigma_rotation, "rad")
-        if self.taken_off is not None:
-            check_array(self.taken_off, (runs,), "taken_off")
+        own: Shapes = {"before [m]": (runs, m, 3), "after [m]": (runs, m, 3), "taken_off": (runs,)}
+        own |= {"rotation_before [rad]": (runs, 3), "rotation_after [rad]": (runs, 3)}
+        check_rows(self, runs, ("run", "pose", "station"), own)
         if self.precision is not None:
-            _check_precision(check_array(self.precision, (runs, m, 3, 3), "precision [1/m^2]"))
+            _check_precision(self.precision)
 
     def about(self) -> dict[str, object]:
         """Runs, poses, markers, deflections and noise."""
@@ -127,24 +117,29 @@ def turn(before: Array, after: Array) -> Array:
     return np.asarray((Rotation.from_rotvec(after) * Rotation.from_rotvec(before).inv()).as_rotvec())
 
 
-def check_ids(ids: Mapping[str, object], count: int) -> None:
-    """Refuse, by BenchError, identifiers that are not so many integers."""
-    for name, own in ids.items():
-        found = np.asarray(own)
-        if found.shape != (count,) or not np.issubdtype(found.dtype, np.integer):
-            raise BenchError(f"{name}: expected {count} integers, got {found.dtype} {found.shape}")
+def check_rows(data: "DataclassInstance", rows: int, ids: Sequence[str], own: Shapes) -> None:
+    """Refuse, by BenchError, what is wrong with readings.
 
-
-def check_markers(markers: tuple[str, ...]) -> None:
-    """Refuse, by BenchError, none or equal ones."""
+    Args:
+        data: The readings.
+        rows: How many there are.
+        ids: Names of their identifiers.
+        own: Shapes of arrays that other readings have not.
+    """
+    have = vars(data)
+    for name, found in ((name, np.asarray(have[name])) for name in ids if have[name] is not None):
+        if found.shape != (rows,) or not np.issubdtype(found.dtype, np.integer):
+            raise BenchError(f"{name}: expected {rows} integers, got {found.dtype} {found.shape}")
+    markers = have["markers"]
     if not markers or len(set(markers)) != len(markers):
         raise BenchError(f"markers: expected different names, got {markers}")
-
-
-def check_sigma(sigma: float, unit: str) -> None:
-    """Refuse, by BenchError, what is no standard deviation."""
-    if not 0 < sigma < np.inf:
-        raise BenchError(f"sigma [{unit}]: expected more than 0, got {sigma}")
+    every: Shapes = {"q [rad, m]": (rows, None), "wrench [N, N m]": (rows, 6), "point [m]": (rows, 3)}
+    for what, shape in {**every, **own, "precision [1/m^2]": (rows, len(markers), 3, 3)}.items():
+        if have[what.split()[0]] is not None:
+            check_array(have[what.split()[0]], shape, what)
+    for name, unit in (("sigma", "m"), ("sigma_rotation", "rad")):
+        if have[name] is not None and not 0 < have[name] < np.inf:
+            raise BenchError(f"sigma [{unit}]: expected more than 0, got {have[name]}")
 
 
 def _check_precision(precision: Array) -> None:
@@ -169,6 +164,12 @@ def select(data: Dataset, runs: Mask) -> Dataset:
 
 
 Rows = TypeVar("Rows", bound="DataclassInstance")
+
+
+def joined(parts: Sequence[Rows]) -> Rows:
+    """Rows of several parts, one after the other."""
+    every = [arrays(part) for part in parts]
+    return with_arrays(parts[0], {name: np.concatenate([own[name] for own in every]) for name in every[0]})
 
 
 def arrays(data: "DataclassInstance") -> dict[str, npt.NDArray[np.generic]]:

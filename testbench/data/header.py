@@ -8,7 +8,6 @@ from pathlib import Path
 from testbench.data.lines import Line, cells_of, count_cells, tabbed
 from testbench.data.mapping import Layout
 from testbench.data.names import Unit, find_unit
-from testbench.data.sheet import SHEET
 from testbench.errors import InputError, shown
 
 SEARCHED, WIDEST, COUNTED = 100, 20_000, 200
@@ -107,8 +106,13 @@ def _blanks(delimiter: str) -> bool:
 
 def cells_in(line: Line, delimiter: str) -> list[str]:
     """Cells of a line as of a header; a comment's are those behind its mark."""
-    text = line.text.lstrip().lstrip("#/") if line.comment else line.text
-    return cells_of(tabbed(text, delimiter), "\t") if _blanks(delimiter) else cells_of(text, delimiter)
+    text, mark = _divided(line.text.lstrip().lstrip("#/") if line.comment else line.text, delimiter)
+    return [cell.strip() for cell in cells_of(text, mark)]
+
+
+def _divided(text: str, delimiter: str) -> tuple[str, str]:
+    """A line, and the letter between its cells: a tab for runs of blanks."""
+    return (tabbed(text, delimiter), "\t") if _blanks(delimiter) else (text, delimiter)
 
 
 def _names(lines: Sequence[Line], delimiter: str) -> list[str]:
@@ -140,36 +144,17 @@ def _units(line: Line, delimiter: str, count: int) -> list[Unit | None] | None:
     return units + [None] * (count - len(units))
 
 
-def notes(encoding: str, header: Header) -> tuple[str, ...]:
-    """How a file was read, in words."""
-    between = {"\t": "tabs", " ": "runs of blanks", "  ": "runs of two or more blanks"}.get(
-        header.delimiter, f"{header.delimiter!r}"
-    )
-    where = f"header in line {header.line}" if header.line else "the map names the columns"
-    how = encoding if encoding.startswith(SHEET) else f"text in {encoding}"
-    found = [f"{how}, {between} between the cells, {where}"]
-    counts = {"before the header": header.skipped, "of comments or the header again": header.left_out}
-    found += [f"{count} line{'s'[: count > 1]} {what} left out" for what, count in counts.items() if count]
-    return (*found, *["the line below the header holds units"] * any(header.units))
-
-
-def rows_of(path: Path, header: Header) -> list[str]:
-    """The rows, each with as many cells as the header; surplus blank ones at the end are left out.
-
-    Raises:
-        InputError: At the first row of another length.
-    """
-    count, blank = len(header.names), _blanks(header.delimiter)
-    delimiter = "\t" if blank else header.delimiter
-    found = []
-    for line in header.body:
-        text = tabbed(line.text, header.delimiter) if blank else line.text
-        got = count_cells(text, delimiter)
-        while got > count and text.rstrip(" ").endswith(delimiter):
-            text, got = text.rstrip(" ")[:-1], got - 1
-        if got != count:
-            hint = "; for a line behind the table say footer = 1 in the map's [file]"
-            problem = f"expected {count} fields, got {got}" + hint * (line is header.body[-1])
-            raise InputError(path, f"line {line.number}", problem)
-        found.append(text)
-    return found
+def row_of(path: Path, header: Header, line: Line) -> list[str]:
+    """The cells of a row with blanks around them, without surplus blank ones; InputError for other counts."""
+    text, mark = _divided(line.text, header.delimiter)
+    count, cells = len(header.names), cells_of(text, mark)
+    whole = '"' not in text or len(cells) == count_cells(text, mark)
+    while len(cells) > count and not cells[-1].strip():
+        cells.pop()
+    if len(cells) != count or not whole:
+        hint = "; for a line behind the table say footer = 1 in the map's [file]"
+        problem = f"expected {count} fields, got {len(cells)}" + hint * (line is header.body[-1])
+        if not whole:
+            problem = f"not a table: expected {count} fields, quotes around whole cells"
+        raise InputError(path, f"line {line.number}", problem)
+    return cells

@@ -1,7 +1,4 @@
-"""The lines of a text file as its owner sees them: letters, line breaks, comments, what is between cells.
-
-What a spreadsheet would compute begins with an apostrophe in our files; `from_cell` takes it away.
-"""
+"""The lines of a text file as its owner sees them: letters, line breaks, comments, what is between cells."""
 
 import csv
 import re
@@ -9,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from testbench.data.sheet import sheet_text
-from testbench.errors import InputError, read_bytes, shown
+from testbench.data.workbook import sheet_text
+from testbench.errors import InputError, read_bytes
 
 MAX_BYTES = 300_000_000
 MAX_LINES = 1_000_000  #: That say something: each is held as a line of its own.
@@ -28,10 +25,6 @@ JOINED = 20  #: Most lines that one quoted cell may take.
 LONGEST = 10_000_000  #: Letters of a line, with those of its quoted cells.
 SEPARATORS = " ;,|\t"  #: A line of these alone is blank.
 SAID = re.compile(f"[^{SEPARATORS}\n]")
-BEGINS = frozenset("=+-@\uff1d\uff0b\uff0d\uff20")
-FORMULA = re.compile(r"[^+\-]|[+\-](?![\d.,\s]*(?:[eE][+-]?\d+)?\s*$)")
-"""What a formula begins with, in letters of full width too, and how: a signed number is none."""
-MARK = "'"
 
 
 @dataclass(frozen=True)
@@ -139,30 +132,16 @@ def tabbed(line: str, runs: str) -> str:
     return '"'.join(p if k % 2 else re.sub(rf"\s{{{len(runs)},}}", "\t", p) for k, p in enumerate(pieces))
 
 
-def count_cells(line: str, delimiter: str) -> int:
-    """How many cells a line has; delimiters in quotes do not count."""
-    return 1 + sum(piece.count(delimiter) for piece in line.split('"')[::2])
-
-
 def cells_of(line: str, delimiter: str) -> list[str]:
-    """Cells of a line without quotes and blanks around them; none for what is no table."""
+    """Cells of a line without quotes around them; none for what is no table."""
+    if '"' not in line:
+        return line.split(delimiter)
     try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
     except csv.Error:
         return []
 
 
-def as_cell(text: str) -> str:
-    """A stranger's word in a cell of a CSV: on one line, and no formula."""
-    line = shown(text)
-    return MARK + line if _is_formula(line) else line
-
-
-def from_cell(text: str) -> str:
-    """The word of such a cell."""
-    return text[1:] if text.startswith(MARK) and _is_formula(text[1:]) else text
-
-
-def _is_formula(text: str) -> bool:
-    begins = text.lstrip()
-    return begins[:1] in BEGINS and FORMULA.match(begins) is not None
+def count_cells(line: str, delimiter: str) -> int:
+    """How many cells a line has; delimiters in quotes do not count."""
+    return 1 + sum(piece.count(delimiter) for piece in line.split('"')[::2])

@@ -73,7 +73,9 @@ class Log(Strict):
     within_s: Annotated[float, Field(gt=0, le=3600)] | None = None
 
 
-class _Map(Strict):
+class Map(Strict):
+    """A map as its file has it."""
+
     frame: Frame | None = None
     file: Layout = Layout()
     series: Absolute = Absolute()
@@ -111,11 +113,8 @@ class Names:
     cells: Mapping[str, tuple[str, ...]]  #: Patterns of what cells hold together, by their column.
     lost: Mapping[str, str]  #: What stands for a lost target: a blank.
     loads: Mapping[str, str]  #: Words for masses and forces, and their numbers.
-    frame: Frame | None  #: What the readings are in; None where it is not said.
-    layout: Layout  #: How the file is written.
-    series: Absolute  #: What the map says of absolute readings.
     markers: tuple[str, ...]  #: Names of the targets that the file may have.
-    log: Log | None = None  #: Another file that is joined to the table.
+    map: Map  #: What the map says beside names.
     load: float | None = None  #: Mass that hangs in loaded rows where nothing says one [kg].
 
     def find(self, header: str) -> Named | None:
@@ -127,6 +126,10 @@ class Names:
             return replace(found, header=parts[1])
         own = recognise(header, self.ours)
         return None if own is None else Named(*own)
+
+    def knows(self, header: str) -> bool:
+        """Whether a column of that name is looked for."""
+        return self.find(header) is not None
 
     def maps(self, header: str) -> bool:
         """Whether the map has a column of that name."""
@@ -154,7 +157,7 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
     Raises:
         InputError: Names the key and what was expected.
     """
-    found = _Map() if path is None else _read(path)
+    found = Map() if path is None else _read(path)
     if found.series.markers and quantities is not our_names:
         arm = replace(arm, markers=tuple(found.series.markers))
     ours = quantities(arm)
@@ -171,11 +174,8 @@ def read_map(path: Path | None, arm: Arm, quantities: Callable[[Arm], dict[str, 
         cells={header: _tuple(patterns) for header, patterns in found.cells.items()},
         lost=dict.fromkeys(lost, ""),
         loads={word: key for key, own in words.items() if is_decimal(key) for word in own},
-        frame=found.frame,
-        layout=found.file,
-        series=found.series,
         markers=arm.markers,
-        log=found.log,
+        map=found,
     )
 
 
@@ -187,17 +187,17 @@ def is_map(path: Path) -> bool:
         return False
 
 
-def _read(path: Path) -> _Map:
+def _read(path: Path) -> Map:
     data = parse_toml(path, read_text(path, MAX_BYTES))
     try:
-        return _Map.model_validate(data)
+        return Map.model_validate(data)
     except ValidationError as err:
         first = err.errors(include_url=False, include_context=False)[0]
         place = toml_place(path, first["loc"])
         if first["type"] == "extra_forbidden":
             tables: dict[str, type[Strict]] = {"series": Absolute, "log": Log}
             inner = tables.get(str(first["loc"][0]), Layout)
-            keys = _Map.model_fields if len(first["loc"]) == 1 else inner.model_fields
+            keys = Map.model_fields if len(first["loc"]) == 1 else inner.model_fields
             raise InputError(path, place, f"unknown key; keys are {', '.join(keys)}") from err
         problem = first["msg"]
         if first["loc"] == ("series", "rotation"):
@@ -209,7 +209,7 @@ def _tuple(words: str | list[str]) -> tuple[str, ...]:
     return (words,) if isinstance(words, str) else tuple(words)
 
 
-def _words(path: Path, found: _Map, arm: Arm) -> tuple[dict[str, Words], Words, Words]:
+def _words(path: Path, found: Map, arm: Arm) -> tuple[dict[str, Words], Words, Words]:
     known = [*STATES, *arm.markers, IGNORE, LOST]
     for key in found.words:
         if key not in known and not is_decimal(key):
@@ -219,7 +219,7 @@ def _words(path: Path, found: _Map, arm: Arm) -> tuple[dict[str, Words], Words, 
 
 
 def _columns(
-    path: Path, found: _Map, ours: Mapping[str, Slot], choices: Mapping[str, list[tuple[str, Words]]]
+    path: Path, found: Map, ours: Mapping[str, Slot], choices: Mapping[str, list[tuple[str, Words]]]
 ) -> dict[str, Named]:
     if lost := [key for key in found.scale if key not in {**found.columns, **found.optional}]:
         keys = ", ".join({**found.columns, **found.optional}) or "none"
@@ -251,7 +251,7 @@ def _columns(
     return named
 
 
-def _values(path: Path, found: _Map, ours: Mapping[str, Slot]) -> dict[Slot, tuple[float, Unit]]:
+def _values(path: Path, found: Map, ours: Mapping[str, Slot]) -> dict[Slot, tuple[float, Unit]]:
     values = {}
     for key, value in found.values.items():
         known = recognise(key, ours)

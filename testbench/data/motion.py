@@ -4,6 +4,7 @@ A program stops in every point. Its name is legal, its comments stay comments, i
 """
 
 import re
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,69 +28,6 @@ RAPID_SPEED = "[100,30,100,30]"
 """Of the tool [mm/s, deg/s] and of external axes [mm/s, deg/s]."""
 NO_AXIS = "9E9"  #: An external axis of RAPID that is not there.
 URSCRIPT_RATES = "a=0.5, v=0.25"  #: Acceleration and speed of the joint that leads [rad/s^2, rad/s].
-
-
-def _taken(words: str, *patterns: str) -> re.Pattern[str]:
-    """Names that a language has a meaning for, in any case: words, and regular expressions of whole names."""
-    return re.compile("|".join([*words.split(), *patterns]), re.IGNORECASE)
-
-
-KRL_TAKEN = _taken(
-    """
-    ABS ACOS AND ANIN ANOUT ATAN2 AXIS B_AND B_EXOR B_NOT B_OR BAS BASE BOOL BRAKE C_DIS C_ORI C_PTP C_VEL
-    CASE CAST_FROM CAST_TO CCLOSE CHANNEL CHAR CIRC CIRC_REL CONFIRM CONST CONTINUE COPEN COS CREAD CWRITE
-    DECL DEF DEFAULT DEFDAT DEFFCT DELAY DIGIN DISTANCE DO E3AXIS E3POS E6AXIS E6POS ELSE END ENDDAT ENDFCT
-    ENDFOR ENDIF ENDLOOP ENDSPLINE ENDSWITCH ENDWHILE ENUM EXIT EXOR EXT EXTFCT FALSE FOR FORWARD FRAME
-    FRAMES GLOBAL GOTO HALT IF IMPORT INI INITMOV INT INTERRUPT INVERSE IS LIN LIN_REL LOAD LOOP MAXIMUM
-    MINIMUM MODUS_T NOT OFF ON OR PATH POS PRIO PTP PTP_REL PUBLIC PULSE REAL REPEAT RESUME RETURN SCIRC SEC
-    SIGNAL SIN SLIN SPL SPLINE SPTP SQRT STATE_T STRUC SWITCH SYNC TAN THEN TO TOOL TRIGGER TRUE UNTIL VAR
-    WAIT WHEN WHILE
-    """,
-    "STR[A-Z]+",
-)
-RAPID_TAKEN = _taken(
-    """
-    Abs AbsDnum AccSet ACos ActUnit Add aiotrigg ALIAS AliasIO AND ArcMove ArgName ASin ATan ATan2 BACKWARD
-    BASE BitAnd BitClear BitOr BitSet BookErrNo bool Break btnres busstate buttondata byte CalcJointT
-    CalcRobT CallByVar CASE CDate CJointT Clear ClkRead ClkReset ClkStart ClkStop clock Close cnvcmd
-    confdata ConfJ ConfL CONNECT CONST corrdescr Cos CPos CRobT CSpeedOverride CTime CTool CWObj datapos
-    DeactUnit Decr DEFAULT DefFrame Dim dionum dir diskhome diskram disktemp Distance DIV dnum DO edge
-    egmident ELSE ELSEIF ENDFOR ENDFUNC ENDIF ENDMODULE ENDPROC ENDRECORD ENDTEST ENDTRAP ENDWHILE EOffsOff
-    EOffsOn EOffsSet EulerZYX event_type EXIT ExitCycle extjoint FALSE fine fllwtime FOR FROM FUNC GetTime
-    GOTO GripLoad handler_type high icondata IDelete identno IDisable IEnable IF Incr INOUT inpos intnum
-    iodev iounit_state IsFile IWatch jointtarget listitem Load load0 loaddata loadidnum loadsession LOCAL
-    low MAIN mecunit MirPos MOD MODULE MotionSup motsetdata NOrient NOSTEPIN NOT NOVIEW num NumToStr Offs
-    opcalc Open OpMode opnum OR orient OrientZYX paridnum paridvalidnum PathAccLim pathrecid PDispOff
-    PDispOn PDispSet PERS pi pos pose PoseInv PoseMult PoseVect Pow Present PROC ProcCall progdisp PulseDO
-    Quad RAISE Random rawbytes ReadBin ReadNum READONLY ReadStr ReadStrBin RECORD RelTool Reset restartdata
-    RestoPath RETRY RETURN Rewind robjoint robtarget Round RunMode Save Set SetAO SetDO SetGO shapedata
-    signalai signalao signaldi signaldo signalgi signalgo Sin SingArea SoftAct speeddata SpeedRefresh Sqrt
-    StartLoad StartMove STEP Stop StopMove stoppointdata stoptime StorePath supervtype switch symnum
-    syncident SYSMODULE Tan TASK taskid tasks TEST TestDI testsignal TextGet THEN TO tool0 tooldata TPErase
-    tpnum TPReadFK TPReadNum TPShow TPWrite TRAP trapdata TRUE Trunc TRYNEXT uishownum UNDO UnLoad USER
-    ValToStr VAR VelSet VIEWONLY visiondata vmax vMove WaitDI WaitDO WaitSync WaitTime WaitUntil WHILE WITH
-    wobj0 wobjdata Write WriteBin WriteStrBin XOR zonedata
-    """,
-    "[zv][0-9]+",
-    "v(lin|rot)[0-9]+",
-    "move(abs|ext|c|j|l)[a-z]*",
-    "(err|str|evt|tune|socket|trigg|search|wz|cap|uimsg|gi|rmq)_?[a-z0-9_]*",
-)
-URSCRIPT_TAKEN = _taken(
-    """
-    abs acos and as asin assert atan atan2 break case ceil const continue conveyor_pulse_decode cos d2r def
-    default elif else end enter_critical eval exec exit_critical false floor force function global gripper
-    halt if in inf interpolate_pose inv inverse join kill length list local lock log make_list mod movec
-    movej movel movep nan none norm normalize not optimovej optimovel or pass pi point_dist popup pose
-    position_deviation_warning pow powerdown r2d random rename reset_revolution_counter return rotvec2rpy
-    rpc_factory rpy2rotvec run screw_driving sec servo servoc servoj sin size sleep speedj speedl sqrt stopj
-    stopl struct switch sync tan teach_mode textmsg thread transpose true type unlock while wrench_trans xor
-    zero_ftsensor
-    """,
-    "(get|set|end|is|read|write|socket|modbus|rtde|encoder|path_offset|track_conveyor|stop|pose|str|to)_[a-z0-9_]*",
-    "(force|freedrive|high_holding_torque|integer|binary|collision|pause|request|ft|tool|enable|disable)_[a-z0-9_]*",
-)
-"""Words of the languages, and names of their types, data and functions."""
 
 
 @dataclass(frozen=True)
@@ -160,43 +98,26 @@ def _urscript(moves: _Moves) -> Iterator[str]:
 class Language:
     """A robots' language."""
 
+    lines: Callable[[_Moves], Iterator[str]]
     title: str  #: For people.
     suffix: str  #: Of its files.
     newline: str  #: Between its lines.
-    begins: bytes  #: Regular expression of the beginning of a file of ours.
-    lines: Callable[[_Moves], Iterator[str]]
+    begins: str  #: Regular expression of the beginning of a file of ours.
     longest: int  #: Characters of a name.
-    taken: re.Pattern[str]  #: Names that it has.
+    words: str  #: Names that it has a meaning for, in any case.
+    patterns: list[str]  #: Regular expressions of further ones.
     decimals: int  #: Of a number; a controller keeps some seven digits of degrees and millimetres.
     radians: bool = False  #: Whether it has six joints that turn, in radians; else degrees and millimetres.
 
+    def takes(self, name: str) -> bool:
+        """Whether a name is free."""
+        taken = "|".join([*self.words.split(), *self.patterns])
+        return re.fullmatch(taken, name, re.IGNORECASE) is None
 
-WRITERS: Mapping[str, Language] = {
-    "krl": Language(
-        "KUKA KRL", ".src", "\r\n", rb"DEF \w+\(\)\r\n; A1 is ", _krl, longest=24, taken=KRL_TAKEN, decimals=8
-    ),
-    "rapid": Language(
-        "ABB RAPID",
-        ".mod",
-        "\r\n",
-        rb"MODULE \w+\r\n  ! rax_1 is ",
-        _rapid,
-        longest=32 - len(RAPID_PREFIX),
-        taken=RAPID_TAKEN,
-        decimals=8,
-    ),
-    "urscript": Language(
-        "URScript",
-        ".script",
-        "\n",
-        rb"def \w+\(\):\n  # joints \[rad\]: ",
-        _urscript,
-        longest=64,
-        taken=URSCRIPT_TAKEN,
-        decimals=11,
-        radians=True,
-    ),
-}
+
+_LINES = {"krl": _krl, "rapid": _rapid, "urscript": _urscript}
+_DECLARED = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+WRITERS: Mapping[str, Language] = {name: Language(lines, **_DECLARED[name]) for name, lines in _LINES.items()}
 
 
 def format_of(path: Path, asked: str | None = None) -> str:
@@ -258,7 +179,7 @@ def write_moves(
 def _identifier(name: str, language: Language) -> str:
     """A name as a language takes it: letters, digits and `_`, a letter first, no name that it has."""
     fit = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "program"
-    if not fit[0].isalpha() or language.taken.fullmatch(fit):
+    if not fit[0].isalpha() or not language.takes(fit):
         fit = MARK + fit
     return fit[: language.longest].rstrip("_")
 

@@ -1,11 +1,11 @@
 """Runs made of single readings: each loaded reading with the unloaded one that belongs to it."""
 
-from bisect import bisect_left
 from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.rows import SAME_POSE, Conditions, Readings, first_rows, number_rows, repeats
+from testbench.data.readings import Readings, placed
+from testbench.data.rows import SAME_POSE, Conditions, first_rows, number_rows, repeats
 from testbench.data.table import Table
 from testbench.errors import Array, Ids
 
@@ -41,70 +41,48 @@ def pair(table: Table, conditions: Conditions, read: Readings) -> Paired:
 
 def _in_one_row(table: Table, conditions: Conditions, read: Readings, marker: Ids) -> Paired:
     """Both states stand in a row: of all targets, or of one."""
-    if conditions.run is not None:
-        of_row = number_rows(conditions.run[:, None])
+    own, code = conditions, np.arange(table.rows)
+    if own.run is not None:
+        code = number_rows(own.run)
     elif read.long:
-        of_row = _repeated(table, number_rows(_load_key(conditions)), marker)
-    else:
-        of_row = np.arange(table.rows)
-    first = first_rows(of_row)
-    run = np.arange(len(first)) + 1 if conditions.run is None else conditions.run[first]
-    again = repeats(np.column_stack([of_row, marker])) > 0
-    table.refuse(again, "", lambda row: f"run {run[of_row[row]]} stands in the file twice")
+        code = _repeated(table, number_rows(own.pose, own.station, own.wrench, own.point), marker)
+    first = first_rows(code)
+    run = np.arange(len(first)) + 1 if own.run is None else own.run[first]
+    again = repeats(code, marker) > 0
+    table.refuse(again, "", lambda row: f"run {run[code[row]]} stands in the file twice")
     if read.long:
-        short = np.bincount(of_row) < len(read.markers)
+        short = np.bincount(code) < len(read.markers)
         each = f"expected one line for each of {', '.join(read.markers)}; those of a lost target are blank"
         for k in np.flatnonzero(short)[:1]:
             raise table.error(first[k], "", f"run {run[k]}: {each}")
-    before, after = (_placed(read, of_row, len(first), after=state) for state in (False, True))
-    notes = () if conditions.run is not None else (f"runs are numbered in their order: {len(first)} of them",)
-    return Paired(first, run, first[of_row], before, after, notes)
+    before, after = (placed(read, code, read.after == state) for state in (False, True))
+    notes = () if own.run is not None else (f"runs are numbered in their order: {len(first)} of them",)
+    return Paired(first, run, first[code], before, after, notes)
 
 
 def _state_by_state(table: Table, conditions: Conditions, read: Readings, marker: Ids) -> Paired:
     """A row is of one state; an unloaded reading serves its own run, or all loads of its pose."""
-    rows, loaded, run = np.arange(table.rows), np.zeros(table.rows, dtype=bool), conditions.run
+    own, loaded = conditions, np.zeros(table.rows, dtype=bool)
     loaded[read.row] = read.after
     if loaded.all() or not loaded.any():
         have = "loaded" if loaded.any() else "unloaded"
         raise table.error(0, "", f"expected unloaded and loaded readings, all are {have}")
-    ids = [own for own in (conditions.pose, conditions.station, run) if own is not None]
-    of_load = [_load_key(conditions), *([] if run is None else [run])]
-    keys = np.column_stack(ids), np.column_stack(of_load)
-    (idle_code, idle_row), (code, row) = (
-        _grouped(table, rows[own], key, marker, counted=run is None)
-        for own, key in zip((~loaded, loaded), keys, strict=True)
-    )
-    unloaded = _belongs(table, conditions, idle_row, row)
-    held = _check_held(table, conditions.q, row, idle_row[unloaded])
-    leader, of_row = rows.copy(), np.full(table.rows, -1)
-    leader[~loaded], leader[loaded] = idle_row[idle_code], row[code]
-    of_row[~loaded], of_row[loaded] = idle_code, code
-    before = _placed(read, of_row, len(idle_row), after=False)[unloaded]
+    load = np.column_stack([own.wrench, own.point]) * loaded[:, None]
+    code = number_rows(own.pose, own.station, own.run, loaded, load)
+    if own.run is None:
+        code = _repeated(table, code, marker)
+    again = repeats(code, marker) > 0
+    table.refuse(again, "", "this marker was read before in the same run, pose, state and load")
+    first, position = first_rows(code), placed(read, code)
+    hung, idle = np.flatnonzero(loaded[first]), np.flatnonzero(~loaded[first])
+    row, unloaded = first[hung], _belongs(table, own, first[idle], first[hung])
+    held = _check_held(table, own.q, row, first[idle[unloaded]])
     notes = list[str]()
-    if run is None or len(np.unique(run[row])) < len(row):
+    if own.run is None or len(np.unique(own.run[row])) < len(row):
         notes = [f"runs, one a load, are numbered in their order: {len(row)} of them"]
-    number = np.arange(len(row)) + 1 if notes or run is None else run[row]
-    notes += [*held, *_notes(table, idle_row, unloaded)]
-    return Paired(row, number, leader, before, _placed(read, of_row, len(row), after=True), tuple(notes))
-
-
-def _grouped(table: Table, own: Ids, key: Array | Ids, marker: Ids, *, counted: bool) -> tuple[Ids, Ids]:
-    """Readings of one state as groups, one reading of each marker: a number each, and first rows.
-
-    Args:
-        table: The cells.
-        own: Rows of the state.
-        key: What readings of a group share, (rows, columns).
-        marker: Index of the marker, (rows,).
-        counted: Whether a marker that comes again begins another group, as no column says the run.
-    """
-    code = number_rows(key[own])
-    if counted:
-        code = _repeated(table, code, marker[own])
-    for k in np.flatnonzero(repeats(np.column_stack([code, marker[own]])))[:1]:
-        raise table.error(own[k], "", "this marker was read before in the same run, pose, state and load")
-    return code, own[first_rows(code)]
+    number = np.arange(len(row)) + 1 if notes or own.run is None else own.run[row]
+    notes += [*held, *_notes(table, first[idle], unloaded)]
+    return Paired(row, number, first[code], position[idle[unloaded]], position[hung], tuple(notes))
 
 
 def _notes(table: Table, idle: Ids, unloaded: Ids) -> list[str]:
@@ -118,16 +96,9 @@ def _notes(table: Table, idle: Ids, unloaded: Ids) -> list[str]:
     return notes
 
 
-def _load_key(conditions: Conditions) -> Array:
-    """Pose, set-up and load of every row, (rows, columns)."""
-    pose = number_rows(conditions.pose[:, None])
-    station = conditions.station if conditions.station is not None else np.zeros(len(pose), dtype=int)
-    return np.column_stack([pose, number_rows(station[:, None]), conditions.wrench, conditions.point])
-
-
 def _repeated(table: Table, code: Ids, marker: Ids) -> Ids:
     """Groups parted where a marker comes again, (rows,): the second reading of each is a second run."""
-    again = repeats(np.column_stack([code, marker]))
+    again = repeats(code, marker)
     if not again.any():
         return code
     count = np.zeros((int(code.max()) + 1, int(marker.max()) + 1), dtype=int)
@@ -135,45 +106,40 @@ def _repeated(table: Table, code: Ids, marker: Ids) -> Ids:
     if (count != count.max(axis=1, keepdims=True)).any():
         problem = "missing columns ['run']: a pose and load comes again, not for all markers alike"
         raise table.header_error(problem)
-    return number_rows(np.column_stack([code, again]))
+    return number_rows(code, again)
 
 
-def _placed(read: Readings, of_row: Ids, groups: int, *, after: bool) -> Array:
-    """Readings of one state by group and marker, (groups, m, 3) [m]; NaN where there are none."""
-    found = np.full((groups, len(read.markers), 3), np.nan)
-    own = read.after == after
-    found[of_row[read.row[own]], read.marker[own]] = read.position[own]
-    return found
-
-
-def _belongs(table: Table, conditions: Conditions, idle: Ids, rows: Ids) -> Ids:
-    """Which unloaded readings belong to loaded ones, (runs,): of the run, else the last of the pose.
+def _belongs(table: Table, own: Conditions, idle: Ids, rows: Ids) -> Ids:
+    """Which unloaded readings belong to loaded ones, (runs,): of the run, else of the pose.
 
     Args:
         table: The cells.
-        conditions: Of every row.
+        own: Of every row.
         idle: First rows of the unloaded readings, in the order of the file.
         rows: First rows of the loaded ones.
     """
-    none = np.zeros(table.rows, dtype=int)
-    ids = (conditions.pose, conditions.station, conditions.run)
-    keys = list(zip(*((none if own is None else own).tolist() for own in ids), strict=True))
-    homes: dict[tuple[int, ...], list[int]] = {}
-    for k, row in enumerate(idle.tolist()):
-        for key in (keys[row], keys[row][:2]):
-            homes.setdefault(key, []).append(k)
-    found = []
-    for row in rows.tolist():
-        own = homes.get(keys[row], []) if conditions.run is not None else []
-        if conditions.taken_off is not None and conditions.taken_off[row] and not own:
+    found = _last(number_rows(own.pose, own.station), idle, rows)
+    of_run = np.full(len(rows), -1)
+    if own.run is not None:
+        of_run = _last(number_rows(own.pose, own.station, own.run), idle, rows)
+    if own.taken_off is not None:
+        for row in rows[own.taken_off[rows] & (of_run < 0)][:1]:
             raise table.error(row, "", "loading off: expected an unloaded reading of the same run")
-        near = own or homes.get(keys[row][:2])
-        if near is None:
-            pose = conditions.pose[row]
-            hint = "" if conditions.named else "; without a column of poses equal joints are one"
-            raise table.error(row, "", f"a loaded reading in pose {pose}, which has no unloaded one{hint}")
-        found.append(near[max(0, bisect_left(near, row, key=lambda k: int(idle[k])) - 1)])
-    return np.array(found)
+    for row in rows[found < 0][:1]:
+        hint = "" if own.named else "; without a column of poses equal joints are one"
+        problem = f"a loaded reading in pose {own.pose[row]}, which has no unloaded one{hint}"
+        raise table.error(row, "", problem)
+    return np.where(of_run < 0, found, of_run)
+
+
+def _last(key: Ids, idle: Ids, rows: Ids) -> Ids:
+    """Of every row the place in `idle` of the last one of its key before it, else of the first; else -1."""
+    place = key * len(key) + np.arange(len(key))
+    order = np.argsort(place[idle])
+    known = place[idle[order]]
+    first, behind = np.searchsorted(known, key[rows] * len(key)), np.searchsorted(known, place[rows])
+    at = np.minimum(np.maximum(first, behind - 1), len(known) - 1)
+    return np.where(key[idle[order[at]]] == key[rows], order[at], -1)
 
 
 def _check_held(table: Table, q: Array, row: Ids, idle: Ids) -> list[str]:

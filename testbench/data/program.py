@@ -4,7 +4,8 @@ A path that jumps is refused: between two such points the arm would go a way tha
 """
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from itertools import takewhile
 from pathlib import Path
@@ -12,45 +13,29 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.columns import (
-    Column,
-    Columns,
-    find_columns,
-    read_columns,
-    vector,
-)
-from testbench.data.joint_columns import joint_coordinates
+from testbench.data.beside import read_rotations
+from testbench.data.columns import Column, Columns, find_columns, read_columns, vector, wrench
 from testbench.data.mapping import read_map
-from testbench.data.names import (
-    ALONG,
-    ROTATIONS,
-    SI,
-    XYZ,
-    Slot,
-    Unit,
-    What,
-    columns_of,
-    program_names,
-    split_unit,
-)
-from testbench.data.rotation import read_rotations
+from testbench.data.names import ALONG, ROTATIONS, SI, XYZ, Slot, What, columns_of, program_names, split_unit
+from testbench.data.rows import joint_coordinates
 from testbench.data.table import read_table
 from testbench.errors import Array, Ids, InputError
 
 MAX_POINTS = 1_000_000
 CORRECTION = "correction_"  #: What begins the columns that tell of a correction.
 LISTED = 12  #: Columns that a sentence names.
-LOADS: tuple[tuple[What, tuple[str, ...]], ...] = (
-    ("force", (*(f"force_{axis}" for axis in XYZ), *ALONG)),
-    ("moment", tuple(f"moment_{axis}" for axis in XYZ)),
-    ("mass", ("mass", "payload")),
-)
+LOADS: Mapping[What, Sequence[str]] = {
+    "force": [*(f"force_{axis}" for axis in XYZ), *ALONG],
+    "moment": [f"moment_{axis}" for axis in XYZ],
+    "mass": ["mass", "payload"],
+}
 """Of every kind of load the names."""
 FARTHEST_TURN = math.radians(45)
 """Largest turn of a hinge, or of the tool, from one point to the next [rad]."""
 SAME = 1e-3
 """Difference between a coordinate and the same in another unit that rounding explains [deg, mm]."""
 FARTHEST_STEP = 1.0  #: Largest way of a slide, or of the tool [m].
+SLACK = 1 + 1e-9  #: Of these, for rounding [1].
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,27 +91,27 @@ class Program:
 
 def unread(program: Program) -> tuple[str, ...]:
     """Sentences on columns that were not read, without a full stop; first those that look like loads."""
-    found = []
-    for name in program.other:
-        said = split_unit(name)
-        if said and (like := _load_like(*said)) is not None:
-            hint = f" ({like}?)" if like else ""
-            found.append(f"Not read though its unit is that of a load: {name}{hint}; it counts for nothing")
+    like = {name: _load_like(name) for name in program.other}
+    found = [
+        f"Not read though its unit is that of a load: {name}{near and f' ({near}?)'}; it counts for nothing"
+        for name, near in like.items()
+        if near is not None
+    ]
     own = takewhile(lambda name: not name.startswith(CORRECTION), program.other)
-    rest = [name for name in own if not ((said := split_unit(name)) and _load_like(*said) is not None)]
-    if rest:
+    if rest := [name for name in own if like[name] is None]:
         more = f" and {len(rest) - LISTED} more" if len(rest) > LISTED else ""
         found.append(f"Not read: {', '.join(rest[:LISTED])}{more}")
     return tuple(found)
 
 
-def _load_like(name: str, unit: Unit) -> str | None:
+def _load_like(header: str) -> str | None:
     """The load's name that is nearest, "" if none is near; None where the unit is not that of a load."""
-    for what, names in LOADS:
-        if unit.si in SI[what]:
-            near = get_close_matches(name.casefold(), names, n=1, cutoff=0.7)
-            return f"{near[0]}_{unit.name}" if near else ""
-    return None
+    name, unit = split_unit(header) or ("", None)
+    names = next((own for what, own in LOADS.items() if unit and unit.si in SI[what]), None)
+    if unit is None or names is None:
+        return None
+    near = get_close_matches(name.casefold(), names, n=1, cutoff=0.7)
+    return f"{near[0]}_{unit.name}" if near else ""
 
 
 def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bool = False) -> Program:
@@ -159,16 +144,15 @@ def read_program(path: Path, arm: Arm, mapping: Path | None = None, *, jumps: bo
         refuse_joint_jumps(path, arm, table.lines, q)
     if position is not None and rotation is not None and not jumps:
         _refuse_tool_jumps(path, table.lines, position, rotation)
-    force, moment = (_or_zero(vector(columns, what), rows) for what in ("force", "moment"))
-    mass = _mass(columns)
+    acts, along, mass = wrench(columns), vector(columns, "process"), vector(columns, "mass", 1)
     return Program(
         labels=_labels(columns),
         q=q,
         position=position,
         rotation=rotation,
-        wrench=np.hstack([force, moment]),
-        along=_or_zero(vector(columns, "process"), rows),
-        mass=mass,
+        wrench=np.zeros((rows, 6)) if acts is None else acts,
+        along=np.zeros((rows, 3)) if along is None else along,
+        mass=np.zeros(rows) if mass is None else mass[:, 0],
         point=vector(columns, "point"),
         arm=arm,
         columns=columns,
@@ -186,23 +170,19 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
         InputError: Names the line and what was expected.
     """
     names = read_map(mapping, arm)
-    table = read_table(path, lambda name: names.find(name) is not None, names.layout)
-    joints = [
-        (k, own)
-        for k, name in enumerate(table.names)
-        if (own := names.find(name)) and own.slot.what == "joint"
-    ]
-    first = {own.slot: k for k, own in reversed(joints)}
-    again = {k for k, own in joints if k != first[own.slot]}
-    columns = find_columns(table.only([k for k in range(len(table.names)) if k not in again]), names, arm)
+    table = read_table(path, names.knows, names.map.file)
+    read_as = {k: own for k, name in enumerate(table.names) if (own := names.find(name))}
+    joints = {k: own for k, own in read_as.items() if own.slot.what == "joint"}
+    first = {own.slot: k for k, own in reversed(joints.items())}
+    again = {k: own for k, own in joints.items() if k != first[own.slot]}
+    once = replace(table, names=tuple("" if k in again else name for k, name in enumerate(table.names)))
+    columns = find_columns(once, names, arm)
     q = joint_coordinates(columns, arm)
     if not table.rows:
         raise table.error(0, "", "expected at least one pose")
-    for k, own in joints:
-        if k not in again or own.unit is None:
-            continue
-        joint = arm.joints[own.slot.index]
-        here, other = q[:, own.slot.index], own.unit.scale * table.numbers(k, columns.mark)
+    for k, own in again.items():
+        joint, here = arm.joints[own.slot.index], q[:, own.slot.index]
+        other = here if own.unit is None else own.unit.scale * table.numbers(k, columns.mark)
         both = f"{table.names[first[own.slot]]} and {table.names[k]}"
         for i in np.flatnonzero(~(joint.shown * np.abs(here - other) <= SAME))[:1]:
             got = f"{joint.shown * here[i]:.4f} and {joint.shown * other[i]:g} {joint.shown_unit}"
@@ -241,21 +221,6 @@ def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
     return position, rotation
 
 
-def _or_zero(values: Array | None, rows: int) -> Array:
-    return np.zeros((rows, 3)) if values is None else values
-
-
-def _mass(columns: Columns) -> Array:
-    """Hung mass of every point, (points,) [kg]."""
-    mass = vector(columns, "mass", 1)
-    if mass is None:
-        return np.zeros(columns.table.rows)
-    name = own.name if (own := columns.get(Slot("mass"))) else ""
-    problem = "expected a mass of at least 0 kg, got {:g}"
-    columns.table.refuse(mass[:, 0] < 0, name, lambda row: problem.format(mass[row, 0]))
-    return mass[:, 0]
-
-
 def _labels(columns: Columns) -> tuple[str, ...]:
     column = columns.get(Slot("label"))
     if column is None:
@@ -276,28 +241,21 @@ def refuse_joint_jumps(path: Path, arm: Arm, line: Ids, q: Array) -> None:
         InputError: Names the first two lines and the joint.
     """
     most = np.array([FARTHEST_STEP if joint.prismatic else FARTHEST_TURN for joint in arm.joints])
-    far = np.argwhere(np.abs(np.diff(q, axis=0)) > most * (1 + 1e-9))
-    if not len(far):
-        return
-    i, k = far[0]
-    joint = arm.joints[k]
-    here, there = (joint.shown * q[[i, i + 1], k]).tolist()
-    got = f"{joint.name} from {here:g} to {there:g} {joint.shown_unit}"
-    _refuse(path, line[i : i + 2], got, f"{joint.shown * most[k]:g} {joint.shown_unit}")
+    for i, k in np.argwhere(np.abs(np.diff(q, axis=0)) > most * SLACK)[:1].tolist():
+        joint = arm.joints[k]
+        here, there = (joint.shown * q[[i, i + 1], k]).tolist()
+        got = f"{joint.name} from {here:g} to {there:g} {joint.shown_unit}"
+        _refuse(path, line[i : i + 2], got, f"{joint.shown * most[k]:g} {joint.shown_unit}")
 
 
 def _refuse_tool_jumps(path: Path, line: Ids, position: Array, rotation: Array) -> None:
     """InputError at the first two poses, (points, 3) [m] and (points, 3, 3), that lie too far apart."""
     step = np.linalg.norm(np.diff(position, axis=0), axis=1)
-    far = np.flatnonzero(step > FARTHEST_STEP)
-    if len(far):
-        _refuse(path, line[far[0] : far[0] + 2], f"the tool by {step[far[0]]:g} m", f"{FARTHEST_STEP:g} m")
     cosine = (np.einsum("pxy,pxy->p", rotation[1:], rotation[:-1]) - 1) / 2
-    turn = np.arccos(np.clip(cosine, -1, 1))
-    far = np.flatnonzero(turn > FARTHEST_TURN * (1 + 1e-9))
-    if len(far):
-        got = f"the tool by {math.degrees(turn[far[0]]):g} deg"
-        _refuse(path, line[far[0] : far[0] + 2], got, f"{math.degrees(FARTHEST_TURN):g} deg")
+    turn = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    for size, most, unit in ((step, FARTHEST_STEP, "m"), (turn, math.degrees(FARTHEST_TURN), "deg")):
+        for i in np.flatnonzero(size > most * SLACK)[:1].tolist():
+            _refuse(path, line[i : i + 2], f"the tool by {size[i]:g} {unit}", f"{most:g} {unit}")
 
 
 def _refuse(path: Path, lines: Ids, got: str, most: str) -> None:

@@ -10,29 +10,25 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.beside import read_temperature, read_time, read_torques
+from testbench.data.beside import read_rotations, read_temperature, read_time, read_torques
 from testbench.data.columns import Columns
 from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import read_map
 from testbench.data.names import ROTATIONS, WHEN, Slot, What, series_names
 from testbench.data.pair import HELD, not_held
 from testbench.data.read_pairs import runs_of
-from testbench.data.rotation import read_rotations
+from testbench.data.readings import Readings, averaged, markers_only, placed, read_readings
 from testbench.data.rows import (
     POSES,
-    SAME_POSE,
     Conditions,
-    Readings,
     first_rows,
-    markers_only,
     number_rows,
     read_conditions,
-    read_readings,
     repeats,
+    same_poses,
 )
 from testbench.data.scatter import Scatter, read_scatter
 from testbench.data.series import Series, select_rows, series_of
-from testbench.data.shots import averaged
 from testbench.data.spool import together
 from testbench.data.stream import Source, Whole, alike, read_source
 from testbench.errors import Array, Ids, open_file, stem_of
@@ -102,7 +98,7 @@ def _pose_columns(columns: Columns) -> list[int]:
 
 def _gathered(exports: Iterator[SeriesExport]) -> SeriesExport:
     """All blocks of a file; a pose has one identifier, and stands in one block."""
-    batches, known = dict[str, list[Series]](), 0
+    batches, known, named = dict[str, list[Series]](), 0, True
     met, lost, notes = dict[str, list[Ids]](), list[Ids](), dict[str, None]()
     for export in exports:
         named = export.columns.get(Slot("pose")) is not None
@@ -110,19 +106,19 @@ def _gathered(exports: Iterator[SeriesExport]) -> SeriesExport:
             every = batches.setdefault(batch.name, [])
             own = alike(export.columns.table.path, (every or [batch])[0], batch)
             every.append(replace(own, pose=own.pose + known))
-            _, row = np.unique(own.pose, return_index=True)
-            digits = np.round(own.q[row] / SAME_POSE).astype(np.int64)
-            mark = digits @ np.random.default_rng(0).integers(
-                2**62, size=own.q.shape[1]
-            )  # alike for no others
-            met.setdefault(own.name, []).append(own.pose[row] if named else mark)
+            met.setdefault(own.name, []).append(np.unique(every[-1].pose))
         known += 0 if named else max(int(batch.pose.max()) for batch in export.series)
         lost.append(export.lost)
         notes |= dict.fromkeys(note for note in export.notes if not note.startswith(POSES))
-    if any((np.diff(np.sort(np.concatenate(own))) == 0).any() for own in met.values()):
-        raise Whole
+    series = tuple(map(together, batches.values()))
+    for one in series:
+        poses = np.concatenate(met[one.name])
+        if not named:
+            poses = same_poses(one.q[np.unique(one.pose, return_index=True)[1]])
+        if len(np.unique(poses)) < len(poses):
+            raise Whole
     said = (*notes, *([] if named else [f"{POSES}: {known} of them"]))
-    return SeriesExport(tuple(map(together, batches.values())), export.columns, said, np.concatenate(lost))
+    return SeriesExport(series, export.columns, said, np.concatenate(lost))
 
 
 def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
@@ -146,7 +142,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     scatter = read_scatter(columns, sigma)
     whole, first, lost, more = _assembled(columns, arm, conditions, read, scatter)
     notes += [*shots, *conditions.notes, *scatter.notes, *more]
-    if columns.names.frame == "base":
+    if columns.names.map.frame == "base":
         notes.append("the map says base: its pose is found all the same")
     return SeriesExport(_parted(columns, whole, first, scatter), columns, tuple(notes), lost)
 
@@ -154,7 +150,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
 def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     """Both readings of a run stand in a row."""
     export = runs_of(columns, arm, sigma)
-    said, stem = columns.names.series, stem_of(columns.table.path)
+    said, stem = columns.names.map.series, stem_of(columns.table.path)
     series = series_of(export.data, stem, said.target or stem)
     if said.frame:
         series = tuple(replace(s, frame=s.frame.replace(s.name, said.frame, 1)) for s in series)
@@ -185,10 +181,9 @@ def _assembled(
     """
     table, m = columns.table, len(read.markers)
     code = _grouped(columns, conditions, read) if read.long and m > 1 else np.arange(table.rows)
-    first = first_rows(code)
-    position = np.full((len(first), m, 3), np.nan)
-    position[code[read.row], read.marker] = read.position
-    lost = np.isnan(position).any(axis=2)
+    first, position = first_rows(code), placed(read, code)
+    own = select_rows(conditions, first)
+    lost = np.asarray(np.isnan(position).any(axis=2))
     P = np.zeros((len(first), m, 3, 3))
     P[code[read.row], read.marker] = _precision(scatter)[read.row]
     P[lost] = 0
@@ -200,11 +195,11 @@ def _assembled(
         markers=read.markers,
         frame="",
         target="",
-        row=table.lines[first] if conditions.run is None else conditions.run[first],
-        pose=conditions.pose[first],
-        q=conditions.q[first],
-        wrench=conditions.wrench[first],
-        point=conditions.point[first],
+        row=table.lines[first] if own.run is None else own.run,
+        pose=own.pose,
+        q=own.q,
+        wrench=own.wrench,
+        point=own.point,
         position=np.where(lost[..., None], 0.0, position),
         sigma=float(np.median(scatter.sigma)),
         precision=P,
@@ -225,14 +220,11 @@ def _grouped(columns: Columns, conditions: Conditions, read: Readings) -> Ids:
     table = columns.table
     marker = np.empty(table.rows, dtype=int)
     marker[read.row] = read.marker
-    parts: list[Array | Ids] = [conditions.wrench, conditions.point, conditions.pose[:, None]]
-    parts += [ids[:, None] for ids in (conditions.run, conditions.station) if ids is not None]
-    for slot in (Slot("series"), Slot("series_frame"), Slot("series_target"), Slot("state")):
-        column = columns.get(slot)
-        if column is not None:
-            parts.append(np.unique(table.texts(column.index), return_inverse=True)[1].reshape(-1, 1))
-    code = number_rows(np.column_stack([number_rows(part)[:, None] for part in parts]))
-    code = number_rows(np.column_stack([code, repeats(np.column_stack([code, marker]))]))
+    found = (columns.get(Slot(what)) for what in ("series", "series_frame", "series_target", "state"))
+    words = (np.array(table.texts(column.index)) for column in found if column is not None)
+    own = conditions
+    code = number_rows(own.wrench, own.point, own.pose, own.run, own.station, *words)
+    code = number_rows(code, repeats(code, marker))
     leader = first_rows(code)[code]
     moved = np.abs(conditions.q - conditions.q[leader]).max(axis=1)
     table.refuse(
@@ -271,7 +263,7 @@ def _parted(columns: Columns, whole: Series, first: Ids, scatter: Scatter) -> tu
         first: Row of the table of each.
         scatter: Of every row of the table.
     """
-    said, stem = columns.names.series, stem_of(columns.table.path)
+    said, stem = columns.names.map.series, stem_of(columns.table.path)
     texts = [_texts(columns, what, first) for what in NAMES]
     keys = list(zip(*texts, strict=True))
     found = []

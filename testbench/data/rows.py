@@ -1,9 +1,7 @@
-"""What every row of a table says: run, pose, set-up, joints, load; and where which target was.
+"""What every row of a table says: run, pose, set-up, joints, load."""
 
-A reading is one target in one state; a row may hold several.
-"""
-
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,13 +9,14 @@ from testbench.arm.decimal import is_integer
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY, find_body, numbers, read_mjcf
 from testbench.data.columns import Column, Columns, axes
-from testbench.data.joint_columns import joint_coordinates
-from testbench.data.names import DEFLECTION, LOADING, STATES, WHEN, XYZ, Slot, columns_of, squeeze
+from testbench.data.names import LOADING, WHEN, XYZ, Slot, split_unit, squeeze
 from testbench.errors import Array, Ids, Mask
 
 SAME_POSE = 1e-6
 """Difference of two joint coordinates up to which two poses are one [rad, m]."""
 POSES = "poses are numbered by equal joint angles"
+SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
+"""Coordinates that only another unit explains, and that unit."""
 
 
 @dataclass(frozen=True)
@@ -107,10 +106,11 @@ def same_poses(q: Array) -> Ids:
     return number_rows(labels) + 1
 
 
-def number_rows(values: Array | Ids) -> Ids:
-    """Equal rows of a table by one number, from 0 as they first appear, (rows,)."""
-    code = np.zeros(len(values), dtype=int)
-    for column in values.T:
+def number_rows(*parts: Array | Ids | Mask | None) -> Ids:
+    """Rows equal in all parts, (rows,) or (rows, k), by one number each, from 0 as they first appear."""
+    known = [part.reshape(len(part), -1) for part in parts if part is not None]
+    code = np.zeros(len(known[0]), dtype=int)
+    for column in (column for part in known for column in part.T):
         own, more = np.unique(column, return_inverse=True)
         code = np.unique(code * len(own) + more.reshape(-1), return_inverse=True)[1].reshape(-1)
     _, first, code = np.unique(code, return_index=True, return_inverse=True)
@@ -124,9 +124,9 @@ def first_rows(code: Ids) -> Ids:
     return np.unique(code, return_index=True)[1]
 
 
-def repeats(values: Array | Ids) -> Ids:
-    """How many equal rows stand before each row, (rows,)."""
-    code = number_rows(values)
+def repeats(*parts: Ids) -> Ids:
+    """How many rows that are equal in all parts stand before each row, (rows,)."""
+    code = number_rows(*parts)
     order = np.argsort(code, kind="stable")
     size = np.bincount(code)
     found = np.empty(len(code), dtype=int)
@@ -198,131 +198,75 @@ def _point(columns: Columns, arm: Arm) -> tuple[Array, list[str]]:
     return np.column_stack([columns.every_row(own) for own in found]), []
 
 
-@dataclass(frozen=True)
-class Readings:
-    """All readings of a file, one marker in one state each."""
-
-    markers: tuple[str, ...]  #: Names, in the order in which they first appear.
-    row: Ids  #: Row of the table, (s,).
-    marker: Ids  #: Index of the marker, (s,).
-    after: Mask  #: Whether the arm was loaded, (s,).
-    position: Array  #: Where the target was, (s, 3) [m]; NaN where it was lost.
-    long: bool  #: Whether a column of markers says which target a row is of.
-    paired: bool  #: Whether both states stand in one row.
-
-
-def markers_only(columns: Columns) -> tuple[Columns, list[str]]:
-    """Without the rows of points that the map calls no markers, and that in words.
-
-    Raises:
-        InputError: Where there are no rows.
-    """
-    table, column = columns.table, columns.get(Slot("marker"))
-    if not table.rows:
-        raise table.error(0, "", "expected at least one row")
-    if column is None or not columns.names.ignored:
-        return columns, []
-    other = np.array([squeeze(text) in columns.names.ignored for text in table.texts(column.index)])
-    words = f"{other.sum()} rows of points that the map calls no markers are left out"
-    return replace(columns, table=table.take(~other)), [words] * bool(other.any())
-
-
-def read_readings(columns: Columns, arm: Arm, loaded: Mask) -> Readings:
-    """All readings of a table; where no column says the state, the load of the row, (rows,), does.
+def joint_coordinates(columns: Columns, arm: Arm) -> Array:
+    """Joint coordinates within the arm's limits, (rows, n) [rad, m].
 
     Raises:
         InputError: Names line and column.
     """
-    blocks = _blocks(columns)
-    everyone = np.arange(columns.table.rows)
-    long = "" in {marker for marker, _ in blocks}
-    names = _markers(columns, arm) if long else None
-    kept = tuple(dict.fromkeys(names if names is not None else [marker for marker, _ in blocks]))
-    place = {name: k for k, name in enumerate(kept)}
-    paired = all(when for _, when in blocks)
-    state = None if paired else _states(columns, loaded)
-    parts = []
-    for (name, when), triple in blocks.items():
-        own = np.array([place[n] for n in names or [name] * len(everyone)])
-        after = np.full(len(everyone), when != "before") if state is None else state
-        position = _positions(columns, triple)
-        if when == DEFLECTION:
-            position = position + _positions(columns, blocks[name, "before"])
-        parts.append((everyone, own, after, position))
-    row, marker, loaded, position = (np.concatenate(x) for x in zip(*parts, strict=True))
-    return Readings(kept, row, marker, loaded, position, long, paired)
-
-
-def _blocks(columns: Columns) -> dict[tuple[str, str], list[Column]]:
-    """Three columns by marker and state."""
-    found: dict[tuple[str, str], dict[int, Column]] = {}
-    for column in columns.every("reading"):
-        found.setdefault((column.slot.marker, column.slot.when), {})[column.slot.index] = column
+    found = [columns.said(Slot("joint", k)) for k in range(arm.n_joints)]
+    units = {own.unit.si: own.unit.name for own in found if isinstance(own, Column) and own.unit}
     missing = [
-        "_".join(filter(None, (marker, when, XYZ[k], "m")))
-        for (marker, when), triple in found.items()
-        for k in range(3)
-        if k not in triple
+        f"{joint.name}_{units.get(joint.unit, joint.unit)}"
+        for joint, own in zip(arm.joints, found, strict=True)
+        if own is None
     ]
-    if not found:
-        missing = [name for when in WHEN for name in columns_of("reading", when)]
-    for marker, when in found:
-        others = ("after", DEFLECTION) if when == "before" else ("before",)
-        if when and not any((marker, other) in found for other in others):
-            missing += ["_".join(filter(None, (marker, others[0], axis, "m"))) for axis in XYZ]
     if missing:
-        raise columns.lack(missing)
-    return {key: [triple[k] for k in range(3)] for key, triple in found.items()}
+        raise columns.lack(missing, _numbered_joints(columns.ignored, arm.n_joints))
+    none = np.empty((columns.table.rows, 0))  # an arm may have no joints
+    q = np.column_stack([none, *(columns.every_row(own) for own in found)])
+    _check_limits(columns, arm, q)
+    return q
 
 
-def _markers(columns: Columns, arm: Arm) -> list[str]:
-    """The marker of every row."""
-    column, table = columns.get(Slot("marker")), columns.table
-    if column is None:
-        if len(arm.markers) == 1:
-            return [arm.markers[0]] * table.rows
-        raise columns.lack(["marker"])
-    return _said(columns, column, arm.markers, f"in {arm.name}; markers are {', '.join(arm.markers)}")
+def _numbered_joints(ignored: Sequence[str], count: int) -> str:
+    """The line of a map for columns that are numbered as the joints are; empty where there are none."""
+    units = dict(split_unit(name) or (name, None) for name in ignored)
+    for name, unit in units.items():
+        before, one, after = name.rpartition("1")
+        if one and all(f"{before}{k}{after}" in units for k in range(1, count)):
+            n = "{n}" if f"{before}{count}{after}" in units else "{n0}"
+            if n == "{n0}" and f"{before}0{after}" not in units:
+                continue
+            ours = f"joint_{n}_{unit.name if unit else 'deg'}"
+            return f"""; are they joints? [columns] of a map: "{ours}" = "{before}{n}{after}\""""
+    return ""
 
 
-def _states(columns: Columns, loaded: Mask) -> Mask:
-    """Which rows are loaded, (rows,)."""
-    column = columns.get(Slot("state"))
-    if column is None:
-        return loaded
-    have = ", ".join(word for words in STATES.values() for word in words)
-    blank = columns.table.blank(column.index)
-    said = _said(columns, column, WHEN, f"is known; states are {have}", blank)
-    return np.where(blank, loaded, np.array([word == "after" for word in said], dtype=bool))
+def _check_limits(columns: Columns, arm: Arm, q: Array) -> None:
+    """Refuse what is beyond the arm's limits; degrees are the first suspect."""
+    lower, upper = arm.limits
+    bad = np.argwhere((q < lower - 1e-6) | (q > upper + 1e-6))
+    if not len(bad):
+        return
+    i, k = bad[0]
+    joint, column = arm.joints[k], columns.get(Slot("joint", k))
+    unit = column.unit if column else None
+    name, scale = (unit.name, unit.scale) if unit else (joint.unit, 1.0)
+    alike = [other.prismatic == joint.prismatic for other in arm.joints]
+    most, suspect = SUSPECT[joint.unit]
+    hint = f"; are these {suspect}?" if name == joint.unit and np.abs(q[:, alike]).max() > most else ""
+    hint = hint or _other_columns(columns, arm, q, int(k))
+    low, high, got = (x / scale for x in (joint.lower, joint.upper, q[i, k]))
+    problem = f"expected {low:.4f} to {high:.4f} {name}, got {got:g}{hint}"
+    raise columns.table.error(i, column.name if column else joint.name, problem)
 
 
-def _said(
-    columns: Columns, column: Column, known: tuple[str, ...], hint: str, unsaid: Mask | None = None
-) -> list[str]:
-    """What the cells of a column of words say in our words; under the mask `unsaid` they may say nothing."""
-    texts = columns.table.texts(column.index)
-    ours = {text: columns.names.word(text, known) for text in dict.fromkeys(texts)}
-    found = [ours[text] for text in texts]
-    bad = np.array([not text for text in found], dtype=bool)
-    if unsaid is not None:
-        bad &= ~unsaid
-    columns.table.refuse(bad, column.name, lambda row: f"no {column.slot.what} {texts[row][:80]!r} {hint}")
-    return found
+def _other_columns(columns: Columns, arm: Arm, q: Array, k: int) -> str:
+    """What brings a joint's column within the limits: the other sign, or another joint's column."""
+    (lower, upper), found = arm.limits, list[str]()
 
+    def within(joints: Sequence[int], values: Array) -> bool:
+        return bool(((values >= lower[joints]) & (values <= upper[joints])).all())
 
-def _positions(columns: Columns, triple: list[Column]) -> Array:
-    """Where a target was, (rows, 3) [m]; NaN where all three cells are blank.
-
-    Three equal coordinates, as 9999 or 0, are refused: instruments write so for a lost target.
-    """
-    found, _ = columns.together(triple)
-    if triple[0].slot.when != DEFLECTION:
-        table, first = columns.table, triple[0]
-
-        def problem(row: int) -> str:
-            text = table.texts(first.index)[row]
-            hint = f'for a lost target say so in the map: [words] lost = "{text}"'
-            return f"expected a place, got {text!r} three times; {hint}"
-
-        table.refuse((found == found[:, :1]).all(axis=1), first.name, problem)
-    return found
+    own, *others = (columns.get(Slot("joint", m)) for m in [k, *range(arm.n_joints)])
+    if own is None:
+        return ""
+    if within([k], -q[:, [k]]):
+        other = own.name if own.sign < 0 else f"-{own.name}"
+        found.append(f"with the other sign ([columns] of a map reads it so as {other!r})")
+    for m, column in enumerate(others):
+        alike = m != k and arm.joints[m].prismatic == arm.joints[k].prismatic
+        if column and alike and within([k, m], q[:, [m, k]]):
+            found.append(f"with {own.name!r} and {column.name!r} exchanged")
+    return f"; all rows are within {', or '.join(found)}" if found else ""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, check_ids, check_markers, check_sigma, in_order, read_by
+from testbench.data.dataset import Dataset, Shapes, check_rows, in_order, read_by
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 
@@ -56,27 +56,15 @@ class Series(Displayed):
     def __post_init__(self) -> None:
         """Refuse wrong shapes and identifiers, and what is not finite, by BenchError."""
         rows, m = len(self.row), len(self.markers)
-        check_ids({"row": self.row, "pose": self.pose}, rows)
-        check_markers(self.markers)
-        q = check_array(self.q, (rows, None), "q [rad, m]")
-        check_array(self.wrench, (rows, 6), "wrench [N, N m]")
-        check_array(self.point, (rows, 3), "point [m]")
-        check_array(self.position, (rows, m, 3), "position [m]")
-        check_sigma(self.sigma, "m")
         if (self.rotation is None) != (self.sigma_rotation is None):
             raise BenchError("orientations: expected rotation and sigma together, or none")
-        if self.rotation is not None and self.sigma_rotation is not None:
+        own: Shapes = {"position [m]": (rows, m, 3), "temperature": (rows,), "time": (rows,)}
+        own["torque [N m, N]"] = np.shape(self.q)
+        check_rows(self, rows, ("row", "pose"), own)
+        if self.rotation is not None:
             if self.rotation.shape != (rows, 3, 3):
                 raise BenchError(f"rotation: expected shape {(rows, 3, 3)}, got {self.rotation.shape}")
             check_array(self.rotation[self.turned], (None, 3, 3), "rotation")
-            check_sigma(self.sigma_rotation, "rad")
-        if self.precision is not None:
-            check_array(self.precision, (rows, m, 3, 3), "precision [1/m^2]")
-        if self.torque is not None:
-            check_array(self.torque, q.shape, "torque [N m, N]")
-        for name in ("temperature", "time"):
-            if getattr(self, name) is not None:
-                check_array(getattr(self, name), (rows,), name)
 
     @property
     def rows(self) -> int:

@@ -4,13 +4,13 @@ import io
 import os
 import tempfile
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, arrays, in_order, with_arrays
+from testbench.data.dataset import Dataset, arrays, in_order, joined, with_arrays
 from testbench.data.series import Series
 from testbench.errors import Array, BenchError, Ids
 
@@ -19,55 +19,42 @@ SHOWN = 600  #: Runs that are looked at one by one, evenly out of all.
 Held = TypeVar("Held", Dataset, Series)
 
 
-class Spool:
+class _Spool:
     """Blocks of runs in the order in which they were added; for any thread."""
 
     def __init__(self) -> None:
-        """An empty one."""
         self._file = tempfile.TemporaryFile(prefix="testbench-runs-")  # noqa: SIM115
         weakref.finalize(self, self._file.close)
-        #: Each without a row, and where each of its arrays begins and ends in the file.
-        self._blocks: list[tuple[Dataset, dict[str, tuple[int, int]]]] = []
-        self._first = [0]
+        #: Each without a row, and where its arrays begin and end in the file.
+        self._blocks: list[tuple[Dataset, int, int]] = []
 
     def __len__(self) -> int:
-        """How many blocks there are."""
         return len(self._blocks)
 
     def add(self, block: Dataset) -> None:
         """A block more; BenchError where the disk is full."""
-        places: dict[str, tuple[int, int]] = {}
-        for name, own in arrays(block).items():
-            begin = self._file.tell()
-            try:
+        begin = self._file.tell()
+        try:
+            for own in arrays(block).values():
                 np.save(self._file, own)
-            except OSError as err:
-                folder = tempfile.gettempdir()
-                raise BenchError(f"{folder}: no room for the runs: {err.strerror}") from err
-            places[name] = begin, self._file.tell()
-        self._file.flush()
-        self._blocks.append((in_order(block, np.array([], dtype=int)), places))
-        self._first.append(self._first[-1] + len(block.q))
+            self._file.flush()
+        except OSError as err:
+            folder = tempfile.gettempdir()
+            raise BenchError(f"{folder}: no room for the runs: {err.strerror}") from err
+        self._blocks.append((in_order(block, np.array([], dtype=int)), begin, self._file.tell()))
 
     def __getitem__(self, k: int) -> Dataset:
-        """A block as it was added, by its number."""
-        (bare, places), file = self._blocks[k], self._file.fileno()
-        found = {
-            name: np.load(io.BytesIO(os.pread(file, end - begin, begin)))
-            for name, (begin, end) in places.items()
-        }
-        return with_arrays(bare, found)
-
-    def places(self, k: int) -> Ids:
-        """Of the rows of a block, among all."""
-        return np.arange(*self._first[k : k + 2])
+        bare, begin, end = self._blocks[k]
+        file = io.BytesIO(os.pread(self._file.fileno(), end - begin, begin))
+        return with_arrays(bare, {name: np.load(file) for name in arrays(bare)})
 
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
     """All runs of a file, block by block; what is held of each is whose it is and what acts."""
 
-    spool: Spool
+    spool: _Spool
+    first: Ids  #: Of every block the first run, by its index.
     run: Ids  #: Identifier of every run, (runs,).
     pose: Ids  #: Of its pose, (runs,).
     level: Array  #: Length of its force and moment, (runs, 2) [N, N m].
@@ -85,17 +72,24 @@ class Campaign:
     def block(self, k: int) -> tuple[Ids, Dataset]:
         """A block: indices of its runs, and these."""
         data = self.spool[k]
-        return self.spool.places(k), data if self.mend is None else self.mend(data)
+        return self.first[k] + np.arange(data.runs), data if self.mend is None else self.mend(data)
 
     def pick(self, runs: Ids) -> Dataset:
         """Some of the runs by their indices, in rising order."""
-        found = []
-        for k in range(len(self)):
-            every, data = self.block(k)
-            own = np.isin(every, runs)
-            if own.any():
-                found.append(in_order(data, own))
-        return together(found)
+        blocks = ((np.isin(every, runs), data) for every, data in map(self.block, range(len(self))))
+        return together([in_order(data, own) for own, data in blocks if own.any()])
+
+
+def spooled(blocks: Iterable[Dataset]) -> Campaign:
+    """Runs as a campaign, one block after the other; BenchError where the disk is full."""
+    spool, held = _Spool(), list[tuple[Ids, Ids, Array]]()
+    for data in blocks:
+        level = np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2)
+        held.append((data.run, data.pose, level))
+        spool.add(data)
+    first = np.cumsum([0, *(len(run) for run, *_ in held)])
+    run, pose, level = (np.concatenate(own) for own in zip(*held, strict=True))
+    return Campaign(spool, first, run, pose, level)
 
 
 def some(runs: Ids) -> Ids:
@@ -107,9 +101,7 @@ def together(parts: Sequence[Held]) -> Held:
     """Rows of several parts of one campaign as one; a precision stands where one of them has it."""
     if any(p.precision is not None for p in parts):
         parts = [replace(p, precision=_precision(p)) for p in parts]
-    return with_arrays(
-        parts[0], {name: np.concatenate([getattr(p, name) for p in parts]) for name in arrays(parts[0])}
-    )
+    return joined(parts)
 
 
 def _precision(data: Dataset | Series) -> Array:

@@ -39,9 +39,9 @@ class Whole(Exception):
     """This file has to be read as a whole."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Source(Generic[Read]):
-    """A file, and how its blocks are understood."""
+    """A file; block by block each is read under what the first one says of its columns."""
 
     path: Path
     arm: Arm
@@ -51,9 +51,114 @@ class Source(Generic[Read]):
     ids: tuple[What, ...]  #: Quantities whose cells are integers here.
     compute: Callable[[Columns], Read]  #: What the columns of a block, or of a file, say.
 
-    def known(self, name: str) -> bool:
-        """Whether a column of this name is looked for."""
-        return self.names.find(name) is not None
+    def blocks(self) -> Iterator[Read]:
+        """What every block says.
+
+        Raises:
+            InputError: Names line and column, and what was expected.
+            Whole: When the file cannot be read so.
+        """
+        with open_file(self.path, MOST) as file:
+            head = file.read(HEAD)
+            letters(self.path, head, self.names.map.file.encoding or "latin-1")
+            self._understand(head[: head.rfind(b"\n") + 1])
+            file.seek(len(self.above))
+            content, number, more = b"", self.start, True
+            while more:
+                found = file.read(BLOCK)
+                content, more = content + found, bool(found)
+                end = self._whole_keys(content) if more else len(content)
+                block, content = content[:end], content[end:]
+                if b"\0" in content:
+                    self._read(content, number)  # says where
+                if len(content) > BLOCK + LONGEST:
+                    raise Whole
+                if block.strip(BLANK):
+                    yield self._read(block, number)
+                number += block.count(b"\n")
+
+    def _understand(self, content: bytes) -> None:
+        """The header and the columns, by the first block."""
+        own = self.names.map.file
+        whole = own.footer or own.merged or own.average or self.names.map.log
+        if whole or self.names.cells or self.names.ignored or not content:
+            raise Whole
+        text, self.encoding = letters(self.path, content, own.encoding)
+        if self.encoding not in ("utf-8", "cp1252") or _broken(content):
+            raise Whole
+        table = table_of(self.path, (text, self.encoding), self.names.knows, own)
+        if not table.rows:
+            raise Whole
+        self.columns = columns = find_columns(table, self.names, self.arm)
+        self.shared = self.key(columns)
+        if columns.table.names != table.names or not self.shared:
+            raise Whole
+        self.integers = [c.index for c in columns.every(*self.ids)]
+        if not all(is_integer(text) for k in self.integers for text in columns.table.texts(k)):
+            raise Whole
+        self.markers = self._markers(columns)
+        self.start = int(table.lines[0]) - 1
+        settled: dict[str, object] = {"delimiter": table.delimiter, "decimal": columns.mark}
+        if own.header == 1 and not own.names:
+            settled["skip"] = table.header - 1
+        self.layout = own.model_copy(update=settled)
+        self.above = b"".join(content.splitlines(keepends=True)[: self.start])
+        self.kinds = {c.index: NUMBER_CELL if c.unit else WORD_CELL for c in columns.found.values()}
+        self.kinds |= dict.fromkeys(self.integers, ID_CELL)
+        self.plain = not (self.names.lost or self.names.loads)
+
+    def _whole_keys(self, content: bytes) -> int:
+        """Where the last run or pose begins of which more may follow; the end where all lines are blank."""
+        end = len(content.rstrip(BLANK))
+        if not end:
+            return content.rfind(b"\n") + 1
+        last, end = list[str](), content.rfind(b"\n", 0, end) + 1  # the last line may not be whole
+        while end:
+            begin = content.rfind(b"\n", 0, end - 1) + 1
+            line = content[begin:end].decode(self.encoding, "replace").rstrip("\r\n")
+            cells = cells_in(Line(0, line), self.columns.table.delimiter)
+            own = [cells[k] for k in self.shared if k < len(cells)]
+            if len(own) == len(self.shared) and all(is_decimal(cell.replace(",", ".")) for cell in own):
+                if last and own != last:  # no comment, no header again
+                    return end
+                last = own
+            end = begin
+        return 0
+
+    def _read(self, block: bytes, number: int) -> Read:
+        """What a block behind so many lines says."""
+        if _broken(block):
+            raise Whole
+        table = replace(self.columns.table, decimal=self.columns.mark)
+        plain = block.replace(b"\r\n", b"\n") if b"\r" in block else block
+        if self.plain and (fast := read_numbers(table, plain, number, self.kinds)) is not None:
+            try:
+                return self.compute(replace(self.columns, table=fast))
+            except InputError:  # said by the cells as they stand there
+                pass
+        padded = self.above + b"\n" * (number - self.start) + block
+        try:
+            text = letters(self.path, padded, self.encoding)
+        except InputError:
+            if self.encoding == "utf-8" and self.names.map.file.encoding is None and b"\0" not in block:
+                raise Whole from None
+            raise
+        found = table_of(self.path, text, self.names.knows, self.layout)
+        slow = find_columns(found, self.names, self.arm)
+        for k in self.integers:
+            slow.table.integers(k)
+        try:
+            return self.compute(slow)
+        except InputError:
+            if self._markers(slow) - self.markers:  # sorted by marker
+                raise Whole from None
+            raise
+
+    def _markers(self, columns: Columns) -> set[str]:
+        """The markers that have rows."""
+        column, known = columns.get(Slot("marker")), self.arm.markers
+        texts = [] if column is None else columns.table.texts(column.index)
+        return {self.names.word(text, known) for text in dict.fromkeys(texts)} - {""}
 
 
 def read_source(source: Source[Read], gather: Callable[[Iterator[Read]], Read]) -> Read:
@@ -73,7 +178,7 @@ def read_source(source: Source[Read], gather: Callable[[Iterator[Read]], Read]) 
         large = False
     if large:
         try:
-            found = gather(_Reader(source).blocks())
+            found = gather(source.blocks())
             release()
             return found
         except Whole as err:
@@ -103,122 +208,6 @@ def alike(path: Path, first: Held, block: Held) -> Held:
         return block
     ordered = {name: own[:, order] for name, own in arrays(block).items() if name in BY_MARKER}
     return replace(with_arrays(block, ordered), markers=first.markers)
-
-
-class _Reader(Generic[Read]):
-    """Reads a file block by block, each under what the first one says of its columns."""
-
-    def __init__(self, source: Source[Read]) -> None:
-        self.source, self.path, self.names = source, source.path, source.names
-
-    def blocks(self) -> Iterator[Read]:
-        """What every block says.
-
-        Raises:
-            InputError: Names line and column, and what was expected.
-            Whole: When the file cannot be read so.
-        """
-        with open_file(self.path, MOST) as file:
-            head = file.read(HEAD)
-            letters(self.path, head, self.names.layout.encoding or "latin-1")
-            self._understand(head[: head.rfind(b"\n") + 1])
-            file.seek(len(self.above))
-            content, number, more = b"", self.start, True
-            while more:
-                found = file.read(BLOCK)
-                content, more = content + found, bool(found)
-                end = self._whole_keys(content) if more else len(content)
-                block, content = content[:end], content[end:]
-                if b"\0" in content:
-                    self._read(content, number)  # says where
-                if len(content) > BLOCK + LONGEST:
-                    raise Whole
-                if block.strip(BLANK):
-                    yield self._read(block, number)
-                number += block.count(b"\n")
-
-    def _understand(self, content: bytes) -> None:
-        """The header and the columns, by the first block."""
-        own = self.names.layout
-        whole = own.footer or own.merged or own.average or self.names.log
-        if whole or self.names.cells or self.names.ignored or not content:
-            raise Whole
-        text, self.encoding = letters(self.path, content, own.encoding)
-        if self.encoding not in ("utf-8", "cp1252") or _broken(content):
-            raise Whole
-        table = table_of(self.path, (text, self.encoding), self.source.known, own)
-        if not table.rows:
-            raise Whole
-        self.columns = columns = find_columns(table, self.names, self.source.arm)
-        self.key = self.source.key(columns)
-        if columns.table.names != table.names or not self.key:
-            raise Whole
-        self.ids = [c.index for c in columns.every(*self.source.ids)]
-        if not all(is_integer(text) for k in self.ids for text in columns.table.texts(k)):
-            raise Whole
-        self.markers = self._markers(columns)
-        self.start = int(table.lines[0]) - 1
-        settled: dict[str, object] = {"delimiter": table.delimiter, "decimal": columns.mark}
-        if own.header == 1 and not own.names:
-            settled["skip"] = table.header - 1
-        self.layout = own.model_copy(update=settled)
-        self.above = b"".join(content.splitlines(keepends=True)[: self.start])
-        self.kinds = {c.index: NUMBER_CELL if c.unit else WORD_CELL for c in columns.found.values()}
-        self.kinds |= dict.fromkeys(self.ids, ID_CELL)
-        self.plain = not (self.names.lost or self.names.loads)
-
-    def _whole_keys(self, content: bytes) -> int:
-        """Where the last run or pose begins of which more may follow; the end where all lines are blank."""
-        end = len(content.rstrip(BLANK))
-        if not end:
-            return content.rfind(b"\n") + 1
-        last, end = list[str](), content.rfind(b"\n", 0, end) + 1  # the last line may not be whole
-        while end:
-            begin = content.rfind(b"\n", 0, end - 1) + 1
-            line = content[begin:end].decode(self.encoding, "replace").rstrip("\r\n")
-            cells = cells_in(Line(0, line), self.columns.table.delimiter)
-            own = [cells[k] for k in self.key if k < len(cells)]
-            if len(own) == len(self.key) and all(is_decimal(cell.replace(",", ".")) for cell in own):
-                if last and own != last:  # no comment, no header again
-                    return end
-                last = own
-            end = begin
-        return 0
-
-    def _read(self, block: bytes, number: int) -> Read:
-        """What a block behind so many lines says."""
-        if _broken(block):
-            raise Whole
-        table = replace(self.columns.table, decimal=self.columns.mark)
-        plain = block.replace(b"\r\n", b"\n") if b"\r" in block else block
-        if self.plain and (fast := read_numbers(table, plain, number, self.kinds)) is not None:
-            try:
-                return self.source.compute(replace(self.columns, table=fast))
-            except InputError:  # said by the cells as they stand there
-                pass
-        padded = self.above + b"\n" * (number - self.start) + block
-        try:
-            text = letters(self.path, padded, self.encoding)
-        except InputError:
-            if self.encoding == "utf-8" and self.names.layout.encoding is None and b"\0" not in block:
-                raise Whole from None
-            raise
-        found = table_of(self.path, text, self.source.known, self.layout)
-        slow = find_columns(found, self.names, self.source.arm)
-        for k in self.ids:
-            slow.table.integers(k)
-        try:
-            return self.source.compute(slow)
-        except InputError:
-            if self._markers(slow) - self.markers:  # sorted by marker
-                raise Whole from None
-            raise
-
-    def _markers(self, columns: Columns) -> set[str]:
-        """The markers that have rows."""
-        column, known = columns.get(Slot("marker")), self.source.arm.markers
-        texts = [] if column is None else columns.table.texts(column.index)
-        return {self.names.word(text, known) for text in dict.fromkeys(texts)} - {""}
 
 
 def _broken(content: bytes) -> bool:

@@ -11,11 +11,12 @@ import pyarrow.compute as pc
 from pyarrow import csv
 
 from testbench.arm.decimal import NUMBER, is_integer
-from testbench.data.header import find_header, notes, rows_of
-from testbench.data.lines import from_cell, read_letters, split_lines
+from testbench.data.formula import from_cell
+from testbench.data.header import Header, find_header, row_of
+from testbench.data.lines import read_letters, split_lines
 from testbench.data.mapping import Layout
 from testbench.data.names import Unit, squeeze
-from testbench.data.sheet import SHEET
+from testbench.data.workbook import SHEET
 from testbench.errors import Array, Ids, InputError, Mask, shown
 
 COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
@@ -83,23 +84,10 @@ class Table:
         """Whether all of a column were read as integers."""
         return bool(pa.types.is_integer(self.cells[k].type))
 
-    def take(self, rows: Mask) -> "Table":
-        """The rows under a mask, (rows,)."""
-        mask = pa.array(rows)
-        return replace(self, lines=self.lines[rows], cells=[cells.filter(mask) for cells in self.cells])
-
-    def picked(self, k: int, rows: Ids) -> "pa.Array":
-        """Cells of a column in some of the rows, counted from 0."""
-        return self.cells[k].take(pa.array(rows))
-
-    def only(self, columns: Sequence[int]) -> "Table":
-        """Some of the columns."""
-        return replace(
-            self,
-            names=tuple(self.names[k] for k in columns),
-            units=tuple(self.units[k] for k in columns),
-            cells=[self.cells[k] for k in columns],
-        )
+    def take(self, rows: Mask | Ids) -> "Table":
+        """Rows under a mask, or by their places, in any order."""
+        places = np.arange(self.rows)[rows]
+        return replace(self, lines=self.lines[rows], cells=[cells.take(places) for cells in self.cells])
 
     def beside(self, other: "Table", rows: Ids) -> "Table":
         """With those columns of another table that it has not, in these rows; decimal commas are points."""
@@ -109,7 +97,7 @@ class Table:
             self,
             names=(*self.names, *(other.names[k] for k in kept)),
             units=(*self.units, *(other.units[k] for k in kept)),
-            cells=[*map(_pointed, self.cells), *(_pointed(other.picked(k, rows)) for k in kept)],
+            cells=[*map(_pointed, self.cells), *(_pointed(other.cells[k].take(rows)) for k in kept)],
             notes=(*self.notes, *(f"{other.path.name}: {note}" for note in other.notes)),
         )
 
@@ -237,21 +225,33 @@ def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool],
     """The same of a text and its encoding."""
     text, encoding = letters
     header = find_header(path, split_lines(path, text), layout, known)
-    rows, lines = rows_of(path, header), np.array([line.number for line in header.body], dtype=int)
     return Table(
         path=path,
         names=header.names,
         units=header.units,
         header=header.line,
         delimiter=header.delimiter,
-        lines=lines,
-        notes=notes(encoding, header),
+        lines=np.array([line.number for line in header.body], dtype=int),
+        notes=_notes(encoding, header),
         decimal=layout.decimal,
-        cells=_parse(path, rows, lines, header.delimiter, len(header.names)),
+        cells=_parse(path, header),
     )
 
 
-MARK = b"\xef\xbb\xbf"  #: Byte order mark of UTF-8.
+def _notes(encoding: str, header: Header) -> tuple[str, ...]:
+    """How a file was read, in words."""
+    between = {"\t": "tabs", " ": "runs of blanks", "  ": "runs of two or more blanks"}.get(
+        header.delimiter, f"{header.delimiter!r}"
+    )
+    where = f"header in line {header.line}" if header.line else "the map names the columns"
+    how = encoding if encoding.startswith(SHEET) else f"text in {encoding}"
+    found = [f"{how}, {between} between the cells, {where}"]
+    counts = {"before the header": header.skipped, "of comments or the header again": header.left_out}
+    found += [f"{count} line{'s'[: count > 1]} {what} left out" for what, count in counts.items() if count]
+    return (*found, *["the line below the header holds units"] * any(header.units))
+
+
+TOGETHER = 500_000  #: Cells that are told apart at a time: each takes many times its letters.
 NUMBER_CELL, ID_CELL, WORD_CELL = pa.float64(), pa.int64(), pa.string()
 """What plain cells of a column hold: a finite number or nothing, an integer, anything."""
 
@@ -280,47 +280,31 @@ def read_numbers(
         return None
     if any(mark in content for mark in (b'"', b"#", b"//", b"\r", b"\0")):
         return None
+    names = [str(k) for k in range(len(table.names))]
     try:
-        found = _cells(
-            content,
-            len(table.names),
-            kinds,
+        read = csv.read_csv(
+            pa.BufferReader(content),
+            csv.ReadOptions(block_size=len(content) + 1, column_names=names),
             csv.ParseOptions(delimiter=table.delimiter, quote_char=False, ignore_empty_lines=False),
-            table.decimal or ".",
+            csv.ConvertOptions(
+                column_types={names[k]: kind for k, kind in kinds.items()},
+                include_columns=[names[k] for k in kinds],
+                null_values=[""],
+                decimal_point=table.decimal or ".",
+            ),
         )
     except pa.ArrowInvalid:
         return None
     rows = content.count(b"\n") + (not content.endswith(b"\n"))
-    cells = [found.get(k, pa.nulls(rows)) for k in range(len(table.names))]
-    if any(len(own) != rows for own in cells):
-        return None
+    cells = [pa.nulls(rows)] * len(names)
     for k, kind in kinds.items():
-        endless = kind is NUMBER_CELL and pc.all(pc.is_finite(cells[k])).as_py() is False
-        if endless or (kind is ID_CELL and cells[k].null_count):
+        own = cells[k] = read[names[k]].combine_chunks()  # one at a time: they are large
+        if kind is WORD_CELL:
+            cells[k] = pc.utf8_trim_whitespace(own)
+        endless = kind is NUMBER_CELL and pc.all(pc.is_finite(own)).as_py() is False
+        if len(own) != rows or endless or (kind is ID_CELL and own.null_count):
             return None
     return replace(table, lines=number + 1 + np.arange(rows), cells=cells)
-
-
-def _cells(
-    content: bytes, count: int, types: Mapping[int, "pa.DataType"], form: "csv.ParseOptions", decimal: str
-) -> dict[int, "pa.Array"]:
-    """Some of so many columns by their number; texts without blanks around them."""
-    names = [str(k) for k in range(count)]
-    table = csv.read_csv(
-        pa.BufferReader(content),
-        csv.ReadOptions(
-            use_threads=form.invalid_row_handler is None, block_size=len(content) + 1, column_names=names
-        ),
-        form,
-        csv.ConvertOptions(
-            column_types={names[k]: own for k, own in types.items()},
-            include_columns=[names[k] for k in types],
-            null_values=[""],
-            decimal_point=decimal,
-        ),
-    )
-    found = ((k, table[names[k]].combine_chunks()) for k in types)  # one at a time: they are large
-    return {k: pc.utf8_trim_whitespace(x) if pa.types.is_string(x.type) else x for k, x in found}
 
 
 def _pointed(cells: "pa.Array") -> "pa.Array":
@@ -329,28 +313,10 @@ def _pointed(cells: "pa.Array") -> "pa.Array":
     return pc.replace_substring(cells, ",", ".") if pc.all(plain).as_py() else cells
 
 
-def _parse(path: Path, rows: Sequence[str], lines: Ids, delimiter: str, count: int) -> list["pa.Array"]:
+def _parse(path: Path, header: Header) -> list["pa.Array"]:
     """Cells without blanks around them, a column each."""
-    if not rows:
-        return [pa.array([], pa.string())] * count
-    bad: list[int] = []
-
-    def refuse(row: "csv.InvalidRow") -> str:
-        bad.append(row.number - 1)
-        return "error"
-
-    form = csv.ParseOptions(
-        delimiter="\t" if delimiter.isspace() else delimiter,
-        ignore_empty_lines=False,
-        invalid_row_handler=refuse,
-    )
-    text = MARK + "\n".join(rows).encode()  # the parser takes one away: that of a cell stays
-    try:
-        found = _cells(text, count, dict.fromkeys(range(count), pa.string()), form, ".")
-    except pa.ArrowInvalid:
-        found = {}
-    if not found or len(found[0]) != len(rows):  # a quote within a cell may swallow the lines below
-        quoted = (k for k, row in enumerate(rows) if '"' in row)
-        place = f"line {lines[bad[0] if bad else next(quoted, 0)]}"
-        raise InputError(path, place, f"not a table: expected {count} fields, quotes around whole cells")
-    return [found[k] for k in range(count)]
+    parts, count = [[pa.array([], pa.string())] * len(header.names)], 1 + TOGETHER // (1 + len(header.names))
+    for first in range(0, len(header.body), count):
+        rows = [row_of(path, header, line) for line in header.body[first : first + count]]
+        parts.append([pa.array(own, pa.string()) for own in zip(*rows, strict=True)])
+    return [pc.utf8_trim_whitespace(pa.concat_arrays(own)) for own in zip(*parts, strict=True)]

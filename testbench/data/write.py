@@ -14,7 +14,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
-from testbench.data.lines import as_cell
+from testbench.data.formula import as_cell
 from testbench.data.names import ENTRIES, LOADING, WHEN, What, columns_of, torque_columns
 from testbench.data.program import Program
 from testbench.data.read_series import ALONE

@@ -17,7 +17,7 @@ from markdown_it import MarkdownIt
 from spoil import swap
 
 from testbench.campaign.campaign import build_cell
-from testbench.data.lines import as_cell, from_cell
+from testbench.data.formula import as_cell, from_cell
 from testbench.data.program import read_program
 from testbench.data.read_pairs import read_csv
 from testbench.data.write import write_program

@@ -7,12 +7,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from sound_sets import PAYLOAD, Sound
 
+from testbench import BenchError, registered
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.doubt import Doubt, said
-from testbench.errors import BenchError
 from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
 from testbench.identify.prior import Prior
-from testbench.identify.registered import registered
 from testbench.model.vjm import tool_pose
 
 POSES = 12  #: Of a set-up in which the tracker moves by half a millimetre.
@@ -60,9 +59,14 @@ def any_reading(own, rng):
     return any_run(own, rng), int(rng.integers(len(own.data.markers)))
 
 
+def put(change, *names):
+    """What a field, or some, become by themselves."""
+    return lambda own, _: {name: change(getattr(own.data, name)) for name in names}
+
+
 def both(change):
     """Readings before and after alike."""
-    return lambda own, _: {"before": change(own.data.before), "after": change(own.data.after)}
+    return put(change, "before", "after")
 
 
 def moved(axis, degrees, shift=(0.0, 0.0, 0.0)):
@@ -85,26 +89,14 @@ def target(own, rng):
 
 
 def joint(change):
-    """Angles of any joint but the first and the last."""
+    """Angles of any joint but the first and the last, by what they become of them and the next one's."""
 
     def of(own, rng):
-        q = own.data.q.copy()
-        change(q, int(rng.integers(1, 5)))
+        q, k = own.data.q.copy(), int(rng.integers(1, 5))
+        q[:, k : k + 2] = change(q[:, k : k + 2])
         return {"q": q}
 
     return of
-
-
-def zero(q, k):
-    q[:, k] += np.deg2rad(1.5)
-
-
-def reverse(q, k):
-    q[:, k] *= -1
-
-
-def exchange(q, k):
-    q[:, [k, k + 1]] = q[:, [k + 1, k]]
 
 
 def one_pose(own, rng):
@@ -113,9 +105,14 @@ def one_pose(own, rng):
     return {"q": q}
 
 
-def pose_before(own, x):
+def pose_before(*names):
     """Readings of the pose before."""
-    return np.roll(x, own.data.runs // len(np.unique(own.data.pose)), axis=0)
+
+    def of(own, _):
+        by = own.data.runs // len(np.unique(own.data.pose))
+        return put(lambda x: np.roll(x, by, axis=0), *names)(own, _)
+
+    return of
 
 
 def readings(name, rows, change):
@@ -172,6 +169,10 @@ def longer(own, _):
     return replace(own, cell=replace(own.cell, vjm=replace(vjm, placements=placements)))
 
 
+def swapped(own, _):
+    return {"before": own.data.after, "after": own.data.before}
+
+
 def folder(factor):
     return lambda own, _: replace(own, prior=Prior("wrong", factor * own.prior.C_theta))
 
@@ -206,8 +207,28 @@ def one_run(own, w, rng):
     return w
 
 
+def other_axis(_, w, __):
+    return w[:, [2, 1, 0, 3, 4, 5]]
+
+
+def reversed_levels(_, w, __):
+    return w.reshape(-1, 3, 6)[:, ::-1].reshape(-1, 6)
+
+
+def load_point(own, rng):
+    return {"point": own.data.point + bump(rng, 0.3)}
+
+
 def in_base(own):
     return not own.tracker
+
+
+def levels(own):
+    return own.loads == "levels"
+
+
+def not_hung(own):
+    return own.loads != "hung"
 
 
 def long(own):
@@ -223,103 +244,58 @@ def off_2_mm(_, x, __, rng):
     return x + bump(rng, 2e-3)
 
 
-SINGLE = "reading run"
-MISTAKES = {
-    "frame_tilted": Mistake(
-        "frame turned 4 deg about a tilted axis", moved((0.6, 0.8, 0.3), 4), "frame", in_base
-    ),
-    "frame_turned": Mistake(
-        "frame turned 4 deg about the vertical", moved((0, 0, 1), 4), "frame joint_zero", in_base
-    ),
-    "frame_moved": Mistake("frame 110 mm away", moved((0, 0, 1), 0, (0.1, -0.05, 0)), "frame", in_base),
-    "mirrored": Mistake("sign of y", both(lambda x: x * [1, -1, 1]), "mirrored"),
-    "axes": Mistake("x, y, z are y, z, x", both(lambda x: x[..., [1, 2, 0]]), "frame", in_base),
-    "millimetres": Mistake("millimetres as metres", both(lambda x: 1e3 * x), "unit"),
-    "inches": Mistake("inches as metres", both(lambda x: x / 0.0254), "unit"),
-    "inches_mm": Mistake("inches as millimetres", both(lambda x: x / 25.4), "unit"),
-    "centimetres": Mistake("centimetres as metres", both(lambda x: 100 * x), "unit"),
-    "radians": Mistake(
-        "joint angles in radians as degrees", lambda own, _: {"q": np.deg2rad(own.data.q)}, "angle_unit"
-    ),
-    "names": Mistake("two targets' names exchanged", both(exchanged), "markers", several),
-    "target": Mistake("a target 60 mm off on the tool", target, "targets", in_base),
-    "joint_zero": Mistake("a joint's zero 1.5 deg off", joint(zero), "joint_zero"),
-    "joint_sign": Mistake("a joint's sign", joint(reverse), "joint_sign"),
-    "joint_order": Mistake("two joints exchanged", joint(exchange), "joint_order"),
-    "order": Mistake(
-        "readings of the pose before", lambda own, rng: both(lambda x: pose_before(own, x))(own, rng), "order"
-    ),
-    "names_once": Mistake("two targets' names exchanged in one pose", names_once, "pose", several),
-    "one_pose": Mistake("a joint angle of one pose 0.15 rad off", one_pose, "pose"),
-    "one_reading": Mistake(
-        "an unloaded reading 2 mm off", readings("before", any_reading, off_2_mm), SINGLE, several
-    ),
-    "longer": Mistake("another arm's folder, a link 150 mm longer", longer, "link"),
-    "equal": Mistake("after equals before", lambda own, _: {"after": own.data.before}, "equal"),
-    "equal_once": Mistake(
-        "after equals before in one run",
-        readings("after", any_run, lambda own, _, r, __: own.data.before[r]),
-        "equal",
-    ),
-    "swapped": Mistake(
-        "before and after exchanged",
-        lambda own, _: {"before": own.data.after, "after": own.data.before},
-        "sign",
-    ),
-    "swapped_once": Mistake("before and after exchanged in one run", swapped_once, "run run_load reading"),
-    "after_order": Mistake(
-        "loaded readings of the pose before",
-        lambda own, _: {"after": pose_before(own, own.data.after)},
-        "order",
-    ),
-    "copied": Mistake("loaded readings of another pose in one run", copied, "repeated"),
-    "after_unit": Mistake(
-        "loaded readings in millimetres", lambda own, _: {"after": 1e3 * own.data.after}, "unit"
-    ),
-    "tracker_moved": Mistake(
-        "tracker touched between the readings: 3 mm, 1 mrad", tracker_touched, "tracker_moved"
-    ),
-    "bumped": Mistake("tracker moved by 0.5 mm between two poses", bumped, "tracker_moved", long),
-    "touched": Mistake(
-        "a target touched in one run: 2 mm", readings("after", any_reading, off_2_mm), SINGLE, several
-    ),
-    "slipped": Mistake(
-        "the tool slipped in one run: 2 mm", readings("after", any_run, off_2_mm), SINGLE, several
-    ),
-    "kilograms": Mistake("forces in kg", times(1 / GRAVITY), "scale"),
-    "kilonewtons": Mistake("forces in kN", times(1e-3), "scale"),
-    "comma": Mistake("forces ten times too large", times(10.0), "scale"),
-    "force_sign": Mistake("sign of the forces", times(-1.0), "sign"),
-    "force_zero": Mistake(
-        "force sensor 6.6 % off, 300 N on a KR 500",
-        loads(sensor_zero),
-        "force_offset",
-        lambda own: own.loads != "hung",
-    ),
-    "force_axis": Mistake(
-        "force along x instead of z", loads(lambda _, w, __: w[:, [2, 1, 0, 3, 4, 5]]), "force_axes"
-    ),
-    "tool_axes": Mistake("forces in the tool's axes", loads(tool_axes), "force_axes"),
-    "payload": Mistake(
-        "one of three loads 20 % off", loads(one_level), "level", lambda own: own.loads == "levels"
-    ),
-    "load_order": Mistake(
-        "three loads in reversed order",
-        loads(lambda _, w, __: w.reshape(-1, 3, 6)[:, ::-1].reshape(-1, 6)),
-        "levels",
-        lambda own: own.loads == "levels",
-    ),
-    "one_load": Mistake("a load stated as half in one run", loads(one_run), "run_load"),
-    "load_point": Mistake(
-        "load point 300 mm off", lambda own, rng: {"point": own.data.point + bump(rng, 0.3)}, "load_point"
-    ),
-    "point_unit": Mistake(
-        "load point in millimetres", lambda own, _: {"point": 1e3 * (own.data.point + 0.05)}, "load_point"
-    ),
-    "noise": Mistake(
-        "noise stated 20 times too small", lambda own, _: {"sigma": own.data.sigma / 20}, "noise"
-    ),
-    "soft_folder": Mistake("folder ten times too soft", folder(10.0), "scale"),
-    "stiff_folder": Mistake("folder ten times too stiff", folder(0.1), "scale"),
+def unloaded(own, _, run, __):
+    return own.data.before[run]
+
+
+ONE, Z = "reading run", (0, 0, 1)
+ROWS = {
+    "frame_tilted": ("frame turned 4 deg about a tilted axis", moved((0.6, 0.8, 0.3), 4), "frame", in_base),
+    "frame_turned": ("frame turned 4 deg about the vertical", moved(Z, 4), "frame joint_zero", in_base),
+    "frame_moved": ("frame 110 mm away", moved(Z, 0, (0.1, -0.05, 0)), "frame", in_base),
+    "mirrored": ("sign of y", both(lambda x: x * [1, -1, 1]), "mirrored"),
+    "axes": ("x, y, z are y, z, x", both(lambda x: x[..., [1, 2, 0]]), "frame", in_base),
+    "millimetres": ("millimetres as metres", both(lambda x: 1e3 * x), "unit"),
+    "inches": ("inches as metres", both(lambda x: x / 0.0254), "unit"),
+    "inches_mm": ("inches as millimetres", both(lambda x: x / 25.4), "unit"),
+    "centimetres": ("centimetres as metres", both(lambda x: 100 * x), "unit"),
+    "radians": ("joint angles in radians as degrees", put(np.deg2rad, "q"), "angle_unit"),
+    "names": ("two targets' names exchanged", both(exchanged), "markers", several),
+    "target": ("a target 60 mm off on the tool", target, "targets", in_base),
+    "joint_zero": ("a joint's zero 1.5 deg off", joint(lambda x: x + np.deg2rad([1.5, 0])), "joint_zero"),
+    "joint_sign": ("a joint's sign", joint(lambda x: x * [-1, 1]), "joint_sign"),
+    "joint_order": ("two joints exchanged", joint(lambda x: x[:, ::-1]), "joint_order"),
+    "order": ("readings of the pose before", pose_before("before", "after"), "order"),
+    "names_once": ("two targets' names exchanged in one pose", names_once, "pose", several),
+    "one_pose": ("a joint angle of one pose 0.15 rad off", one_pose, "pose"),
+    "one_reading": ("an unloaded reading 2 mm off", readings("before", any_reading, off_2_mm), ONE, several),
+    "longer": ("another arm's folder, a link 150 mm longer", longer, "link"),
+    "equal": ("after equals before", lambda own, _: {"after": own.data.before}, "equal"),
+    "equal_once": ("after equals before in one run", readings("after", any_run, unloaded), "equal"),
+    "swapped": ("before and after exchanged", swapped, "sign"),
+    "swapped_once": ("before and after exchanged in one run", swapped_once, "run run_load reading"),
+    "after_order": ("loaded readings of the pose before", pose_before("after"), "order"),
+    "copied": ("loaded readings of another pose in one run", copied, "repeated"),
+    "after_unit": ("loaded readings in millimetres", put(lambda x: 1e3 * x, "after"), "unit"),
+    "tracker_moved": ("tracker touched between the readings: 3 mm, 1 mrad", tracker_touched, "tracker_moved"),
+    "bumped": ("tracker moved by 0.5 mm between two poses", bumped, "tracker_moved", long),
+    "touched": ("a target touched in one run: 2 mm", readings("after", any_reading, off_2_mm), ONE, several),
+    "slipped": ("the tool slipped in one run: 2 mm", readings("after", any_run, off_2_mm), ONE, several),
+    "kilograms": ("forces in kg", times(1 / GRAVITY), "scale"),
+    "kilonewtons": ("forces in kN", times(1e-3), "scale"),
+    "comma": ("forces ten times too large", times(10.0), "scale"),
+    "force_sign": ("sign of the forces", times(-1.0), "sign"),
+    "force_zero": ("force sensor 6.6 % off, 300 N on a KR 500", loads(sensor_zero), "force_offset", not_hung),
+    "force_axis": ("force along x instead of z", loads(other_axis), "force_axes"),
+    "tool_axes": ("forces in the tool's axes", loads(tool_axes), "force_axes"),
+    "payload": ("one of three loads 20 % off", loads(one_level), "level", levels),
+    "load_order": ("three loads in reversed order", loads(reversed_levels), "levels", levels),
+    "one_load": ("a load stated as half in one run", loads(one_run), "run_load"),
+    "load_point": ("load point 300 mm off", load_point, "load_point"),
+    "point_unit": ("load point in millimetres", put(lambda x: 1e3 * (x + 0.05), "point"), "load_point"),
+    "noise": ("noise stated 20 times too small", put(lambda sigma: sigma / 20, "sigma"), "noise"),
+    "soft_folder": ("folder ten times too soft", folder(10.0), "scale"),
+    "stiff_folder": ("folder ten times too stiff", folder(0.1), "scale"),
 }
+MISTAKES = {name: Mistake(*row) for name, row in ROWS.items()}
 """Mistakes by name, made with readings, loads and the arm's folder."""

@@ -15,17 +15,18 @@ from testbench.campaign.named_parameters import functionals
 from testbench.data.series import Series, select_rows
 from testbench.identify.absolute import evidence as sizes
 from testbench.identify.absolute.align import aligned
-from testbench.identify.absolute.evidence import choice, usual
+from testbench.identify.absolute.evidence import Learnt, choice, usual
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import eliminate, moved_frame, moved_mount
 from testbench.identify.absolute.noise import Noise, combine, repeated, roots
+from testbench.identify.absolute.pattern import Pattern, basis, find, turned, waves
 from testbench.identify.absolute.posterior import deviations_root, known, place, posterior_of, predict
 from testbench.identify.absolute.scatter import expected_of, scatter, single
 from testbench.identify.absolute.state import Mount, equilibrium, forward, nominal
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.evidence import ALIKE, TAIL
-from testbench.identify.fold import Point, equations, reduce_series
+from testbench.identify.fold import Part, Point, Reduced, equations, reduce_series
 from testbench.identify.metric import metric
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Strength, cad_prior
@@ -37,7 +38,6 @@ from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
 from testbench.model.weights import read_weights
-from testbench.studies.absolute_calibration.beside import registered
 
 PAIRS = AbsoluteCampaign(
     poses=25, masses=(0.0, 230.0, 460.0), orientations=True, sigma_rotation=1e-4, disturbances=REAL_ARM
@@ -166,23 +166,6 @@ def test_a_posterior_is_what_the_readings_tell_and_the_prior_which_ties_geometry
     expected = np.diag((deviation * size[:r]) ** -2.0)
     np.testing.assert_allclose(prior[:r, :r], expected, rtol=0, atol=1e-6)
     np.testing.assert_allclose(prior[:r, r:], 0, atol=1e-6)
-
-
-def test_a_frame_goes_with_the_arm_as_the_precision_of_a_calibration_couples_them(calibrated):
-    """Given the arm its covariance is P_ff^-1, and it moves by -P_ff^-1 P_fa with what the arm is off."""
-    f, root = calibrated.own.unknowns.starts["geometry"], calibrated.root
-    P = root.T @ root
-    W = registered(calibrated, calibrated.series[0]).posterior.root
-    back = np.linalg.solve(calibrated.own.elastic.L, W[:, calibrated.own.rigid :].T).T
-    W = np.hstack([W[:, : calibrated.own.rigid], back])  # compliances in the metric
-    size = np.sqrt(np.diag(P)[:f])
-    dense = np.linalg.inv(P[:f, :f] / size / size[:, None]) / size / size[:, None]
-    taken = np.linalg.lstsq(W[:, f:], W[:, :f])[0].T
-    np.testing.assert_allclose(taken, -dense @ P[:f, f:], rtol=1e-4, atol=1e-6 * np.abs(taken).max())
-    left, scale = W[:, :f] - W[:, f:] @ taken.T, np.sqrt(np.diag(dense))
-    np.testing.assert_allclose(
-        left.T @ left / scale / scale[:, None], dense / scale / scale[:, None], atol=1e-6
-    )
 
 
 def covariances(rng, *shape):
@@ -376,3 +359,90 @@ def test_compliances_are_shown_under_their_names_and_in_the_units_of_their_axes(
             value, unit = shown["entries", f"{link.name} {names[i]}, {names[j]}"]
             assert unit == ("um/N", "urad/N", "urad/(N m)")[(i > 2) + (j > 2)]
             assert value == pytest.approx(1e6 * C[6 * k + i, 6 * k + j])
+
+
+ORDERS = tuple(range(1, 21))
+ERRORS = JointErrors(ORDERS, play=True)
+HIGH = np.arange(3, 21)  #: Orders that a pattern may have.
+K = len(HIGH)
+READ, NOISE, SIZE, OWN = 200, 50e-6, 60e-6, 20e-6
+PLACED = {0: (0.0, 1), 2: (1.9, -1), 3: (-2.4, 1)}  #: Turn [rad] and sense of the joints that share it.
+
+
+def phi(q):
+    """Sines, then cosines of all high orders, (rows, 2 K)."""
+    return np.hstack([np.sin(np.outer(q, HIGH)), np.cos(np.outer(q, HIGH))])
+
+
+def test_waves_are_the_pattern_turned_and_mirrored_and_differences_that_add_up_to_none(rng):
+    """Whatever joints without the pattern, low orders and other unknowns are."""
+    pattern = Pattern(tuple(PLACED), *map(tuple, zip(*PLACED.values(), strict=True)))
+    first, size = 7, 7 + 4 * ERRORS.size + 5
+    B, z = basis(pattern, ERRORS, first, size).toarray(), rng.normal(size=size)
+    np.testing.assert_allclose((B.T @ B) / np.diag(B.T @ B), np.eye(size), atol=1e-12)
+    at = first + ERRORS.size * np.arange(4)[:, None] + waves(ERRORS)
+    x, rest = B @ z, np.setdiff1d(np.arange(size), at[list(PLACED)])
+    np.testing.assert_allclose(x[rest], z[rest])
+    off = [turned(np.eye(2 * K), *PLACED[j], HIGH) @ x[at[j]] for j in PLACED]  # its inverse is its transpose
+    np.testing.assert_allclose(np.mean(off, axis=0), z[at[0]], atol=1e-12)
+    assert np.sum((off - z[at[0]]) ** 2) == pytest.approx(np.sum(z[at[[2, 3]]] ** 2))
+    f, q = rng.normal(size=2 * K), rng.uniform(-3, 3, 30)
+    for turn, sense in PLACED.values():
+        np.testing.assert_allclose(phi(q) @ turned(f, turn, sense, HIGH), sense * phi(sense * q + turn) @ f)
+
+
+def told(errors, ranges, rng):
+    """What readings of joints in these ranges tell of their waves."""
+    found = []
+    for x, (low, high) in zip(errors, ranges, strict=True):
+        A = phi(rng.uniform(low, high, READ)) / NOISE
+        found.append((A.T @ A, A.T @ (A @ x + rng.standard_normal(READ))))
+    return found
+
+
+def sought(readings):
+    return find(readings, np.full(2 * K, OWN**2), np.full(2 * K, SIZE**2), HIGH)
+
+
+@pytest.mark.parametrize("seed", range(1000, 1010))
+def test_joints_that_share_a_pattern_are_found_with_their_turns_and_no_others(seed):
+    """The one with errors of its own, and the one that was hardly turned, are left out."""
+    rng = np.random.default_rng(seed)
+    f = SIZE * rng.standard_normal(2 * K)
+    errors = [turned(f, *PLACED.get(j, (1.0, 1)), HIGH) + OWN * rng.standard_normal(2 * K) for j in range(5)]
+    errors[1] = SIZE * rng.standard_normal(2 * K)
+    pattern = sought(told(errors, [(-2.5, 2.5), (-2.5, 2.5), (-1.5, 3.5), (-3.5, 1.5), (0.5, 0.6)], rng))
+    assert pattern.joints == tuple(PLACED)
+    assert pattern.senses == tuple(sense for _, sense in PLACED.values())
+    np.testing.assert_allclose(pattern.turns, [turn for turn, _ in PLACED.values()], atol=np.radians(3))
+    rng = np.random.default_rng(seed)
+    errors = SIZE * rng.standard_normal((4, 2 * K))
+    assert sought(told(errors, [(-3, 3)] * 4, rng)) is None
+    lines = errors * np.isin(np.tile(HIGH, 2), (5, 10))  # a gear's own orders look alike at many turns
+    assert sought(told(lines, [(-3, 3)] * 4, rng)) is None
+
+
+def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
+    """Unknowns and precision by normal equations in which the prior alone knows the pattern.
+
+    They spend the trace of the hat matrix: free ones a whole equation each.
+    """
+    pattern = Pattern((0, 1), (0.0, 1.1), (1, -1))
+    errors = JointErrors(tuple(range(1, 5)))
+    size = 2 * errors.size
+    B, A, y = basis(pattern, errors, 0, size), rng.normal(size=(40, size)), rng.normal(size=40)
+    deviation, factor = np.r_[rng.uniform(0.5, 2.0, size - 3), [np.inf] * 3], 1.7
+    own = SimpleNamespace(
+        rigid=size, columns=np.arange(size), elastic=None, unknowns=SimpleNamespace(size=size, basis=B)
+    )
+    R = np.linalg.qr(np.column_stack([A, y]), mode="r")
+    plain = Reduced((0,), (Part(0, (R.T @ R)[None], np.array([40])),), {0: R})
+    found = eliminate(own, plain.turned(B), Learnt(deviation, np.array([factor])))
+    back = np.linalg.inv(B.toarray())
+    P = A.T @ A / factor**2 + back.T @ np.diag(deviation**-2.0) @ back
+    np.testing.assert_allclose(found.root.T @ found.root, P, atol=1e-9)
+    np.testing.assert_allclose(found.x, np.linalg.solve(P, A.T @ y / factor**2))
+    assert found.spent == pytest.approx(np.trace(A @ np.linalg.solve(P, A.T)) / factor**2)
+    assert not np.tril(found.root, -1).any()
+    [part] = plain.turned(B).parts
+    np.testing.assert_allclose(part.gram[0][:-1, :-1], B.T @ (A.T @ A) @ B, atol=1e-9)

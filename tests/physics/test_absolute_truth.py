@@ -6,16 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from testbench import BenchError, cad_prior
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import Cell
 from testbench.data.series import select_rows
-from testbench.errors import BenchError
 from testbench.identify.absolute import choose
 from testbench.identify.absolute import state as absolute
 from testbench.identify.absolute.evidence import LOOSE, Learnt, solve
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.state import forward, nominal
-from testbench.identify.prior import cad_prior
 from testbench.model.joint_errors import JointErrors
 from testbench.model.vjm import chain
 from testbench.model.weights import read_weights
@@ -23,14 +22,8 @@ from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.equilibrium import settle
 
-EXACT = AbsoluteCampaign(
-    poses=12,
-    series=2,
-    targets=3,
-    orientations=True,
-    noise=False,
-    disturbances=Disturbances(own_weight=True),
-)
+WEIGHT = Disturbances(own_weight=True)
+EXACT = AbsoluteCampaign(poses=12, series=2, targets=3, orientations=True, noise=False, disturbances=WEIGHT)
 
 
 def seen(truth, series, where):
@@ -53,10 +46,8 @@ def rms(x):
 
 
 def same(one, other):
-    return all(
-        np.asarray(getattr(one, f.name)).tobytes() == np.asarray(getattr(other, f.name)).tobytes()
-        for f in fields(one)
-    )
+    pairs = ([np.asarray(getattr(x, f.name)).tobytes() for x in (one, other)] for f in fields(one))
+    return all(a == b for a, b in pairs)
 
 
 @pytest.mark.parametrize("name", ["kr500", "slides"])
@@ -73,7 +64,7 @@ def test_true_geometry_without_weight_is_the_chain_at_theta_0(name, request):
     assert np.abs(truth.theta_0).max() > 5e-3
 
 
-def test_readings_come_from_the_seed_and_a_switch_leaves_all_else(kr500):
+def test_readings_come_from_the_seed_a_switch_leaves_all_else_and_too_much_is_refused(kr500):
     asked = EXACT.model_copy(update={"noise": True, "outliers": 0.2, "repeatability": 1e-5})
     (first, second), truth = simulate_series(kr500, asked, 7)
     (again, _), _ = simulate_series(kr500, asked, 7)
@@ -89,6 +80,10 @@ def test_readings_come_from_the_seed_and_a_switch_leaves_all_else(kr500):
     np.testing.assert_array_equal(clean.q, first.q)
     size = np.linalg.norm(wild.position - clean.position, axis=2)
     np.testing.assert_allclose(size, asked.outlier_size * truth.outliers[0], rtol=0, atol=1e-12)
+    with pytest.raises(BenchError, match="targets: expected at most 3, as kr500_l480 has P1, P2, P3"):
+        simulate_series(kr500, AbsoluteCampaign(targets=4))
+    with pytest.raises(BenchError, match="masses: expected different ones"):
+        AbsoluteCampaign(masses=(1.0, 1.0))
 
 
 def test_noise_is_as_large_as_the_series_says(kr500):
@@ -108,28 +103,21 @@ def test_loads_hang_one_after_the_other_in_the_pose_that_was_approached(kr500):
     assert pairs.pose.tolist() == sorted([*range(1, 13), *range(1, 6)])
     first, loaded = pairs.wrench[:, 2] == 0, pairs.wrench[:, 2] < 0
     assert np.unique(pairs.pose[loaded]).tolist() == [1, 2, 3, 4, 5]
-    no_scatter = [
-        true_poses(truth, 0, pairs.q[some], pairs.wrench[some], pairs.point[some])[0]
-        for some in (first, loaded)
-    ]
+    at = [(pairs.q[some], pairs.wrench[some], pairs.point[some]) for some in (first, loaded)]
+    no_scatter = [true_poses(truth, 0, *some)[0] for some in at]
     moved = pairs.position[loaded] - pairs.position[first][:5]
     expected = no_scatter[1] - no_scatter[0][:5]
     assert rms(pairs.position[first] - no_scatter[0]) > 1e-3
     assert rms(moved - expected) < 5e-3 * rms(expected)  # a milliradian turns a deflection by 1e-3
 
 
-def test_more_targets_than_markers_are_refused(kr500):
-    with pytest.raises(BenchError, match="targets: expected at most 3, as kr500_l480 has P1, P2, P3"):
-        simulate_series(kr500, AbsoluteCampaign(targets=4))
-    with pytest.raises(BenchError, match="masses: expected different ones"):
-        AbsoluteCampaign(masses=(1.0, 1.0))
-
-
-def with_compliance(cell, scale):
-    """An arm whose links and joints give way so many times as much, in truth."""
-    links = tuple(replace(link, compliance=scale * link.compliance) for link in cell.arm.links)
-    joints = tuple(replace(joint, compliance=scale * joint.compliance) for joint in cell.arm.joints)
-    return Cell(cell.arm, cell.vjm, build_plant(replace(cell.arm, links=links, joints=joints)))
+def softer(cell, **scales):
+    """An arm whose links or joints give way so many times as much, in truth."""
+    own = {
+        kind: tuple(replace(part, compliance=scale * part.compliance) for part in getattr(cell.arm, kind))
+        for kind, scale in scales.items()
+    }
+    return Cell(cell.arm, cell.vjm, build_plant(replace(cell.arm, **own)))
 
 
 def off(cell, disturbances, mass):
@@ -158,8 +146,8 @@ def test_every_load_step_gains_an_order_in_the_compliance(name, steps, request, 
     """Half the compliance leaves a quarter of the error of loads on the straight arm, then 1/8 and 1/16."""
     cell = request.getfixturevalue(name)
     monkeypatch.setattr(absolute, "LOAD_STEPS", steps)
-    weight, mass = Disturbances(own_weight=True), cell.arm.payload or 20.0
-    whole, half = (off(with_compliance(cell, scale), weight, mass).mean() for scale in (4.0, 2.0))
+    mass = cell.arm.payload or 20.0
+    whole, half = (off(softer(cell, links=scale, joints=scale), WEIGHT, mass).mean() for scale in (4.0, 2.0))
     assert whole / half == pytest.approx(2 ** (2 + steps), rel=0.01)
     assert half > 1e-10  # more than where MuJoCo's equilibrium ends
 
@@ -172,10 +160,8 @@ def test_true_parameters_leave_less_than_a_micrometre(kr500, mass):
 
 def test_joint_errors_that_stand_in_for_soft_links_are_declined_once_links_are_known(kr500):
     """Without joint errors in the truth: of four such arms one where they pay beside rigid links."""
-    soft = tuple(replace(link, compliance=6 * link.compliance) for link in kr500.arm.links)
-    cell = replace(kr500, truth=build_plant(replace(kr500.arm, links=soft)))
     asked = AbsoluteCampaign(poses=60, disturbances=replace(REAL_ARM, gear=None))
-    series, _ = simulate_series(cell, asked, 4)
+    series, _ = simulate_series(softer(kr500, links=6), asked, 4)
     prior = cad_prior(kr500.arm)
     rigid = calibrate(kr500.vjm, series, prior, Options(orders=8, without=frozenset({"links"})))
     found = calibrate(kr500.vjm, series, prior, Options(orders=8))
@@ -185,12 +171,6 @@ def test_joint_errors_that_stand_in_for_soft_links_are_declined_once_links_are_k
     assert not found.state.n.any()
 
 
-def near(series, rows):
-    """Those rows of a series that are nearest to its first in joint space."""
-    far = np.linalg.norm(series.q - series.q[0], axis=1)
-    return select_rows(series, np.sort(np.argsort(far)[:rows]))
-
-
 def test_a_series_is_foretold_only_by_a_fair_share_of_the_readings(kr500, monkeypatch):
     """What 12 readings in one corner tell of an arm must not decide which errors it has."""
     (long, short), _ = simulate_series(kr500, AbsoluteCampaign(series=2, poses=100), 21)
@@ -198,7 +178,9 @@ def test_a_series_is_foretold_only_by_a_fair_share_of_the_readings(kr500, monkey
     monkeypatch.setattr(
         choose, "_held_out", lambda own, S, parts, *more: held.append(parts) or left(own, S, parts, *more)
     )
-    for some, series in (((long, short), {0, 1}), ((long, near(short, 12)), {1})):
+    far = np.linalg.norm(short.q - short.q[0], axis=1)
+    near = select_rows(short, np.sort(np.argsort(far)[:12]))
+    for some, series in (((long, short), {0, 1}), ((long, near), {1})):
         held.clear()
         found = calibrate(kr500.vjm, some, cad_prior(kr500.arm), Options(orders=2))
         assert {parts[0].series for parts in held if len(parts) > 1} == series

@@ -1,23 +1,26 @@
-"""Any serial arm: any pose of any body in any notation, hinges and slides, 3 to 9 joints."""
+"""Any serial arm: any pose of any body in any notation, hinges and slides, 3 to 9 joints; the UR10."""
 
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from loads import random_q
+from scipy import optimize
+from scipy.spatial.transform import Rotation
 from serial_arms import turned_arm, write_arm
 
+from testbench import cad_prior, least_squares, read_series
 from testbench.campaign.campaign import Scenario, build_cell, check_agreement, hanging, measure, simulate
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import default_models, default_name
 from testbench.campaign.models import named_models, plain_name
 from testbench.errors import BenchError, InputError
-from testbench.identify import least_squares
-from testbench.identify.prior import cad_prior
 from testbench.model.loaded import load_jacobian
 from testbench.model.structure import mgco147
-from testbench.model.vjm import chain
+from testbench.model.vjm import chain, tool_pose
 from testbench.plant.disturbance import NOMINAL, TYPICAL
 from testbench.plant.disturbed import disturb
 from testbench.plant.equilibrium import hold, settle, settle_pair
@@ -30,10 +33,9 @@ def test_mujoco_and_the_model_agree_for_any_pose_of_any_body(seed, tmp_path):
     rng = np.random.default_rng(seed)
     cell = build_cell(turned_arm(tmp_path / "arm", rng, "zyZxyx"))
     assert check_agreement(cell.vjm, cell.plant) < 1e-13
-    plant, (lower, upper) = cell.plant, cell.arm.limits
+    plant, q, wrench = cell.plant, random_q(cell, rng, 5), rng.standard_normal((5, 6))
     ranges = [plant.model.joint(joint.name).range for joint in cell.arm.joints]
     np.testing.assert_allclose(cell.arm.limits.T, ranges, rtol=1e-15)
-    q, wrench = rng.uniform(lower, upper, (5, cell.arm.n_joints)), rng.standard_normal((5, 6))
     state = evaluate(open_row(plant), hold(plant, q), {plant.tool})
     Q = generalised_force(plant, state, plant.tool, wrench, place(state, plant.tool, plant.load))
     J = load_jacobian(chain(cell.vjm, q), np.tile(cell.vjm.load, (5, 1)))
@@ -50,15 +52,13 @@ def test_what_truth_and_model_read_differently_is_refused_by_name(kr500, tmp_pat
     """Seeded: the model takes its euler angles in the wrong order."""
     folder = shutil.copytree(kr500.arm.rigid.parent, tmp_path / "arm")
     text = (folder / "rigid.xml").read_text("utf-8")
-    (folder / "rigid.xml").write_text(
-        text.replace('<body name="tool"', '<body name="tool" euler="0.3 0.2 0.1"'), "utf-8"
-    )
+    turned = text.replace('<body name="tool"', '<body name="tool" euler="0.3 0.2 0.1"')
+    (folder / "rigid.xml").write_text(turned, "utf-8")
     build_cell(folder)
     rotate, other = pin.utils.rotate, dict(zip("xyz", "zyx", strict=True))
     monkeypatch.setattr(pin.utils, "rotate", lambda axis, angle: rotate(other[axis], angle))
-    with pytest.raises(
-        InputError, match=r"rigid\.xml: <body name='tool'>: MuJoCo and Pinocchio place it .* apart"
-    ):
+    said = r"rigid\.xml: <body name='tool'>: MuJoCo and Pinocchio place it .* apart"
+    with pytest.raises(InputError, match=said):
         build_cell(folder)
 
 
@@ -77,8 +77,7 @@ def test_a_pose_that_is_none_names_its_body(turned, words, tmp_path):
 def test_a_gravity_campaign_of_any_arm_is_identified_to_rounding(joints, tmp_path):
     rng = np.random.default_rng(3)
     cell = build_cell(turned_arm(tmp_path / "arm", rng, joints))
-    lower, upper = cell.arm.limits
-    q = rng.uniform(lower, upper, (12, cell.arm.n_joints))
+    q = random_q(cell, rng, 12)
     setup = Scenario(arm=cell.arm.name, truth="linear", payload=10.0, noise=False)
     data = measure(cell, setup, hanging(cell, q, np.arange(12) + 1, 10.0))
     found = least_squares(cell.vjm, mgco147(cell.arm), data)
@@ -87,51 +86,41 @@ def test_a_gravity_campaign_of_any_arm_is_identified_to_rounding(joints, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("joints", "names"),
+    ("joints", "turned", "names"),
     [
-        ("zzZ", ["Joints", "MLS32", "MGCO32", "MGCO84", "ALL87"]),
-        ("zyzyzyz", ["Joints", "MLS64", "MGCO64", "MGCO168", "ALL175"]),
-        ("zyzyzyzXY", ["Joints", "MLS80", "MGCO80", "MGCO210", "ALL219"]),
+        ("zzZ", "", "Joints MLS32 MGCO32 MGCO84 ALL87"),
+        ("zyzyzyz", "", "Joints MLS64 MGCO64 MGCO168 ALL175"),
+        ("zyzyzyzXY", "", "Joints MLS80 MGCO80 MGCO210 ALL219"),
+        ("zyyxyx", "", "Joints MLS56 MGCO68 MGCO147 ALL153"),
+        # below a ceiling joint 1 is upright as well
+        ("zyyxyx", 'euler="3.14159265358979 0 0.3"', "Joints MLS56 MGCO68 MGCO147 ALL153"),
+        ("zyyxyx", 'euler="0.3 0 0"', "Joints MLS56 MGCO69 MGCO147 ALL153"),
+        ("XyyxyZ", "", "Joints MLS56 MGCO68 MGCO147 ALL153"),
+        ("ZyyxyZ", "", "Joints MLS56 MGCO69 MGCO147 ALL153"),
     ],
 )
-def test_models_are_called_by_the_unknowns_that_they_have(joints, names, tmp_path):
-    cell = build_cell(write_arm(tmp_path / "arm", joints))
-    models = named_models(cell, names)
+def test_models_are_called_by_their_unknowns_joint_1_among_them_where_gravity_loads_it(
+    joints, turned, names, tmp_path
+):
+    folder = write_arm(tmp_path / "arm", joints, pose=lambda body: turned if body == "link_0" else "")
+    cell, names = build_cell(folder), names.split()
+    models, cad = named_models(cell, names), cad_prior(cell.arm)
     assert [m.name for m in models] == [m.structure.name for m in models] == names
     assert [int(m.name.strip("MLSGCOA")) for m in models[1:]] == [m.structure.n for m in models[1:]]
     assert named_models(cell, ["all"])[0].name == names[-1]
+    plain, default = [[m.name for m in default_models(cell, prior)] for prior in (None, cad)]
     assert plain_name(cell) == names[2]
-    assert (
-        default_models(cell, cad_prior(cell.arm))[-1].name == default_name(cell.arm) == f"{names[-1]} + prior"
-    )
-    with pytest.raises(BenchError, match=r"no model 'MGCO68' of arm, \d joints; models are Joints, MLS"):
-        named_models(cell, ["MGCO68"])
-
-
-@pytest.mark.parametrize(
-    ("joints", "turned", "name"),
-    [
-        ("zyyxyx", "", "MGCO68"),
-        ("zyyxyx", 'euler="3.14159265358979 0 0.3"', "MGCO68"),  # below a ceiling joint 1 is upright as well
-        ("zyyxyx", 'euler="0.3 0 0"', "MGCO69"),
-        ("XyyxyZ", "", "MGCO68"),
-        ("ZyyxyZ", "", "MGCO69"),
-    ],
-)
-def test_joint_1_is_a_parameter_where_gravity_loads_it(joints, turned, name, tmp_path):
-    folder = write_arm(tmp_path / "arm", joints, pose=lambda body: turned if body == "link_0" else "")
-    cell = build_cell(folder)
-    assert plain_name(cell) == name
-    names = [m.name for m in default_models(cell, cad_prior(cell.arm))]
-    assert [n for n in names if n.startswith("MGCO6")] == [name, f"{name} + prior"]
-    without = [m.name for m in default_models(cell, None)]
-    assert len(set(without)) == len(without)
+    assert {names[2], f"{names[2]} + prior"} <= set(default)
+    assert default[-1] == default_name(cell.arm) == f"{names[-1]} + prior"
+    assert len(set(plain)) == len(plain)
+    of = "" if len(joints) == 6 else r" of arm, \d joints"
+    with pytest.raises(BenchError, match=f"no model 'MGCO70'{of}; models are Joints, MLS"):
+        named_models(cell, ["MGCO70"])
 
 
 def test_slides_have_friction_and_play_and_come_to_rest_with_them(slides):
     rng = np.random.default_rng(2)
-    lower, upper = slides.arm.limits
-    q = rng.uniform(lower, upper, (10, slides.arm.n_joints))
+    q = random_q(slides, rng, 10)
     wrench = np.tile([0, 0, -9.81 * 10, 0, 0, 0], (10, 1))
     disturbed = disturb(slides.plant, replace(TYPICAL, compensator=None), rng)
     _, after = settle_pair(disturbed, q, wrench, np.tile(slides.vjm.load, (10, 1)))
@@ -161,10 +150,9 @@ def test_a_campaign_of_any_arm_is_under_its_payload_in_all_its_reach(tmp_path):
     assert section_6.station.lower == (1.7, -0.9, 1.1)
 
 
-@pytest.mark.parametrize("mount", ["", 'euler="0 0 0.7"'])
-def test_an_arm_whose_joints_no_load_turns_is_identified_by_its_links(mount, tmp_path):
+def test_an_arm_whose_joints_no_load_turns_is_identified_by_its_links(tmp_path):
     """Hinges about z and slides along y: a hung weight bends the links alone."""
-    cell = build_cell(write_arm(tmp_path / "arm", "zYzYzY", mount=mount))
+    cell = build_cell(write_arm(tmp_path / "arm", "zYzYzY", mount='euler="0 0 0.7"'))
     data = simulate(cell, seed=1).identification
     models = default_models(cell, cad_prior(cell.arm))
     found = fit(cell, models, Runs("runs.csv", data, data, None), lambda: 0.0).fits
@@ -173,3 +161,50 @@ def test_an_arm_whose_joints_no_load_turns_is_identified_by_its_links(mount, tmp
     assert "Joints is left out: no load acts on what it can bend" in found.notes
     with pytest.raises(BenchError, match=r"expected loads that bend a model, these bend none of Joints$"):
         fit(cell, named_models(cell, ["Joints"]), Runs("runs.csv", data, data, None), lambda: 0.0)
+
+
+READINGS = Path(__file__).parents[2] / "models" / "ur10" / "readings"
+
+
+@pytest.fixture(scope="module", params=[("series_A_every_8th", 1489), ("series_C", 2773)], ids=["A", "C"])
+def readings(request, ur10):
+    name, rows = request.param
+    [series] = read_series(READINGS / f"{name}.csv", ur10.arm).series
+    assert series.rows == rows
+    return series
+
+
+def left(x, position, orientation, read):
+    """What a frame, (6,), and a place in the tool, (3,), leave of readings, (rows, 3) [m]."""
+    return read - Rotation.from_rotvec(x[:3]).apply(position + orientation @ x[6:]) - x[3:6]
+
+
+def test_frame_and_target_alone_explain_what_a_tracker_read_to_a_millimetre(ur10, readings):
+    """A joint's sign, zero or place in the order, or a length, would leave centimetres."""
+    some = slice(None, None, 20)
+    position, orientation = tool_pose(ur10.vjm, readings.q)
+    read, at = readings.position[:, 0], orientation @ ur10.vjm.markers[0] + position
+    turn, _ = Rotation.align_vectors(read - read.mean(axis=0), at - at.mean(axis=0))
+    start = [*turn.as_rotvec(), *(read - turn.apply(at)).mean(axis=0), *ur10.vjm.markers[0]]
+    few = position[some], orientation[some], read[some]
+    found = optimize.least_squares(lambda x: left(x, *few).ravel(), start, x_scale="jac").x
+    error = np.linalg.norm(left(found, position, orientation, read), axis=1)
+    assert error.mean() < 1e-3  # 0.8 and 0.9 mm; the geometry of the arm is nominal
+    np.testing.assert_allclose(found[6:], ur10.vjm.markers[0], rtol=0, atol=2e-3)
+    # gravity: both trackers were levelled, so the arm stood upright
+    up = Rotation.from_rotvec(found[:3]).apply([0.0, 0.0, 1.0])
+    assert np.rad2deg(np.arccos(up[2])) < 1
+
+
+def test_orientations_are_the_targets_in_the_trackers_frame(ur10, readings):
+    """One turn of the mount and one of the frame explain them to a tenth of a degree."""
+    _, orientation = tool_pose(ur10.vjm, readings.q)
+    flange, read = Rotation.from_matrix(orientation), Rotation.from_matrix(readings.rotation)
+    # turns between poses, seen from the base and from the tracker, have the same axes but for the frame
+    a = (flange[1:] * flange[:-1].inv()).as_rotvec()
+    b = (read[1:] * read[:-1].inv()).as_rotvec()
+    clear = np.linalg.norm(a, axis=1) < 2.5  # far from half a turn, where the axis changes its sign
+    frame, _ = Rotation.align_vectors(b[clear], a[clear])
+    mounts = (frame * flange).inv() * read
+    apart = (mounts.mean().inv() * mounts).magnitude()
+    assert np.rad2deg(np.sqrt(np.mean(apart**2))) < 0.15

@@ -79,7 +79,7 @@ def test_our_arms_raise_no_doubt(name):
     assert check(name).doubts == []
 
 
-def test_shares_of_the_sag_are_what_each_spring_alone_would_do(sound):
+def test_shares_of_the_sag_are_each_spring_s_alone_and_what_is_to_confirm_is_in_their_order(sound, tmp_path):
     """By superposition: the sag with one joint made rigid is the rest of it."""
     cell = sound.cell
     assert sound.sag.shares.sum() == pytest.approx(1)
@@ -90,9 +90,6 @@ def test_shares_of_the_sag_are_what_each_spring_alone_would_do(sound):
     alone = 0.7e-6 * load[:, None] * axis
     whole = sound.sag.whole
     assert weight.share == pytest.approx(float((alone * whole).sum() / (whole * whole).sum()), rel=1e-9)
-
-
-def test_what_is_to_confirm_stands_in_order_of_its_effect_and_nothing_published_does(sound, tmp_path):
     shares = [item.share for item in sound.items]
     assert shares == sorted(shares, reverse=True)
     assert not any("payload" in item.words for item in sound.items)  # published

@@ -7,24 +7,21 @@ import pytest
 from loads import correct
 from unsure import AIM, FORCE, RIGID, TIP, Q, normal, state_of, unsure, unsure_everywhere
 
-import testbench as tb
+from testbench import Load, compensate, predict
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.program import extrapolated
 from testbench.correct.beyond import extent
-from testbench.correct.compensated import compensate
 from testbench.correct.newton import SMALL, Aim, Target, asked
-from testbench.correct.predicted import predict
 from testbench.correct.rest import rest
 from testbench.correct.stiffness import give_halves, stiffness
 from testbench.correct.uncertainty import Poses, fitted_half_widths, half_widths, most_open, rows_between
 from testbench.errors import BenchError, NoEquilibrium
 from testbench.identify.absolute.noise import Noise
-from testbench.identify.arm_model import About, bending, of_compliances, of_estimate
+from testbench.identify.arm_model import About, bending, of_compliances
 from testbench.identify.posterior import CURVED, Posterior
-from testbench.model.load import Load
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
-from testbench.model.weights import Weights, read_weights
+from testbench.model.weights import no_weights, read_weights
 from testbench.plant.equilibrium import settle
 from testbench.plant.site import collisions
 
@@ -52,14 +49,6 @@ def regular(kr500, q):
     J[:, :3] += np.cross(J[:, 3:], (R @ TIP)[:, :, None], axisa=1, axisb=1, axisc=1)
     stay = np.linalg.svd(J[:, :3])[2][:, 3:].swapaxes(1, 2)
     return np.linalg.svd(J[:, 3:] @ stay)[1][:, -1] > 1.5 * SMALL
-
-
-def test_an_arm_that_buckles_is_named(kr500, state):
-    q = np.outer([0.2, 0.3], kr500.arm.limits[0])
-    wrench = np.array([[0.0] * 6, [0, 0, -3e7, 0, 0, 0]])
-    with pytest.raises(NoEquilibrium) as err:
-        rest(state, q, [Load(wrench, kr500.vjm.load)])
-    assert f"no static equilibrium at q = {kr500.arm.words(q[1])}" in str(err.value)
 
 
 def tip(true):
@@ -107,19 +96,6 @@ def test_out_of_reach_is_not_called_solved(kr500, state):
     assert np.linalg.norm(found.left[1]) > 1
 
 
-def test_an_absolute_model_is_put_where_the_drawing_has_the_tool(kr500, state):
-    """Errors of geometry and own weight are put right too."""
-    rng = np.random.default_rng(8)
-    wrong = replace(state, theta_0=state.theta_0 + 5e-4 * rng.normal(size=state.theta_0.shape))
-    q, loads = drawn(kr500, rng)
-    target = asked(wrong, q, "drawn", TIP)
-    found = correct(wrong, q, loads, target, AIM)
-    met = rest(wrong, found.q, loads).at(TIP)
-    position, R = tool_pose(kr500.vjm, q)
-    assert found.solved.all()
-    assert np.abs(met - position - R @ TIP).max() < 1e-9
-
-
 @pytest.fixture(scope="module")
 def sure(kr500, state):
     """The arm, known without a doubt."""
@@ -159,19 +135,6 @@ def test_a_correction_into_the_floor_is_refused_and_the_point_stays(kr500, sure)
     assert compensate(sure, q, [Load(-up[0].wrench, TIP)], AIM, kr500.room).corrected.all()
 
 
-def test_half_widths_are_those_of_the_estimate(kr500):
-    """Rows of the bent arm in place of those of the unbent one change them by a few per cent at most."""
-    campaign = tb.simulate(kr500, seed=11)
-    method = tb.with_prior(tb.gco, tb.cad_prior(kr500.arm))
-    estimate = method(kr500.vjm, tb.MODELS["ALL153"](kr500).structure, campaign.identification)
-    model = of_estimate(kr500.vjm, estimate, read_weights(kr500.arm))
-    q = campaign.truth.q[:40]
-    load = [Load(campaign.truth.wrench[:40], campaign.truth.point[:40])]
-    half = half_widths(model, Poses(q, load), Poses(q), kr500.vjm.markers)
-    own = tb.intervals(kr500.vjm, estimate, campaign.truth)
-    assert np.allclose(half, ((own.upper - own.lower) / 2)[:40], rtol=0.1)  # linear at the unbent arm
-
-
 FEW = 12
 
 
@@ -202,17 +165,15 @@ def load():
 
 
 def weightless(model):
-    return replace(model, state=replace(model.state, weights=Weights(np.zeros(8), np.zeros((8, 3)))))
+    return replace(model, state=replace(model.state, weights=no_weights(model.arm)))
 
 
 def test_deflections_are_those_of_the_true_arm(kr500, model, poses, load):
     """Markers and tool, loaded minus unloaded, own weight in both."""
     found = predict(model, poses, [load])
     true = [settle(kr500.plant, poses, w, load.point) for w in (0 * load.wrench, load.wrench)]
-    moved = np.concatenate([true[1].tool[:, None], true[1].markers], axis=1) - np.concatenate(
-        [true[0].tool[:, None], true[0].markers], axis=1
-    )
-    assert np.abs(found.deflection - moved).max() < 1e-9
+    before, after = (np.concatenate([one.tool[:, None], one.markers], axis=1) for one in true)
+    assert np.abs(found.deflection - (after - before)).max() < 1e-9
     assert np.abs(found.position[:, 0] - true[1].tool).max() < 1e-9
     assert np.abs(found.rotation - true[1].rotation).max() < 1e-9
 
@@ -223,57 +184,26 @@ def test_the_linear_prediction_is_the_limit_of_small_loads(model, poses, load):
     for share in (0.1, 0.01):
         small = [Load(share * load.wrench, load.point)]
         bent, linear = (predict(light, poses, small, linear=on) for on in (False, True))
-        off.append(
-            [np.abs(a - b).max() for a, b in ((bent.deflection, linear.deflection), (bent.turn, linear.turn))]
-        )
+        off.append([np.abs(getattr(bent, x) - getattr(linear, x)).max() for x in ("deflection", "turn")])
         assert (linear.half >= bent.half).all()
     np.testing.assert_allclose(np.divide(*off), 100, rtol=0.05)
 
 
-def test_the_ellipsoid_is_the_tangent_of_the_equilibrium(model, poses, load):
+def test_the_ellipsoid_is_the_tangent_of_the_equilibrium_as_sure_as_under_its_forces(model, poses, load):
     """A newton more along every principal axis; without own weight, whose K_w is left out."""
     hung = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), model.vjm.load)
     for own, most in ((weightless(model), 1e-6), (model, 0.01)):
         found = stiffness(own, poses, [hung])
         C = found.compliance[:, :3, :3]
         for k in range(3):
-            axis, push = found.axes[:, :, k], np.zeros((FEW, 6))
-            push[:, :3] = axis
-            more, less = (
-                rest(own.state, poses, [hung, Load(sign * push, np.zeros(3))]).position for sign in (1, -1)
-            )
+            axis = found.axes[:, :, k]
+            push = Load(np.hstack([axis, 0 * axis]), np.zeros(3))
+            pull = replace(push, wrench=-push.wrench)
+            more, less = (rest(own.state, poses, [hung, one]).position for one in (push, pull))
             moved = (more - less) / 2
             assert np.abs(moved - np.matvec(C, axis)).max() < most * found.give.max()
             assert np.abs(moved - found.give[:, k, None] * axis).max() < most * found.give.max()
     assert (np.diff(found.principal, axis=1) >= 0).all()
-
-
-def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses):
-    """The first joint was not seen: a load along its axis, at a bent arm too, needs it not."""
-    structure = model.structure
-    first = np.eye(structure.n)[[structure.entries(np.diag(np.arange(48) == 42)).argmax()]]
-    blind = replace(model, posterior=sure_of(structure, model.state, first))
-    down, aside = (
-        predict(blind, poses, [Load(np.array([*f, 0, 0, 0]), model.vjm.load)])
-        for f in ((0, 0, -4500.0), (0, 4500.0, 0))
-    )
-    assert np.isinf(aside.half[:, :, :2]).any(axis=2).all()
-    assert np.isfinite(down.half).all()
-    assert (down.widest > 0.002 * down.size).all()  # every entry is sure to 1 %, curvature is of that size
-    assert (down.widest < 0.05 * down.size).all()
-
-
-def test_positions_have_intervals_where_they_were_calibrated(model, poses, load):
-    """The scatter of a position is in its own interval; in that of a deflection it cancels."""
-    assert np.isinf(predict(model, poses, [load]).position_half).all()
-    calm, rough = (predict(replace(model, noise=Noise(scatter)), poses, [load]) for scatter in (0.0, 3e-4))
-    more = rough.position_half**2 - calm.position_half**2
-    np.testing.assert_allclose(more, (1.96 * 3e-4) ** 2, rtol=1e-3)
-    assert np.array_equal(rough.half, calm.half)
-
-
-def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(model, poses):
-    """Of every pose and principal axis, one by one."""
     tool = stiffness(model, poses[:2])
     halves = give_halves(model, poses[:2], tool, 700.0)
     for k, q in enumerate(poses[:2, None]):
@@ -282,8 +212,26 @@ def test_what_a_force_along_an_axis_moves_is_as_sure_as_under_that_force(model, 
             assert half == pytest.approx(half_widths(model, pushed, Poses(q), np.zeros((1, 3))).max())
 
 
-def test_what_a_linear_model_leaves_out_counts_once_and_twice_where_it_predicts_linearly(model, poses, load):
-    """Of compliances that are known nothing else is open; a linear fit put as much elsewhere."""
+def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses):
+    """The first joint was not seen: a load along its axis, at a bent arm too, needs it not."""
+    structure = model.structure
+    first = np.eye(structure.n)[[structure.entries(np.diag(np.arange(48) == 42)).argmax()]]
+    blind = replace(model, posterior=sure_of(structure, model.state, first))
+    forces = np.array([0, 0, -4500.0, 0, 0, 0]), np.array([0, 4500.0, 0, 0, 0, 0])
+    down, aside = (predict(blind, poses, [Load(force, model.vjm.load)]) for force in forces)
+    assert np.isinf(aside.half[:, :, :2]).any(axis=2).all()
+    assert np.isfinite(down.half).all()
+    assert (down.widest > 0.002 * down.size).all()  # every entry is sure to 1 %, curvature is of that size
+    assert (down.widest < 0.05 * down.size).all()
+
+
+def test_scatter_counts_in_positions_and_what_a_linear_model_leaves_out_once_or_twice(model, poses, load):
+    """Scatter cancels in a deflection. Of known compliances nothing else is open; a fit put it elsewhere."""
+    assert np.isinf(predict(model, poses, [load]).position_half).all()
+    calm, rough = (predict(replace(model, noise=Noise(scatter)), poses, [load]) for scatter in (0.0, 3e-4))
+    more = rough.position_half**2 - calm.position_half**2
+    np.testing.assert_allclose(more, (1.96 * 3e-4) ** 2, rtol=1e-3)
+    assert np.array_equal(rough.half, calm.half)
     known = replace(model, posterior=replace(model.posterior, root=np.zeros((1, len(model.posterior.x)))))
     straight, bent = (predict(known, poses, [load], linear=linear) for linear in (True, False))
     left_out = np.abs(straight.deflection - bent.deflection)
@@ -411,7 +359,9 @@ def test_points_that_are_close_have_corrections_that_are_close(known, hold):
     assert np.abs(np.diff(found.q - q, axis=0)).max() < 1e-3
 
 
-def test_an_aim_that_is_none_no_points_and_what_a_model_does_not_know_are_refused(known):
+def test_an_aim_that_is_none_no_points_what_a_model_does_not_know_and_buckling_are_refused(
+    known, kr500, state
+):
     for one in ({"hold": "positon"}, {"asked": "taught"}, {"spindle": (2.0, 0, 0)}, {"point": (300.0, 0, 0)}):
         with pytest.raises(BenchError, match="aim"):
             Aim(**one)
@@ -421,3 +371,8 @@ def test_an_aim_that_is_none_no_points_and_what_a_model_does_not_know_are_refuse
         rest(known.state, np.zeros((2, 6)), [Load(np.zeros((3, 6)), np.zeros(3))])
     with pytest.raises(BenchError, match="expected an absolute model"):
         half_widths(known, Poses(Q[None], [FORCE]), None, TIP[None])
+    q = np.outer([0.2, 0.3], kr500.arm.limits[0])
+    wrench = np.array([[0.0] * 6, [0, 0, -3e7, 0, 0, 0]])
+    with pytest.raises(NoEquilibrium) as err:
+        rest(state, q, [Load(wrench, kr500.vjm.load)])
+    assert f"no static equilibrium at q = {kr500.arm.words(q[1])}" in str(err.value)

@@ -39,11 +39,9 @@ def planted(arm, rng, *, ends=False):
     links = theta[: 6 * n + 6].reshape(-1, 6)
     links[inner] = rng.uniform(-1, 1, (n + 1, 6))[inner] * ([SHIFT] * 3 + [TURN] * 3)
     theta[6 * n + 6 :] = [rng.uniform(-1, 1) * (SLIDE if j.prismatic else TURN) for j in arm.joints]
-    errors = JointErrors(orders=(1, 2), ratio=True)
-    state = nominal(vjm, read_weights(arm), np.full(n, 50.0))
-    return replace(
-        state, theta_0=theta, C_theta=arm.C_theta, errors=errors, n=rng.uniform(-1e-4, 1e-4, (n, errors.size))
-    )
+    errors, state = JointErrors(orders=(1, 2), ratio=True), nominal(vjm, read_weights(arm), np.full(n, 50.0))
+    gears = rng.uniform(-1e-4, 1e-4, (n, errors.size))
+    return replace(state, theta_0=theta, C_theta=arm.C_theta, errors=errors, n=gears)
 
 
 @pytest.fixture(scope="module")
@@ -158,9 +156,8 @@ def test_what_stands_beside_gives_the_models_deflections(ur10, rng, tmp_path):
         moved += J @ turn * joint["compliance"] * (turn @ u)
     np.testing.assert_allclose(moved, where.J_theta[:3, :, 0] @ state.C_theta @ load, rtol=1e-8)
     np.testing.assert_allclose([j["sine"] + j["cosine"] + [j["ratio"]] for j in said["joints"]], state.n)
-    for link, weight, (p, R), centre in zip(
-        links, said["weights"], where.bodies, state.weights.centre, strict=False
-    ):
+    bodies = zip(links, said["weights"], where.bodies, state.weights.centre, strict=False)
+    for link, weight, (p, R), centre in bodies:
         found = at[link] @ [*weight["centre_m"], 1]
         np.testing.assert_allclose(found[:3], p[:, 0] + R[..., 0] @ centre, atol=1e-8)
 
@@ -203,12 +200,10 @@ def test_what_cannot_be_written_leaves_nothing(ur10, rng, tmp_path):
     wrong = draft_new(replace(state, theta_0=1.01 * state.theta_0))
     C = state.C_theta.copy()
     C[3, 8] = C[8, 3] = 1e-9
-    for bad_state, bad_draft, said in (
-        (state, wrong, "read back, is up to"),
-        (replace(state, C_theta=C), draft, "between"),
-    ):
+    coupled = replace(state, C_theta=C)
+    for bad, made, said in ((state, wrong, "read back, is up to"), (coupled, draft, "between")):
         with pytest.raises(BenchError, match=said):
-            export(bad_state, bad_draft, tmp_path / "out.urdf")
+            export(bad, made, tmp_path / "out.urdf")
     assert [path.name for path in tmp_path.iterdir()] == ["own.urdf"]
     assert drawn(state.vjm).steps.shape == (6, 4, 4)
 

@@ -1,26 +1,20 @@
-"""Eq. (7) on the model side: K_w against differences; tangents, equilibria and errors against MuJoCo."""
+"""The loaded arm: Eq. (7) against differences and MuJoCo, own weight, masses from torques of another arm."""
 
+import mujoco
 import numpy as np
 import pytest
 from loads import GRAVITY, at_rest, hung, random_q
+from serial_arms import write_arm
 
-from testbench.errors import BenchError, NoEquilibrium
+from testbench import Series, load_arm
+from testbench.campaign.absolute import of_masses
+from testbench.errors import BenchError, InputError, NoEquilibrium
+from testbench.identify.absolute.torques import CENTRE, LIMIT, MASS, fit_weights
 from testbench.identify.regression import non_redundant, rank
-from testbench.model.load import Load, on_joints, resultant
-from testbench.model.loaded import (
-    displacement,
-    geometric_stiffness,
-    load_jacobian,
-    loaded_compliance,
-    loaded_deflection,
-    secant,
-)
+from testbench.model import loaded
 from testbench.model.structure import template56
-from testbench.model.vjm import (
-    chain,
-    generalised_load,
-    observation,
-)
+from testbench.model.vjm import chain, generalised_load, observation
+from testbench.model.weights import own_weight, read_weights
 from testbench.plant.build import weightless
 from testbench.plant.equilibrium import Poses, settle
 from testbench.plant.equilibrium import tangent as plant_tangent
@@ -28,17 +22,6 @@ from testbench.plant.state import open_row
 
 HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0, "slides": 3_000.0}
 """Most that the arm carries in every pose [N]: the light arm's virtual joints then turn by 0.2 rad."""
-
-
-def test_the_resultant_of_loads_moves_joints_as_the_loads_do(cell, rng):
-    """One load a pose and one for all, at points that turn with the tool, the moment about its origin."""
-    where = chain(cell.vjm, random_q(cell, rng, 4))
-    each = Load(rng.normal(size=(4, 6)), rng.normal(size=(4, 3)))
-    all_ = Load(rng.normal(size=6), rng.normal(size=3))
-    total = resultant(where.rotation, [each, all_])
-    at_origin = generalised_load(where, total, np.zeros((4, 3)))
-    expected = on_joints(where, [each, all_.over(4)])
-    np.testing.assert_allclose(at_origin, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
 def bent(cell, rng, runs):
@@ -69,7 +52,7 @@ def test_k_w_is_the_derivative_of_the_generalised_load(request, name, rng):
     cell = request.getfixturevalue(name)
     q, theta = bent(cell, rng, 3)
     wrench, point = random_wrench(rng, 3, 1000, 1000)
-    K_w = geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
+    K_w = loaded.geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
     expected = differences_of_the_load(cell, q, theta, wrench, point)
     # differences: rounding 1e-16 / h = 1e-11 and truncation h^2 = 1e-10, of the largest entry
     np.testing.assert_allclose(K_w, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
@@ -81,7 +64,7 @@ def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
     most = HEAVIEST[cell.arm.name.removesuffix("_l480")]
     wrench, point = random_wrench(rng, 3, most / 10, most / 10)  # of a force alone it would be symmetric
     theta, row = settle(plant, q, wrench, point).theta, open_row(plant)
-    K_w = geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
+    K_w = loaded.geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
     qpos = np.zeros((3, plant.model.nv))
     qpos[:, plant.joints], qpos[:, plant.theta] = q, theta
     for i in range(3):
@@ -101,19 +84,8 @@ def test_model_and_plant_come_to_rest_in_the_same_place(cell, share, rng):
     theta = at_rest(cell, cell.arm.C_theta, q, wrench, point)
     # the plant stops at a step of 1e-9, which gains a factor of four or more
     np.testing.assert_allclose(theta, rest.theta, rtol=0, atol=1e-9)
-    moved = loaded_deflection(cell.vjm, q, theta, cell.vjm.markers)
+    moved = loaded.loaded_deflection(cell.vjm, q, theta, cell.vjm.markers)
     np.testing.assert_allclose(moved, rest.markers - settle(plant, q).markers, rtol=0, atol=1e-8)
-
-
-def test_second_order_of_a_secant_is_the_load_on_the_bent_arm(cell, rng):
-    """theta = C_theta (J^T w + K_w theta), by Eq. (7); without K_w that of Eq. (6)."""
-    wrench, point = random_wrench(rng, 5, 100, 100)
-    where, C_theta = chain(cell.vjm, random_q(cell, rng, 5)), cell.arm.C_theta
-    K_w = geometric_stiffness(where, wrench, point)
-    for given, own in ((None, 0 * K_w), (K_w, K_w)):
-        theta = secant(where, C_theta, wrench, point, given)
-        u = generalised_load(where, wrench, point).T + np.matvec(own, theta)
-        np.testing.assert_allclose(theta, u @ C_theta, rtol=0, atol=1e-12 * np.abs(theta).max())
 
 
 def inverted_pendulum(cell):
@@ -128,7 +100,7 @@ def inverted_pendulum(cell):
     return q, point[None], C_theta, height, compliance
 
 
-def test_loaded_stiffness_falls_to_zero_at_the_buckling_load_of_theory(kr500):
+def test_stiffness_falls_to_zero_at_the_buckling_load_of_theory_beyond_which_a_pose_is_named(kr500, arm_6r):
     """An inverted pendulum of height h on a spring k: stiffness k - P h, critical load P = k / h."""
     q, point, C_theta, height, compliance = inverted_pendulum(kr500)
     critical = 1 / (compliance * height)
@@ -136,22 +108,15 @@ def test_loaded_stiffness_falls_to_zero_at_the_buckling_load_of_theory(kr500):
         wrench = np.array([[0, 0, -share * critical, 0, 0, 0]])
         theta = at_rest(kr500, C_theta, q, wrench, point)
         where = chain(kr500.vjm, q, theta)
-        K_w = geometric_stiffness(where, wrench, point)
-        sideways = loaded_compliance(load_jacobian(where, point), C_theta, K_w)[0, 0, 0]
+        K_w = loaded.geometric_stiffness(where, wrench, point)
+        sideways = loaded.loaded_compliance(loaded.load_jacobian(where, point), C_theta, K_w)[0, 0, 0]
         # a dozen roundings, magnified ten times by the nearness of buckling
         expected = height**2 * compliance / (1 - share)
         np.testing.assert_allclose(sideways, expected, rtol=1e-13)
-
-
-@pytest.mark.parametrize("share", [1.001, 3.0])
-def test_beyond_its_buckling_load_an_arm_has_no_equilibrium(kr500, share):
-    q, point, C_theta, height, compliance = inverted_pendulum(kr500)
-    wrench = np.array([[1.0, 0, -share / (compliance * height), 0, 0, 0]])  # a newton tells it where to fall
-    with pytest.raises(NoEquilibrium, match=r"-90\.0.*buckled"):
-        at_rest(kr500, C_theta, q, wrench, point)
-
-
-def test_a_load_beyond_all_measure_names_its_pose(arm_6r):
+    for share in (1.001, 3.0):
+        wrench = np.array([[1.0, 0, -share * critical, 0, 0, 0]])  # a newton tells it where to fall
+        with pytest.raises(NoEquilibrium, match=r"-90\.0.*buckled"):
+            at_rest(kr500, C_theta, q, wrench, point)
     q = np.deg2rad([[0.0, 0, 0, 0, 0, 0], [0.0, 10, 0, 0, 0, 0]])
     wrench, point = hung(arm_6r, 2, 1e5)
     wrench[0] = 0
@@ -163,20 +128,19 @@ def test_wrong_shapes_say_what_was_expected(kr500):
     arm, vjm = kr500.arm, kr500.vjm
     q, wrench, point, theta = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 3)), np.zeros((2, 48))
     where, K_w = chain(vjm, q), np.zeros((2, 48, 48))
-    J = load_jacobian(where, point)
+    J = loaded.load_jacobian(where, point)
     for text, call in {
         r"q \[rad, m\]: expected shape \(any, 6\), got \(2, 5\)": lambda: chain(vjm, q[:, :5]),
         r"theta \[m, rad\]: expected shape \(2, 48\), got \(1, 48\)": lambda: chain(vjm, q, theta[:1]),
-        "theta .*finite": lambda: chain(vjm, q, theta + np.nan),
-        r"wrench .*\(2, 6\), got \(1, 6\)": lambda: geometric_stiffness(where, wrench[:1], point),
-        r"point .*\(2, 3\), got \(3,\)": lambda: geometric_stiffness(where, wrench, point[0]),
-        r"point .*\(2, 3\), got \(1, 3\)": lambda: load_jacobian(where, point[:1]),
-        r"J_theta .*\(any, 6, any\), got \(6, 48\)": lambda: loaded_compliance(J[0], arm.C_theta, K_w),
-        r"C_theta .*\(48, 48\), got \(42, 42\)": lambda: loaded_compliance(J, np.eye(42), K_w),
-        r"K_w .*\(2, 48, 48\), got \(48, 48\)": lambda: loaded_compliance(J, arm.C_theta, K_w[0]),
-        r"targets .*\(any, 3\), got \(3,\)": lambda: loaded_deflection(vjm, q, theta, np.zeros(3)),
-        r"targets .*got \(1, 2\)": lambda: displacement(where, theta, np.zeros((1, 2))),
-        r"K_w .*got \(1, 48, 48\)": lambda: secant(where, arm.C_theta, wrench, point, K_w[:1]),
+        r"wrench .*\(2, 6\), got \(1, 6\)": lambda: loaded.geometric_stiffness(where, wrench[:1], point),
+        r"point .*\(2, 3\), got \(3,\)": lambda: loaded.geometric_stiffness(where, wrench, point[0]),
+        r"point .*\(2, 3\), got \(1, 3\)": lambda: loaded.load_jacobian(where, point[:1]),
+        r"J_theta .*\(any, 6, any\), got \(6, 48\)": lambda: loaded.loaded_compliance(J[0], arm.C_theta, K_w),
+        r"C_theta .*\(48, 48\), got \(42, 42\)": lambda: loaded.loaded_compliance(J, np.eye(42), K_w),
+        r"K_w .*\(2, 48, 48\), got \(48, 48\)": lambda: loaded.loaded_compliance(J, arm.C_theta, K_w[0]),
+        r"targets .*\(any, 3\), got \(3,\)": lambda: loaded.loaded_deflection(vjm, q, theta, np.zeros(3)),
+        r"targets .*got \(1, 2\)": lambda: loaded.displacement(where, theta, np.zeros((1, 2))),
+        r"K_w .*got \(1, 48, 48\)": lambda: loaded.secant(where, arm.C_theta, wrench, point, K_w[:1]),
     }.items():
         with pytest.raises(BenchError, match=text):
             call()
@@ -192,3 +156,153 @@ def test_algebraic_reduction_finds_the_32_parameters_of_mls32(name, request, rng
     A, B = (observation(where, s, *load, cell.vjm.markers).reshape(-1, s.n) for s in (full, reduced))
     assert rank(B) == rank(A)  # and so every prediction of the 56 can be had from the 32
     assert rank(np.hstack([A, B])) == rank(B)
+
+
+AGREE = 1e-12  # of the largest load; both sides are sums of a few products
+
+
+def forces(model, qpos, body=0, wrench=None, point=None):
+    """Generalised forces of gravity, and of a wrench at a point of a body, (runs, nv) [N m, N]."""
+    data, found = mujoco.MjData(model), []
+    for run, pose in enumerate(qpos):
+        data.qpos[:] = pose
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_rne(model, data, 0, data.qfrc_bias)
+        found.append(-data.qfrc_bias)
+        if body:
+            at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ point[run]
+            mujoco.mj_applyFT(model, data, wrench[run, :3], wrench[run, 3:], at, body, found[-1])
+    return np.array(found)
+
+
+def test_own_weight_is_mujocos_on_every_virtual_joint(cell, rng):
+    """Virtual joints bent by 0.3 m and 0.3 rad too."""
+    model = cell.plant.model.__copy__()
+    for link in cell.arm.links:
+        model.body(f"{link.name}_end").mass[:] = 0  # a carrier is not of the arm
+    qpos = np.zeros((20, model.nv))
+    qpos[:, cell.plant.joints] = q = random_q(cell, rng, 20)
+    qpos[10:, cell.plant.theta] = 0.3 * rng.uniform(-1, 1, (10, cell.arm.n_theta))
+    expected = forces(model, qpos)[:, cell.plant.theta]
+    load = own_weight(chain(cell.vjm, q, qpos[:, cell.plant.theta]), read_weights(cell.arm))
+    np.testing.assert_allclose(load.T, expected, rtol=0, atol=AGREE * np.abs(expected).max())
+
+
+FIXED = """<body name="motor" pos="0.1 0.2 0.3" euler="20 30 40"><inertial pos="0.1 -0.1 0.2" mass="3"
+ diaginertia="0.1 0.1 0.1"/><body name="cover" pos="0 0.1 0" zaxis="1 2 3"><inertial pos="0.3 0 0.1"
+ mass="0.5" diaginertia="0.1 0.1 0.1"/><geom class="drawn" size="0.1"/></body></body>"""
+DRAWN = '<default><default class="drawn"><geom mass="0"/></default></default>'
+
+
+def rewritten(folder, *changes):
+    text = (folder / "rigid.xml").read_text(encoding="utf-8")
+    for old, new in changes:
+        text = text.replace(old, new, 1)
+    (folder / "rigid.xml").write_text(text, encoding="utf-8")
+    return load_arm(folder)
+
+
+def test_bodies_fixed_to_a_link_weigh_with_it(tmp_path):
+    folder = write_arm(tmp_path / "arm", "zyx", degrees=True)
+    link_3 = '<body name="link_3"'
+    arm = rewritten(folder, (link_3, FIXED + link_3), ("<worldbody>", f"{DRAWN}<worldbody>"))
+    model = mujoco.MjModel.from_xml_path(str(arm.rigid))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    weights, link = read_weights(arm), data.body("link_2")
+    parts = [data.body(name).id for name in ("link_2", "motor", "cover")]
+    mass = model.body_mass[parts]
+    centre = mass @ (data.xipos[parts] - link.xpos) @ link.xmat.reshape(3, 3) / mass.sum()
+    np.testing.assert_allclose(weights.mass[2], mass.sum(), rtol=1e-14)
+    np.testing.assert_allclose(weights.centre[2], centre, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("<compiler ", '<compiler inertiafromgeom="true" ', "expected masses in <inertial>"),
+        ('<body name="P1"', '<body name="box"><geom size="0.1"/></body><body name="P1"', "'box'.*shapes"),
+    ],
+)
+def test_masses_that_only_mujoco_could_weigh_are_refused(tmp_path, old, new, expected):
+    arm = rewritten(write_arm(tmp_path / "arm", "zyx"), (old, new))
+    with pytest.raises(InputError, match=expected):
+        read_weights(arm)
+
+
+def other_arm(cell, rng):
+    """Every mass off by a Gaussian factor, every centre too."""
+    model = cell.room.model.__copy__()
+    factor = np.maximum(1 + MASS * rng.standard_normal(model.nbody), 0.2)
+    model.body_mass *= factor
+    model.body_ipos += CENTRE / 2 * rng.standard_normal((model.nbody, 3))
+    return model
+
+
+def true_torques(cell, model, q, wrench, point):
+    """Generalised forces of gravity and of a wrench at the tool on the joints, (runs, n) [N m, N]."""
+    qpos, joints = np.zeros((len(q), model.nv)), cell.room.joints
+    qpos[:, joints] = q
+    return forces(model, qpos, model.body(cell.arm.tool).id, wrench, point)[:, joints]
+
+
+def with_torques(q, wrench, point, torque):
+    rows = len(q)
+    ids, origin = np.arange(rows), np.zeros((rows, 1, 3))
+    return Series("s", ("P1",), "f", "t", ids, ids, q, wrench, point, origin, 1e-4, torque=torque)
+
+
+def rms(x):
+    return np.sqrt((x**2).mean())
+
+
+@pytest.mark.parametrize("name", ["kr500", "slides"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_wrong_masses_are_mended_to_the_noise_of_the_torques(name, sign, request, rng):
+    """300 poses, half with a payload, of either sign, with offsets and every twentieth torque wild."""
+    cell = request.getfixturevalue(name)
+    model, weights = other_arm(cell, rng), read_weights(cell.arm)
+    q, (wrench, point) = random_q(cell, rng, 600), hung(cell, 600, 20.0)
+    wrench[::2] = 0
+    exact = true_torques(cell, model, q, wrench, point)
+    sigma = 0.01 * rms(exact)
+    torque = sign * (exact + sigma * rng.standard_normal(exact.shape))
+    torque += 20 * sigma * rng.standard_normal(exact.shape[1])
+    torque[rng.random(exact.shape) < 0.05] += 50 * sigma
+    parts = tuple(with_torques(q[s], wrench[s], point[s], torque[s]) for s in (slice(100), slice(100, 300)))
+    found = fit_weights(cell.vjm, weights, parts)
+
+    def error(found):
+        straight = chain(cell.vjm, q[301::2])
+        n = cell.arm.n_joints
+        new = true_torques(cell, model, q[301::2], 0 * wrench[301::2], point[301::2])
+        return rms(own_weight(straight, found)[-n:].T - new)
+
+    assert error(found.weights) < 0.3 * sigma < 3 * sigma < error(weights)
+    assert found.motors == (sign == -1)
+    assert ("the weight's" in of_masses(found)) == (sign == 1)
+
+
+def test_torques_that_are_not_of_the_weight_change_no_mass_and_none_beyond_its_bounds(kr500, rng):
+    """In another order; none; an unstated load, of 250 kg like heavy links, of a tonne like nothing."""
+    weights = read_weights(kr500.arm)
+    q, (wrench, point) = random_q(kr500, rng, 200), hung(kr500, 200, 0.0)
+    exact = true_torques(kr500, kr500.room.model, q, wrench, point)
+    found = fit_weights(kr500.vjm, weights, (with_torques(q, wrench, point, exact[:, ::-1]),))
+    assert found.weights is weights
+    assert "order of joints" in of_masses(found)
+    assert fit_weights(kr500.vjm, weights, (with_torques(q, wrench, point, None),)) is None
+    weights = read_weights(kr500.arm)
+    q = random_q(kr500, rng, 200)
+
+    def fit(unknown):
+        wrench, point = hung(kr500, 200, unknown)
+        torque = true_torques(kr500, kr500.room.model, q, wrench, point)
+        return fit_weights(kr500.vjm, weights, (with_torques(q, 0 * wrench, point, torque),))
+
+    found = fit(250.0)
+    assert (np.abs(found.weights.mass / weights.mass - 1) < LIMIT * MASS + 1e-9).all()
+    assert "as far from rigid.xml as is allowed: link_" in of_masses(found)
+    found = fit(1000.0)
+    assert found.weights is weights
+    assert "payload?" in of_masses(found)

@@ -9,61 +9,48 @@ from loads import rotation_observation
 from printed_matrices import OWN, least_cost, printed_matrices, readings, tables
 from scipy.spatial.transform import Rotation
 
-from testbench.campaign.campaign import Scenario
+from testbench import Scenario, deflections
 from testbench.campaign.campaign import simulate as calibrate
 from testbench.campaign.evaluation import identify
 from testbench.campaign.models import named_models
 from testbench.campaign.pose_campaign import FullPose, random_wrenches, simulate
 from testbench.errors import PoseError
-from testbench.identify.evaluate import deflections
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, observation
 from testbench.report.table import Row, Trials
 from testbench.studies.paper import EQ_22, EQ_23, SECTION_6
-from testbench.studies.single_link.trial import (
-    GCO,
-    LEAST_SQUARES,
-    Settings,
-    measure,
-    models,
-    noise_scale,
-    rank_beyond_noise,
-    trials,
-)
+from testbench.studies.single_link import trial
 
-STUDY = Settings()
+STUDY = trial.Settings()
 LOADS = np.diag([10.0] * 6)
 
 
 def estimates(cell, data):
-    return {m.name: m.estimator(cell.vjm, m.structure, data).C_theta for m in models(cell)}
+    return {m.name: m.estimator(cell.vjm, m.structure, data).C_theta for m in trial.models(cell)}
 
 
 @pytest.fixture(scope="module")
 def printed(single_link):
-    return printed_matrices(single_link, STUDY, measure(single_link, STUDY, 1).truth)
+    return printed_matrices(single_link, STUDY, trial.measure(single_link, STUDY, 1).truth)
 
 
-def test_noise_free_data_give_eq_21_back(single_link):
+def test_noise_free_data_give_eq_21_back_and_rank_counts_what_is_beyond_rounding(single_link):
     campaign = STUDY.campaign.model_copy(update={"noise": False})
-    data = measure(single_link, replace(STUDY, campaign=campaign), 1).identification
+    data = trial.measure(single_link, replace(STUDY, campaign=campaign), 1).identification
     found = estimates(single_link, data)
-    C, unit = single_link.arm.C_theta, noise_scale(STUDY.campaign)
+    C, unit = single_link.arm.C_theta, trial.noise_scale(STUDY.campaign)
     # rounding of marker positions of order one, over 10 N
-    np.testing.assert_allclose(found[LEAST_SQUARES], C, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(found[trial.LEAST_SQUARES], C, rtol=0, atol=1e-15)
     # the interior point stops at 1e-7 of the data; noise would be of order one
-    assert np.abs((found[GCO] - C) / unit).max() < 1e-3
+    assert np.abs((found[trial.GCO] - C) / unit).max() < 1e-3
+    C = single_link.arm.C_theta
+    assert trial.rank_beyond_noise(STUDY.campaign, C) == 6
+    values, Q = np.linalg.eigh(C)
+    values[:2] = 0, 1e-14
+    assert trial.rank_beyond_noise(STUDY.campaign, (Q * values) @ Q.T) == 4
 
 
-def test_least_squares_of_axis_loads_reads_the_columns_directly(single_link):
-    data = measure(single_link, STUDY, 3).identification
-    columns = np.hstack([data.deflection[:, 0], data.rotation]).T / 10
-    C = estimates(single_link, data)[LEAST_SQUARES]
-    np.testing.assert_allclose(C, columns, rtol=0, atol=1e-15)
-    assert np.abs(columns - columns.T).max() > 1e-6
-
-
-def test_eq_22_differs_from_the_truth_as_noise_of_a_deflection_under_axis_loads(printed):
+def test_eq_22_differs_from_the_truth_by_noise_under_axis_loads_and_eq_23_is_of_rank_4(printed):
     pin = printed.pinning
     assert pin.position_rms_over_sigma == pytest.approx(1.02, abs=0.005)
     assert pin.rotation_rms_over_sigma == pytest.approx(1.21, abs=0.005)
@@ -74,9 +61,6 @@ def test_eq_22_differs_from_the_truth_as_noise_of_a_deflection_under_axis_loads(
     facts = tables(printed)["facts"]
     assert facts.rows[0].value == pin.rms_over_sigma
     assert "RMS that six random loads would give" in [row.what for row in facts.rows]
-
-
-def test_eq_22_has_a_negative_eigenvalue_and_eq_23_is_of_rank_4_within_its_rounding(printed):
     assert printed.eq_22.eigenvalues_matrix[0] == pytest.approx(-1.14e-6, abs=0.005e-6)
     assert printed.eq_22.eigenvalues_symmetric_part[0] == pytest.approx(-4.07e-6, abs=0.005e-6)
     assert printed.eq_23.eigenvalues_symmetric_part[0] == pytest.approx(-3.9e-9, abs=0.1e-9)
@@ -87,7 +71,7 @@ def test_eq_22_has_a_negative_eigenvalue_and_eq_23_is_of_rank_4_within_its_round
 
 def test_eq_22_is_the_papers_dataset_and_eq_23_is_not_its_optimum(single_link, printed):
     data = readings(single_link, STUDY.campaign, LOADS, LOADS @ np.array(EQ_22).T)
-    C = estimates(single_link, data)[LEAST_SQUARES]
+    C = estimates(single_link, data)[trial.LEAST_SQUARES]
     np.testing.assert_allclose(C, EQ_22, rtol=0, atol=1e-15)
     own = printed[OWN]
     assert least_cost(printed).verdict == "not confirmed"
@@ -97,20 +81,12 @@ def test_eq_22_is_the_papers_dataset_and_eq_23_is_not_its_optimum(single_link, p
     assert own.order[-1].f_m == pytest.approx(own.optimum_f_m, rel=1e-6)
 
 
-def test_rank_counts_what_is_beyond_rounding_in_units_of_the_noise(single_link):
-    C = single_link.arm.C_theta
-    assert rank_beyond_noise(STUDY.campaign, C) == 6
-    values, Q = np.linalg.eigh(C)
-    values[:2] = 0, 1e-14
-    assert rank_beyond_noise(STUDY.campaign, (Q * values) @ Q.T) == 4
-
-
 def test_a_draw_is_the_same_alone_and_among_others():
     def without_clock(rows):
         return [replace(row, solve_seconds=0.0) for row in rows]
 
-    [alone] = trials(STUDY, [8])
-    assert without_clock(alone) == without_clock(trials(STUDY, [7, 8])[1])
+    [alone] = trial.trials(STUDY, [8])
+    assert without_clock(alone) == without_clock(trial.trials(STUDY, [7, 8])[1])
 
 
 SEEDS = 100
@@ -118,23 +94,15 @@ SEEDS = 100
 
 def verdicts(factor):
     """What is said where a model's check error is so many times the paper's MGCO56's, a number a seed."""
-    check = {"check": {"rms_mm": 0.2, "max_relative_percent": 6.0, "max_mm": 0.4}}
+    same = Row(identification=Row(rms_mm=0.1), check=Row(rms_mm=0.2, max_relative_percent=6.0, max_mm=0.4))
+    plain = {name: name.startswith("MLS") for name in SECTION_6}
     models = [
-        Row(
-            name=name,
-            constraint="none" if name.startswith("MLS") else "psd",
-            conservative=not name.startswith("MLS"),
-            identification=Row(rms_mm=0.1),
-            check=Row(check["check"]),
-        )
-        for name in SECTION_6
+        Row(same, name=name, constraint="none" if ls else "psd", conservative=not ls)
+        for name, ls in plain.items()
     ]
-    rows = [
-        {"name": name, "seed": seed, "check.rms_mm": 0.2 * factor.get(name, 1.0) * (1 + 0.01 * k)}
-        for seed in range(SEEDS)
-        for k, name in enumerate(SECTION_6)
-    ]
-    trials = Trials.holding({key: [row[key] for row in rows] for key in rows[0]})
+    errors = [0.2 * factor.get(name, 1.0) * (1 + 0.01 * k) for k, name in enumerate(SECTION_6)]
+    seeds, names = np.repeat(range(SEEDS), len(SECTION_6)).tolist(), [*SECTION_6] * SEEDS
+    trials = Trials.holding({"name": names, "seed": seeds, "check.rms_mm": errors * SEEDS})
     return {row.claim: row for row in section_6._judged(Row(models=models), trials)}
 
 
@@ -153,11 +121,7 @@ def test_a_model_is_the_best_where_it_errs_least_in_most_seeds():
 PAPER = {"arm": "arm_6r", "least": 9e-3, "most": 41e-3}
 
 
-def clock():
-    return 0.0
-
-
-def test_campaign_is_that_of_section_5_2(arm_6r):
+def test_campaign_is_that_of_section_5_2_its_noise_root_two_of_a_readings(arm_6r):
     campaign = simulate(arm_6r, FullPose(**PAPER), 1)
     data = campaign.identification
     assert (data.runs, len(np.unique(data.pose)), campaign.check.runs) == (108, 18, 120)
@@ -169,15 +133,11 @@ def test_campaign_is_that_of_section_5_2(arm_6r):
     assert 9e-3 <= size.min() < size.max() <= 41e-3
     assert len(np.unique(campaign.check.q, axis=0)) == 120
     assert campaign.drawn >= 120
-
-
-def test_noise_of_a_deflection_is_root_two_of_a_readings(arm_6r):
     scenario = FullPose(**PAPER, check_runs=1000, sigma=40e-6, sigma_rotation=300e-6)
     campaign = simulate(arm_6r, scenario, 3)
     error = campaign.check.deflection - campaign.truth.deflection
-    turn = (
-        Rotation.from_rotvec(campaign.truth.rotation).inv() * Rotation.from_rotvec(campaign.check.rotation)
-    ).as_rotvec()
+    true, read = (Rotation.from_rotvec(own.rotation) for own in (campaign.truth, campaign.check))
+    turn = (true.inv() * read).as_rotvec()
     # 3000 components: the standard error of their RMS is 1.3 %
     assert np.sqrt(np.mean(error**2)) == pytest.approx(np.sqrt(2) * 40e-6, rel=0.05)
     assert np.sqrt(np.mean(turn**2)) == pytest.approx(np.sqrt(2) * 300e-6, rel=0.05)
@@ -193,7 +153,7 @@ def test_true_check_deflections_are_those_of_the_same_runs_without_noise(kr500, 
         np.testing.assert_array_equal(noisy.check_true.deflection, calm.check.deflection)
         np.testing.assert_array_equal(noisy.check_true.q, noisy.check.q)
         assert np.abs(noisy.check.deflection - noisy.check_true.deflection).max() > scenario.sigma
-        [result] = identify(cell, noisy, named_models(cell, ["MGCO56"]), clock)
+        [result] = identify(cell, noisy, named_models(cell, ["MGCO56"]), lambda: 0.0)
         error = deflections(cell.vjm, result.estimate, noisy.check) - noisy.check_true.deflection
         rms = np.sqrt((error**2).sum(axis=-1).mean())
         assert result.check_true.rms == pytest.approx(rms, rel=1e-9) != pytest.approx(result.check.rms)
@@ -211,14 +171,10 @@ def test_noise_free_linear_runs_are_what_the_model_of_the_truth_predicts(arm_6r)
     np.testing.assert_allclose(data.rotation, turned, rtol=0, atol=1e-12)
 
 
-def test_deflections_out_of_reach_say_how_many_were_drawn(arm_6r):
-    with pytest.raises(
-        PoseError, match=r"found 0 of 120 check runs with a deflection of 900 to 1000 mm among"
-    ):
+def test_random_wrenches_have_their_magnitudes_and_deflections_out_of_reach_are_counted(arm_6r, rng):
+    said = "found 0 of 120 check runs with a deflection of 900 to 1000 mm among"
+    with pytest.raises(PoseError, match=said):
         simulate(arm_6r, FullPose(arm="arm_6r", least=0.9), 1)
-
-
-def test_random_wrenches_have_their_magnitudes_in_all_directions(rng):
     wrench = random_wrenches(2000, 100.0, 7.0, rng)
     np.testing.assert_allclose(np.linalg.norm(wrench[:, :3], axis=1), 100, rtol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(wrench[:, 3:], axis=1), 7, rtol=1e-12)

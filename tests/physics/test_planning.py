@@ -1,4 +1,4 @@
-"""Plans of the KR 500: what their rows say against the library, feasibility, certificate, kept promises."""
+"""Plans: what their rows tell against the library, what stays hidden, feasible, certified, kept promises."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -7,33 +7,33 @@ import numpy as np
 import pytest
 from scipy.stats import wishart
 
+from testbench import BenchError, Load, PlanSettings, deflections, least_squares, reduce, with_prior
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign import predicted_error
+from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import Scenario, hanging, measure, stream
+from testbench.campaign.candidates import Conditions, build_checks, find
 from testbench.campaign.open_laws import open_laws
-from testbench.data.dataset import Dataset
-from testbench.design.criteria import CRITERIA
+from testbench.campaign.plan import left_open, union_after, union_of
+from testbench.campaign.unobservable import quantities, unobservable
+from testbench.commands.plan_numbers import filled
+from testbench.design import absolute
+from testbench.design import rows as plans
+from testbench.design.baselines import error_after
+from testbench.design.criteria import CRITERIA, criterion_of
+from testbench.design.exchange import exchange, greedy
 from testbench.design.forecast import forecast
 from testbench.design.planning import DETOUR, _order, candidate_set, make_plan, promise
 from testbench.design.refine import Reach
-from testbench.design.rows import (
-    Experiment,
-    Specification,
-    Tasks,
-    build_problem,
-    deflection_rows,
-    information,
-    problem_of,
-    reading_rows,
-    task_rows,
-)
 from testbench.design.whole_arm import fit_of, promise_on
-from testbench.errors import BenchError
-from testbench.identify import least_squares, reduce, with_prior
-from testbench.identify.evaluate import deflections
+from testbench.identify.absolute.fit import Options, calibrate
+from testbench.identify.absolute.posterior import model_of
+from testbench.identify.absolute.pull import information as told_by
+from testbench.identify.absolute.pull import pull_of
+from testbench.identify.absolute.state import forward
 from testbench.identify.metric import metric, precision_root, whitened
+from testbench.identify.observability import hidden
 from testbench.identify.prior import Strength, cad_prior
-from testbench.model.load import Load
 from testbench.model.poses import WorkArea, random_poses
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.plant.site import collisions
@@ -54,10 +54,10 @@ def poses(kr500):
 def spec(kr500, poses):
     own = metric(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     load = Load(np.array([0, 0, -460.3 * GRAVITY, 0, 0, 0]), kr500.vjm.load)
-    return Specification(
-        experiment=Experiment(kr500.vjm, own, kr500.vjm.markers, 50e-6),
+    return plans.Specification(
+        experiment=plans.Experiment(kr500.vjm, own, kr500.vjm.markers, 50e-6),
         loads=(load,),
-        tasks=Tasks(poses[200:210], load),
+        tasks=plans.Tasks(poses[200:210], load),
         workspace=poses[210:],
         uncertainty=0.3,
         poses=9,
@@ -71,23 +71,8 @@ def plan(kr500, spec, poses):
 
 def promise_of(spec, q, load):
     """Errors to expect at the tasks after any poses were measured, such as those of a plan made by hand."""
-    problem = problem_of(spec, q, load)
-    return forecast(problem, information(problem, np.arange(len(q))), task_rows(spec))
-
-
-def blank(kr500, q, load):
-    """A dataset of runs not read yet."""
-    runs, ids = len(q), np.arange(len(q))
-    zero = np.zeros((runs, 3, 3))
-    wrench, point = np.tile(load.wrench, (runs, 1)), np.tile(load.point, (runs, 1))
-    return Dataset(kr500.arm.markers, ids, ids, q, wrench, point, zero, zero, 50e-6)
-
-
-def test_information_is_that_of_the_reduced_regression(kr500, spec, poses):
-    q, load = poses[:7], spec.loads[0]
-    rows = reading_rows(spec.experiment, q, load).reshape(-1, 68)
-    A, _ = whitened(reduce(kr500.vjm, mgco68(kr500.arm), blank(kr500, q, load)), spec.experiment.metric)
-    np.testing.assert_allclose(rows.T @ rows, A.T @ A, atol=1e-9 * np.abs(A.T @ A).max())
+    problem = plans.problem_of(spec, q, load)
+    return forecast(problem, plans.information(problem, np.arange(len(q))), plans.task_rows(spec))
 
 
 def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spec, poses):
@@ -117,21 +102,27 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
     assert left(poses[:11], 1, replace(whole, uncertainty=None)) == left(poses[:11], 1, spec) == {}
 
 
-def test_prediction_variance_in_seen_coordinates_is_that_of_all_unknowns(spec, poses):
+def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns(spec, poses, kr500):
     """A side force asks for directions that gravity does not show: the prior's part must come in whole."""
-    rows = reading_rows(spec.experiment, poses, spec.loads[0])
-    problem = build_problem(spec.experiment, rows, 0.3)
+    rows = plans.reading_rows(spec.experiment, poses, spec.loads[0])
+    problem = plans.build_problem(spec.experiment, rows, 0.3)
     assert problem.r == 49
-    assert build_problem(spec.experiment, rows, None).unseen.shape == (68, 19)
+    assert plans.build_problem(spec.experiment, rows, None).unseen.shape == (68, 19)
     chosen = np.arange(9)
     side = Load(np.array([0, 3000.0, 0, 0, 0, 0]), spec.loads[0].point)
-    wanted = deflection_rows(spec.experiment, poses[200:203], side)
+    wanted = plans.deflection_rows(spec.experiment, poses[200:203], side)
     B, _ = precision_root(spec.experiment.metric, Strength(0.3, 10.0))
     A = rows[chosen].reshape(-1, 68)
     whole = np.linalg.inv(B.T @ B + A.T @ A)
-    inside = problem.lift @ np.linalg.solve(information(problem, chosen), problem.lift.T) + problem.hidden
+    seen, lift = plans.information(problem, chosen), problem.lift
+    inside = lift @ np.linalg.solve(seen, lift.T) + problem.hidden
     by_hand, ours = (np.einsum("pkn,nl,pkl->p", wanted, C, wanted) for C in (whole, inside))
     np.testing.assert_allclose(ours, by_hand, rtol=1e-6)
+    q, setup = poses[:7], Scenario(arm=kr500.arm.name, truth="linear")
+    data = measure(kr500, setup, hanging(kr500, q, np.arange(7) + 1, 460.3), stream(2))
+    rows = plans.reading_rows(spec.experiment, q, spec.loads[0]).reshape(-1, 68)
+    A, _ = whitened(reduce(kr500.vjm, mgco68(kr500.arm), data), spec.experiment.metric)
+    np.testing.assert_allclose(rows.T @ rows, A.T @ A, atol=1e-9 * np.abs(A.T @ A).max())
 
 
 def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, poses):
@@ -142,20 +133,20 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
     assert 0.7 < plan.efficiency <= 1
     np.testing.assert_array_equal(plan.examined.q[plan.chosen], plan.q)
     chance = [promise_of(spec, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int)).overall for k in range(20)]
-    assert promise(plan, task_rows(spec)).overall < min(chance)
+    assert promise(plan, plans.task_rows(spec)).overall < min(chance)
 
 
 @pytest.mark.parametrize("name", CRITERIA)
 def test_every_criterion_makes_a_plan_with_a_certificate(kr500, spec, poses, name):
-    few = replace(spec, poses=4)
-    found = make_plan(few, name, poses[:25], Reach(lambda q: clear(kr500, q)), stream(1))
+    few = replace(spec, poses=3)
+    found = make_plan(few, name, poses[:12], Reach(lambda q: clear(kr500, q)), stream(1))
     assert 0 < found.efficiency <= 1
 
 
 def test_two_loads_are_chosen_pose_by_pose_and_hung_one_after_the_other_by_the_seed(kr500, spec, poses):
     side = Load(np.array([0, 4500.0, 0, 0, 0, 0]), spec.loads[0].point)  # loads joint 1, as no weight does
     both, reach = replace(spec, loads=(spec.loads[0], side)), Reach(lambda q: clear(kr500, q))
-    found, again = (make_plan(both, "D", poses[:40], reach, stream(1)) for _ in range(2))
+    found, again = (make_plan(both, "D", poses[:20], reach, stream(1)) for _ in range(2))
     assert set(found.load) == {0, 1}
     assert (np.diff(found.load) >= 0).all()
     np.testing.assert_array_equal(again.q, found.q)
@@ -233,3 +224,124 @@ def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified
         scatter = np.std(squares[name]) / np.sqrt(200)
         assert np.mean(squares[name]) == pytest.approx(found, abs=5 * scatter), name
         assert scatter < 0.1 * found, name  # so that a factor of two would show
+
+
+POSES = 12
+ASKED = PlanSettings(absolute=True, criterion="I", model="Joints", poses=POSES, orders=1, loads_kg=(300.0,))
+ALONE = replace(ASKED, loads_kg=())
+
+
+@pytest.fixture(scope="module")
+def union(kr500):
+    return union_of(kr500, ASKED)
+
+
+@pytest.fixture(scope="module")
+def places(kr500):
+    return find(build_checks(kr500, Conditions()), 120, stream(11)).q
+
+
+def test_what_joints_do_beyond_the_model_is_one_noise_of_a_pose(union, places):
+    """Drawn joints move the targets, by finite differences of the arm itself; rows are whitened by that."""
+    q, rng = places[:1], np.random.default_rng(0)
+    series, state = absolute.at(union, q), union.state
+    draws = rng.normal(0, union.rest, (4000, len(union.rest)))
+
+    def targets(moved):
+        where = forward(state, replace(series, q=series.q + moved)).where
+        return where.points(state.mount(series).points).ravel()
+
+    still = targets(0 * draws[0])
+    J = np.stack([(targets(h) - still) / 1e-6 for h in 1e-6 * np.eye(len(union.rest))], axis=1)
+    V = np.cov((draws @ J.T).T) + series.sigma**2 * np.eye(len(still))
+    A = np.linalg.solve(np.linalg.cholesky(V), absolute.position_rows(union, q)[0])
+    ours, drawn = (rows.T @ rows for rows in (absolute.measured_rows(union, q)[0], A))
+    # 4000 draws: 2 % of a variance, and some more over many entries
+    assert np.linalg.norm(ours - drawn) < 0.1 * np.linalg.norm(ours)
+    rms = np.sqrt(np.square(draws @ J.T).sum(axis=1).mean() / (2 * len(series.markers)))
+    assert absolute.joint_rest(union, q) == pytest.approx(rms, rel=0.03)
+
+
+def test_a_joint_that_never_turns_hides_what_a_plan_shows_but_for_structural_directions(union, places):
+    """Of an arm of n hinges with m free targets 4 n + 3 m are found of 6 n + 3 m numbers (Everett 1987)."""
+    stuck = places[:POSES].copy()
+    stuck[:, 4] = 0.3
+    said = [words for words in left_open(union, stuck) if words.startswith("joint_4's offset hides behind")]
+    assert len(said) == 1
+    assert "link_4's turn" in said[0]
+    assert said[0].endswith("turn joint_5 more")
+    problem = absolute.candidate_set(union, places, POSES).problem
+    criterion = criterion_of("I", problem, absolute.position_rows(union, places[-20:]))
+    plan = exchange(problem, criterion, problem.rows, greedy(problem, criterion, problem.rows, POSES))
+    assert not [words for words in left_open(union, places[plan]) if "offset" in words]
+    first, *_ = left_open(union, places[:POSES])
+    joints = ", ".join(f"joint_{k} (2)" for k in range(1, 7))
+    assert first.startswith("12 directions of geometry, frames and mounts are structural")
+    assert first.endswith(joints)
+
+
+def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_zero_does(union, places):
+    """Information k of the sum of two unit normals: each keeps (1 + k) / (1 + 2 k) of its variance."""
+    unknowns, k = union.unknowns, 50.0
+    one, other = (
+        next(i for i in quantities(unknowns) if i.name == name)
+        for name in ("joint_3's offset", "joint_6's compliance")
+    )
+    L = np.diag(np.sqrt(np.diag(union.L @ union.L.T)))
+    both = sum(i.H[0] @ L / np.linalg.norm(i.H @ union.L) for i in (one, other))
+    found = hidden(quantities(unknowns), L, k * np.outer(both, both), np.zeros((len(L), 0)))
+    assert [(i.name, i.behind) for i in found if i.behind] in (
+        [("joint_3's offset", ("joint_6's compliance",))],
+        [("joint_6's compliance", ("joint_3's offset",))],
+    )
+    unknowns, q = union.unknowns, places[:POSES]
+    prior = np.diag(np.diag(union.L @ union.L.T))
+    prior[unknowns.columns("errors")] = 0
+    series = absolute.at(union, q)
+    pull = pull_of(unknowns, union.state, (series,))
+    tells = told_by(unknowns, union.state, series)
+    said = " ".join(unobservable(unknowns, tells, prior, pull))
+    assert "12 directions" in said
+    assert "error" not in said
+    assert "joint_6's compliance" in " ".join(unobservable(unknowns, 0 * tells, prior, pull))
+
+
+@pytest.fixture(scope="module")
+def before(kr500):
+    """Readings of 250 poses with joint_1 on one side, and the arm by them."""
+    q = find(build_checks(kr500, Conditions()), 250, stream(5)).q
+    q[:, 0] = np.abs(q[:, 0])
+    series, _ = simulate_series(kr500, AbsoluteCampaign(poses=250), 5, q)
+    on = frozenset({"joint springs", "joint errors"})
+    return series, calibrate(kr500.vjm, series, cad_prior(kr500.arm), Options(orders=30, only=on))
+
+
+def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, places):
+    """The error by roots of covariances is that by sums of precisions in SI units."""
+    model = model_of(before[1])
+    own, q = replace(union_after(model, ALONE), little=0.0), places[:6]
+    first, across = own.unknowns.starts["geometry"], replace(own, L=np.eye(own.unknowns.size))
+    on = np.r_[:first, first + model.columns]
+    P = np.eye(len(on)) / absolute.LOOSE**2
+    P[first:, first:] = np.linalg.inv(model.posterior.root.T @ model.posterior.root)
+    P += absolute.information_of(own, q)[np.ix_(on, on)]
+    A = absolute.position_rows(across, places[-20:])[:, :, on].reshape(-1, len(on))
+    error = np.sqrt(3 * np.einsum("ki,ik->k", A, np.linalg.solve(P, A.T)).mean())
+    problem = absolute.candidate_set(own, q, len(q)).problem
+    found = error_after(problem, absolute.position_rows(own, places[-20:]))
+    assert found(np.arange(6)) == pytest.approx(error)
+
+
+def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, places):
+    """Asked for the other side of joint_1, to which one in five candidates turns it."""
+    series, found = before
+    own, other = union_after(model_of(found), ALONE), places[:, 0] < 0
+    q = np.vstack([places[~other][:40], places[other][:10]])
+    wanted = absolute.position_rows(own, places[other][-20:])
+    problem = absolute.candidate_set(own, q, 8).problem
+    plan = greedy(problem, criterion_of("I", problem, wanted), problem.rows, 8)
+    assert (plan >= 40).sum() >= 4
+    [row, *_] = filled(kr500.arm, series, q[plan])
+    assert (row.joint, row.poses) == ("joint_1", pytest.approx((plan >= 40).sum(), abs=1))
+    error = error_after(problem, wanted)
+    assert error(plan) < min(error(stream(k).choice(50, 8, replace=False)) for k in range(10))

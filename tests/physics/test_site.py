@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from loads import random_q
 
-from testbench.arm.folder import load_arm
-from testbench.errors import BenchError, PoseError
-from testbench.model.vjm import chain
+from testbench import BenchError, load_arm
+from testbench.errors import PoseError
+from testbench.model.vjm import tool_points
 from testbench.plant.shapes import rigid_frames
 from testbench.plant.site import (
     HEAD_RADIUS,
@@ -30,20 +30,13 @@ READY = np.deg2rad([[10.0, -70, 80, 20, -35, 15]])
 """A pose of the KR 500 in which 460.3 kg hang clear, and STATION sees all markers."""
 
 
-def in_world(cell, q, points):
-    """Points of the tool in the world, by Pinocchio: (poses, p, 3) [m]."""
-    where = chain(cell.vjm, q)
-    return where.position[:, None] + np.einsum("rxy,py->rpx", where.rotation, points)
-
-
 def load_point(cell, q=READY):
-    return in_world(cell, q, cell.vjm.load[None])[0, 0]
+    return tool_points(cell.vjm, q, cell.vjm.load[None])[0, 0]
 
 
 def altered(cell, tmp_path, *changes):
     """The arm with text of its rigid.xml replaced."""
-    folder = tmp_path / cell.arm.name
-    shutil.copytree(cell.arm.rigid.parent, folder, dirs_exist_ok=True)
+    folder = shutil.copytree(cell.arm.rigid.parent, tmp_path / cell.arm.name, dirs_exist_ok=True)
     text = (folder / "rigid.xml").read_text()
     for old, new in changes:
         assert old in text
@@ -88,13 +81,18 @@ def test_a_pose_beyond_a_limit_is_named(kr500):
             check_poses(kr500.room, beyond)
 
 
-def test_the_weight_is_a_steel_cylinder_as_high_as_wide(kr500):
+def test_the_weight_is_a_steel_cylinder_and_names_of_the_model_are_left_to_its_owner(kr500, tmp_path):
     payload = Payload(460.3)
     d = payload.diameter
     assert np.pi / 4 * d**3 * 7850 == pytest.approx(460.3, rel=1e-12)  # rounding
     model = build_site(kr500.arm, payload).model
     weight = np.flatnonzero(model.geom_bodyid == model.body("payload").id)[0]
     np.testing.assert_allclose(model.geom_size[weight, :2], d / 2, rtol=1e-15)
+    stands = '<body name="payload"/><body name="tracker"/>'
+    sling = load_point(kr500)[2] - 0.3
+    arm = furnished(kr500, tmp_path, stands)
+    found = contacts(build_site(arm, Payload(460.3, sling=sling), STATION), READY)
+    assert found == [Contact("payload", ("world", "payload_"))]
 
 
 @pytest.mark.parametrize(
@@ -127,7 +125,7 @@ def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr5
     arm = np.flatnonzero((site.part == KINDS.index("itself")) & (model.geom_contype != 0))
     assert model.geom_size[head, 0] == HEAD_RADIUS
     found = contacts(site, q)
-    loads = in_world(kr500, q, kr500.vjm.load[None])[:, 0]
+    loads = tool_points(kr500.vjm, q, kr500.vjm.load[None])[:, 0]
 
     def nearest(some, more):
         return min(mujoco.mj_geomDistance(model, data, a, b, 1.0, None) for a in some for b in more)
@@ -141,44 +139,34 @@ def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr5
         if kind not in ("itself", "room"):
             assert (nearest(head, arm) < 0) == (kind == "tracker")
     touched = {c.bodies for c in found if c is not None}
-    assert {
-        ("link_3", "payload"),
-        ("tool", "payload"),
-        ("world", "payload"),
-        ("tracker", "payload"),
-    } <= touched
+    assert {(body, "payload") for body in ("link_3", "tool", "world", "tracker")} <= touched
     assert ("link_3", "tracker") in touched
     assert any(c and c.kind == "itself" for c in found) == (change != "bits of its own")
 
 
 @pytest.mark.parametrize(
-    ("name", "station", "where"),
+    ("name", "station", "said"),
     [
-        ("kr500", (0.0, 0.0, 0.3), "link_0"),
-        ("kr500", (0.5, -0.65, 0.1), "world"),
-        ("kr500", (4.5, -2.5, -1.0), "world"),
-        ("arm_6r", (0.1, 0.0, 0.4), "link_0"),
+        ("kr500", (0.0, 0.0, 0.3), "station at .*0.3.* is inside link_0, which"),
+        ("kr500", (0.5, -0.65, 0.1), "station at .*0.1.* is inside world, which"),
+        ("kr500", (4.5, -2.5, -1.0), "station at .*-1.0.* is inside world, which"),
+        ("arm_6r", (0.1, 0.0, 0.4), "station at .*0.4.* is inside link_0, which"),
+        ("kr500", (np.nan, 0, 1), "position of the station"),
+        ("kr500", (5e3, 0, 1), "position of the station"),
+        ("kr500", (1, 2), "position of the station"),
+        ("kr500", None, "expected a site with a station"),
     ],
 )
-def test_a_tracker_inside_what_does_not_move_is_refused_by_name(name, station, where, request):
-    cell = request.getfixturevalue(name)
-    with pytest.raises(BenchError, match=f"station at .*{station[2]}.* is inside {where}, which") as err:
-        build_site(cell.arm, station=station)
+def test_a_tracker_inside_what_does_not_move_or_nowhere_is_refused_in_one_line(name, station, said, request):
+    with pytest.raises(BenchError, match=said) as err:
+        hidden(build_site(request.getfixturevalue(name).arm, station=station), READY)
     assert "\n" not in str(err.value)
-
-
-def test_stations_that_are_no_place_and_lines_of_sight_to_none_are_refused(kr500):
-    for no_place in ((np.nan, 0, 1), (5e3, 0, 1), (1, 2)):
-        with pytest.raises(BenchError, match="position of the station"):
-            build_site(kr500.arm, station=no_place)
-    with pytest.raises(BenchError, match="expected a site with a station"):
-        hidden(build_site(kr500.arm), READY)
 
 
 def test_the_ready_pose_is_seen_and_a_wall_hides_it(kr500, tmp_path):
     """Whether the wall is drawn, only collides, or is fully transparent."""
     assert hidden(build_site(kr500.arm, Payload(460.3), STATION), READY) == [None]
-    middle = (in_world(kr500, READY, kr500.vjm.markers)[0, 0] + STATION) / 2
+    middle = (tool_points(kr500.vjm, READY, kr500.vjm.markers)[0, 0] + STATION) / 2
     wall = f'type="sphere" size="0.3" pos="{" ".join(map(str, middle))}"'
     for looks in ("", 'group="3"', 'rgba="1 1 1 0"', 'contype="0" conaffinity="0"'):
         arm = furnished(kr500, tmp_path, f"<geom {wall} {looks}/>")
@@ -195,7 +183,7 @@ def test_a_ball_hides_a_target_where_it_meets_the_line_of_sight(name, request, t
     arm = furnished(cell, tmp_path, ball)
     by_arm = np.array([h is not None for h in hidden(build_site(cell.arm, station=STATION), q)])
     by_both = np.array([h is not None for h in hidden(build_site(arm, station=STATION), q)])
-    beams = in_world(cell, q, cell.vjm.markers) - station
+    beams = tool_points(cell.vjm, q, cell.vjm.markers) - station
     beams *= 1 - TARGET_RADIUS / np.linalg.norm(beams, axis=2, keepdims=True)
     along = np.clip((beams @ (centre - station)) / (beams**2).sum(axis=2), 0, 1)
     distance = np.linalg.norm(station + along[:, :, None] * beams - centre, axis=2)
@@ -205,7 +193,7 @@ def test_a_ball_hides_a_target_where_it_meets_the_line_of_sight(name, request, t
     np.testing.assert_array_equal(by_both[sure], (by_arm | by_ball)[sure])
 
 
-def test_a_padded_collision_shape_around_a_target_hides_nothing(kr500, tmp_path):
+def test_padding_and_the_end_of_its_holder_hide_no_target_but_another_thing_near_by_does(kr500, tmp_path):
     """A ray is stopped by what is drawn of a body, and by what collides only where nothing is drawn."""
     P1 = '<body name="P1" pos="0.12 0.40 0.24">'
     hull = '<geom class="collision" type="sphere" size="0.3" pos="0.12 0.40 0.24"/>'
@@ -213,10 +201,7 @@ def test_a_padded_collision_shape_around_a_target_hides_nothing(kr500, tmp_path)
     assert hidden(build_site(arm, station=STATION), READY) == [None]
     bare = altered(kr500, tmp_path, (P1, f'<body name="case">{hull}</body>{P1}'))
     assert hidden(build_site(bare, station=STATION), READY) == [("P1", "case")]
-
-
-def test_the_end_of_its_holder_hides_no_target_but_another_thing_near_by_does(kr500, tmp_path):
-    P1 = in_world(kr500, READY, kr500.vjm.markers)[0, 0]
+    P1 = tool_points(kr500.vjm, READY, kr500.vjm.markers)[0, 0]
     toward = (np.array(STATION) - P1) / np.linalg.norm(np.array(STATION) - P1)
     for distance, expected in ((TARGET_RADIUS - 0.005, None), (TARGET_RADIUS + 0.005, ("P1", "world"))):
         bead = P1 + (distance - 0.001) * toward  # its face towards the tracker is 1 mm nearer
@@ -236,14 +221,6 @@ def test_targets_face_along_the_z_axis_of_their_bodies(kr500, tmp_path, rng):
     tool, P2 = frames.rotations[0, names.index("tool")], frames.rotations[0, names.index("P2")]
     np.testing.assert_allclose(tool @ facing[1], P2[:, 2], atol=1e-14)
     assert abs(facing[1, 2]) < 0.9
-
-
-def test_names_of_the_model_are_left_to_its_owner(kr500, tmp_path):
-    stands = '<body name="payload"/><body name="tracker"/>'
-    sling = load_point(kr500)[2] - 0.3
-    arm = furnished(kr500, tmp_path, stands)
-    found = contacts(build_site(arm, Payload(460.3, sling=sling), STATION), READY)
-    assert found == [Contact("payload", ("world", "payload_"))]
 
 
 @pytest.mark.parametrize(

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.correct.newton import Aim
+from testbench import Aim, Load
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.arm_model import About, bending, of_compliances
 from testbench.identify.posterior import Posterior
 from testbench.model.joint_errors import JointErrors
-from testbench.model.load import Load
 from testbench.model.structure import all153
 from testbench.model.weights import read_weights
 

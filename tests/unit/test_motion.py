@@ -92,7 +92,7 @@ def written(tmp_path, name, kinds, labels=(), stem="part 1"):
     q = moves(kinds)
     write_moves(path, language, q, joints, labels)
     raw = path.read_bytes()
-    assert re.match(language.begins, raw)
+    assert re.match(language.begins.encode(), raw)
     assert raw.isascii()
     assert b"-0." not in re.sub(rb"-0\.0*[1-9]", b"", raw)  # no signed zero
     return raw.decode(), shown(q, joints)

@@ -18,7 +18,7 @@ from testbench.campaign.runs import Many
 from testbench.data import stream
 from testbench.data.dataset import Dataset, select
 from testbench.data.series import Series, select_rows, series_of
-from testbench.data.spool import Campaign, Spool
+from testbench.data.spool import Campaign, spooled
 from testbench.data.write import write_csv, write_series
 from testbench.model.vjm import chain, observation, tool_points
 
@@ -50,17 +50,13 @@ def runs(count: int, *, lost: bool = False) -> Dataset:
 
 
 def campaign(data: Dataset, size: int = 17) -> Campaign:
-    spool = Spool()
-    for first in range(0, data.runs, size):
-        here = (np.arange(data.runs) >= first) & (np.arange(data.runs) < first + size)
-        spool.add(select(data, here))
-    level = np.stack([np.linalg.norm(part, axis=1) for part in np.split(data.wrench, 2, axis=1)], axis=1)
-    return Campaign(spool, data.run, data.pose, level)
+    first = np.arange(data.runs) // size
+    return spooled(select(data, first == k) for k in np.unique(first))
 
 
 def _remarks(text: str) -> bytes:
     head, *rows = text.splitlines()
-    return "\n".join([f"{head},remark", *(f"{row},é" for row in rows)]).encode("cp1252")
+    return "\n".join([f'{head},x ("),y (")', *(f"{row},é,5" for row in rows)]).encode("cp1252")
 
 
 WRITTEN = {

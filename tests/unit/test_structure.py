@@ -1,13 +1,12 @@
 """Model structures: how many parameters, which entries, and the algebra between parameters and C_theta."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from loads import rotation_observation
 
-from testbench.arm.folder import Arm, load_arm
+from testbench.arm.folder import Arm
 from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.errors import BenchError
 from testbench.identify import reduce
@@ -26,13 +25,12 @@ from testbench.model.structure import (
 from testbench.model.vjm import chain, observation
 from testbench.studies.estimators.factorised import factorise
 
-MODELS = Path(__file__).parents[2] / "models"
 MAKERS = [mgco147, all153, mgco69, mgco68, mgco47, template56]
 
 
-@pytest.fixture(params=["kr500_l480", "arm_6r"])
+@pytest.fixture(params=["kr500", "arm_6r"])
 def arm(request: pytest.FixtureRequest) -> Arm:
-    return load_arm(MODELS / request.param)
+    return request.getfixturevalue(request.param).arm
 
 
 @pytest.mark.parametrize("make", MAKERS)

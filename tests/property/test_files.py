@@ -1,28 +1,31 @@
-"""A dataset comes back from our file and from anybody's dialect; from other files only InputError escapes."""
+"""Whatever a file holds: a dataset comes back from any dialect, an arm is sound, or one line says why."""
 
 import re
+import shutil
 import tempfile
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from random import Random
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from blockwise import read_both_ways
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from refused import one_line
 
-from testbench.arm.folder import load_arm
+from testbench import load_arm, read_csv, write_csv
 from testbench.data.dataset import Dataset, select, split
 from testbench.data.names import LARGEST, LEAST
-from testbench.data.read_pairs import read_csv
 from testbench.data.scatter import SIGMA_RANGE
-from testbench.data.write import write_csv
 from testbench.errors import InputError
 
 ROOT = Path(__file__).parents[2]
-ARM = load_arm(ROOT / "models" / "kr500_l480")
+MODELS = ROOT / "models"
+ARM = load_arm(MODELS / "kr500_l480")
 HEADER = (ROOT / "docs" / "example_dataset.csv").read_text(encoding="utf-8").partition("\n")[0]
 LOWER, UPPER = ARM.limits
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=60)
@@ -38,49 +41,39 @@ SOME = st.floats(-5, 5).filter(lambda x: x == 0 or abs(x) >= 1e6 * LEAST)
 ID = st.integers(-(2**63), 2**63 - 1)
 
 
-@dataclass(frozen=True)
-class Dialect:
-    """How somebody writes."""
+DIALECTS = st.fixed_dictionaries(
+    {
+        "delimiter": st.sampled_from([",", ";", "\t", "|"]),
+        "decimal": st.sampled_from(".,"),
+        "encoding": st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "cp1252"]),
+        "suffix": st.sampled_from(["_{}", " [{}]", " ({})", " in {}", " / {}"]),  # of a unit in a name
+        "length": st.sampled_from(list(LENGTHS)),
+        "angle": st.sampled_from(list(ANGLES)),
+        "force": st.sampled_from(list(FORCES)),
+        "moment": st.sampled_from(list(MOMENTS)),
+        "wide": st.booleans(),  # all markers in a row
+        "states": st.booleans(),  # a row a state
+        "capitals": st.booleans(),
+        "title": st.booleans(),  # lines before the header
+        "seed": st.integers(0, 999),  # of the order of columns and rows
+    }
+).map(lambda own: SimpleNamespace(**own))
+"""How somebody writes; a comma is no decimal between commas."""
 
-    delimiter: str
-    decimal: str
-    encoding: str
-    suffix: str  #: Of a unit in a name.
-    length: str
-    angle: str
-    force: str
-    moment: str
-    wide: bool  #: All markers in a row.
-    states: bool  #: A row a state.
-    capitals: bool
-    title: bool  #: Lines before the header.
-    seed: int  #: Of the order of columns and rows.
 
-
-@st.composite
-def dialects(draw: st.DrawFn) -> Dialect:
-    delimiter = draw(st.sampled_from([",", ";", "\t", "|"]))
-    return Dialect(
-        delimiter=delimiter,
-        decimal=draw(st.sampled_from(".," if delimiter != "," else ".")),
-        encoding=draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "cp1252"])),
-        suffix=draw(st.sampled_from(["_{}", " [{}]", " ({})", " in {}", " / {}"])),
-        length=draw(st.sampled_from(list(LENGTHS))),
-        angle=draw(st.sampled_from(list(ANGLES))),
-        force=draw(st.sampled_from(list(FORCES))),
-        moment=draw(st.sampled_from(list(MOMENTS))),
-        wide=draw(st.booleans()),
-        states=draw(st.booleans()),
-        capitals=draw(st.booleans()),
-        title=draw(st.booleans()),
-        seed=draw(st.integers(0, 999)),
-    )
+def arms_and_markers(draw: st.DrawFn, runs: int, least: float = 0.0) -> dict[str, object]:
+    """Some markers, and joints within their limits or away from them."""
+    m, share = draw(st.integers(1, 3)), st.floats(least, 1 - least)
+    q = LOWER + (UPPER - LOWER) * draw(arrays(float, (runs, 6), elements=share))
+    return {"markers": tuple(draw(st.permutations(ARM.markers))[:m]), "q": q}
 
 
 @st.composite
 def datasets(draw: st.DrawFn) -> Dataset:
     """One to four runs of any numbers that are read, extreme ones too; orientations and set-ups or none."""
-    runs, m = draw(st.integers(1, 4)), draw(st.integers(1, 3))
+    runs = draw(st.integers(1, 4))
+    common = arms_and_markers(draw, runs)
+    m = len(common["markers"])
 
     def numbers(*shape: int) -> np.ndarray:
         return draw(arrays(float, shape, elements=ANY))
@@ -97,10 +90,9 @@ def datasets(draw: st.DrawFn) -> Dataset:
 
     turned = draw(st.booleans())
     return Dataset(
-        markers=tuple(draw(st.permutations(ARM.markers))[:m]),
+        **common,
         run=integers(unique=True),
         pose=integers(),
-        q=LOWER + (UPPER - LOWER) * draw(arrays(float, (runs, 6), elements=st.floats(0, 1))),
         wrench=numbers(runs, 6),
         point=numbers(runs, 3),
         before=places(runs, m),
@@ -117,7 +109,9 @@ def datasets(draw: st.DrawFn) -> Dataset:
 @st.composite
 def exported(draw: st.DrawFn) -> Dataset:
     """Runs as an instrument exports them, each in a pose of its own, some targets lost."""
-    runs, m = draw(st.integers(1, 4)), draw(st.integers(1, 3))
+    runs = draw(st.integers(1, 4))
+    common = arms_and_markers(draw, runs, 0.1)
+    m = len(common["markers"])
     seen = draw(arrays(bool, (runs, m)))
     seen[0] = True
     sigma = draw(st.floats(1e-6, 1e-3))
@@ -125,10 +119,9 @@ def exported(draw: st.DrawFn) -> Dataset:
         draw(arrays(float, (runs, *shape), elements=SOME)) for shape in ((6,), (3,), (m, 3), (m, 3))
     )
     return Dataset(
-        markers=tuple(draw(st.permutations(ARM.markers))[:m]),
+        **common,
         run=np.arange(runs) + draw(st.integers(-9, 9)),
         pose=np.arange(runs) * 2 + 1,
-        q=LOWER + (UPPER - LOWER) * draw(arrays(float, (runs, 6), elements=st.floats(0.1, 0.9))),
         wrench=wrench,
         point=point,
         before=np.where(seen[..., None], before + APART, 0.0),
@@ -163,8 +156,10 @@ def test_any_dataset_survives_its_file_and_a_split_by_poses_bit_by_bit(
             assert bits(part) == bits(Dataset(**own)) == bits(select(data, here))
 
 
-def written(data: Dataset, own: Dialect) -> bytes:
+def written(data: Dataset, own: SimpleNamespace) -> bytes:
     """The dataset as text."""
+    if own.delimiter == ",":
+        own.decimal = "."
     random, rows = Random(own.seed), list[dict[str, str]]()
 
     def name(quantity: str, unit: str) -> str:
@@ -211,8 +206,8 @@ def read(content: bytes) -> Dataset:
 
 
 @REPEATABLE
-@given(exported(), dialects())
-def test_a_dataset_in_any_dialect_is_read_back(data: Dataset, own: Dialect) -> None:
+@given(exported(), DIALECTS)
+def test_a_dataset_in_any_dialect_is_read_back(data: Dataset, own: SimpleNamespace) -> None:
     back = read(written(data, own))
     assert sorted(back.markers) == sorted(data.markers)  # wide ones stand in the order of their columns
     order = [back.markers.index(name) for name in data.markers]
@@ -228,12 +223,48 @@ def test_a_dataset_in_any_dialect_is_read_back(data: Dataset, own: Dialect) -> N
         np.testing.assert_allclose(back.precision[:, order], data.precision, rtol=1e-12)
 
 
+def drawn_spoilt(draw: Callable, content: bytes, patterns: list[bytes], words: list[bytes]) -> bytes:
+    """A file of which up to three tokens, bytes or lines are replaced, doubled, swapped or dropped."""
+    for _ in range(draw(st.integers(1, 3))):
+        pattern = draw(st.sampled_from(patterns))
+        spans = [m.span() for m in re.finditer(pattern, content)] or [(0, 0)]
+        (a, b), (c, d) = (draw(st.sampled_from(spans)) for _ in range(2))
+        other = st.sampled_from([b"", content[a:b] * 2, content[c:d], content[a:b]])
+        content = content[:a] + draw(st.one_of(other, st.sampled_from(words))) + content[b:]
+    return content
+
+
 NASTY = [
-    *(b"", b"nan", b"inf", b"-1e999", b"1e-400", b"1_0", b"0x1", b"9" * 400, b"9" * 5000, b"-0.0", b"1e308"),
-    *(b'"', b'""', b'"\n', b"'", b",", b",,", b";", b"\t", b"\n", b"\r", b"\r\n", b"\0", b"\xff", b"\xc3"),
-    *("\ufeff".encode(), "é".encode(), "\u2028".encode(), "１".encode(), "-∞".encode(), "µm".encode()),
-    *(b"P1", b"P4", b"run", b"sigma_rad", b"marker", b"=1+1", b"#", b"//", b"True", b" ", b"x" * 140_000),
-    *(b"[mm]", b"1.234,5"),
+    *b"nan -inf inf 1e999 1e-320 1e200 1e308 -1 0 -0.0 1 1_0 1e . 0b1 0x1 1979-05-27 true True".split(),
+    *(
+        b"9" * 400,
+        b"9" * 5000,
+        b"0x" + b"f" * 9000,
+        b"1 2 3",
+        b"",
+        b"\0",
+        b"\xff",
+        b"\xc3",
+        b"\n",
+        b"\r",
+        b"\t",
+    ),
+    *(b" ", "\ufeff".encode(), "é".encode(), "\u2028".encode(), b'"', b'""', b"'", b",", b"#", b"1 2"),
+]
+CELLS = [
+    *(
+        b'"\n',
+        b",,",
+        b";",
+        b"\r\n",
+        "１".encode(),
+        "-∞".encode(),
+        "µm".encode(),
+        b"//",
+        b"=1+1",
+        b"x" * 140_000,
+    ),
+    *(b"P1", b"P4", b"run", b"sigma_rad", b"marker", b"[mm]", b"1.234,5"),
 ]
 
 
@@ -257,26 +288,67 @@ def check_reading(content: bytes) -> None:
 
 
 @FUZZ
-@given(
-    st.one_of(
-        st.binary(max_size=300),
-        st.text(max_size=300).map(lambda s: s.encode("utf-8", "replace")),
-        st.text(alphabet='0123456789.-e,\n"P', max_size=300).map(lambda body: f"{HEADER}\n{body}".encode()),
-    )
-)
+@given(exported(), DIALECTS, st.data())
+def test_no_mutation_of_a_file_crashes_the_reader(
+    data: Dataset, own: SimpleNamespace, choose: st.DataObject
+) -> None:
+    patterns = [rb"[^,;|\t\n]+", rb"[^\n]*\n", rb"[\s\S]{1,20}"]
+    check_reading(drawn_spoilt(choose.draw, written(data, own), patterns, NASTY + CELLS))
+
+
+TOML = {name: (MODELS / name / "elastic.toml").read_bytes() for name in ("arm_6r", "single_link")}
+XML = {name: (MODELS / name / "rigid.xml").read_bytes() for name in ("arm_6r", "single_link")}
+MARKS = [
+    *rb"""\ \u0000 &#10; &#0; &a; & ''' = [ ] [[ ]] { } {} [] < > /> </body> <!-- --> / ../..""".split(),
+    *(b'"""', b"<![CDATA[", b"]]>", b"<?x?>", b"[" * 3000, b"{a=" * 3000, b"a." * 3000, b"x" * 5000),
+    *(b"<!DOCTYPE m>", b"<include file='/etc/passwd'/>", b"<replicate count='999'/>", b"<body/>"),
+    *(b"<body name='link_1'/>", b"<joint/>", b"<default><joint/></default>", b"<body>" * 100, b"xmlns='a'"),
+    *(b"<compiler angle='degree'/>", b"<compiler meshdir='..'/>", b"<mesh file='../x.stl'/>"),
+    *(b"<mesh file='" + b"x" * 5000 + b"'/>", b"link_1", b"joint_1", b"tool", b"probe", b"name", b"tube"),
+    *(b"compliance", b"m", b"link", b"[1, [2.0, 'a']]", b"{value = 1, a = {unit = true}}"),
+]
+
+
+def check_loading(name: str, content: bytes, file: str) -> None:
+    """Either an arm in which everything is sound, or an InputError of one line."""
+    with tempfile.TemporaryDirectory() as parent:
+        folder = Path(shutil.copytree(MODELS / name, Path(parent) / "arm"))
+        (folder / file).write_bytes(content)
+        try:
+            arm = load_arm(folder)
+        except InputError as err:
+            one_line(err, folder)
+            return
+    assert len(arm.links) == arm.n_joints + 1
+    assert len(set(arm.markers)) == len(arm.markers) >= 1
+    lower, upper = arm.limits
+    assert np.isfinite(arm.limits).all()
+    assert (lower < upper).all()
+    for link in arm.links:
+        np.testing.assert_allclose(link.frame.T @ link.frame, np.eye(3), rtol=0, atol=1e-14)
+        d = np.sqrt(np.diag(link.compliance))
+        assert np.linalg.eigvalsh(link.compliance / np.outer(d, d))[0] > 0
+        assert np.isfinite(np.linalg.inv(link.compliance)).all()
+    assert all(np.isfinite(1 / joint.compliance) for joint in arm.joints)
+
+
+BYTES = st.one_of(st.binary(max_size=300), st.text(max_size=300).map(lambda s: s.encode("utf-8", "replace")))
+
+
+@FUZZ
+@given(st.one_of(BYTES, st.text('0123456789.-e,\n"P', max_size=300).map(lambda s: f"{HEADER}\n{s}".encode())))
 def test_no_bytes_crash_the_reader(content: bytes) -> None:
     check_reading(content)
 
 
+@pytest.mark.parametrize(("file", "files"), [("elastic.toml", TOML), ("rigid.xml", XML)])
 @FUZZ
-@given(exported(), dialects(), st.data())
-def test_no_mutation_of_a_file_crashes_the_reader(data: Dataset, own: Dialect, choose: st.DataObject) -> None:
-    """Up to three tokens, lines or bytes are replaced, doubled, swapped or dropped."""
-    content = written(data, own)
-    for _ in range(choose.draw(st.integers(1, 3))):
-        pattern = choose.draw(st.sampled_from([rb"[^,;|\t\n]+", rb"[^\n]*\n", rb"[\s\S]{1,20}"]))
-        spans = [m.span() for m in re.finditer(pattern, content)]
-        (a, b), (c, d) = (choose.draw(st.sampled_from(spans or [(0, 0)])) for _ in range(2))
-        other = st.sampled_from([b"", content[a:b] * 2, content[c:d], content[a:b]])
-        content = content[:a] + choose.draw(st.one_of(other, st.sampled_from(NASTY))) + content[b:]
-    check_reading(content)
+@given(data=st.data())
+def test_nothing_in_a_file_of_an_arm_crashes_the_reader(
+    file: str, files: dict[str, bytes], data: st.DataObject
+):
+    patterns = [rb"[-+.\d][-+.\de]*", rb"\w+", rb'"[^"\n]*"', rb"<[^>]*>", rb"[^\n]*\n", rb"[\s\S]"]
+    name, own = data.draw(st.sampled_from(sorted(files))), data.draw(BYTES)
+    check_loading(name, drawn_spoilt(data.draw, files[name], patterns, NASTY + MARKS), file)
+    for content in (own, b"<mujoco>" + own + b"</mujoco>"):
+        check_loading("single_link", content, file)

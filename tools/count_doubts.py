@@ -1,6 +1,6 @@
 """How often each mistake is named, and how often sound sets are doubted: the table of docs/wrong_inputs.md.
 
-python tests/physics/count_doubts.py --seed 1000 --seeds 500 --planted 100
+python tools/count_doubts.py --seed 1000 --seeds 500 --planted 100
 """
 
 import sys
@@ -11,21 +11,25 @@ from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
-from mistakes import MISTAKES, named
-from sound_sets import PAYLOAD, sound
 from threadpoolctl import threadpool_limits
 
 from testbench.campaign.campaign import build_cell, stream
 from testbench.views.gains import wilson
 
-MODELS = Path(__file__).resolve().parents[2] / "models"
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "tests" / "physics"))
+
+from mistakes import MISTAKES, named  # noqa: E402
+from sound_sets import PAYLOAD, sound  # noqa: E402
+
 OFTEN = 0.98  #: Share of the data sets from which on a mistake has no row of its own.
 
 
 @cache
 def cells():
+    """The arms, built once a process."""
     threadpool_limits(1)
-    return {name: build_cell(MODELS / name) for name in PAYLOAD}
+    return {name: build_cell(ROOT / "models" / name) for name in PAYLOAD}
 
 
 def judge(seed, planted, only):
@@ -41,6 +45,7 @@ def judge(seed, planted, only):
 
 
 def first(own):
+    """Name of the first doubt about a data set; None where there is none."""
     return next((doubt.name for doubt in named(own)), None)
 
 
@@ -60,15 +65,14 @@ def table(found):
     """A row for each mistake named in less than 98 %, the most seldom first, then one for all others."""
     rows, always, others = [], [], []
     for name, mistake in MISTAKES.items():
-        own = [doubt for case, _, doubt in found if case == name]
-        held = [right(name, doubt) for doubt in own]
-        if own and np.mean(held) >= OFTEN:
+        own = [(doubt, right(name, doubt)) for case, _, doubt in found if case == name]
+        often = np.mean([well for _, well in own]) if own else 0.0
+        if often >= OFTEN:
             always.append(mistake.words)
-            others += zip(own, held, strict=True)
+            others += own
         elif own:
             names = mistake.names.replace(" ", " or ")
-            cells = counted([*zip(own, held, strict=True)])
-            rows.append((np.mean(held), f"| {mistake.words} | {names} | {cells} |"))
+            rows.append((often, f"| {mistake.words} | {names} | {counted(own)} |"))
     yield "| mistake | doubt that names it | sets | named first, % (95 %) | no doubt, % | named instead |"
     yield "| --- | --- | ---: | ---: | ---: | --- |"
     yield from (row for _, row in sorted(rows, key=lambda row: row[0]))
@@ -97,6 +101,7 @@ def words(found):
 
 
 def main():
+    """Count, and print the table."""
     flags = ArgumentParser(description=__doc__)
     flags.add_argument("--seed", type=int, default=1000, help="first seed")
     flags.add_argument("--seeds", type=int, default=100, help="sound data sets")

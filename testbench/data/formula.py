@@ -1,0 +1,26 @@
+"""What a spreadsheet would compute begins with an apostrophe in our files, which is taken away again."""
+
+import re
+
+from testbench.errors import shown
+
+BEGINS = frozenset("=+-@\uff1d\uff0b\uff0d\uff20")
+FORMULA = re.compile(r"[^+\-]|[+\-](?![\d.,\s]*(?:[eE][+-]?\d+)?\s*$)")
+"""What a formula begins with, in letters of full width too, and how: a signed number is none."""
+MARK = "'"
+
+
+def as_cell(text: str) -> str:
+    """A stranger's word in a cell of a CSV: on one line, and no formula."""
+    line = shown(text)
+    return MARK + line if _is_formula(line) else line
+
+
+def from_cell(text: str) -> str:
+    """The word of such a cell."""
+    return text[1:] if text.startswith(MARK) and _is_formula(text[1:]) else text
+
+
+def _is_formula(text: str) -> bool:
+    begins = text.lstrip()
+    return begins[:1] in BEGINS and FORMULA.match(begins) is not None
