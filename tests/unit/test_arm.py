@@ -238,6 +238,7 @@ def inside(element):
 
 
 TEXTS = {
+    "nothing": ("", "not well-formed XML: .*line 1"),
     "another root": ("<robot/>", "expected <mujoco> at the top, got <robot>"),
     "entities": (BOMB, "document types and entities are not allowed"),
     "entities that hide in another encoding": (UTF_16, "expected UTF-8"),

@@ -47,21 +47,6 @@ def test_blocks_of_full_links_are_six_by_six_and_joints_are_scalars(arm):
     assert sorted(blocks) == sorted(links + [[k] for k in range(42, 48)])
 
 
-@pytest.mark.parametrize("make", [template56, mgco68, all153])
-def test_triangles_run_block_by_block_and_the_groups_by_size_point_into_them(arm, make):
-    s = make(arm)
-    row, column = s.triangles
-    pairs = [(b[i], b[j]) for b in s.blocks for j in range(len(b)) for i in range(j + 1)]
-    assert list(zip(row, column, strict=True)) == pairs
-    np.testing.assert_array_equal(np.sort([s.a, s.b], axis=0)[:, s.parameter], [row, column])
-    rows = {int(k): own.tolist() for group in s.groups for k, own in zip(group.at, group.rows, strict=True)}
-    assert [rows[k] for k in range(len(s.blocks))] == [block.tolist() for block in s.blocks]
-    for group in s.groups:
-        assert (s.block_of[row[group.entries]] == group.at[:, None]).all()
-    entries = np.concatenate([group.entries.ravel() for group in s.groups])
-    np.testing.assert_array_equal(np.sort(entries), np.arange(len(row)))
-
-
 @pytest.mark.parametrize("make", [*MAKERS, free36])
 def test_matrix_is_symmetric_and_entries_give_the_parameters_back(arm, make):
     """Of a structure that leaves the symmetry open it is any matrix of a link."""
