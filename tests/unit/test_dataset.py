@@ -275,6 +275,7 @@ def test_counts_deflection_and_rotation_follow_from_the_readings():
         ({"run": np.array([1, 2, 3])}, r"pose: expected 3 integers, got int64 \(4,\)"),
         ({"run": np.ones(4)}, r"run: expected 4 integers, got float64 \(4,\)"),
         ({"markers": ()}, r"markers: expected different names, got \(\)"),
+        ({"markers": ("P1", "P1", "P3")}, "markers: expected different names, got"),
         ({"markers": ("P1", "P2")}, r"before \[m\]: expected shape \(4, 2, 3\), got \(4, 3, 3\)"),
         ({"q": np.zeros(4)}, r"q \[rad, m\]: expected shape \(4, any\), got \(4,\)"),
         ({"q": np.full((4, 6), np.nan)}, r"q \[rad, m\]: expected finite numbers"),
