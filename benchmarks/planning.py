@@ -72,7 +72,7 @@ def planning_of_many_poses() -> list[Row]:
     )
     spec = specification(q, MANY)
     problem = problem_of(spec, q[:CANDIDATES], np.zeros(CANDIDATES, dtype=int))
-    criterion = Linear("test", mean_square(task_rows(spec) @ problem.lift))
+    criterion = Linear(mean_square(task_rows(spec) @ problem.lift))
     start = np.random.default_rng(2).integers(0, CANDIDATES, MANY)
     fast, slow = interleave(
         REPEATS,

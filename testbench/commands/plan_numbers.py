@@ -262,7 +262,7 @@ def _absolute(made: AbsolutePlanned) -> Row:
     """What only a plan of absolute readings has."""
     arm, union, plan, q, asked = made.cell.arm, made.union, made.plan, made.q, made.settings.poses
     rng, problem = stream(made.settings.seed, 3), plan.examined.problem
-    criterion, error = Linear("I", mean_square(made.wanted @ problem.lift)), error_after(problem, made.wanted)
+    criterion, error = Linear(mean_square(made.wanted @ problem.lift)), error_after(problem, made.wanted)
     middle, low, _ = _random(made, error, asked, rng)
     counts = sorted({asked, *(count for count in COUNTS if count <= max(2 * asked, COUNTS[1]))})
     order = greedy(problem, criterion, problem.rows, counts[-1])

@@ -1,8 +1,8 @@
 """Joints of the drawn arm along a path of the tool: continuous, within limits, with least motion.
 
-`reach` puts the tool into poses by damped Newton within limits, all poses at once. Along a path q_j is what
-it makes of q_{j-1}. All are guessed at once, then every one is found again from its left neighbour, until
-none changes: the same joints as one by one, for only the points behind a change are open.
+`reach` puts the tool into poses by damped Newton within limits, all poses at once. Supports of a path are
+guessed at once, then every one is found again from its left neighbour, until none changes: the same joints as
+one by one, for only those behind a change are open. The points between start from their supports' joints.
 """
 
 import math
@@ -232,16 +232,8 @@ def _pass(vjm: Vjm, target: Target, first: Array) -> tuple[Reached, Ids]:
     start = np.stack([np.interp(way, way[places], own) for own in q.T], axis=1)
     steady = STEADY + np.minimum(2 * np.abs(np.diff(start, axis=0)), FASTEST * np.diff(way)[:, None])
     found = _again(vjm, target, reach(vjm, target, start))
-
-    def rough(found: Reached) -> Ids:
-        jumps = (np.abs(np.diff(found.q, axis=0)) > steady).any(axis=1)
-        return np.flatnonzero(jumps & found.there[1:] & found.there[:-1])
-
-    free = np.zeros(len(way), dtype=bool)
-    for k in np.unique(np.searchsorted(places, rough(found), side="right") - 1).tolist():
-        free[places[k] + 1 : places[k + 1]] = True
-    found = settle(vjm, target, found, np.flatnonzero(free & ~np.roll(free, 1)), free)
-    return found, rough(found)
+    jumps = (np.abs(np.diff(found.q, axis=0)) > steady).any(axis=1)
+    return found, np.flatnonzero(jumps & found.there[1:] & found.there[:-1])
 
 
 def _strides(way: Array) -> Ids:
@@ -265,15 +257,14 @@ def _again(vjm: Vjm, target: Target, found: Reached) -> Reached:
     return replaced(found, lost[other.there], in_order(other, np.flatnonzero(other.there)))
 
 
-def settle(vjm: Vjm, target: Target, found: Reached, open_: Ids, free: Mask) -> Reached:
-    """Joints of poses such that each follows from the one before.
+def settle(vjm: Vjm, target: Target, found: Reached, open_: Ids) -> Reached:
+    """Joints of poses such that each follows from the one before; one that was reached stays so.
 
     Args:
         vjm: The arm as drawn.
         target: Of the tool's origin, the poses.
         found: A guess of each.
         open_: Which are looked at first, (k,), not the first pose.
-        free: Which may change, (poses,). One that was reached stays so.
     """
     while len(open_):
         own, old = reach(vjm, in_order(target, open_), found.q[open_ - 1]), in_order(found, open_)
@@ -281,9 +272,8 @@ def settle(vjm: Vjm, target: Target, found: Reached, open_: Ids, free: Mask) -> 
         nearer = own.distance + own.angle * vjm.reach < CLOSER * (old.distance + old.angle * vjm.reach)
         change = np.where(own.there, moved | ~old.there, nearer & ~old.there)
         found = replaced(found, open_[change], in_order(own, np.flatnonzero(change)))
-        following = open_[change] + 1
-        following = following[following < len(free)]
-        open_ = following[free[following]]
+        open_ = open_[change] + 1
+        open_ = open_[open_ < len(found.q)]
     return found
 
 
@@ -299,7 +289,7 @@ def supported(vjm: Vjm, target: Target, places: Ids, first: Array) -> tuple[Ids,
     found = reach(vjm, in_order(target, places), np.tile(first, (len(places), 1)))
     open_ = np.arange(1, len(places))
     for _ in range(HALVINGS):
-        found = settle(vjm, in_order(target, places), found, open_, np.ones(len(places), dtype=bool))
+        found = settle(vjm, in_order(target, places), found, open_)
         far = np.abs(np.diff(found.q, axis=0)).max(axis=1, initial=0) > APART
         wide = np.flatnonzero(far & found.there[1:] & found.there[:-1] & (np.diff(places) > 1))
         if not len(wide):

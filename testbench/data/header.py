@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 
-from testbench.data.lines import Line, cells_of, tabbed
+from testbench.data.lines import Line, cells_of, count_cells, tabbed
 from testbench.data.mapping import Layout
 from testbench.data.names import Unit, find_unit
 from testbench.errors import InputError, shown
@@ -106,13 +106,13 @@ def _blanks(delimiter: str) -> bool:
 
 def cells_in(line: Line, delimiter: str) -> list[str]:
     """Cells of a line as of a header; a comment's are those behind its mark."""
-    text = line.text.lstrip().lstrip("#/") if line.comment else line.text
-    return [cell.strip() for cell in _cells(text, delimiter)]
+    text, mark = _divided(line.text.lstrip().lstrip("#/") if line.comment else line.text, delimiter)
+    return [cell.strip() for cell in cells_of(text, mark)]
 
 
-def _cells(text: str, delimiter: str) -> list[str]:
-    """The same with blanks around them."""
-    return cells_of(tabbed(text, delimiter), "\t") if _blanks(delimiter) else cells_of(text, delimiter)
+def _divided(text: str, delimiter: str) -> tuple[str, str]:
+    """A line, and the letter between its cells: a tab for runs of blanks."""
+    return (tabbed(text, delimiter), "\t") if _blanks(delimiter) else (text, delimiter)
 
 
 def _names(lines: Sequence[Line], delimiter: str) -> list[str]:
@@ -146,13 +146,15 @@ def _units(line: Line, delimiter: str, count: int) -> list[Unit | None] | None:
 
 def row_of(path: Path, header: Header, line: Line) -> list[str]:
     """The cells of a row with blanks around them, without surplus blank ones; InputError for other counts."""
-    count, cells = len(header.names), _cells(line.text, header.delimiter)
+    text, mark = _divided(line.text, header.delimiter)
+    count, cells = len(header.names), cells_of(text, mark)
+    whole = '"' not in text or len(cells) == count_cells(text, mark)
     while len(cells) > count and not cells[-1].strip():
         cells.pop()
-    if len(cells) != count:
+    if len(cells) != count or not whole:
         hint = "; for a line behind the table say footer = 1 in the map's [file]"
         problem = f"expected {count} fields, got {len(cells)}" + hint * (line is header.body[-1])
-        if not cells:
+        if not whole:
             problem = f"not a table: expected {count} fields, quotes around whole cells"
         raise InputError(path, f"line {line.number}", problem)
     return cells

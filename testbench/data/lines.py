@@ -133,14 +133,15 @@ def tabbed(line: str, runs: str) -> str:
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
-    """Cells of a line without quotes around them; none where quotes are not around whole cells."""
-    cells = line.split(delimiter)
-    if '"' in line:
-        count = 1 + sum(piece.count(delimiter) for piece in line.split('"')[::2])
-        try:
-            [cells] = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
-        except csv.Error:
-            return []
-        if len(cells) != count:
-            return []
-    return cells
+    """Cells of a line without quotes around them; none for what is no table."""
+    if '"' not in line:
+        return line.split(delimiter)
+    try:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+    except csv.Error:
+        return []
+
+
+def count_cells(line: str, delimiter: str) -> int:
+    """How many cells a line has; delimiters in quotes do not count."""
+    return 1 + sum(piece.count(delimiter) for piece in line.split('"')[::2])

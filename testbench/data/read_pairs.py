@@ -9,14 +9,14 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.columns import Columns, find_columns
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, in_order
 from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import read_map
 from testbench.data.names import ENTRIES, Slot, columns_of
 from testbench.data.pair import HELD, Paired, pair
 from testbench.data.readings import Readings, averaged, markers_only, read_readings
 from testbench.data.rows import Conditions, read_conditions
-from testbench.data.scatter import read_covariances, read_sigma
+from testbench.data.scatter import read_covariances, read_scatter
 from testbench.data.spool import Campaign, some, spooled
 from testbench.data.stream import Source, Whole, alike, read_source
 from testbench.data.table import table_of
@@ -120,30 +120,31 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
     read = read_readings(columns, arm, conditions.loaded)
     runs = pair(columns.table, conditions, read)
     _check_once(columns, conditions, runs, read)
+    own = in_order(conditions, runs.row)
     lost = np.asarray((np.isnan(runs.before) | np.isnan(runs.after)).any(axis=-1))
-    own_sigma, notes = _one_sigma(columns, 0, sigma)
-    before, after, turn_sigma = _rotations(columns, runs.row)
+    scatter, (before, after) = read_scatter(columns, sigma), _rotations(columns, runs.row)
+    own_sigma = _of_the_file(columns, 0, scatter.sigma)
     precision = _precision(columns, read, runs, lost)
     if precision is None and lost.any():
         precision = np.where(lost[..., None, None], 0.0, np.eye(3) / (2 * own_sigma**2))
     data = Dataset(
         markers=read.markers,
         run=runs.run,
-        pose=conditions.pose[runs.row],
-        q=conditions.q[runs.row],
-        wrench=conditions.wrench[runs.row],
-        point=conditions.point[runs.row],
+        pose=own.pose,
+        q=own.q,
+        wrench=own.wrench,
+        point=own.point,
         before=np.where(lost[..., None], 0.0, runs.before),
         after=np.where(lost[..., None], 0.0, runs.after),
         sigma=own_sigma,
         rotation_before=before,
         rotation_after=after,
-        sigma_rotation=turn_sigma,
+        sigma_rotation=None if before is None else _of_the_file(columns, 1, scatter.sigma_rotation),
         precision=precision,
-        station=None if conditions.station is None else conditions.station[runs.row],
-        taken_off=None if conditions.taken_off is None else conditions.taken_off[runs.row],
+        station=own.station,
+        taken_off=own.taken_off,
     )
-    return Export(data, columns, (*conditions.notes, *runs.notes, *notes, *dropped, *shots))
+    return Export(data, columns, (*conditions.notes, *runs.notes, *scatter.notes, *dropped, *shots))
 
 
 def _check_once(columns: Columns, conditions: Conditions, runs: Paired, read: Readings) -> None:
@@ -162,28 +163,25 @@ def _check_once(columns: Columns, conditions: Conditions, runs: Paired, read: Re
         columns.table.refuse(differs, column.name, "expected the same value in every row of the run")
 
 
-def _one_sigma(columns: Columns, index: int, flag: float | None) -> tuple[float, list[str]]:
-    """Standard deviation of a reading of positions (0) [m] or orientations (1) [rad]: one for the file."""
-    column = columns.get(Slot("sigma", index))
-    if column is not None:
-        values = columns.full(column)
+def _of_the_file(columns: Columns, index: int, values: Array) -> float:
+    """Standard deviation of positions (0) or orientations (1), (rows,) [m, rad]: one for the file."""
+    if column := columns.get(Slot("sigma", index)):
         columns.table.refuse(values != values[0], column.name, "expected one value in the whole file")
-    values, notes = read_sigma(columns, index, flag)
-    return float(values[0]), notes
+    return float(values[0])
 
 
-def _rotations(columns: Columns, row: Ids) -> tuple[Array, Array, float] | tuple[None, None, None]:
-    """Orientations of every run, unloaded and loaded, (runs, 3) [rad], and their sigma; None if not read."""
+def _rotations(columns: Columns, row: Ids) -> tuple[Array, Array] | tuple[None, None]:
+    """Orientations of every run, unloaded and loaded, (runs, 3) [rad]; None where they were not read."""
     wanted = columns_of("rotation", "before") | columns_of("rotation", "after")
     found = columns.whole(wanted)
     if not found:
         if Slot("sigma", 1) in columns.found:
             raise columns.lack(list(wanted))
-        return None, None, None
+        return None, None
     if columns.said(Slot("sigma", 1)) is None:
         raise columns.lack(["sigma_rad"])
     values = np.column_stack([columns.full(column)[row] for column in found])
-    return values[:, :3], values[:, 3:], _one_sigma(columns, 1, None)[0]
+    return values[:, :3], values[:, 3:]
 
 
 def _precision(columns: Columns, read: Readings, runs: Paired, lost: Mask) -> Array | None:

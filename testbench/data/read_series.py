@@ -182,6 +182,7 @@ def _assembled(
     table, m = columns.table, len(read.markers)
     code = _grouped(columns, conditions, read) if read.long and m > 1 else np.arange(table.rows)
     first, position = first_rows(code), placed(read, code)
+    own = select_rows(conditions, first)
     lost = np.asarray(np.isnan(position).any(axis=2))
     P = np.zeros((len(first), m, 3, 3))
     P[code[read.row], read.marker] = _precision(scatter)[read.row]
@@ -194,11 +195,11 @@ def _assembled(
         markers=read.markers,
         frame="",
         target="",
-        row=table.lines[first] if conditions.run is None else conditions.run[first],
-        pose=conditions.pose[first],
-        q=conditions.q[first],
-        wrench=conditions.wrench[first],
-        point=conditions.point[first],
+        row=table.lines[first] if own.run is None else own.run,
+        pose=own.pose,
+        q=own.q,
+        wrench=own.wrench,
+        point=own.point,
         position=np.where(lost[..., None], 0.0, position),
         sigma=float(np.median(scatter.sigma)),
         precision=P,

@@ -35,8 +35,8 @@ def read_scatter(columns: Columns, sigma: float | None) -> Scatter:
     """
     deviations, notes = _deviations(columns, "deviation", LEAST[0], "m")
     turned, more = _deviations(columns, "turn_deviation", LEAST[1], "rad")
-    own, said = read_sigma(columns, 0, sigma, deviations)
-    own_turn, said_turn = read_sigma(columns, 1, None, turned)
+    own, said = _read_sigma(columns, 0, sigma, deviations)
+    own_turn, said_turn = _read_sigma(columns, 1, None, turned)
     covariance = read_covariances(columns, "spread")
     if covariance is None and deviations is not None:
         filled = np.where(np.isnan(deviations), own[:, None], deviations)
@@ -51,7 +51,7 @@ def read_scatter(columns: Columns, sigma: float | None) -> Scatter:
     return Scatter(own, own_turn, covariance, (*notes, *more, *said, *said_turn))
 
 
-def read_sigma(
+def _read_sigma(
     columns: Columns, index: int, flag: float | None, deviations: Array | None = None
 ) -> tuple[Array, list[str]]:
     """Standard deviation of positions (0) or orientations (1) of every row, (rows,) [m, rad].

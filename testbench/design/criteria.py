@@ -40,8 +40,6 @@ class Tangent:
 class Determinant:
     """D: det(M)^(1/r), the volume of the confidence ellipsoid."""
 
-    name: str = "D"
-
     def information(self, M: Array) -> float:
         """det(M)^(1/r)."""
         sign, size = np.linalg.slogdet(M)
@@ -63,7 +61,6 @@ class Determinant:
 class Linear:
     """1 / tr(W M^-1): A with W = 1, I with the workspace's W, the test-pose criterion with the tasks'."""
 
-    name: str  #: For reports.
     W: Array  #: Symmetric, positive semi-definite, (r, r).
 
     def information(self, M: Array) -> float:
@@ -87,7 +84,6 @@ class Largest:
     mean is no larger than the maximum, so that the tangent of the weighted criterion bounds this one too.
     """
 
-    name: str  #: For reports.
     costs: Callable[[Array], Array]  #: At any M, (..., r, r) to (..., k).
     #: W of their weighted mean at M, from weights whose sum is one, (k,) to (r, r).
     mix: Callable[[Array, Array], Array]
@@ -119,7 +115,7 @@ class Largest:
         return self.mix(M, share / share.sum())
 
 
-Criterion = Determinant | Linear | Largest  #: An information function, by name.
+Criterion = Determinant | Linear | Largest  #: An information function.
 
 
 def check_criterion(name: str, *, absolute: bool = False) -> None:
@@ -138,11 +134,11 @@ def criterion_of(name: str, problem: Problem, workspace: Array, tasks: Array | N
     if name == "D":
         return Determinant()
     if name == "A":
-        return Linear("A", np.eye(problem.r) / problem.r)
+        return Linear(np.eye(problem.r) / problem.r)
     if name == "E":
         return criterion_e()
     wanted = (workspace if tasks is None or name != "test" else tasks) @ problem.lift
-    return criterion_g(wanted) if name == "G" else Linear(name, mean_square(wanted))
+    return criterion_g(wanted) if name == "G" else Linear(mean_square(wanted))
 
 
 def criterion_e() -> Largest:
@@ -155,7 +151,7 @@ def criterion_e() -> Largest:
         V = np.linalg.eigh(M)[1]
         return np.asarray((V * share) @ V.T)
 
-    return Largest("E", costs, mix)
+    return Largest(costs, mix)
 
 
 def criterion_g(rows: Array) -> Largest:
@@ -166,7 +162,7 @@ def criterion_g(rows: Array) -> Largest:
         I = np.linalg.inv(M)  # noqa: E741 - as in the books
         return np.asarray(I.reshape(*I.shape[:-2], -1) @ every.T)
 
-    return Largest("G", costs, lambda M, share: (share @ every).reshape(M.shape))
+    return Largest(costs, lambda M, share: (share @ every).reshape(M.shape))
 
 
 def mean_square(rows: Array) -> Array:

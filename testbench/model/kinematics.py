@@ -18,7 +18,7 @@ from testbench.arm.document import parse_xml
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import NUMBERS, angle_unit, find_body, numbers, read_mjcf
 from testbench.errors import Array, InputError
-from testbench.model.vjm import Vjm, rotation, skew
+from testbench.model.vjm import Vjm
 
 ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 PLACED = ("origin", "parent", "child", "axis")  #: What places a joint of a URDF.
@@ -176,11 +176,11 @@ def _rotation(arm: Arm, body: ET.Element, unit: float) -> Array:
     values = np.array(numbers(arm.rigid, body, key, NUMBERS[key]))
     try:
         if key == "quat":
-            return _of_quaternion(_unit(values))
+            return np.asarray(pin.Quaternion(*_unit(values)).matrix())
         if key == "axisangle":
-            return rotation(_unit(values[:3]), unit * values[3])
+            return np.asarray(pin.AngleAxis(unit * values[3], _unit(values[:3])).matrix())
         if key == "euler":  # about x, then the new y, then the new z
-            x, y, z = (rotation(axis, angle) for axis, angle in zip(np.eye(3), unit * values, strict=True))
+            x, y, z = map(pin.utils.rotate, "xyz", unit * values)
             return np.asarray(x @ y @ z)
         return _of_axes(values[:3], values[3:]) if key == "xyaxes" else _of_z(_unit(values))
     except ZeroDivisionError:
@@ -192,13 +192,6 @@ def _unit(vector: Array) -> Array:
     if length < LEAST:
         raise ZeroDivisionError
     return np.asarray(vector / length)
-
-
-def _of_quaternion(quaternion: Array) -> Array:
-    """Of a unit quaternion w, x, y, z."""
-    w, v = quaternion[0], quaternion[1:]
-    W = skew(v)
-    return np.asarray(np.eye(3) + 2 * w * W + 2 * W @ W)
 
 
 def _of_axes(x: Array, y: Array) -> Array:
@@ -213,4 +206,4 @@ def _of_z(z: Array) -> Array:
     across = np.cross([0.0, 0.0, 1.0], z)
     sine = float(np.linalg.norm(across))
     axis = np.array([1.0, 0.0, 0.0]) if sine < LEAST else across / sine
-    return rotation(axis, float(np.arctan2(sine, z[2])))
+    return np.asarray(pin.AngleAxis(float(np.arctan2(sine, z[2])), axis).matrix())

@@ -12,15 +12,14 @@ matrices meet its vectors alone, since how BLAS rounds a product of two matrices
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
-import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from testbench.errors import Array, Ids, NoEquilibrium, check_array
 from testbench.plant.build import Plant
 from testbench.plant.compensator import Strut, attached, stiffen, strut, strut_force
 from testbench.plant.gear import gear_error
 from testbench.plant.joint_law import JointLaw, slope, turn
-from testbench.plant.shapes import rotation_of
 from testbench.plant.state import Row, State, evaluate, generalised_force, moved, open_row, place
 from testbench.session import stepwise
 
@@ -275,12 +274,10 @@ def _displaced(plant: Plant, row: Row, q: Array, wrench: Array, point: Array) ->
     at = place(state, tool, point)
     theta = np.matvec(plant.C, generalised_force(plant, state, tool, wrench, at))
     places = [state.position[body] + moved(plant, state, body, theta)[0] for body in (*markers, tool)]
-    turns = np.tile([1.0, 0, 0, 0], (len(q), 1))
-    for quaternion, vector in zip(turns, moved(plant, state, tool, theta)[1], strict=True):
-        mujoco.mju_quatIntegrate(quaternion, vector, 1.0)
+    turned = Rotation.from_rotvec(moved(plant, state, tool, theta)[1]).as_matrix()
     return Equilibrium(
         theta=theta[:, plant.theta],
         markers=np.stack(places[:-1], axis=1),
         tool=places[-1],
-        rotation=np.reshape([rotation_of(turn) for turn in turns], (-1, 3, 3)) @ state.rotation[tool],
+        rotation=turned @ state.rotation[tool],
     )

@@ -143,6 +143,14 @@ def test_fixed_links_of_the_file_and_its_free_things_are_no_links_of_the_arm(arm
     assert any("actuator, equality, keyframe" in note for note in notes(chain))
 
 
+def test_what_stands_beside_the_arm_is_not_weighed_with_it(tmp_path):
+    file, table = mounted_mjcf(tmp_path), '<body name="table" pos="3 0 0"><geom size="0.2"/></body>'
+    file.write_text(file.read_text().replace("</worldbody>", f"{table}</worldbody>"))
+    [said] = [note for note in notes(read_chain(file)) if "weighs the geoms" in note]
+    assert "link_6" in said
+    assert "table" not in said
+
+
 def test_a_tip_may_be_named_and_what_lies_behind_it_is_frozen(arms):
     file, _, _ = arms[classes_mjcf]
     assert read_chain(file, "pinch").tip.name == "pinch"
@@ -151,10 +159,13 @@ def test_a_tip_may_be_named_and_what_lies_behind_it_is_frozen(arms):
     assert any("held at zero: joint6, joint7, left_joint" in note for note in notes(short))
 
 
-def test_names_that_no_column_can_have_are_made_fit_and_said(arms):
+def test_names_that_no_column_can_have_are_made_fit_and_said(arms, tmp_path):
     _, chain, _ = arms[light_urdf]
     assert chain.parts[0].name == "base_link"
     assert any("'base/link' is base_link" in note for note in notes(chain))
+    file = classes_mjcf(tmp_path)
+    file.write_text(file.read_text().replace('"pinch"', '"p/inch"'))
+    assert [site.name for site in read_chain(file).parts[-1].sites] == ["p_inch"]
 
 
 def test_a_mesh_that_cannot_be_read_costs_a_note_and_the_collision_mesh_is_drawn(tmp_path):
@@ -167,6 +178,16 @@ def test_a_mesh_that_cannot_be_read_costs_a_note_and_the_collision_mesh_is_drawn
     write_arm(chain, Wishes(), tmp_path / "arm")
     assert 'class="visual" rgba' in (tmp_path / "arm/rigid.xml").read_text()
     assert build_cell(tmp_path / "arm").arm.n_joints == 7
+
+
+def test_a_part_has_the_colour_of_its_largest_piece(tmp_path):
+    file, blue = light_urdf(tmp_path), '<material name="b"><color rgba="0 0 1 1"/></material>'
+    mesh = 'filename="package://light_support/meshes/link.stl" scale="1e-4 1e-4 1e-4"'
+    piece = f"<visual><geometry><mesh {mesh}/></geometry>{blue}</visual>"
+    file.write_text(file.read_text().replace("<visual>", f"{piece}<visual>", 1))
+    part = read_chain(file).parts[1]
+    assert len(part.shapes) == 3
+    assert drawn_mesh(part)[1] == pytest.approx([1, 0.4, 0, 1])
 
 
 def test_what_is_fixed_to_a_link_does_not_hide_that_its_mesh_is_gone(tmp_path):

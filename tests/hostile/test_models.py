@@ -28,17 +28,6 @@ def model(attack, stock, tmp_path_factory):
     return folder
 
 
-def forge(model: Path, change: Change, **arrays: np.ndarray) -> None:
-    """Change model.json and posterior.npz, and seal them again."""
-    document = json.loads((model / "model.json").read_text())
-    change(document)
-    if arrays:
-        with np.load(model / "posterior.npz") as old:
-            np.savez_compressed(model / "posterior.npz", **{**old, **arrays})
-    whole = sealed(document, (model / "posterior.npz").read_bytes())
-    (model / "model.json").write_text(json.dumps(whole))
-
-
 def says(*place: str, value: object) -> Change:
     def change(document: dict) -> None:
         *first, last = place
@@ -73,7 +62,12 @@ def test_a_forged_document_or_posterior_is_refused(attack, model, tmp_path, name
     forged, said = FORGED[name]
     change, arrays = (dict, forged) if isinstance(forged, dict) else (forged, {})
     lab = Path(shutil.copytree(model, tmp_path / "lab"))
-    forge(lab / "model", change, **arrays)
+    file, posterior = lab / "model" / "model.json", lab / "model" / "posterior.npz"
+    document = json.loads(file.read_text())
+    change(document)
+    with np.load(posterior) as old:
+        np.savez_compressed(posterior, **{**old, **arrays})
+    file.write_text(json.dumps(sealed(document, posterior.read_bytes())))
     attack(lab, "predict", "model", "poses.csv", "--out", "out").refused("model/", said)
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from loads import random_q
 from scipy import optimize
@@ -17,7 +18,6 @@ from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import default_models, default_name
 from testbench.campaign.models import named_models, plain_name
 from testbench.errors import BenchError, InputError
-from testbench.model import kinematics
 from testbench.model.loaded import load_jacobian
 from testbench.model.structure import mgco147
 from testbench.model.vjm import chain, tool_pose
@@ -55,8 +55,8 @@ def test_what_truth_and_model_read_differently_is_refused_by_name(kr500, tmp_pat
     turned = text.replace('<body name="tool"', '<body name="tool" euler="0.3 0.2 0.1"')
     (folder / "rigid.xml").write_text(turned, "utf-8")
     build_cell(folder)
-    rotation = kinematics.rotation
-    monkeypatch.setattr(kinematics, "rotation", lambda axis, angle: rotation(axis[::-1], angle))
+    rotate, other = pin.utils.rotate, dict(zip("xyz", "zyx", strict=True))
+    monkeypatch.setattr(pin.utils, "rotate", lambda axis, angle: rotate(other[axis], angle))
     said = r"rigid\.xml: <body name='tool'>: MuJoCo and Pinocchio place it .* apart"
     with pytest.raises(InputError, match=said):
         build_cell(folder)

@@ -121,7 +121,7 @@ def test_poses_settled_together_are_those_solved_one_by_one(kr500, rng):
     target = Target(*tool_pose(vjm, q))
     guess = reach(vjm, target, rng.uniform(*vjm.arm.limits, (40, 6)))
     guess = replaced(guess, np.array([0]), reach(vjm, in_order(target, slice(1)), q[:1]))
-    found = settle(vjm, target, guess, np.arange(1, 40), np.ones(40, dtype=bool))
+    found = settle(vjm, target, guess, np.arange(1, 40))
     for k in range(1, 40):
         own = reach(vjm, in_order(target, slice(k, k + 1)), found.q[k - 1 : k])
         np.testing.assert_allclose(own.q[0], found.q[k], rtol=0, atol=1e-8)

@@ -140,7 +140,6 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
 def test_every_criterion_makes_a_plan_with_a_certificate(kr500, spec, poses, name):
     few = replace(spec, poses=3)
     found = make_plan(few, name, poses[:12], Reach(lambda q: clear(kr500, q)), stream(1))
-    assert found.criterion.name == name
     assert 0 < found.efficiency <= 1
 
 

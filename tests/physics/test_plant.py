@@ -234,6 +234,15 @@ def test_gears_turn_the_joints_by_a_sum_of_sines_and_a_share_of_the_angle(kr500,
     np.testing.assert_allclose(rest.markers, expected.markers, rtol=0, atol=1e-12)  # rounding of metres
 
 
+def test_a_centre_error_is_a_load_that_hangs_elsewhere(kr500, rng):
+    q = random_q(kr500, rng, 5)
+    wrench, point = hung(kr500, 5)
+    true = disturbed(kr500, replace(CLEAN, centre_error=5e-3, mass_error=0.01))
+    loaded = settle_pair(true, q, wrench, point)[1]
+    assert_same(loaded, settle(kr500.plant, q, 1.01 * wrench, point + true.centre))
+    assert np.abs(true.centre).max() > 1e-3
+
+
 def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):
     """Weightless arm, 1 N and 1 N m: twist of the base C_f times the wrench about its origin."""
     q = random_q(kr500, rng, 5)

@@ -8,6 +8,7 @@ import pytest
 from loads import random_q
 
 from testbench import BenchError, load_arm
+from testbench.errors import PoseError
 from testbench.model.vjm import tool_points
 from testbench.plant import site as places
 from testbench.plant.shapes import rigid_frames
@@ -56,6 +57,17 @@ def test_alone_the_arm_touches_itself_and_the_floor(kr500, arm_6r, rng):
     assert {c.kind for c in touching} == {"itself", "room"}
     assert all((c.bodies[1] == "world") == (c.kind == "room") for c in touching)
     assert not any(contacts(arm_6r.room, random_q(arm_6r, rng, 300)))  # it has no shapes that collide
+    assert not (kr500.room.model.geom_group == 5).any()  # groups of rays are of a model of their own
+
+
+def test_a_pose_beyond_a_limit_is_named(kr500):
+    q = np.array(READY)
+    places.check_poses(kr500.room, q)
+    for end in kr500.arm.limits[:, 1] + [-0.01, 0.01]:
+        beyond = np.vstack([q, q])
+        beyond[1, 1] = end
+        with pytest.raises(PoseError, match=r"pose 2: joint_2 at .*, expected"):
+            places.check_poses(kr500.room, beyond)
 
 
 def test_the_weight_is_a_steel_cylinder_and_names_of_the_model_are_left_to_its_owner(kr500, tmp_path):

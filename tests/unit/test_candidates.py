@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.campaign import tracker
-from testbench.campaign.campaign import Cell
 from testbench.campaign.candidates import (
     ADVICE,
     BATCH,
@@ -45,17 +44,6 @@ def found(checks) -> Candidates:
     return find(checks, 40, np.random.default_rng(3))
 
 
-def bodies(cell: Cell, q: Array) -> tuple[Array, Array, Array]:
-    """Tool and markers by MuJoCo's kinematics: tool (poses, 3), markers and their z axes (poses, m, 3)."""
-    names, frames = cell.room.names, rigid_frames(cell.room, q)
-    markers = [names.index(name) for name in cell.arm.markers]
-    return (
-        frames.positions[:, names.index(cell.arm.tool)],
-        frames.positions[:, markers],
-        frames.rotations[:, markers][:, :, :, 2],
-    )
-
-
 def test_every_pose_drawn_is_found_or_counted_once(checks, found):
     """The draws themselves, judged in other batches, up to the last one found."""
     drawn = np.random.default_rng(3).uniform(*checks.vjm.arm.limits, (found.drawn, 6))
@@ -68,10 +56,13 @@ def test_every_pose_drawn_is_found_or_counted_once(checks, found):
 
 
 def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500, checks):
-    """Each reason judged by itself, of all poses."""
+    """Each reason judged by itself, of all poses, by MuJoCo's kinematics."""
     q = np.random.default_rng(5).uniform(*kr500.arm.limits, (400, 6))
     q[:20, 3] = 7.0  # beyond joint 4
-    tool, markers, facing = bodies(kr500, q)
+    names, frames = kr500.room.names, rigid_frames(kr500.room, q)
+    at = [names.index(name) for name in kr500.arm.markers]
+    tool, markers = (frames.positions[:, own] for own in (names.index(kr500.arm.tool), at))
+    facing = frames.rotations[:, at][..., 2]
     back = np.array(HERE) - markers
     distance = np.linalg.norm(back, axis=2)
     elevation = np.degrees(np.arcsin(-back[:, :, 2] / distance))

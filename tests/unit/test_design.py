@@ -15,7 +15,7 @@ from testbench.design.relaxation import relax
 from testbench.design.rows import Problem, information
 
 R, K = 5, 2
-A_OPTIMAL = Linear("A", np.eye(R) / R)
+A_OPTIMAL = Linear(np.eye(R) / R)
 
 
 def rng(seed=0):
@@ -30,7 +30,7 @@ def random_problem(candidates=40, seed=0, prior=0.1):
 def criteria():
     W = mean_square(rng(5).normal(size=(4, 3, R)))
     worst = criterion_g(rng(6).normal(size=(7, 3, R)))
-    return [Determinant(), A_OPTIMAL, criterion_e(), worst, Linear("test", W)]
+    return [Determinant(), A_OPTIMAL, criterion_e(), worst, Linear(W)]
 
 
 def parabola():
@@ -41,7 +41,7 @@ def parabola():
 
 @pytest.mark.parametrize(
     ("criterion", "weights"),
-    [(Determinant(), (1 / 3, 1 / 3, 1 / 3)), (Linear("A", np.eye(3) / 3), (1 / 4, 1 / 2, 1 / 4))],
+    [(Determinant(), (1 / 3, 1 / 3, 1 / 3)), (Linear(np.eye(3) / 3), (1 / 4, 1 / 2, 1 / 4))],
     ids=["D", "A"],
 )
 def test_relaxed_design_of_a_parabola_is_the_textbook_one(criterion, weights):
@@ -75,7 +75,7 @@ def by_trying_everything(problem, criterion, plan, poses):
 
 
 @pytest.mark.parametrize("prior", [0.1, 1e-9], ids=["prior", "next to none"])
-@pytest.mark.parametrize("criterion", criteria(), ids=lambda c: c.name)
+@pytest.mark.parametrize("criterion", criteria(), ids="DAEGI")
 def test_bounds_and_updates_exchange_what_trying_everything_does(criterion, prior):
     for seed in range(2):
         problem, start = random_problem(50, seed, prior), rng(seed).integers(0, 50, 6)

@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 ARM = load_arm(ROOT / "models" / "kr500_l480")
 MASSES = (150.0, 460.3)
 M = range(3)
-WHEN, RUNS, STEPS = ("before", "after"), range(6), [[0], [1]]
+WHEN, RUNS = ("before", "after"), range(6)
 
 
 def measured() -> Dataset:
@@ -81,12 +81,12 @@ def two_headers() -> bytes:
     upper = ["Run", "Pose", "Joints", *[""] * 5, "Load", *(cell for s in states for cell in (s, "", ""))]
     lower = ["", "", *range(1, 7), "m", *"XYZ" * 6]
     units = ["", "", *["deg"] * 6, "lb", *["mm"] * 18]
-    rows = [
-        [r + 1, DATA.pose[r], *deg(r), f"{KG[r] / 0.45359237:.9f}", *mm(both(r) - STEPS * both(r)[:, :1])]
-        for r in RUNS
-    ]
-    for row in rows:
-        row[3] = number(-float(row[3]))
+    rows = []
+    for r in RUNS:
+        first, second, *others = deg(r)
+        angles, pounds = [first, number(-float(second)), *others], f"{KG[r] / 0.45359237:.9f}"
+        moved = mm(np.stack([DATA.before[r], DATA.deflection[r]], axis=1))
+        rows.append([r + 1, DATA.pose[r], *angles, pounds, *moved])
     return b"\xef\xbb\xbf" + table([upper, lower, units, *rows], "\t")
 
 
@@ -250,14 +250,14 @@ def test_the_documented_spreadsheet_is_read_block_by_block_as_a_whole(tmp_path):
     check_equal(whole(in_blocks(*own)), read_export(*own).data)
 
 
+def exchanged(old, new):
+    return lambda lines: [line.replace(old, new) for line in lines]
+
+
 def parts_of_cells(lines):
     said = [re.sub(r",([0-9.]+),p", r",loaded \1 kg,p", line) for line in lines]
     said = [line.replace("loaded 0.0000000 kg", "nominal/unloaded") for line in said]
     return [said[0].replace("Mass [KG]", "state"), *said[1:]]
-
-
-def words_for_loads(lines):
-    return [line.replace(";150,0000000;", ";light;").replace(";460,3000000;", ";full;") for line in lines]
 
 
 def aligned(lines):
@@ -281,10 +281,6 @@ def moved_a_little(lines):
     return [lines[0], ",".join(cells), *lines[2:]]
 
 
-def headless(gap):
-    return lambda lines: [line.replace(",", gap) for line in lines[2:]]
-
-
 def from_zero(lines):
     return [re.sub(r'"J(\d) ', lambda m: f'"J{int(m[1]) - 1} ', line) for line in lines]
 
@@ -296,8 +292,19 @@ SAME = {
     "names in a comment": ("plain", lambda lines: [f"# {lines[0]}", *lines], ""),
     "a comment as header": ("plain", lambda lines: [f"# {lines[0]}", *lines[1:]], ""),
     "comments between": ("plain", lambda lines: [lines[0], "# one", *lines[1:], "// the end"], ""),
-    "words for loads": ("merged", words_for_loads, f'words = {{ 150 = "light", "460.3" = "full" }}{MERGED}'),
-    **{f"no header, {gap!r}": ("names_of_points", headless(gap), NAMED) for gap in (",", ", ", "\t", " ")},
+    "words for loads": (
+        "merged",
+        exchanged(";150,0000000;", ";light;"),
+        f'words = {{ 150 = "light" }}{MERGED}',
+    ),
+    **{
+        f"no header, {gap!r}": (
+            "names_of_points",
+            lambda lines, gap=gap: exchanged(",", gap)(lines[2:]),
+            NAMED,
+        )
+        for gap in (",", ", ", "\t", " ")
+    },
     "parts of a cell": ("plain", parts_of_cells, 'cells.state = ["*/{when}", "{when} {mass_kg} kg"]'),
     "whole names": ("plain", list, 'columns = { "{axis}" = "{axis}_mm", "joint_{n}" = "joint_{n}_deg" }'),
     "joints from 0": ("inches", from_zero, INCHES.replace("{n}", "{n0}")),

@@ -67,15 +67,10 @@ def test_wrong_tasks_name_line_and_column(kr500, file, header, rows, text):
     assert text in refused(read_tasks, path, kr500, weight(kr500.vjm, 460.0))
 
 
-def plan_csv(path):
-    """As much of a plan as `simulate` reads: every angle twice, and what hangs."""
-    rows = [[*map(repr, np.deg2rad(q).tolist()), *q, "460.3"] for q in POSES]
-    return write(path, [*RAD, *DEG, "load_kg"], rows)
-
-
 def test_a_plan_is_read_like_any_poses_and_brings_its_loads(kr500, tmp_path):
     """An angle that was changed in one unit alone is noticed."""
-    path = plan_csv(tmp_path / "plan.csv")
+    rows = [[*map(repr, np.deg2rad(q).tolist()), *q, "460.3"] for q in POSES]
+    path = write(tmp_path / "plan.csv", [*RAD, *DEG, "load_kg"], rows)
     np.testing.assert_array_equal(read_poses(path, kr500.arm), np.deg2rad(POSES))
     np.testing.assert_array_equal(read_loads(path)[0], [460.3, 460.3])
     path.write_text(path.read_text().replace(",-80.0,", ",-85.0,"))

@@ -45,38 +45,6 @@ def cell():
     return tb.build_cell("kr500_l480")
 
 
-def clipped(vjm, structure, data):
-    plain = tb.least_squares(vjm, structure, data)
-    return tb.make_estimate(plain.regression, np.maximum(plain.pi, 0), method="LS, negative values clipped")
-
-
-def test_ten_lines_simulate_fit_predict_score_and_compare_an_own_estimator(cell, tmp_path):
-    runs = tb.simulate(cell, seed=1)
-    tb.write_csv(runs.measured, cell.arm, tmp_path / "runs.csv")
-    assert tb.read_csv(str(tmp_path / "runs.csv"), tb.load_arm("kr500_l480")).runs == 21
-    structure = tb.MODELS["MGCO56"](cell).structure
-    prior = tb.cad_prior(cell.arm)
-    methods = {
-        "LS": tb.least_squares,
-        "GCO": tb.gco,
-        "prior": tb.with_prior(tb.gco, prior),
-        "robust": tb.robust(tb.with_prior(tb.gco, prior)),
-        "clipped": clipped,
-    }
-    found = {name: method(cell.vjm, structure, runs.identification) for name, method in methods.items()}
-    moved = {name: tb.deflections(cell.vjm, found[name], runs.truth) for name in ("prior", "LS")}
-    rms = {name: tb.score(own, runs.truth.deflection).rms for name, own in moved.items()}
-    assert rms["prior"] < rms["LS"] / 2  # the prior is the truth: ten times better here
-    assert isinstance(found["clipped"], tb.Estimate)
-    assert found["clipped"].pi.min() == 0
-    assert 0 <= tb.certify(found["GCO"]).f_m_excess_bound < 0.01 * found["GCO"].f_m
-    known = tb.intervals(cell.vjm, found["prior"], runs.check)
-    inside = (known.lower <= known.centre) & (known.centre <= known.upper)
-    assert inside.all()
-    with pytest.raises(tb.BenchError, match="clipped: an estimator of your own runs as it is"):
-        tb.with_prior(clipped, prior)
-
-
 @pytest.mark.parametrize(
     ("mistake", "said"),
     [

@@ -120,6 +120,7 @@ def coupled(share: float) -> Array:
         (np.diag([1, 1, 1e4, 1, 1, 1]), "link: expected 1e-18 to 1000 on the diagonal, got 10000 in row 3"),
         (np.eye(6) + 1e305 * np.eye(6)[::-1], r"link: expected entries up to 1000, got 1e\+305"),
         (np.eye(6) + np.eye(6)[[1, 0, 2, 3, 4, 5]], "link: expected a positive definite matrix"),  # singular
+        (np.diag([1, 1, 1, 1, 1, np.nan]), "link: expected finite numbers"),
         ([[1.0], [1.0, 2.0]], "link: expected numbers, got list"),
         *((coupled(x), r"positive definite matrix, got smallest eigenvalue -0\.01") for x in (-1.01, 1.01)),
     ],

@@ -3,6 +3,7 @@
 import signal
 import socket
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -45,13 +46,10 @@ def test_what_is_ignored_stays_so_and_threads_may_wait_too():
             assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGHUP, before)
-    done = []
+    with ThreadPoolExecutor() as pool:
+        assert pool.submit(waited).result()
 
-    def work():
-        with stops_wait():
-            done.append(True)
 
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert done
+def waited():
+    with stops_wait():
+        return True

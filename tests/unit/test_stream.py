@@ -56,7 +56,7 @@ def campaign(data: Dataset, size: int = 17) -> Campaign:
 
 def _remarks(text: str) -> bytes:
     head, *rows = text.splitlines()
-    return "\n".join([f"{head},remark", *(f"{row},é" for row in rows)]).encode("cp1252")
+    return "\n".join([f'{head},x ("),y (")', *(f"{row},é,5" for row in rows)]).encode("cp1252")
 
 
 WRITTEN = {

@@ -7,12 +7,11 @@ import json
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from markupsafe import Markup
@@ -20,6 +19,7 @@ from markupsafe import Markup
 from testbench import files
 from testbench.errors import Array
 from testbench.plant.import_robot.meshes import decimated
+from testbench.plant.import_robot.robot import Surface
 from testbench.plant.import_robot.solids import hull_of
 from testbench.plant.shapes import Frames, Shape, corners, quaternions, visual_shapes
 from testbench.trials.spread import Spread, dotted, inner
@@ -149,7 +149,6 @@ MARKED, FACTS = ("answer", "worst", "statements"), ("badge", "question", "title"
 """Blocks of Markdown, and those that are text."""
 MICRO = 1e4  #: Places are written as whole tenths of a millimetre, turns as whole parts of ten thousand.
 TRIANGLES = 500  #: Of a mesh at most: an arm turns smoothly on a phone.
-Faces = npt.NDArray[np.int_]
 
 
 def write_page(folder: Path, scenario: str, words: Told, seen: Seen) -> None:
@@ -172,7 +171,7 @@ def seen_plain(seen: Seen) -> Json:
     """All that is drawn."""
     scene = seen.scene and {
         "title": seen.scene.title,
-        "solids": [_solid(solid(shape)) for shape in visual_shapes(seen.scene.cell.room)],
+        "solids": [_solid(shape) for shape in visual_shapes(seen.scene.cell.room)],
         "groups": [_group(own) for own in seen.scene.groups],
     }
     parts = {"map": _map(seen), "runs": plain(seen.runs), "tables": [grid(own) for own in seen.tables]}
@@ -239,32 +238,26 @@ def _whole(numbers: Array) -> list[int | None]:
     return [round(x) if np.isfinite(x) else None for x in (MICRO * np.ravel(numbers)).tolist()]
 
 
-@dataclass(frozen=True)
-class Solid:
-    """A closed surface, fixed in a body."""
-
-    body: int  #: Index of its body.
-    vertices: Array  #: In the body's axes, (v, 3) [m].
-    faces: Faces  #: Corners of each triangle, counter-clockwise from outside, (f, 3).
-    brightness: float  #: Of its own colour, 0 to 1.
-
-
-def _solid(own: Solid) -> Json:
+def _solid(shape: Shape) -> Json:
+    vertices, faces = solid(shape)
+    brightness = float(shape.rgba[:3] @ [0.299, 0.587, 0.114])
     return {
-        "body": own.body,
-        "v": _whole(own.vertices),
-        "f": own.faces.ravel().tolist(),
-        "bright": round(own.brightness, 3),
+        "body": shape.body,
+        "v": _whole(vertices),
+        "f": faces.ravel().tolist(),
+        "bright": round(brightness, 3),
     }
 
 
-def solid(shape: Shape) -> Solid:
-    """A shape as triangles; of a mesh few, corners that differ in their normals alone being one."""
-    brightness = float(shape.rgba[:3] @ [0.299, 0.587, 0.114])
+def solid(shape: Shape) -> Surface:
+    """A shape as a closed surface in its body's axes, its triangles counter-clockwise from outside.
+
+    Of a mesh they are few, and corners that differ in their normals alone are one.
+    """
     if shape.mesh is None:
         hull = hull_of(corners(shape))
         assert hull is not None  # a primitive has a volume
-        return Solid(shape.body, *hull, brightness)
+        return hull
     places, inverse = np.unique(shape.mesh.vertices, axis=0, return_inverse=True)
     thin, faces = decimated(places, inverse.ravel()[shape.mesh.faces], TRIANGLES)
-    return Solid(shape.body, shape.position + thin @ shape.rotation.T, faces, brightness)
+    return shape.position + thin @ shape.rotation.T, faces
