@@ -345,7 +345,8 @@ def written(name, known, folder):
     file.write_bytes(content)
     if log is None:
         return file, [], list(range(export.targets))
-    (folder / "robot.csv").write_bytes(log)
+    head, *rows = log.splitlines()
+    (folder / "robot.csv").write_bytes(b"\n".join([head, *rows[::-1]]))  # newest first
     return file, ["--log", folder / "robot.csv"], list(range(export.targets))
 
 

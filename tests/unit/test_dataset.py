@@ -275,6 +275,7 @@ def test_counts_deflection_and_rotation_follow_from_the_readings():
         ({"run": np.array([1, 2, 3])}, r"pose: expected 3 integers, got int64 \(4,\)"),
         ({"run": np.ones(4)}, r"run: expected 4 integers, got float64 \(4,\)"),
         ({"markers": ()}, r"markers: expected different names, got \(\)"),
+        ({"markers": ("P1", "P1", "P3")}, "markers: expected different names, got"),
         ({"markers": ("P1", "P2")}, r"before \[m\]: expected shape \(4, 2, 3\), got \(4, 3, 3\)"),
         ({"q": np.zeros(4)}, r"q \[rad, m\]: expected shape \(4, any\), got \(4,\)"),
         ({"q": np.full((4, 6), np.nan)}, r"q \[rad, m\]: expected finite numbers"),
@@ -305,8 +306,12 @@ def test_a_load_taken_off_belongs_to_the_unloaded_reading_of_its_own_run(tmp_pat
     assert found.before[:, 0, 0].tolist() == [1, 4]
     assert found.taken_off is not None
     assert found.taken_off.tolist() == [False, True]
-    file.write_text("\n".join(",".join(map(str, line)) for line in [head, *lines[:3]]))
-    assert "line 4: loading off: expected an unloaded reading of the same run" in refused(read_csv, file, ARM)
+    for wrong, said in (
+        (lines[:3], "line 4: loading off: expected an unloaded reading of the same run"),
+        ([*lines, lines[1]], "line 6: this marker was read before in the same run"),
+    ):
+        file.write_text("\n".join(",".join(map(str, line)) for line in [head, *wrong]))
+        assert said in refused(read_csv, file, ARM)
 
 
 @pytest.mark.parametrize(

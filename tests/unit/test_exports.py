@@ -291,6 +291,7 @@ NAMED = NAMES_OF_POINTS.replace("file = { footer = 1 }", "") + "[file]\nfooter =
 SAME = {
     "names in a comment": ("plain", lambda lines: [f"# {lines[0]}", *lines], ""),
     "a comment as header": ("plain", lambda lines: [f"# {lines[0]}", *lines[1:]], ""),
+    "surplus blank cells": ("plain", lambda lines: [lines[0], *(f"{line}, ," for line in lines[1:])], ""),
     "comments between": ("plain", lambda lines: [lines[0], "# one", *lines[1:], "// the end"], ""),
     "words for loads": (
         "merged",

@@ -212,6 +212,9 @@ def test_a_station_has_a_frame_of_its_own_and_shares_the_mount(tmp_path):
     names = ["north", "north", "south", "south", "south", "north", "north"]
     a, b = read(tmp_path, PLAIN | {"series": names}, '[series]\nframe = "cell"\n').series
     assert (a.name, a.row.tolist(), b.frame) == ("one north", [2, 3, 7, 8], "cell south")
+    both = table(JOINTS, Q[[0] * 4]) | table(XYZ, 1e3 * P[:4]) | {"marker": ["T1", "T1", "T2", "T2"]}
+    a, b = read(tmp_path, both | {"series": [*"abba"]}, '[series]\nmarkers = ["T1", "T2"]\n').series
+    np.testing.assert_allclose([a.position[0], b.position[0]], P[[[0, 3], [1, 2]]], atol=SAME_PLACE)
 
 
 def test_several_targets_of_the_laboratorys_own_names_some_lost(tmp_path):
