@@ -10,20 +10,9 @@ from loads import random_q
 from testbench import BenchError, load_arm
 from testbench.errors import PoseError
 from testbench.model.vjm import tool_points
+from testbench.plant import site as places
 from testbench.plant.shapes import rigid_frames
-from testbench.plant.site import (
-    HEAD_RADIUS,
-    KINDS,
-    TARGET_RADIUS,
-    Contact,
-    Payload,
-    build_site,
-    check_poses,
-    collisions,
-    contacts,
-    has_surroundings,
-    hidden,
-)
+from testbench.plant.site import Contact, Payload, build_site, collisions, contacts, has_surroundings, hidden
 
 STATION = (4.5, -2.5, 1.6)
 READY = np.deg2rad([[10.0, -70, 80, 20, -35, 15]])
@@ -73,12 +62,12 @@ def test_alone_the_arm_touches_itself_and_the_floor(kr500, arm_6r, rng):
 
 def test_a_pose_beyond_a_limit_is_named(kr500):
     q = np.array(READY)
-    check_poses(kr500.room, q)
+    places.check_poses(kr500.room, q)
     for end in kr500.arm.limits[:, 1] + [-0.01, 0.01]:
         beyond = np.vstack([q, q])
         beyond[1, 1] = end
         with pytest.raises(PoseError, match=r"pose 2: joint_2 at .*, expected"):
-            check_poses(kr500.room, beyond)
+            places.check_poses(kr500.room, beyond)
 
 
 def test_the_weight_is_a_steel_cylinder_and_names_of_the_model_are_left_to_its_owner(kr500, tmp_path):
@@ -120,10 +109,10 @@ def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr5
     q, payload = random_q(kr500, rng, 300), Payload(460.3)
     site = build_site(altered(kr500, tmp_path, *CHANGES[change]), payload, (1.2, -1.6, 1.2))
     model, data = site.model, mujoco.MjData(site.model)
-    hanging, head = (np.flatnonzero(site.part == KINDS.index(name)) for name in ("payload", "tracker"))
-    others = np.flatnonzero((site.part != KINDS.index("payload")) & (model.geom_contype != 0))
-    arm = np.flatnonzero((site.part == KINDS.index("itself")) & (model.geom_contype != 0))
-    assert model.geom_size[head, 0] == HEAD_RADIUS
+    hanging, head = (np.flatnonzero(site.part == places.KINDS.index(name)) for name in ("payload", "tracker"))
+    others = np.flatnonzero((site.part != places.KINDS.index("payload")) & (model.geom_contype != 0))
+    arm = np.flatnonzero((site.part == places.KINDS.index("itself")) & (model.geom_contype != 0))
+    assert model.geom_size[head, 0] == places.HEAD_RADIUS
     found = contacts(site, q)
     loads = tool_points(kr500.vjm, q, kr500.vjm.load[None])[:, 0]
 
@@ -184,7 +173,7 @@ def test_a_ball_hides_a_target_where_it_meets_the_line_of_sight(name, request, t
     by_arm = np.array([h is not None for h in hidden(build_site(cell.arm, station=STATION), q)])
     by_both = np.array([h is not None for h in hidden(build_site(arm, station=STATION), q)])
     beams = tool_points(cell.vjm, q, cell.vjm.markers) - station
-    beams *= 1 - TARGET_RADIUS / np.linalg.norm(beams, axis=2, keepdims=True)
+    beams *= 1 - places.TARGET_RADIUS / np.linalg.norm(beams, axis=2, keepdims=True)
     along = np.clip((beams @ (centre - station)) / (beams**2).sum(axis=2), 0, 1)
     distance = np.linalg.norm(station + along[:, :, None] * beams - centre, axis=2)
     sure = np.abs(distance - radius).min(axis=1) > 1e-9  # rounding decides nothing
@@ -203,8 +192,10 @@ def test_padding_and_the_end_of_its_holder_hide_no_target_but_another_thing_near
     assert hidden(build_site(bare, station=STATION), READY) == [("P1", "case")]
     P1 = tool_points(kr500.vjm, READY, kr500.vjm.markers)[0, 0]
     toward = (np.array(STATION) - P1) / np.linalg.norm(np.array(STATION) - P1)
-    for distance, expected in ((TARGET_RADIUS - 0.005, None), (TARGET_RADIUS + 0.005, ("P1", "world"))):
-        bead = P1 + (distance - 0.001) * toward  # its face towards the tracker is 1 mm nearer
+    for beyond, expected in ((-0.005, None), (0.005, ("P1", "world"))):
+        bead = (
+            P1 + (places.TARGET_RADIUS + beyond - 0.001) * toward
+        )  # its face towards the tracker is 1 mm nearer
         geom = f'<geom type="sphere" size="0.001" pos="{" ".join(map(repr, bead.tolist()))}"/>'
         site = build_site(furnished(kr500, tmp_path, geom), station=STATION)
         assert hidden(site, READY) == [expected]
