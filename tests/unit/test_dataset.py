@@ -286,6 +286,7 @@ def test_counts_deflection_and_rotation_follow_from_the_readings():
         ({"taken_off": np.zeros(3, bool)}, r"taken_off: expected shape \(4\), got \(3,\)"),
         ({"station": np.zeros(3, int)}, r"station: expected 4 integers, got int64 \(3,\)"),
         ({"sigma_rotation": 0.0}, r"sigma \[rad\]: expected more than 0, got 0.0"),
+        ({"precision": np.zeros((4, 3, 3))}, r"precision \[1/m\^2\]: expected shape \(4, 3, 3, 3\)"),
     ],
 )
 def test_wrong_array_is_refused_at_the_door(wrong, expected):
