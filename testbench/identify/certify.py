@@ -129,7 +129,6 @@ def bound(regression: Regression, pi: Array, dual: Dual, trace_bounds: Array | N
         duality_gap=over(cost + weight * total_trace(s, pi), weight),
         f_m_excess_bound=over(cost, 0.0),
         trace_bounds=t,
-        smallest=smallest,
         dual=dual,
     )
 

@@ -44,9 +44,6 @@ class Certificate:
     #: Upper bound of F_M above its least value [1]: of a solved program, what its trace weight costs.
     f_m_excess_bound: float
     trace_bounds: Array  #: Bound t_i of the trace of each block in scaled units, (blocks,) [rad/(N m)].
-    #: Smallest eigenvalue of every S_i in scaled units, (blocks,) [N m/rad]: not negative at a least F_M
-    #: without bounds.
-    smallest: Array
     dual: Dual  #: The proof; the best one known may certify any other estimate of the same regression.
 
 

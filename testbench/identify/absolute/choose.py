@@ -47,11 +47,6 @@ class Step:
     series_before: float  #: RMS error of series that were held out, realigned [m]; NaN of a single one.
     series_after: float  #: [m]
 
-    @property
-    def gain(self) -> float:
-        """Share of the mean square that it takes away [1]."""
-        return 1 - (self.after / self.before) ** 2
-
 
 @dataclass(frozen=True)
 class Chosen:

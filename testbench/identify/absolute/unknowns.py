@@ -57,11 +57,6 @@ class Unknowns:
         keys = list(self.starts)
         return slice(self.starts[name], self.starts[keys[keys.index(name) + 1]])
 
-    @property
-    def held(self) -> slice:
-        """Columns of what belongs to the arm, not to a series."""
-        return slice(self.starts["geometry"], self.size)
-
     @cached_property
     def groups(self) -> tuple[tuple[str, Ids], ...]:
         """Columns that share a prior: their kind, and which they are.
