@@ -49,7 +49,8 @@ class Candidate:
 def divided(data: Dataset) -> Ids:
     """Part of every run, (runs,), -1 of those without a reading."""
     level = np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2)
-    return parts_of(data.pose, level, np.asarray(data.seen.any(axis=1)))
+    part = parts_of(data.pose, level, np.ones(data.runs, dtype=bool))  # dealt out as where runs are streamed
+    return np.where(data.seen.any(axis=1), part, -1)
 
 
 def parts_of(pose: Ids, level: Array, used: Mask) -> Ids:

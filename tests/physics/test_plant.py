@@ -17,7 +17,7 @@ from testbench.errors import BenchError, InputError, NoEquilibrium
 from testbench.plant.build import build_plant, plant_of
 from testbench.plant.compensator import attached, stiffen, strut, strut_force
 from testbench.plant.disturbance import FOUNDATION, KR500_COMPENSATOR, TYPICAL, Disturbances, GeometryErrors
-from testbench.plant.disturbed import disturb
+from testbench.plant.disturbed import disturb, exactly_loaded
 from testbench.plant.equilibrium import Poses, hold, settle, settle_linear, settle_pair, tangent
 from testbench.plant.gear import GearErrors
 from testbench.plant.joint_law import JointLaw, slope, turn
@@ -169,7 +169,8 @@ def test_an_undisturbed_arm_is_the_clean_one_and_errors_of_a_load_are_another_on
     settle(disturbed(kr500, TYPICAL), q)
     true = disturbed(kr500, replace(CLEAN, centre_error=5e-3, mass_error=0.01))
     assert np.abs(true.centre).max() > 1e-3
-    for arm, pull, at in ((disturbed(kr500, CLEAN), 1, point), (true, 1.01, point + true.centre)):
+    clean, exact = disturbed(kr500, CLEAN), exactly_loaded(true)
+    for arm, pull, at in ((clean, 1, point), (true, 1.01, point + true.centre), (exact, 1, point)):
         unloaded, loaded = settle_pair(arm, q, wrench, point)
         assert_same(unloaded, settle(kr500.plant, q))
         assert_same(loaded, settle(kr500.plant, q, pull * wrench, at))
