@@ -99,12 +99,18 @@ def rows_of(arm: Cell) -> list[Row]:
         found = solve_modelled(regression, SOLVER, entries=way.entries, max_threads=1, **way.settings)
         results.append(found)
 
-    wall, *others = interleave(
+    solver: list[float] = []
+
+    def alone() -> None:
+        solver.append(by_clarabel(regression, scale_program(regression)).seconds)
+
+    wall, _, *others = interleave(
         REPEATS,
         lambda: ours.append(gco(arm.vjm, structure, data)),
+        alone,
         *(partial(by_cvxpy, way, results) for way, results in zip(WAYS, theirs, strict=True)),
     )
-    own = np.array([by_clarabel(regression, scale_program(regression)).seconds for _ in range(REPEATS)])
+    own = np.array(solver[1:])
     both = f"GCO {spread(wall, 1e3, 0)} ms, Clarabel {spread(own, 1e3, 0)} ms"
     title = f"(c) {name}: certified GCO over Clarabel's own time, {structure.n} unknowns, {data.runs} runs"
     ratio = wall / np.median(own)

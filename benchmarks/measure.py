@@ -1,5 +1,6 @@
 """What benchmarks share: times measured side by side, one row of the table, and the arm with its load."""
 
+import gc
 import platform
 import time
 from collections.abc import Callable, Sequence
@@ -66,10 +67,13 @@ def note(benchmark: str, value: float, unit: str, behind: str) -> Row:
 
 
 def seconds(run: Callable[[], object]) -> float:
-    """Wall time of one call [s]."""
+    """Wall time of one call [s], without collecting the garbage of calls before it, as of timeit."""
+    gc.disable()
     start = time.perf_counter()
     run()
-    return time.perf_counter() - start
+    taken = time.perf_counter() - start
+    gc.enable()
+    return taken
 
 
 def interleave(repeats: int, *runs: Callable[[], object]) -> Array:

@@ -126,8 +126,15 @@ def upper(size: int) -> tuple[Ids, Ids]:
 
 def svec(X: Array) -> Array:
     """Upper triangles by column, off-diagonals times sqrt 2, of symmetric matrices, (..., n, n)."""
-    row, column = upper(X.shape[-1])
-    return np.asarray(X[..., row, column] * np.where(row == column, 1, math.sqrt(2)))
+    places, scale = _packed(X.shape[-1])
+    return np.asarray(X.reshape(*X.shape[:-2], -1).take(places, axis=-1) * scale)
+
+
+@cache
+def _packed(n: int) -> tuple[Ids, Array]:
+    """Where the entries of a svec stand in its matrix, and their size per unit of that, (t,) each."""
+    row, column = upper(n)
+    return n * row + column, np.where(row == column, 1.0, math.sqrt(2))
 
 
 def smat(x: Array) -> Array:
