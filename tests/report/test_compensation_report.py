@@ -42,7 +42,7 @@ def made(spoil=lambda row: row):
             for way, name in itertools.product((NOWHERE, *SETTINGS.ways(arm)), s.MODELS):
                 if (name in IDENTIFIED) == (way != NOWHERE):
                     own = row(rng, seed, arm, way, name)
-                    named = (seed, arm, way, name) == (SEEDS[0], IDEAL, ADVISED, DEFAULT)
+                    named = (seed, arm, way, name) == (SEEDS[0], REAL, ADVISED, DEFAULT)
                     yield spoil(own) if named else own
 
     trials = table_of(SEEDS, lambda seed: list(rows(seed)))
@@ -55,12 +55,12 @@ def found():
 
 
 def of_default(found):
-    return group(Row(found.numbers), DEFAULT, ADVISED)
+    return group(Row(found.numbers), DEFAULT, ADVISED, REAL)
 
 
 def points(trials, name, key):
     """Of every trial of the campaign that is advised."""
-    return np.array([*trials.where(**vars(ADVISED), arm=IDEAL, name=name)[key]])
+    return np.array([*trials.where(**vars(ADVISED), arm=REAL, name=name)[key]])
 
 
 def test_cases_are_points_of_trials_and_shares_are_over_all_of_them(found):
@@ -74,7 +74,7 @@ def test_cases_are_points_of_trials_and_shares_are_over_all_of_them(found):
     assert (own.worst_percent, own.after.most_mm) == pytest.approx((shares.min(), after.max()))
     assert own.nine_percent == pytest.approx(100 * np.mean(shares >= 90))
     assert own.covered_percent == pytest.approx(100 * 270 / 282)
-    by_truth = [g for g in found.numbers["by_truth"] if (g.name, g.arm) == (DEFAULT, IDEAL)]
+    by_truth = [g for g in found.numbers["by_truth"] if (g.name, g.arm) == (DEFAULT, REAL)]
     assert [(g.true_arm, g.cases) for g in by_truth] == [(name, POINTS) for name in TRUTHS]
 
 
@@ -93,14 +93,16 @@ def test_words_show_the_numbers(found):
     def removed(name, way=ADVISED, arm=REAL):
         return f"{group(f, name, way, arm).removed_percent.median:.1f} %"
 
-    weight, plain = (removed(name, replace(ADVISED, loads=s.WEIGHT), IDEAL) for name in (DEFAULT, "Joints"))
+    weight, plain = (removed(name, replace(ADVISED, loads=s.WEIGHT)) for name in (DEFAULT, "Joints"))
+    ideal, ideal_joints = (removed(name, arm=IDEAL) for name in (DEFAULT, "Joints"))
     check_said(
         found,
-        f"the default leaves {default:.3f} mm, least squares {ls:.3f} mm, ",
-        f"Joint stiffness only leaves {joints:.3f} mm of {before:.3f} mm",
-        f"never loads joint 1: {weight} removed, joint stiffness only {plain}. With",
-        f"a disturbed arm {removed(DEFAULT)}, joint stiffness only {removed('Joints')}, perfect "
-        f"compliances {removed(s.PERFECT, NOWHERE)}.",
+        f"Disturbed arm, {ADVISED.poses} planned poses with weight and pull: the default leaves "
+        f"{default:.3f} mm of {before:.3f} mm, joint stiffness only {joints:.3f} mm, ",
+        f"Least squares leaves {ls:.3f} mm, ",
+        f"never loads joint 1: {weight} removed, joint stiffness only {plain}. With the pull "
+        f"{removed(DEFAULT)}, joint stiffness only {removed('Joints')}, perfect compliances "
+        f"{removed(s.PERFECT, NOWHERE)}; undisturbed {ideal.removesuffix(' %')} and {ideal_joints}.",
         f"the default removes {removed(DEFAULT, arm=LINEAR)}.",
     )
 
@@ -114,24 +116,24 @@ def test_one_point_made_worse_in_one_trial_is_found():
 
 def test_intervals_that_miss_lower_the_share_and_components_without_a_bound_count_in_none():
     found, _ = made(lambda row: replace(row, inside=0))
-    covered = [group(Row(found.numbers), DEFAULT, ADVISED, arm).covered_percent for arm in (IDEAL, REAL)]
+    covered = [group(Row(found.numbers), DEFAULT, ADVISED, arm).covered_percent for arm in (REAL, IDEAL)]
     assert covered == pytest.approx([100 * 5 * 270 / (6 * 282), 100 * 270 / 282])
-    assert "hold {:.1f} % of what is left, disturbed {:.1f} %; ".format(*covered) in found.claims[2]
+    assert "hold {:.1f} % of what is left, undisturbed {:.1f} %; ".format(*covered) in found.claims[2]
     own = of_default(made(lambda row: replace(row, inside=40, of=40, unseen=242, buckled=True))[0])
     assert own.covered_percent == pytest.approx(100 * (40 + 5 * 270) / (40 + 5 * 282))
     assert (own.unseen_percent, own.buckled) == (pytest.approx(100 * 242 / (6 * 282)), 1)
 
 
 def test_the_figure_draws_what_is_left_in_the_colour_of_each_model(found):
-    f, [axes, disturbed] = Row(found[0].numbers), figures(found[0])["compensation.png"].axes
+    f, panes = Row(found[0].numbers), figures(found[0])["compensation.png"].axes
     assert (LOOKS[DEFAULT], LOOKS["Joints"].colour) == (CHOICE, JOINTS)
-    for pane, arm in ((axes, IDEAL), (disturbed, REAL)):
+    for pane, arm in zip(panes, (REAL, IDEAL), strict=True):
         for name in IDENTIFIED:
             [dots] = [line for line in pane.get_lines() if line.get_label() == name]
-            every = [group(f, name, way, arm).after.median_mm for way in SETTINGS.ways(arm)]
+            every = [group(f, name, way, arm).after.median_mm for way in SETTINGS.ways(REAL)]
             assert dots.get_xdata() == pytest.approx([own.median for own in every])
             assert dots.get_color() == LOOKS[name].hex
             spreads = [line.get_xdata() for line in pane.get_lines() if len(line.get_xdata()) == 2]
             assert all(own.ends in [tuple(found) for found in spreads] for own in every)
         assert unit_in(pane.get_xlabel()) == "mm"
-    assert axes.get_yticklabels()[0].get_text() == "planned, weight,\n6 poses"
+    assert panes[0].get_yticklabels()[0].get_text() == "planned, weight"
