@@ -85,7 +85,7 @@ def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool) -> Pre
     start = before.points(points)
     rotation = after.rotation
     if linear:
-        curved = curvature(model, loaded, points)
+        curved = curvature(model, loaded, free, points)
         half = np.hypot(half, curved * (1.0 if model.absolute else np.sqrt(CURVED**2 - 1)))
         deflection, turn = straight
         rotation = turned(turn) @ before.rotation

@@ -77,7 +77,9 @@ def half_widths(model: ArmModel, end: Poses, start: Poses | None, points: Array)
         rows = rows_between(model, end.of(some), before, points)
         half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
         if not model.absolute:
-            half = np.hypot(half, curvature(model, end.of(some), points))
+            own = end.of(some)
+            free = Poses(own.q) if before is None or before.loads or before.heavy else before
+            half = np.hypot(half, curvature(model, own, free, points))
         elif start is None:
             half = np.hypot(half, scatter)
         found.append(half)
@@ -146,10 +148,11 @@ def _rows(model: ArmModel, poses: Poses, points: Array) -> Array:
     return A[:, :, model.columns].transpose(3, 0, 1, 2)
 
 
-def curvature(model: ArmModel, poses: Poses, points: Array) -> Array:
+def curvature(model: ArmModel, poses: Poses, free: Poses, points: Array) -> Array:
     """What a linear model leaves out of deflections, (poses, k, 3) [m]: what its fit put elsewhere.
 
-    Compliances are identified by Eq. (12), which is linear; the equilibrium is not.
+    Compliances are identified by Eq. (12), which is linear; the equilibrium is not. `free` are the same poses
+    without loads.
     """
     state, loads = model.state, poses.loads
     where, after = chain(model.vjm, poses.q), poses.at_rest(state)
@@ -157,7 +160,7 @@ def curvature(model: ArmModel, poses: Poses, points: Array) -> Array:
     if poses.heavy:
         (position, rotation), u = tool_pose(model.vjm, poses.q), u + own_weight(where, state.weights)
     else:
-        before = rest(state, poses.q)
+        before = free.at_rest(state)
         position, rotation = before.position, before.rotation
     bent = np.einsum("rxy,py->rpx", after.rotation - rotation, points) + (after.position - position)[:, None]
     return np.asarray(np.abs(bent - displacement(where, (state.C_theta @ u).T, points)))
