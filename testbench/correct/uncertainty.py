@@ -48,6 +48,10 @@ class Poses:
         known = None if self.rest is None else in_order(self.rest, some)
         return Poses(self.q[some], [load.of(some) for load in self.loads], self.heavy, known)
 
+    def frees(self, other: "Poses") -> bool:
+        """Whether these are the poses of the other, without its loads."""
+        return not (self.loads or self.heavy) and np.array_equal(self.q, other.q)
+
     def at_rest(self, state: State) -> Rest:
         """The tool under these loads; NoEquilibrium where the arm cannot bear them."""
         return self.rest or rest(state, self.q, self.loads)
@@ -78,7 +82,7 @@ def half_widths(model: ArmModel, end: Poses, start: Poses | None, points: Array)
         half = model.posterior.half_widths(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:3])
         if not model.absolute:
             own = end.of(some)
-            free = Poses(own.q) if before is None or before.loads or before.heavy else before
+            free = before if before is not None and before.frees(own) else Poses(own.q)
             half = np.hypot(half, curvature(model, own, free, points))
         elif start is None:
             half = np.hypot(half, scatter)
