@@ -21,7 +21,7 @@ from testbench.identify.absolute.inner import eliminate, moved_frame, moved_moun
 from testbench.identify.absolute.noise import Noise, combine, repeated, roots
 from testbench.identify.absolute.pattern import Pattern, basis, find, turned, waves
 from testbench.identify.absolute.posterior import deviations_root, known, place, posterior_of, predict
-from testbench.identify.absolute.scatter import expected_of, scatter, single
+from testbench.identify.absolute.scatter import expected_of, single
 from testbench.identify.absolute.state import Mount, equilibrium, forward, nominal
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.arm_model import About, ArmModel
@@ -60,30 +60,6 @@ def reduced(kr500, series):
     unknowns = unknowns_of(kr500.vjm, series, JointErrors(), all153(kr500.arm))
     point = Point(unknowns, state, Noise(S, S), SQUARE)
     return reduce_series(point, series), point
-
-
-def test_blocks_and_series_add_up_to_all_equations(series, reduced):
-    """A part of few rows keeps them as they are, one of many its triangle; poses are never parted."""
-    (whole, point), one = reduced, series[0]
-    first = np.unique(one.pose, return_inverse=True)[1] < 3
-    block = np.where(first, 0, 1 + one.pose % 2)
-    rows = [np.flatnonzero(block == k) for k in range(3)]
-    halves = [np.concatenate(rows[:2]), rows[2]]  # as two series of the same frame and mount
-    parts = reduce_series(point, [select_rows(one, own) for own in halves], [block[own] for own in halves])
-    assert [part.series for part in parts.parts] == [0, 0, 1]
-    size = np.sqrt(np.maximum(np.diag(whole.gram.sum(axis=0)), 1e-300))
-
-    def check_same(found, expected):
-        scale = size * size[:, None]
-        np.testing.assert_allclose(found / scale, expected / scale, rtol=0, atol=1e-9)
-
-    check_same(parts.gram, whole.gram)
-    check_same(np.array([T.T @ T for T in parts.factors.values()]), whole.gram)
-    np.testing.assert_array_equal(parts.counts, whole.counts)
-    for part, own in zip(parts.parts, rows, strict=True):
-        alone = reduce_series(point, [select_rows(one, own)])
-        check_same(part.gram, alone.gram)
-        np.testing.assert_array_equal(part.counts, alone.counts)
 
 
 def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series, rng):
@@ -282,18 +258,6 @@ def read_by(state, series):
     frame = state.frame(series)
     x = told.where.points(state.mount(series).points) @ frame.rotation.T + frame.translation
     return replace(series, position=x)
-
-
-@pytest.mark.parametrize("share", [1.0, 0.7])
-def test_what_is_left_open_is_found_beside_readings_of_any_covariance(state, rng, share):
-    """Of 4000 readings within 5 %: it is known to 1.5 %. Unknowns that spend equations shorten residuals."""
-    rows, s = 4000, 60e-6
-    C = covariances(rng, rows, 1)
-    series = read_by(state, still(rows, rng, precision=np.linalg.inv(C)))
-    noise = (np.linalg.cholesky(C) @ rng.normal(size=(rows, 1, 3, 1)))[..., 0]
-    noise = np.sqrt(share) * (noise + s * rng.normal(size=noise.shape))
-    found = scatter(state, [replace(series, position=series.position + noise)], share)
-    assert found.open_position == pytest.approx(s, rel=0.05)
 
 
 @pytest.mark.parametrize("alike", [True, False], ids=["one sigma", "a covariance each"])

@@ -5,10 +5,8 @@ import pytest
 from serial_arms import write_arm
 
 from testbench.campaign.campaign import build_cell
-from testbench.correct.inverse import THERE, joints_along, reach, settle
+from testbench.correct.inverse import THERE, joints_along, reach
 from testbench.correct.newton import Target
-from testbench.correct.rest import replaced
-from testbench.data.dataset import in_order
 from testbench.model.tool_motion import turn_between
 from testbench.model.vjm import rotation, tool_pose
 
@@ -112,17 +110,3 @@ def test_a_joint_at_its_limit_stays_there_and_through_a_stretched_wrist_joints_a
     beside = rotation(np.array([0.0, 1.0, 0.0]), 1e-4) @ R
     found = joints_along(vjm, position, beside, start=q[0])
     assert found.there.all()
-
-
-def test_poses_settled_together_are_those_solved_one_by_one(kr500, rng):
-    """Guesses in any configurations but for the first: all end in its own."""
-    vjm = kr500.vjm
-    q = planted(vjm, rng, 40)
-    target = Target(*tool_pose(vjm, q))
-    guess = reach(vjm, target, rng.uniform(*vjm.arm.limits, (40, 6)))
-    guess = replaced(guess, np.array([0]), reach(vjm, in_order(target, slice(1)), q[:1]))
-    found = settle(vjm, target, guess, np.arange(1, 40))
-    for k in range(1, 40):
-        own = reach(vjm, in_order(target, slice(k, k + 1)), found.q[k - 1 : k])
-        np.testing.assert_allclose(own.q[0], found.q[k], rtol=0, atol=1e-8)
-    assert np.abs(guess.q - found.q).max() > 1

@@ -253,7 +253,9 @@ def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_pat
     """From the command to the folder and back: sizes in its table, the same predictions."""
     data = tmp_path / "data.csv"
     write_csv(campaigns["all"][0], kr500.arm, data)
-    done = here(program(["identify"]), "identify", "kr500_l480", data, "--out", tmp_path / "fit")
+    done = here(
+        program(["identify"]), "identify", "kr500_l480", data, "--model", "ALL153", "--out", tmp_path / "fit"
+    )
     assert done.returncode == 0, done.stderr
     said = json.loads((tmp_path / "fit" / "report.json").read_text())
     assert [row["part"] for row in said["laws"]] == [f"joint_{k}" for k in range(1, 7)]

@@ -13,7 +13,7 @@ from testbench.identify.absolute.torques import CENTRE, LIMIT, MASS, fit_weights
 from testbench.identify.regression import non_redundant, rank
 from testbench.model import loaded
 from testbench.model.structure import template56
-from testbench.model.vjm import chain, generalised_load, observation
+from testbench.model.vjm import chain, observation
 from testbench.model.weights import own_weight, read_weights
 from testbench.plant.build import weightless
 from testbench.plant.equilibrium import Poses, settle
@@ -24,38 +24,9 @@ HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0, "slides": 3_000.0}
 """Most that the arm carries in every pose [N]: the light arm's virtual joints then turn by 0.2 rad."""
 
 
-def bent(cell, rng, runs):
-    """Poses with virtual joints far from zero, farther than any arm bends."""
-    theta = 0.3 * rng.standard_normal((runs, cell.arm.n_theta))
-    return random_q(cell, rng, runs), theta
-
-
 def random_wrench(rng, runs, force, moment):
     part = rng.standard_normal((runs, 6)) * np.repeat([force, moment], 3)
     return part, rng.uniform(-0.4, 0.4, (runs, 3))  # well off the tool's centre
-
-
-def differences_of_the_load(cell, q, theta, wrench, point):
-    """d(J_theta^T w) / d theta by central differences, (runs, n_theta, n_theta)."""
-    h = 1e-5
-    columns = []
-    for step in h * np.eye(cell.arm.n_theta):
-        ahead, behind = (chain(cell.vjm, q, theta + s) for s in (step, -step))
-        u = generalised_load(ahead, wrench, point) - generalised_load(behind, wrench, point)
-        columns.append(u.T / (2 * h))
-    return np.stack(columns, axis=2)
-
-
-@pytest.mark.parametrize("name", [*HEAVIEST, "single_link"])
-def test_k_w_is_the_derivative_of_the_generalised_load(request, name, rng):
-    """Of an arm without joints too."""
-    cell = request.getfixturevalue(name)
-    q, theta = bent(cell, rng, 3)
-    wrench, point = random_wrench(rng, 3, 1000, 1000)
-    K_w = loaded.geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
-    expected = differences_of_the_load(cell, q, theta, wrench, point)
-    # differences: rounding 1e-16 / h = 1e-11 and truncation h^2 = 1e-10, of the largest entry
-    np.testing.assert_allclose(K_w, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.campaign import tracker
 from testbench.campaign.candidates import (
     ADVICE,
     BATCH,
@@ -81,33 +80,6 @@ def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500, checks):
     expected = [next((r for r, mask in single.items() if mask[i]), None) for i in range(len(q))]
     assert why_not(checks, q) == expected
     assert len(set(expected)) >= 6
-
-
-@pytest.mark.parametrize(
-    ("conditions", "limits", "reason"),
-    [
-        (Conditions(area=NOWHERE), {}, OFF_AREA),
-        (Conditions(station=Station((0.5, 0.0, 6.0))), {"FARTHEST_SEEN": 2.0}, TOO_FAR),
-        (Conditions(station=Station(HERE)), {"NEAREST": 15.0}, TOO_NEAR),
-        (Conditions(station=Station((0.0, 0.0, 15.0))), {}, TOO_STEEP),
-        (Conditions(station=Station(HERE, acceptance=0.01)), {}, FACES_AWAY),
-        (Conditions(payload=Payload(460.3, sling=5.0)), {}, TOUCHING["payload"]),
-        (
-            Conditions(station=Station((0.29, -0.05, 0.85))),
-            {"NEAREST": 0.01, "LOWEST": -1.5, "HIGHEST": 1.5},
-            TOUCHING["tracker"],
-        ),
-    ],
-)
-def test_an_empty_set_names_the_constraint_that_emptied_it(kr500, conditions, limits, reason, monkeypatch):
-    for name, value in limits.items():
-        monkeypatch.setattr(tracker, name, value)
-    with pytest.raises(PoseError, match="found 0 of 5 poses in 2048 draws") as err:
-        find(build_checks(kr500, conditions), 5, np.random.default_rng(6), patience=2000)
-    message = str(err.value)
-    assert f"{reason!r}" in message.split(" (refused: ")[0]
-    assert ADVICE[reason] in message
-    assert "\n" not in message
 
 
 def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest_reason(kr500):
