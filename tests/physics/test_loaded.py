@@ -1,10 +1,13 @@
 """The loaded arm: Eq. (7) against differences and MuJoCo, own weight, masses from torques of another arm."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
 from loads import GRAVITY, at_rest, hung, random_q
 from serial_arms import write_arm
+from spoil import swap
 
 from testbench import Series, load_arm
 from testbench.campaign.absolute import of_masses
@@ -166,10 +169,8 @@ DRAWN = '<default><default class="drawn"><geom mass="0"/></default></default>'
 
 
 def rewritten(folder, *changes):
-    text = (folder / "rigid.xml").read_text(encoding="utf-8")
     for old, new in changes:
-        text = text.replace(old, new, 1)
-    (folder / "rigid.xml").write_text(text, encoding="utf-8")
+        swap(re.escape(old), new)(folder / "rigid.xml")
     return load_arm(folder)
 
 

@@ -56,14 +56,12 @@ def test_relaxed_design_of_a_parabola_is_the_textbook_one(criterion, weights):
 
 
 def by_trying_everything(problem, criterion, plan, poses):
-    """The best candidate in a place: of an incomplete plan the next one, of a complete one every place's."""
+    """The best candidate in every place of a plan, again and again."""
     every, plan = range(len(problem.rows)), list(plan)
 
     def phi(chosen):
         return criterion.information(information(problem, chosen))
 
-    while len(plan) < poses:
-        plan.append(max(every, key=lambda j: phi([*plan, j])))
     before = 0.0
     while phi(plan) > (1 + 1e-7) * before:
         before = phi(plan)
