@@ -71,8 +71,8 @@ def identified(state: State) -> Rigid:
 
 def _bent(pose: Array, frame: Array, theta: Array) -> Array:
     """The pose behind a link whose end is moved by constants, (6,) [m, rad]."""
-    p, _, R = bend(pose[:3, 3:], np.eye(3)[..., None], frame, theta[None])
-    return _pose(R[..., 0] @ pose[:3, :3], p[:, 0])
+    p, _, beam = bend(pose[:3, 3:], frame[..., None], theta[None])
+    return _pose(beam[..., 0] @ frame.T @ pose[:3, :3], p[:, 0])
 
 
 def _moved(axis: Array, by: float, *, prismatic: bool) -> Array:

@@ -17,6 +17,7 @@ from testbench.correct.newton import Aim
 from testbench.correct.predicted import Prediction, predict
 from testbench.correct.process import process_wrench
 from testbench.correct.stiffness import Stiffness, give_halves, stiffness
+from testbench.data.dataset import in_order
 from testbench.data.program import Program, read_poses, read_program, refuse_joint_jumps, unread
 from testbench.data.table import read_table
 from testbench.errors import Array, BenchError, Ids, InputError, NoEquilibrium
@@ -108,7 +109,8 @@ def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Lo
         along = process_wrench(program.along, position + rotation @ tip, spindle, names)
     except BenchError as err:
         raise InputError(program.path, "", str(err)) from err
-    loads = [Load(program.wrench + along, tip if program.point is None else program.point).over(len(q))]
+    wrench, at = program.wrench + along, tip if program.point is None else program.point
+    loads = [Load(wrench, at).over(len(q))] if wrench.any() else []
     return (*loads, *([weight(model.vjm, program.mass)] if program.mass.any() else []))
 
 
@@ -237,9 +239,6 @@ class Predicted:
     linear: bool  #: Whether by Eq. (6).
     found: Prediction
     stiffness: Stiffness  #: Of the loaded tool.
-    #: Half widths of how far the map's force moves the loaded tool along its principal axes, the softest
-    #: first, (poses, 3) [m].
-    give_half: Array
     extent: Extent  #: How large the loads are.
     map: StiffnessMap
 
@@ -253,6 +252,12 @@ class Predicted:
         """Poses by the deflection of the tool, the largest first, (poses,)."""
         return np.argsort(-self.found.size[:, 0], kind="stable")
 
+    def push_half(self, pose: int) -> float:
+        """Half width of how far the map's force moves the loaded tool, the widest along its axes [m]."""
+        one = slice(pose, pose + 1)
+        tool = in_order(self.stiffness, one)
+        return float(give_halves(self.model, self.asked.q[one], tool, self.map.force).max())
+
 
 def predicted(
     model: ArmModel, asked: Asked, force: float, area: WorkArea | None = None, *, linear: bool = False
@@ -264,8 +269,12 @@ def predicted(
         PoseError: When too few poses have their tool in the area of the map.
     """
     cell, every = Cell(model.arm, model.vjm), slice(0, len(asked.q))
-    found = _carried(asked, every, lambda q, loads: predict(model, q, loads, linear=linear))
-    tool = _carried(asked, every, lambda q, loads: stiffness(model, q, loads))
+
+    def both(q: Array, loads: list[Load]) -> tuple[Prediction, Stiffness]:
+        own = predict(model, q, loads, linear=linear)
+        return own, stiffness(model, q, loads, own.theta)
+
+    found, tool = _carried(asked, every, both)
     return Predicted(
         model=model,
         cell=cell,
@@ -273,7 +282,6 @@ def predicted(
         linear=linear,
         found=found,
         stiffness=tool,
-        give_half=give_halves(model, asked.q, tool, force),
         extent=extent(model, asked.q, asked.loads),
         map=_map(model, cell, force, area),
     )

@@ -179,7 +179,7 @@ def _pose(made: Predicted, k: int) -> Row:
         softest=direction_words(direction),
         softest_direction=direction.tolist(),
         push_mm=float(MM * made.map.force * made.stiffness.give[k, 0]),
-        push_half_mm=finite(MM * made.give_half[k].max()),
+        push_half_mm=finite(MM * made.push_half(k)),
     )
 
 

@@ -31,6 +31,7 @@ class Prediction:
     rotation: Array  #: Of the loaded tool, world from tool, (poses, 3, 3).
     #: How far the other of Eq. (6) and Eq. (7) has the loaded tool from there, (poses,) [m].
     apart: Array
+    theta: Array  #: Virtual joints of the loaded arm, by Eq. (7), (poses, n_theta) [m, rad].
 
     @cached_property
     def size(self) -> Array:
@@ -90,7 +91,7 @@ def _predict(model: ArmModel, loaded: Poses, points: Array, linear: bool) -> Pre
         deflection, turn = straight
         rotation = turned(turn) @ before.rotation
     known = half_widths(model, loaded, None, points) if model.absolute else np.full(half.shape, np.inf)
-    return Prediction(deflection, half, turn, start + deflection, known, rotation, apart)
+    return Prediction(deflection, half, turn, start + deflection, known, rotation, apart, after.theta)
 
 
 def _linear(model: ArmModel, stand: Poses, points: Array) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from testbench.identify.arm_model import ArmModel
 from testbench.model.laws import tangent
 from testbench.model.load import Load, on_joints
 from testbench.model.loaded import geometric_stiffness, loaded_compliance
-from testbench.model.vjm import chain, turns
+from testbench.model.vjm import chain
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Stiffness:
         return np.asarray(found * np.where(largest < 0, -1.0, 1.0))
 
 
-def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = ()) -> Stiffness:
+def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = (), theta: Array | None = None) -> Stiffness:
     """The tangent at the loaded equilibrium, Eq. (7), and the ellipsoid of its translations.
 
     K_w holds the loads alone. Left out is that of the own weight, which turns with the arm too: on a KR 500
@@ -52,6 +52,7 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = ()) -> Stiffnes
         model: The arm.
         q: Joints as commanded, (poses, n) [rad, m].
         loads: What acts beside own weight.
+        theta: Virtual joints under these loads, where they are known already, (poses, n_theta) [m, rad].
 
     Returns:
         Its compliance, and the ellipsoid of its translations.
@@ -60,16 +61,18 @@ def stiffness(model: ArmModel, q: Array, loads: Sequence[Load] = ()) -> Stiffnes
         NoEquilibrium: When there is none, or the arm is about to buckle.
     """
     every = Poses(q, loads)
-    return joined([_stiffness(model.state, every.of(some)) for some in batches(len(q))])
+    theta = rest(model.state, q, every.loads).theta if theta is None else theta
+    return joined([_stiffness(model.state, every.of(some), theta[some]) for some in batches(len(q))])
 
 
-def _stiffness(state: State, poses: Poses) -> Stiffness:
-    vjm, theta = state.vjm, rest(state, poses.q, poses.loads).theta
-    where, n = chain(replace(vjm, laws=None), poses.q, turns(vjm, theta)), vjm.arm.n_theta
+def _stiffness(state: State, poses: Poses, theta: Array) -> Stiffness:
+    vjm, n = state.vjm, state.vjm.arm.n_theta
+    lawful = chain(vjm, poses.q, theta)
+    where = replace(lawful, J_theta=lawful.J_theta[:, :n], laws=None)
     K_w = np.zeros((len(poses.q), n, n))
     for load in poses.loads:
         K_w += geometric_stiffness(where, load.wrench, load.point)
-    C = tangent(vjm, state.C_theta, chain(vjm, poses.q, theta), on_joints(where, poses.loads))
+    C = tangent(vjm, state.C_theta, lawful, on_joints(where, poses.loads))
     compliance = loaded_compliance(where.J_theta.transpose(2, 0, 1), C, K_w)
     axes, give, _ = np.linalg.svd(compliance[:, :3, :3])
     return Stiffness(compliance, give, axes)

@@ -89,11 +89,19 @@ class Posterior:
         Raises:
             BenchError: When a functional has another length or is not finite.
         """
+        return self._deviations(functionals)[0]
+
+    def _deviations(self, functionals: Array) -> tuple[Array, Array]:
+        """The same, and of them what the prior puts in, (k,) each."""
         a = check_array(functionals, (None, len(self.x)), "functionals [m per unit of pi]")
-        seen = np.linalg.norm(a @ self.root.T, axis=1)
+        white = a @ self.root.T
+        heavy = white[:, len(self.root) - self.heavy :]
+        seen, prior = (np.sqrt(np.vecdot(own, own)) for own in (white, heavy))
+        if not len(self.unseen):
+            return seen, prior
         size = np.linalg.norm(a * self.scale, axis=1)
         unseen = np.linalg.norm(a @ self.unseen.T, axis=1) > UNSEEN * size
-        return np.where(unseen, np.inf, seen)
+        return np.where(unseen, np.inf, seen), prior
 
     def half_widths(self, functionals: Array, confidence: float = CONFIDENCE) -> Array:
         """Half intervals of functionals, rows of (k, n): of noise and of the prior, in quadrature, (k,).
@@ -102,8 +110,7 @@ class Posterior:
             BenchError: When the confidence is outside (0, 1) or a functional has another length.
         """
         check_confidence(confidence)
-        whole = self.deviations(functionals)
-        prior = np.linalg.norm(functionals @ self.root[len(self.root) - self.heavy :].T, axis=1)
+        whole, prior = self._deviations(functionals)
         normal, student = (quantile(tail, (1 + confidence) / 2) for tail in (math.inf, self.tail))
         return np.asarray(np.hypot(normal * whole, math.sqrt(max(0, student**2 - normal**2)) * prior))
 
@@ -231,7 +238,8 @@ def _mixture(pi: Array, parts: Sequence[tuple[float, Posterior]]) -> Posterior:
         noise.append(math.sqrt(p) * rows[:first])
         heavy.append(math.sqrt(p) * rows[first:])
     widest = max((own for _, own in parts), key=lambda own: len(own.x))
-    return replace(widest, x=pi, root=np.vstack([*noise, *heavy]), heavy=sum(map(len, heavy)))
+    root, prior = (np.linalg.qr(np.vstack(rows), mode="r") for rows in (noise, heavy))
+    return replace(widest, x=pi, root=np.vstack([root, prior]), heavy=len(prior))
 
 
 def _split(rows: list[Array], back: Array, belief: Belief, L: Array) -> tuple[Array, int]:

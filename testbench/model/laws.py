@@ -26,7 +26,7 @@ import numpy as np
 from testbench.arm.folder import Arm, Compensator
 from testbench.errors import Array, Ids, InputError, Mask
 from testbench.model.structure import Structure
-from testbench.model.vjm import Chain, Vjm
+from testbench.model.vjm import Chain, Vjm, cross
 from testbench.model.weights import Weights, own_weight, read_weights
 
 KINDS = ("stiffening", "backlash", "friction")
@@ -112,8 +112,8 @@ def _levers(spring: Compensator, where: Chain) -> tuple[Array, Array, Array]:
     axis, arm = where.J_theta[3:, 6 * (len(where.bodies) - 1) + 1], spring.head @ R_2
     along = foot + spring.foot @ R_1 - joint - arm
     length = np.linalg.norm(along, axis=0)
-    lever = (axis * np.cross(arm, along / length, axis=0)).sum(axis=0)
-    return lever, np.linalg.norm(np.cross(axis, arm, axis=0), axis=0), length
+    lever = (axis * cross(arm, along / length)).sum(axis=0)
+    return lever, np.linalg.norm(cross(axis, arm), axis=0), length
 
 
 def _spring(x: Array) -> Array:

@@ -81,14 +81,14 @@ class Vjm(Displayed):
         return float(lengths[1:].sum() or lengths.sum())
 
     @cached_property
-    def links(self) -> tuple[tuple[Array, Array], ...]:
-        """Of every link its beam axes and the axes of the next body, (6, 3), and the arm to that, (3,) [m].
+    def links(self) -> tuple[tuple[Array, Array, Array], ...]:
+        """Of every link its beam axes in those of its body, (3, 3), the arm to the next body, (3,) [m].
 
-        All are products with the axes of its own body.
+        Last the axes of that body in the beam's, (3, 3).
         """
         poses = (*self.placements, self.tool)
         frames = [link.frame for link in self.arm.links]
-        return tuple((np.vstack([f.T, x[:3, :3].T]), x[:3, 3]) for f, x in zip(frames, poses, strict=True))
+        return tuple((f.T, x[:3, 3], x[:3, :3].T @ f) for f, x in zip(frames, poses, strict=True))
 
     @cached_property
     def joints(self) -> tuple[Array, ...]:
@@ -133,35 +133,35 @@ def chain(vjm: Vjm, q: Array, theta: Array | None = None) -> Chain:
     bent = None if theta is None else turns(vjm, check_array(theta, (runs, vjm.n_theta), "theta [m, rad]"))
     moved = (q if bent is None else q + bent[:, links:]).T
     sine, less = np.sin(moved), 1 - np.cos(moved)
-    J = np.zeros((6, vjm.arm.n_theta, runs))
-    origins = np.empty((3, vjm.arm.n_theta, runs))
+    J = np.zeros((6, vjm.n_theta, runs))
+    of_links, of_joints = np.empty((3, n + 1, 1, runs)), np.empty((3, n, runs))  # where they turn about
     R = np.tile(vjm.base[:3, :3, None], runs)  # world axis, body axis, run
     p = np.tile(vjm.base[:3, 3:], runs)
     bodies = []
-    for i, (link, arm) in enumerate(vjm.links):
+    for i, (frame, arm, behind) in enumerate(vjm.links):
         bodies.append((p, R))
         p = p + arm @ R
-        of = link @ R
-        slides = hinges = of[:, :3]
+        beam = hinges = J[:3, 6 * i : 6 * i + 3] = frame @ R
         if bent is not None:
-            p, hinges, R = bend(p, R, vjm.arm.links[i].frame, bent[:, 6 * i : 6 * i + 6])
-            of = link @ R
-        J[:3, 6 * i : 6 * i + 3] = slides
+            p, hinges, beam = bend(p, beam, bent[:, 6 * i : 6 * i + 6])
         J[3:, 6 * i + 3 : 6 * i + 6] = hinges
-        origins[:, 6 * i : 6 * i + 6] = p[:, None]
-        R = of[:, 3:]
+        of_links[:, i, 0] = p
+        R = behind @ beam
         if i < n:
             of = vjm.joints[i] @ R
-            origins[:, links + i] = p
+            of_joints[:, i] = p
             if vjm.arm.joints[i].prismatic:
                 J[:3, links + i] = of[:, 6]
                 p = p + moved[i] * of[:, 6]
                 continue
             J[3:, links + i] = of[:, 6]
             R = R + sine[i] * of[:, :3] + less[i] * of[:, 3:6]
-    J[:3] += cross(J[3:], p[:, None] - origins)
+    turning = J[:, :links].reshape(6, n + 1, 6, runs)[:, :, 3:]
+    turning[:3] = cross(turning[3:], p[:, None, None] - of_links)
+    joints = J[:, links : links + n]
+    joints[:3] += cross(joints[3:], p[:, None] - of_joints)
     if vjm.laws is not None:
-        J = np.concatenate([J, J[:, links + vjm.laws.joints]], axis=1)
+        J[:, links + n :] = J[:, links + vjm.laws.joints]
     return Chain(J, p.T, R.transpose(2, 0, 1), (*bodies, (p, R)), vjm.laws)
 
 
@@ -217,24 +217,24 @@ def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
     return [(p.T, R.transpose(2, 0, 1)) for p, R in bodies]
 
 
-def bend(p: Array, R: Array, frame: Array, theta: Array) -> tuple[Array, Array, Array]:
+def bend(p: Array, beam: Array, theta: Array) -> tuple[Array, Array, Array]:
     """A link's virtual joint away from zero: three slides, then three hinges, each carried by those before.
 
     Args:
         p: World position of the virtual joint, (3, runs) [m].
-        R: World from the link's body, (3, 3, runs).
-        frame: Beam axes as columns, in the body's axes, (3, 3).
+        beam: World from beam, (3, 3, runs).
         theta: Of this link, (runs, 6) [m, rad].
 
     Returns:
-        Position behind the slides, axes of the hinges in the world as columns, frame behind the hinges.
+        Position behind the slides, axes of the hinges in the world as columns, beam behind the hinges.
     """
-    p = p + np.einsum("xbr,rb->xr", frame.T @ R, theta[:, :3])
-    hinges = np.empty_like(R)
-    for k, axis in enumerate(frame.T):
-        hinges[:, k] = axis @ R
-        R = turn(R, axis, theta[:, 3 + k])
-    return p, hinges, R
+    p = p + np.einsum("xbr,rb->xr", beam, theta[:, :3])
+    beam, hinges, sine, cosine = beam.copy(), np.empty_like(beam), np.sin(theta[:, 3:]), np.cos(theta[:, 3:])
+    for k in range(3):
+        s, c, y, z = sine[:, k], cosine[:, k], (k + 1) % 3, (k + 2) % 3
+        hinges[:, k] = beam[:, k]
+        beam[:, y], beam[:, z] = c * beam[:, y] + s * beam[:, z], c * beam[:, z] - s * beam[:, y]
+    return p, hinges, beam
 
 
 def turn(R: Array, axis: Array, angle: Array) -> Array:
