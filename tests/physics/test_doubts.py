@@ -15,7 +15,6 @@ from scipy.stats import f as f_ratio
 from scipy.stats import multivariate_normal
 from sound_sets import sound
 
-from testbench.campaign import pose_campaign
 from testbench.campaign.campaign import stream
 from testbench.campaign.doubt import said
 from testbench.data.dataset import Dataset, in_order, select
@@ -226,15 +225,6 @@ def told(vjm, data, frame="base"):
     given = HandedIn(vjm, data, registered(vjm, data, frame), True)
     found = (said(doubt, vjm.arm) for doubt in doubts(given, cad_prior(vjm.arm)))
     return [(doubt.name, doubt.sentence) for doubt in found]
-
-
-def test_runs_under_moments_alone_are_looked_at(arm_6r):
-    data = pose_campaign.simulate(arm_6r, pose_campaign.FullPose(arm="arm_6r"), 5).identification
-    assert not data.wrench[:, :3].any(axis=1).all()
-
-    assert told(arm_6r.vjm, data) == []
-    assert [name for name, _ in told(arm_6r.vjm, replace(data, wrench=data.wrench / 9.81))] == ["scale"]
-    assert told(arm_6r.vjm, replace(data, before=data.after, after=data.before))[0][0] == "sign"
 
 
 def test_single_runs_are_found_among_many(sets):

@@ -7,7 +7,6 @@ from serial_arms import write_arm
 from testbench.campaign.campaign import build_cell
 from testbench.correct.inverse import THERE, joints_along, reach
 from testbench.correct.newton import Target
-from testbench.model.tool_motion import turn_between
 from testbench.model.vjm import rotation, tool_pose
 
 
@@ -39,14 +38,6 @@ def check_there(vjm, q, position, R):
     np.testing.assert_allclose(own, R, rtol=0, atol=1e-10)
     lower, upper = vjm.arm.limits
     assert ((q >= lower) & (q <= upper)).all()
-
-
-def test_a_rotation_vector_takes_one_orientation_to_the_other(rng):
-    axis = np.array([1, 2, 2]) / 3
-    for angle in (0.0, 1e-12, 1e-6, 0.3, 3.1):
-        D = rotation(axis, angle)
-        R = rotation(np.array([0, 0, 1.0]), rng.uniform(-3, 3))[None]
-        np.testing.assert_allclose(turn_between(R, D @ R), angle * axis[None], rtol=1e-9, atol=1e-16)
 
 
 @pytest.mark.parametrize("name", ["kr500", "arm_6r", "ur10", "slides", "seven"])

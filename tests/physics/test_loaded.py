@@ -132,36 +132,6 @@ def test_algebraic_reduction_finds_the_32_parameters_of_mls32(name, request, rng
     assert rank(np.hstack([A, B])) == rank(B)
 
 
-AGREE = 1e-12  # of the largest load; both sides are sums of a few products
-
-
-def forces(model, qpos, body=0, wrench=None, point=None):
-    """Generalised forces of gravity, and of a wrench at a point of a body, (runs, nv) [N m, N]."""
-    data, found = mujoco.MjData(model), []
-    for run, pose in enumerate(qpos):
-        data.qpos[:] = pose
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_rne(model, data, 0, data.qfrc_bias)
-        found.append(-data.qfrc_bias)
-        if body:
-            at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ point[run]
-            mujoco.mj_applyFT(model, data, wrench[run, :3], wrench[run, 3:], at, body, found[-1])
-    return np.array(found)
-
-
-def test_own_weight_is_mujocos_on_every_virtual_joint(cell, rng):
-    """Virtual joints bent by 0.3 m and 0.3 rad too."""
-    model = cell.plant.model.__copy__()
-    for link in cell.arm.links:
-        model.body(f"{link.name}_end").mass[:] = 0  # a carrier is not of the arm
-    qpos = np.zeros((20, model.nv))
-    qpos[:, cell.plant.joints] = q = random_q(cell, rng, 20)
-    qpos[10:, cell.plant.theta] = 0.3 * rng.uniform(-1, 1, (10, cell.arm.n_theta))
-    expected = forces(model, qpos)[:, cell.plant.theta]
-    load = own_weight(chain(cell.vjm, q, qpos[:, cell.plant.theta]), read_weights(cell.arm))
-    np.testing.assert_allclose(load.T, expected, rtol=0, atol=AGREE * np.abs(expected).max())
-
-
 FIXED = """<body name="motor" pos="0.1 0.2 0.3" euler="20 30 40"><inertial pos="0.1 -0.1 0.2" mass="3"
  diaginertia="0.1 0.1 0.1"/><body name="cover" pos="0 0.1 0" zaxis="1 2 3"><inertial pos="0.3 0 0.1"
  mass="0.5" diaginertia="0.1 0.1 0.1"/><geom class="drawn" size="0.1"/></body></body>"""
@@ -213,9 +183,15 @@ def other_arm(cell, rng):
 
 def true_torques(cell, model, q, wrench, point):
     """Generalised forces of gravity and of a wrench at the tool on the joints, (runs, n) [N m, N]."""
-    qpos, joints = np.zeros((len(q), model.nv)), cell.room.joints
-    qpos[:, joints] = q
-    return forces(model, qpos, model.body(cell.arm.tool).id, wrench, point)[:, joints]
+    data, tool, found = mujoco.MjData(model), model.body(cell.arm.tool).id, []
+    for run, pose in enumerate(q):
+        data.qpos[cell.room.joints] = pose
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_rne(model, data, 0, data.qfrc_bias)
+        forces, at = -data.qfrc_bias, data.xpos[tool] + data.xmat[tool].reshape(3, 3) @ point[run]
+        mujoco.mj_applyFT(model, data, wrench[run, :3], wrench[run, 3:], at, tool, forces)
+        found.append(forces[cell.room.joints])
+    return np.array(found)
 
 
 def with_torques(q, wrench, point, torque):

@@ -17,7 +17,7 @@ from testbench.plant.build import build_plant, plant_of
 from testbench.plant.compensator import attached, stiffen, strut, strut_force
 from testbench.plant.disturbance import FOUNDATION, KR500_COMPENSATOR, TYPICAL, Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb, exactly_loaded
-from testbench.plant.equilibrium import Poses, hold, settle, settle_linear, settle_pair, tangent
+from testbench.plant.equilibrium import hold, settle, settle_linear, settle_pair
 from testbench.plant.gear import GearErrors
 from testbench.plant.joint_law import JointLaw, slope, turn
 from testbench.plant.state import evaluate, open_row
@@ -186,18 +186,6 @@ def test_the_compensator_pulls_along_its_length_and_stiffens_the_arm_it_holds(kr
     length, g = strut_length(plant, spring, qpos)
     pull = spring.rate * (held - spring.rest_length) + k * (length - held)
     np.testing.assert_allclose(Q, -pull * g, rtol=0, atol=1e-9 * np.abs(Q).max())
-
-
-def test_newton_s_matrix_has_the_joints_as_soft_as_their_law_says(kr500, rng):
-    plant, row = kr500.plant, open_row(kr500.plant)
-    q = hold(plant, random_q(kr500, rng, 1))
-    poses = Poses(plant, q, np.array([[0, 0, -5000.0, 0, 0, 0]]), np.zeros((1, 3)))
-    twice = JointLaw(2 * plant.C[plant.hinges, plant.hinges], stiffening=0, backlash=0, hysteresis=0)
-    linear, soft = (np.eye(q.size) - tangent(p, row, q[0], 0) for p in (poses, replace(poses, law=twice)))
-    expected = linear.copy()
-    expected[plant.hinges] *= 2
-    assert np.abs(linear[plant.hinges]).max() > 1e-3
-    np.testing.assert_allclose(soft, expected, rtol=0, atol=1e-15)
 
 
 def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):

@@ -29,7 +29,6 @@ from testbench.plant.site import Payload, contacts, hidden
 
 HERE = (4.5, -2.5, 1.6)
 FRONT = WorkArea((1.0, -1.5, 1.0), (3.0, 1.5, 2.6))
-NOWHERE = WorkArea((20.0, 20.0, 20.0), (21.0, 21.0, 21.0))
 ALL = Conditions(FRONT, Station(HERE, acceptance=math.radians(80)), Payload(460.3))
 
 
@@ -164,12 +163,6 @@ def test_targets_are_seen_between_two_distances_and_elevations_wherever_they_fac
     assert reasons(Station(HERE), there, (there - HERE) / distance) == expected
 
 
-def test_a_target_at_the_station_is_too_near_and_nothing_else():
-    station = Station(HERE, acceptance=0.5)
-    up = np.array([[[0.0, 0, 1]]])
-    assert reasons(station, np.array([[HERE]]), up) == [TOO_NEAR]
-
-
 @pytest.mark.parametrize(("turned", "expected"), [(29.0, []), (31.0, [FACES_AWAY]), (180.0, [FACES_AWAY])])
 def test_a_fixed_target_returns_the_beam_within_its_acceptance(turned, expected):
     rng = np.random.default_rng(1)
@@ -180,16 +173,6 @@ def test_a_fixed_target_returns_the_beam_within_its_acceptance(turned, expected)
         axis = np.cross(to_tracker, direction)
         turn = Rotation.from_rotvec(np.radians(turned) * axis / np.linalg.norm(axis))
         assert reasons(station, target, turn.apply(to_tracker)[None, None]) == expected
-
-
-def test_one_target_out_of_view_refuses_its_pose_and_no_other():
-    good, far, near = at(3.0, 0.0)[0, 0], at(30.0, 0.0)[0, 0], at(0.5, 0.0)[0, 0]
-    refused = out_of_view(Station(HERE), np.array([[good, good], [good, far], [near, good], [far, near]]))
-    assert list(refused) == [TOO_NEAR, TOO_FAR, TOO_STEEP]
-    np.testing.assert_array_equal(refused[TOO_NEAR], [False, False, True, True])
-    np.testing.assert_array_equal(refused[TOO_FAR], [False, True, False, True])
-    assert not refused[TOO_STEEP].any()
-    assert all(mask.shape == (0,) for mask in out_of_view(Station(HERE), np.empty((0, 3, 3))).values())
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from refused import refused
-from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import Arm, load_arm
 from testbench.campaign.tracker import LaserTracker, precision
@@ -257,18 +256,6 @@ def test_joints_of_the_other_sign_or_exchanged_are_told_where_all_rows_fit_so(tm
 # The dataset in memory
 
 
-def test_counts_deflection_and_rotation_follow_from_the_readings():
-    data = dataset(rotation=True)
-    assert (data.runs, data.points) == (4, 12)
-    np.testing.assert_array_equal(data.deflection, data.after - data.before)
-    assert data.rotation_before is not None
-    turn = Rotation.from_rotvec(data.rotation) * Rotation.from_rotvec(data.rotation_before)
-    error = (turn * Rotation.from_rotvec(data.rotation_after).inv()).magnitude()
-    np.testing.assert_allclose(error, 0, atol=1e-14)  # rounding
-    with pytest.raises(BenchError, match="expected orientations, it has positions only"):
-        _ = dataset().rotation
-
-
 @pytest.mark.parametrize(
     ("wrong", "expected"),
     [
@@ -322,6 +309,7 @@ def test_a_load_taken_off_belongs_to_the_unloaded_reading_of_its_own_run(tmp_pat
         (lambda data: split(data, np.array([4, 7, 9])), "split: expected runs on both sides, got 4 of 4"),
         (lambda data: split(data, np.array([], int)), "split: expected runs on both sides, got 0 of 4"),
         (lambda data: select(data, np.ones(3, bool)), r"select: expected a mask of 4 runs, got shape \(3,\)"),
+        (lambda data: data.rotation, "expected orientations, it has positions only"),
     ],
 )
 def test_a_part_that_is_none_is_refused(part, said):

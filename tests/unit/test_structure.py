@@ -46,20 +46,6 @@ def test_matrix_is_symmetric_and_entries_give_the_parameters_back(arm, make):
     assert np.count_nonzero(C) == structure.n + mirrored.sum()
 
 
-@pytest.mark.parametrize("make", [*MAKERS, free36])
-def test_gradient_is_the_adjoint_of_matrix(arm, make):
-    """Without halves where an entry stands at one place."""
-    structure, rng = make(arm), np.random.default_rng(3)
-    g, pi = rng.standard_normal((2, structure.n))
-    S, X = structure.gradient(g), rng.standard_normal((48, 48))
-    if structure.symmetric:
-        np.testing.assert_array_equal(S, S.T)
-        X = X + X.T
-    # sums of some 100 products of order one: rounding
-    np.testing.assert_allclose(np.sum(S * structure.matrix(pi)), g @ pi, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(np.sum(S * X), g @ structure.entries(X), rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("wanted", "expected"),
     [
