@@ -87,6 +87,15 @@ def test_readings_come_from_the_seed_a_switch_leaves_all_else_and_too_much_is_re
         AbsoluteCampaign(masses=(1.0, 1.0))
 
 
+def test_noise_is_as_large_as_the_series_says(kr500):
+    asked = EXACT.model_copy(update={"noise": True, "poses": 300, "series": 1, "sigma_rotation": 1e-4})
+    (read,), truth = simulate_series(kr500, asked, 3)
+    position, rotation = true_poses(truth, 0, read.q)
+    assert rms(read.position - position) == pytest.approx(50e-6, rel=0.06)  # 2,700 numbers: 1.4 %
+    turn = read.rotation @ rotation.swapaxes(1, 2)
+    assert rms(turn[:, [2, 0, 1], [1, 2, 0]]) == pytest.approx(1e-4, rel=0.1)  # 900 numbers: 2.4 %
+
+
 def test_loads_hang_one_after_the_other_in_the_pose_that_was_approached(kr500):
     """A pair bends as the arm does from where it stands; scatter of the approach is common to it."""
     update = {"masses": (0.0, 460.3), "loaded_poses": 5, "repeatability": 1e-3, "series": 1}

@@ -16,11 +16,6 @@ def seven(tmp_path_factory):
     return build_cell(write_arm(tmp_path_factory.mktemp("arm") / "seven", "zyzyzyz"))
 
 
-@pytest.fixture(params=["kr500", "arm_6r", "ur10"])
-def vjm(request):
-    return request.getfixturevalue(request.param).vjm
-
-
 def planted(vjm, rng, points):
     """Joints of a smooth path between two random poses, (points, n), all within limits."""
     lower, upper = vjm.arm.limits
@@ -54,15 +49,6 @@ def test_a_path_of_the_tool_gives_joints_back_without_a_jump(name, request, rng)
         assert found.there.all()
         check_there(vjm, found.q, position, R)
         assert np.abs(np.diff(found.q, axis=0)).max() < 0.3 or name == "seven"
-
-
-def test_without_a_start_a_configuration_is_found_for_the_whole_path(vjm, rng):
-    q, point = planted(vjm, rng, 60), np.array([0.1, -0.05, 0.2])
-    position, R = tool_pose(vjm, q)
-    found = joints_along(vjm, position + R @ point, R, point=point)
-    assert found.there.all()
-    check_there(vjm, found.q, position, R)
-    assert np.abs(np.diff(found.q, axis=0)).max() < 0.3
 
 
 def test_points_out_of_reach_are_named_with_what_is_missing(kr500):

@@ -123,19 +123,6 @@ def test_readings_of_loads_taken_off_are_of_use_where_they_say_so(kr500, campaig
     np.testing.assert_array_equal(less[~off], 0)
 
 
-def test_torques_before_the_load_are_those_of_the_true_arm_at_rest(kr500):
-    """By MuJoCo's springs: C_j^-1 theta_j under own weight, with its compensator as the folder has it."""
-    q, _, _ = loaded(kr500, 4)
-    spring = kr500.arm.compensator
-    true = strut_of(kr500.arm, rate=spring.rate, rest_length=spring.rest_length, stiffness=None)
-    plant = disturb(kr500.plant, Disturbances(own_weight=True, compensator=true), np.random.default_rng(0))
-    at_rest = settle(plant, q).theta[:, LINKS:48]
-    torque = at_rest / np.array([joint.compliance for joint in kr500.arm.joints])
-    found = laws.laws_of(kr500.arm).before(chain(kr500.vjm, q)).T
-    np.testing.assert_allclose(found, torque, rtol=0, atol=0.02 * np.abs(torque).max())
-    assert np.abs(torque[:, 1]).max() > 1e3
-
-
 def test_slopes_are_the_change_of_the_turns_and_what_sticks_gives_nothing_to_a_small_load(kr500):
     q, wrench, point = loaded(kr500, 5)
     where = chain(laws.lawful(kr500.vjm), q)

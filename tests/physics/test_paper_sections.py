@@ -8,6 +8,10 @@ import section_6
 from printed_matrices import OWN, least_cost, printed_matrices, readings, tables
 from scipy.spatial.transform import Rotation
 
+from testbench import Scenario, deflections
+from testbench.campaign.campaign import simulate as calibrate
+from testbench.campaign.evaluation import identify
+from testbench.campaign.models import named_models
 from testbench.campaign.pose_campaign import FullPose, random_wrenches, simulate
 from testbench.errors import PoseError
 from testbench.report.table import Row, Trials
@@ -134,6 +138,22 @@ def test_campaign_is_that_of_section_5_2_its_noise_root_two_of_a_readings(arm_6r
     # 3000 components: the standard error of their RMS is 1.3 %
     assert np.sqrt(np.mean(error**2)) == pytest.approx(np.sqrt(2) * 40e-6, rel=0.05)
     assert np.sqrt(np.mean(turn**2)) == pytest.approx(np.sqrt(2) * 300e-6, rel=0.05)
+
+
+def test_true_check_deflections_are_those_of_the_same_runs_without_noise(kr500, arm_6r):
+    """Of section 6 and of 5.2; the noise hides nothing but itself in the error against readings."""
+    for cell, made, scenario in (
+        (kr500, calibrate, Scenario(arm="kr500_l480", workspace_poses=1)),
+        (arm_6r, simulate, FullPose(**PAPER)),
+    ):
+        noisy, calm = (made(cell, scenario.model_copy(update={"noise": n}), 3) for n in (True, False))
+        np.testing.assert_array_equal(noisy.check_true.deflection, calm.check.deflection)
+        np.testing.assert_array_equal(noisy.check_true.q, noisy.check.q)
+        assert np.abs(noisy.check.deflection - noisy.check_true.deflection).max() > scenario.sigma
+        [result] = identify(cell, noisy, named_models(cell, ["MGCO56"]), lambda: 0.0)
+        error = deflections(cell.vjm, result.estimate, noisy.check) - noisy.check_true.deflection
+        rms = np.sqrt((error**2).sum(axis=-1).mean())
+        assert result.check_true.rms == pytest.approx(rms, rel=1e-9) != pytest.approx(result.check.rms)
 
 
 def test_random_wrenches_have_their_magnitudes_and_deflections_out_of_reach_are_counted(arm_6r, rng):

@@ -19,8 +19,8 @@ from testbench.identify import hierarchy
 from testbench.identify.average import ODDS, averaged, of_two_priors
 from testbench.identify.crossval import Candidate, unless_beaten
 from testbench.identify.evidence import bends, greatest, posterior
-from testbench.identify.metric import Belief, metric, precision_root, rescaled, whitened
-from testbench.identify.posterior import CURVED, HEAVY, curvature, intervals, linearise, quantile
+from testbench.identify.metric import Belief, metric, rescaled, whitened
+from testbench.identify.posterior import CURVED, curvature, intervals, linearise
 from testbench.identify.prior import Prior, Strength, cad_prior, softened
 from testbench.identify.regression import f_m
 from testbench.identify.solve import answer, solve
@@ -47,30 +47,16 @@ def structure(request, kr500):
 
 
 @pytest.mark.parametrize("uncertainty", [0.2, 2.0])
-def test_with_a_prior_least_squares_is_the_ridge_solution_and_gco_optimal_in_the_cone(
-    kr500, structure, uncertainty
-):
-    """With the common scale an unknown; the gradient S is PSD in every block and orthogonal to X."""
-    binds, n = 0, structure.n
+def test_with_a_prior_least_squares_is_the_ridge_solution(kr500, structure, uncertainty):
+    """With the common scale an unknown."""
+    n = structure.n
     for seed in (1, 3):
         regression, own = scaled(kr500, structure, seed)
         (A, y), e, belief = whitened(regression, own), own.expected, Belief(own, Strength(uncertainty))
         rows = np.block([[A, np.zeros((len(A), 1))], [np.eye(n) / uncertainty, -e[:, None] / uncertainty]])
         ridge = own.L @ np.linalg.lstsq(rows, np.r_[y, np.zeros(n)], rcond=None)[0][:n]
-        free, estimate = (solve(regression, constraint, belief) for constraint in ("none", "psd"))
-        np.testing.assert_allclose(free.pi, ridge, rtol=0, atol=1e-7 * np.abs(ridge).max())
-        assert estimate.status == "solved"
-        assert estimate.conservative
-        x, (B, c) = np.linalg.solve(own.L, estimate.pi), precision_root(own, belief.strength)
-        gradient = 2 * A.T @ (A @ x - y) + 2 * B.T @ (B @ x - c)
-        # relative to the two halves of the gradient, which cancel inside the cone
-        size = np.abs(A.T @ y).max()
-        for X, S in zip(own.matrices(x), own.matrices(gradient), strict=True):
-            assert np.linalg.eigvalsh(S)[0] > -1e-5 * size
-            assert abs((S * X).sum()) < 1e-5 * size * max(1, np.trace(X))
-        binds += not free.conservative
-    if uncertainty > 1 and structure.name != "MGCO68":
-        assert binds  # else the cone was never asked for anything
+        found = solve(regression, "none", belief).pi
+        np.testing.assert_allclose(found, ridge, rtol=0, atol=1e-7 * np.abs(ridge).max())
 
 
 def test_log_det_prior_is_never_singular_and_of_least_cost_and_least_trace_fits_as_well(kr500):
@@ -293,19 +279,6 @@ def test_a_link_ten_times_off_is_contradicted_or_named_as_open_that_way(kr500, c
     told = any(scale.name == name for scale in hierarchy.contradicted(hierarchy.learn(regression, own)))
     found = hierarchy.unchecked(regression, own)
     assert told or name in (found.stiffer if factor > 1 else found.softer)
-
-
-def test_noise_counts_as_normal_and_what_the_prior_puts_in_as_student(kr500, campaign):
-    """Of a direction that readings tell, noise is left; of one that none tells, as joint 1, the prior."""
-    s, joint_1 = all153(kr500.arm), 153 - 6
-    found = linearise(with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, s, campaign.identification))
-    noise, prior = np.vsplit(found.root, [len(found.root) - found.heavy])
-    shares = np.linalg.norm(prior, axis=0) / np.linalg.norm(found.root, axis=0)
-    assert shares[joint_1] == pytest.approx(1, abs=1e-9)
-    told, open_ = np.linalg.svd(noise)[2][:1], np.eye(s.n)[[joint_1]]
-    widths = [(found.half_widths(a) / found.deviations(a))[0] for a in (told, open_)]
-    assert quantile(np.inf, 0.975) <= widths[0] <= widths[1]
-    assert widths[1] == pytest.approx(quantile(HEAVY, 0.975), rel=1e-9)
 
 
 def test_intervals_widen_by_what_a_linear_model_leaves_out(kr500, campaign):

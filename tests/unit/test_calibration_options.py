@@ -1,4 +1,4 @@
-"""What a calibration does without: rows on the way, columns of errors that are not tried."""
+"""Rows that a calibration does without on its way."""
 
 from dataclasses import replace
 

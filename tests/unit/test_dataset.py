@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from refused import refused
+from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import Arm, load_arm
 from testbench.campaign.tracker import LaserTracker, precision
@@ -254,6 +255,16 @@ def test_joints_of_the_other_sign_or_exchanged_are_told_where_all_rows_fit_so(tm
 
 
 # The dataset in memory
+
+
+def test_counts_deflection_and_rotation_follow_from_the_readings():
+    data = dataset(rotation=True)
+    assert (data.runs, data.points) == (4, 12)
+    np.testing.assert_array_equal(data.deflection, data.after - data.before)
+    assert data.rotation_before is not None
+    turn = Rotation.from_rotvec(data.rotation) * Rotation.from_rotvec(data.rotation_before)
+    error = (turn * Rotation.from_rotvec(data.rotation_after).inv()).magnitude()
+    np.testing.assert_allclose(error, 0, atol=1e-14)  # rounding
 
 
 @pytest.mark.parametrize(

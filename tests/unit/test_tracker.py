@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from testbench.campaign.tracker import LaserTracker, Tracker, read_orientations, read_positions
+from testbench.campaign.tracker import LaserTracker, Tracker, precision, read_orientations, read_positions
 from testbench.errors import Array, BenchError
 from testbench.studies.noise_sensitivity.spoiled import Drift, drifted
 
@@ -90,6 +90,12 @@ def test_the_last_digit_of_a_position_does_not_move_its_reading():
     one, other = (read_positions(LaserTracker(STATION), p, np.random.default_rng(10)) for p in (true, moved))
     # 3 m times 1e-15 and a digit of rounding; the noise, 1e-4 of the distance, adds 1e-4 of that
     np.testing.assert_allclose(other, one, rtol=0, atol=1e-14)
+
+
+def test_precision_of_a_deflection_is_the_inverse_of_both_covariances():
+    tracker, after = LaserTracker(STATION), TARGET - np.array([0.0, 0.0, 0.005])
+    both = tracker.covariance(TARGET) + tracker.covariance(after)
+    np.testing.assert_allclose(precision(tracker, TARGET, after) @ both, np.eye(3), atol=1e-9)
 
 
 def test_drift_moves_all_targets_of_a_run_as_one_body():
