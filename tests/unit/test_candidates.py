@@ -163,6 +163,12 @@ def test_targets_are_seen_between_two_distances_and_elevations_wherever_they_fac
     assert reasons(Station(HERE), there, (there - HERE) / distance) == expected
 
 
+def test_a_target_at_the_station_is_too_near_and_nothing_else():
+    station = Station(HERE, acceptance=0.5)
+    up = np.array([[[0.0, 0, 1]]])
+    assert reasons(station, np.array([[HERE]]), up) == [TOO_NEAR]
+
+
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
