@@ -30,6 +30,7 @@ def file(tmp_path):
 
 def test_loads_of_the_process_act_where_they_are_said_to(kr500, file):
     load = weight(kr500.vjm, 460.0)
+    assert load.wrench.tolist() == [0, 0, pytest.approx(-460 * 9.81), 0, 0, 0]
     rows = np.hstack([POSES, [[1, 2, 3, 0.1, 0.2, 0.3], [4, 5, 6, 0.4, 0.5, 0.6]]])
     tasks = read_tasks(write(file, DEG + FORCE + POINT, rows), kr500, load)
     np.testing.assert_array_equal(tasks.load.wrench, [[1, 2, 3, 0, 0, 0], [4, 5, 6, 0, 0, 0]])
