@@ -29,7 +29,7 @@ from testbench.identify.regression import f_m
 from testbench.identify.solve import solve
 from testbench.model.structure import all153, free36, joints_only, mgco68, mgco69, mgco147, template56
 from testbench.studies.estimators import factorised
-from testbench.studies.estimators.search import Budget, explore
+from testbench.studies.estimators.search import BOX, Budget, explore, trial_points
 from testbench.studies.estimators.shrunk import RIDGES, clipped, ridge
 from testbench.studies.factorial.trial import reread
 from testbench.studies.regimes import fits
@@ -237,6 +237,17 @@ def test_order_of_the_vector_space_by_counting_is_that_of_eq_20(arm_6r):
     assert factorised.order_range(mgco147(arm_6r.arm), 108) == (3.5, pytest.approx(108 / 7))
     assert factorised.order_range(mgco69(arm_6r.arm), 108) == (3.5, 36.0)
     assert factorised.order_range(template56(arm_6r.arm), 108) == (1.5, pytest.approx(648 / (2 * 14)))
+
+
+def test_trial_points_lie_inside_the_box_and_differ(regression):
+    problem = factorised.factorise(regression)
+    points = trial_points(problem, np.zeros(problem.size), 700, stream(3))
+    assert points.shape == (700, problem.size)
+    assert np.abs(points).max() <= BOX
+    assert len(np.unique(points, axis=0)) == 700
+    assert not np.isin(points, trial_points(problem, np.zeros(problem.size), 700, stream(4))).all()
+    from_outside = trial_points(problem, np.full(problem.size, 2 * BOX), 100, stream(3))
+    assert np.abs(from_outside).max() <= BOX
 
 
 SEEDS = (11, 12, 13)

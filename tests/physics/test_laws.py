@@ -238,20 +238,18 @@ def test_predictions_and_stiffness_of_a_model_with_laws(kr500, campaigns, estima
 
 def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_path):
     """From the command to the folder and back: sizes in its table, the same predictions."""
-    data = tmp_path / "data.csv"
+    data, out = tmp_path / "data.csv", tmp_path / "fit"
     write_csv(campaigns["all"][0], kr500.arm, data)
-    done = here(
-        program(["identify"]), "identify", "kr500_l480", data, "--model", "ALL153", "--out", tmp_path / "fit"
-    )
+    done = here(program(["identify"]), "identify", "kr500_l480", data, "--model", "ALL153", "--out", out)
     assert done.returncode == 0, done.stderr
-    said = json.loads((tmp_path / "fit" / "report.json").read_text())
+    said = json.loads((out / "report.json").read_text())
     assert [row["part"] for row in said["laws"]] == [f"joint_{k}" for k in range(1, 7)]
     joint_2 = said["laws"][1]
     assert 2 < joint_2["stiffer_percent"] < 40
     assert 10 < joint_2["backlash_urad"] < 150
     assert 0 < joint_2["strut_percent"] < 15
     assert said["laws"][0]["strut_percent"] is None
-    own = load_model(tmp_path / "fit")
+    own = load_model(out)
     assert own.vjm.laws is not None
     fresh = of_estimate(kr500.vjm, default(kr500, read_csv(data, kr500.arm)), read_weights(kr500.arm))
     some = campaigns["all"][0]

@@ -16,7 +16,7 @@ from testbench.campaign.models import named_models
 from testbench.campaign.perturbed_prior import prior_of
 from testbench.campaign.true_arms import true_cell
 from testbench.identify import hierarchy
-from testbench.identify.average import ODDS, averaged, of_two_priors
+from testbench.identify.average import averaged, of_two_priors
 from testbench.identify.crossval import Candidate, unless_beaten
 from testbench.identify.evidence import bends, greatest, posterior
 from testbench.identify.metric import Belief, metric, rescaled, whitened
@@ -363,16 +363,6 @@ def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
         dense = over_scale - (e0 @ np.linalg.solve(S, e0) + log_size + rest) / 2 - beyond
         found.append(log_evidence - dense + (math.log(kappa) / hierarchy.MISFIT) ** 2 / 2)
     np.testing.assert_allclose(found, found[0], rtol=0, atol=1e-5)  # but for powers of 2 pi
-
-
-def test_the_weight_is_the_odds_beforehand_times_the_ratio_of_evidences(kr500, rigid):
-    data, prior, s = rigid[3].identification, cad_prior(kr500.arm), all153(kr500.arm)
-    belief = hierarchy.learn(regression := reduce(kr500.vjm, s, data), own := metric(prior, kr500.vjm, s))
-    alone = joints_only(kr500.arm)
-    there = hierarchy.log_evidence_alone(reduce(kr500.vjm, alone, data), metric(prior, kr500.vjm, alone))[0]
-    odds = ODDS * math.exp(there - belief.log_evidence)
-    found = averaged(regression, "psd", own, widths=True)
-    assert found.average.weight == pytest.approx(odds / (1 + odds), rel=1e-5)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,6 @@ import pytest
 from testbench.design.baselines import observability
 from testbench.design.criteria import Determinant, Linear, criterion_e, criterion_g, mean_square
 from testbench.design.exchange import exchange, greedy
-from testbench.design.forecast import forecast
 from testbench.design.order import joint_travel, round_trip, shortest_path
 from testbench.design.refine import Reach, Search, ascend, refine
 from testbench.design.relaxation import relax
@@ -88,17 +87,6 @@ def test_greedy_takes_the_best_next_one(prior):
         phi = [criterion.information(information(problem, [*plan, j])) for j in range(50)]
         assert phi[best] == pytest.approx(max(phi), rel=1e-9)
         plan.append(best)
-
-
-def test_forecast_is_infinite_where_nothing_is_shown():
-    seen, unseen = np.eye(R)[:, :3], np.eye(R)[:, 3:]
-    problem = Problem(rng(1).normal(size=(4, K, 3)), np.eye(3), seen, np.zeros((R, R)), unseen)
-    targets = np.zeros((2, 3, R))
-    targets[0, :, :3] = 1
-    targets[1, :, 4] = 1
-    promised = forecast(problem, information(problem, [0, 1]), targets)
-    assert np.isfinite(promised.error[0])
-    assert np.isinf([promised.error[1], promised.high[1], promised.overall]).all()
 
 
 def test_observability_indices_are_those_of_the_definitions():
