@@ -144,7 +144,6 @@ def test_ridge_leaves_readings_out_by_their_weight_and_clipping_makes_the_neares
     expected = A @ fit(best) @ y * np.sqrt(2) * data.sigma
     np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
     assert found.constraint == "ridge"
-    data, beams, _, _ = seen
     plain, held = (method(kr500.vjm, beams, data) for method in (least_squares, clipped))
     assert (plain.conservative, held.conservative, held.f_m > plain.f_m) == (False, True, True)
     for block in beams.blocks:

@@ -78,7 +78,6 @@ def test_a_joint_at_its_limit_stays_there_and_through_a_stretched_wrist_joints_a
     found = reach(vjm, Target(position, R), np.tile(q[0], (40, 1)))
     np.testing.assert_array_equal(found.there, q[:, 5] <= upper)
     assert (found.q <= vjm.arm.limits[1]).all()
-    vjm = kr500.vjm
     q = np.tile(np.radians([10.0, -60, 70, 20, 0, 30]), (101, 1))
     q[:, 4] = np.linspace(-0.3, 0.3, 101)
     position, R = tool_pose(vjm, q)

@@ -262,7 +262,6 @@ def test_sizes_of_laws_scatter_as_the_prior_says_whose_scale_is_none_of_theirs(k
     priors = [Prior("scaled", scale * kr500.arm.C_theta) for scale in (1, 3)]
     found = [with_prior(gco, own)(kr500.vjm, s, data) for own in priors]
     np.testing.assert_allclose(found[1].pi, found[0].pi, rtol=1e-6, atol=1e-9 * np.abs(found[0].pi).max())
-    data, s = campaigns["all"][0], laws.with_laws(all153(kr500.arm), kr500.arm)
     vjm = laws.vjm_of(kr500.vjm, s)
     own = evidence(reduce(vjm, s, data), metric(cad_prior(kr500.arm), kr500.vjm, s))
     normal, size = own.problem.priors[0], math.log(LAW[0])

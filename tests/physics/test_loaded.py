@@ -240,8 +240,6 @@ def test_torques_that_are_not_of_the_weight_change_no_mass_and_none_beyond_its_b
     assert found.weights is weights
     assert "order of joints" in of_masses(found)
     assert fit_weights(kr500.vjm, weights, (with_torques(q, wrench, point, None),)) is None
-    weights = read_weights(kr500.arm)
-    q = random_q(kr500, rng, 200)
 
     def fit(unknown):
         wrench, point = hung(kr500, 200, unknown)

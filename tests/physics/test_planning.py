@@ -295,10 +295,9 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_
         [("joint_3's offset", ("joint_6's compliance",))],
         [("joint_6's compliance", ("joint_3's offset",))],
     )
-    unknowns, q = union.unknowns, places[:POSES]
     prior = np.diag(np.diag(union.L @ union.L.T))
     prior[unknowns.columns("errors")] = 0
-    series = absolute.at(union, q)
+    series = absolute.at(union, places[:POSES])
     pull = pull_of(unknowns, union.state, (series,))
     tells = told_by(unknowns, union.state, series)
     said = " ".join(unobservable(unknowns, tells, prior, pull))

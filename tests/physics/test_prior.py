@@ -97,8 +97,7 @@ def test_load_levels_are_held_out_whole_and_the_strength_that_predicts_best_is_t
     folds = stein.every_fold(kr500.vjm, structure, replace(heavy, wrench=heavy.wrench + turned))
     some = -(-heavy.runs // 3)
     assert [fold.held_out.equations for fold in folds[8:]] == [9 * (heavy.runs - some), 9 * some]
-    structure, errors = template56(kr500.arm), {}
-    own = metric(cad_prior(kr500.arm), kr500.vjm, structure)
+    own, errors = metric(cad_prior(kr500.arm), kr500.vjm, structure), {}
     folds = stein.every_fold(kr500.vjm, structure, runs(kr500, 1))
     for u in stein.UNCERTAINTIES:
         fits = [solve(fold.fitted, "none", Belief(own, Strength(u))).pi for fold in folds]

@@ -146,7 +146,6 @@ MIRRORED = r"left-handed frame: the sign of an axis, or two axes exchanged\?"
 MISTAKES = {
     "x and y": (positions(lambda p: p[..., [1, 0, 2]]), "fit if x and y of the positions are exchanged"),
     "sign of y": (positions(lambda p: p * [1, -1, 1]), "fit if y of the positions has the other sign"),
-    "y and z alone": (lambda s: position_only(positions(lambda p: p[..., [0, 2, 1]])(s)), MIRRORED),
     "degrees": (joints(np.degrees), "fit if joint angles are degrees, not radians"),
     "radians of radians": (joints(np.radians), "joint angles are radians, not"),
     "millimetres": (positions(lambda p: 1e3 * p), "are 1000 times too large: milli"),

@@ -8,6 +8,7 @@ import pytest
 from testbench.design.baselines import observability
 from testbench.design.criteria import Determinant, Linear, criterion_e, criterion_g, mean_square
 from testbench.design.exchange import exchange, greedy
+from testbench.design.forecast import forecast
 from testbench.design.order import joint_travel, round_trip, shortest_path
 from testbench.design.refine import Reach, Search, ascend, refine
 from testbench.design.relaxation import relax
@@ -87,6 +88,24 @@ def test_greedy_takes_the_best_next_one(prior):
         phi = [criterion.information(information(problem, [*plan, j])) for j in range(50)]
         assert phi[best] == pytest.approx(max(phi), rel=1e-9)
         plan.append(best)
+
+
+def test_forecast_is_the_spread_of_least_squares():
+    problem, targets = random_problem(8, prior=1e-9), rng(4).normal(size=(6, 3, R))
+    A = problem.rows.reshape(-1, R)
+    M = information(problem, range(8))
+    promised = forecast(problem, M, targets)
+    noise = rng(5).normal(size=(4000, len(A)))
+    errors = np.einsum("pkr,nr->npk", targets, noise @ np.linalg.pinv(A).T)
+    square = np.square(errors).sum(axis=2)
+    np.testing.assert_allclose(promised.error, np.sqrt(square.mean(axis=0)), rtol=0.05)
+    assert promised.overall == pytest.approx(np.sqrt(square.mean()), rel=0.04)
+    whole = np.sqrt(square.mean(axis=1))
+    ends = promised.overall_low, promised.overall_high
+    np.testing.assert_allclose(ends, np.percentile(whole, [5, 95]), rtol=0.08)
+    low, high = np.percentile(np.sqrt(square), [5, 95], axis=0)
+    np.testing.assert_allclose(promised.low, low, rtol=0.15)
+    np.testing.assert_allclose(promised.high, high, rtol=0.08)
 
 
 def test_observability_indices_are_those_of_the_definitions():
