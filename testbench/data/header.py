@@ -85,14 +85,11 @@ def _without_header(lines: Sequence[Line], layout: Layout) -> Header:
     """The columns as the map names them; what divides most lines into as many cells divides them all."""
     rows = [line for line in lines if not line.comment]
     count = len(layout.names)
-
-    def fitting(mark: str) -> int:
-        return sum(_full(cells_in(line, mark), count) for line in rows)
-
     return Header(
         line=0,
         skipped=0,
-        delimiter=layout.delimiter or max(DELIMITERS, key=fitting),
+        delimiter=layout.delimiter
+        or max(DELIMITERS, key=lambda mark: sum(_full(cells_in(line, mark), count) for line in rows)),
         names=tuple(layout.names),
         units=(None,) * count,
         body=rows,
@@ -121,7 +118,7 @@ def _names(lines: Sequence[Line], delimiter: str) -> list[str]:
     while lowest and not lowest[-1]:
         lowest.pop()
     merged = [[*accumulate(row, _kept), *[""] * len(lowest)] for row in upper]
-    names = (" ".join(filter(None, (*(row[k] for row in merged), own))) for k, own in enumerate(lowest))
+    names = (" ".join(filter(None, column)) for column in zip(*merged, lowest, strict=False))
     return list(map(shown, names))
 
 
@@ -144,17 +141,19 @@ def _units(line: Line, delimiter: str, count: int) -> list[Unit | None] | None:
     return units + [None] * (count - len(units))
 
 
-def row_of(path: Path, header: Header, line: Line) -> list[str]:
-    """The cells of a row with blanks around them, without surplus blank ones; InputError for other counts."""
+def row_of(path: Path, header: Header, line: Line) -> str:
+    """A row with ends of lines between its cells, without surplus blank ones; InputError for other counts."""
     text, mark = _divided(line.text, header.delimiter)
-    count, cells = len(header.names), cells_of(text, mark)
-    whole = '"' not in text or len(cells) == count_cells(text, mark)
-    while len(cells) > count and not cells[-1].strip():
-        cells.pop()
-    if len(cells) != count or not whole:
+    count, got = len(header.names), count_cells(text, mark)
+    row = "\n".join(cells_of(text, mark)) if '"' in text else text.replace(mark, "\n")
+    whole = row.count("\n") == got - 1
+    if whole and got > count:
+        bare = row.rstrip()
+        got = max(count, 1 + bare.count("\n"))
+        row = bare + "\n" * (got - 1 - bare.count("\n"))
+    if got != count or not whole:
+        said = ", quotes around whole cells" * (not whole) + f", got {got}" * (got != count)
         hint = "; for a line behind the table say footer = 1 in the map's [file]"
-        problem = f"expected {count} fields, got {len(cells)}" + hint * (line is header.body[-1])
-        if not whole:
-            problem = f"not a table: expected {count} fields, quotes around whole cells"
+        problem = f"expected {count} fields{said}" + hint * (line is header.body[-1])
         raise InputError(path, f"line {line.number}", problem)
-    return cells
+    return row

@@ -2,9 +2,8 @@
 
 import csv
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from testbench.data.workbook import sheet_text
 from testbench.errors import InputError, read_bytes
@@ -24,11 +23,10 @@ COMMENTS = ("#", "//")
 JOINED = 20  #: Most lines that one quoted cell may take.
 LONGEST = 10_000_000  #: Letters of a line, with those of its quoted cells.
 SEPARATORS = " ;,|\t"  #: A line of these alone is blank.
-SAID = re.compile(f"[^{SEPARATORS}\n]")
+SAID = re.compile(f"^[{SEPARATORS}]*+[^{SEPARATORS}\n].*", re.MULTILINE)  #: Others are counted, never held.
 
 
-@dataclass(frozen=True)
-class Line:
+class Line(NamedTuple):
     """A line with something in it."""
 
     number: int  #: In the file, from 1.
@@ -92,8 +90,10 @@ def split_lines(path: Path, text: str) -> list[Line]:
     """
     found: list[Line] = []
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    first, begin, quotes = 0, -1, 0
-    for number, start, end in _written(text):
+    first, begin, quotes, number, counted = 0, -1, 0, 1, 0
+    for said in SAID.finditer(text):
+        start, end = said.span()
+        number, counted = number + text.count("\n", counted, start), start
         if begin < 0:
             first, begin, quotes = number, start, 0
         if end - begin > LONGEST:
@@ -114,18 +114,6 @@ def split_lines(path: Path, text: str) -> list[Line]:
     return found
 
 
-def _written(text: str) -> Iterator[tuple[int, int, int]]:
-    """Lines with more in them than separators: number, begin and end. Others are counted, never held."""
-    number, start = 1, 0
-    while said := SAID.search(text, start):
-        begin = max(start, text.rfind("\n", start, said.start()) + 1)
-        number += text.count("\n", start, begin)
-        end = text.find("\n", said.end())
-        end = len(text) if end < 0 else end
-        yield number, begin, end
-        number, start = number + 1, end + 1
-
-
 def tabbed(line: str, runs: str) -> str:
     """A line whose runs of blanks outside of quotes, as many as these or more, are tabs."""
     pieces = line.strip().split('"')
@@ -133,15 +121,15 @@ def tabbed(line: str, runs: str) -> str:
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
-    """Cells of a line without quotes around them; none for what is no table."""
+    """Cells of a line without quotes around them; the line itself for what is no table."""
     if '"' not in line:
         return line.split(delimiter)
     try:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
     except csv.Error:
-        return []
+        return [line]
 
 
 def count_cells(line: str, delimiter: str) -> int:
     """How many cells a line has; delimiters in quotes do not count."""
-    return 1 + sum(piece.count(delimiter) for piece in line.split('"')[::2])
+    return 1 + "".join(line.split('"')[::2]).count(delimiter)

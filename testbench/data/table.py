@@ -72,7 +72,9 @@ class Table:
 
     def texts(self, k: int) -> list[str]:
         """The cells of a column without blanks around them, nor what keeps spreadsheets from computing."""
-        return [from_cell(shown(str(text))) for text in self.cells[k].to_pylist()]
+        own = self.cells[k].dictionary_encode("encode")
+        words = [from_cell(shown(str(word))) for word in own.dictionary.to_pylist()]
+        return [words[place] for place in own.indices.to_numpy().tolist()]
 
     def blank(self, k: int) -> Mask:
         """Which cells of a column are blank, (rows,)."""
@@ -152,11 +154,12 @@ class Table:
         if self.counts(k):
             return np.asarray(self.cells[k].to_numpy())
         texts = self.texts(k)
-        bad = np.array([not is_integer(text) for text in texts], dtype=bool)
+        found = {text: int(text) for text in dict.fromkeys(texts) if is_integer(text)}
+        bad = np.array([text not in found for text in texts], dtype=bool)
         self.refuse(
             bad, self.names[k], lambda row: f"expected an integer of 64 bits, got {texts[row][:80]!r}"
         )
-        return np.array([int(text) for text in texts], dtype=int)
+        return np.array([found[text] for text in texts], dtype=int)
 
     def mark(self, columns: Sequence[int]) -> str:
         """The decimal mark: what the map says, or what most numbers with one of these columns have."""
@@ -251,7 +254,7 @@ def _notes(encoding: str, header: Header) -> tuple[str, ...]:
     return (*found, *["the line below the header holds units"] * any(header.units))
 
 
-TOGETHER = 500_000  #: Cells that are told apart at a time: each takes many times its letters.
+TOGETHER = 20_000  #: Cells that are told apart at a time: each takes many times its letters.
 NUMBER_CELL, ID_CELL, WORD_CELL = pa.float64(), pa.int64(), pa.string()
 """What plain cells of a column hold: a finite number or nothing, an integer, anything."""
 
@@ -315,8 +318,10 @@ def _pointed(cells: "pa.Array") -> "pa.Array":
 
 def _parse(path: Path, header: Header) -> list["pa.Array"]:
     """Cells without blanks around them, a column each."""
-    parts, count = [[pa.array([], pa.string())] * len(header.names)], 1 + TOGETHER // (1 + len(header.names))
-    for first in range(0, len(header.body), count):
-        rows = [row_of(path, header, line) for line in header.body[first : first + count]]
-        parts.append([pa.array(own, pa.string()) for own in zip(*rows, strict=True)])
-    return [pc.utf8_trim_whitespace(pa.concat_arrays(own)) for own in zip(*parts, strict=True)]
+    count, lines = len(header.names), header.body
+    step = 1 + TOGETHER // (1 + count)
+    parts = (lines[k : k + step] for k in range(0, len(lines) or 1, step))
+    rows = (pa.array([row_of(path, header, line) for line in part], pa.string()) for part in parts)
+    cut = (pc.utf8_trim_whitespace(pc.split_pattern(part, "\n").flatten()) for part in rows)
+    cells, begins = pa.concat_arrays(cut), count * np.arange(len(lines))
+    return [cells.take(k + begins) for k in range(count)]

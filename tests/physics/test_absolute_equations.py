@@ -15,21 +15,18 @@ from testbench.campaign.named_parameters import functionals
 from testbench.data.series import Series, select_rows
 from testbench.identify.absolute import evidence as sizes
 from testbench.identify.absolute.align import aligned
-from testbench.identify.absolute.evidence import Learnt, choice, usual
-from testbench.identify.absolute.fit import Options, calibrate
+from testbench.identify.absolute.evidence import Learnt
 from testbench.identify.absolute.inner import eliminate, moved_frame, moved_mount
 from testbench.identify.absolute.noise import Noise, combine, repeated, roots
 from testbench.identify.absolute.pattern import Pattern, basis, find, turned, waves
-from testbench.identify.absolute.posterior import deviations_root, known, place, posterior_of, predict
-from testbench.identify.absolute.scatter import expected_of, scatter, single
+from testbench.identify.absolute.posterior import deviations_root, known, place, predict
+from testbench.identify.absolute.scatter import expected_of, single
 from testbench.identify.absolute.state import Mount, equilibrium, forward, nominal
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
 from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.evidence import ALIKE, TAIL
-from testbench.identify.fold import Part, Point, Reduced, equations, reduce_series
-from testbench.identify.metric import metric
+from testbench.identify.fold import Part, Point, Reduced, equations
 from testbench.identify.posterior import Posterior
-from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.registration import Frame
 from testbench.identify.robust_loss import READINGS, SQUARE
 from testbench.identify.rows import rows_of
@@ -51,39 +48,6 @@ R = Rotation.from_euler("xyz", [0.4, -0.9, 2.1]).as_matrix()
 def series(kr500):
     """25 poses of an arm, three loads in each."""
     return simulate_series(kr500, PAIRS, 11)[0]
-
-
-@pytest.fixture(scope="module")
-def reduced(kr500, series):
-    """Their equations about the drawn arm, in all unknowns there might be, and these."""
-    state = aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), series)
-    unknowns = unknowns_of(kr500.vjm, series, JointErrors(), all153(kr500.arm))
-    point = Point(unknowns, state, Noise(S, S), SQUARE)
-    return reduce_series(point, series), point
-
-
-def test_blocks_and_series_add_up_to_all_equations(series, reduced):
-    """A part of few rows keeps them as they are, one of many its triangle; poses are never parted."""
-    (whole, point), one = reduced, series[0]
-    first = np.unique(one.pose, return_inverse=True)[1] < 3
-    block = np.where(first, 0, 1 + one.pose % 2)
-    rows = [np.flatnonzero(block == k) for k in range(3)]
-    halves = [np.concatenate(rows[:2]), rows[2]]  # as two series of the same frame and mount
-    parts = reduce_series(point, [select_rows(one, own) for own in halves], [block[own] for own in halves])
-    assert [part.series for part in parts.parts] == [0, 0, 1]
-    size = np.sqrt(np.maximum(np.diag(whole.gram.sum(axis=0)), 1e-300))
-
-    def check_same(found, expected):
-        scale = size * size[:, None]
-        np.testing.assert_allclose(found / scale, expected / scale, rtol=0, atol=1e-9)
-
-    check_same(parts.gram, whole.gram)
-    check_same(np.array([T.T @ T for T in parts.factors.values()]), whole.gram)
-    np.testing.assert_array_equal(parts.counts, whole.counts)
-    for part, own in zip(parts.parts, rows, strict=True):
-        alone = reduce_series(point, [select_rows(one, own)])
-        check_same(part.gram, alone.gram)
-        np.testing.assert_array_equal(part.counts, alone.counts)
 
 
 def test_a_step_of_frame_and_mount_takes_away_what_its_columns_say(kr500, series, rng):
@@ -114,22 +78,6 @@ def test_a_reading_alone_scatters_as_the_mean_of_its_pose_says(series, factor):
             assert (opened, found.factor[kind]) == (0, pytest.approx(np.sqrt(of_means) / own))
 
 
-def test_a_solution_counts_what_is_left_and_what_it_spends(kr500, reduced):
-    equations, unknowns = reduced[0], reduced[1].unknowns
-    elastic = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
-    own = choice(unknowns, frozenset({"geometry shift", "geometry turn"}), elastic)
-    learnt = usual(unknowns, len(equations.kinds))
-    solved = eliminate(own, equations, learnt, "none", Strength(3.0))
-    v, held = np.r_[solved.x, -1.0], learnt.deviation[own.columns[: own.rigid]]
-    some = np.r_[own.columns, unknowns.size]
-    left = v @ equations.gram.sum(axis=0)[np.ix_(some, some)] @ v + np.sum((v[: own.rigid] / held) ** 2)
-    n = equations.counts.sum()
-    assert solved.estimate.f_m == pytest.approx(np.sqrt(left / (n / 3)), rel=1e-6)
-    sure = replace(learnt, deviation=np.where(np.isfinite(learnt.deviation), 1e-12, np.inf))
-    free = np.isinf(learnt.deviation[own.columns[: own.rigid]]).sum()
-    assert eliminate(own, equations, sure, "none", Strength(3.0)).spent == pytest.approx(free + 153)
-
-
 @pytest.mark.parametrize("kind", ["play", "stiffening"])
 def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
     """Torques from the joints' axes and a force at the tool, of an arm without weight that does not bend."""
@@ -146,26 +94,6 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
     turned = n * (np.tanh(torque / 0.1) if kind == "play" else torque * np.abs(torque))
     where = equilibrium(state, q, [Load(wrench, np.zeros((1, 3)))]).where
     np.testing.assert_allclose(where.position, tool_pose(vjm, q + turned)[0], rtol=0, atol=1e-6)
-
-
-@pytest.fixture(scope="module")
-def calibrated(kr500, series):
-    options = Options(orders=2, only=frozenset({"joint springs", "links"}), strength=Strength(3.0))
-    return calibrate(kr500.vjm, [series[0]], cad_prior(kr500.arm), options)
-
-
-def test_a_posterior_is_what_the_readings_tell_and_the_prior_which_ties_geometry_to_nothing(calibrated):
-    """So is the covariance of which intervals are made, in the units of the arm."""
-    found = calibrated
-    assert np.abs(found.chosen.learnt.factor - 1).max() > 0.02  # or nothing would tell it from its square
-    own, root = found.own, posterior_of(found).root.T
-    information = found.information[np.ix_(own.columns, own.columns)]
-    size = np.sqrt(np.diag(np.linalg.inv(root @ root.T)))
-    prior = (np.linalg.inv(root @ root.T) - information) / size / size[:, None]
-    r, deviation = own.rigid, found.chosen.learnt.deviation[own.columns[: own.rigid]]
-    expected = np.diag((deviation * size[:r]) ** -2.0)
-    np.testing.assert_allclose(prior[:r, :r], expected, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(prior[:r, r:], 0, atol=1e-6)
 
 
 def covariances(rng, *shape):
@@ -282,18 +210,6 @@ def read_by(state, series):
     frame = state.frame(series)
     x = told.where.points(state.mount(series).points) @ frame.rotation.T + frame.translation
     return replace(series, position=x)
-
-
-@pytest.mark.parametrize("share", [1.0, 0.7])
-def test_what_is_left_open_is_found_beside_readings_of_any_covariance(state, rng, share):
-    """Of 4000 readings within 5 %: it is known to 1.5 %. Unknowns that spend equations shorten residuals."""
-    rows, s = 4000, 60e-6
-    C = covariances(rng, rows, 1)
-    series = read_by(state, still(rows, rng, precision=np.linalg.inv(C)))
-    noise = (np.linalg.cholesky(C) @ rng.normal(size=(rows, 1, 3, 1)))[..., 0]
-    noise = np.sqrt(share) * (noise + s * rng.normal(size=noise.shape))
-    found = scatter(state, [replace(series, position=series.position + noise)], share)
-    assert found.open_position == pytest.approx(s, rel=0.05)
 
 
 @pytest.mark.parametrize("alike", [True, False], ids=["one sigma", "a covariance each"])

@@ -8,38 +8,22 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from loads import random_q
-from scipy import optimize
-from scipy.spatial.transform import Rotation
 from serial_arms import turned_arm, write_arm
 
 from testbench import cad_prior, least_squares, read_series
-from testbench.campaign.campaign import Scenario, build_cell, check_agreement, hanging, measure, simulate
+from testbench.campaign.campaign import Scenario, build_cell, hanging, measure, simulate
 from testbench.campaign.fits import Runs, fit
 from testbench.campaign.model_selection import default_models, default_name
 from testbench.campaign.models import named_models, plain_name
 from testbench.errors import BenchError, InputError
-from testbench.model.loaded import load_jacobian
+from testbench.identify.absolute.align import aligned
+from testbench.identify.absolute.scatter import residuals
+from testbench.identify.absolute.state import nominal
 from testbench.model.structure import mgco147
-from testbench.model.vjm import chain, tool_pose
+from testbench.model.weights import read_weights
 from testbench.plant.disturbance import NOMINAL, TYPICAL
 from testbench.plant.disturbed import disturb
-from testbench.plant.equilibrium import hold, settle, settle_pair
-from testbench.plant.state import evaluate, generalised_force, open_row, place
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_mujoco_and_the_model_agree_for_any_pose_of_any_body(seed, tmp_path):
-    """All of MJCF's notations on base, mount, links, tool and markers: places, axes and loads J^T w."""
-    rng = np.random.default_rng(seed)
-    cell = build_cell(turned_arm(tmp_path / "arm", rng, "zyZxyx"))
-    assert check_agreement(cell.vjm, cell.plant) < 1e-13
-    plant, q, wrench = cell.plant, random_q(cell, rng, 5), rng.standard_normal((5, 6))
-    ranges = [plant.model.joint(joint.name).range for joint in cell.arm.joints]
-    np.testing.assert_allclose(cell.arm.limits.T, ranges, rtol=1e-15)
-    state = evaluate(open_row(plant), hold(plant, q), {plant.tool})
-    Q = generalised_force(plant, state, plant.tool, wrench, place(state, plant.tool, plant.load))
-    J = load_jacobian(chain(cell.vjm, q), np.tile(cell.vjm.load, (5, 1)))
-    np.testing.assert_allclose(np.einsum("rxt,rx->rt", J, wrench), Q[:, plant.theta], rtol=0, atol=1e-13)
+from testbench.plant.equilibrium import settle, settle_pair
 
 
 @pytest.mark.parametrize("turned", ['zaxis="0 0 -1"', 'xyaxes="0 0 2 0 -1 0"', 'euler="0 0 1.57"', ""])
@@ -174,37 +158,12 @@ def readings(request, ur10):
     return series
 
 
-def left(x, position, orientation, read):
-    """What a frame, (6,), and a place in the tool, (3,), leave of readings, (rows, 3) [m]."""
-    return read - Rotation.from_rotvec(x[:3]).apply(position + orientation @ x[6:]) - x[3:6]
-
-
-def test_frame_and_target_alone_explain_what_a_tracker_read_to_a_millimetre(ur10, readings):
-    """A joint's sign, zero or place in the order, or a length, would leave centimetres."""
-    some = slice(None, None, 20)
-    position, orientation = tool_pose(ur10.vjm, readings.q)
-    read, at = readings.position[:, 0], orientation @ ur10.vjm.markers[0] + position
-    turn, _ = Rotation.align_vectors(read - read.mean(axis=0), at - at.mean(axis=0))
-    start = [*turn.as_rotvec(), *(read - turn.apply(at)).mean(axis=0), *ur10.vjm.markers[0]]
-    few = position[some], orientation[some], read[some]
-    found = optimize.least_squares(lambda x: left(x, *few).ravel(), start, x_scale="jac").x
-    error = np.linalg.norm(left(found, position, orientation, read), axis=1)
-    assert error.mean() < 1e-3  # 0.8 and 0.9 mm; the geometry of the arm is nominal
-    np.testing.assert_allclose(found[6:], ur10.vjm.markers[0], rtol=0, atol=2e-3)
+def test_frame_and_mount_alone_explain_what_a_tracker_read_to_a_millimetre(ur10, readings):
+    """A joint's sign, zero or place in the order, or a length, would leave centimetres and degrees."""
+    state = aligned(nominal(ur10.vjm, read_weights(ur10.arm), np.ones(6)), (readings,))
+    position, rotation = np.linalg.norm(residuals(state, readings), axis=1)
+    assert position.mean() < 1e-3  # 0.8 and 0.9 mm; the geometry of the arm is nominal
+    assert np.rad2deg(np.sqrt(np.mean(rotation**2))) < 0.15
+    np.testing.assert_allclose(state.mount(readings).points, ur10.vjm.markers, rtol=0, atol=2e-3)
     # gravity: both trackers were levelled, so the arm stood upright
-    up = Rotation.from_rotvec(found[:3]).apply([0.0, 0.0, 1.0])
-    assert np.rad2deg(np.arccos(up[2])) < 1
-
-
-def test_orientations_are_the_targets_in_the_trackers_frame(ur10, readings):
-    """One turn of the mount and one of the frame explain them to a tenth of a degree."""
-    _, orientation = tool_pose(ur10.vjm, readings.q)
-    flange, read = Rotation.from_matrix(orientation), Rotation.from_matrix(readings.rotation)
-    # turns between poses, seen from the base and from the tracker, have the same axes but for the frame
-    a = (flange[1:] * flange[:-1].inv()).as_rotvec()
-    b = (read[1:] * read[:-1].inv()).as_rotvec()
-    clear = np.linalg.norm(a, axis=1) < 2.5  # far from half a turn, where the axis changes its sign
-    frame, _ = Rotation.align_vectors(b[clear], a[clear])
-    mounts = (frame * flange).inv() * read
-    apart = (mounts.mean().inv() * mounts).magnitude()
-    assert np.rad2deg(np.sqrt(np.mean(apart**2))) < 0.15
+    assert np.rad2deg(np.arccos(state.frame(readings).rotation[2, 2])) < 1

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from spoil import swap
 
 from testbench.campaign.arm_check import check
 from testbench.campaign.new_arm import elastic_toml
@@ -26,10 +27,7 @@ def planted(tmp_path, *changes, name="kr500_l480"):
     """A copy of an arm with changes (file, pattern, new), checked."""
     folder = Path(shutil.copytree(MODELS / name, tmp_path / name))
     for file, pattern, new in changes:
-        text = (folder / file).read_text("utf-8")
-        changed, count = re.subn(pattern, lambda _, new=new: new, text, count=1, flags=re.DOTALL)
-        assert count == 1, pattern
-        (folder / file).write_text(changed, "utf-8")
+        swap(pattern, new)(folder / file)
     return check(folder)
 
 

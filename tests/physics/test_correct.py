@@ -239,16 +239,6 @@ def test_scatter_counts_in_positions_and_what_a_linear_model_leaves_out_once_or_
         np.testing.assert_allclose(found.half, times * left_out, rtol=0.05, atol=5e-3 * left_out.max())
 
 
-def test_rows_of_compliances_add_up_to_how_far_loads_and_own_weight_bend_the_arm(model, poses, load):
-    """Deflections from the arm as drawn are linear in them, to first order."""
-    point = np.array([[0.2, -0.1, 0.3]])
-    found = rows_between(model, Poses(poses, [load], heavy=True), None, point)[:, 0] @ model.posterior.x
-    p, R = tool_pose(model.vjm, poses)
-    bent = rest(model.state, poses, [load]).at(point[0]) - p - R @ point[0]
-    off = np.linalg.norm(found - bent, axis=1) / np.linalg.norm(bent, axis=1)
-    assert off.max() < 0.05
-
-
 POINTS = 8
 
 

@@ -5,11 +5,8 @@ import pytest
 from serial_arms import write_arm
 
 from testbench.campaign.campaign import build_cell
-from testbench.correct.inverse import THERE, joints_along, reach, settle
+from testbench.correct.inverse import THERE, joints_along, reach
 from testbench.correct.newton import Target
-from testbench.correct.rest import replaced
-from testbench.data.dataset import in_order
-from testbench.model.tool_motion import turn_between
 from testbench.model.vjm import rotation, tool_pose
 
 
@@ -17,11 +14,6 @@ from testbench.model.vjm import rotation, tool_pose
 def seven(tmp_path_factory):
     """An arm of seven hinges."""
     return build_cell(write_arm(tmp_path_factory.mktemp("arm") / "seven", "zyzyzyz"))
-
-
-@pytest.fixture(params=["kr500", "arm_6r", "ur10"])
-def vjm(request):
-    return request.getfixturevalue(request.param).vjm
 
 
 def planted(vjm, rng, points):
@@ -43,14 +35,6 @@ def check_there(vjm, q, position, R):
     assert ((q >= lower) & (q <= upper)).all()
 
 
-def test_a_rotation_vector_takes_one_orientation_to_the_other(rng):
-    axis = np.array([1, 2, 2]) / 3
-    for angle in (0.0, 1e-12, 1e-6, 0.3, 3.1):
-        D = rotation(axis, angle)
-        R = rotation(np.array([0, 0, 1.0]), rng.uniform(-3, 3))[None]
-        np.testing.assert_allclose(turn_between(R, D @ R), angle * axis[None], rtol=1e-9, atol=1e-16)
-
-
 @pytest.mark.parametrize("name", ["kr500", "arm_6r", "ur10", "slides", "seven"])
 def test_a_path_of_the_tool_gives_joints_back_without_a_jump(name, request, rng):
     """From the first joints on one branch is followed; near singular poses wrists turn fast, yet steadily.
@@ -65,15 +49,6 @@ def test_a_path_of_the_tool_gives_joints_back_without_a_jump(name, request, rng)
         assert found.there.all()
         check_there(vjm, found.q, position, R)
         assert np.abs(np.diff(found.q, axis=0)).max() < 0.3 or name == "seven"
-
-
-def test_without_a_start_a_configuration_is_found_for_the_whole_path(vjm, rng):
-    q, point = planted(vjm, rng, 60), np.array([0.1, -0.05, 0.2])
-    position, R = tool_pose(vjm, q)
-    found = joints_along(vjm, position + R @ point, R, point=point)
-    assert found.there.all()
-    check_there(vjm, found.q, position, R)
-    assert np.abs(np.diff(found.q, axis=0)).max() < 0.3
 
 
 def test_points_out_of_reach_are_named_with_what_is_missing(kr500):
@@ -112,17 +87,3 @@ def test_a_joint_at_its_limit_stays_there_and_through_a_stretched_wrist_joints_a
     beside = rotation(np.array([0.0, 1.0, 0.0]), 1e-4) @ R
     found = joints_along(vjm, position, beside, start=q[0])
     assert found.there.all()
-
-
-def test_poses_settled_together_are_those_solved_one_by_one(kr500, rng):
-    """Guesses in any configurations but for the first: all end in its own."""
-    vjm = kr500.vjm
-    q = planted(vjm, rng, 40)
-    target = Target(*tool_pose(vjm, q))
-    guess = reach(vjm, target, rng.uniform(*vjm.arm.limits, (40, 6)))
-    guess = replaced(guess, np.array([0]), reach(vjm, in_order(target, slice(1)), q[:1]))
-    found = settle(vjm, target, guess, np.arange(1, 40))
-    for k in range(1, 40):
-        own = reach(vjm, in_order(target, slice(k, k + 1)), found.q[k - 1 : k])
-        np.testing.assert_allclose(own.q[0], found.q[k], rtol=0, atol=1e-8)
-    assert np.abs(guess.q - found.q).max() > 1

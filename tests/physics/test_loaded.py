@@ -1,10 +1,13 @@
 """The loaded arm: Eq. (7) against differences and MuJoCo, own weight, masses from torques of another arm."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
 from loads import GRAVITY, at_rest, hung, random_q
 from serial_arms import write_arm
+from spoil import swap
 
 from testbench import Series, load_arm
 from testbench.campaign.absolute import of_masses
@@ -13,7 +16,7 @@ from testbench.identify.absolute.torques import CENTRE, LIMIT, MASS, fit_weights
 from testbench.identify.regression import non_redundant, rank
 from testbench.model import loaded
 from testbench.model.structure import template56
-from testbench.model.vjm import chain, generalised_load, observation
+from testbench.model.vjm import chain, observation
 from testbench.model.weights import own_weight, read_weights
 from testbench.plant.build import weightless
 from testbench.plant.equilibrium import Poses, settle
@@ -24,38 +27,9 @@ HEAVIEST = {"kr500": 10_000.0, "arm_6r": 40_000.0, "slides": 3_000.0}
 """Most that the arm carries in every pose [N]: the light arm's virtual joints then turn by 0.2 rad."""
 
 
-def bent(cell, rng, runs):
-    """Poses with virtual joints far from zero, farther than any arm bends."""
-    theta = 0.3 * rng.standard_normal((runs, cell.arm.n_theta))
-    return random_q(cell, rng, runs), theta
-
-
 def random_wrench(rng, runs, force, moment):
     part = rng.standard_normal((runs, 6)) * np.repeat([force, moment], 3)
     return part, rng.uniform(-0.4, 0.4, (runs, 3))  # well off the tool's centre
-
-
-def differences_of_the_load(cell, q, theta, wrench, point):
-    """d(J_theta^T w) / d theta by central differences, (runs, n_theta, n_theta)."""
-    h = 1e-5
-    columns = []
-    for step in h * np.eye(cell.arm.n_theta):
-        ahead, behind = (chain(cell.vjm, q, theta + s) for s in (step, -step))
-        u = generalised_load(ahead, wrench, point) - generalised_load(behind, wrench, point)
-        columns.append(u.T / (2 * h))
-    return np.stack(columns, axis=2)
-
-
-@pytest.mark.parametrize("name", [*HEAVIEST, "single_link"])
-def test_k_w_is_the_derivative_of_the_generalised_load(request, name, rng):
-    """Of an arm without joints too."""
-    cell = request.getfixturevalue(name)
-    q, theta = bent(cell, rng, 3)
-    wrench, point = random_wrench(rng, 3, 1000, 1000)
-    K_w = loaded.geometric_stiffness(chain(cell.vjm, q, theta), wrench, point)
-    expected = differences_of_the_load(cell, q, theta, wrench, point)
-    # differences: rounding 1e-16 / h = 1e-11 and truncation h^2 = 1e-10, of the largest entry
-    np.testing.assert_allclose(K_w, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
@@ -158,36 +132,6 @@ def test_algebraic_reduction_finds_the_32_parameters_of_mls32(name, request, rng
     assert rank(np.hstack([A, B])) == rank(B)
 
 
-AGREE = 1e-12  # of the largest load; both sides are sums of a few products
-
-
-def forces(model, qpos, body=0, wrench=None, point=None):
-    """Generalised forces of gravity, and of a wrench at a point of a body, (runs, nv) [N m, N]."""
-    data, found = mujoco.MjData(model), []
-    for run, pose in enumerate(qpos):
-        data.qpos[:] = pose
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_rne(model, data, 0, data.qfrc_bias)
-        found.append(-data.qfrc_bias)
-        if body:
-            at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ point[run]
-            mujoco.mj_applyFT(model, data, wrench[run, :3], wrench[run, 3:], at, body, found[-1])
-    return np.array(found)
-
-
-def test_own_weight_is_mujocos_on_every_virtual_joint(cell, rng):
-    """Virtual joints bent by 0.3 m and 0.3 rad too."""
-    model = cell.plant.model.__copy__()
-    for link in cell.arm.links:
-        model.body(f"{link.name}_end").mass[:] = 0  # a carrier is not of the arm
-    qpos = np.zeros((20, model.nv))
-    qpos[:, cell.plant.joints] = q = random_q(cell, rng, 20)
-    qpos[10:, cell.plant.theta] = 0.3 * rng.uniform(-1, 1, (10, cell.arm.n_theta))
-    expected = forces(model, qpos)[:, cell.plant.theta]
-    load = own_weight(chain(cell.vjm, q, qpos[:, cell.plant.theta]), read_weights(cell.arm))
-    np.testing.assert_allclose(load.T, expected, rtol=0, atol=AGREE * np.abs(expected).max())
-
-
 FIXED = """<body name="motor" pos="0.1 0.2 0.3" euler="20 30 40"><inertial pos="0.1 -0.1 0.2" mass="3"
  diaginertia="0.1 0.1 0.1"/><body name="cover" pos="0 0.1 0" zaxis="1 2 3"><inertial pos="0.3 0 0.1"
  mass="0.5" diaginertia="0.1 0.1 0.1"/><geom class="drawn" size="0.1"/></body></body>"""
@@ -195,10 +139,8 @@ DRAWN = '<default><default class="drawn"><geom mass="0"/></default></default>'
 
 
 def rewritten(folder, *changes):
-    text = (folder / "rigid.xml").read_text(encoding="utf-8")
     for old, new in changes:
-        text = text.replace(old, new, 1)
-    (folder / "rigid.xml").write_text(text, encoding="utf-8")
+        swap(re.escape(old), new)(folder / "rigid.xml")
     return load_arm(folder)
 
 
@@ -241,9 +183,15 @@ def other_arm(cell, rng):
 
 def true_torques(cell, model, q, wrench, point):
     """Generalised forces of gravity and of a wrench at the tool on the joints, (runs, n) [N m, N]."""
-    qpos, joints = np.zeros((len(q), model.nv)), cell.room.joints
-    qpos[:, joints] = q
-    return forces(model, qpos, model.body(cell.arm.tool).id, wrench, point)[:, joints]
+    data, tool, found = mujoco.MjData(model), model.body(cell.arm.tool).id, []
+    for run, pose in enumerate(q):
+        data.qpos[cell.room.joints] = pose
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_rne(model, data, 0, data.qfrc_bias)
+        forces, at = -data.qfrc_bias, data.xpos[tool] + data.xmat[tool].reshape(3, 3) @ point[run]
+        mujoco.mj_applyFT(model, data, wrench[run, :3], wrench[run, 3:], at, tool, forces)
+        found.append(forces[cell.room.joints])
+    return np.array(found)
 
 
 def with_torques(q, wrench, point, torque):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from loads import axis_loads
 
-from testbench import BenchError, Scenario, deflections, score, simulate
+from testbench import BenchError, Scenario, score, simulate
 from testbench.campaign.advice import advice
 from testbench.campaign.evaluation import identify, of_model
 from testbench.campaign.fits import Runs, fit
@@ -21,7 +21,6 @@ from testbench.identify.method import ROBUST_UNCERTAINTY
 from testbench.identify.metric import Belief, metric, precision_root, rescaled
 from testbench.identify.prior import Strength, cad_prior, distorted
 from testbench.identify.projected import least_squares as psd_least_squares
-from testbench.identify.regression import f_m
 from testbench.identify.robust_loss import PAIRS
 from testbench.identify.solve import answer, solve
 from testbench.identify.weighed import one_by_one
@@ -259,18 +258,6 @@ def test_rejected_readings_are_listed_with_their_distance_and_runs_without_any_l
     said = advice(fit)
     assert f"4 of 45 readings rejected, beyond {REJECT} standard deviations" in said
     assert any(f"no reading is left of run {data.run[6]}:" in words for words in said)
-
-
-def test_f_m_of_a_robust_fit_is_eq_19_over_the_readings_that_are_left(kr500):
-    data, mask = spoil(readings(kr500, 3), 0.1, 1e-2, np.random.default_rng(3))
-    fit = robustly(kr500, template56(kr500.arm), data, "none")
-    assert found(fit) >= {(data.run[i], data.markers[j]) for i, j in np.argwhere(mask)}
-    left = np.array([[(run, name) not in found(fit) for name in data.markers] for run in data.run])
-    residual = (deflections(kr500.vjm, fit, data) - data.deflection)[left]
-    expected = np.sqrt((residual**2).sum() / len(residual)) / (np.sqrt(2) * data.sigma)
-    assert fit.f_m == pytest.approx(expected, rel=1e-9)
-    assert fit.f_m == pytest.approx(f_m(fit.regression, fit.pi))
-    assert fit.f_m < 1.5 * fit.f_m_floor
 
 
 def test_too_many_rejections_too_few_left_and_a_search_that_did_not_converge_are_said(kr500, monkeypatch):

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import section_6
-from loads import rotation_observation
 from printed_matrices import OWN, least_cost, printed_matrices, readings, tables
 from scipy.spatial.transform import Rotation
 
@@ -15,8 +14,6 @@ from testbench.campaign.evaluation import identify
 from testbench.campaign.models import named_models
 from testbench.campaign.pose_campaign import FullPose, random_wrenches, simulate
 from testbench.errors import PoseError
-from testbench.model.structure import all153
-from testbench.model.vjm import chain, observation
 from testbench.report.table import Row, Trials
 from testbench.studies.paper import EQ_22, EQ_23, SECTION_6
 from testbench.studies.single_link import trial
@@ -157,18 +154,6 @@ def test_true_check_deflections_are_those_of_the_same_runs_without_noise(kr500, 
         error = deflections(cell.vjm, result.estimate, noisy.check) - noisy.check_true.deflection
         rms = np.sqrt((error**2).sum(axis=-1).mean())
         assert result.check_true.rms == pytest.approx(rms, rel=1e-9) != pytest.approx(result.check.rms)
-
-
-def test_noise_free_linear_runs_are_what_the_model_of_the_truth_predicts(arm_6r):
-    """MuJoCo's first order against Pinocchio's Eq. (12), positions and rotations."""
-    data = simulate(arm_6r, FullPose(**PAPER, noise=False), 4).identification
-    s = all153(arm_6r.arm)
-    C = s.entries(arm_6r.arm.C_theta)
-    args = (chain(arm_6r.vjm, data.q), s, data.wrench, data.point)
-    moved = observation(*args, arm_6r.vjm.markers) @ C
-    turned = (rotation_observation(*args) @ C)[:, 0]
-    np.testing.assert_allclose(data.deflection, moved, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(data.rotation, turned, rtol=0, atol=1e-12)
 
 
 def test_random_wrenches_have_their_magnitudes_and_deflections_out_of_reach_are_counted(arm_6r, rng):

@@ -1,6 +1,7 @@
 """Plans: what their rows tell against the library, what stays hidden, feasible, certified, kept promises."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,8 +24,8 @@ from testbench.design.baselines import error_after
 from testbench.design.criteria import CRITERIA, criterion_of
 from testbench.design.exchange import exchange, greedy
 from testbench.design.forecast import forecast
-from testbench.design.planning import DETOUR, _order, candidate_set, make_plan, promise
-from testbench.design.refine import Reach
+from testbench.design.planning import DETOUR, _order, candidate_set, choose_greedily, make_plan, promise
+from testbench.design.refine import Reach, Search
 from testbench.design.whole_arm import fit_of, promise_on
 from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.posterior import model_of
@@ -338,8 +339,13 @@ def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, pl
     own, other = union_after(model_of(found), ALONE), places[:, 0] < 0
     q = np.vstack([places[~other][:40], places[other][:10]])
     wanted = absolute.position_rows(own, places[other][-20:])
-    problem = absolute.candidate_set(own, q, 8).problem
-    plan = greedy(problem, criterion_of("I", problem, wanted), problem.rows, 8)
+    examined = absolute.candidate_set(own, q, 8)
+    problem, criterion = examined.problem, criterion_of("I", examined.problem, wanted)
+    search = Search(partial(absolute.measured_rows, own), 8, kr500.arm.limits, Reach(lambda q: q), stream(1))
+    plan = choose_greedily(search, criterion, examined).chosen
+    alone = absolute.candidate_set(own, q[:1], 8)  # of one candidate there is one plan, which is its bound
+    criterion = criterion_of("I", alone.problem, wanted)
+    assert choose_greedily(search, criterion, alone).efficiency == pytest.approx(1)
     assert (plan >= 40).sum() >= 4
     [row, *_] = filled(kr500.arm, series, q[plan])
     assert (row.joint, row.poses) == ("joint_1", pytest.approx((plan >= 40).sum(), abs=1))

@@ -1,8 +1,7 @@
 """The truth against MuJoCo's own time stepping, each disturbance against theory; many poses, each alone."""
 
+import logging
 import shutil
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
 
@@ -18,7 +17,7 @@ from testbench.plant.build import build_plant, plant_of
 from testbench.plant.compensator import attached, stiffen, strut, strut_force
 from testbench.plant.disturbance import FOUNDATION, KR500_COMPENSATOR, TYPICAL, Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb, exactly_loaded
-from testbench.plant.equilibrium import Poses, hold, settle, settle_linear, settle_pair, tangent
+from testbench.plant.equilibrium import hold, settle, settle_linear, settle_pair
 from testbench.plant.gear import GearErrors
 from testbench.plant.joint_law import JointLaw, slope, turn
 from testbench.plant.state import evaluate, open_row
@@ -60,33 +59,14 @@ def test_elastic_arm_written_out_is_plain_mjcf_that_stands_still_never_over_the_
     assert arm.rigid.read_bytes() == before
 
 
-def test_what_mujoco_warns_of_is_logged_and_leaves_no_file(kr500, tmp_path, monkeypatch, caplog):
+def test_what_mujoco_warns_of_is_for_who_listens_and_leaves_no_file(kr500, tmp_path, monkeypatch, caplog):
     monkeypatch.chdir(tmp_path)
     data = mujoco.MjData(kr500.plant.model)
     data.qpos[:] = np.nan
     mujoco.mj_step(kr500.plant.model, data)
     assert "huge value" in caplog.text
     assert list(tmp_path.iterdir()) == []
-
-
-UNSTABLE = """
-import mujoco
-from testbench.cli.elastic import write_elastic
-from testbench.plant.build import build_plant
-ball = "<body><freejoint/><geom size='1'/></body>"
-model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
-data = mujoco.MjData(model)
-data.qvel[:] = 1e300
-mujoco.mj_step(model, data)
-assert data.warning[mujoco.mjtWarning.mjWARN_BADQVEL].number == 1
-"""
-
-
-def test_a_warning_of_mujoco_leaves_no_file_and_no_words(tmp_path):
-    code = [sys.executable, "-c", UNSTABLE]
-    done = subprocess.run(code, cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert done.stdout + done.stderr == ""
-    assert list(tmp_path.iterdir()) == []
+    assert [type(own) for own in logging.getLogger("testbench.plant").handlers] == [logging.NullHandler]
 
 
 POSES = 41  # five times the arms side by side, and one
@@ -206,33 +186,6 @@ def test_the_compensator_pulls_along_its_length_and_stiffens_the_arm_it_holds(kr
     length, g = strut_length(plant, spring, qpos)
     pull = spring.rate * (held - spring.rest_length) + k * (length - held)
     np.testing.assert_allclose(Q, -pull * g, rtol=0, atol=1e-9 * np.abs(Q).max())
-
-
-def test_newton_s_matrix_has_the_joints_as_soft_as_their_law_says(kr500, rng):
-    plant, row = kr500.plant, open_row(kr500.plant)
-    q = hold(plant, random_q(kr500, rng, 1))
-    poses = Poses(plant, q, np.array([[0, 0, -5000.0, 0, 0, 0]]), np.zeros((1, 3)))
-    twice = JointLaw(2 * plant.C[plant.hinges, plant.hinges], stiffening=0, backlash=0, hysteresis=0)
-    linear, soft = (np.eye(q.size) - tangent(p, row, q[0], 0) for p in (poses, replace(poses, law=twice)))
-    expected = linear.copy()
-    expected[plant.hinges] *= 2
-    assert np.abs(linear[plant.hinges]).max() > 1e-3
-    np.testing.assert_allclose(soft, expected, rtol=0, atol=1e-15)
-
-
-def test_gears_turn_the_joints_by_a_sum_of_sines_and_a_share_of_the_angle(kr500, rng):
-    q = random_q(kr500, rng, 3)
-    errors = GearErrors(orders=5, ratio=1e-4)
-    true = disturbed(kr500, replace(CLEAN, sensor_offset=1e-3, gear=errors))
-    gears = true.gears
-    assert len(gears.sine) == 5
-    assert 0 < np.abs(gears.sine).max() < 2e-4  # 30 urad each
-    angle = np.arange(1, len(gears.sine) + 1)[:, None, None] * q
-    periodic = gears.sine[:, None] * np.sin(angle) + gears.cosine[:, None] * np.cos(angle)
-    moved = q + true.offset + gears.ratio * q + periodic.sum(axis=0)
-    assert np.abs(moved - q).max() > 1e-4
-    rest, expected = settle(true, q), settle(kr500.plant, moved)
-    np.testing.assert_allclose(rest.markers, expected.markers, rtol=0, atol=1e-12)  # rounding of metres
 
 
 def test_a_soft_foundation_moves_the_tool_as_a_rigid_body_on_it(kr500, rng):

@@ -23,7 +23,7 @@ from testbench.identify.metric import Belief, Case, metric, rescaled
 from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.regression import Term, f_m, regression_of
 from testbench.identify.solve import answer, solve
-from testbench.model.structure import Structure, all153, mgco47, mgco68, mgco147, template56
+from testbench.model.structure import Structure, all153, mgco47, mgco68, template56
 
 STRENGTHS = (1e-6, 0.01, 0.3, 2.0, 30.0, 1e3)
 
@@ -54,19 +54,6 @@ def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
     assert own >= 6 or kind != "kind"  # of random ones 97 of 100 are proven
 
 
-def test_the_last_digits_of_readings_move_no_prediction(kr500, campaigns, rng):
-    """What no reading shows is held by the trace term alone: the referee lets it move by micrometres."""
-    for run in campaigns:
-        told = []
-        for k in range(4):
-            after = run.identification.after
-            after = after * (1 + 2e-16 * k * rng.standard_normal(after.shape))
-            changed = replace(run.identification, after=after)
-            estimate = conic.optimum(reduce(kr500.vjm, all153(kr500.arm), changed))
-            told.append(deflections(kr500.vjm, estimate, run.truth))
-        assert np.ptp(told, axis=0).max() < 2e-7
-
-
 WITHOUT_NOISE = (
     ("arm_6r", all153, "linear", 1005),
     ("arm_6r", all153, "nonlinear", 1010),
@@ -75,15 +62,27 @@ WITHOUT_NOISE = (
 )
 
 
+def told_again(cell, structure, campaign, rng):
+    """Fits of the same readings with other last digits and in other orders."""
+    for k in range(4):
+        data = campaign.identification
+        after = data.after * (1 + 1e-15) ** (k % 2) * (1 + 2e-16 * k * rng.standard_normal(data.after.shape))
+        changed = in_order(replace(data, after=after), rng.permutation(data.runs))
+        yield conic.optimum(reduce(cell.vjm, structure(cell.arm), changed))
+
+
+def test_the_last_digits_of_readings_move_no_prediction(kr500, campaigns, rng):
+    """What no reading shows is held by the trace term alone: the referee lets it move by micrometres."""
+    for run in campaigns:
+        told = [deflections(kr500.vjm, own, run.truth) for own in told_again(kr500, all153, run, rng)]
+        assert np.ptp(told, axis=0).max() < 2e-7
+
+
 @pytest.mark.parametrize(("name", "structure", "truth", "seed"), WITHOUT_NOISE)
 def test_without_noise_last_digits_of_readings_do_not_change_what_is_said(name, structure, truth, seed, rng):
     """Of some of these readings Clarabel proves nothing: least squares are taken."""
     cell, asked = build_cell(name), Scenario(arm=name, workspace_poses=1, truth=truth, noise=False)
-    data = simulate(cell, asked, seed).identification
-    for k in range(4):
-        after = data.after * (1 + 1e-15) ** (k % 2) * (1 + 2e-16 * k * rng.standard_normal(data.after.shape))
-        changed = in_order(replace(data, after=after), rng.permutation(data.runs))
-        found = conic.optimum(reduce(cell.vjm, structure(cell.arm), changed))
+    for found in told_again(cell, structure, simulate(cell, asked, seed), rng):
         assert found.status == "solved"
         unit = f_m(found.regression, np.zeros(found.structure.n))
         assert found.f_m < 1e-5 * unit
@@ -167,7 +166,6 @@ def test_what_cannot_be_is_not_called_solved():
 
 
 SLACK = 1e-12  #: Of F_M at C = 0, for the arithmetic of this file.
-STRUCTURES = (mgco47, template56, mgco68, mgco147)
 
 
 def gravity(cell, seed, **options):
@@ -217,21 +215,6 @@ def refuted(regression, certificate, cost, pi):
     return max(
         own - other - certificate.f_m_excess_bound, own - other + program - certificate.duality_gap
     ) / at_rest(regression)
-
-
-@pytest.mark.parametrize("share", [0.01, 1.0])
-@pytest.mark.parametrize("structure", STRUCTURES)
-def test_not_even_the_best_model_within_the_bounds_beats_it(kr500, structure, share):
-    """It does better than the optimum of the weighted program, so that there is something to refute."""
-    regression = reduce(kr500.vjm, structure(kr500.arm), gravity(kr500, 6))
-    found = conic.optimum(regression)
-    t = share * default_trace_bounds(regression, found.pi)
-    certificate = bound(regression, found.pi, found.certificate.dual, t)
-    best = best_within(regression, t)
-    assert (traces(found.structure, best) <= t * (1 + 1e-6)).all()
-    assert refuted(regression, certificate, found.pi, best) <= 1e-9  # what Clarabel leaves of its constraints
-    if share == 1.0:
-        assert f_m(regression, best) < found.f_m
 
 
 @pytest.mark.parametrize("kind", ["kind", *NASTY])

@@ -229,11 +229,6 @@ def box(width, height, thickness=(0.01,) * 4):
     return polygon([(-y, -z), (y, -z), (y, z), (-y, z)], thickness)
 
 
-def ring(radius, thickness, walls=400):
-    angle = 2 * np.pi * np.arange(walls) / walls
-    return polygon(radius * np.column_stack([np.cos(angle), np.sin(angle)]), [thickness] * walls)
-
-
 def channel(width, height, flange, web, gap):
     """The left wall is the web; the right one carries next to no shear and no normal stress."""
     own = box(width, height, (flange, 0.0, flange, web))
@@ -255,16 +250,6 @@ def assert_same(C, expected, rtol):
     scale = stiffness.eigenvalue_scale(expected)
     unit = np.outer(scale, scale)
     np.testing.assert_allclose(C / unit, expected / unit, rtol=0, atol=rtol)
-
-
-def test_a_tube_of_thin_walls_adds_timoshenkos_shear():
-    L, r, t = 1.3, 0.16, 1e-4
-    C = straight(L, ring(r, t).compliance(STEEL))
-    expected = stiffness.tube_compliance(stiffness.Tube(L, 2 * r + t, 2 * r - t, STEEL.E, STEEL.nu))
-    expected[[1, 2], [1, 2]] += L / (
-        0.5 * STEEL.G * 2 * np.pi * r * t
-    )  # F L^3/(3 E I) + F L/(k G A), k = 1/2
-    assert_same(C, expected, 1e-4)  # of the polygon of 400 walls
 
 
 def test_a_box_of_unlike_walls_has_bredts_torsion_cowpers_shear_and_moments_by_hand():

@@ -21,10 +21,7 @@ from testbench.identify.absolute.fit import Options, calibrate, explain, gather
 from testbench.identify.absolute.scatter import outliers, residuals
 from testbench.identify.absolute.state import nominal
 from testbench.identify.diagnosis.notation import check_order
-from testbench.identify.diagnosis.place import Free, Seen
-from testbench.identify.diagnosis.undone import PRECISE, placed
 from testbench.identify.prior import cad_prior
-from testbench.model.vjm import marker_points, tool_points
 from testbench.model.weights import read_weights
 
 ONLY = Options(only=frozenset({"joint springs"}), orders=5)
@@ -351,34 +348,6 @@ def test_nothing_slipped_in_sound_rows_nor_where_a_tracker_moved_or_poses_repeat
         replace(slipped, position=slipped.position + moved[: slipped.rows]),
     ):
         check_order(ur10.vjm, [one])
-
-
-@pytest.mark.parametrize(
-    ("rows", "k", "shift", "words"),
-    [(60, 40, -1, "before"), (11, 5, 1, "after"), (11, 8, -1, "before"), (40, 3, 1, "after")],
-)
-def test_runs_that_slipped_are_named_in_pairs_too(kr500, rows, k, shift, words):
-    """Three rows before or behind are enough."""
-    q = np.random.default_rng(4).uniform(*kr500.arm.limits, (rows, 6))
-    markers = marker_points(kr500.vjm, kr500.arm.markers)
-    x = tool_points(kr500.vjm, q, markers)
-    seen = Seen(
-        vjm=kr500.vjm,
-        q=np.where(np.arange(rows)[:, None] < k, q, np.roll(q, shift, axis=0)),
-        markers=markers,
-        read=x,
-        there=np.ones(x.shape[:2], dtype=bool),
-        names=kr500.arm.markers,
-        runs=np.arange(rows) + 101,
-        poses=np.arange(rows),
-        scale=PRECISE * kr500.vjm.reach,
-    )
-    for free in (Free(), Free(frame=True, targets=True)):
-        found, _ = placed(seen, free)
-        assert found.where == ("unloaded", f"{101 + k}")
-        assert said(found, kr500.arm).sentence.startswith(
-            f"the unloaded readings are those of the pose {words} from run {101 + k} on"
-        )
 
 
 def test_a_zero_that_geometry_hides_is_a_doubt_with_its_joint_and_size(ur10, hundred):

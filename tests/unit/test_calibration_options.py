@@ -1,4 +1,4 @@
-"""What a calibration does without: rows on the way, columns of errors that are not tried."""
+"""Rows that a calibration does without on its way."""
 
 from dataclasses import replace
 
@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
-from testbench.identify.absolute.fit import LEAST_OF_ONE, ON_THE_WAY, Options, gather, thinned
-from testbench.identify.prior import cad_prior
+from testbench.identify.absolute.fit import LEAST_OF_ONE, ON_THE_WAY, thinned
 
 
 @pytest.fixture(scope="module")
@@ -34,16 +33,3 @@ def test_steps_on_the_way_take_few_rows_all_of_a_pose_and_enough_of_every_series
     assert LEAST_OF_ONE <= short.rows < many.rows
     assert few.rows + short.rows <= 1.05 * ON_THE_WAY
     assert set(np.unique(few.pose)) < set(huge.pose)
-
-
-@pytest.mark.parametrize(
-    ("options", "kinds"),
-    [
-        (Options(orders=3, without=frozenset({"joint errors", "play"})), {"ratio", "stiffening"}),
-        (Options(orders=3, only=frozenset({"joint errors"})), {"harmonics"}),
-    ],
-)
-def test_errors_that_are_not_tried_have_no_columns(kr500, series, options, kinds):
-    found = gather(kr500.vjm, series, cad_prior(kr500.arm), options, None)
-    assert set(found.unknowns.errors.kinds) == kinds
-    assert found.state.n.shape == (6, found.unknowns.errors.size)

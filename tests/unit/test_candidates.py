@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.campaign import tracker
 from testbench.campaign.candidates import (
     ADVICE,
     BATCH,
@@ -30,7 +29,6 @@ from testbench.plant.site import Payload, contacts, hidden
 
 HERE = (4.5, -2.5, 1.6)
 FRONT = WorkArea((1.0, -1.5, 1.0), (3.0, 1.5, 2.6))
-NOWHERE = WorkArea((20.0, 20.0, 20.0), (21.0, 21.0, 21.0))
 ALL = Conditions(FRONT, Station(HERE, acceptance=math.radians(80)), Payload(460.3))
 
 
@@ -81,33 +79,6 @@ def test_a_pose_is_refused_for_the_first_reason_in_their_order(kr500, checks):
     expected = [next((r for r, mask in single.items() if mask[i]), None) for i in range(len(q))]
     assert why_not(checks, q) == expected
     assert len(set(expected)) >= 6
-
-
-@pytest.mark.parametrize(
-    ("conditions", "limits", "reason"),
-    [
-        (Conditions(area=NOWHERE), {}, OFF_AREA),
-        (Conditions(station=Station((0.5, 0.0, 6.0))), {"FARTHEST_SEEN": 2.0}, TOO_FAR),
-        (Conditions(station=Station(HERE)), {"NEAREST": 15.0}, TOO_NEAR),
-        (Conditions(station=Station((0.0, 0.0, 15.0))), {}, TOO_STEEP),
-        (Conditions(station=Station(HERE, acceptance=0.01)), {}, FACES_AWAY),
-        (Conditions(payload=Payload(460.3, sling=5.0)), {}, TOUCHING["payload"]),
-        (
-            Conditions(station=Station((0.29, -0.05, 0.85))),
-            {"NEAREST": 0.01, "LOWEST": -1.5, "HIGHEST": 1.5},
-            TOUCHING["tracker"],
-        ),
-    ],
-)
-def test_an_empty_set_names_the_constraint_that_emptied_it(kr500, conditions, limits, reason, monkeypatch):
-    for name, value in limits.items():
-        monkeypatch.setattr(tracker, name, value)
-    with pytest.raises(PoseError, match="found 0 of 5 poses in 2048 draws") as err:
-        find(build_checks(kr500, conditions), 5, np.random.default_rng(6), patience=2000)
-    message = str(err.value)
-    assert f"{reason!r}" in message.split(" (refused: ")[0]
-    assert ADVICE[reason] in message
-    assert "\n" not in message
 
 
 def test_the_error_tells_all_counts_and_both_the_most_frequent_and_the_strictest_reason(kr500):
@@ -196,28 +167,6 @@ def test_a_target_at_the_station_is_too_near_and_nothing_else():
     station = Station(HERE, acceptance=0.5)
     up = np.array([[[0.0, 0, 1]]])
     assert reasons(station, np.array([[HERE]]), up) == [TOO_NEAR]
-
-
-@pytest.mark.parametrize(("turned", "expected"), [(29.0, []), (31.0, [FACES_AWAY]), (180.0, [FACES_AWAY])])
-def test_a_fixed_target_returns_the_beam_within_its_acceptance(turned, expected):
-    rng = np.random.default_rng(1)
-    station = Station(HERE, acceptance=math.radians(30))
-    target = at(3.0, 20.0)
-    to_tracker = (np.array(HERE) - target[0, 0]) / 3.0
-    for direction in rng.standard_normal((10, 3)):  # turned about any axis at right angles
-        axis = np.cross(to_tracker, direction)
-        turn = Rotation.from_rotvec(np.radians(turned) * axis / np.linalg.norm(axis))
-        assert reasons(station, target, turn.apply(to_tracker)[None, None]) == expected
-
-
-def test_one_target_out_of_view_refuses_its_pose_and_no_other():
-    good, far, near = at(3.0, 0.0)[0, 0], at(30.0, 0.0)[0, 0], at(0.5, 0.0)[0, 0]
-    refused = out_of_view(Station(HERE), np.array([[good, good], [good, far], [near, good], [far, near]]))
-    assert list(refused) == [TOO_NEAR, TOO_FAR, TOO_STEEP]
-    np.testing.assert_array_equal(refused[TOO_NEAR], [False, False, True, True])
-    np.testing.assert_array_equal(refused[TOO_FAR], [False, True, False, True])
-    assert not refused[TOO_STEEP].any()
-    assert all(mask.shape == (0,) for mask in out_of_view(Station(HERE), np.empty((0, 3, 3))).values())
 
 
 @pytest.mark.parametrize(

@@ -245,11 +245,6 @@ def test_an_export_is_read_with_a_map_of_at_most_ten_lines(tmp_path, name):
     assert "no column says how far readings scatter: sigma 50 um is assumed" in found.notes
 
 
-def test_the_documented_spreadsheet_is_read_block_by_block_as_a_whole(tmp_path):
-    own = files(tmp_path, "spreadsheet")
-    check_equal(whole(in_blocks(*own)), read_export(*own).data)
-
-
 def exchanged(old, new):
     return lambda lines: [line.replace(old, new) for line in lines]
 

@@ -38,20 +38,6 @@ def test_a_factor_of_parts_is_that_of_all_their_rows(rows, parts, columns):
         np.testing.assert_allclose(T.T @ T, every.T @ every, rtol=0, atol=1e-12 * len(every))
 
 
-@pytest.mark.parametrize("split", [([0, 1, 2], [0, 3, 2]), ([4], [2, 4]), ([2], [4, 2]), ([1], [1])])
-def test_shares_join_to_the_rows_of_both(rows, split):
-    one, two = (folded(rows, own) for own in split)
-    one.join(two)
-    for k in {*split[0], *split[1]}:
-        times = split[0].count(k) + split[1].count(k)
-        A, T = np.vstack(rows[k]), one.factor(0, [k])
-        np.testing.assert_allclose(T.T @ T, times * A.T @ A, rtol=0, atol=1e-11)
-        assert one.equations[0, k] == times * len(A)
-    A = np.vstack(rows[split[1][0]])
-    T = two.factor(0, [split[1][0]])  # the other share stays as it was
-    np.testing.assert_allclose(T.T @ T, A.T @ A, rtol=0, atol=1e-12 * len(A))
-
-
 @pytest.mark.parametrize("lost", [0, 5])
 def test_readings_go_to_the_rows_of_their_kind_and_part(rng, lost):
     """Two positions and an orientation a run, some readings lost: each kind and part has its own rows."""

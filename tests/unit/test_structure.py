@@ -4,15 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from loads import rotation_observation
 
 from testbench.arm.folder import Arm
-from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.errors import BenchError
-from testbench.identify import reduce
-from testbench.identify.conic import optimum
 from testbench.model.structure import (
-    TEMPLATE,
     Structure,
     all153,
     free36,
@@ -22,8 +17,6 @@ from testbench.model.structure import (
     mgco147,
     template56,
 )
-from testbench.model.vjm import chain, observation
-from testbench.studies.estimators.factorised import factorise
 
 MAKERS = [mgco147, all153, mgco69, mgco68, mgco47, template56]
 
@@ -41,12 +34,6 @@ def test_structures_of_the_paper_have_as_many_parameters_as_their_names_say(arm,
     assert len({frozenset(pair) for pair in zip(structure.a, structure.b, strict=True)}) == n
 
 
-def test_blocks_of_full_links_are_six_by_six_and_joints_are_scalars(arm):
-    blocks = [block.tolist() for block in all153(arm).blocks]
-    links = [list(range(6 * i, 6 * i + 6)) for i in range(7)]
-    assert sorted(blocks) == sorted(links + [[k] for k in range(42, 48)])
-
-
 @pytest.mark.parametrize("make", [*MAKERS, free36])
 def test_matrix_is_symmetric_and_entries_give_the_parameters_back(arm, make):
     """Of a structure that leaves the symmetry open it is any matrix of a link."""
@@ -57,36 +44,6 @@ def test_matrix_is_symmetric_and_entries_give_the_parameters_back(arm, make):
     np.testing.assert_array_equal(structure.entries(C), pi)
     mirrored = (structure.a != structure.b) & structure.symmetric
     assert np.count_nonzero(C) == structure.n + mirrored.sum()
-
-
-@pytest.mark.parametrize("make", [*MAKERS, free36])
-def test_gradient_is_the_adjoint_of_matrix(arm, make):
-    """Without halves where an entry stands at one place."""
-    structure, rng = make(arm), np.random.default_rng(3)
-    g, pi = rng.standard_normal((2, structure.n))
-    S, X = structure.gradient(g), rng.standard_normal((48, 48))
-    if structure.symmetric:
-        np.testing.assert_array_equal(S, S.T)
-        X = X + X.T
-    # sums of some 100 products of order one: rounding
-    np.testing.assert_allclose(np.sum(S * structure.matrix(pi)), g @ pi, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(np.sum(S * X), g @ structure.entries(X), rtol=0, atol=1e-12)
-
-
-def test_true_compliance_of_tubes_lies_in_the_template_with_joints(arm):
-    links, joints = [x.name for x in arm.links], [x.name for x in arm.joints]
-    structure = Structure.of(arm, links=links, joints=joints, entries=TEMPLATE)
-    assert structure.n == 62
-    np.testing.assert_array_equal(structure.matrix(structure.entries(arm.C_theta)), arm.C_theta)
-
-
-def test_keep_leaves_these_parameters_and_drops_the_rest(arm):
-    full = template56(arm)
-    kept = full.keep(np.array([0, 7, 55]), "OWN3")
-    assert (kept.name, kept.n, kept.n_theta, kept.labels) == ("OWN3", 3, 48, full.labels)
-    pi = np.arange(1.0, 57.0)
-    np.testing.assert_array_equal(kept.entries(full.matrix(pi)), [1, 8, 56])
-    assert np.count_nonzero(kept.matrix(np.ones(3))) == 5  # a diagonal entry, c35 of link 0, c35 of link 6
 
 
 @pytest.mark.parametrize(
@@ -113,22 +70,3 @@ def test_unknown_name_or_entry_lists_what_exists(arm, wanted, expected):
 def test_structure_of_a_longer_arm_says_how_many_links_it_needs(single_link, make):
     with pytest.raises(BenchError, match="expected an arm of at least 4 links, single_link has 1"):
         make(single_link.arm)
-
-
-def test_unsymmetric_structure_predicts_with_its_unsymmetric_matrix(single_link):
-    structure, rng = free36(single_link.arm), np.random.default_rng(7)
-    C, wrench = rng.standard_normal((6, 6)), rng.standard_normal((4, 6))
-    args = (chain(single_link.vjm, np.empty((4, 0))), structure, wrench, np.zeros((4, 3)))
-    moved = observation(*args, np.zeros((1, 3)))[:, 0] @ structure.entries(C)
-    turned = rotation_observation(*args)[:, 0] @ structure.entries(C)
-    # one link without joints: the twist is C w; sums of six products of order one
-    np.testing.assert_allclose(np.hstack([moved, turned]), wrench @ C.T, rtol=0, atol=1e-13)
-
-
-def test_gco_refuses_an_unsymmetric_structure_in_either_form(single_link):
-    scenario = FullPose(arm="single_link", poses=1, force=10.0, moment=10.0, check_runs=1)
-    data = simulate(single_link, scenario, 1).identification
-    regression = reduce(single_link.vjm, free36(single_link.arm), data)
-    for refuse in (optimum, factorise):
-        with pytest.raises(BenchError, match="expected a symmetric structure, MLS36 leaves"):
-            refuse(regression)
