@@ -205,7 +205,11 @@ def _read_deflections(cell: Cell, asked: Options) -> None:
     write_csv(data, cell.arm, asked.out)
     console, size = plain_console(), 1e3 * np.linalg.norm(data.deflection, axis=-1)
     _say_overload(console, cell, masses.ravel().tolist(), () if pulls is None else pulls.tolist())
-    text = f"{asked.out}: {data.runs} runs, deflections {size.min():.2f} to {size.max():.2f} mm"
+    low, high = masses.min(), masses.max()
+    hung = (f"{low:g} kg" if low == high else f"{low:g} to {high:g} kg") + " and forces" * (pulls is not None)
+    seen = f", read from {' and '.join(asked.tracker)} m" if asked.tracker else ""
+    text = f"{asked.out}: {data.runs} runs under {hung}, deflections {size.min():.2f} to {size.max():.2f} mm"
+    text += seen
     console.print(text, soft_wrap=True)
 
 

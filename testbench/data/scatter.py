@@ -70,24 +70,29 @@ def _read_sigma(
     """
     slot, name, table = Slot("sigma", index), ("sigma_m", "sigma_rad")[index], columns.table
     column, stated, (low, high) = columns.get(slot), columns.constant(slot), SIGMA_RANGE
-    said = (
-        [] if flag is None else [f"sigma is that of the file or its map, not {1e6 * flag:g} um as was said"]
-    )
     if column is not None:
         values = columns.full(column)
         bad = ~((values >= low) & (values <= high))
         table.refuse(bad, column.name, lambda row: f"expected {low:g} to {high:g}, got {values[row]:g}")
-        return values, said
+        return values, _unlike(flag, values)
     if deviations is not None and np.isfinite(deviations).any():
-        return np.full(table.rows, np.nanmedian(deviations)), said
+        values = np.full(table.rows, np.nanmedian(deviations))
+        return values, _unlike(flag, values)
     value = flag if stated is None else stated
     if value is not None and not low <= value <= high:
         raise columns.map_error(name, f"expected {low:g} to {high:g}, got {value:g}")
     words = f"orientations: sigma {1e3 * SIGMA[1]:g} mrad" if index else f"sigma {1e6 * SIGMA[0]:g} um"
     asked = value is None and (not index or bool(columns.every(*ROTATIONS)))
-    notes = said if stated is not None else []
+    notes = [] if stated is None else _unlike(flag, np.array(stated))
     notes += [f"no column says how far readings scatter: {words} is assumed"] * asked
     return np.full(table.rows, SIGMA[index] if value is None else value), notes
+
+
+def _unlike(flag: float | None, used: Array) -> list[str]:
+    """That what a command said [m] gives way to what is used, where that is another."""
+    if flag is None or np.allclose(used, flag, rtol=1e-6, atol=0):
+        return []
+    return [f"sigma is that of the file or its map, not {1e6 * flag:g} um as was said"]
 
 
 def _deviations(columns: Columns, what: What, least: float, unit: str) -> tuple[Array | None, list[str]]:

@@ -62,7 +62,8 @@ class Badge:
         seen = f"{pairs}, 95 % interval {{}} to {{}}"
         if self.verdict == "tie":
             over = f"{self.what} of {rival} over that of {winner} {self.factor:.2f}"
-            return Markdown(f"Tie: {over} ({seen.format(f'{low:.2f}', f'{high:.2f}')}).")
+            near = "" if low <= 1 <= high else f", within {100 * ALIKE:g} %"
+            return Markdown(f"Tie{near}: {over} ({seen.format(f'{low:.2f}', f'{high:.2f}')}).")
         head = f"Holds: {times}" if self.verdict == "holds" else f"Do not use {rival}: {size}"
         return Markdown(f"{head} ({seen.format(ratio(low), ratio(high))}).")
 

@@ -17,7 +17,7 @@ def made(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("arm")
     arm, data = write_arm(folder / request.param, ARMS[request.param]), folder / "data.csv"
     said = run("simulate", arm, "--poses", 10, "--loads", "5,10", "--seed", 3, "--out", data)
-    assert "20 runs, deflections" in said
+    assert "20 runs under 5 to 10 kg, deflections" in said
     return arm, data
 
 

@@ -43,7 +43,9 @@ def write_poses(path, degrees, header=HEADER):
 def simulated(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cli")
     poses = write_poses(folder / "poses.csv", POSES * 3)
-    assert "9 runs, deflections" in fine("simulate", ARM, poses, "--out", folder / "data.csv", "--seed", 4)
+    assert "9 runs under 460.3 kg, deflections" in fine(
+        "simulate", ARM, poses, "--out", folder / "data.csv", "--seed", 4
+    )
     return folder
 
 

@@ -421,6 +421,7 @@ def test_the_sigma_of_file_or_map_counts_more_than_a_flag_and_that_is_said(tmp_p
     both = read_export(*own, 20e-6)
     assert both.data.sigma == pytest.approx(30e-6)
     assert "sigma is that of the file or its map, not 20 um as was said" in both.notes
+    assert not any("as was said" in note for note in read_export(*own, 30e-6).notes)
 
 
 BETWEEN = {"spreadsheet": ";", "merged": ";", "rows_of_axes": "\t"}
