@@ -16,10 +16,11 @@ from testbench.data.series import Series, select_rows
 from testbench.identify.absolute import evidence as sizes
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.evidence import Learnt
+from testbench.identify.absolute.fit import Options, calibrate
 from testbench.identify.absolute.inner import eliminate, moved_frame, moved_mount
 from testbench.identify.absolute.noise import Noise, combine, repeated, roots
 from testbench.identify.absolute.pattern import Pattern, basis, find, turned, waves
-from testbench.identify.absolute.posterior import deviations_root, known, place, predict
+from testbench.identify.absolute.posterior import deviations_root, known, place, posterior_of, predict
 from testbench.identify.absolute.scatter import expected_of, scatter, single
 from testbench.identify.absolute.state import Mount, equilibrium, forward, nominal
 from testbench.identify.absolute.unknowns import Unknowns, unknowns_of
@@ -27,6 +28,7 @@ from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.evidence import ALIKE, TAIL
 from testbench.identify.fold import Part, Point, Reduced, equations
 from testbench.identify.posterior import Posterior
+from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.registration import Frame
 from testbench.identify.robust_loss import READINGS, SQUARE
 from testbench.identify.rows import rows_of
@@ -94,6 +96,20 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
     turned = n * (np.tanh(torque / 0.1) if kind == "play" else torque * np.abs(torque))
     where = equilibrium(state, q, [Load(wrench, np.zeros((1, 3)))]).where
     np.testing.assert_allclose(where.position, tool_pose(vjm, q + turned)[0], rtol=0, atol=1e-6)
+
+
+def test_a_posterior_is_what_the_readings_tell_and_a_prior_which_ties_geometry_to_nothing(kr500, series):
+    """So is the covariance of which intervals are made, in the units of the arm."""
+    options = Options(orders=2, only=frozenset({"joint springs", "links"}), strength=Strength(3.0))
+    found = calibrate(kr500.vjm, [series[0]], cad_prior(kr500.arm), options)
+    assert np.abs(found.chosen.learnt.factor - 1).max() > 0.02  # or nothing would tell it from its square
+    own, root = found.own, posterior_of(found).root
+    precision, r = np.linalg.inv(root.T @ root), own.rigid
+    size = np.sqrt(np.diag(precision))
+    prior = (precision - found.information[np.ix_(own.columns, own.columns)]) / size / size[:, None]
+    expected = np.diag((found.chosen.learnt.deviation[own.columns[:r]] * size[:r]) ** -2.0)
+    np.testing.assert_allclose(prior[:r, :r], expected, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(prior[:r, r:], 0, atol=1e-6)
 
 
 def covariances(rng, *shape):

@@ -26,28 +26,21 @@ def planted(vjm, rng, points):
     return np.clip(first + t * way + bent, lower, upper)
 
 
-def check_there(vjm, q, position, R):
-    """Far below any robot's resolution; rounding alone is 1e-15 m."""
-    p, own = tool_pose(vjm, q)
-    np.testing.assert_allclose(p, position, rtol=0, atol=1e-10)
-    np.testing.assert_allclose(own, R, rtol=0, atol=1e-10)
-    lower, upper = vjm.arm.limits
-    assert ((q >= lower) & (q <= upper)).all()
-
-
 @pytest.mark.parametrize("name", ["kr500", "arm_6r", "ur10", "slides", "seven"])
 def test_a_path_of_the_tool_gives_joints_back_without_a_jump(name, request, rng):
     """From the first joints on one branch is followed; near singular poses wrists turn fast, yet steadily.
 
     Five axes follow a path of their own; seven follow it with motion to spare.
     """
-    vjm = request.getfixturevalue(name).vjm
+    vjm, point = request.getfixturevalue(name).vjm, np.array([0.1, -0.05, 0.2])
     for _ in range(3):
         q = planted(vjm, rng, 500)
         position, R = tool_pose(vjm, q)
-        found = joints_along(vjm, position, R, start=q[0])
+        found = joints_along(vjm, position + R @ point, R, start=q[0], point=point)
         assert found.there.all()
-        check_there(vjm, found.q, position, R)
+        for own, wanted in zip(tool_pose(vjm, found.q), (position, R), strict=True):
+            np.testing.assert_allclose(own, wanted, rtol=0, atol=1e-10)  # rounding alone is 1e-15 m
+        assert ((found.q >= vjm.arm.limits[0]) & (found.q <= vjm.arm.limits[1])).all()
         assert np.abs(np.diff(found.q, axis=0)).max() < 0.3 or name == "seven"
 
 

@@ -56,13 +56,6 @@ def true_turns(kr500, what, q, wrench, point, off=()):
     return (after.theta - before.theta)[:, LINKS:48]
 
 
-def strut_of(arm, **own):
-    """The folder's compensator as the true arm has it."""
-    return replace(
-        KR500_COMPENSATOR, foot=tuple(arm.compensator.foot), head=tuple(arm.compensator.head), **own
-    )
-
-
 @pytest.mark.parametrize("kind", ["stiffening", "backlash", "compensator"])
 def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
     """But for what the bent arm changes of the torques, a percent or two, and for link 1 under the strut."""
@@ -70,10 +63,12 @@ def test_a_law_of_size_one_turns_joints_as_the_true_arm_does(kr500, kind):
     vjm, own_weight = kr500.vjm, Disturbances(own_weight=True)
     longest = np.linalg.norm(np.cross(vjm.axes[1], kr500.arm.compensator.head))
     stiffness = laws.BESIDE / kr500.arm.joints[1].compliance / longest**2
+    ends = {end: tuple(getattr(kr500.arm.compensator, end)) for end in ("foot", "head")}
+    strut = replace(KR500_COMPENSATOR, **ends, stiffness=stiffness)
     without, what = {
         "stiffening": (own_weight, replace(own_weight, stiffening=laws.STIFFER)),
         "backlash": (own_weight, replace(own_weight, backlash=laws.PLAY)),
-        "compensator": (Disturbances(), Disturbances(compensator=strut_of(kr500.arm, stiffness=stiffness))),
+        "compensator": (Disturbances(), Disturbances(compensator=strut)),
     }[kind]
     more = true_turns(kr500, what, q, wrench, point) - true_turns(kr500, without, q, wrench, point)
     if kind != "compensator":

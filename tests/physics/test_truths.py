@@ -218,15 +218,10 @@ def test_the_family_gives_every_seed_the_next_kind_and_an_unknown_name_is_answer
 STEEL = stiffness.Material(2.1e11, 0.3)
 
 
-def polygon(corners, thickness):
-    corners, thickness = np.array(corners, dtype=float)[None], np.array(thickness, dtype=float)[None]
-    return Sections(corners, thickness, thickness.copy())
-
-
 def box(width, height, thickness=(0.01,) * 4):
     """Walls are bottom, right, top, left."""
-    y, z = width / 2, height / 2
-    return polygon([(-y, -z), (y, -z), (y, z), (-y, z)], thickness)
+    corners = np.array([[[-1, -1], [1, -1], [1, 1], [-1, 1]]]) * [width / 2, height / 2]
+    return Sections(corners, np.array([thickness]), np.array([thickness]))
 
 
 def channel(width, height, flange, web, gap):
