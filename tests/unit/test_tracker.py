@@ -76,7 +76,7 @@ def test_laser_tracker_is_sharp_along_the_beam_and_blunt_across():
 
 def test_noise_is_the_symmetric_root_of_the_covariance():
     tracker, targets = LaserTracker(STATION), TARGET + np.random.default_rng(7).uniform(-2, 2, (50, 1, 3))
-    units = SimpleNamespace(standard_normal=lambda _: np.eye(3))  # a column of the root for each of them
+    units = SimpleNamespace(standard_normal=lambda shape: np.broadcast_to(np.eye(3), shape))  # a column each
     root = tracker.noise(np.broadcast_to(targets, (50, 3, 3)), units).swapaxes(-1, -2)
     np.testing.assert_allclose(root, root.swapaxes(-1, -2), atol=1e-20)
     np.testing.assert_allclose(root @ root, tracker.covariance(targets[:, 0]), rtol=1e-12, atol=1e-22)
