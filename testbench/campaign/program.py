@@ -100,7 +100,7 @@ def _drawn_joints(model: ArmModel, program: Program, aim: Aim, start: Array | No
 
 
 def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Load, ...]:
-    """What acts at every point: the process at the tool point or where the file says, and what hangs."""
+    """Loads at every point, one at least: the process at the tool or where the file says; what hangs."""
     position, rotation = tool_pose(model.vjm, q)
     tip = np.array(aim.point)
     try:
@@ -110,8 +110,9 @@ def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Lo
     except BenchError as err:
         raise InputError(program.path, "", str(err)) from err
     wrench, at = program.wrench + along, tip if program.point is None else program.point
-    loads = [Load(wrench, at).over(len(q))] if wrench.any() else []
-    return (*loads, *([weight(model.vjm, program.mass)] if program.mass.any() else []))
+    hung = [weight(model.vjm, program.mass)] if program.mass.any() else []
+    pulls = [Load(wrench, at).over(len(q))] if wrench.any() or not hung else []
+    return (*pulls, *hung)
 
 
 def more_columns(found: CorrectedProgram) -> dict[str, Array | Sequence[str]]:
