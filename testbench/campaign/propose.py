@@ -1,8 +1,8 @@
 """What the robot's file does not say, proposed: tubes, joint compliances, payload, tool, markers, load point.
 
-Every rule is plain: docs/own_arm.md has them all, `testbench.campaign.new_arm` their words. The law of the
-joints is fitted to the 13 joint compliances that we know from public data: a KR 500 by modal test, a KR 270
-and a UR10 by elastostatic calibration.
+Every rule is plain: docs/robot_files.md has them all, `testbench.campaign.new_arm` their words. The law of
+the joints is fitted to the 13 joint compliances that we know from public data: a KR 500 by modal test, a
+KR 270 and a UR10 by elastostatic calibration.
 """
 
 import math

@@ -45,7 +45,8 @@ LOOKS = {"as drawn": Look(NOMINAL, 1, prior=True), "calibrated": Look(GCO, 0, pr
 LEFT_MM = "Distance of the reading from the arm as drawn and calibrated, at the worst target (mm)"
 OF_STEPS = Markdown(
     "We try each kind of error beside those kept before it, and keep it where held-out positions get better "
-    "by 5 %. Blocks are parts of joint space; frame and mount of a held-out series are fitted anew. RMS."
+    "by 5 %, a common pattern where they get no worse, joint springs always. Blocks are parts of joint "
+    "space; frame and mount of a held-out series are fitted anew. RMS."
 )
 OF_VALUES = Markdown(
     "Errors of geometry are constants of the links' virtual joints, in each link's beam axes at its end. An "

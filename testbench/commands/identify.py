@@ -37,7 +37,7 @@ ABOUT_LAWS = Markdown(
 )
 READING = Markdown(
     "*F_M held out*: the mean on poses and load levels held out in turn. *+- (95 %)*: median half width of "
-    f"the interval of a deflection; {COUNTS}. *Apart*: from the loaded tool of the model to take, median."
+    f"the interval of a deflection; {COUNTS}. *From the model to take*: of the loaded tool, median."
 )
 
 

@@ -1,5 +1,6 @@
 """What comes after a run: the last lines of a command, and `testbench next`."""
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -54,7 +55,8 @@ def next_lines(run: Path, given: Sequence[Path] = (), **known: str | Path) -> li
     Args:
         run: Its folder.
         given: Readings that a plan was made beside; else their names that the run has.
-        known: `arm`, `model` or `data` as the user named it; else the name that the run has.
+        known: `arm`, `model` or `data` as the user named it; else the name that the run has, found here or
+            beside the run.
 
     Returns:
         Lines; none of a folder that is not that of a finished run.
@@ -66,7 +68,7 @@ def next_lines(run: Path, given: Sequence[Path] = (), **known: str | Path) -> li
     named = shown(next(iter(about.models), "ARM"))
     data, names = asked.get("data"), asked.get("given")
     if not given and isinstance(names, list):
-        given = [Path(str(name)) for name in names]
+        given = [_placed(run, str(name)) for name in names]
     fields = {
         "run": word(run),
         "beside": "" if run.parent == Path() else f"{word(run.parent)}/",
@@ -75,8 +77,8 @@ def next_lines(run: Path, given: Sequence[Path] = (), **known: str | Path) -> li
         "fit": _fit(asked),
         "given": "".join(f"{word(path)} " for path in given),
         "arm": named,
-        "model": named,
-        "data": shown(data) if isinstance(data, str) else "MEASURED.csv",
+        "model": word(_placed(run, next(iter(about.models), "MODEL"))),
+        "data": word(_placed(run, data)) if isinstance(data, str) else "MEASURED.csv",
     } | {key: word(Path(value)) for key, value in known.items()}
     key = "plan absolute" if name == "plan" and absolute else name
     texts = list(COMMANDS.get(key, COMMANDS["study"] if name.startswith("scenarios/") else ()))
@@ -86,6 +88,12 @@ def next_lines(run: Path, given: Sequence[Path] = (), **known: str | Path) -> li
     lines = [f"{'missing':<11}{MISSING[name]}"] if name in MISSING and not mapped else []
     lines += [f"{'' if k else 'next':<11}testbench {text}" for k, text in enumerate(texts)]
     return [line.format_map(fields) for line in lines]
+
+
+def _placed(run: Path, name: str) -> Path:
+    """What a run has by its name alone: as it is here, else beside the run if it is there."""
+    beside = run.parent / name
+    return beside if os.path.lexists(beside) and not os.path.lexists(name) else Path(name)
 
 
 def _rehearsal(asked: Mapping[str, JsonValue]) -> str:

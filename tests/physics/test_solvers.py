@@ -8,6 +8,7 @@ from agreement import APART, OFF, WORSE, compared, least_squares_off
 from programs import NASTY, random_regression, with_random_prior
 
 from testbench import BenchError, Scenario, build_cell, deflections, simulate
+from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import in_order
 from testbench.identify import certify, cone, conic, gco, least_squares, make_estimate, projected, reduce
 from testbench.identify.certify import (
@@ -268,6 +269,15 @@ def test_duals_that_are_none_and_models_that_are_not_conservative_are_refused_in
         with pytest.raises(BenchError, match=text) as told:
             certify(estimate, dual=wrong)
         assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("name", TRUTHS)
+def test_true_arms_of_every_kind_lie_within_the_default_bounds(kr500, name):
+    """What is assumed of several axes at once holds where the truth is known."""
+    cell, s = true_cell(kr500, name, 5), all153(kr500.arm)
+    regression = reduce(cell.vjm, s, gravity(cell, 1))
+    bounds = default_trace_bounds(regression, np.zeros(s.n))
+    assert (traces(s, s.entries(cell.plant.arm.C_theta)) <= bounds).all()
 
 
 @pytest.mark.parametrize("shown", [1.0, 1e-3, 1e-11])

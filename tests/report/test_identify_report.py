@@ -1,12 +1,13 @@
 """What `testbench identify` says: each sentence where its condition holds, numbers of the right model."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import reports
 
-from testbench.commands.identify import printed, report
+from testbench.commands.identify import READING, printed, report
 from testbench.report.badge import decide
 from testbench.report.table import Row
 from testbench.views.colours import look
@@ -73,6 +74,21 @@ def test_numbers_stand_in_their_columns_in_a_terminal_and_on_the_page(f):
     for gone, headline in (("check", "f_m_held_out"), ("f_m_held_out", "identification.rms_mm")):
         f = changed(f, "all", **{gone: None})
         assert report(f).tables["models"].headline == headline
+
+
+def test_what_was_not_compared_over_the_workspace_is_not_called_without_a_bound(f):
+    known = Row(half_width_mm=0.157, unbounded=0, apart_mm=0.034)
+    said = report(changed(f, "MGCO56", elsewhere=known))
+    page = said.whole().splitlines()
+    ends = {
+        name: next(line for line in page if line.startswith(f"| {name} |")) for name in ("MGCO56", "MLS56")
+    }
+    assert ends["MGCO56"].endswith("| 0.157 | 0.034 |")
+    assert ends["MLS56"].endswith("| no bound, or not compared | not compared |")
+    headings = {column.heading.split(",")[0].lower() for column in said.tables["models"].columns}
+    explained = re.findall(r"\*([^*]+)\*: ", READING)
+    assert len(explained) == 3
+    assert {name.lower() for name in explained} <= headings
 
 
 def test_laws_of_the_joints_are_told_where_the_model_has_them(f):

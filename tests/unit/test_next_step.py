@@ -49,6 +49,31 @@ def test_a_run_without_a_given_arm_has_the_name_of_its_manifest(tmp_path):
     assert "{0} --task" in line
 
 
+@pytest.mark.parametrize(
+    ("command", "scenario", "expected"),
+    [
+        ("testbench predict", {}, "compensate {}C PROGRAM.csv --out CORRECTED.csv"),
+        ("testbench data check", {"data": "b.csv"}, "identify C {}b.csv --out runs/model"),
+        (
+            "testbench plan",
+            ABSOLUTE | {"given": ["b.csv"]},
+            "calibrate C {}b.csv MEASURED.csv --out runs/model",
+        ),
+    ],
+)
+def test_what_a_run_has_by_name_is_looked_for_here_then_beside_the_run(
+    tmp_path, monkeypatch, command, scenario, expected
+):
+    monkeypatch.chdir(tmp_path)
+    run = run_of(tmp_path / "runs" / "one", command, scenario, arm="C").relative_to(tmp_path)
+    for where in ("runs/", ""):
+        for name in ("C", "b.csv"):
+            (tmp_path / where / name).touch()
+        assert f"testbench {expected.format(where)}" in [
+            line.removeprefix("next").strip() for line in next_lines(run)
+        ]
+
+
 def test_every_command_of_a_text_exists():
     texts = [text.split()[0] for own in COMMANDS.values() for text in own]
     assert {*texts} <= {*program.COMMANDS}
