@@ -1,1 +1,1 @@
-"""What a real arm's vices cost a model that does not know them."""
+"""What disturbances cost a model that does not know them."""

@@ -1,4 +1,4 @@
-"""What a real arm's vices cost a model that does not know them, beside the noise, and who bears them best."""
+"""What disturbances cost a model that does not know them, beside the noise, and who bears them best."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import is_dataclass
