@@ -81,7 +81,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         models=[model for row in here for model in compare.contract([row], where=row.structure)],
     )
     where = say("A weight, {poses} poses, {sigma_um:g} um of noise, {structure}:", at, structure=best)
-    each = "case of {structure}, {poses} poses, {sigma_um:g} um".format(structure=best, **at)
+    each = say("case of {structure}, {poses} poses, {sigma_um:g} um", at, structure=best)
     worst = "{structure}, {poses} poses, {sigma_um:g} um: GCO errs {ratio:~.2f} times"
     return Report(
         scenario=STUDY.name,
