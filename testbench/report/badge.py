@@ -39,6 +39,7 @@ class Badge:
     each: str = "trial"  #: What a pair is.
     what: str = "error"  #: What is compared.
     why: str = ""  #: What speaks against the winner, whatever its error is.
+    exact: bool = False  #: Whether the winner's errors are rounding: the factor is then a lower bound.
 
     @property
     def words(self) -> Markdown:
@@ -48,7 +49,8 @@ class Badge:
             return Markdown(f"Do not use {winner}: {as_markdown(self.why)}.")
         if self.factor is None:
             return Markdown(f"Too few: nothing compares {winner} with {rival}.")
-        shown = ratio(max(self.factor, 1 / self.factor))
+        least = "at least " if self.exact else ""
+        shown = least + ratio(max(self.factor, 1 / self.factor))
         side = "smaller" if self.factor >= 1 else "larger"
         size = f"the {self.what} of {winner} is {shown} times {side}"
         times = f"{size} than that of {rival}"
@@ -59,7 +61,7 @@ class Badge:
         if self.interval is None:
             return Markdown(f"Too few: {times} in {pairs}; to judge it takes {FEWEST}.")
         low, high = self.interval
-        seen = f"{pairs}, 95 % interval {{}} to {{}}"
+        seen = pairs if self.exact else f"{pairs}, 95 % interval {{}} to {{}}"
         if self.verdict == "tie":
             over = f"{self.what} of {rival} over that of {winner} {self.factor:.2f}"
             near = "" if low <= 1 <= high else f", within {100 * ALIKE:g} %"
@@ -95,9 +97,10 @@ def decide(
     if not len(a):
         return Badge(ours[0], theirs[0], None, None, 0, "do not use" if why else "too few", each, why=why)
     least = max(a.max(), b.max()) / MOST or 1.0  # nothing over nothing is 1
+    exact = bool(min(a.max(), b.max()) <= least < max(a.max(), b.max()))
     a, b = np.maximum(a, least), np.maximum(b, least)
     factor, ends = _of_one(a, b)
-    if each in ("trial", "case"):
+    if each.partition(" ")[0] in ("trial", "case"):
         factor, ends = float(np.median(b / a)), median_interval(b / a)
     names, verdict = (ours[0], theirs[0]), "too few" if ends is None else "tie"
     if ends is None and factor < 1 and not why:
@@ -106,7 +109,8 @@ def decide(
         verdict = "holds"
     elif ends is not None and ends[1] < 1 < 1 / factor - ALIKE and not why:
         names, verdict, factor, ends = names[::-1], "do not use", 1 / factor, (1 / ends[1], 1 / ends[0])
-    return Badge(*names, factor, ends, len(a), "do not use" if why else verdict, each, why=why)  # type: ignore[arg-type]
+    verdict = "do not use" if why else verdict
+    return Badge(*names, factor, ends, len(a), verdict, each, why=why, exact=exact)  # type: ignore[arg-type]
 
 
 def _of_one(a: Array, b: Array) -> tuple[float, tuple[float, float] | None]:

@@ -191,7 +191,7 @@ def _badge(found: Any) -> Badge | None:
     """What report.json says of who wins; older ones say nothing."""
     if found is None:
         return None
-    own = {name: found[name] for name in (f.name for f in fields(Badge))}
+    own = {f.name: found[f.name] for f in fields(Badge) if f.name in found}
     return Badge(**own | {"interval": own["interval"] and tuple(own["interval"])})
 
 

@@ -13,11 +13,13 @@ from testbench.views.schema import show
 
 LEVEL = 0.05  #: Of the sign test, two-sided.
 MOST = 0.95  #: Share of the seeds in which two errors must be nearly the same.
+HELD = ("confirmed", "consistent")  #: Verdicts of what our numbers do not speak against.
 RULE = (
-    "A number is confirmed where the paper's lies inside our 5 to 95 % over the seeds, of fewer than 20 "
-    "their range; one in ten lies outside even where nothing differs. That one error is smaller than another "
-    "is confirmed, or contradicted, by a sign test on the same data at 5 %, without ties. That two are "
-    "nearly the same must hold in 95 % of the seeds, any other statement in all of them."
+    "A number is consistent where the paper's lies inside our 5 to 95 % over the seeds, of fewer than 20 "
+    "their range: a wide spread excludes little, and one in ten lies outside even where nothing differs. "
+    "That one error is smaller than another is confirmed, or contradicted, by a sign test on the same data "
+    "at 5 %, without ties. That two are nearly the same must hold in 95 % of the seeds, any other statement "
+    "in all of them."
 )
 """How every verdict is made."""
 
@@ -28,11 +30,11 @@ def judged(claim: str, holds: bool, why: str) -> Row:
 
 
 def number(claim: str, ours: Number, paper: float, differs: str) -> Row:
-    """A number of the paper: confirmed where it lies inside our 5 to 95 % over the seeds.
+    """A number of the paper: consistent where it lies inside our 5 to 95 % over the seeds.
 
     Args:
         claim: What the paper says.
-        ours: The same number over our seeds; without a spread nothing is confirmed.
+        ours: The same number over our seeds; without a spread nothing is consistent.
         paper: The paper's.
         differs: Why the two may be apart, in words behind "not inside".
     """
@@ -40,7 +42,7 @@ def number(claim: str, ours: Number, paper: float, differs: str) -> Row:
     inside = isinstance(ours, Spread) and low <= paper <= high
     why = f"ours {show(ours, '.3g')}"
     if inside:
-        return judged(claim, True, why)
+        return Row(claim=claim, verdict="consistent", why=why)
     if not isinstance(ours, Spread):
         return judged(claim, False, f"{why}; one seed has no spread to judge by")
     least, most = ("least", "most") if ours.few else ("5 %", "95 %")
@@ -55,13 +57,14 @@ def comparison(claim: str, test: str, won: int, lost: int, seeds: int) -> Row:
         claim: What the paper says.
         test: What is counted, in words before "in 3 of 100 seeds".
         won: Seeds in which it is.
-        lost: Seeds in which the other is; in the rest they are equal.
+        lost: Seeds in which it is not; in the rest they are equal.
         seeds: All of them.
     """
     p = binomtest(won, won + lost).pvalue if won + lost else 1.0
     verdict = "no clear difference" if p >= LEVEL else "confirmed" if won > lost else "contradicted"
     chance = f"= {p:.2g}" if p >= 1e-3 else "below 0.001"
-    why = f"{test} in {won} of {seeds} seeds, larger in {lost}; p {chance}"
+    equal = f", equal in {seeds - won - lost}" if won + lost < seeds else ""
+    why = f"{test} in {won} of {seeds} seeds, not in {lost}{equal}; p {chance}"
     return Row(claim=claim, verdict=verdict, why=why)
 
 

@@ -43,6 +43,33 @@ def test_a_worse_one_is_not_to_be_used_and_the_rival_is_the_winner():
     assert own.words.startswith("Do not use ours: the error of theirs is 2.0 times smaller (40 trials")
 
 
+@pytest.mark.parametrize("each", ["trial", badge.POSES])
+def test_errors_that_are_rounding_are_so_many_times_smaller_at_least_and_have_no_interval(each):
+    own = decide(("ours", 1e-12 * NOISE), ("theirs", NOISE), each)
+    pairs = "40 trials" if each == "trial" else "40 poses of one arm"
+    assert own.words.endswith(f" times smaller than that of theirs ({pairs}).")
+    assert own.words.startswith("Holds: the error of ours is at least ")
+    assert json.loads(json.dumps(own.json()))["exact"] is True
+    lost = decide(("ours", NOISE), ("theirs", 1e-12 * NOISE), each)
+    assert lost.words.startswith("Do not use ours: the error of theirs is at least ")
+    assert not decide(("ours", NOISE / 100), ("theirs", NOISE), each).exact
+    assert not decide(("ours", 0 * NOISE), ("theirs", 0 * NOISE), each).exact
+
+
+def test_a_pair_may_be_named_with_its_conditions_and_stays_a_trial():
+    plain, said = (
+        decide(("a", NOISE), ("b", 2 * NOISE[::-1]), each) for each in ("case", "case of A, 8 poses")
+    )
+    assert (said.factor, said.interval) == (plain.factor, plain.interval)
+    assert "(40 cases of A, 8 poses, 95 % interval " in said.words
+
+
+def test_a_report_of_before_is_read_without_what_its_badge_lacks():
+    found = json.loads(json.dumps(replace(REPORT, badge=decide(("one", NOISE), ("other", 2 * NOISE))).json()))
+    del found["badge"]["exact"]
+    assert read(found).badge.exact is False
+
+
 def test_what_an_interval_covers_is_a_tie():
     other = NOISE[RNG.permutation(len(NOISE))]
     own = decide(("ours", NOISE), ("theirs", other))

@@ -91,7 +91,7 @@ def test_the_sentences_hold_the_numbers_of_both_truths(found):
 
 
 def verdicts(report):
-    return {row.claim: row.verdict == "confirmed" for row in report.numbers["claims"]}
+    return {row.claim: row.verdict in ("confirmed", "consistent") for row in report.numbers["claims"]}
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_a_comparison_is_confirmed_up_to_so_many_seeds_against_it(claim, name, m
         assert f" in {20 - failing} of 20 seeds" in {c.claim: c.why for c in own.numbers["claims"]}[claim]
 
 
-def test_a_cell_of_the_paper_is_confirmed_inside_our_spread_and_only_there(found):
+def test_a_cell_of_the_paper_is_consistent_inside_our_spread_and_only_there(found):
     """Our readings of MLS32 are 0.076 to 0.091 mm, those of MGCO69 three times that."""
     own = verdicts(found)
     assert (own["MLS32: 0.078 mm, 95 %"], own["MGCO69: 0.084 mm, 95 %"]) == (True, False)

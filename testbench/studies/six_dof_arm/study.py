@@ -241,9 +241,10 @@ def _claims(f: Row) -> Iterator[Markdown]:
         best=f.best,
     )
     yield say(
-        "Of the paper's {n} statements {held} are confirmed; their table says why the others are not.",
+        "Of the paper's {n} statements {held} are confirmed or consistent; their table says why others are "
+        "not.",
         n=len(f.claims),
-        held=sum(own.verdict == "confirmed" for own in f.claims),
+        held=sum(own.verdict in paper.HELD for own in f.claims),
     )
     yield f.which_m
 
