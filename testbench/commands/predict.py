@@ -159,8 +159,8 @@ def _pose(made: Predicted, k: int) -> Row:
     """How far its loads move the tool in a pose, by its number from 0, and how stiff the tool is there.
 
     None where the data of the model see nothing, or where nothing gives. Half widths are the widest along x,
-    y, z. `push_mm` is how far the force of the map moves the loaded tool in its softest direction, and its half
-    width is of that direction.
+    y, z. `push_mm` is how far the force of the map moves the loaded tool in its softest direction; its half
+    width is that of this force.
     """
     found, asked, direction = made.found, made.asked, made.stiffness.softest[k]
     half = finite(MM * found.widest[k, 0])
