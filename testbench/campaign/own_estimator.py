@@ -64,7 +64,7 @@ class EstimatorOptions(LimitOptions):
         return read_own(self.estimator or (), self.limits, tuple(MODELS))
 
 
-def read_own(texts: Sequence[str], limits: Limits, taken: Sequence[str]) -> tuple[Own, ...]:
+def read_own(texts: Sequence[str], limits: Limits, taken: Sequence[str], flag: str = FLAG) -> tuple[Own, ...]:
     """Estimators as they are named on the command line; each is imported once, in a process apart.
 
     BenchError when one cannot be imported, lacks its function, or has a name that is taken.
@@ -72,22 +72,22 @@ def read_own(texts: Sequence[str], limits: Limits, taken: Sequence[str]) -> tupl
     if not texts:
         return ()
     with server() as link:
-        found = tuple(_read(link, text, limits) for text in texts)
+        found = tuple(_read(link, text, limits, flag) for text in texts)
     names = [own.name for own in found]
     for name in names:
         if names.count(name) > 1 or name.casefold() in map(str.casefold, taken):
-            raise BenchError(f"{FLAG}: the name {name!r} is taken: put another before it, NAME=...")
+            raise BenchError(f"{flag}: the name {name!r} is taken: put another before it, NAME=...")
     return found
 
 
-def _read(link: Connection, text: str, limits: Limits) -> Own:
+def _read(link: Connection, text: str, limits: Limits, flag: str) -> Own:
     found = ASKED.fullmatch(text)
     source = found["source"] if found else ""
     if not found or not (source.endswith(SUFFIX) or MODULE.fullmatch(source)):
-        raise BenchError(f"{FLAG}: expected {FORM}, got {text!r}")
+        raise BenchError(f"{flag}: expected {FORM}, got {text!r}")
     name = found["function"] if found["name"] is None else found["name"]
     if not NAME.fullmatch(name):
-        raise BenchError(f"{FLAG}: expected a name of letters, digits, _ and -, got {name!r}")
+        raise BenchError(f"{flag}: expected a name of letters, digits, _ and -, got {name!r}")
     if source.endswith(SUFFIX):
         source = str(Path(source).resolve())
         files.digest(Path(source))  # refuses what is no file
@@ -95,7 +95,7 @@ def _read(link: Connection, text: str, limits: Limits) -> Own:
     try:
         return replace(own, sha256=files.digest(file_of(link, own)))
     except BenchError as err:
-        raise BenchError(f"{FLAG}: {source}: {err}") from err
+        raise BenchError(f"{flag}: {source}: {err}") from err
 
 
 def digests_of(own: Sequence[Own]) -> dict[str, dict[str, str]]:

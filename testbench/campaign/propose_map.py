@@ -176,7 +176,11 @@ def _columns(table: Table, arm: Arm) -> Iterator[Entry]:
                 yield Entry("scale", our + unit, 0.5, "two standard deviations, as U95")
         elif theirs in needed:
             hint = '[columns] of a map by hand says which it is, as x = "X", or before_x and after_x of pairs'
-            raise table.header_error(f"no column looks like {our}; columns are {list(table.names)}; {hint}")
+            hint = (
+                f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" with its words'
+            )
+            what = {"axis": "a position"}.get(our, our)
+            raise table.header_error(f"no column looks like {what}; columns are {list(table.names)}; {hint}")
     places = [k for x in (*both, *XYZ, "position") for k in known.get(x, [])[:1]]
     if words := {
         text for k in places for text in table.texts(k) if text and not is_decimal(text.replace(",", "."))

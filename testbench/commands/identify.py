@@ -153,7 +153,9 @@ def _answer(f: Row, taken: Row) -> Iterator[Markdown]:
         sure = f"; a deflection along an axis is predicted {sure}" if half else ""
         yield say(f"Joint stiffness only {{it.theirs_mm:.3f}} mm, {{it:more}}{sure}.", taken, it=joints)
     else:
-        sure = f" and predicts a deflection along an axis {sure}" if half else ""
+        sure = f" and gives a deflection in these runs {sure} along an axis" if half else ""
+        if half and taken.elsewhere and taken.elsewhere.half_width_mm is not None:
+            sure += ", over the workspace +- {elsewhere.half_width_mm:.3f} mm"
         yield say(f"It fits the readings to {{identification.rms_mm:.3f}} mm RMS{sure}.", taken)
 
 

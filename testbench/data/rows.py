@@ -14,6 +14,8 @@ from testbench.errors import Array, Ids, Mask
 
 SAME_POSE = 1e-6
 """Difference of two joint coordinates up to which two poses are one [rad, m]."""
+ROUNDED = 1e-4
+"""How far rounding in a file may take a coordinate beyond a limit, at which it is then read [rad, m]."""
 POSES = "poses are numbered by equal joint angles"
 SUSPECT = {"rad": (2.5 * np.pi, "degrees"), "m": (10.0, "millimetres")}
 """Coordinates that only another unit explains, and that unit."""
@@ -216,7 +218,7 @@ def joint_coordinates(columns: Columns, arm: Arm) -> Array:
     none = np.empty((columns.table.rows, 0))  # an arm may have no joints
     q = np.column_stack([none, *(columns.every_row(own) for own in found)])
     _check_limits(columns, arm, q)
-    return q
+    return np.clip(q, *arm.limits)
 
 
 def _numbered_joints(ignored: Sequence[str], count: int) -> str:
@@ -236,7 +238,7 @@ def _numbered_joints(ignored: Sequence[str], count: int) -> str:
 def _check_limits(columns: Columns, arm: Arm, q: Array) -> None:
     """Refuse what is beyond the arm's limits; degrees are the first suspect."""
     lower, upper = arm.limits
-    bad = np.argwhere((q < lower - 1e-6) | (q > upper + 1e-6))
+    bad = np.argwhere((q < lower - ROUNDED) | (q > upper + ROUNDED))
     if not len(bad):
         return
     i, k = bad[0]
@@ -257,7 +259,7 @@ def _other_columns(columns: Columns, arm: Arm, q: Array, k: int) -> str:
     (lower, upper), found = arm.limits, list[str]()
 
     def within(joints: Sequence[int], values: Array) -> bool:
-        return bool(((values >= lower[joints]) & (values <= upper[joints])).all())
+        return bool(((values >= lower[joints] - ROUNDED) & (values <= upper[joints] + ROUNDED)).all())
 
     own, *others = (columns.get(Slot("joint", m)) for m in [k, *range(arm.n_joints)])
     if own is None:

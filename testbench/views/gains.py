@@ -94,7 +94,8 @@ def _side(gain: Gain, size: float) -> str:
     """The size alone, of an error that is so many times smaller."""
     if gain.tie:
         return "no clear difference"
-    return f"{ratio(max(size, 1 / size))} times {'larger' if size < 1 else 'smaller'}"
+    times = ratio(max(size, 1 / size))
+    return f"{'less than 1 %' if times == '1.00' else f'{times} times'} {'larger' if size < 1 else 'smaller'}"
 
 
 def _words(gain: Gain, times: Number, interval: tuple[float, float] | None, each: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from run_here import do, fine, is_refused
+from run_here import ROOT, do, fine, is_refused
 from workbooks import packed, parts
 
 from testbench.arm.folder import find_arm, load_arm
@@ -382,6 +382,12 @@ def test_a_wrong_guess_is_not_silent(said, known, tmp_path):
     done = do("data", "map", ARM, file, *flags)
     is_refused(done, said)
     assert "They fit the arm" not in done.stdout
+
+
+def test_targets_side_by_side_under_other_names_are_refused_with_the_line_of_a_map_that_reads_them():
+    done = do("data", "map", ARM, ROOT / "docs/maps/spreadsheet.csv")
+    is_refused(done, "no column looks like a position; ")
+    assert '"{marker}_{when}_{axis}" = "{marker} {when} {axis}"' in done.stderr
 
 
 def test_a_log_is_joined_or_refused_line_by_line(known, tmp_path):

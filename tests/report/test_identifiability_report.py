@@ -76,6 +76,8 @@ def test_models_and_what_is_swept_are_those_of_their_trials(whole):
         check_cells(f[key], fits.where(part=part), *({part} & {"scale", "poses"}))
     for m, key in itertools.product(f["models"], ("rms", "p95", "max")):
         check_spread(m.workspace[f"{key}_mm"], fits.where(part="linear", name=m.name)[f"{key}_um"] / 1e3)
+    assert " um with one 5 times too stiff, " in found.claims[1]  # 0.2 times as soft
+    assert found.claims[1].endswith(" um with one 2.5 times too soft.")
     check_pivot(found.tables["poses"], f["poses"], ("name", "poses", "rms_um"))
 
 

@@ -138,6 +138,15 @@ def test_the_answer_is_the_gain_over_least_squares_and_joints_in_the_runs_held_b
     )
 
 
+def test_without_runs_held_out_the_answer_says_how_sure_it_is_in_the_runs_and_elsewhere(f):
+    spread = Row(f.models[-1].intervals, half_width_mm=0.024)
+    known = Row(half_width_mm=0.085, unbounded=0, apart_mm=None)
+    answer = report(changed(f, TAKEN, check=None, intervals=spread, elsewhere=known)).answer
+    assert "gives a deflection in these runs to +- 0.024 mm (95 %, median) along an axis" in answer
+    assert answer.endswith(", over the workspace +- 0.085 mm.")
+    assert "predict" not in answer
+
+
 def test_what_the_badge_warns_of_is_not_recommended(f):
     """Joints alone or least squares may be the better ones in runs held out, and the default still stays."""
     for error, words in ((1.0, "Take"), (0.3, "Chosen, though beaten where runs are held out, is")):

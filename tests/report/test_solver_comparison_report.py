@@ -10,6 +10,7 @@ from reports import campaign_row, check, check_forest, table_of
 from testbench.studies.solver_comparison.study import LOOKS, figures, report
 from testbench.studies.solver_comparison.trial import Options, SolverRow, settings
 from testbench.views.colours import GCO
+from testbench.views.gains import ratio
 from testbench.views.markdown import grid
 from testbench.views.schema import show
 
@@ -72,6 +73,11 @@ def test_who_is_above_whom_is_judged_by_f_m(least):
     assert ("In 3 seeds (d) ends up to " in found.claims[0]) == (least != "d")
     times = np.nanmedian(trials.where(key="a")["ratio_to_conic"])
     assert f"(a) takes {times:.0f} times as long" in found.answer
+    short, local = (ratio(rows[key].ratio_to_conic.median) for key in ("a'", "b"))
+    said = (
+        f"To 1 % one local solve (b) takes {local} times as long as (d), a short differential evolution (a')"
+    )
+    assert f"{said} {short} times." in found.claims[1]
     assert f"takes {show(1000 * rows['d'].solve_seconds.median, '.3g')} ms" in found.answer
 
 

@@ -27,6 +27,7 @@ APP = app_of_study("gravity_calibration")
 PAGE = (ROOT / "docs" / "own_estimator.md").read_text()
 EXAMPLE = re.search(r"`shrunk.py`:\n\n```python\n(.*?)```", PAGE, re.DOTALL)[1]
 COMMAND = re.search(r"python (scenarios/.*?)\n", PAGE)[1]
+LINE = re.search(r"`(A, y = .*?)`", PAGE)[1]
 TIMEOUT = 6  #: Sound estimators take milliseconds; so long that a busy machine stops none of them [s].
 BAD = """
 import time
@@ -268,6 +269,18 @@ def test_one_and_two_workers_find_the_same_and_a_changed_file_is_refused(files):
     done = here(APP, *asked, "--workers", 1, "--resume", "--out", files / "w1")
     assert done.returncode == 2
     assert "estimators: the trials in this folder have {'as_matrix': " in done.stderr
+
+
+def test_the_line_of_the_page_gives_the_equations():
+    cell = tb.build_cell("kr500_l480")
+    data = tb.simulate(cell, tb.Scenario(arm="kr500_l480"), seed=1).identification
+    structure = tb.MODELS["MGCO56"](cell).structure
+    given = {"tb": tb, "kinematics": cell.vjm, "structure": structure, "data": data}
+    exec(LINE, given)
+    pi = tb.least_squares(cell.vjm, structure, data).pi
+    assert given["A"].shape == (given["y"].size, structure.n)
+    off = given["A"].T @ (given["A"] @ pi - given["y"])  # least squares leave nothing along the columns
+    assert np.abs(off).max() < 1e-9 * np.linalg.norm(given["A"]) * np.linalg.norm(given["y"])
 
 
 def test_identify_shows_own_estimators_and_names_those_that_fail(files):

@@ -254,6 +254,16 @@ def test_joints_of_the_other_sign_or_exchanged_are_told_where_all_rows_fit_so(tm
     assert refused(read_csv, file, ARM).endswith(said)
 
 
+def test_a_joint_that_rounding_takes_beyond_its_limit_is_read_at_the_limit(tmp_path):
+    """Plans put joints at their limits; exports round to a hundredth of a degree: 0.005 deg is 87 urad."""
+    file = written(tmp_path, dataset())
+    end = ARM.joints[1].upper
+    change(file, put("joint_2_rad", f"{end + 8.7e-5}"))
+    np.testing.assert_array_equal(read_csv(file, ARM).q[:, 1], end)
+    change(file, put("joint_2_rad", f"{end + 2e-4}"))
+    assert "line 2, column joint_2_rad: expected " in refused(read_csv, file, ARM)
+
+
 # The dataset in memory
 
 

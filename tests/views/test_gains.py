@@ -62,6 +62,12 @@ def test_the_interval_of_the_median_decides_where_trials_differ_in_which_is_bett
     assert half.tie
 
 
+def test_nothing_is_one_time_smaller():
+    gain = gained("ours", "theirs", [1.0] * 100, [1.004] * 70 + [1.2] * 30)
+    assert less(gain, "seed") == "less than 1 % smaller (1.00 to 1.2 in 90 %)"
+    assert more(gain, "seed") == "less than 1 % larger (1.00 to 1.2 in 90 %)"
+
+
 def test_the_interval_of_a_median_is_that_of_the_sign_test():
     """Of 100 values the 40th and the 61st: 39 or fewer of 100 tosses are heads in 1.8 %."""
     values = np.random.default_rng(0).permutation(100.0 + np.arange(100))

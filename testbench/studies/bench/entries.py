@@ -20,9 +20,11 @@ def read_entries(asked: Sequence[str], limits: Limits) -> tuple[Own, ...]:
     folder = next((folder for folder in FOLDERS if folder.is_dir()), FOLDERS[-1])
     floors = [folder / f"{name}{SUFFIX}" for name in FLOORS]
     others = [text for text in asked if Path(text).resolve() not in floors]
-    return read_own([*map(_full, map(str, floors)), *map(_full, others)], limits, (DEFAULT,))
+    return read_own([*map(_full, map(str, floors)), *map(_full, others)], limits, (DEFAULT,), "ENTRY.py")
 
 
 def _full(text: str) -> str:
-    """An entry as `--estimator` has it: a file alone is called by its stem."""
-    return f"{Path(text).stem}={text}:estimate" if text.endswith(SUFFIX) and "=" not in text else text
+    """An entry as `--estimator` has it: a file alone is called by its stem, or as it is named."""
+    if not text.endswith(SUFFIX):
+        return text
+    return f"{text}:estimate" if "=" in text else f"{Path(text).stem}={text}:estimate"

@@ -174,9 +174,10 @@ def _claims(f: Row) -> Iterator[Markdown]:
     )
     own = [row for row in f.scales if all(row[key] == value for key, value in VARIED.items())]
     yield say(
-        "The prior's scale is learnt: {name} errs {rms_um:~.0f} um with one {scale:g} times too soft, "
-        "{most.rms_um:~.0f} um with one {most.scale:g} times.",
+        "The prior's scale is learnt: {name} errs {rms_um:~.0f} um with one {stiff:g} times too stiff, "
+        "{most.rms_um:~.0f} um with one {most.scale:g} times too soft.",
         own[0],
+        stiff=1 / own[0].scale,
         most=own[-1],
     )
     every = [*f.coverage.values(), *f.family_coverage.values()]

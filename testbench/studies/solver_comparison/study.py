@@ -167,9 +167,8 @@ def _claims(f: Row, rows: Mapping[str, Row]) -> Iterator[Markdown]:
     )
     b = rows["b"]
     yield say(
-        "Where (d) wins by little: to 1 % a short differential evolution (a') takes {short}, one local solve "
-        "(b) {local} as long. To its end (b) takes {whole:.3g} times the time of (d), and does not know how "
-        "near it is.",
+        "To 1 % one local solve (b) takes {local} as long as (d), a short differential evolution (a') "
+        "{short}. To its end (b) takes {whole:.3g} times the time of (d), and does not know how near it is.",
         short=times(rows["a'"]),
         local=times(b),
         whole=middle(b.whole_ratio_to_conic),
