@@ -254,10 +254,10 @@ class Predicted:
         return np.argsort(-self.found.size[:, 0], kind="stable")
 
     def push_half(self, pose: int) -> float:
-        """Half width of how far the map's force moves the loaded tool, the widest along its axes [m]."""
+        """Half width of how far the map's force moves the loaded tool along its softest axis [m]."""
         one = slice(pose, pose + 1)
         tool = in_order(self.stiffness, one)
-        return float(give_halves(self.model, self.asked.q[one], tool, self.map.force).max())
+        return float(give_halves(self.model, self.asked.q[one], tool, self.map.force)[0, 0])
 
 
 def predicted(

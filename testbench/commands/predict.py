@@ -160,7 +160,7 @@ def _pose(made: Predicted, k: int) -> Row:
 
     None where the data of the model see nothing, or where nothing gives. Half widths are the widest along x,
     y, z. `push_mm` is how far the force of the map moves the loaded tool in its softest direction; its half
-    width is that of any direction.
+    width is that of this force.
     """
     found, asked, direction = made.found, made.asked, made.stiffness.softest[k]
     half = finite(MM * found.widest[k, 0])

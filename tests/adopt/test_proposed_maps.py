@@ -384,8 +384,8 @@ def test_a_wrong_guess_is_not_silent(said, known, tmp_path):
     assert "They fit the arm" not in done.stdout
 
 
-def test_targets_side_by_side_under_other_names_are_refused_with_the_line_of_a_map_that_reads_them():
-    done = do("data", "map", ARM, ROOT / "docs/maps/spreadsheet.csv")
+def test_targets_side_by_side_under_other_names_are_refused_with_the_line_of_a_map_that_reads_them(tmp_path):
+    done = do("data", "map", ARM, ROOT / "docs/maps/spreadsheet.csv", "--out", tmp_path / "map.toml")
     is_refused(done, "no column looks like a position; ")
     assert '"{marker}_{when}_{axis}" = "{marker} {when} {axis}"' in done.stderr
 

@@ -16,7 +16,7 @@ from testbench.data.series import Series, select_rows
 from testbench.identify.absolute import evidence as sizes
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.evidence import Learnt
-from testbench.identify.absolute.fit import Options, calibrate
+from testbench.identify.absolute.fit import LEAST_OF_ONE, ON_THE_WAY, Options, calibrate, thinned
 from testbench.identify.absolute.inner import eliminate, moved_frame, moved_mount
 from testbench.identify.absolute.noise import Noise, combine, repeated, roots
 from testbench.identify.absolute.pattern import Pattern, basis, find, turned, waves
@@ -390,3 +390,24 @@ def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
     assert not np.tril(found.root, -1).any()
     [part] = plain.turned(B).parts
     np.testing.assert_allclose(part.gram[0][:-1, :-1], B.T @ (A.T @ A) @ B, atol=1e-9)
+
+
+def longer(one, times):
+    """The same readings again and again, two a pose."""
+    tiled = {x: np.concatenate([getattr(one, x)] * times) for x in ("q", "wrench", "position", "rotation")}
+    row = np.arange(times * one.rows)
+    return replace(one, row=row, pose=row // 2, point=np.zeros((len(row), 3)), **tiled)
+
+
+def test_steps_on_the_way_take_few_rows_all_of_a_pose_and_enough_of_every_series(series):
+    [one] = series
+    many, huge = longer(one, 40), longer(one, 200)
+    few, short = thinned((many, one))
+    assert short is one
+    assert ON_THE_WAY / 2 < few.rows <= ON_THE_WAY or few.rows == many.rows
+    _, count = np.unique(few.pose, return_counts=True)
+    assert (count == 2).all()
+    few, short = thinned((huge, many))
+    assert LEAST_OF_ONE <= short.rows < many.rows
+    assert few.rows + short.rows <= 1.05 * ON_THE_WAY
+    assert set(np.unique(few.pose)) < set(huge.pose)

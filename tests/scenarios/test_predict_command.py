@@ -102,6 +102,16 @@ def test_the_answer_comes_first_and_what_is_extrapolated_or_hardly_seen_is_said(
     assert f"N move the tool by {softest}" in said
 
 
+def test_the_interval_beside_the_softest_direction_is_that_of_a_force_along_it(model, q, tmp_path):
+    """A hung weight never turned joint 1: aside, the same force has an interval many times wider."""
+    own = tb.load_model(model)
+    file = poses_file(tmp_path / "poses.csv", q, [f"0,0,0,{MASS}"] * POSES)
+    made = predicted(own, read_asked(file, own, None, lambda: MASS), 1000.0)
+    push = tb.Load(np.hstack([1000 * made.stiffness.axes[:, :, 0], np.zeros((POSES, 3))]), np.zeros(3))
+    wanted = tb.predict(own, q, [push]).half[:, 0].max(axis=1)
+    assert [made.push_half(k) for k in range(POSES)] == pytest.approx(wanted)
+
+
 def test_the_table_has_the_numbers_of_the_file_of_all_poses_the_farthest_first(made):
     rows = [row for row in table(made[0] / "predictions.csv") if row["point"] == "tool"]
 

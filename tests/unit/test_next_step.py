@@ -11,6 +11,7 @@ PLAN = {"absolute": False, "loads_kg": [460.3], "model": "MGCO56", "uncertainty_
 ABSOLUTE = {"absolute": True, "loads_kg": [0.0, 5.0], "orientations": True, "gear_urad": 30.0}
 ABSOLUTE |= {"geometry_mm": 1.5}
 MEASURED, GIVEN = "../arms/a MEASURED.csv", "../arms/a a.csv 'b 2.csv' MEASURED.csv"
+FROM_B = ABSOLUTE | {"given": ["b.csv"]}
 AS_ASKED = "--absolute --gear-urad 30 --geometry-mm 1.5 --orientations --loads 0,5"
 
 
@@ -19,6 +20,10 @@ def run_of(folder, command, scenario=None, arm="my arm"):
     about = {"command": command, "versions": {"testbench": "0"}, "scenario": scenario, "models": {arm: {}}}
     (folder / "manifest.json").write_text(json.dumps(about))
     return folder
+
+
+def bare(lines):
+    return [line.removeprefix("next").strip() for line in lines]
 
 
 @pytest.mark.parametrize(
@@ -38,7 +43,7 @@ def test_the_next_command_is_filled_in(tmp_path, monkeypatch, command, scenario,
     monkeypatch.chdir(tmp_path)
     run = run_of(tmp_path / "runs" / "one", command, scenario)
     lines = next_lines(run.relative_to(tmp_path), arm="../arms/a")
-    assert f"testbench {expected}" in [line.removeprefix("next").strip() for line in lines]
+    assert f"testbench {expected}" in bare(lines)
     assert "/tmp" not in "".join(lines)
 
 
@@ -54,11 +59,7 @@ def test_a_run_without_a_given_arm_has_the_name_of_its_manifest(tmp_path):
     [
         ("testbench predict", {}, "compensate {}C PROGRAM.csv --out CORRECTED.csv"),
         ("testbench data check", {"data": "b.csv"}, "identify C {}b.csv --out runs/model"),
-        (
-            "testbench plan",
-            ABSOLUTE | {"given": ["b.csv"]},
-            "calibrate C {}b.csv MEASURED.csv --out runs/model",
-        ),
+        ("testbench plan", FROM_B, "calibrate C {}b.csv MEASURED.csv --out runs/model"),
     ],
 )
 def test_what_a_run_has_by_name_is_looked_for_here_then_beside_the_run(
@@ -69,9 +70,7 @@ def test_what_a_run_has_by_name_is_looked_for_here_then_beside_the_run(
     for where in ("runs/", ""):
         for name in ("C", "b.csv"):
             (tmp_path / where / name).touch()
-        assert f"testbench {expected.format(where)}" in [
-            line.removeprefix("next").strip() for line in next_lines(run)
-        ]
+        assert f"testbench {expected.format(where)}" in bare(next_lines(run))
 
 
 def test_every_command_of_a_text_exists():
