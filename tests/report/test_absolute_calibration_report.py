@@ -47,6 +47,7 @@ def made(kept=(), numbers=NUMBERS):
 def test_every_row_is_of_its_own_trials_and_shares_are_over_all_numbers():
     found, trials = made()
     check(found, ["short"])
+    assert f"(6 trials of {s.ARMS[0]} and {s.ARMS[1]}, 95 %" in found.badge.words  # one median of two arms
     f = found.numbers
     assert len(f["models"]) == len(s.ARMS) * len(OWN)
     for own in f["models"]:

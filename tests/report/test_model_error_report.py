@@ -166,8 +166,8 @@ def test_the_worst_tenth_are_the_arms_that_are_covered_worst():
     assert row.worst_tenth_percent == pytest.approx((30 + 60 + 75) / 3)
     assert row.covered_percent == pytest.approx((19 * 90 + 30 + 60 + 75) / 22)
     assert found.claims[0].startswith(
-        "Its 95 % intervals cover 85.2 % of the disturbed family's deflections, 55 % in the worst tenth of "
-        "arms."
+        "95 % intervals of ALL153 + prior cover 85.2 % of the disturbed family's deflections, 55 % in the "
+        "worst tenth of arms."
     )
 
 
@@ -177,9 +177,9 @@ def test_where_the_default_loses_is_said_the_worst_first():
     beside = {(arm, name): um for arm in [*HELD_OUT, *TRUTHS] for name, um in sizes.items()}
     won, _ = made(errors, beside)
     assert won.claims[1] == (
-        "It beats joint stiffness only on 100 % (57 to 100 %) of 5 arms of the family, LS with the same "
-        "prior on 100 % (57 to 100 %). In the median it loses to joint stiffness only on no kind. It loses "
-        "to LS with the same prior on no kind."
+        "ALL153 + prior beats joint stiffness only on 100 % (57 to 100 %) of 5 arms of the family, LS with "
+        "the same prior on 100 % (57 to 100 %). In the median it loses to joint stiffness only on no kind. "
+        "It loses to LS with the same prior on no kind."
     )
     lost = {("coupled", "Joints"): 45.0, ("stiffer_30", "Joints"): 25.0, ("soft_link", "Joints"): 49.0}
     found, _ = made(errors, beside | lost | {("coupled", "MLS56 + prior"): 48.0})

@@ -164,6 +164,7 @@ def test_the_answer_holds_planned_and_random_poses_and_joints_alone(winner, word
     if word:
         assert f"{ratio(size if word == 'smaller' else 1 / size)} times {word} (" in found.answer
     assert f"**{winner}**" in grid(found.tables["criteria"])
+    assert found.badge.what == "task error"
     assert f"Joint stiffness only leaves {alone} there from planned poses, " in found.answer
 
 

@@ -85,6 +85,8 @@ def test_a_run_leaves_the_files_of_the_contract_and_says_where(quick, blank_pane
     report = json.loads((quick[0] / "report.json").read_text())
     assert report["points"] == {"drilling": 6, "milling": 16}
     assert blank_panes(quick[0] / "recording.rrd") == []
+    page = (quick[0] / "report.html").read_text(encoding="utf-8")
+    assert "off at each point, arm undisturbed (mm)" in page  # the answer is of the disturbed one
     data = read_csv(quick[0] / "dataset.csv", cell.arm)
     assert (data.runs, set(data.wrench[:, 1])) == (24, {0.0, 3000.0})
 

@@ -21,7 +21,7 @@ from testbench.views import colours
 from testbench.views.colours import CHOICE, Look, look
 from testbench.views.figure import Figure, forest, sweeps
 from testbench.views.gains import beside
-from testbench.views.markdown import Markdown, counted
+from testbench.views.markdown import Markdown, counted, listed
 from testbench.views.scene import Seen
 from testbench.views.schema import Table, pivot
 
@@ -99,7 +99,13 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
         numbers=f,
         tables=_tables(f),
         body=["short", "models", OF_MODELS, "cases", OF_CASES],
-        badge=of_rivals(_featured(trials, asked.featured), s.CHOSEN, [s.INCUMBENT, s.GEOMETRY], "error_mm"),
+        badge=of_rivals(
+            _featured(trials, asked.featured),
+            s.CHOSEN,
+            [s.INCUMBENT, s.GEOMETRY],
+            "error_mm",
+            f"trial of {listed(arms)}",
+        ),
     )
 
 

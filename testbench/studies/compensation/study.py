@@ -272,7 +272,7 @@ def seen(run: Run[s.Settings]) -> Seen:
         ],
     )
     drawn, lines = with_errors(poses, where, off, DRAWN_AS, M)
-    chart = RunChart("How far the tool is off at each point (mm)", 0, "point", labels, lines)
+    chart = RunChart("How far the tool is off at each point, arm undisturbed (mm)", 0, "point", labels, lines)
     return Seen(
         scene=Scene(true, f"What is off, and how the arm bends, undisturbed, x {M:g}.", [drawn]), runs=[chart]
     )

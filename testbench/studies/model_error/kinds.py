@@ -76,15 +76,17 @@ def claims(rows: Sequence[Row]) -> Iterator[Markdown]:
     own = find(rows, kind=EVERY)
     out = [row for row in rows if row.kind in {CALLED[arm] for arm in HELD_OUT}]
     yield say(
-        "Its 95 % intervals cover {covered_percent:.1f} % of the disturbed family's deflections, "
+        f"95 % intervals of {DEFAULT} cover "
+        "{covered_percent:.1f} % of the disturbed family's deflections, "
         "{worst_tenth_percent:.0f} % in the worst tenth of arms."
         + (" Of kinds held out, least: {least.kind}, {least.covered_percent:.0f} %." if out else ""),
         own,
         least=min(out, key=lambda row: row.covered_percent) if out else None,
     )
     yield say(
-        "It beats joint stiffness only on {beats_joints:share {trials}} of {trials} arms of the family, LS "
-        "with the same prior on {beats_same_prior:share {trials}}. In the median it loses to joint stiffness "
+        f"{DEFAULT} beats joint stiffness only on "
+        "{beats_joints:share {trials}} of {trials} arms of the family, LS with the same prior on "
+        "{beats_same_prior:share {trials}}. In the median it loses to joint stiffness "
         "only on {joints}. It loses to LS with the same prior on {same}.",
         own,
         joints=_lost(rows, f"{JOINTS}_um"),
