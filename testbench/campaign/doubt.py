@@ -49,10 +49,8 @@ def said(found: Finding, arm: Arm) -> Doubt:
     words = WORDS[found.kind](found, arm)
     if "was" in found.beside:
         ends = length(found.beside["was"]), length(found.beside["now"])
-        words = (
-            f"the {WHICH[found.where[0]]} {words} (they lie {ends[0]} from the arm's kinematics, median; so "
-        )
-        words += f"{ends[1]})"
+        words = f"the {WHICH[found.where[0]]} {words} (they lie {ends[0]} from the arm's kinematics, median; "
+        words += f"with that {ends[1]})"
     return Doubt(found.kind, words, found.nats)
 
 

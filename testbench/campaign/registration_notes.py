@@ -48,8 +48,8 @@ def _fit_note(found: Registration, sag: float | None) -> str:
     text = f"unloaded readings fit the arm's kinematics to {MM * found.rms:.2f} mm RMS"
     if found.wild:
         text += f"; {found.wild} of {len(found.distance)} fit worse and count less"
-    known = "" if sag is None else f" the tool by {MM * sag:.2f} mm RMS, by the arm's folder"
-    return f"{text}. Own weight alone sags{known or ' the arm'}, which harms no deflection"
+    known = "the arm" if sag is None else f"the tool, by the arm's folder {MM * sag:.2f} mm RMS,"
+    return f"{text}. Own weight bends {known} in every reading; deflections do not contain that"
 
 
 def _target_notes(found: Registered, own: Registration) -> Iterator[str]:

@@ -292,6 +292,7 @@ def _runs(cell: Cell, registered: Registered, some: Ids, M: float) -> Poses:
         rigid=rigid_frames(cell.room, q),
         bent=None,
         layers=layers,
+        first=int(np.nan_to_num(np.linalg.norm(before - nominal, axis=2)).max(axis=1).argmax()),
     )
 
 

@@ -74,11 +74,14 @@ def _title(f: Row) -> Markdown:
 
 def _answer(f: Row) -> Iterator[str]:
     what, where = ("position error", "over the workspace") if f.absolute else ("error", "at the tasks")
-    alone = "" if f.absolute else "; joint stiffness only leaves {joints_alone_mm:.3f} mm"
+    alone = "; joint stiffness only leaves {joints_alone_mm:.3f} mm"
+    if f.absolute:
+        alone = "" if f.given else "; with joint errors beyond order {orders}, up to {all:.3f} mm"
     yield say(
         f"{{poses:counted pose}} {'leaves' if f.poses == 1 else 'leave'} an expected {what} of "
         f"{{error_mm.expected:.3f}} mm {where} (90 %: {{error_mm.p05:.3f}} to {{error_mm.p95:.3f}}){alone}.",
         f,
+        all=math.hypot(f.error_mm.expected, f.beyond_mm) if f.absolute else 0.0,
     )
     chance, own = f.random_plans, f.random_plans.get("planned_mm", f.error_mm.expected)
     certified = "" if f.given else "; this plan is at least {percent} % efficient{by}"

@@ -36,7 +36,7 @@ from testbench.views.scene import (
     workspace,
 )
 
-OURS, WORK = Look(NOMINAL, 0, prior=True), Look(TASK, 1, prior=True)
+OURS, WORK = look_of("ALL153", "psd", prior=True), Look(TASK, 1, prior=True)
 ORDER, UNSCALED = "Plan, in the order of measuring", "Nothing is magnified; loads are arrows of one length."
 SPECKS, NUMBERED = 600, 20  #: Candidates that are drawn, and planned poses whose number is, at most.
 FORCE = 0.2  #: Length of a load's arrow over the reach [1].

@@ -22,6 +22,7 @@ from testbench.model.load import weight
 from testbench.model.vjm import chain, tool_points
 from testbench.report.table import Row
 from testbench.views import terminal
+from testbench.views.colours import look
 
 TASKS = Path(__file__).resolve().parents[2] / "docs" / "tasks.csv"
 POSES, PULL = 5, (-500.0, 3000.0, 0.0)
@@ -278,6 +279,11 @@ def test_what_is_drawn_of_a_plan_are_its_poses_loads_and_errors(made, f, kr500):
     for line in drawn.map.lines:
         np.testing.assert_allclose(line.values, f.map.errors(line.name))
     assert drawn.map.lines[-1].look == OURS
+
+
+def test_the_default_has_the_colour_that_it_has_in_a_fit_and_not_nearly_that_of_joints_alone():
+    assert look("ALL153", "psd", prior=True) == OURS
+    assert np.abs(np.subtract(OURS.colour, look("Joints", "none").colour)).max() > 80
 
 
 def test_without_a_tracker_nothing_is_drawn_of_it(made, f, kr500):

@@ -47,6 +47,7 @@ def test_a_spreadsheet_is_understood_and_shown(spreadsheet):
         "columns not read: Bemerkung",
         "text in cp1252, ';' between the cells, header in line 4",
         "• Readings are in the base's frame. • Unloaded readings fit the arm's kinematics to",
+        "mm RMS, in every reading; deflections do not contain that",
     ):
         assert said in words
     assert words.startswith("16 runs in 8 poses, 3 targets: they move ")
@@ -74,6 +75,7 @@ def test_numbers_and_picture_are_those_of_the_file(spreadsheet):
         assert line["name"] == data.markers[k]
         np.testing.assert_allclose(np.array(line["values"], dtype=float), size[:, k], rtol=1e-3)
     most = max(x for line in away["lines"] for x in line["values"] if x)
+    assert most in [line["values"][drawn["scene"]["groups"][0]["first"]] for line in away["lines"]]
     assert most == pytest.approx(report["away"]["distance_mm"], rel=1e-3)
 
 

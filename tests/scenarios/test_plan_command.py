@@ -267,6 +267,7 @@ def test_a_plan_of_absolute_readings_has_the_answer_first(absolute, calibration)
     beyond = calibration["beyond_mm"]
     own, chance = np.hypot([error, random], beyond)
     assert f"beyond order 1 adds {beyond:.3f} mm at the targets" in page
+    assert f"; with joint errors beyond order 1, up to {own:.3f} mm." in first
     assert f"With all of it: {own:.3f} mm, from random poses {chance:.3f} mm." in page
     assert all(f"- {words}." in page for words in calibration["hidden"])
 
