@@ -35,10 +35,12 @@ ABOUT_LAWS = Markdown(
     "load. *Backlash*, *friction*: half widths; of a slide in um and millimetres. *Compensator takes off*: "
     "share of the joint's turn under a load, where the compensator's lever is longest."
 )
-READING = Markdown(
-    "*F_M held out*: the mean on poses and load levels held out in turn. *+- (95 %)*: median half width of "
-    f"the interval of a deflection; {COUNTS}. *From the model to take*: of the loaded tool, median."
-)
+READING = {
+    "f_m_held_out": "*F_M held out*: the mean on poses and load levels held out in turn.",
+    "intervals.half_width_mm": f"*+- (95 %)*: median half width of the interval of a deflection; {COUNTS}.",
+    "elsewhere.apart_mm": "*From the model to take*: of the loaded tool, median.",
+}
+"""What a column of the models is."""
 
 
 def tell(cells: tuple[Cell, Cell], found: Identified, flags: Mapping[str, object], out: Path) -> Report:
@@ -74,6 +76,7 @@ def report(f: Row) -> Report:
     """What there is to say of fits."""
     taken, worst = find(f.models, name=f.recommended), max(f.residuals, key=lambda row: row.taken_mm)
     runs = sorted(f.residuals, key=lambda row: -row.taken_mm)[:MOST]
+    models = _models(f, MODELS.split())
     laws = f"{LAWS} {STRUT}" if any(row.get(STRUT) is not None for row in f.laws) else LAWS
     return Report(
         scenario="identify",
@@ -88,7 +91,7 @@ def report(f: Row) -> Report:
         claims=list(_claims(f, taken)),
         numbers=f,
         tables={
-            "models": _models(f, MODELS.split()),
+            "models": models,
             "runs": Table(columns("which_run pose moved_mm taken_mm"), runs, "What is left in each run"),
             **({"laws": Table(columns(laws), f.laws, "Joints beyond a spring")} if f.laws else {}),
             "told": Table(
@@ -97,7 +100,7 @@ def report(f: Row) -> Report:
         },
         body=[
             "models",
-            READING,
+            Markdown(" ".join(READING[c.key] for c in models.columns if c.key in READING)),
             *(["laws", ABOUT_LAWS] if f.laws else []),
             "runs",
             _about_runs(f),

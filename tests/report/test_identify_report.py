@@ -88,9 +88,13 @@ def test_what_was_not_compared_over_the_workspace_is_not_called_without_a_bound(
     bare = report(changed(f, "MLS56", intervals=Row())).whole().splitlines()
     assert "| no bound, or not asked |" in next(line for line in bare if line.startswith("| MLS56 |"))
     headings = {column.heading.split(",")[0].lower() for column in said.tables["models"].columns}
-    explained = re.findall(r"\*([^*]+)\*: ", READING)
+    explained = re.findall(r"\*([^*]+)\*: ", " ".join(READING.values()))
     assert len(explained) == 3
     assert {name.lower() for name in explained} <= headings
+    assert all(words in said.whole() for words in READING.values())
+    alone = report(changed(f, "all", f_m_held_out=None)).whole()  # a column that is not there needs no words
+    assert "F_M held out" not in alone
+    assert "*+- (95 %)*: median" in alone
 
 
 def test_laws_of_the_joints_are_told_where_the_model_has_them(f):

@@ -73,7 +73,9 @@ def test_what_is_rounding_is_exact_in_words_and_tables():
 
 def test_the_figure_draws_the_numbers_of_every_prediction():
     found, _ = made()
-    [axes] = figures(found)["loaded_stiffness.png"].axes
+    figure = figures(found)["loaded_stiffness.png"]
+    assert "kr500_l480 without own weight under 9700 N: " in " ".join(figure.get_suptitle().split())
+    [axes] = figure.axes
     assert (unit_in(axes.get_xlabel()), unit_in(axes.get_ylabel())) == ("N", "um")
     drawn = {line.get_label(): line for line in axes.get_lines()}
     light = [LOOKS[f"{name}, {TRUTHS[0]}"].colour for name in NAMES.values()]

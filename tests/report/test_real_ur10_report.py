@@ -79,7 +79,10 @@ def test_the_words_of_a_real_arm_are_those_of_its_ladder(made):
     means = {row.name: row for row in f["models"]}
     for name, mm in SIZES.items():
         assert means[name].blocks_mm == pytest.approx((100 * mm + 200 * 2 * mm) / 300)  # by their numbers
-    assert found.badge.what == "RMS error"  # all else are means
+    assert (found.badge.what, found.badge.each) == (
+        "RMS error",
+        "position of held-out blocks",
+    )  # no means
     most = max(r.error.max_mm for r in f["ladder"] if (r.name, r.split) == (SHARED, BLOCKS))
     springs = {
         name: [find(f["compliances"], name=name, trained=by).urad_per_Nm[2] for by in "AC"]

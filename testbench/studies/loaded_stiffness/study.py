@@ -172,7 +172,7 @@ def figures(found: Report) -> dict[str, Figure]:
     return {
         "loaded_stiffness.png": sweeps(
             {"": Table(BY_LOAD, rows, looks=LOOKS)},
-            say("{arm} without weight under {load:.4g} N: {words}", f, load=f.loads_N[-1], words=words),
+            say("{arm} without own weight under {load:.4g} N: {words}", f, load=f.loads_N[-1], words=words),
             f"RMS of the tool's error over {f.poses} poses, from the true compliances; dashed: with the "
             f"arm's own weight. At {ROUNDING_UM:g} um and below: exact to rounding.",
         )

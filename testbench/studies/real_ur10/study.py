@@ -145,7 +145,7 @@ def _badge(rows: Trials) -> Badge:
         )
         for name in (trial.SHARED, trial.JOINTS)
     ]
-    found = decide((trial.SHARED, errors[0]), (trial.JOINTS, errors[1]), "position of one arm")
+    found = decide((trial.SHARED, errors[0]), (trial.JOINTS, errors[1]), "position of held-out blocks")
     return replace(found, what="RMS error")  # the tables have means
 
 
