@@ -147,14 +147,6 @@ def _range(row: Row) -> str:
 
 
 def _answer(f: Row) -> Iterator[Markdown]:
-    after, before = f.total_after.mean_mm, f.total_before.mean_mm
-    yield say(
-        "Readings are {after:.3f} mm (mean) from the calibrated arm, {before:.3f} mm from the arm as drawn; "
-        "{gain:less}.",
-        after=after,
-        before=before,
-        gain=gained("calibrated", "drawn", [after], [before]),
-    )
     if f.held_out_mm:
         alone, every = f.held_out_mm
         yield say(
@@ -163,6 +155,14 @@ def _answer(f: Row) -> Iterator[Markdown]:
             alone=alone,
             gain=gained("all", "geometry", [every], [alone]),
         )
+    after, before = f.total_after.mean_mm, f.total_before.mean_mm
+    yield say(
+        "Fitted readings are {after:.3f} mm (mean) from the calibrated arm, {before:.3f} mm from the arm as "
+        "drawn; {gain:less}.",
+        after=after,
+        before=before,
+        gain=gained("calibrated", "drawn", [after], [before]),
+    )
 
 
 def _worst(f: Row) -> Markdown:

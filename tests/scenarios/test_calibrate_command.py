@@ -129,9 +129,10 @@ def test_what_was_planted_is_said_and_the_verdict_comes_first(made, report):
     out, words, rows = made
     before, after = (report[f"total_{when}"]["mean_mm"] for when in ("before", "after"))
     start = (
-        f"Readings are {after:.3f} mm (mean) from the calibrated arm, {before:.3f} mm from the arm as drawn"
+        f"Fitted readings are {after:.3f} mm (mean) from the calibrated arm, {before:.3f} mm from the arm as "
+        "drawn"
     )
-    assert start in words
+    assert 0 < words.index("Held-out readings: ") < words.index(start)
     verdict = report["badge"]
     assert words.startswith("Holds: the error of calibrated is ")
     assert (verdict["winner"], verdict["verdict"]) == ("calibrated", "holds")
