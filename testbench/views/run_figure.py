@@ -55,7 +55,9 @@ def overview(words: Told, seen: Seen) -> Figure:
     """The first poses of the scene, the models of the first table that has some, and every chart."""
     charts = [chart for chart in seen.runs if chart.labels]
     layers = [own for own in seen.scene.groups[0].layers if own.shown] if seen.scene else []
-    key = KEY * -(-len(layers) // KEYS)
+    first = seen.scene.groups[0] if seen.scene else None
+    bent = first is not None and first.near is None and first.bent is not None
+    key = KEY * -(-(len(layers) + bent) // KEYS)
     models = headline(seen.tables)
     forest = [FOREST + ROW * len(models[0].rows)] if models else []
     rows = [*forest, *([SCENE, key] if seen.scene else []), *[CHART] * len(charts)]
@@ -69,7 +71,7 @@ def overview(words: Told, seen: Seen) -> Figure:
             axes = figure.add_subplot(grid[len(forest), k])
             _poses(axes, own, plane)
             axes.set_title(f"{own.names[own.first]}, {name}", fontsize="medium")
-        _key(figure.add_subplot(grid[len(forest) + 1, :]), layers)
+        _key(figure.add_subplot(grid[len(forest) + 1, :]), layers, bent=bent)
         more.append(f"{own.name}: {seen.scene.title}")
     if models:
         _forest(figure.add_subplot(grid[0, :]), *models)
@@ -152,8 +154,8 @@ def _forest(axes: Axes, table: Table, column: Column) -> None:
     axes.set_title(title, fontsize="medium", loc="left")
 
 
-def _key(axes: Axes, layers: Sequence[Layer]) -> None:
-    """What each colour is; layers that are drawn alike share their sign."""
+def _key(axes: Axes, layers: Sequence[Layer], *, bent: bool) -> None:
+    """What each colour is, and the dashed arm; layers that are drawn alike share their sign."""
     axes.axis("off")
     signs: dict[tuple[str, str], list[str]] = {}
     for layer in layers:
@@ -161,6 +163,8 @@ def _key(axes: Axes, layers: Sequence[Layer]) -> None:
         signs.setdefault((hexadecimal(layer.colour), mark), []).append(layer.name)
     for (colour, mark), names in signs.items():
         axes.plot([], [], mark, color=colour, linewidth=2, label=textwrap.fill("; ".join(names), NAME))
+    if bent:
+        axes.plot([], [], "--", color="0.3", linewidth=2.5, alpha=0.6, label="arm, bent")
     axes.legend(frameon=False, fontsize=SMALL, loc="center", ncols=KEYS)
 
 

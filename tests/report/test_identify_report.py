@@ -85,6 +85,8 @@ def test_what_was_not_compared_over_the_workspace_is_not_called_without_a_bound(
     }
     assert ends["MGCO56"].endswith("| 0.157 | 0.034 |")
     assert ends["MLS56"].endswith("| no bound, or not compared | not compared |")
+    bare = report(changed(f, "MLS56", intervals=Row())).whole().splitlines()
+    assert "| no bound, or not asked |" in next(line for line in bare if line.startswith("| MLS56 |"))
     headings = {column.heading.split(",")[0].lower() for column in said.tables["models"].columns}
     explained = re.findall(r"\*([^*]+)\*: ", " ".join(READING.values()))
     assert len(explained) == 3

@@ -64,6 +64,15 @@ def test_charts_hold_every_number_in_its_colour_with_its_interval(figure, seen):
     assert [text.get_text() for text in axes.get_xticklabels()] == list("abcde")
 
 
+def test_the_dashed_arm_is_in_the_key_where_one_is_drawn(figure, seen):
+    def keys(drawn):
+        return [text.get_text() for text in drawn.axes[2].get_legend().get_texts()]
+
+    assert keys(figure)[-1] == "arm, bent"
+    own = replace(seen.scene.groups[0], bent=None)
+    assert "arm, bent" not in keys(overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[own]))))
+
+
 def test_the_title_is_the_answer_and_the_caption_what_is_enlarged(figure):
     assert figure.get_suptitle() == "It is 3.000 mm off."
     assert figure.get_supxlabel() == "Runs: Errors x 10."
