@@ -18,8 +18,8 @@ RULE = (
     "A number is consistent where the paper's lies inside our 5 to 95 % over the seeds, of fewer than 20 "
     "their range: a wide spread excludes little, and one in ten lies outside even where nothing differs. "
     "That one error is smaller than another is confirmed, or contradicted, by a sign test on the same data "
-    "at 5 %, without ties. That two are nearly the same must hold in 95 % of the seeds, any other statement "
-    "in all of them."
+    "at 5 %, without ties; the best has to beat the best of the others. That two are nearly the same must "
+    "hold in 95 % of the seeds, any other statement in all of them."
 )
 """How every verdict is made."""
 

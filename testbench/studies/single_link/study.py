@@ -18,9 +18,9 @@ from testbench.studies.estimators.factorised import order_range
 from testbench.studies.single_link import trial
 from testbench.studies.single_link.trial import GCO, LEAST_SQUARES, NAME, SYMMETRIC, Settings, models
 from testbench.studies.study import Study
-from testbench.trials.spread import span, wins
+from testbench.trials.spread import middle, span, wins
 from testbench.views.figure import Figure, forest
-from testbench.views.gains import beside
+from testbench.views.gains import beside, ratio
 from testbench.views.markdown import Markdown, counted
 from testbench.views.schema import Table, show_truth
 
@@ -236,7 +236,9 @@ def _judged(f: Row) -> Iterator[Row]:
         )
     for other, words in OTHERS.items():
         won, test = f.paired[other][POSITION], "its position error is the smaller one"
-        yield paper.comparison(f"GCO predicts better than {words}", test, won, f.lost[other], f.draws)
+        row = paper.comparison(f"GCO predicts better than {words}", test, won, f.lost[other], f.draws)
+        gain = f.gains.symmetric if other == SYMMETRIC else f.gains.least_squares
+        yield Row(row, why=f"{row.why}; median ratio of the errors {ratio(middle(gain.times))}")
     low, high = f.order_range
     failing = [f"m = {row.m}" for row in f.order if row.m >= low and row.m not in _sure(f)]
     yield paper.judged(
