@@ -102,10 +102,6 @@ def test_what_is_not_near_enough_is_not_called_solved(kr500, campaigns, off, sta
     assert conic.optimum(regression).status == status
 
 
-def not_projected(path, start, cost, groups):
-    return start.u, np.zeros_like(start.u)
-
-
 @pytest.mark.parametrize("wrong", [0.99, 1.01, 0.0, np.nan, None])
 @pytest.mark.parametrize("structure", [template56, mgco68])
 def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
@@ -117,7 +113,7 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
     belief = Belief(own, Strength(3.0))
     right, squares = solve(regression, "psd", belief), projected.follow
     if wrong is None:
-        monkeypatch.setattr(projected, "follow", not_projected)
+        monkeypatch.setattr(projected, "follow", lambda _, start, *_more: (start.u, 0 * start.u))
     else:
         monkeypatch.setattr(projected, "follow", lambda *args: (wrong * squares(*args)[0], squares(*args)[1]))
     assert not answer("psd", Case(regression, belief)).own

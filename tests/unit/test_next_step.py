@@ -62,9 +62,7 @@ def test_a_run_without_a_given_arm_has_the_name_of_its_manifest(tmp_path):
         ("testbench plan", FROM_B, "calibrate C {}b.csv MEASURED.csv --out runs/model"),
     ],
 )
-def test_what_a_run_has_by_name_is_looked_for_here_then_beside_the_run(
-    tmp_path, monkeypatch, command, scenario, expected
-):
+def test_what_a_run_names_is_sought_here_then_beside_it(tmp_path, monkeypatch, command, scenario, expected):
     monkeypatch.chdir(tmp_path)
     run = run_of(tmp_path / "runs" / "one", command, scenario, arm="C").relative_to(tmp_path)
     for where in ("runs/", ""):

@@ -47,9 +47,4 @@ def test_what_is_ignored_stays_so_and_threads_may_wait_too():
     finally:
         signal.signal(signal.SIGHUP, before)
     with ThreadPoolExecutor() as pool:
-        assert pool.submit(waited).result()
-
-
-def waited():
-    with stops_wait():
-        return True
+        assert pool.submit(stops_wait()(lambda: True)).result()
