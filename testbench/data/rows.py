@@ -218,7 +218,8 @@ def joint_coordinates(columns: Columns, arm: Arm) -> Array:
     none = np.empty((columns.table.rows, 0))  # an arm may have no joints
     q = np.column_stack([none, *(columns.every_row(own) for own in found)])
     _check_limits(columns, arm, q)
-    return np.clip(q, *arm.limits)
+    ends = np.clip(q, *arm.limits)
+    return np.where(np.abs(q - ends) > SAME_POSE, ends, q)
 
 
 def _numbered_joints(ignored: Sequence[str], count: int) -> str:
