@@ -163,8 +163,8 @@ def badge_of(f: Row) -> Badge | None:
     why = "the model does not know enough to promise an improvement" if f.harmful else ""
     if not why and f.tolerance and f.tolerance.failed:
         why = f"{counted(f.tolerance.failed, 'point')} may be off by more than {f.tolerance.mm:g} mm"
-    names = "the corrected program", "the program without correction"
-    return replace(decide((names[0], half), (names[1], before), "point", why), what="promised error")
+    found = decide((CORRECTED, half), ("the program without correction", before), "point", why)
+    return replace(found, what="promised error")
 
 
 def within(half: float | None) -> str:

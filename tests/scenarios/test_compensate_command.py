@@ -294,7 +294,7 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
         f"{OFF}/corrected_program_within_95",
     }
     unseen = fine("compensate", folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")
-    assert unseen.startswith("Do not use the corrected program: the model does not know")
+    assert unseen.startswith("Do not use corrected program: the model does not know")
     chunks = sound(tmp_path / "right_report" / "recording.rrd", "**Do not run this: ")
     assert np.isnan(series(chunks, f"{OFF}/corrected_program_within_95")).all()
     assert "nothing bounds the error at 12 points" in document(chunks, "/summary")
