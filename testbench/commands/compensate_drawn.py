@@ -27,7 +27,7 @@ MRAD = 1e3
 FITTED, MOST = 4, 200  #: Points to which a frame is fitted at least, and at most, evenly picked.
 SUDDEN = 0.2  #: Change of a force over its size that is sudden [1].
 TURNED = 1e-2  #: A turn that is left counts from here [mrad].
-BEFORE, CORRECTED = "as programmed", "corrected program"
+BEFORE, CORRECTED = "uncorrected program", "corrected program"
 AFTER = f"{CORRECTED}, within (95 %)"
 LOOKS = {BEFORE: Look(MEASURED, 1, prior=True), AFTER: Look(GCO, 0, prior=True)}
 
@@ -163,8 +163,7 @@ def badge_of(f: Row) -> Badge | None:
     why = "the model does not know enough to promise an improvement" if f.harmful else ""
     if not why and f.tolerance and f.tolerance.failed:
         why = f"{counted(f.tolerance.failed, 'point')} may be off by more than {f.tolerance.mm:g} mm"
-    found = decide((CORRECTED, half), ("the program without correction", before), "point", why)
-    return replace(found, what="promised error")
+    return replace(decide((CORRECTED, half), (BEFORE, before), "point", why), what="promised error")
 
 
 def within(half: float | None) -> str:

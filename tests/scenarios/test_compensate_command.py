@@ -262,7 +262,7 @@ def test_the_pages_path_lies_off_by_the_columns_of_the_corrected_file(corrected)
     drawn = drawn_in(out / "right_report" / "report.html")["scene"]
     [times] = times_of(drawn["title"])
     layers = {layer["name"]: layer for layer in drawn["groups"][0]["layers"]}
-    asked, programmed = (path(layers[name]) for name in ("path asked", "as programmed"))
+    asked, programmed = (path(layers[name]) for name in ("path asked", "uncorrected program"))
     np.testing.assert_allclose((programmed - asked) / times, off, atol=2e-4 / times + 1e-7)
 
 
@@ -286,11 +286,11 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
     """The model's own residual is a solver's digits: drawn, it would be a success that nobody has seen."""
     chunks = sound(bounded / "right_report" / "recording.rrd", "As programmed")
     report = json.loads((bounded / "right_report" / "report.json").read_text())
-    for name, key in (("as_programmed", "before_mm"), ("corrected_program_within_95", "half_95_mm")):
+    for name, key in (("uncorrected_program", "before_mm"), ("corrected_program_within_95", "half_95_mm")):
         found = series(chunks, f"{OFF}/{name}", "pose")
         np.testing.assert_allclose(found, [row[key] for row in report["rows"]], rtol=1e-6)
     assert {c.entity_path for c in chunks if c.entity_path.startswith("/charts/path")} == {
-        *(f"{OFF}/as_programmed{end}" for end in ("", "_lower", "_upper")),
+        *(f"{OFF}/uncorrected_program{end}" for end in ("", "_lower", "_upper")),
         f"{OFF}/corrected_program_within_95",
     }
     unseen = fine("compensate", folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")
@@ -334,7 +334,7 @@ def test_tables_have_the_numbers_of_the_corrected_file(bounded):
     rows = table(bounded / "right.csv")
     before = [np.linalg.norm([float(row[f"before_{x}_mm"]) for x in "xyz"]) for row in rows]
     half = [max(float(row[f"half_95_{x}_mm"]) for x in "xyz") for row in rows]
-    sizes = {"as programmed": before, "corrected program, within (95 %)": half}
+    sizes = {"uncorrected program": before, "corrected program, within (95 %)": half}
     text = (bounded / "right_report" / "report.md").read_text()
     for line in (
         "| line | point | as programmed, off by, mm | corrected, within (95 %), mm |",
