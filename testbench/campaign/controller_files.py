@@ -20,7 +20,11 @@ MAX_BYTES = 16_000_000
 BYTES = "latin-1"  #: A byte a character, whatever the encoding is.
 STAMP = "testbench export: as identified"
 NUMBER = r"(?P<number>[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?)(?![\w.])"
-UR_LINE = rf"(?m)^[ \t]++(?P<key>\w++):[ \t]*+(?:{NUMBER})?[ \t]*+(?:#.*)?\r?$"
+UR_LINE = (
+    r"(?m)(?:^[ \t]++|(?<=[{,])[ \t]*+)[\"']?(?P<key>\w++)[\"']?:[ \t]*+"
+    rf"(?:{NUMBER}[ \t]*+(?=[,}}#\r]|$)|(?=\{{)|(?=[ \t]*(?:#|\r?$)))"
+)
+"""A line `x: 0.1` of YAML in block style, or the same between braces; and a head of keys, in either style."""
 KUKA_LINE = rf"(?mi)^[ \t]*\$MAMES\[(?P<key>\d+)\][ \t]*=[ \t]*{NUMBER}"
 ABB_LINE = rf'(?s)-name\s+"(?P<key>[^"]*)"(?:(?!-name\s).)*?\s-cal_offset\s+{NUMBER}'
 

@@ -262,9 +262,26 @@ def ur10_yaml():
 UR_KEYS = "x y z roll pitch yaw".split()
 
 
-def test_kinematics_of_a_ur_driver_are_the_model(ur10, rng, tmp_path):
+def flow(text, width):
+    """The same YAML in braces, each frame in lines of a width."""
+    content = yaml.safe_load(text)["kinematics"]
+    whole = yaml.safe_dump({"kinematics": content}, default_flow_style=None, sort_keys=False, width=width)
+    return f"# é of the factory\n{whole}"
+
+
+@pytest.mark.parametrize(
+    "style",
+    [
+        str,
+        lambda text: flow(text, 1000),
+        lambda text: flow(text, 40),
+        lambda text: f"# own\nkinematics: {json.dumps(yaml.safe_load(text)['kinematics'])}\n",
+    ],
+    ids=["block", "flow", "flow in short lines", "braces and quotes"],
+)
+def test_kinematics_of_a_ur_driver_are_the_model(ur10, rng, tmp_path, style):
     """Read back by a reader of its own, z the axis of every joint; all but 36 numbers stays as it was."""
-    state, text = planted(ur10, rng), ur10_yaml()
+    state, text = planted(ur10, rng), style(ur10_yaml())
     (file := tmp_path / "my_robot.yaml").write_text(text, encoding="utf-8")
     draft = draft_ur(state, file)
     export(state, draft, tmp_path / "new.yaml")
