@@ -6,9 +6,8 @@ What only values tell is a guess: the map has it as a comment, and `testbench da
 import json
 import os
 import re
-import tomllib
 from collections.abc import Iterator, Sequence
-from itertools import pairwise, permutations
+from itertools import pairwise, product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,16 +15,34 @@ import numpy as np
 
 from testbench.arm.decimal import is_decimal
 from testbench.arm.folder import Arm
+from testbench.campaign.propose_cells import (
+    cell_pattern,
+    length_said,
+    lines_above,
+    names_below_targets,
+    unit_of,
+)
 from testbench.data.mapping import Layout, Log
-from testbench.data.names import XYZ, recognise, series_names, split_unit, squeeze
+from testbench.data.meaning import (
+    NUMBER,
+    STATES,
+    Place,
+    joint_family,
+    joints_of,
+    looks_like,
+    meaning,
+    places,
+    plain,
+)
+from testbench.data.names import XYZ, squeeze
 from testbench.data.rearranged import joined, keys_of, nearest, times_of
 from testbench.data.table import Table, read_table
-from testbench.errors import InputError, Mask
+from testbench.data.targets import read_log
+from testbench.errors import Array, InputError, Mask
 
-KNOWN = tomllib.loads(Path(__file__).with_name("exports.toml").read_text(encoding="utf-8"))
-STATES = {squeeze(word): state for state, words in KNOWN["states"].items() for word in words}
 WORD = re.compile(r"\d+[.,]\d+|[^\W_]+")  #: Of a name such as P12_T1-loaded.
 SHOTS, TARGETS = 20, 12  #: Most shots of a point, most targets of a file.
+POSED = re.compile("tcp|cart|pose|xyz|koord|coord|frame")  #: Names of cells that hold a pose of the tool.
 SOON = 30.0  #: Farthest row of a log that may be of a reading [s].
 TURNS = 7.0  #: Joint coordinates beyond are degrees [rad].
 SCATTER = {f"{what}_{x}": f"sigma_{x}" for what in ("sigma", "u95") for x in XYZ}
@@ -57,55 +74,40 @@ def map_text(entries: Sequence[Entry]) -> str:
     return "".join("\n".join([f"[{table}]", *own.values(), ""]) for table, own in tables.items())
 
 
-def meaning(name: str) -> str:
-    """What a column is to us by its name; "" for an unknown one."""
-    found = ((ours, re.fullmatch(own, _plain(name))) for ours, own in KNOWN["columns"].items())
-    return next((ours.format(**match.groupdict()) for ours, match in found if match), "")
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[\W_]+", "", (split_unit(name) or (name,))[0]).casefold()
-
-
-def _side_by_side(arm: Arm) -> dict[str, str]:
-    """Our names of unloaded and loaded positions, by what files call state, axis and target in any order."""
-    return {
-        _plain("".join(order)): "_".join(filter(None, (marker, when, axis)))
-        for word, when in STATES.items()
-        for axis in XYZ
-        for marker in ("", *arm.markers)
-        for order in permutations((marker, word, axis))
-    }
-
-
 def propose(path: Path, arm: Arm, log: Path | None, beside: Path) -> list[Entry]:
     """The map of an export, in the folder `beside`, and of the robot's log that belongs to it.
 
     Raises:
-        InputError: When a file is no table, lacks joints or positions, or shares neither names nor times.
+        InputError: When a file is no table, lacks joints or positions, or cannot be joined to the log.
     """
-    paired, entries = _side_by_side(arm), list[Entry]()
+    place, joint = places(arm), joints_of(arm)
 
     def known(name: str) -> bool:
-        return bool(meaning(name)) or _plain(name) in paired
+        return bool(meaning(name) or place(name) or joint(name))
 
-    table = read_table(path, known)
+    table, entries = read_table(path, known), list[Entry]()
     if not any(map(known, table.names)):
         table = _headless(path, table.names)
         why = "no header: the first numbers are positions"
         entries.append(Entry("file", "names", list(table.names), why))
+    above = lines_above(table)
+    if names := names_below_targets(table, above, arm):
+        skip = int(table.lines[0]) - 1
+        table = read_table(path, bool, Layout(names=names, skip=skip))
+        entries += [Entry("file", "skip", skip), Entry("file", "names", names)]
     if log is None:
-        joints = [k for k, name in enumerate(table.names) if meaning(name).startswith("joint")]
+        joints = [k for k, name in enumerate(table.names) if joint(name)]
         blank = [table.blank(k) for k in joints] or [np.zeros(table.rows, dtype=bool)]
         table, points = _of_the_arm(table, np.all(blank, axis=0))
     else:
-        other = read_table(log, lambda name: bool(meaning(name)))
+        other = read_log(log, known)
         how, alone = _join(table, other)
         table, points = _of_the_arm(table, alone)
-        said = {**how.model_dump(exclude_none=True), "file": os.path.relpath(log, beside)}
+        said = {**how.model_dump(exclude_defaults=True), "file": os.path.relpath(log, beside)}
         table = joined(table, other, how)
-        entries += [Entry("log", key, value) for key, value in said.items()]
-    return [*entries, *_columns(table, arm), *points, *_names(table, arm)]
+        why = "no names or times in common, but these counts agree"
+        entries += [Entry("log", key, value, why * (key == "rows")) for key, value in said.items()]
+    return [*entries, *_columns(table, arm, length_said(above)), *points, *_names(table, arm)]
 
 
 def _of_the_arm(table: Table, alone: Mask) -> tuple[Table, list[Entry]]:
@@ -134,14 +136,21 @@ def _join(table: Table, log: Table) -> tuple[Log, Mask]:
     Returns:
         That, and which rows of the table have none, the fewer ones, (rows,).
     """
-    for ours in table.names:
-        own = [*map(squeeze, keys_of(table, [ours]))]
-        for theirs in log.names if len({*own}) > 1 and not all(map(is_decimal, own)) else ():
-            texts = [*map(squeeze, keys_of(log, [theirs]))]
-            alone = np.array([text not in {*texts} for text in own])
-            if alone.mean() < 0.5 and len({*texts}) == len(texts):
+    for ours, theirs in product(table.names, log.names):
+        own, texts = ([*map(squeeze, keys_of(*one))] for one in ((table, [ours]), (log, [theirs])))
+        alone = np.array([text not in {*texts} for text in own])
+        if alone.mean() < 0.5 and len({*own}) > 1 and len({*texts}) == len(texts):
+            same = {meaning(ours), meaning(theirs)} == {"name"} and {*own} == {*texts}
+            if same or not all(map(is_decimal, own)):  # numbers are no names, unless both are called so
                 return Log(file=log.path.name, on=[ours], to=[theirs]), alone
     both = [[name for name in own.names if meaning(name) == "when"] for own in (table, log)]
+    if not all(both):
+        count, rest = divmod(table.rows, max(log.rows, 1))
+        if rest or count > TARGETS:
+            got = f"{table.rows} readings and {log.rows} rows of the log"
+            problem = "expected a column of names or times in both files, or as many rows in both"
+            raise InputError(log.path, "", f"{problem}, got {got}")
+        return Log(file=log.path.name, rows=count), np.zeros(table.rows, dtype=bool)
     when = [times_of(own, names) for own, names in zip((table, log), both, strict=True)]
     late = np.abs(when[1][nearest(*when)] - when[0])
     alone = late > SOON
@@ -153,57 +162,147 @@ def _join(table: Table, log: Table) -> tuple[Log, Mask]:
     return how, alone
 
 
-def _columns(table: Table, arm: Arm) -> Iterator[Entry]:
-    """Joints, positions, scatter, mass: which column, in which unit."""
-    known, paired = dict[str, list[int]](), _side_by_side(arm)
+def _columns(table: Table, arm: Arm, length: str) -> Iterator[Entry]:
+    """Joints, positions, scatter, mass: which column, in which unit.
+
+    Args:
+        table: The export, with what the log adds.
+        arm: The arm.
+        length: Unit of lengths that the lines above the header state; "" where they state none.
+    """
+    known = dict[str, list[int]]()
     for k, name in enumerate(table.names):
-        known.setdefault(paired.get(_plain(name)) or meaning(name), []).append(k)
-    first = 0 if "joint 0" in known else 1
-    needed = {f"joint {k + first}": joint.name for k, joint in enumerate(arm.joints)}
-    ours = [recognise(name, series_names(arm)) for name in table.names]
-    both = [own for own in known if own in paired.values()]
-    if both or set(XYZ) <= known.keys():
-        needed |= {own: own for own in both or XYZ}
-    elif not any(own and own[0].what == "reading" and own[0].marker for own in ours):
-        needed |= {"axis": "axis", "position": "position"}
-    for theirs, our in (needed | SCATTER | {"mass": "mass", "temperature": "temperature"}).items():
-        if theirs in known:
-            unit, why = _unit(table, known, theirs)
-            others = ", ".join(repr(table.names[k]) for k in known[theirs][1:])
-            why = "; ".join(filter(None, [why, others and f"not {others}"]))
-            yield Entry("columns", our + unit, table.names[known[theirs][0]], why)
-            if theirs.startswith("u95"):
-                yield Entry("scale", our + unit, 0.5, "two standard deviations, as U95")
-        elif theirs in needed:
-            hint = '[columns] of a map by hand says which it is, as x = "X", or before_x and after_x of pairs'
-            hint = (
-                f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" with its words'
-            )
-            what = {"axis": "a position"}.get(our, our)
-            raise table.header_error(f"no column looks like {what}; columns are {list(table.names)}; {hint}")
-    places = [k for x in (*both, *XYZ, "position") for k in known.get(x, [])[:1]]
+        known.setdefault(meaning(name), []).append(k)
+    if joints := joint_family(table.names, arm):
+        unit, why = _joint_unit(table, joints)
+        for joint, k in zip(arm.joints, joints, strict=True):
+            own = unit * (unit_of(table, k) is None)
+            yield Entry("columns", joint.name + own, table.names[k], why * bool(own))
+    else:
+        yield _joint_cells(table, arm)
+    readings, markers = _positions(table, arm)
+    if not readings and {"axis", "position"} <= known.keys():
+        readings = {"axis": known["axis"], "position": known["position"]}
+    yield from markers if readings else [_position_cells(table, length)]
+    others = SCATTER | {"mass": "mass", "temperature": "temperature"}
+    for our, columns, kind in (
+        *((our, columns, our if our == "axis" else "") for our, columns in readings.items()),
+        *((our, known[theirs], theirs) for theirs, our in others.items() if theirs in known),
+    ):
+        alike = [own[0] for own in readings.values()] if our in readings else columns[:1]
+        unit, why = _unit(table, columns[0], alike, kind, length)
+        left = ", ".join(repr(table.names[k]) for k in columns[1:])
+        why = "; ".join(filter(None, [why, left and f"not {left}"]))
+        yield Entry("columns", our + unit, table.names[columns[0]], why)
+        if kind.startswith("u95"):
+            yield Entry("scale", our + unit, 0.5, "two standard deviations, as U95")
     if words := {
-        text for k in places for text in table.texts(k) if text and not is_decimal(text.replace(",", "."))
+        text
+        for our, (k, *_) in readings.items()
+        for text in table.texts(k)
+        if our != "axis" and text and not is_decimal(text.replace(",", "."))
     }:
         yield Entry("words", "lost", sorted(words), "no numbers")
 
 
-def _unit(table: Table, known: dict[str, list[int]], theirs: str) -> tuple[str, str]:
-    """What a key gets behind it where the header has no unit, by the values, and that in words."""
-    k = known[theirs][0]
-    if split_unit(table.names[k]) or table.units[k] or theirs in ("axis", "temperature"):
-        return "", ""
-    joint = theirs.startswith("joint")
-    every = [own[0] for name, own in known.items() if name.startswith("joint")] if joint else [k]
-    texts = [text.replace(",", ".") for m in every for text in table.texts(m)]
-    size = np.abs([float(text) for text in texts if is_decimal(text)] or [1.0])
-    if joint:
-        return "_deg" if size.max() > TURNS else "_rad", f"joints up to {size.max():.4g}"
-    if theirs == "mass":
-        return "_kg", "no unit"
-    middle, typical = float(np.median(size)) or 1.0, TYPICAL["sigma" if theirs in SCATTER else ""]
+def _unlike(table: Table, what: str) -> InputError:
+    hint = '[columns] of a map by hand says which it is, as x = "X", or before_x and after_x of pairs'
+    hint = f'{hint}, or "{{marker}}_{{when}}_{{axis}}" = "{{marker}} {{when}} {{axis}}" with its words'
+    return table.header_error(f"no column looks like {what}; columns are {list(table.names)}; {hint}")
+
+
+def _positions(table: Table, arm: Arm) -> tuple[dict[str, list[int]], list[Entry]]:
+    """The columns of positions by our names for them, and what the map says of their targets.
+
+    Names that say a state come before those that do not, names of several targets before those of none.
+    """
+    place, found = places(arm), dict[Place, list[int]]()
+    for k, name in enumerate(table.names):
+        if own := place(name):
+            found.setdefault(own, []).append(k)
+    whole = [p for p in found if p.axis == "x" and all(p._replace(axis=axis) in found for axis in XYZ)]
+    whole = [p for p in whole if p.when] or whole
+    targets = list(dict.fromkeys(p.target for p in whole if p.target))
+    bare = any(not p.target for p in whole)
+    if bare and len(targets) < 2:
+        targets = [""]
+    elif bare:
+        whole = [p for p in whole if p.target]
+    names, said = {plain(marker): marker for marker in arm.markers} | {"": ""}, list[Entry]()
+    if not {*targets} <= {*names}:
+        own = sorted(targets, key=lambda target: int(NUMBER.findall(target)[-1]))
+        markers = [f"M{target}" if target.isdecimal() else target.upper() for target in own]
+        why = "no markers of the arm"
+        if len(own) == len(arm.markers):
+            markers, why = list(arm.markers), "targets are numbered as the markers of the arm"
+        names = dict(zip(own, markers, strict=True))
+        said = [Entry("series", "markers", markers, why)]
+    kept = [p._replace(axis=axis) for p in whole if p.target in targets for axis in XYZ]
+    return {p.ours(names): found[p] for p in kept}, said
+
+
+def _joint_cells(table: Table, arm: Arm) -> Entry:
+    """How a column holds all joints in one cell; InputError where no column does."""
+    order = sorted(range(len(table.names)), key=lambda k: not looks_like(table.names[k], "joints"))
+    for k in order:
+        found = cell_pattern(table.texts(k), arm.n_joints)
+        if found and not POSED.search(plain(table.names[k])):
+            said, (guessed, why) = unit_of(table, k), _angle(found[1])
+            units = [said.name if said else "m" if joint.prismatic else guessed for joint in arm.joints]
+            parts = [f"joint_{n}_{unit}" for n, unit in enumerate(units, start=1)]
+            return Entry("cells", table.names[k], _pattern_of(found[0], parts), "" if said else why)
+    raise _unlike(table, arm.joints[0].name)
+
+
+def _position_cells(table: Table, length: str) -> Entry:
+    """How a column holds x, y, z in one cell; InputError where no column does."""
+    for k in (k for k, name in enumerate(table.names) if not looks_like(name, "joints")):
+        if found := cell_pattern(table.texts(k), len(XYZ)):
+            said, (guessed, why) = unit_of(table, k), _length(found[1], "", length)
+            unit = said.name if said else guessed
+            pattern = _pattern_of(found[0], [f"{axis}_{unit}" for axis in XYZ])
+            return Entry("cells", table.names[k], pattern, "" if said else why)
+    raise _unlike(table, "a position")
+
+
+def _pattern_of(pieces: Sequence[str], parts: Sequence[str]) -> str:
+    return pieces[0] + "".join(f"{{{part}}}{piece}" for part, piece in zip(parts, pieces[1:], strict=True))
+
+
+def _joint_unit(table: Table, joints: Sequence[int]) -> tuple[str, str]:
+    """The unit of joints whose names have none, by their values, and that in words."""
+    unit, why = _angle(_sizes(table, joints))
+    return f"_{unit}", why
+
+
+def _angle(values: Array) -> tuple[str, str]:
+    most = float(np.abs(values).max(initial=0.0))
+    return "deg" if most > TURNS else "rad", f"joints up to {most:.4g}"
+
+
+def _length(values: Array, kind: str, length: str) -> tuple[str, str]:
+    if length and kind not in SCATTER:
+        return length, "the lines above the table say so"
+    middle = float(np.median(np.abs(values))) if np.size(values) else 1.0
+    middle, typical = middle or 1.0, TYPICAL["sigma" if kind in SCATTER else ""]
     unit = min(LENGTHS, key=lambda unit: abs(np.log(middle * LENGTHS[unit] / typical)))
-    return f"_{unit}", f"numbers around {middle:.4g}"
+    return unit, f"numbers around {middle:.4g}"
+
+
+def _sizes(table: Table, columns: Sequence[int]) -> Array:
+    """The numbers of some columns, those that are none left out."""
+    texts = (text.replace(",", ".") for k in columns for text in table.texts(k))
+    return np.array([float(text) for text in texts if is_decimal(text)])
+
+
+def _unit(table: Table, k: int, alike: Sequence[int], kind: str, length: str) -> tuple[str, str]:
+    """What a key gets behind it where the header has no unit, by the values of columns alike, and why."""
+    if unit_of(table, k) or kind in ("axis", "temperature"):
+        return "", ""
+    if kind == "mass":
+        return "_kg", "no unit"
+    unit, why = _length(_sizes(table, alike), kind, length)
+    return f"_{unit}", why
 
 
 def _names(table: Table, arm: Arm) -> Iterator[Entry]:

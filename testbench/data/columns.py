@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.mapping import Named, Names
+from testbench.data.meaning import overlooked
 from testbench.data.names import (
     DEFLECTION,
     LARGEST,
@@ -56,6 +57,7 @@ class Columns:
     found: dict[Slot, Column]  #: The columns that are read.
     ignored: tuple[str, ...]  #: Names of the others.
     mark: str  #: The decimal mark.
+    warnings: tuple[str, ...]  #: Of a log joined by order, and of columns that are not read.
 
     def every(self, *what: str) -> list[Column]:
         """The columns of some quantities, in the order of the file."""
@@ -191,7 +193,19 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     table = table.worded(loads, {word: value.replace(".", mark) for word, value in names.loads.items()})
     if names.map.file.merged:
         table = table.filled([c.index for c in found.values() if c.index not in readings])
-    return Columns(table, names, found, ignored, mark)
+    return Columns(table, names, found, ignored, mark, _warnings(table, names, ignored))
+
+
+def _warnings(table: Table, names: Names, ignored: Sequence[str]) -> tuple[str, ...]:
+    """What a user may not expect: a log joined by the order of its rows, and columns that are not read."""
+    log = names.map.log
+    keys = [] if log is None else [*log.on, *log.to]
+    full = {name for k, name in enumerate(table.names) if not table.blank(k).all()}
+    words = overlooked([name for name in ignored if name in full and name not in keys])
+    if log is not None and log.rows is not None:
+        each = f"{log.rows} rows" if log.rows > 1 else "one row"
+        words.insert(0, f"warning: {log.file} is joined by the order of its rows, each to {each} of readings")
+    return tuple(words)
 
 
 def _check_map(table: Table, names: Names, named: dict[int, Named]) -> None:

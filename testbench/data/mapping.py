@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from testbench.arm.decimal import is_decimal
 from testbench.arm.document import Strict, parse_toml
@@ -67,10 +67,18 @@ class Log(Strict):
     """Another file with a row for every reading, such as the robot's joints."""
 
     file: Text  #: Its path from the map's folder.
-    on: list[Text] = Field(min_length=1)  #: Columns of the readings that say together a row's name or time.
+    on: list[Text] = Field(default=[])  #: Columns of the readings that say together a row's name or time.
     to: list[Text] = Field(default=[])  #: Those of the log, where they are called otherwise.
     #: By the nearest time, at most so far away [s]; by name where it is not said.
     within_s: Annotated[float, Field(gt=0, le=3600)] | None = None
+    #: Where nothing says which row belongs to which: how many readings in a row belong to one of the log.
+    rows: int | None = Field(default=None, ge=1, le=1000)
+
+    @model_validator(mode="after")
+    def _keyed(self) -> "Log":
+        if bool(self.on) == (self.rows is not None):
+            raise ValueError("expected on, the columns to join by, or rows, how many to a row of the log")
+        return self
 
 
 class Map(Strict):

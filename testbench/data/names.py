@@ -34,10 +34,18 @@ UNITS = (
 LEAST = 1e-100
 LARGEST = {"m": 1e6, "rad": 1e6, "N": 1e9, "Nm": 1e9, "kg": 1e6, "m2": 1e6}
 """Largest number of a quantity in SI that is read: beyond it a file is broken."""
-OTHERS = {"deg": "° degree degrees 度", "um": "μm", "in": "inch inches", "mm": "millimeter millimeters"}
-OTHER_NAMES = {
-    other: unit for unit, words in {**OTHERS, "lb": "lbs", "nm": "n*m n·m"}.items() for other in words.split()
+OTHERS = {
+    "m": "meter meters metre metres",
+    "cm": "centimeter centimeters centimetre centimetres",
+    "mm": "millimeter millimeters millimetre millimetres",
+    "um": "μm micron microns micrometer micrometers micrometre micrometres",
+    "in": "inch inches",
+    "rad": "radian radians",
+    "deg": "° degree degrees 度",
+    "lb": "lbs",
+    "nm": "n*m n·m",
 }
+OTHER_NAMES = {other: unit for unit, words in OTHERS.items() for other in words.split()}
 """What files write for these, in small letters; both micro signs become the Greek letter."""
 KNOWN = {unit.name.lower(): unit for unit in UNITS}
 LONGEST = 200  #: Letters of the longest name that may end with a unit.

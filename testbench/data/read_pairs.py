@@ -144,7 +144,8 @@ def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:
         station=own.station,
         taken_off=own.taken_off,
     )
-    return Export(data, columns, (*conditions.notes, *runs.notes, *scatter.notes, *dropped, *shots))
+    notes = (*columns.warnings, *conditions.notes, *runs.notes, *scatter.notes, *dropped, *shots)
+    return Export(data, columns, notes)
 
 
 def _check_once(columns: Columns, conditions: Conditions, runs: Paired, read: Readings) -> None:

@@ -141,7 +141,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
         _check_alone(columns, conditions, read)
     scatter = read_scatter(columns, sigma)
     whole, first, lost, more = _assembled(columns, arm, conditions, read, scatter)
-    notes += [*shots, *conditions.notes, *scatter.notes, *more]
+    notes += [*columns.warnings, *shots, *conditions.notes, *scatter.notes, *more]
     if columns.names.map.frame == "base":
         notes.append("the map says base: its pose is found all the same")
     return SeriesExport(_parted(columns, whole, first, scatter), columns, tuple(notes), lost)

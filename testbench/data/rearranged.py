@@ -12,9 +12,10 @@ from datetime import UTC, datetime
 import numpy as np
 
 from testbench.arm.decimal import is_decimal
-from testbench.data.mapping import Layout, Log, Named, Names
+from testbench.data.mapping import Log, Named, Names
 from testbench.data.names import WHOLE, XYZ, Slot, recognise, squeeze
-from testbench.data.table import Table, read_table
+from testbench.data.table import Table
+from testbench.data.targets import read_log
 from testbench.errors import Array, Ids
 
 MOST_STARS = 2  #: Wildcards in a pattern: more take long to match.
@@ -72,6 +73,7 @@ def _expression(pattern: str) -> re.Pattern[str]:
     """A pattern as a regular expression: {part} is as short as may be, * anything."""
     pieces = re.split(r"\{(\w+)\}", pattern)
     literal = [re.escape(piece).replace(r"\*", ".*") for piece in pieces[::2]]
+    literal = [re.sub(r"(\\ )+", r"\\s+", own) for own in literal]  # blanks, however many
     groups = [f"(?P<{part}>.+?)" for part in pieces[1::2]]
     return re.compile("".join(a + b for a, b in zip(literal, [*groups, ""], strict=True)), re.IGNORECASE)
 
@@ -179,7 +181,7 @@ def with_log(table: Table, names: Names) -> Table:
         if own and own.slot == Slot("marker"):
             table = table.take(np.array([squeeze(text) not in names.ignored for text in table.texts(k)]))
     file = names.path.parent / names.map.log.file
-    return joined(table, read_table(file, names.knows, Layout()), names.map.log)
+    return joined(table, read_log(file, names.knows), names.map.log)
 
 
 def joined(table: Table, log: Table, how: Log) -> Table:
@@ -189,6 +191,8 @@ def joined(table: Table, log: Table, how: Log) -> Table:
         InputError: At the first reading without a row of the log, and at a name that the log has twice.
     """
     to = how.to or how.on
+    if how.rows is not None:
+        return _row_by_row(table, log, how.rows)
     if how.within_s is None:
         return table.beside(log, _by_name(table, log, keys_of(table, how.on), keys_of(log, to)))
     ours, theirs = times_of(table, how.on), times_of(log, to)
@@ -196,6 +200,14 @@ def joined(table: Table, log: Table, how: Log) -> Table:
     apart, most = np.abs(theirs[rows] - ours), f"expected a row of {log.path.name} within {how.within_s:g} s"
     table.refuse(apart > how.within_s, "", lambda row: f"{most}, the nearest is {apart[row]:.4g} s away")
     return table.beside(log, rows)
+
+
+def _row_by_row(table: Table, log: Table, count: int) -> Table:
+    """So many rows of a table in turn with one of the log; InputError where the counts do not agree."""
+    if table.rows != count * log.rows:
+        expected = f"{count} times {log.rows} rows of {log.path.name}" if count > 1 else f"{log.rows} rows"
+        raise table.error(0, "", f"expected {expected} to join row by row, got {table.rows}")
+    return table.beside(log, np.arange(table.rows) // count)
 
 
 def nearest(ours: Array, theirs: Array) -> Ids:

@@ -384,8 +384,16 @@ def test_a_wrong_guess_is_not_silent(said, known, tmp_path):
     assert "They fit the arm" not in done.stdout
 
 
-def test_targets_side_by_side_under_other_names_are_refused_with_the_line_of_a_map_that_reads_them(tmp_path):
-    done = do("data", "map", ARM, ROOT / "docs/maps/spreadsheet.csv", "--out", tmp_path / "map.toml")
+def test_targets_side_by_side_are_read_as_by_the_map_that_was_written_by_hand(tmp_path):
+    file, arm = ROOT / "docs/maps/spreadsheet.csv", load_arm(find_arm(ARM))
+    fine("data", "map", ARM, file, "--out", tmp_path / "map.toml")
+    maps = (tmp_path / "map.toml", file.with_suffix(".toml"))
+    [found], [expected] = (read_series(file, arm, own).series for own in maps)
+    for name in ("q", "wrench", "position", "seen"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    other = tmp_path / "other.csv"
+    other.write_text(file.read_text("cp1252").replace("Ziel ", "Kugel_"), "cp1252")
+    done = do("data", "map", ARM, other, "--out", tmp_path / "other.toml")
     is_refused(done, "no column looks like a position; ")
     assert '"{marker}_{when}_{axis}" = "{marker} {when} {axis}"' in done.stderr
 
@@ -403,7 +411,7 @@ def test_a_log_is_joined_or_refused_line_by_line(known, tmp_path):
         ),
         ('"robot.csv"', '"none.csv"', r"none.csv: cannot be read"),
         ('"Datum"', '"Tag"', r"no column 'Tag' to join by; columns are \['PunktNr'"),
-        ("[log]", "[log]\nby = 3", r"log.by: unknown key; keys are file, on, to, within_s"),
+        ("[log]", "[log]\nby = 3", r"log.by: unknown key; keys are file, on, to, within_s, rows"),
     ):
         map_.write_text(whole.replace(old, new))
         with pytest.raises(InputError, match=said):

@@ -1,0 +1,326 @@
+"""Kinds of files that strangers brought: by the map that is proposed they are read to their last digit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbench.arm.folder import find_arm, load_arm
+from testbench.campaign.propose_map import map_text, propose
+from testbench.data.meaning import joint_family, overlooked
+from testbench.data.read_pairs import read_export
+from testbench.data.read_series import read_series
+from testbench.data.targets import read_log
+from testbench.errors import InputError
+
+ARM = load_arm(find_arm("kr500_l480"))
+N = 12
+RNG = np.random.default_rng(48)
+Q = np.round(np.degrees(RNG.uniform(*ARM.limits, (N, 6))) * 0.9, 3) + 0.0  #: Joints [deg].
+X = np.round(RNG.uniform(500, 3000, (N, 3, 3)) * RNG.choice([-1, 1], (N, 3, 3)), 3)  #: Three targets [mm].
+NAMES = [f"p{k + 1}" for k in range(N)]
+TIMES = [f"{k / 10:.3f}" for k in range(N)]
+
+
+def numbers(values, digits=3, mark="."):
+    return [f"{x:.{digits}f}".replace(".", mark) for x in np.ravel(values)]
+
+
+def table(header, rows, between=","):
+    return "".join(between.join(row) + "\n" for row in [header, *rows])
+
+
+def long(joints=None, between=";", mark=".", names=True, extra=()):
+    """A row a target, with the pose's name and what `joints` says of a pose."""
+    header = ["Pose"] * names + [
+        "Point",
+        "X [mm]",
+        "Y [mm]",
+        "Z [mm]",
+        *([joints[0]] if joints else []),
+        *extra,
+    ]
+    rows = [
+        [NAMES[k]] * names
+        + [f"P{m + 1}", *numbers(X[k, m], mark=mark), *([joints[1](k)] if joints else []), *extra]
+        for k in range(N)
+        for m in range(3)
+    ]
+    return table(header, rows, between)
+
+
+def wide(
+    form,
+    joint="joint_{}",
+    length=1e-3,
+    angle=np.pi / 180,
+    digits=(6, 9),
+    between=",",
+    mark=".",
+    targets=(1, 2, 3),
+):
+    """A row a pose: targets side by side, then the joints."""
+    header = [form.format(n=n, x=x, X=x.upper()) for n in targets for x in "xyz"]
+    rows = [
+        numbers(length * X[k, np.array(targets) - 1], digits[0], mark)
+        + numbers(angle * Q[k], digits[1], mark)
+        for k in range(N)
+    ]
+    return table([*header, *(joint.format(k) for k in range(1, 7))], rows, between)
+
+
+def capture(above, units=None, between=",", length=1e-3, digits=6, turned=False, target="{0}{1}{0}{1}{0}"):
+    """Motion capture: targets in a line above the axes, a rigid body's quaternion before them."""
+    body = 4 * turned
+    targets = [*["Body"] * body, *(target.format(f"P{m}", between) for m in (1, 2, 3))]
+    lines = [line.format(targets=between.join(targets)) for line in above]
+    lines += [between.join(["Frame", "Time (Seconds)", *"XYZW"[:body], *"XYZ" * 3])]
+    lines += [between.join(["", "", *[units] * 9])] if units else []
+    rows = [[str(k), TIMES[k], *["0.5"] * body, *numbers(length * X[k], digits)] for k in range(N)]
+    return "\n".join([*lines, *map(between.join, rows), ""])
+
+
+def log(form="A{}", key=None, between=","):
+    """The robot's log: joints in degrees, beside names or times."""
+    header = ([key[0]] if key else []) + [form.format(k) for k in range(1, 7)]
+    return table(header, [([key[1][k]] if key else []) + numbers(Q[k]) for k in range(N)], between)
+
+
+def joined(k, between=", ", mark=".", digits=3, scale=1.0):
+    return between.join(numbers(scale * Q[k], digits, mark))
+
+
+OPTITRACK = [
+    "Format Version,1.23,Take Name,Take 1,Rotation Type,XYZ,Length Units,{unit}",
+    "",
+    ",,{{targets}}",
+]
+MOTIVE = [line.format(unit="Meters") for line in OPTITRACK]
+TYPED = [
+    *MOTIVE[:2],
+    ",," + ",".join(["Rigid Body"] * 4 + ["Marker"] * 9),
+    MOTIVE[2],
+    ",," + ",".join(["Rotation"] * 4 + ["Position"] * 9),
+]
+RAPID = "MODULE Cal\n  ! CONST jointtarget old:=[[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n{}ENDMODULE\n"
+RAPID_LINE = "  CONST jointtarget {}:=[[{}],[9E9,9E9,9E9,9E9,9E9,9E9]];\n"
+KRL_LINE = "DECL E6AXIS X{}={{{},E1 0.0,E2 0.0,E3 0.0,E4 0.0,E5 0.0,E6 0.0}}\n"
+TIMED = log(key=("Time (Seconds)", [f"{float(t) + 0.01:.3f}" for t in TIMES]))
+
+
+def krl(k):
+    return ",".join(f"A{n} {x}" for n, x in enumerate(numbers(Q[k]), start=1))
+
+
+UNREAD = "warning: these columns look like {} and are not read: "
+KINDS = {
+    # targets side by side, numbered
+    "figaroh": (wide("{x}{n}"),),
+    "numbered in cm, German": (wide("Marke {n} {X} [cm]", "Achse {} [°]", 0.1, 1, (4, 3), ";", ","),),
+    "numbered in mm, no units": (wide("m{n}.{x}", "q{}", 1, 1, (3, 3), "\t"),),
+    "the arm's markers, axis first": (wide("{x}_P{n} [mm]", "J{} [deg]", 1, 1, (3, 3), ";"),),
+    "the markers in another order": (wide("P{n} {x} (m)", targets=(3, 1, 2)),),
+    # several numbers in a cell
+    "cells": (long(("Joints [deg]", lambda k: f'"[{joined(k)}]"')),),
+    "cells of a controller, rad": (
+        long(("joint positions", lambda k: "(" + joined(k, "; ", digits=9, scale=np.pi / 180) + ")"), "\t"),
+    ),
+    "cells with names of axes": (long(("Pos", lambda k: f'"{{{krl(k)}}}"'), ","),),
+    "cells with decimal commas": (long(("Gelenkwinkel", lambda k: joined(k, " / ", ",")), ";", ","),),
+    "cells of blanks": (long(("q", lambda k: joined(k, "   " if k % 2 else " "))),),
+    "cells of jointtargets": (long(("Target", lambda k: f"[[{joined(k, ',')}],[9E9,9E9,9E9,9E9,9E9,9E9]]")),),
+    "positions in cells too": (
+        table(
+            ["Pose", "Point", "Position [mm]", "Joints [deg]"],
+            [
+                [NAMES[k], f"P{m + 1}", "[" + ", ".join(numbers(X[k, m])) + "]", f"[{joined(k)}]"]
+                for k in range(N)
+                for m in range(3)
+            ],
+            ";",
+        ),
+    ),
+    # motion capture
+    "optitrack": (capture(MOTIVE), TIMED),
+    "optitrack with a rigid body": (capture(TYPED, turned=True), TIMED),
+    "optitrack in cm": (
+        capture([line.format(unit="Centimeters") for line in OPTITRACK], length=0.1, digits=4),
+        TIMED,
+    ),
+    "vicon": (capture(["Trajectories", "100", ",,{targets}"], "mm", ",", 1, 3, target="Arm:{0},,"), TIMED),
+    "tabs": (capture(["Units:\tmillimeters", "\t\t{targets}"], between="\t", length=1, digits=3), TIMED),
+    # robot programs
+    "RAPID": (long(), RAPID.format("".join(RAPID_LINE.format(NAMES[k], joined(k, ",")) for k in range(N)))),
+    "KRL": (
+        long(),
+        "&ACCESS RVP\nDEFDAT CAL\n"
+        + "".join(KRL_LINE.format(NAMES[k].upper(), krl(k)) for k in range(N))
+        + "ENDDAT\n",
+    ),
+    "KRL moves": (
+        long(names=False),
+        "DEF cal()\n" + "".join(f"PTP {{{krl(k)}}}\n" for k in range(N)) + "END\n",
+    ),
+    "RAPID moves": (
+        long(),
+        "MODULE m\n"
+        + "".join(
+            f"MoveAbsJ [[{joined(k)}],[9E9,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs,v,fine,tool0;\n" for k in range(N)
+        )
+        + "ENDMODULE\n",
+    ),
+    "URScript": (
+        long(),
+        "def cal():\n"
+        + "".join(
+            f"  {NAMES[k]} = [{joined(k, digits=9, scale=np.pi / 180)}] # [1,2,3,4,5,6]\n" for k in range(N)
+        )
+        + "end\n",
+    ),
+    # logs without a key
+    "row by row": (wide("{x}{n}").replace("joint_", "volts_"), log("A{} [deg]")),
+    "a row of the log for three targets": (long(names=False), log("J{}")),
+    "poses by number": (long().replace("p", ""), log(key=("Pose", [str(k + 1) for k in range(N)]))),
+    # one family of joints
+    "quaternions": (long(("A1;A2;A3;A4;A5;A6", lambda k: joined(k, ";")), extra=("Q0", "Q1", "Q2", "Q3")),),
+    "set points of joints beside": (
+        "\n".join(
+            f"J1_soll,J2_soll,J3_soll,{line}" if line[0] == "x" else f"1,2,3,{line}"
+            for line in wide("{x}{n}", "J{}").splitlines()
+        ),
+    ),
+    "ROS names": (wide("{x}{n}", "/joint_states/joint_{}/position"),),
+}
+
+
+def read(name, folder, content, beside=None):
+    """A file, and its log if it has one, by the map that is proposed."""
+    (file := folder / "export.csv").write_text(content)
+    other = None
+    if beside is not None:
+        (other := folder / "robot.dat").write_text(beside)
+    entries = propose(file, ARM, other, folder)
+    (map_ := folder / "export.toml").write_text(map_text(entries))
+    return read_series(file, ARM, map_), entries
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_kind_of_file_is_read_to_the_last_digit(name, tmp_path):
+    found, _ = read(name, tmp_path, *KINDS[name])
+    [series] = found.series
+    order = [series.markers.index(marker) for marker in ("P1", "P2", "P3")]
+    np.testing.assert_allclose(series.position[:, order], 1e-3 * X, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(series.q, np.radians(Q), rtol=0, atol=6e-10)  # of 9 digits in radians
+
+
+def test_targets_and_joints_of_several_families_are_named_and_none_is_mixed(tmp_path):
+    """Quaternions Q0 to Q3 are no joints; set points beside joints are listed."""
+    found, _ = read("quaternions", tmp_path, *KINDS["quaternions"])
+    assert f"{UNREAD.format('orientations')}Q0, Q1, Q2, Q3" in found.notes
+    found, _ = read("set points", tmp_path, *KINDS["set points of joints beside"])
+    assert (
+        "warning: these columns look like joints and are not read: J1_soll, J2_soll, J3_soll" in found.notes
+    )
+    seven = replace(ARM, joints=(*ARM.joints, replace(ARM.joints[-1], name="joint_7")))
+    names = ["Q0", "Q1", "Q2", "Q3", *(f"R{k}" for k in range(1, 7)), *(f"J{k} [deg]" for k in range(7))]
+    assert joint_family(names, seven) == [*range(10, 17)]
+    assert joint_family([*names[:4], "A1", "A2", "J3", "A4", "A5", "A6"], ARM) == []
+    joints = [*(f"shoulder_{k}" for k in "abcdef")]
+    named = replace(ARM, joints=tuple(replace(j, name=n) for j, n in zip(ARM.joints, joints, strict=True)))
+    columns = [f"{x}/{n}" for n in reversed(joints) for x in ("effort", "position")]
+    assert joint_family(columns, named) == [11, 9, 7, 5, 3, 1]
+
+
+LIKE = {
+    "orientations": [
+        "A B C", "O;A;T", "W P R", "Rx [deg];Ry [deg];Rz [deg]", "Roll Pitch Yaw", "q0 q1 q2 q3",
+        "Q1 Q2 Q3 Q4", "qw qx qy qz", "quat_x quat_y", "TCP_RX TCP_RY TCP_RZ", "rot_x", "Orientation.x",
+        "Euler1", "Nick Gier",
+    ],
+    "joints": ["A1 A2 A3", "J1_cmd J2_cmd", "E1", "target_q_1", "Axis 7 [mm]", "Gelenkwinkel",
+        "joint angles", "q1 q2 q5"],
+    "times": ["Time", "Timestamp", "time_s", "Date;Uhrzeit", "Zeit [ms]"],
+    "forces": ["Fx Fy Fz", "Mx My Mz", "Force_x", "Torque Z", "Kraft [kN]", "F [lbf]", "effort_1",
+        "Tx [Nm]", "Load [kg]"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "header"), [(kind, own) for kind, every in LIKE.items() for own in every])
+def test_columns_of_a_kind_that_are_not_read_are_listed(kind, header):
+    names = header.split(";") if ";" in header or "[" in header or "angles" in header else header.split(" ")
+    names = [header] if header in ("Axis 7 [mm]", "Torque Z") else names
+    assert overlooked(["Comment", *names, "T1 x"]) == [UNREAD.format(kind) + ", ".join(names)]
+
+
+def test_other_columns_raise_no_warning():
+    assert (
+        overlooked(["Comment", "A", "B", "Operator", "Nr", "Temp", "RMS", "Nominal X", "dX", "Set", "T"])
+        == []
+    )
+
+
+def test_readers_of_pairs_and_of_readings_list_what_they_do_not_read(tmp_path):
+    axes = [f"P{m} {when} {x} [mm]" for m in (1, 2, 3) for when in ("before", "after") for x in "xyz"]
+    header = [*(f"joint_{k}_deg" for k in range(1, 7)), "mass_kg", *axes, "A", "B", "C", "Fz [N]", "Time"]
+    rows = [
+        [*numbers(Q[k]), "100", *numbers(np.repeat(X[k][:, None], 2, axis=1)), "1", "2", "3", "9", TIMES[k]]
+        for k in range(N)
+    ]
+    (file := tmp_path / "pairs.csv").write_text(table(header, rows))
+    said = [
+        "warning: these columns look like orientations and are not read: A, B, C",
+        "warning: these columns look like times and are not read: Time",
+        "warning: these columns look like forces and are not read: Fz [N]",
+    ]
+    for notes in (read_export(file, ARM).notes, read_series(file, ARM).notes):
+        assert next(note for note in notes if note.startswith("warning")) == said[0]
+        assert {*said[::2]} <= {*notes}
+    assert said[1] in read_export(file, ARM).notes
+
+
+def test_a_log_that_is_joined_by_order_says_so_and_is_refused_where_the_counts_differ(tmp_path):
+    export, other = KINDS["a row of the log for three targets"]
+    found, entries = read("", tmp_path, export, other)
+    [by] = [own for own in entries if own.key == "rows"]
+    assert by.value == 3
+    assert by.why == "no names or times in common, but these counts agree"
+    assert "warning: robot.dat is joined by the order of its rows, each to 3 rows of readings" in found.notes
+    fewer = "".join(other.splitlines(keepends=True)[:-1])
+    with pytest.raises(InputError, match="or as many rows in both, got 36 readings and 11 rows"):
+        read("", tmp_path, export, fewer)
+    with pytest.raises(InputError, match="expected 3 times 11 rows of robot"):
+        read_series(tmp_path / "export.csv", ARM, tmp_path / "export.toml")
+
+
+def test_programs_without_joints_or_in_other_languages_ask_for_a_table(tmp_path):
+    fanuc = "/PROG CAL\n/POS\nP[1]{\n GP1:\n J1= -87.750 deg, J2= 1.0 deg\n};\n/END\n"
+    yaskawa = "/JOB\n//NAME CAL\n//POS\nC00000=1,2,3,4,5,6\n"
+    poses = "[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+    rapid = f"MODULE m\nCONST robtarget p1:={poses};\nENDMODULE\n"
+    krl = "DEFDAT CAL\nDECL E6POS XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n"
+    for content, said in (
+        *(
+            (own, "a program in RAPID, KRL, URScript, got one in another language")
+            for own in (fanuc, yaskawa)
+        ),
+        *((own, "got no joint target; save a table with a row for every pose") for own in (rapid, krl)),
+    ):
+        with pytest.raises(InputError, match=said):
+            read("", tmp_path, long(), content)
+
+
+def test_external_axes_of_a_program_are_joints_beyond_the_sixth(tmp_path):
+    (file := tmp_path / "cal.src").write_text(
+        "DEF cal()\nPTP {E1 7.5,A1 1,A2 2,A3 3,A4 4,A5 5,A6 6,E2 0.0}\nEND\n"
+    )
+    found = read_log(file, bool)
+    assert found.names == (*(f"A{k} [deg]" for k in range(1, 7)), "A7")
+    assert [found.texts(k) for k in range(7)] == [["1"], ["2"], ["3"], ["4"], ["5"], ["6"], ["7.5"]]
+    assert found.lines.tolist() == [2]
+    (file := tmp_path / "cal.mod").write_text(
+        "MODULE m\n\n VAR jointtarget a:=[[1,2,3,4,5,6],[-30,9E9,9E9,9E9,9E9,9E9]];\nENDMODULE\n"
+    )
+    found = read_log(file, bool)
+    assert found.names[-2:] == ("A6 [deg]", "A7")
+    assert found.texts(found.names.index("name")) == ["a"]
+    assert found.texts(7) == ["-30"]
