@@ -35,7 +35,7 @@ from testbench.data.meaning import (
     plain,
 )
 from testbench.data.names import XYZ, squeeze
-from testbench.data.rearranged import joined, keys_of, nearest, times_of
+from testbench.data.rearranged import clock, joined, keys_of, nearest, times_of
 from testbench.data.table import Table, read_table
 from testbench.data.targets import read_log
 from testbench.errors import Array, InputError, Mask
@@ -83,7 +83,7 @@ def propose(path: Path, arm: Arm, log: Path | None, beside: Path) -> list[Entry]
     place, joint = places(arm), joints_of(arm)
 
     def known(name: str) -> bool:
-        return bool(meaning(name) or place(name) or joint(name))
+        return bool(meaning(name) or place(name) or joint(name) or looks_like(name, "joints"))
 
     table, entries = read_table(path, known), list[Entry]()
     if not any(map(known, table.names)):
@@ -136,19 +136,21 @@ def _join(table: Table, log: Table) -> tuple[Log, Mask]:
     Returns:
         That, and which rows of the table have none, the fewer ones, (rows,).
     """
-    for ours, theirs in product(table.names, log.names):
-        own, texts = ([*map(squeeze, keys_of(*one))] for one in ((table, [ours]), (log, [theirs])))
-        alone = np.array([text not in {*texts} for text in own])
-        if alone.mean() < 0.5 and len({*own}) > 1 and len({*texts}) == len(texts):
-            same = {meaning(ours), meaning(theirs)} == {"name"} and {*own} == {*texts}
+    every = {name: [*map(squeeze, keys_of(log, [name]))] for name in log.names}
+    once = {name: {*texts} for name, texts in every.items() if len({*texts}) == len(texts)}
+    for ours, (theirs, texts) in product(dict.fromkeys(table.names), once.items()):
+        own = [*map(squeeze, keys_of(table, [ours]))]
+        alone = np.array([text not in texts for text in own], dtype=bool)
+        if alone.mean() < 0.5 and len({*own}) > 1:
+            same = {meaning(ours), meaning(theirs)} == {"name"} and {*own} == texts
             if same or not all(map(is_decimal, own)):  # numbers are no names, unless both are called so
                 return Log(file=log.path.name, on=[ours], to=[theirs]), alone
     both = [[name for name in own.names if meaning(name) == "when"] for own in (table, log)]
     if not all(both):
-        count, rest = divmod(table.rows, max(log.rows, 1))
-        if rest or count > TARGETS:
+        count = table.rows // max(log.rows, 1)
+        if table.rows != count * log.rows or not _in_turn(table, count):
             got = f"{table.rows} readings and {log.rows} rows of the log"
-            problem = "expected a column of names or times in both files, or as many rows in both"
+            problem = "expected names or times in columns of both files, or as many rows or poses in both"
             raise InputError(log.path, "", f"{problem}, got {got}")
         return Log(file=log.path.name, rows=count), np.zeros(table.rows, dtype=bool)
     when = [times_of(own, names) for own, names in zip((table, log), both, strict=True)]
@@ -160,6 +162,19 @@ def _join(table: Table, log: Table) -> tuple[Log, Mask]:
         raise InputError(log.path, "", f"{problem}; do the clocks agree?")
     how = Log(file=log.path.name, on=both[0], to=both[1], within_s=max(1.0, float(np.ceil(2 * apart))))
     return how, alone
+
+
+def _in_turn(table: Table, count: int) -> bool:
+    """Whether rows stand together: their names are those of the targets in each group, or one name."""
+    if count <= 1:
+        return count == 1
+    for name in (name for name in table.names if meaning(name) == "name"):
+        texts = keys_of(table, [name])
+        groups = [{*texts[k : k + count]} for k in range(0, len(texts), count)]
+        one_each = {*map(len, groups)} == {1} and len({*texts}) == len(groups)
+        if one_each or (len(groups[0]) == count and all(group == groups[0] for group in groups)):
+            return True
+    return False
 
 
 def _columns(table: Table, arm: Arm, length: str) -> Iterator[Entry]:
@@ -178,7 +193,7 @@ def _columns(table: Table, arm: Arm, length: str) -> Iterator[Entry]:
         for joint, k in zip(arm.joints, joints, strict=True):
             own = unit * (unit_of(table, k) is None)
             yield Entry("columns", joint.name + own, table.names[k], why * bool(own))
-    else:
+    elif arm.joints:
         yield _joint_cells(table, arm)
     readings, markers = _positions(table, arm)
     if not readings and {"axis", "position"} <= known.keys():
@@ -245,7 +260,7 @@ def _joint_cells(table: Table, arm: Arm) -> Entry:
     """How a column holds all joints in one cell; InputError where no column does."""
     order = sorted(range(len(table.names)), key=lambda k: not looks_like(table.names[k], "joints"))
     for k in order:
-        found = cell_pattern(table.texts(k), arm.n_joints)
+        found = _cells_of(table, k, arm.n_joints)
         if found and not POSED.search(plain(table.names[k])):
             said, (guessed, why) = unit_of(table, k), _angle(found[1])
             units = [said.name if said else "m" if joint.prismatic else guessed for joint in arm.joints]
@@ -257,12 +272,19 @@ def _joint_cells(table: Table, arm: Arm) -> Entry:
 def _position_cells(table: Table, length: str) -> Entry:
     """How a column holds x, y, z in one cell; InputError where no column does."""
     for k in (k for k, name in enumerate(table.names) if not looks_like(name, "joints")):
-        if found := cell_pattern(table.texts(k), len(XYZ)):
+        if found := _cells_of(table, k, len(XYZ)):
             said, (guessed, why) = unit_of(table, k), _length(found[1], "", length)
             unit = said.name if said else guessed
             pattern = _pattern_of(found[0], [f"{axis}_{unit}" for axis in XYZ])
             return Entry("cells", table.names[k], pattern, "" if said else why)
     raise _unlike(table, "a position")
+
+
+def _cells_of(table: Table, k: int, count: int) -> tuple[list[str], Array] | None:
+    """As `cell_pattern` of a column that is neither the same in all rows nor a date or time."""
+    texts = table.texts(k)
+    same = table.rows > 1 and len({*texts}) == 1
+    return None if same or clock(texts) is not None else cell_pattern(texts, count)
 
 
 def _pattern_of(pieces: Sequence[str], parts: Sequence[str]) -> str:

@@ -13,6 +13,7 @@ KNOWN = tomllib.loads(Path(__file__).with_name("exports.toml").read_text(encodin
 STATES = {squeeze(word): state for state, words in KNOWN["states"].items() for word in words}
 LOADS = ("N", "Nm", "kg")  #: Units of forces, moments and masses.
 NUMBER = re.compile(r"\d+")
+NEVER = "(?!)"  #: Matches nothing.
 LISTED = 9  #: Columns that a warning names.
 
 
@@ -45,7 +46,7 @@ def places(arm: Arm) -> Callable[[str], Place | None]:
     Returns:
         A function of a name; it returns None where the name is not that of a position.
     """
-    markers = sorted((plain(marker) for marker in arm.markers), key=len, reverse=True)
+    markers = sorted(filter(None, map(plain, arm.markers)), key=len, reverse=True)
     states = "|".join(map(re.escape, sorted(STATES, key=len, reverse=True)))
     target = "|".join([*map(re.escape, markers), KNOWN["places"]["target"]])
     words = re.compile(rf"(?P<target>{target})|(?P<when>{states})|{KNOWN['places']['said']}")
@@ -70,7 +71,7 @@ def joints_of(arm: Arm) -> Callable[[str], tuple[str, int] | None]:
         A function of a name; it returns None where the name is not that of a joint.
     """
     numbers = {plain(joint.name): k for k, joint in enumerate(arm.joints, start=1)}
-    spoken = "|".join(map(re.escape, sorted(numbers, key=len, reverse=True)))
+    spoken = "|".join(map(re.escape, sorted(filter(None, numbers), key=len, reverse=True))) or NEVER
     named = re.compile(KNOWN["joints"]["named"].replace("NAME", spoken))
 
     def joint(name: str) -> tuple[str, int] | None:

@@ -182,7 +182,7 @@ def averaged(columns: Columns) -> tuple[Columns, list[str]]:
         n = np.bincount(code[there], minlength=len(first))
         mean = np.full(len(first), np.nan)
         np.divide(np.bincount(code[there], values[there], len(first)), n, out=mean, where=n > 0)
-        off = (values - mean[code]) * (column.unit.scale if column.unit else 1.0)
+        off = (values - mean[code]) * column.sign * (column.unit.scale if column.unit else 1.0)
         columns.table.refuse(
             np.abs(off) > APART, column.name, f"expected shots of one point within {APART} m"
         )

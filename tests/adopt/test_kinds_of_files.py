@@ -140,6 +140,9 @@ KINDS = {
             ";",
         ),
     ),
+    "cells beside a time with six numbers": (
+        long(("Stamp;Joints", lambda k: f"2026-09-14 09:{k:02}:30;({joined(k)})")),
+    ),
     # motion capture
     "optitrack": (capture(MOTIVE), TIMED),
     "optitrack with a rigid body": (capture(TYPED, turned=True), TIMED),
@@ -286,8 +289,13 @@ def test_a_log_that_is_joined_by_order_says_so_and_is_refused_where_the_counts_d
     assert by.why == "no names or times in common, but these counts agree"
     assert "warning: robot.dat is joined by the order of its rows, each to 3 rows of readings" in found.notes
     fewer = "".join(other.splitlines(keepends=True)[:-1])
-    with pytest.raises(InputError, match="or as many rows in both, got 36 readings and 11 rows"):
+    with pytest.raises(InputError, match="or as many rows or poses in both, got 36 readings and 11 rows"):
         read("", tmp_path, export, fewer)
+    lines = export.splitlines(keepends=True)
+    by_target = "".join([lines[0], *(line for m in range(3) for line in lines[1 + m :: 3])])
+    with pytest.raises(InputError, match="or as many rows or poses in both, got 36 readings and 12 rows"):
+        read("", tmp_path, by_target, other)
+    (tmp_path / "robot.dat").write_text(fewer)
     with pytest.raises(InputError, match="expected 3 times 11 rows of robot"):
         read_series(tmp_path / "export.csv", ARM, tmp_path / "export.toml")
 
