@@ -83,7 +83,7 @@ def names_below_targets(table: Table, above: Sequence[Line], arm: Arm) -> list[s
     """
     place, rows = places(arm), [_filled(line, table) for line in above]
     turned = {k for row in rows for k, word in enumerate(row) if TURNED.fullmatch(plain(word))}
-    axes = {k: own.axis for k, name in enumerate(table.names) if (own := place(name)) and not own.target}
+    axes = {k: at.axis for k, name in enumerate(table.names) if (at := place(name)) and not at.target}
     axes = {k: axis for k, axis in axes.items() if k not in turned}
     if len(axes) <= len(XYZ):
         return []
@@ -112,7 +112,11 @@ def _filled(line: Line, table: Table) -> list[str]:
     """The cells of a line above the header, each as wide as the columns below it."""
     cells = cells_in(line, table.delimiter)[: len(table.names)]
     wide = [*cells, *[""] * (len(table.names) - len(cells))]
-    return list(accumulate(wide, lambda left, own: own or left))
+    return list(accumulate(wide, _kept))
+
+
+def _kept(left: str, own: str) -> str:
+    return own or left
 
 
 def _last(label: str) -> str:

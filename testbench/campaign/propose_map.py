@@ -233,8 +233,8 @@ def _positions(table: Table, arm: Arm) -> tuple[dict[str, list[int]], list[Entry
     """
     place, found = places(arm), dict[Place, list[int]]()
     for k, name in enumerate(table.names):
-        if own := place(name):
-            found.setdefault(own, []).append(k)
+        if at := place(name):
+            found.setdefault(at, []).append(k)
     whole = [p for p in found if p.axis == "x" and all(p._replace(axis=axis) in found for axis in XYZ)]
     whole = [p for p in whole if p.when] or whole
     targets = list(dict.fromkeys(p.target for p in whole if p.target))

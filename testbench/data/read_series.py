@@ -37,6 +37,8 @@ ALONE = "target"  #: Name of a file's only target where the arm has several.
 APART = 0.02  #: Readings of one target in one pose that are farther apart are of two targets [m].
 TURNED_APART = 1e-6  #: Difference of two orientations up to which they are one [1].
 TOLD = 5  #: Most lines that a note lists.
+BESIDE: tuple[What, ...] = ("time", "temperature", "torque", *ROTATIONS)
+"""Quantities of absolute readings that pairs do not have."""
 NAMES: tuple[What, ...] = ("series", "station", "series_frame", "series_target")
 """Columns that part a file into series, or name what these share."""
 
@@ -154,7 +156,9 @@ def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     series = series_of(export.data, stem, said.target or stem)
     if said.frame:
         series = tuple(replace(s, frame=s.frame.replace(s.name, said.frame, 1)) for s in series)
-    notes = (*export.notes, "a run is two readings, unloaded and loaded")
+    unread = [c.name for c in columns.every(*BESIDE) if not c.slot.when]
+    warning = f"warning: these columns are not read beside pairs: {', '.join(unread)}"
+    notes = (*export.notes, *[warning] * bool(unread), "a run is two readings, unloaded and loaded")
     return SeriesExport(series, columns, notes, np.array([], dtype=int))
 
 

@@ -279,6 +279,7 @@ def test_readers_of_pairs_and_of_readings_list_what_they_do_not_read(tmp_path):
         assert next(note for note in notes if note.startswith("warning")) == said[0]
         assert {*said[::2]} <= {*notes}
     assert said[1] in read_export(file, ARM).notes
+    assert "warning: these columns are not read beside pairs: Time" in read_series(file, ARM).notes
 
 
 def test_a_log_that_is_joined_by_order_says_so_and_is_refused_where_the_counts_differ(tmp_path):

@@ -219,12 +219,12 @@ def test_a_single_reading_has_half_the_covariance_of_a_deflection(tmp_path):
 def test_times_of_a_workbook_keep_their_fractions_and_join_the_nearest_row_of_a_log(tmp_path):
     """Serial numbers of a spreadsheet, days since 1899; the log has a row every 0.1 s."""
     day, step = 44000.5, 0.1 / 86400
-    at = [day + (0.25 + 3 * i) * step for i in range(N)]
+    at = [day + (3 * i + (0.25, -0.25)[i % 2]) * step for i in range(N)]  # the nearest row before, or after
     head = ["Time", *(f"{x} [m]" for x in "xyz")]
     cells = [[f'<c s="1"><v>{t!r}</v></c>', *P[i].tolist()] for i, t in enumerate(at)]
     (tmp_path / "one.xlsx").write_bytes(packed(parts({"A": [head, *cells]})))
     texts = read_table(tmp_path / "one.xlsx", bool).texts(0)
-    assert texts[:2] == ["2020-06-18 12:00:00.025000", "2020-06-18 12:00:00.325000"]
+    assert texts[:2] == ["2020-06-18 12:00:00.025000", "2020-06-18 12:00:00.275000"]
     rows = [
         f"2020-06-18 12:00:{k / 10:06.3f}," + ",".join(map(repr, (Q[k // 3] + k % 3).tolist()))
         for k in range(3 * N)
