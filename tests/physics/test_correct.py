@@ -283,6 +283,8 @@ def test_what_points_share_goes_with_a_frame_that_is_fitted_to_them(absolute):
     turned = replace(absolute, posterior=normal(absolute.posterior.x, base))
     assert fitted_half_widths(turned, stand, TIP).max() < 1e-6
     assert half_widths(turned, stand, None, TIP[None]).max() > 1e-3
+    noisy = fitted_half_widths(replace(absolute, noise=Noise(3e-4)), stand, TIP)
+    np.testing.assert_allclose(noisy, np.hypot(left, 1.96 * 3e-4), rtol=1e-4)
 
 
 def test_before_and_after_are_foretold_minus_asked_and_zero_where_nothing_acts(kr500, known):

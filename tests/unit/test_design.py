@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from testbench.design.baselines import observability
-from testbench.design.criteria import Determinant, Linear, criterion_e, criterion_g, mean_square
+from testbench.design.criteria import (
+    Determinant,
+    Linear,
+    criterion_e,
+    criterion_g,
+    criterion_of,
+    mean_square,
+)
 from testbench.design.exchange import exchange, greedy
 from testbench.design.forecast import forecast
 from testbench.design.order import joint_travel, round_trip, shortest_path
@@ -191,3 +198,15 @@ def test_ascent_climbs_within_limits_and_feasible():
     assert 0.7 < q[0, 0] < 0.9
     assert 0.7 < q[2, 0] < 0.9
     assert (q[1, 0] == 2.5) or (q[1, 0] < 0.9)  # an infeasible start stays or comes home
+
+
+@pytest.mark.parametrize("name", ["I", "G", "test"])
+def test_i_and_g_judge_the_workspace_and_the_test_criterion_the_tasks(name):
+    """Against the mean square error of every pose, by the definition."""
+    problem, M = random_problem(), information(random_problem(), range(8))
+    workspace, tasks = rng(1).normal(size=(6, 6, R)), 3 * rng(2).normal(size=(4, 6, R))
+    wanted = tasks if name == "test" else workspace
+    cost = np.einsum("pkr,rs,pks->p", wanted, np.linalg.inv(M), wanted) / 2  # of two targets
+    expected = cost.max() if name == "G" else cost.mean()
+    for given in ((workspace, tasks), *([(workspace,)] if name != "test" else [])):
+        assert criterion_of(name, problem, *given).information(M) == pytest.approx(1 / expected)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from testbench.errors import InputError
+from testbench.files import git_commit
 from testbench.output.place import PNG, check_file, check_folder, new_folder, whole_folder
 from testbench.output.whole import HOST, scratch, whole_file, write_whole
 
@@ -145,3 +146,24 @@ def test_a_run_takes_the_place_of_one_of_its_kind_with_all_of_its_files_and_fold
     write_run(run, "c.json")
     assert (part / "b.json").exists()
     assert not (run / "meshes").exists()
+
+
+def test_the_commit_of_a_checkout_says_whether_it_was_changed(tmp_path):
+    """Of a folder that is no checkout, or lies in another one's, nothing is known."""
+    me = ["-c", "user.name=A", "-c", "user.email=a@example.org"]
+
+    def git(*args):
+        done = subprocess.run(["git", "-C", tmp_path, *me, *args], check=True, capture_output=True, text=True)
+        return done.stdout.strip()
+
+    assert git_commit(tmp_path) == "unknown"
+    git("init", "--quiet")
+    (tmp_path / "inside").mkdir()
+    (tmp_path / "a.txt").write_text("one")
+    git("add", "a.txt")
+    git("commit", "--quiet", "--message", "one")
+    commit = git("rev-parse", "HEAD")
+    assert git_commit(tmp_path) == commit
+    (tmp_path / "a.txt").write_text("two")
+    assert git_commit(tmp_path) == f"{commit}-dirty"
+    assert git_commit(tmp_path / "inside") == "unknown"
