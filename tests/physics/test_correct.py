@@ -19,6 +19,7 @@ from testbench.errors import BenchError, NoEquilibrium
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.arm_model import About, bending, of_compliances
 from testbench.identify.posterior import CURVED, Posterior
+from testbench.model.load import resultant
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import no_weights, read_weights
@@ -334,6 +335,43 @@ def test_loads_beyond_those_of_the_identification_are_said_even_where_these_were
     assert extent(known, q, [held]).moment < 1e-9
     heavy = Load(np.array([0, 0, -2 * 9.81 * kr500.arm.payload, 0, 0, 0]), TIP)
     assert "2.0 times the payload" in extrapolated(extent(known, q, [heavy]))[0]
+
+
+def test_the_resultant_of_loads_is_the_sum_of_their_forces_moments_and_levers(kr500, rng):
+    """By hand, about the tool's origin, a load a pose and one for all."""
+    R = tool_pose(kr500.vjm, np.array([Q, -Q]))[1]
+    each = Load(rng.normal(size=(2, 6)), rng.normal(size=(2, 3)))
+    same = Load(rng.normal(size=6), rng.normal(size=3))
+    expected = [
+        sum(
+            np.r_[w[:3], w[3:] + np.cross(R[k] @ p, w[:3])]
+            for w, p in ((each.wrench[k], each.point[k]), (same.wrench, same.point))
+        )
+        for k in range(2)
+    ]
+    np.testing.assert_allclose(resultant(R, [each, same]), expected, rtol=0, atol=1e-12)
+
+
+def test_forces_and_moments_are_each_compared_with_their_own_largest(known):
+    turning = Load(np.array([100.0, 0, 0, 0, 50.0, 0]), np.zeros(3))
+    about = replace(known, about=About("made up", force=200.0, moment=10.0))
+    found = extent(about, Q[None], [turning])
+    assert (found.force_ratio, found.moment_ratio) == pytest.approx((0.5, 5.0))
+    [said] = extrapolated(found)
+    assert "50 N m are 5.0 times the largest moment" in said
+
+
+@pytest.mark.parametrize(
+    ("shares", "name"),
+    [((0.6, 0.49), "a"), ((0.6, 0.51), None), ((0.49, 0.1), None), ((0.3, 0.55), "b")],
+    ids=["half of all and a fifth more", "two alike", "less than half", "the second"],
+)
+def test_the_part_that_is_named_leaves_clearly_more_open_than_the_next(known, monkeypatch, shares, name):
+    told = {"a": shares[0], "b": shares[1], "c": 0.0}
+    monkeypatch.setattr("testbench.correct.uncertainty._taken_away", lambda *_: told)
+    found = most_open(known, Q[None], [FORCE], TIP, absolute=False)
+    assert (found and found.name) == name
+    assert found is None or (found.share, found.joint) == (told[name], False)
 
 
 #: Near a stretched elbow and wrist: how a path was once torn between two ways to take a point.

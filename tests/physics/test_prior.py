@@ -16,15 +16,17 @@ from testbench.campaign.models import named_models
 from testbench.campaign.perturbed_prior import prior_of
 from testbench.campaign.true_arms import true_cell
 from testbench.identify import average, hierarchy
+from testbench.identify import posterior as posteriors
 from testbench.identify.average import averaged, of_two_priors
-from testbench.identify.crossval import Candidate, unless_beaten
+from testbench.identify.crossval import FOLDS, Candidate, parts_of, unless_beaten
 from testbench.identify.estimate import Average, make_estimate
 from testbench.identify.evidence import bends, greatest, posterior
 from testbench.identify.metric import Belief, metric, rescaled, whitened
-from testbench.identify.posterior import CURVED, curvature, intervals, linearise
+from testbench.identify.posterior import CURVED, Posterior, curvature, intervals, linearise
 from testbench.identify.prior import Prior, Strength, cad_prior, softened
 from testbench.identify.regression import f_m
 from testbench.identify.solve import answer, solve
+from testbench.model.laws import with_laws
 from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
@@ -429,3 +431,67 @@ def test_the_share_of_a_prior_is_that_of_its_evidence_against_the_odds_beforehan
     assert found.average.whole is both[likelier].average.whole
     mixed = [found.average.weight, found.average.laws, found.average.likely]
     np.testing.assert_allclose(mixed, share @ [[0.1, 0.2, 0.3], [0.5, 0.7, 0.8]], rtol=1e-12)
+
+
+@pytest.mark.parametrize("log_evidence", [(0.0, 2.0, 2.5), (3.0, 0.0, 5.5)], ids=["linear", "laws"])
+def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
+    kr500, campaign, log_evidence, monkeypatch
+):
+    """Joints, links and joints, and these with laws: known estimates and evidences, weights by Bayes."""
+    s, (e_joints, e_links, e_laws) = with_laws(all153(kr500.arm), kr500.arm), log_evidence
+    r, own = seen_by(kr500, campaign, s)
+    worth = {"Joints": 3.0, "ALL153": 1.0, s.name: 2.0}
+
+    def learn(_regression, prior, *, widths):
+        return Belief(prior, Strength(1.0), log_evidence=e_laws if prior.law.any() else e_links)
+
+    def solve(regression, constraint, belief):
+        pi = np.full(regression.structure.n, worth[regression.structure.name])
+        return replace(make_estimate(regression, pi, method="known", constraint=constraint), belief=belief)
+
+    monkeypatch.setattr(average, "learn", learn)
+    monkeypatch.setattr(average, "solve", solve)
+
+    def log_evidence_alone(_regression, prior):
+        return e_joints, Belief(prior, Strength(1.0))
+
+    monkeypatch.setattr(average, "log_evidence_alone", log_evidence_alone)
+    found, together = average._of_prior(r, "psd", own, widths=True)
+    joints, links = average.ODDS * math.exp(e_joints), math.exp(e_links)
+    linear, laws = joints + links, math.exp(e_laws) / average.LINEAR
+    assert together == pytest.approx(math.log(linear + laws))
+    assert found.average.weight == pytest.approx(joints / linear)
+    assert found.average.laws == pytest.approx(laws / (linear + laws))
+    even = (average.LINEAR * laws / linear) ** average.ROOT
+    assert found.average.likely == pytest.approx(even / (1 + even))
+    straight = links / linear * 1.0 + joints / linear * 3.0 * (s.a >= 42)
+    expected = found.average.laws * 2.0 + (1 - found.average.laws) * np.where(s.a < s.plain, straight, 0.0)
+    np.testing.assert_allclose(found.pi, expected, rtol=1e-12)
+
+
+def test_intervals_of_laws_and_of_none_are_mixed_as_likely_as_they_are(kr500, campaign, monkeypatch, rng):
+    """Covariance of a mixture: every part's, and what lies between it and the mean."""
+    s = joints_only(kr500.arm)
+    r = reduce(kr500.vjm, s, campaign.identification)
+    straight, lawful, mean = (
+        make_estimate(r, k * np.ones(6), method="known", constraint="psd") for k in (1, 2, 3)
+    )
+    roots = {id(straight): rng.normal(size=(6, 6)), id(lawful): rng.normal(size=(6, 6))}
+    monkeypatch.setattr(posteriors, "linearise", lambda own: Posterior.normal(own.pi, roots[id(own)]))
+    whole = Average(0.3, straight, laws=0.6, likely=0.8, lawful=lawful)
+    found = posteriors._averaged(mean, whole).covariance(np.eye(6))
+    parts = ((0.8, lawful), (0.2, straight))
+    each = [p * (roots[id(e)].T @ roots[id(e)] + np.outer(e.pi - mean.pi, e.pi - mean.pi)) for p, e in parts]
+    np.testing.assert_allclose(found, sum(each), rtol=1e-9)
+
+
+def test_poses_and_levels_of_load_are_dealt_out_in_turn():
+    """Levels are pairs of a force and a moment: of equal sums or lengths two of them may still differ."""
+    level = np.array([[100.0, 0.0], [0.0, 100.0], [100.0, 50.0], [100.04, 0.0], [50.0, 100.0]])
+    used = np.array([True, True, True, True, True])
+    part = parts_of(np.array([7, 7, 9, 9, 11]), level, used)
+    assert (part // FOLDS).tolist() == [0, 0, 1, 1, 2]
+    load = part % FOLDS
+    assert load[0] == load[3]
+    assert len(set(load[[0, 1, 2, 4]])) == 4
+    assert parts_of(np.array([7, 7, 9, 9, 11]), level, ~used | (level[:, 1] > 0)).tolist()[0] == -1

@@ -53,3 +53,15 @@ def test_turning_a_joint_helps_by_what_it_takes_of_what_is_left(each, everywhere
     one = [Quantity("x", np.eye(1))]
     [found] = hidden(one, np.eye(1), np.array([[1 / 0.6 - 1]]), np.zeros((1, 0)), further)
     assert found.helps == helps
+
+
+def test_what_hides_comes_first_and_the_most_open_of_those_alike_and_of_a_pair_the_more_open_one():
+    """Two pairs of which only the sums are read, and two that are not read at all."""
+    names, left = ["a", "b", "c", "d", "e", "f"], (0.51, 0.52, 0.53, 0.54, 0.7, 0.95)
+    K = np.diag(left)
+    for i, j in ((0, 1), (2, 3)):
+        K[i, j] = K[j, i] = -0.845 * np.sqrt(left[i] * left[j])
+    M = np.linalg.inv(K) - np.eye(6)
+    quantities = [Quantity(name, row[None]) for name, row in zip(names, np.eye(6), strict=True)]
+    found = hidden(quantities, np.eye(6), M, np.zeros((6, 0)))
+    assert [(one.name, one.behind) for one in found] == [("d", ("c",)), ("b", ("a",)), ("f", ()), ("e", ())]
