@@ -131,8 +131,10 @@ def _of_study(name: str) -> str:
     """Draw the picture of a study whose full run is there, or say which command makes that."""
     picture = pages.PAGES / f"{name}.png"
     if not (FULL / name / "report.json").is_file():
-        asked = read_stamp(picture).command.replace(f"runs/{name}", f"runs/full/{name}")
-        return f"{picture.relative_to(ROOT)}: left as it is; it needs {asked}"
+        run = f"python scenarios/{name}.py --out runs/{name}"
+        asked = read_stamp(picture).command if picture.is_file() else run
+        needs = asked.replace(f"runs/{name}", f"runs/full/{name}")
+        return f"{picture.relative_to(ROOT)}: left as it is; it needs {needs}"
     pages.draw(name, FULL / name)
     return f"{picture.relative_to(ROOT)}: {picture.stat().st_size // 1024} KiB"
 

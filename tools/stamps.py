@@ -75,7 +75,8 @@ def _is_number(cell: str) -> bool:
 
 def _commented(gif: bytes, text: bytes) -> bytes:
     """A GIF with a comment right behind its global colours, where one of before is replaced."""
-    start = 13 + (3 << (gif[10] & 7) + 1 if gif[10] & 0x80 else 0)
+    colours = 2 << (gif[10] & 7) if gif[10] & 0x80 else 0
+    start = 13 + 3 * colours
     rest = gif[start:]
     if rest.startswith(b"\x21\xfe"):
         rest = rest[2 + len(b"".join(_blocks(rest[2:]))) + 1 :]

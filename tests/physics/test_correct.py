@@ -293,6 +293,8 @@ def test_before_and_after_are_foretold_minus_asked_and_zero_where_nothing_acts(k
     found = compensate(known, q, [Load(wrench, np.array([TIP, TIP]))], AIM)
     assert np.array_equal(found.q[0], q[0])
     assert not np.array_equal(found.q[1], q[1])
+    half = half_widths(known, Poses(found.q, [Load(wrench, TIP)]), Poses(q), TIP[None])[:, 0]
+    np.testing.assert_allclose(found.half, half, rtol=1e-9)  # of the joints that are commanded
     rests = settle(kr500.plant, q, wrench, np.array([TIP, TIP])), settle(kr500.plant, q)
     np.testing.assert_allclose(found.before, tip(rests[0]) - tip(rests[1]), atol=1e-8)
     again = correct(known.state, q, [], asked(known.state, q, "drawn", TIP), AIM)

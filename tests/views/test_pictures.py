@@ -3,15 +3,24 @@
 import re
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import opener
 import pages
 import pictures
 import pytest
 from PIL import Image
+from scipy.linalg import block_diag
 from stamps import Stamp, digest, read_stamp, stamp
 
+from testbench import Scenario, deflections, reduce, simulate
 from testbench.errors import InputError
+from testbench.identify.estimate import make_estimate
+from testbench.model.laws import with_laws
+from testbench.model.loaded import displacement
+from testbench.model.structure import all153
+from testbench.model.vjm import chain
 from testbench.report.report import read_report
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -66,6 +75,18 @@ def test_commands_say_today_what_their_pictures_say(tmp_path):
             assert float(new.replace(",", "")) == pytest.approx(
                 float(old.replace(",", "")), rel=SAME, abs=1.5 * last
             ), name
+
+
+def test_the_film_bends_the_arm_as_a_model_predicts_its_laws_of_the_joints_included(kr500):
+    """To first order, at the markers."""
+    data = simulate(kr500, Scenario(arm="kr500_l480", workspace_poses=1), 3).identification
+    structure = with_laws(all153(kr500.arm), kr500.arm)
+    C = block_diag(kr500.arm.C_theta, 0.5 * np.eye(structure.laws))
+    regression = reduce(kr500.vjm, structure, data)
+    found = make_estimate(regression, structure.entries(C), method="known", constraint="psd")
+    theta = opener._bent(kr500, SimpleNamespace(estimate=found), data.q, (data.wrench, data.point))
+    moved = displacement(chain(kr500.vjm, data.q), theta, kr500.vjm.markers)
+    np.testing.assert_allclose(moved, deflections(kr500.vjm, found, data), rtol=0, atol=1e-12)
 
 
 def test_runs_are_made_after_those_that_they_read():
