@@ -28,7 +28,7 @@ from testbench.identify.regression import f_m
 from testbench.identify.solve import answer, solve
 from testbench.model.laws import with_laws
 from testbench.model.loaded import displacement, loaded_deflection, secant
-from testbench.model.structure import Structure, all153, joints_only, mgco68, mgco147, template56
+from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
 from testbench.studies.estimators import stein
 
@@ -495,3 +495,21 @@ def test_poses_and_levels_of_load_are_dealt_out_in_turn():
     assert load[0] == load[3]
     assert len(set(load[[0, 1, 2, 4]])) == 4
     assert parts_of(np.array([7, 7, 9, 9, 11]), level, ~used | (level[:, 1] > 0)).tolist()[0] == -1
+
+
+@pytest.mark.parametrize("laws", [False, True])
+@pytest.mark.parametrize("make", [all153, mgco68, mgco47])
+def test_what_no_reading_speaks_of_weighs_nothing_however_many_blocks_there_are(kr500, campaign, make, laws):
+    """Of links and joints: the evidence by the prior alone is log 1, the factor of all blocks held."""
+    s = with_laws(make(kr500.arm), kr500.arm) if laws else make(kr500.arm)
+    seen = hierarchy.evidence(*seen_by(kr500, campaign, s, cad_prior(kr500.arm)))
+    mute = replace(seen.problem, gram=0 * seen.problem.gram, counts=0 * seen.problem.counts)
+    h = np.r_[np.zeros(len(seen.start) - 3), seen.start[-3:-1], 0.0]
+    for k in range(2, seen.kind.max() + 1):  # sizes of laws beside the prior's
+        own = math.log(hierarchy._size(k)[0])
+        h[seen.blocks + k], h[: seen.blocks][seen.kind == k] = own, own
+    at = posterior(mute, h)
+    some = np.setdiff1d(np.arange(len(h) - 1), [seen.blocks])
+    values = np.linalg.eigvalsh(bends(mute, h, at)[0][np.ix_(some, some)])
+    assert at.loss == pytest.approx(0, abs=1e-9)
+    assert hierarchy._log_evidence(seen, at.loss, values) == pytest.approx(0, abs=1e-9)
