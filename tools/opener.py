@@ -26,7 +26,8 @@ from testbench.campaign.model_selection import DEFAULT
 from testbench.campaign.models import JOINTS
 from testbench.cli.demo import Demo
 from testbench.errors import Array
-from testbench.model.vjm import chain, generalised_load
+from testbench.model.laws import vjm_of
+from testbench.model.vjm import chain, generalised_load, turns
 from testbench.output.whole import whole_file
 from testbench.plant.shapes import elastic_frames, origins
 from testbench.shell import command
@@ -97,8 +98,7 @@ def _sags(cell: Cell, campaign: Campaign, found: Sequence[Result], mass: Array) 
     wrench = np.zeros((n, 6))
     wrench[:, 2] = -GRAVITY * mass
     before, after = settle_both(cell.plant, campaign.scenario.truth, q, wrench, point)
-    load = generalised_load(chain(cell.vjm, q), wrench, point)
-    moved = [after.theta - before.theta, *((r.estimate.C_theta @ load).T for r in found)]
+    moved = [after.theta - before.theta, *(_bent(cell, r, q, (wrench, point)) for r in found)]
     names = [*(link.name for link in cell.arm.links), cell.arm.tool, *cell.arm.markers]
     rest = _points(cell, names, q, np.zeros_like(before.theta))
     aside = rest[0, :, :2][np.linalg.norm(rest[0, :, :2], axis=-1).argmax()]
@@ -112,6 +112,12 @@ def _sags(cell: Cell, campaign: Campaign, found: Sequence[Result], mass: Array) 
         error = MM * np.sqrt((off**2).mean(axis=1))
         sags.append(Sag(drawn[:, :-m], drawn[:, -m:], error))
     return sags[0], sags[1:]
+
+
+def _bent(cell: Cell, model: Result, q: Array, load: tuple[Array, Array]) -> Array:
+    """Links and joints as a model bends them, its laws of the joints included, (loads, n_theta) [m, rad]."""
+    vjm = vjm_of(cell.vjm, model.estimate.structure)
+    return turns(vjm, (model.estimate.C_theta @ generalised_load(chain(vjm, q), *load)).T)
 
 
 def _points(cell: Cell, names: Sequence[str], q: Array, theta: Array) -> Array:

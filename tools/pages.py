@@ -4,6 +4,7 @@ python tools/pages.py --runs runs/full
 """
 
 import csv
+import importlib
 import json
 import re
 import shutil
@@ -18,11 +19,14 @@ from typing import Annotated
 
 import typer
 from blocks import fill
+from stamps import Stamp, digest, stamp
 
 from testbench.errors import BenchError
-from testbench.report import report
+from testbench.report.report import Report, read_report
 from testbench.shell import command
+from testbench.studies.run import headed_figures
 from testbench.trials.spread import Spread
+from testbench.views.figure import save
 from testbench.views.markdown import capital, grid, titled
 from testbench.views.schema import Column, Table, narrowed
 
@@ -66,35 +70,50 @@ def main(
 
 def leaderboard(run: Path) -> None:
     """All tables of a run of the bench beside its page, which has parts of it."""
-    found = report.read(json.loads((run / "report.json").read_text(encoding="utf-8")))
+    found = read_report(run / "report.json")
     for key, _ in _tables(found, PAGES.parent / "leaderboard"):
         print(PAGES.parent / "leaderboard" / f"{key}.csv")
 
 
 def page(name: str, run: Path) -> None:
     """A study's page: command, answer, picture, its first table in short; all tables as CSV beside it."""
-    found = report.read(json.loads((run / "report.json").read_text(encoding="utf-8")))
-    pictures = [run / f"{name}.png", run / "models.png", run / "curves.png"]
-    shutil.copyfile(next(png for png in pictures if png.is_file()), PAGES / f"{name}.png")
-    asked = json.loads((run / "manifest.json").read_text(encoding="utf-8"))
-    flags = f"--seed {asked['seed']} --seeds {asked['seeds']}"
-    if "campaigns" in asked["scenario"]:
-        flags += f" --campaigns {asked['scenario']['campaigns']}"
+    found = read_report(run / "report.json")
+    draw(name, run)
     links = [f"[{key}]({name}/{key}.csv)" for key, _ in _tables(found, PAGES / name)]
     text = ""
     for rows in range(ROWS, FEWEST - 1, -1):
-        text = _text(name, flags, found, rows, links)
+        text = _text(name, asked(name, run), found, rows, links)
         if len(text.split()) <= WORDS:
             break
     (PAGES / f"{name}.md").write_text(text, encoding="utf-8")
 
 
-def _text(name: str, flags: str, found: report.Report, rows: int, links: list[str]) -> str:
+def asked(name: str, run: Path) -> str:
+    """The command that made a run of a study, as its page has it."""
+    manifest = json.loads((run / "manifest.json").read_text(encoding="utf-8"))
+    flags = f"--seed {manifest['seed']} --seeds {manifest['seeds']}"
+    if "campaigns" in manifest["scenario"]:
+        flags += f" --campaigns {manifest['scenario']['campaigns']}"
+    return f"python scenarios/{name}.py {flags} --out runs/{name}"
+
+
+def draw(name: str, run: Path) -> None:
+    """A study's picture by today's code from the numbers of a run, and in it a digest of its tables."""
+    found, png = read_report(run / "report.json"), PAGES / f"{name}.png"
+    figures = headed_figures(importlib.import_module(f"testbench.studies.{name}.study").STUDY, found)
+    save(figures.get(f"{name}.png") or next(iter(figures.values())), png)
+    with tempfile.TemporaryDirectory() as tables:
+        for _ in _tables(found, Path(tables) / name):
+            pass
+        stamp(png, Stamp(asked(name, run), digest(Path(tables) / name)))
+
+
+def _text(name: str, command: str, found: Report, rows: int, links: list[str]) -> str:
     """The page with so many rows in its table."""
     badge = found.block("badge")
     parts = [
         f"# {titled(name)}",
-        f"    python scenarios/{name}.py {flags} --out runs/{name}",
+        f"    {command}",
         found.question,
         f"**{found.answer}**",
         f"> {badge}" if badge else "",
@@ -117,7 +136,7 @@ def _short(table: Table, most: int) -> str:
     return "\n\n".join(filter(None, [f"## {capital(table.title)}" if table.title else "", grid(short), more]))
 
 
-def _tables(found: report.Report, folder: Path) -> Iterator[tuple[str, Table]]:
+def _tables(found: Report, folder: Path) -> Iterator[tuple[str, Table]]:
     """Writes every table that has rows: a column a quantity, two more for the ends of its spread."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()

@@ -1,68 +1,148 @@
-"""The pictures of README.md and docs/recordings.md, from the recordings of run folders, without a screen.
+"""Every picture and film of README.md and docs, by today's code: `make pictures`.
 
-python tools/pictures.py --runs runs --out docs
+python tools/pictures.py [PICTURE ...]
 
-Needs Mesa's software Vulkan (Debian: mesa-vulkan-drivers). A run that is not there is left out and said so.
+Pictures of commands are of runs that this script makes, in runs/pictures. Those of studies are of full runs,
+which it does not make: where runs/full lacks one, the picture stays, and the command for it is printed. Every
+picture holds its command and its numbers (`stamps`). Needs Mesa's software Vulkan (Debian:
+mesa-vulkan-drivers).
 """
 
+import subprocess
 import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import opener
+import pages
 import typer
 from PIL import Image
+from stamps import Stamp, read_stamp, stamp
 
 from testbench.errors import BenchError
+from testbench.report.report import read_report
 from testbench.shell import command
 from testbench.views.recording import shot
 
+ROOT = Path(__file__).resolve().parents[1]
+DOCS, RUNS, FULL = ROOT / "docs", ROOT / "runs" / "pictures", ROOT / "runs" / "full"
 COLOURS = 256
 """Of a picture: a viewer's screen has few, and the file shrinks to a third."""
-
-PICTURES = {
-    "calibration": ("gravity_calibration", None, None, None),
-    "calibration_errors": ("gravity_calibration", "Where it errs", None, None),
-    "recording_six_dof_arm": ("six_dof_arm", None, None, None),
-    "recording_identify": ("identify", None, None, None),
-    "recording_compensate": ("compensate", None, None, None),
-    "recording_predict": ("predict", None, None, None),
+TESTBENCH = "import sys; from testbench.cli import main; sys.exit(main())"  #: The program, by this Python.
+WIDE = 1000  #: Of a figure of a run in the docs [pixel].
+COMMANDS = {
+    "demo": "testbench demo --out runs/demo",
+    "model": "testbench identify kr500_l480 runs/demo/dataset.csv --out runs/model",
+    "predict": "testbench predict runs/model docs/tasks.csv --load 460 --out runs/predict",
+    "corrected_report": "testbench compensate runs/model docs/program.csv --out runs/corrected.csv",
+    "six_dof_arm": "python scenarios/six_dof_arm.py --seed 1000 --seeds 1 --out runs/six_dof_arm",
+    "C": "testbench calibrate ur10 models/ur10/readings/series_C.csv --out runs/C",
 }
-"""By file: folder of the run, tab in front, timeline, place on it."""
+"""What makes a run, by its folder in runs; each may read those before it."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of a run."""
+
+    run: str  #: Key of COMMANDS.
+    tab: str | None = None  #: Of the recording, in front; None for the first.
+    figure: str = ""  #: Figure of the run in place of its recording.
+    page: str = ""  #: Page that holds the numbers of the run's answer, if one does.
+
+
+FILM = "loading"  #: The film of `opener`.
+PICTURES = {
+    FILM: Picture("demo", page="README.md"),
+    "calibration": Picture("demo", page="README.md"),
+    "calibration_errors": Picture("demo", "Where it errs", page="README.md"),
+    "recording_identify": Picture("model"),
+    "recording_predict": Picture("predict"),
+    "recording_compensate": Picture("corrected_report"),
+    "calibrate_ur10": Picture("C", figure="calibration.png", page="docs/calibration.md"),
+    "recording_six_dof_arm": Picture("six_dof_arm"),
+}
+"""By name of the file in docs; those of studies bear the study's name, in docs/studies."""
 
 app = typer.Typer(add_completion=False)
 
 
 @app.command()
 def main(
-    runs: Annotated[Path, typer.Option(help="Folder with one folder a scenario.")] = Path("runs"),
-    out: Annotated[Path, typer.Option(help="Folder of the pictures.")] = Path("docs"),
-    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels.")] = "1600x1000",
+    names: Annotated[list[str] | None, typer.Argument(help="Pictures, such as calibration; all.")] = None,
 ) -> None:
-    """Render every picture whose run is there."""
-    made = 0
-    for name, (run, tab, timeline, at) in PICTURES.items():
-        folder, png = runs / run, out / f"{name}.png"
-        if not folder.is_dir():
-            print(f"{png}: left out, no {folder}; make it with scenarios/{run}.py --out {folder}")
-            continue
-        shot.shot(folder, png, shot.Sight(size, tab, timeline, at))
-        shrink(png)
-        made += 1
-        print(f"{png}: {png.stat().st_size // 1024} KiB")
-    opener.draw(gif := out / "loading.gif")
-    made += 1
-    print(f"{gif}: {gif.stat().st_size // 1024} KiB")
-    if not made:
-        raise BenchError(f"no run in {runs}")
+    """Draw pictures of the docs anew."""
+    known = (*PICTURES, *pages.STUDIES)
+    if wrong := [name for name in names or () if name not in known]:
+        raise BenchError(f"no picture {wrong[0]!r}; pictures are {', '.join(known)}")
+    wanted = names or known
+    runs = {PICTURES[name].run for name in wanted if name in PICTURES}
+    make(RUNS, [run for run in COMMANDS if run in needed(runs)])
+    for name in wanted:
+        print(draw(name) if name in PICTURES else _of_study(name), flush=True)
 
 
-def shrink(png: Path) -> None:
-    """Keep as many colours as a screen needs."""
-    with Image.open(png) as picture:
-        octree = Image.Quantize.FASTOCTREE  # median cut turns rare colours, the markers, into others
-        few = picture.convert("RGB").quantize(COLOURS, octree, dither=Image.Dither.NONE)
-    few.save(png, optimize=True)
+def needed(runs: set[str]) -> set[str]:
+    """Runs of commands, and those that their commands read."""
+    words = {run: set(COMMANDS[run].replace("/", " ").split()) for run in runs}
+    more = {other for run in runs for other in COMMANDS if other in words[run]}
+    return runs if more <= runs else needed(runs | more)
+
+
+def make(folder: Path, runs: Sequence[str]) -> None:
+    """Make runs of commands in a folder in place of runs.
+
+    Raises:
+        BenchError: When a command fails.
+    """
+    for run in runs:
+        first, *words = COMMANDS[run].split()
+        words = [str(folder / word[5:]) if word.startswith("runs/") else word for word in words]
+        words = words if first == "python" else ["-c", TESTBENCH, *words]
+        print(COMMANDS[run], flush=True)
+        done = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise BenchError(f"{COMMANDS[run]}: {done.stderr.strip()}")
+
+
+def draw(name: str) -> str:
+    """Draw a picture whose run is there; what was done, for people."""
+    own = PICTURES[name]
+    folder, picture = RUNS / own.run, DOCS / f"{name}{'.gif' if name == FILM else '.png'}"
+    if name == FILM:
+        opener.draw(picture)
+    elif own.figure:
+        with Image.open(folder / own.figure) as figure:
+            height = round(figure.height * WIDE / figure.width)
+            shrink(figure.convert("RGB").resize((WIDE, height), Image.Resampling.LANCZOS), picture)
+    else:
+        with tempfile.TemporaryDirectory() as made:
+            shot.shot(folder, Path(made) / "shot.png", shot.Sight(tab=own.tab))
+            with Image.open(Path(made) / "shot.png") as screen:
+                shrink(screen.convert("RGB"), picture)
+    stamp(picture, Stamp(COMMANDS[own.run], read_report(folder / "report.json").answer))
+    return f"{picture.relative_to(ROOT)}: {picture.stat().st_size // 1024} KiB"
+
+
+def _of_study(name: str) -> str:
+    """Draw the picture of a study whose full run is there, or say which command makes that."""
+    picture = pages.PAGES / f"{name}.png"
+    if not (FULL / name / "report.json").is_file():
+        run = f"python scenarios/{name}.py --out runs/{name}"
+        asked = read_stamp(picture).command if picture.is_file() else run
+        needs = asked.replace(f"runs/{name}", f"runs/full/{name}")
+        return f"{picture.relative_to(ROOT)}: left as it is; it needs {needs}"
+    pages.draw(name, FULL / name)
+    return f"{picture.relative_to(ROOT)}: {picture.stat().st_size // 1024} KiB"
+
+
+def shrink(picture: Image.Image, png: Path) -> None:
+    """Write as many colours as a screen needs."""
+    octree = Image.Quantize.FASTOCTREE  # median cut turns rare colours, the markers, into others
+    picture.quantize(COLOURS, octree, dither=Image.Dither.NONE).save(png, optimize=True)
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ from testbench.trials.engine import Backend, run_study
 from testbench.trials.experiment import Experiment
 from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
 from testbench.views import terminal
-from testbench.views.figure import headed, save
+from testbench.views.figure import Figure, headed, save
 from testbench.views.markdown import titled
 from testbench.views.page.page import write_page
 from testbench.views.recording.run import write_run
@@ -126,9 +126,9 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     report, folder = found.report, found.folder
     files.write_json(report.json(), folder / "report.json")
     (folder / "report.md").write_text(report.whole(), encoding="utf-8")
-    figures = study.figures(report)
+    figures = headed_figures(study, report)
     for name, figure in figures.items():
-        save(headed(figure, terminal.as_plain(report.block("badge")), report.winner), folder / name)
+        save(figure, folder / name)
     names = [*figures, *study.extra]
     if "data_file" in (first := found.first):
         (folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")
@@ -138,6 +138,12 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     )
     write_page(folder, titled(study.name), report, replace(seen, tables=_shown(study, report)))
     return names
+
+
+def headed_figures(study: AnyStudy, report: Report) -> dict[str, Figure]:
+    """Draw the figures of a report, each below the badge of its run, by their names."""
+    badge = terminal.as_plain(report.block("badge"))
+    return {name: headed(figure, badge, report.winner) for name, figure in study.figures(report).items()}
 
 
 def _shown(study: AnyStudy, report: Report) -> list[Table]:

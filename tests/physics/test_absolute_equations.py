@@ -32,7 +32,8 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.identify.registration import Frame
 from testbench.identify.robust_loss import READINGS, SQUARE
 from testbench.identify.rows import rows_of
-from testbench.model.joint_errors import JointErrors
+from testbench.model.joint_errors import BANDS, FIRM, JointErrors
+from testbench.model.joint_errors import basis as errors_of
 from testbench.model.load import Load
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import tool_pose
@@ -411,3 +412,27 @@ def test_steps_on_the_way_take_few_rows_all_of_a_pose_and_enough_of_every_series
     assert LEAST_OF_ONE <= short.rows < many.rows
     assert few.rows + short.rows <= 1.05 * ON_THE_WAY
     assert set(np.unique(few.pose)) < set(huge.pose)
+
+
+def test_errors_of_a_joint_together_are_those_of_every_kind_alone_in_their_order(slides, rng):
+    """Against the formulas; an order belongs to the last band that begins at or below it."""
+    orders, arm, runs = (1, 2, 4, 5, 7, 8, 1000), slides.arm, 9
+    errors = JointErrors(orders, ratio=True, play=True, stiffening=True)
+    band = [max(k for k, first in enumerate(BANDS) if first <= order) for order in orders]
+    assert errors.bands.tolist() == [*band, *band, -1, -1, -1]
+    q, torque = rng.normal(size=(runs, arm.n_joints)), 100 * rng.normal(size=(arm.n_joints, runs))
+    scale = np.array([50.0, 0.0, 10.0, 20.0, 30.0])
+    found = errors_of(errors, arm, q, torque, scale)
+    hinge = np.array([not joint.prismatic for joint in arm.joints])
+    turns = np.array(orders)[:, None, None] * q.T
+    pull = torque / np.where(scale > 0, scale, 1.0)[:, None]
+    harmonics = np.concatenate([np.sin(turns), np.cos(turns)]) * hinge[:, None]
+    expected = {
+        "harmonics": harmonics,
+        "ratio": q.T[None],
+        "play": np.tanh(pull / FIRM)[None],
+        "stiffening": (pull * np.abs(pull))[None],
+    }
+    for kind, own in expected.items():
+        some = [k for k, name in enumerate(errors.kinds) if name == kind]
+        np.testing.assert_allclose(found[:, some].swapaxes(0, 1), own, rtol=0, atol=1e-9)

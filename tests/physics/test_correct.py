@@ -19,6 +19,7 @@ from testbench.errors import BenchError, NoEquilibrium
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.arm_model import About, bending, of_compliances
 from testbench.identify.posterior import CURVED, Posterior
+from testbench.model.load import resultant
 from testbench.model.structure import all153
 from testbench.model.vjm import chain, tool_pose
 from testbench.model.weights import no_weights, read_weights
@@ -283,6 +284,8 @@ def test_what_points_share_goes_with_a_frame_that_is_fitted_to_them(absolute):
     turned = replace(absolute, posterior=normal(absolute.posterior.x, base))
     assert fitted_half_widths(turned, stand, TIP).max() < 1e-6
     assert half_widths(turned, stand, None, TIP[None]).max() > 1e-3
+    noisy = fitted_half_widths(replace(absolute, noise=Noise(3e-4)), stand, TIP)
+    np.testing.assert_allclose(noisy, np.hypot(left, 1.96 * 3e-4), rtol=1e-4)
 
 
 def test_before_and_after_are_foretold_minus_asked_and_zero_where_nothing_acts(kr500, known):
@@ -290,6 +293,8 @@ def test_before_and_after_are_foretold_minus_asked_and_zero_where_nothing_acts(k
     found = compensate(known, q, [Load(wrench, np.array([TIP, TIP]))], AIM)
     assert np.array_equal(found.q[0], q[0])
     assert not np.array_equal(found.q[1], q[1])
+    half = half_widths(known, Poses(found.q, [Load(wrench, TIP)]), Poses(q), TIP[None])[:, 0]
+    np.testing.assert_allclose(found.half, half, rtol=1e-9)  # of the joints that are commanded
     rests = settle(kr500.plant, q, wrench, np.array([TIP, TIP])), settle(kr500.plant, q)
     np.testing.assert_allclose(found.before, tip(rests[0]) - tip(rests[1]), atol=1e-8)
     again = correct(known.state, q, [], asked(known.state, q, "drawn", TIP), AIM)
@@ -332,6 +337,43 @@ def test_loads_beyond_those_of_the_identification_are_said_even_where_these_were
     assert extent(known, q, [held]).moment < 1e-9
     heavy = Load(np.array([0, 0, -2 * 9.81 * kr500.arm.payload, 0, 0, 0]), TIP)
     assert "2.0 times the payload" in extrapolated(extent(known, q, [heavy]))[0]
+
+
+def test_the_resultant_of_loads_is_the_sum_of_their_forces_moments_and_levers(kr500, rng):
+    """By hand, about the tool's origin, a load a pose and one for all."""
+    R = tool_pose(kr500.vjm, np.array([Q, -Q]))[1]
+    each = Load(rng.normal(size=(2, 6)), rng.normal(size=(2, 3)))
+    same = Load(rng.normal(size=6), rng.normal(size=3))
+    expected = [
+        sum(
+            np.r_[w[:3], w[3:] + np.cross(R[k] @ p, w[:3])]
+            for w, p in ((each.wrench[k], each.point[k]), (same.wrench, same.point))
+        )
+        for k in range(2)
+    ]
+    np.testing.assert_allclose(resultant(R, [each, same]), expected, rtol=0, atol=1e-12)
+
+
+def test_forces_and_moments_are_each_compared_with_their_own_largest(known):
+    turning = Load(np.array([100.0, 0, 0, 0, 50.0, 0]), np.zeros(3))
+    about = replace(known, about=About("made up", force=200.0, moment=10.0))
+    found = extent(about, Q[None], [turning])
+    assert (found.force_ratio, found.moment_ratio) == pytest.approx((0.5, 5.0))
+    [said] = extrapolated(found)
+    assert "50 N m are 5.0 times the largest moment" in said
+
+
+@pytest.mark.parametrize(
+    ("shares", "name"),
+    [((0.6, 0.49), "a"), ((0.6, 0.51), None), ((0.49, 0.1), None), ((0.3, 0.55), "b")],
+    ids=["half of all and a fifth more", "two alike", "less than half", "the second"],
+)
+def test_the_part_that_is_named_leaves_clearly_more_open_than_the_next(known, monkeypatch, shares, name):
+    told = {"a": shares[0], "b": shares[1], "c": 0.0}
+    monkeypatch.setattr("testbench.correct.uncertainty._taken_away", lambda *_: told)
+    found = most_open(known, Q[None], [FORCE], TIP, absolute=False)
+    assert (found and found.name) == name
+    assert found is None or (found.share, found.joint) == (told[name], False)
 
 
 #: Near a stretched elbow and wrist: how a path was once torn between two ways to take a point.

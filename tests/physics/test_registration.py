@@ -183,3 +183,21 @@ def test_uncertain_rotation_is_added_to_every_deflection(kr500, rng):
     off = Rotation.from_rotvec(rng.standard_normal((20_000, 3)) * [1e-3, 2e-3, 3e-3])
     drawn = off.apply(data.deflection[0, 0]) + (axes * rng.standard_normal((20_000, 3))) @ R[0]
     np.testing.assert_allclose(got, np.cov(drawn.T), rtol=0, atol=0.05 * got.max())
+
+
+def test_a_frame_of_something_else_is_as_sure_as_draws_of_the_frame_are_there(rng):
+    """Covariance of R exp(phi), t moved to a body far away and turned; against differences of every draw."""
+    root = 1e-6 * np.tril(rng.standard_normal((6, 6))) @ np.diag([1, 5, 2, 9, 3, 4])
+    frame = Frame(*(own[0] for own in frames(rng, 1)), root @ root.T)
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = Rotation.from_rotvec([1.0, -2.0, 0.5]).as_matrix(), [2.0, -1.0, 3.0]
+    there = frame.of(pose)
+    moves = []
+    for phi, shift in zip(root.T[:, :3], root.T[:, 3:], strict=True):
+        turned = frame.rotation @ Rotation.from_rotvec(phi).as_matrix()
+        moved = Frame(turned, frame.translation + shift).of(pose)
+        turn = Rotation.from_matrix(there.rotation.T @ moved.rotation).as_rotvec()
+        moves.append(np.r_[turn, moved.translation - there.translation])
+    expected = np.array(moves).T @ np.array(moves)
+    np.testing.assert_allclose(there.covariance, expected, rtol=0, atol=1e-4 * expected.max())
+    np.testing.assert_allclose(there.covariance[:3, :3], expected[:3, :3], rtol=0, atol=1e-16)

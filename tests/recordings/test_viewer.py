@@ -103,14 +103,14 @@ def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch, tmp_
         assert picture.size == (640, 400 - shots.BARS)
 
 
-def busy(monkeypatch, answers):
+def busy(monkeypatch, answers, error=ConnectionError):
     """A viewer that answers so many times too late, at first; gives how often it was asked."""
     asked = []
 
     def answer(_, operation, request):
         asked.append(operation)
         if len(asked) <= answers:
-            raise ConnectionError("status: DeadlineExceeded, message: Deadline expired before it could")
+            raise error("status: DeadlineExceeded, message: Deadline expired before it could")
         return {"png": "UE5H"}
 
     monkeypatch.setattr(headless.ViewerClient, "_viewer_control", answer)
@@ -119,8 +119,9 @@ def busy(monkeypatch, answers):
     return asked
 
 
-def test_a_busy_viewer_is_asked_again(monkeypatch):
-    asked = busy(monkeypatch, answers=2)
+@pytest.mark.parametrize("error", [ConnectionError, TimeoutError])
+def test_a_busy_viewer_is_asked_again(monkeypatch, error):
+    asked = busy(monkeypatch, 2, error)
     assert headless.PatientClient().take_screenshot() == b"PNG"
     assert asked == ["save_screenshot"] * 3
 

@@ -9,7 +9,7 @@ import pytest
 from page_checks import check_page, check_winner, drawn_in, said, times_of
 from read_back import columns, document, on, series, sound
 from reports import check
-from run_here import fine, refused, table
+from run_here import do, fine, refused, table
 
 from testbench import files
 from testbench.arm.folder import find_arm, load_arm
@@ -136,6 +136,8 @@ def test_the_page_has_the_numbers_of_the_model(kr500, corrected, asked):
     assert report["corrected"] == report["points"] == POINTS
     names = [f"correction_joint_{k}_deg" for k in range(1, 7)]
     moved = np.array([[float(row[name]) for name in names] for row in table(out / "right.csv")])
+    programmed, right = (read_program(out / name, kr500.arm).q for name in ("mill.csv", "right.csv"))
+    np.testing.assert_allclose(moved, np.degrees(right - programmed), rtol=0, atol=1e-9)
     assert report["jump"]["size"] == pytest.approx(np.abs(np.diff(moved, axis=0)).max(), rel=1e-9)
     assert f"off by {report['before_mm']['max']:.3f} mm as programmed" in said
     about = json.loads((out / "right_report" / "manifest.json").read_text())
@@ -328,6 +330,17 @@ def test_a_tolerance_judges_point_by_point_and_the_worst_comes_first(folder, bou
     assert shown[0] == pytest.approx(most.max())
     check(said, ["worst"])
     assert report(found, 2 * float(most.max())).numbers["tolerance"].failed == 0
+
+
+def test_one_point_beyond_the_tolerance_is_enough_to_exit_with_1(folder, bounded, tmp_path, monkeypatch):
+    """And no point is beyond one that all keep. The page is another test's."""
+    monkeypatch.setattr("testbench.cli.compensate.write", lambda *_: None)
+    rows = table(bounded / "right.csv")
+    half = [max(float(row[f"half_95_{x}_mm"]) for x in "xyz") for row in rows]
+    asked = ("compensate", folder / "sure", bounded / "mill.csv", "--out", tmp_path / "right.csv")
+    for limit, code in ((float(np.median(half)), 1), (2 * max(half), 0)):
+        done = do(*asked, "--tolerance", limit)
+        assert (done.returncode, done.stderr) == (code, "")
 
 
 def test_tables_have_the_numbers_of_the_corrected_file(bounded):

@@ -26,7 +26,7 @@ from testbench.cli.program import program
 from testbench.errors import BenchError
 from testbench.trials import cluster
 from testbench.trials.cluster import on_cluster
-from testbench.trials.engine import run_study
+from testbench.trials.engine import RETRIES, WorkersLost, do_chunk, run_study
 from testbench.trials.experiment import Experiment
 from testbench.trials.local import on_cores
 from testbench.trials.store import FILE, open_store, stored_seeds, write_parquet
@@ -129,6 +129,17 @@ def test_a_trial_that_kills_every_worker_is_given_up_and_the_others_are_kept(tmp
         study(tmp_path, TWO, work=partial(trial_work.deadly_trials, 17))
     assert stored(tmp_path) > 0
     assert study(tmp_path, ONE, resume=True)[1] == alone
+
+
+def test_workers_that_are_lost_again_and_again_are_lost_in_a_row_only_without_a_result(tmp_path, alone):
+    """All workers die after every chunk: the study ends all the same."""
+
+    def frail(work, chunks):
+        yield do_chunk(work, next(iter(chunks)))
+        raise WorkersLost("gone")
+
+    assert TRIALS // 2 > RETRIES + 1
+    assert study(tmp_path, frail)[1] == alone
 
 
 def test_ctrl_c_says_how_to_resume_and_resuming_gives_the_same_bytes(tmp_path, alone):

@@ -1,15 +1,24 @@
 """Optimal design against textbook optima, brute force and the definitions."""
 
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from testbench.design.baselines import observability
-from testbench.design.criteria import Determinant, Linear, criterion_e, criterion_g, mean_square
+from testbench.design.baselines import observability, prior_influence
+from testbench.design.criteria import (
+    Determinant,
+    Linear,
+    criterion_e,
+    criterion_g,
+    criterion_of,
+    mean_square,
+)
 from testbench.design.exchange import exchange, greedy
 from testbench.design.forecast import forecast
 from testbench.design.order import joint_travel, round_trip, shortest_path
+from testbench.design.planning import CandidateSet, choose_greedily
 from testbench.design.refine import Reach, Search, ascend, refine
 from testbench.design.relaxation import relax
 from testbench.design.rows import Problem, information
@@ -191,3 +200,44 @@ def test_ascent_climbs_within_limits_and_feasible():
     assert 0.7 < q[0, 0] < 0.9
     assert 0.7 < q[2, 0] < 0.9
     assert (q[1, 0] == 2.5) or (q[1, 0] < 0.9)  # an infeasible start stays or comes home
+
+
+@pytest.mark.parametrize("name", ["I", "G", "test"])
+def test_i_and_g_judge_the_workspace_and_the_test_criterion_the_tasks(name):
+    """Against the mean square error of every pose, by the definition."""
+    problem, M = random_problem(), information(random_problem(), range(8))
+    workspace, tasks = rng(1).normal(size=(6, 6, R)), 3 * rng(2).normal(size=(4, 6, R))
+    wanted = tasks if name == "test" else workspace
+    cost = np.einsum("pkr,rs,pks->p", wanted, np.linalg.inv(M), wanted) / 2  # of two targets
+    expected = cost.max() if name == "G" else cost.mean()
+    for given in ((workspace, tasks), *([(workspace,)] if name != "test" else [])):
+        assert criterion_of(name, problem, *given).information(M) == pytest.approx(1 / expected)
+
+
+def test_what_rests_on_the_prior_is_its_share_of_the_error_and_the_directions_that_it_holds():
+    """The error of x is M^-1 (readings' noise) + M^-1 prior (what the prior leaves open): by hand."""
+    prior, M, hidden = np.diag([4.0, 4.0, 4.0]), np.diag([16.0, 7.9, 5.0]), np.diag([0, 0, 0, 0.5])
+    problem = Problem(np.zeros((1, 1, 3)), prior, np.eye(4, 3), hidden, np.zeros((4, 0)))
+    plan = SimpleNamespace(examined=SimpleNamespace(problem=problem), information=M)
+    rows = np.zeros((1, 3, 4))
+    rows[0, 0, 0] = rows[0, 1, 2] = rows[0, 2, 3] = 1.0
+    found = prior_influence(plan, rows)
+    assert found.outweighed == 1
+    noise, kept = 12 / 16**2 + 1 / 5**2, 4 / 16**2 + 4 / 5**2
+    assert found.hidden == pytest.approx(0.5)
+    assert found.prior_share == pytest.approx((kept + 0.5) / (noise + kept + 0.5))
+
+
+@pytest.mark.parametrize("criterion", criteria(), ids="DAEGI")
+def test_the_bound_of_a_greedy_plan_is_that_of_its_tangent_above_every_plan(criterion):
+    """Prior and readings alike in weight; the best of all plans of three of eight candidates, by trying."""
+    problem = random_problem(8, 3, prior=4.0)
+    anywhere = Reach(lambda q: np.ones(len(q), dtype=bool))
+    search = Search(lambda _q, _k: problem.rows, 3, LIMITS, anywhere, rng(0))
+    examined = CandidateSet(np.linspace(-2, 2, 8)[:, None], np.zeros(8, dtype=int), problem)
+    found = choose_greedily(search, criterion, examined)
+    every = [information(problem, plan) for plan in itertools.combinations_with_replacement(range(8), 3)]
+    best = max(map(criterion.information, every))
+    assert best <= found.relaxed.bound * (1 + 1e-9)
+    assert found.relaxed.bound == pytest.approx(max((found.relaxed.dual * M).sum() for M in every))
+    assert found.efficiency == pytest.approx(criterion.information(found.information) / found.relaxed.bound)

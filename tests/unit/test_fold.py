@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from testbench.identify.fold import Folded, batches
+from testbench.campaign.campaign import Scenario, simulate
+from testbench.identify import fold
+from testbench.identify.fold import Folded, batches, reduce
+from testbench.model.structure import joints_only
+from testbench.model.vjm import chain, observation
 
 COLUMNS = 12
 SOME = np.array([1, 4, 5, 7, 11])  #: Five columns, as many as a part has rows.
@@ -67,3 +71,17 @@ def test_rows_come_part_by_part_and_those_of_a_pose_together(rng, size):
     for k in np.unique(pose[every]):
         assert sum(k in pose[some] for some in found) == 1
     assert len(found) <= max(1, len(every) // size + 1)
+
+
+def test_runs_that_come_in_several_blocks_are_each_counted_once(kr500, monkeypatch):
+    """Sums of squares of 20 runs in blocks of 8 are those of all rows at once."""
+    asked = Scenario(
+        arm="kr500_l480", truth="linear", identification_poses=10, identification_runs=20, workspace_poses=1
+    )
+    data, structure = simulate(kr500, asked, 3).identification, joints_only(kr500.arm)
+    A = observation(chain(kr500.vjm, data.q), structure, data.wrench, data.point, kr500.vjm.markers)
+    rows = np.column_stack([A.reshape(-1, structure.n), data.deflection.ravel()])
+    monkeypatch.setattr(fold, "SORTED_RUNS", 8)
+    found = np.column_stack(reduce(kr500.vjm, structure, data).rows) * np.sqrt(2) * asked.sigma
+    expected = (rows.T @ rows)[:-1]  # but for the readings' own sum, a part of which is no row
+    np.testing.assert_allclose((found.T @ found)[:-1], expected, rtol=1e-9, atol=1e-12 * expected.max())

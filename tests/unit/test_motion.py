@@ -103,6 +103,7 @@ def written(tmp_path, name, kinds, labels=(), stem="part 1"):
     [
         ("hhhhhh", "A1 A2 A3 A4 A5 A6"),
         ("hhhhhhh", "A1 A2 A3 A4 A5 A6 E1"),
+        ("hhhhhhhh", "A1 A2 A3 A4 A5 A6 E1 E2"),
         ("shhhhhh", "E1 A1 A2 A3 A4 A5 A6"),
         ("shhhhhhs", "E1 A1 A2 A3 A4 A5 A6 E2"),
         ("hhsh", "A1 A2 A3 A4"),

@@ -1,6 +1,7 @@
 """Outputs replace what is of their kind, and nothing else; what a killed process left is removed."""
 
 import errno
+import hashlib
 import json
 import os
 import subprocess
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from testbench.errors import InputError
+from testbench.files import git_commit, write_manifest
 from testbench.output.place import PNG, check_file, check_folder, new_folder, whole_folder
 from testbench.output.whole import HOST, scratch, whole_file, write_whole
 
@@ -145,3 +147,35 @@ def test_a_run_takes_the_place_of_one_of_its_kind_with_all_of_its_files_and_fold
     write_run(run, "c.json")
     assert (part / "b.json").exists()
     assert not (run / "meshes").exists()
+
+
+def test_the_commit_of_a_checkout_says_whether_it_was_changed(tmp_path):
+    """Of a folder that is no checkout, or lies in another one's, nothing is known."""
+    me = ["-c", "user.name=A", "-c", "user.email=a@example.org"]
+
+    def git(*args):
+        done = subprocess.run(["git", "-C", tmp_path, *me, *args], check=True, capture_output=True, text=True)
+        return done.stdout.strip()
+
+    assert git_commit(tmp_path) == "unknown"
+    git("init", "--quiet")
+    (tmp_path / "inside").mkdir()
+    (tmp_path / "a.txt").write_text("one")
+    git("add", "a.txt")
+    git("commit", "--quiet", "--message", "one")
+    commit = git("rev-parse", "HEAD")
+    assert git_commit(tmp_path) == commit
+    (tmp_path / "a.txt").write_text("two")
+    assert git_commit(tmp_path) == f"{commit}-dirty"
+    assert git_commit(tmp_path / "inside") == "unknown"
+
+
+def test_a_manifest_lists_files_of_inner_folders_too_each_with_its_checksum(tmp_path):
+    for name in ("a.csv", "inner/b.csv", "inner/deep/c.csv"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(name)
+    write_manifest(tmp_path, command=OURS, scenario={}, seeds=range(0), models={})
+    found = json.loads((tmp_path / "manifest.json").read_text())
+    assert found["files"] == ["a.csv", "inner/b.csv", "inner/deep/c.csv", "manifest.json"]
+    sums = {name: hashlib.sha256(name.encode()).hexdigest() for name in found["files"][:-1]}
+    assert found["sha256"] == sums

@@ -155,6 +155,30 @@ def test_a_corrected_program_of_a_spreadsheet_is_read_by_it(kr500, tmp_path):
     assert back.columns.table.names == (*program.columns.table.names, *DEG.split(","))
 
 
+MINUS = """
+[columns]
+joint_1_rad = "-A1"
+joint_2_deg = "-A2"
+joint_3_deg = "A3"
+[scale]
+joint_1_rad = 0.001
+joint_3_deg = 0.01
+"""
+
+
+def test_a_corrected_program_is_read_back_through_the_map_that_it_was_read_with(kr500, write, tmp_path):
+    """Units, scales and signs of the map, alone and together, both ways."""
+    rows = np.degrees(Q) * [-1, -1, 100, 1, 1, 1]
+    rows[:, 0] = -1000 * Q[:, 0]
+    (tmp_path / "map.toml").write_text(MINUS, encoding="utf-8")
+    header = ",".join(["A1,A2,A3", *DEG.split(",")[3:]])
+    program = read_program(write(header, rows), kr500.arm, tmp_path / "map.toml")
+    np.testing.assert_allclose(program.q, Q, rtol=0, atol=1e-12)
+    q, out = Q + 0.01 * np.arange(1, 7), tmp_path / "corrected.csv"
+    write_program(out, program, q)
+    np.testing.assert_allclose(read_program(out, kr500.arm, tmp_path / "map.toml").q, q, rtol=0, atol=1e-12)
+
+
 def test_the_program_of_the_documentation_can_be_run(kr500):
     """In reach, clear of collisions, with a direction for every force, nearly across the spindle."""
     program = read_program(ROOT / "docs" / "program.csv", kr500.arm)

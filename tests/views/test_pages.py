@@ -5,9 +5,11 @@ import json
 import re
 from pathlib import Path
 
+import pages
 import pytest
 from blocks import FROM, PLAIN, expected, fill
 from run_here import app_of, here
+from stamps import digest, read_stamp
 from words import sentences
 
 from testbench.errors import InputError
@@ -93,6 +95,14 @@ def test_no_measured_number_is_typed_by_hand(file):
     lines = [line for line in text.splitlines() if not line.startswith("    ")]
     typed = [m[0] for line in lines for m in MEASURED.finditer(line)]
     assert not typed
+
+
+def test_page_tables_and_picture_of_a_study_are_of_one_run(runs, tmp_path, monkeypatch):
+    monkeypatch.setattr(pages, "PAGES", tmp_path)
+    pages.page(STUDY.name, runs / STUDY.name)
+    found = read_stamp(tmp_path / f"{STUDY.name}.png")
+    assert found.numbers == digest(tmp_path / STUDY.name)
+    assert f"    {found.command}\n" in (tmp_path / f"{STUDY.name}.md").read_text()
 
 
 def test_words_counts_sentences_of_prose_alone():

@@ -28,7 +28,7 @@ class PatientClient(ViewerClient):
         while True:
             try:
                 return super()._viewer_control(operation, request)
-            except ConnectionError as err:
+            except (ConnectionError, TimeoutError) as err:
                 if LATE not in str(err).lower() or time.monotonic() > end:
                     raise
 
