@@ -159,7 +159,7 @@ def _columns(table: Table, arm: Arm) -> Iterator[Entry]:
     for k, name in enumerate(table.names):
         known.setdefault(paired.get(_plain(name)) or meaning(name), []).append(k)
     first = 0 if "joint 0" in known else 1
-    needed = {f"joint {k + first}": joint.name for k, joint in enumerate(arm.joints)}
+    needed = {f"joint {k + first}": joint.name for k, joint in enumerate(arm.file_joints)}
     ours = [recognise(name, series_names(arm)) for name in table.names]
     both = [own for own in known if own in paired.values()]
     if both or set(XYZ) <= known.keys():

@@ -112,13 +112,23 @@ def _from_matrices(columns: Columns, name: str, values: Array) -> Array:
 
 
 def read_torques(columns: Columns, arm: Arm) -> Array | None:
-    """Torques of the joints, (rows, n) [N m, N]; None without such columns.
+    """Torques of the chain's joints, (rows, n) [N m, N]; None without such columns.
+
+    File joints coupled to those of the chain do the same work, so torque_file = L^T torque_model.
 
     Raises:
-        InputError: When a joint has none.
+        InputError: When a joint has none, or joints follow others: their torques cannot be told apart.
     """
     found = columns.whole(torque_columns(arm))
-    return np.column_stack([columns.full(column) for column in found]) if found else None
+    if not found:
+        return None
+    torque = np.column_stack([columns.full(column) for column in found])
+    if arm.joint_map is None:
+        return torque
+    if not arm.joint_map.square:
+        problem = f"torques of {arm.name} do not tell those of joints that follow others: leave them out"
+        raise columns.table.header_error(problem)
+    return np.asarray(np.linalg.solve(arm.joint_map.L.T, torque.T).T)
 
 
 def read_temperature(columns: Columns) -> tuple[Array | None, list[str]]:

@@ -100,8 +100,8 @@ def test_rods_that_follow_a_joint_do_not_cut_the_wrist_off_and_touch_nothing(tmp
     assert mine.replace(f"'{flange}'", "'tool0'") == bare
 
 
-def test_a_parallelogram_is_read_as_its_refusal_says(tmp_path):
-    """Pinocchio's reading of the file, the rod at minus joint 2, is the arm's with the sum in joint 3."""
+def test_a_parallelogram_is_a_chain_whose_rod_follows_joint_2(tmp_path):
+    """Pinocchio's reading of the file, the rod at minus joint 2, is the arm's at the six joints of files."""
     rod = """<link name="held"/><joint name="rod" type="revolute"><origin xyz="0 0 1.25"/>
         <parent link="link_2"/><child link="held"/><axis xyz="0 1 0"/>
         <limit lower="-3" upper="3" effort="1" velocity="1"/>
@@ -110,17 +110,15 @@ def test_a_parallelogram_is_read_as_its_refusal_says(tmp_path):
     own = '<origin xyz="0 0 1.25"/> <parent link="link_2"/><child link="link_3"/>'
     text = text.replace(own, '<parent link="held"/><child link="link_3"/>')
     (file := tmp_path / "rod.urdf").write_text(text)
-    said = is_refused(do("new", tmp_path / "mine", "--from", file))
-    assert "joint 'rod' follows 'joint_a2' (mimic); it turns about the axis of 'joint_a3', as in a" in said
-    assert "make it fixed, and let 'joint_a3' count the sum of both angles, in readings too" in said
-    free = re.sub("<mimic[^>]*>", "", text)
-    (tmp_path / "free.urdf").write_text(free)
-    file.write_text(free.replace('name="rod" type="revolute"', 'name="rod" type="fixed"'))
-    fine("new", tmp_path / "mine", "--from", file)
-    names, q = [f"joint_a{k}" for k in range(1, 7)], np.random.default_rng(2).uniform(-1, 1, (5, 6))
+    (tmp_path / "free.urdf").write_text(re.sub("<mimic[^>]*>", "", text))
+    names = [f"joint_a{k}" for k in range(1, 7)]
+    said = fine("new", tmp_path / "mine", "--from", file)
+    assert f"7 joints, 6 of files ({', '.join(names)})" in said
+    assert "joints that follow others, as [joints] of elastic.toml says: rod = -joint_a2" in said
+    q = np.random.default_rng(2).uniform(-1, 1, (5, 6))
     theirs = pinocchio_urdf(tmp_path / "free.urdf", "tool0", [*names, "rod"], np.c_[q, -q[:, 1]]).tips
-    ours = build_vjm(load_arm(tmp_path / "mine"))
-    p, R = tool_pose(ours, q - q[:, [1]] * (np.arange(6) == 2))
+    arm = load_arm(tmp_path / "mine")
+    p, R = tool_pose(build_vjm(arm), arm.to_model(q))
     np.testing.assert_allclose(theirs[:, :3, 3], p, atol=1e-9)
     np.testing.assert_allclose(theirs[:, :3, :3], R, atol=1e-9)
 
@@ -284,8 +282,11 @@ WRONG = {
         'name="joint_a3" type="revolute"',
         'name="joint_a3" type="floating"',
     ): "the joint of 'link_3' floats free",
-    ('name="joint_a3" type="revolute">', 'name="joint_a3" type="revolute"><mimic joint="joint_a2"/>'): (
-        "joint 'joint_a3' follows 'joint_a2' (mimic)"
+    ('name="joint_a3" type="revolute">', 'name="joint_a3" type="revolute"><mimic joint="a2"/>'): (
+        "no joint 'a2', which others follow"
+    ),
+    ('name="joint_a3" type="revolute">', 'name="joint_a3" type="revolute"><mimic joint="joint_a3"/>'): (
+        "<joint name='joint_a3'>: it mimics itself"
     ),
     (
         "<robot ",

@@ -1,11 +1,12 @@
 """A robot as a list of bodies in SI, whatever its file's format, and the serial chain in it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
+from testbench.arm.joint_map import JointMap
 from testbench.errors import Array, Ids
 from testbench.plant.shapes import Kind
 
@@ -109,12 +110,26 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
+class Coupling:
+    """What joints of a file must satisfy: sum of terms times joints = constant, or a closed loop."""
+
+    label: str  #: For messages.
+    terms: Mapping[str, float] = field(default_factory=dict)  #: Coefficients by the joints' names [1].
+    constant: float = 0.0  #: [rad, m]
+    follower: str = ""  #: The joint that the file makes follow the others; "" where it says none.
+    bent: bool = False  #: It is not linear.
+    bodies: tuple[int, int] | None = None  #: Which two bodies a loop ties together, -1 for the world.
+
+
+@dataclass(frozen=True, eq=False)
 class Robot:
     """All bodies of a file."""
 
     name: str
     bodies: tuple[Body, ...]
     notes: tuple[Note, ...] = ()  #: What the reader left out or stood in for.
+    couplings: tuple[Coupling, ...] = ()  #: What its joints must satisfy.
+    driven: frozenset[str] = frozenset()  #: Joints that motors drive, as far as the file says.
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +141,7 @@ class Chain:
     parts: tuple[Body, ...]
     tip: Site  #: The link, body or site that the tool is, in the last part.
     notes: tuple[Note, ...]  #: What was merged, frozen, renamed or estimated.
+    joint_map: JointMap | None = None  #: How its joints follow others; None where none does.
 
     @property
     def joints(self) -> list[Joint]:
