@@ -15,7 +15,8 @@ import testbench as tb
 from testbench.campaign.campaign import build_cell, stream
 from testbench.campaign.export import draft_new, export
 from testbench.campaign.new_arm import write_arm as write_own
-from testbench.campaign.plan import nearest_turn
+from testbench.campaign.plan import around as workspace
+from testbench.campaign.plan import nearest_turn, search
 from testbench.campaign.program import correct_program, more_columns
 from testbench.campaign.propose import Wishes
 from testbench.commands.plan_drawn import write_poses
@@ -26,6 +27,7 @@ from testbench.data.motion import WRITERS, write_moves
 from testbench.data.program import read_poses
 from testbench.data.series import series_of
 from testbench.data.write import write_program, write_series
+from testbench.design.refine import Reach, Search
 from testbench.errors import InputError
 from testbench.identify.arm_model import About, bending, of_compliances
 from testbench.model.structure import all153
@@ -36,6 +38,7 @@ from testbench.plant.equilibrium import settle
 from testbench.plant.import_robot.chain import read_chain
 from testbench.plant.shapes import rigid_frames
 
+SETTINGS = tb.PlanSettings(loads_kg=(60.0,), poses=4, candidates_wanted=30)
 ROUND_TRIP = 1e-12  #: Of joints from files to the chain and back [rad, m].
 PENDANT = """
 [joints]
@@ -82,6 +85,7 @@ def test_readings_in_pendant_joints_identify_the_arm_alike(both, tmp_path):
     scenario = tb.Scenario(arm="arm", identification_poses=8, check_poses=3, workspace_poses=10)
     runs = [tb.simulate(cell, scenario, seed=3) for cell in both]
     np.testing.assert_array_equal(runs[0].measured.q, runs[1].measured.q)
+    np.testing.assert_array_equal(*(search(cell, SETTINGS).q for cell in both))
     files = [tmp_path / "plain.csv", tmp_path / "pendant.csv"]
     for cell, own, file in zip(both, runs, files, strict=True):
         tb.write_csv(own.identification, cell.arm, file)
@@ -116,6 +120,7 @@ def absolute(both, read, folder):
     return [folder / f"{name}_abs.csv" for name in ("plain", "pendant")]
 
 
+@pytest.mark.study
 def test_plans_are_the_same_poses_in_pendant_joints(both, tmp_path):
     """Searched, refined and ordered in joints of the chain; from tasks that a pendant counted."""
     plans = []
@@ -346,19 +351,32 @@ def test_a_palletiser_is_corrected_by_its_file_joints_alone(level, tmp_path):
     np.testing.assert_allclose(found.found.turned, left, rtol=0, atol=1e-7)
 
 
-def test_plans_and_ways_of_a_palletiser_are_poses_that_it_has(level):
-    """Candidates, refined poses and joints for poses of the tool all lie where the file joints can be."""
+@pytest.mark.study
+def test_a_plan_of_a_palletiser_is_of_poses_that_it_has(level):
+    planned = tb.plan(level, level.arm.drawn(stream(2), 2), SETTINGS)
+    for q in (planned.plan.q, planned.plan.examined.q):
+        possible(level.arm, q)
+
+
+def possible(arm, q):
+    """Poses lie where the file joints can be, within the limits."""
+    np.testing.assert_allclose(arm.followed(q), q, rtol=0, atol=ROUND_TRIP)
+    assert ((q >= arm.limits[0] - 1e-9) & (q <= arm.limits[1] + 1e-9)).all()
+
+
+def test_candidates_and_ways_of_a_palletiser_are_poses_that_it_has(level):
+    """Poses that are drawn, varied in a search, or found for poses of the tool."""
     arm = level.arm
-    settings = tb.PlanSettings(loads_kg=(60.0,), poses=4, candidates_wanted=30)
-    planned = tb.plan(level, arm.drawn(stream(2), 2), settings)
-    for q in (planned.plan.q, planned.found.q, planned.plan.examined.q):
-        np.testing.assert_allclose(arm.followed(q), q, rtol=0, atol=ROUND_TRIP)
-        assert ((q >= arm.limits[0] - 1e-9) & (q <= arm.limits[1] + 1e-9)).all()
+    q = search(level, SETTINGS).q
+    assert len(q) == 30
+    tries = Search(lambda q, _: q, 4, arm.limits, Reach(lambda q: q), stream(7), arm.followed)
+    for some in (q, tries.around(q, np.full((30, 1), 0.5)), workspace(level, SETTINGS)):
+        possible(arm, some)
     way = arm.to_model(np.linspace([0.1, 0.2, -0.2, 0.4], [0.5, 0.5, 0.1, 0.1], 9))
     position, rotation = tool_pose(level.vjm, way)
     found = joints_along(level.vjm, position, rotation)
     assert found.there.all()
-    np.testing.assert_allclose(arm.followed(found.q), found.q, rtol=0, atol=ROUND_TRIP)
+    possible(arm, found.q)
     wound = arm.to_model(np.array([[0.2, 0.3, 0.1, 0.2]]))
     np.testing.assert_array_equal(nearest_turn(wound, arm), wound)
 
