@@ -11,10 +11,11 @@ from typing import Protocol
 
 import numpy as np
 
-from testbench.errors import Array, BenchError, Ids, check_array
+from testbench.errors import Array, BenchError, Ids, check_array, cut
 
 ROUNDING = 1e-9  #: Singular value over the largest, or coefficient, that is rounding [1].
 LARGEST = 1000.0  #: Of a coefficient [1].
+LISTED = 100  #: Characters of names in a message.
 
 
 class Coordinate(Protocol):
@@ -68,6 +69,19 @@ class JointMap:
     def change_to_file(self, change: Array) -> Array:
         """A change of file joints from that of chain joints, (..., n) to (..., m) [rad, m]."""
         return np.asarray(change[..., self.free] @ self.inverse.T) + 0.0
+
+    def torque_to_model(self, torque: Array) -> Array:
+        """Torques of chain joints of those of file joints, (..., m) to (..., n) [N m, N].
+
+        Both do the same work, so torque_file = L^T torque_model. BenchError where joints follow others.
+        """
+        if not self.square:
+            raise BenchError("torques do not tell those of joints that follow others: leave them out")
+        return np.asarray(torque @ self.inverse)
+
+    def torque_to_file(self, torque: Array) -> Array:
+        """Torques of file joints of those of chain joints, (..., n) to (..., m) [N m, N]."""
+        return np.asarray(torque @ self.L)
 
     def followed(self, q: Array) -> Array:
         """The same poses, (..., n) [rad, m], with joints that follow where the free ones bring them."""
@@ -141,7 +155,7 @@ def build_map(
         raise BenchError(f"expected coefficients up to {LARGEST:g}, got {np.abs(L).max():g}")
     free = _independent(L)
     if not names or len(free) < len(names):
-        listed = ", ".join(names) or "none"
+        listed = cut(", ".join(names), LISTED) or "none"
         raise BenchError(f"expected file joints that the chain tells apart, got {listed}: rows depend")
     slides = np.array([joint.prismatic for joint in joints], dtype=bool)
     for j, name in enumerate(names):

@@ -241,9 +241,10 @@ def _numbered_joints(ignored: Sequence[str], count: int) -> str:
 
 def _check_chain(columns: Columns, arm: Arm, q: Array) -> None:
     """Refuse poses, (rows, n) [rad, m], in which a joint of the chain is beyond its limits."""
+    if arm.joint_map is None:
+        return  # its limits are those of the file's joints
     lower, upper = arm.limits
-    for i, k in np.argwhere((q < lower - ROUNDED) | (q > upper + ROUNDED))[:1] if arm.joint_map else ():
-        assert arm.joint_map is not None
+    for i, k in np.argwhere((q < lower - ROUNDED) | (q > upper + ROUNDED))[:1]:
         joint = arm.joints[k]
         low, high, got = (joint.shown * x for x in (joint.lower, joint.upper, q[i, k]))
         limits = f"expected {low:.4f} to {high:.4f} {joint.shown_unit}, got {got:.4f}"

@@ -277,7 +277,7 @@ def _torques(arm: Arm, s: Series) -> Array | None:
     """Torques of file joints, (rows, m) [N m, N], as `testbench.data.beside.read_torques` reads them."""
     if s.torque is None or arm.joint_map is None:
         return s.torque
-    return np.asarray(s.torque @ arm.joint_map.L)
+    return arm.joint_map.torque_to_file(s.torque)
 
 
 def _vectors(s: Series, R: Array) -> Array:

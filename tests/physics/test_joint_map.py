@@ -188,7 +188,7 @@ MOVES = {
 }
 
 
-def palletiser(equality, *, actuated=""):
+def palletiser(equality, *, extra=""):
     """An MJCF of a lifting arm whose hand follows; zeros of joints lie beside where the file draws them."""
     limits = 'range="-1.2 1.2"'
     y = f'axis="0 1 0" {limits}'
@@ -207,7 +207,7 @@ def palletiser(equality, *, actuated=""):
     <tendon><fixed name="sum"><joint joint="lift" coef="1"/><joint joint="x" coef="1"/>
      <joint joint="tilt" coef="1"/></fixed></tendon>
     <equality>{equality}<joint joint1="rod" joint2="lift" polycoef="0 1 2 0 0"/></equality>
-    {actuated}</mujoco>"""
+    {extra}</mujoco>"""
 
 
 def arm_of(text, folder, name="pal.xml"):
@@ -242,8 +242,22 @@ def test_mujoco_finds_equalities_kept_in_all_poses_of_file_joints(tmp_path, kind
 
 def test_motors_say_which_joints_others_follow(tmp_path):
     motors = "".join(f'<motor joint="{name}"/>' for name in ("turn", "lift", "tilt", "spin"))
-    cell, _ = arm_of(palletiser(MOVES["tendon"], actuated=f"<actuator>{motors}</actuator>"), tmp_path)
+    cell, _ = arm_of(palletiser(MOVES["tendon"], extra=f"<actuator>{motors}</actuator>"), tmp_path)
     assert [joint.name for joint in cell.arm.file_joints] == ["turn", "lift", "tilt", "spin"]
+
+
+def test_what_ties_no_joint_of_the_arm_is_left_out_as_before(tmp_path):
+    """A leader's weld, a part in the hand, a coupling of branches: not the arm's own tendon."""
+    more = """<worldbody><body name="leader" mocap="true"/><body name="part"><freejoint/>
+        <geom size="0.1"/></body></worldbody><equality><weld body1="leader" body2="hand"/>
+        <weld body1="part" body2="hand"/></equality>"""
+    plain, notes = arm_of(palletiser("", extra=more), tmp_path)
+    assert plain.arm.joint_map is None
+    assert any(note.startswith("not needed") and "equality, tendon" in note for note in notes)
+    (other := tmp_path / "other").mkdir()
+    cell, notes = arm_of(palletiser(MOVES["tendon"]), other)
+    assert cell.arm.joint_map is not None
+    assert not any("tendon" in note for note in notes)
 
 
 @pytest.mark.parametrize(
@@ -321,6 +335,10 @@ def test_a_hand_held_by_mimics_keeps_its_tilt_in_mujoco_and_in_the_model(level):
     assert tilt(tool).max() < 1e-9
     assert tilt(tool_pose(level.vjm, arm.to_model(q))[1]).max() < 1e-9
     np.testing.assert_allclose(arm.to_file(arm.to_model(q)), q, rtol=0, atol=ROUND_TRIP)
+    for j, own in enumerate(np.radians(arm.room(arm.to_model(q))).T):
+        ends = [arm.to_model(q + s * own[:, None] * np.eye(4)[j]) for s in (-1, 1)]
+        beyond = [np.maximum(arm.limits[0] - end, end - arm.limits[1]).max(axis=1) for end in ends]
+        assert np.abs(np.max(beyond, axis=0)).max() < 1e-9  # so far, and no farther
     moved = arm.to_model(q) + 0.1 * np.eye(6)[3]
     np.testing.assert_array_equal(arm.followed(moved), arm.to_model(q))
 

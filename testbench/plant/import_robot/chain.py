@@ -14,8 +14,9 @@ import numpy as np
 from testbench.errors import Array, InputError
 from testbench.plant.import_robot.compiled import compiled
 from testbench.plant.import_robot.couple import Rows, chain_map, map_of
+from testbench.plant.import_robot.equalities import Coupling
 from testbench.plant.import_robot.mjcf import clean_mjcf
-from testbench.plant.import_robot.robot import Body, Chain, Coupling, Note, Robot, Shape, Site, moved
+from testbench.plant.import_robot.robot import Body, Chain, Note, Robot, Shape, Site, moved
 from testbench.plant.import_robot.solids import combined
 from testbench.plant.import_robot.source import read_xml
 from testbench.plant.import_robot.tip import Tip, named_tips, path_to, usual_tip
@@ -256,7 +257,7 @@ def _fit(chain: Chain, rows: Rows) -> tuple[Chain, Rows]:
     notes = (*chain.notes, Note("renamed", changed)) if changed else chain.notes
     [name] = fit_names([chain.name])
     own = [joint.name for joint in chain.joints]
-    beside = [other for row, _ in rows.values() for other in row if other not in own]
+    beside = list(dict.fromkeys(name for row, _ in rows.values() for name in row if name not in own))
     new = dict(zip([*own, *beside], fit_names([*joints, *beside]), strict=True))
     fit_rows = {
         new[joint]: ({new[other]: c for other, c in row.items()}, q_0)

@@ -13,11 +13,10 @@ import numpy as np
 from testbench.errors import Array, InputError
 from testbench.plant.build import REFUSED
 from testbench.plant.collide import VISUAL_GROUPS, body_name
-from testbench.plant.import_robot.couple import couplings_of
+from testbench.plant.import_robot.equalities import Coupling, couplings_of
 from testbench.plant.import_robot.meshes import MAX_ALL_FACES
 from testbench.plant.import_robot.robot import (
     Body,
-    Coupling,
     Joint,
     Mesh,
     Note,

@@ -4,103 +4,22 @@ All are linear equations between joints. Solved for the joints of the arm they a
 a loop or is not linear is refused, but for what only concerns branches off the arm.
 """
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from testbench.arm.joint_map import JointMap, build_map
 from testbench.errors import Array, BenchError, InputError
-from testbench.plant.import_robot.robot import Body, Coupling, Joint
+from testbench.plant.import_robot.equalities import Coupling
+from testbench.plant.import_robot.robot import Body, Joint
 
 ROUNDING = 1e-9  #: Of a coefficient of an equation [1].
 DIGITS = 12  #: Decimals of a coefficient.
 STATE = "leave it out and state how joints depend in [joints] of elastic.toml"
-LOOPS = {int(mujoco.mjtEq.mjEQ_CONNECT): "connect", int(mujoco.mjtEq.mjEQ_WELD): "weld"}
-JOINT, SITE = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_SITE)
-ENDS = SITE, int(mujoco.mjtWrap.mjWRAP_SPHERE), int(mujoco.mjtWrap.mjWRAP_CYLINDER)
-"""What a tendon leads over: joints of one that is fixed, sites and geoms of one in space."""
-
 Rows = Mapping[str, tuple[Mapping[str, float], float]]
 """Of joints that follow others, by name: coefficients of these [1], and an offset [rad, m]."""
-
-
-def couplings_of(model: mujoco.MjModel, names: Mapping[int, str], index: Mapping[int, int]) -> list[Coupling]:
-    """What MuJoCo's equalities say.
-
-    Args:
-        model: The robot, as MuJoCo compiles it.
-        names: Ours of its joints.
-        index: Of its bodies the place of ours.
-    """
-    found: list[Coupling] = []
-    for e in np.flatnonzero(model.eq_active0).tolist():
-        kind, label = int(model.eq_type[e]), model.equality(e).name or f"{e + 1}"
-        ends = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
-        if kind in LOOPS:
-            if int(model.eq_objtype[e]) == int(mujoco.mjtObj.mjOBJ_SITE):
-                ends = int(model.site_bodyid[ends[0]]), int(model.site_bodyid[ends[1]])
-            bodies = index[ends[0]], index[max(ends[1], 0)]
-            found.append(Coupling(f"{LOOPS[kind]} {label!r}", bodies=bodies))
-        elif kind == int(mujoco.mjtEq.mjEQ_JOINT):
-            both = [{end: 1.0} if end >= 0 else {} for end in ends]
-            own = _equation(model, names, e, both)
-            found.append(replace(own, label=f"joint equality {label!r}", follower=names[ends[0]]))
-        elif kind == int(mujoco.mjtEq.mjEQ_TENDON):
-            tendons = [end for end in ends if end >= 0]
-            own = _equation(model, names, e, [_tendon(model, end) if end >= 0 else {} for end in ends])
-            bent = own.bent or not all(map(partial(_is_fixed, model), tendons))
-            found.append(replace(own, label=f"tendon equality {label!r}", bent=bent))
-    return found
-
-
-def _wraps(model: mujoco.MjModel, tendon: int) -> range:
-    first = int(model.tendon_adr[tendon])
-    return range(first, first + int(model.tendon_num[tendon]))
-
-
-def _is_fixed(model: mujoco.MjModel, tendon: int) -> bool:
-    """Whether a tendon's length is a sum of joints; that of one in space is not linear."""
-    return all(int(model.wrap_type[k]) == JOINT for k in _wraps(model, tendon))
-
-
-def _tendon(model: mujoco.MjModel, tendon: int) -> dict[int, float]:
-    """Coefficients of a tendon's joints; 1 of all that move the ends of one in space against each other."""
-    own = [(int(model.wrap_type[k]), int(model.wrap_objid[k]), k) for k in _wraps(model, tendon)]
-    if _is_fixed(model, tendon):
-        return {j: float(model.wrap_prm[k]) for _, j, k in own}
-    bodies = [
-        model.site_bodyid[i] if kind == SITE else model.geom_bodyid[i] for kind, i, _ in own if kind in ENDS
-    ]
-    joints = [_joints_above(model, int(b)) for b in bodies]
-    return dict.fromkeys(sorted(set.union(*joints) - set.intersection(*joints)), 1.0)
-
-
-def _joints_above(model: mujoco.MjModel, body: int) -> set[int]:
-    """Joints between the world and a body of MuJoCo."""
-    found = set[int]()
-    while body:
-        first = int(model.body_jntadr[body])
-        found |= set(range(first, first + int(model.body_jntnum[body])))
-        body = int(model.body_parentid[body])
-    return found
-
-
-def _equation(
-    model: mujoco.MjModel, names: Mapping[int, str], e: int, both: Sequence[dict[int, float]]
-) -> Coupling:
-    """X - x_0 = a_0 + a_1 (y - y_0) + ..., x and y sums of joints, as an equation of the joints."""
-    a = model.eq_data[e, :5].tolist()
-    terms: dict[str, float] = {}
-    constant = a[0]
-    for part, factor in zip(both, (1.0, -a[1]), strict=True):
-        for j, c in part.items():
-            terms[names[j]] = terms.get(names[j], 0.0) + factor * c
-            constant += factor * c * float(model.qpos0[model.jnt_qposadr[j]])
-    return Coupling("", terms, constant, bent=bool(both[1]) and any(a[2:]))
 
 
 def map_of(
@@ -128,11 +47,10 @@ def map_of(
     """
     chain = [joint.name for k in path if (joint := bodies[k].joint)]
     _check_loops(file, bodies, chain, couplings)
-    left = [own for own in couplings if own.bodies is None]
-    while spare := next((own for own in left if _is_spare(own, left, chain, driven)), None):
-        left.remove(spare)
-    used, known = [], set(chain)
-    while more := [own for own in left if own not in used and own.terms.keys() & known]:
+    left = _needed([own for own in couplings if own.bodies is None], set(chain), set(driven))
+    used, known = list[Coupling](), set(chain)
+    while more := [own for own in left if own.terms.keys() & known]:
+        left = [own for own in left if not own.terms.keys() & known]
         used += more
         known |= {name for own in more for name in own.terms}
     for own in used:
@@ -144,38 +62,47 @@ def map_of(
     followers = {own.follower for own in used}
     order = [body.joint.name for body in reversed(bodies) if body.joint and body.joint.name in known]
     order.sort(key=lambda name: (name in driven, name not in followers))
-    return _solved(file, order, used), [own for own in couplings if own not in used]
+    return _solved(file, order, used), list(set(couplings) - set(used))
 
 
-def _is_spare(
-    own: Coupling, left: Sequence[Coupling], chain: Collection[str], driven: Collection[str]
-) -> bool:
-    """Whether a joint off the arm, in no other coupling, takes what one says: a rod follows the arm."""
-    elsewhere = {name for other in left if other is not own for name in other.terms}
-    takes = own.terms.keys() - elsewhere - set(chain)
-    if own.follower:
-        return own.follower in takes
-    return not own.bent and bool(takes - set(driven))
+def _needed(left: list[Coupling], chain: set[str], driven: set[str]) -> list[Coupling]:
+    """Couplings without those that a joint off the arm, in no other, takes: a rod that follows the arm."""
+
+    def is_spare(own: Coupling, count: Counter[str]) -> bool:
+        takes = {name for name in own.terms if count[name] == 1} - chain
+        if own.follower:
+            return own.follower in takes
+        return not own.bent and bool(takes - driven)
+
+    while True:
+        count = Counter(name for own in left for name in own.terms)
+        kept = [own for own in left if not is_spare(own, count)]
+        if len(kept) == len(left):
+            return kept
+        left = kept
 
 
 def _check_loops(
     file: Path, bodies: Sequence[Body], chain: Collection[str], couplings: Sequence[Coupling]
 ) -> None:
-    for own in couplings:
-        if own.bodies is None:
-            continue
-        one, other = (_joints_to(bodies, k) for k in own.bodies)
-        if over := [name for name in chain if name in one ^ other]:
-            problem = f"{own.label} closes a loop over the joint {over[0]!r}, so the arm is no chain; {STATE}"
+    """Refuse what ties bodies together over a joint of the arm; not what a free body is tied to once."""
+    tied = [(own, *(_above(bodies, k) for k in own.bodies)) for own in couplings if own.bodies]
+    floating = Counter(k for _, *ends in tied for k in set.union(*ends) if bodies[k].odd)
+    for own, one, other in tied:
+        over = {joint.name for k in one ^ other if (joint := bodies[k].joint)}
+        free = [k for k in one ^ other if bodies[k].odd and floating[k] == 1]
+        if not free and (closed := [name for name in chain if name in over]):
+            problem = (
+                f"{own.label} closes a loop over the joint {closed[0]!r}, so the arm is no chain; {STATE}"
+            )
             raise InputError(file, "", problem)
 
 
-def _joints_to(bodies: Sequence[Body], k: int) -> set[str]:
-    """Names of the joints between the world and a body; -1 is the world."""
+def _above(bodies: Sequence[Body], k: int) -> set[int]:
+    """A body and those before it; -1 is the world."""
     found = set()
     while k >= 0:
-        if joint := bodies[k].joint:
-            found.add(joint.name)
+        found.add(k)
         k = bodies[k].parent
     return found
 

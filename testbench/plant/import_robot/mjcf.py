@@ -73,6 +73,8 @@ def clean_mjcf(file: Path, root: ET.Element) -> Cleaned:
         )
     check_count(file, root, "geom", MAX_SHAPES)
     check_count(file, root, "body", MAX_BODIES)
+    if (count := sum(len(e) for e in root.findall("equality"))) > MAX_BODIES:
+        raise InputError(file, "<equality>", f"expected at most {MAX_BODIES} in a robot, got {count}")
     folder = _mesh_folder(file, root)
     driven = {e.get("joint", "") for actuators in root.findall("actuator") for e in actuators}
     left_out = _keep(root) | {tag for tag in COUPLED if root.find(tag) is not None}

@@ -1,6 +1,6 @@
 """A robot as a list of bodies in SI, whatever its file's format, and the serial chain in it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.arm.joint_map import JointMap
 from testbench.errors import Array, Ids
+from testbench.plant.import_robot.equalities import Coupling
 from testbench.plant.shapes import Kind
 
 Faces = Ids
@@ -107,18 +108,6 @@ class Body:
     def moves(self) -> bool:
         """Whether anything moves it against its parent."""
         return self.joint is not None or bool(self.odd)
-
-
-@dataclass(frozen=True, eq=False)
-class Coupling:
-    """What joints of a file must satisfy: sum of terms times joints = constant, or a closed loop."""
-
-    label: str  #: For messages.
-    terms: Mapping[str, float] = field(default_factory=dict)  #: Coefficients by the joints' names [1].
-    constant: float = 0.0  #: [rad, m]
-    follower: str = ""  #: The joint that the file makes follow the others; "" where it says none.
-    bent: bool = False  #: It is not linear.
-    bodies: tuple[int, int] | None = None  #: Which two bodies a loop ties together, -1 for the world.
 
 
 @dataclass(frozen=True, eq=False)

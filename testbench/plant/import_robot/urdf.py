@@ -21,8 +21,9 @@ from testbench.arm.mesh import MeshError
 from testbench.errors import Array, InputError
 from testbench.plant.collide import VISUAL_GROUPS
 from testbench.plant.import_robot.compiled import ROOT, Cleaned
+from testbench.plant.import_robot.equalities import Coupling
 from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size, stl_bytes
-from testbench.plant.import_robot.robot import Coupling, Mesh, Note
+from testbench.plant.import_robot.robot import Mesh, Note
 from testbench.plant.import_robot.solids import VISIBLE, plausible, primitive
 from testbench.plant.import_robot.source import (
     MAX_BODIES,
