@@ -47,7 +47,7 @@ class JointMap:
     slides: tuple[bool, ...]  #: Which chain joints are, n.
     L: Array  #: (n, m) [1].
     q_0: Array  #: (n,) [rad, m].
-    #: Chain joints whose rows of L are independent, m; the others follow them.
+    #: Chain joints that the others follow, m: those that are a file joint first, then other independent rows.
     free: Ids
     inverse: Array  #: Of the free rows of L, (m, m) [1].
     #: How all joints move as the free ones do, (n, n), zero in the columns of those that follow [1].
@@ -98,7 +98,7 @@ class JointMap:
 
         None where it is free itself, or follows none or several.
         """
-        drivers = np.flatnonzero(np.abs(self.moves[k]) > ROUNDING)
+        drivers = np.flatnonzero(self.moves[k])
         if k in self.free or len(drivers) != 1:
             return None
         j, c = int(drivers[0]), float(self.moves[k, drivers[0]])
@@ -153,7 +153,8 @@ def build_map(
     L, offsets = check_array(L, (None, None), "coefficients"), check_array(offsets, (None,), "offsets")
     if np.abs(L).max(initial=0.0) > LARGEST:
         raise BenchError(f"expected coefficients up to {LARGEST:g}, got {np.abs(L).max():g}")
-    free = _independent(L)
+    alone = [k for k, (name, row) in enumerate(own.items()) if [n for n, c in row.items() if c] == [name]]
+    free = _independent(L, sorted(range(len(L)), key=lambda k: k not in alone))
     if not names or len(free) < len(names):
         listed = cut(", ".join(names), LISTED) or "none"
         raise BenchError(f"expected file joints that the chain tells apart, got {listed}: rows depend")
@@ -161,22 +162,23 @@ def build_map(
     for j, name in enumerate(names):
         if len(set(slides[L[:, j] != 0].tolist())) > 1:
             raise BenchError(f"{name}: expected a file joint of hinges or of slides, got both")
-    inverse = np.linalg.inv(L[free]) + 0.0
+    inverse = np.asarray(np.linalg.inv(L[free]), dtype=np.float64) + 0.0
     moves = np.zeros((len(L), len(L)))
     moves[:, free] = L @ inverse
+    moves[np.abs(moves) <= ROUNDING] = 0.0
     prismatic = tuple(bool(slides[L[:, j] != 0][0]) for j in range(len(names)))
     return JointMap(names, prismatic, tuple(slides.tolist()), L, offsets, free, inverse, moves)
 
 
-def _independent(L: Array) -> Ids:
-    """The first rows that are independent of all before them."""
+def _independent(L: Array, order: Sequence[int]) -> Ids:
+    """Rows that are independent of all before them in an order, sorted."""
     found: list[int] = []
-    for k in range(len(L)):
+    for k in order:
         rows = L[[*found, k]]
         s = np.linalg.svd(rows, compute_uv=False)
         if len(rows) <= L.shape[1] and s[-1] > ROUNDING * max(1.0, s[0]):
             found.append(k)
-    return np.array(found, dtype=int)
+    return np.array(sorted(found), dtype=int)
 
 
 def file_limits(found: JointMap, joints: Sequence[Coordinate]) -> Array:
@@ -197,7 +199,7 @@ def narrowed(found: JointMap, joints: Sequence[Coordinate]) -> Array:
     limits = np.array([[joint.lower, joint.upper] for joint in joints]).T
     D = found.moves
     for k in np.setdiff1d(np.arange(len(D)), found.free):
-        drivers = np.flatnonzero(np.abs(D[k]) > ROUNDING)
+        drivers = np.flatnonzero(D[k])
         if len(drivers) > 1:
             continue
         if not len(drivers):

@@ -12,6 +12,8 @@ from serial_arms import write_arm
 from unsure import normal
 
 import testbench as tb
+from testbench.arm.folder import Joint
+from testbench.arm.joint_map import build_map
 from testbench.campaign.campaign import build_cell, stream
 from testbench.campaign.export import draft_new, export
 from testbench.campaign.new_arm import write_arm as write_own
@@ -238,6 +240,16 @@ def test_mujoco_finds_equalities_kept_in_all_poses_of_file_joints(tmp_path, kind
         assert np.abs(level).max() < ROUND_TRIP
         np.testing.assert_allclose(p[k], data.site("tool0").xpos, rtol=0, atol=1e-9)
     np.testing.assert_allclose(arm.to_file(arm.to_model(q)), q, rtol=0, atol=ROUND_TRIP)
+
+
+def test_a_joint_may_follow_one_behind_it():
+    """The joint that the file joint names stays free, so that an exported mimic says the same."""
+    arm = [Joint(name, -1.0, 1.0, 1e-6) for name in ("a", "b", "c")]
+    found = build_map(arm, {"a": {"c": -0.5}}, {"a": 0.1})
+    assert found.names == ("b", "c")
+    assert found.free.tolist() == [1, 2]
+    assert found.follows(0) == (2, -0.5, 0.1)
+    np.testing.assert_allclose(found.to_model(np.array([0.3, 0.4])), [-0.1, 0.3, 0.4], atol=1e-15)
 
 
 def test_motors_say_which_joints_others_follow(tmp_path):

@@ -74,7 +74,8 @@ def _tendon(model: mujoco.MjModel, tendon: int) -> dict[int, float]:
         model.site_bodyid[i] if kind == SITE else model.geom_bodyid[i] for kind, i, _ in own if kind in ENDS
     ]
     joints = [_joints_above(model, int(b)) for b in bodies]
-    return dict.fromkeys(sorted(set.union(*joints) - set.intersection(*joints)), 1.0) if joints else {}
+    shared = joints[0].intersection(*joints) if joints else set[int]()
+    return dict.fromkeys(sorted(set[int]().union(*joints) - shared), 1.0)
 
 
 def _joints_above(model: mujoco.MjModel, body: int) -> set[int]:
