@@ -95,6 +95,9 @@ class Elastic(Strict):
     compensator: CompensatorEntry | None = None
     link: list[LinkEntry] = Field(min_length=1)
     joint: list[JointEntry] = Field(default_factory=list)
+    #: Rows of q_model = L q_file + q_0 by the chain joint's name: coefficients of file joints [1], and
+    #: offset_deg or offset_mm.
+    joints: dict[Name, dict[Name, float]] = Field(default_factory=dict)
 
 
 def read_elastic(path: Path) -> Elastic:

@@ -8,7 +8,7 @@ import math
 import os
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal
@@ -16,11 +16,22 @@ from typing import Literal
 import numpy as np
 
 from testbench.arm.elastic import Elastic, JointEntry, LinkEntry, beam_frame, link_place, read_elastic
+from testbench.arm.joint_map import JointMap, build_map, file_limits, narrowed
 from testbench.arm.lines import toml_place
 from testbench.arm.mjcf import angle_unit, find_body, numbers, read_mjcf
 from testbench.arm.stiffness import Tube, check_compliance, tube_compliance
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, InputError, check_array, check_least, cut, shown
+from testbench.errors import (
+    Array,
+    BenchError,
+    InputError,
+    Mask,
+    PoseError,
+    check_array,
+    check_least,
+    cut,
+    shown,
+)
 
 PACKAGE = Path(__file__).resolve().parents[1]
 FOLDERS = (PACKAGE / "models", PACKAGE.parent / "models")
@@ -120,6 +131,8 @@ class Arm(Displayed):
     markers: tuple[str, ...]  #: Bodies that the tracker reads.
     payload: float | None = None  #: Rated payload [kg]; None where elastic.toml states none.
     compensator: Compensator | None = None  #: Beside joint 2; None where elastic.toml states none.
+    #: What its joints are in those of files; None where they are the same.
+    joint_map: JointMap | None = None
 
     def about(self) -> dict[str, object]:
         """Name, joints, markers and payload."""
@@ -147,22 +160,97 @@ class Arm(Displayed):
         return C
 
     @property
-    def shown(self) -> Array:
-        """What makes coordinates those that people read, deg of rad and mm of m, (n,)."""
-        return np.array([joint.shown for joint in self.joints])
+    def file_joints(self) -> tuple[Joint, ...]:
+        """The joints of files, programs and pendants, m of them, without compliance; else `joints`."""
+        if self.joint_map is None:
+            return self.joints
+        ends = file_limits(self.joint_map, self.joints).T.tolist()
+        rows = zip(self.joint_map.names, ends, self.joint_map.prismatic, strict=True)
+        return tuple(Joint(name, *limits, math.nan, slides) for name, limits, slides in rows)
+
+    def to_model(self, q: Array) -> Array:
+        """Joints of the chain from those of files, L q_file + q_0, (..., m) to (..., n) [rad, m]."""
+        return q if self.joint_map is None else self.joint_map.to_model(q)
+
+    def to_file(self, q: Array) -> Array:
+        """Joints of files from those of the chain, (..., n) to (..., m) [rad, m]."""
+        return q if self.joint_map is None else self.joint_map.to_file(q)
+
+    def change_to_file(self, change: Array) -> Array:
+        """A change of file joints from that of the chain's joints, (..., n) to (..., m) [rad, m]."""
+        return change if self.joint_map is None else self.joint_map.change_to_file(change)
+
+    @property
+    def scale(self) -> Array:
+        """What makes file joints those that people read, deg of rad and mm of m, (m,)."""
+        return np.array([joint.shown for joint in self.file_joints])
+
+    def shown(self, q: Array) -> Array:
+        """File joints as people read them, (..., n) [rad, m] of the chain to (..., m) [deg, mm]."""
+        return self.scale * self.to_file(q)
+
+    def from_shown(self, values: Array) -> Array:
+        """Joints of the chain from file joints as people write them, (..., m) [deg, mm] to (..., n)."""
+        return self.to_model(values / self.scale)
+
+    def room(self, q: Array) -> Array:
+        """How far each file joint alone is from where a joint of the chain ends, (poses, m) [deg, mm]."""
+        slack = np.minimum(q - self.limits[0], self.limits[1] - q)
+        if self.joint_map is not None:
+            L = np.abs(self.joint_map.L)
+            slack = np.min(
+                slack[:, :, None] / np.where(L > 0, L, np.nan), axis=1, where=L > 0, initial=np.inf
+            )
+        return self.scale * slack
 
     def words(self, q: Array) -> str:
-        """A pose, (n,) [rad, m], for people: degrees, and millimetres where joints slide."""
-        values = (self.shown * q).round(2).tolist()
-        if not any(joint.prismatic for joint in self.joints):
+        """A pose, (n,) [rad, m], for people: file joints in degrees, and millimetres where they slide."""
+        values, joints = self.shown(q).round(2).tolist(), self.file_joints
+        if not any(joint.prismatic for joint in joints):
             return f"{values} deg"
-        named = (f"{x} {joint.shown_unit}" for x, joint in zip(values, self.joints, strict=True))
+        named = (f"{x} {joint.shown_unit}" for x, joint in zip(values, joints, strict=True))
         return f"[{', '.join(named)}]"
 
     @property
     def limits(self) -> Array:
         """Lower and upper joint limits, (2, n) [rad, m]."""
         return np.array([[j.lower for j in self.joints], [j.upper for j in self.joints]])
+
+    @property
+    def moves(self) -> Array | None:
+        """How all joints move as the free ones do, (n, n); None where none follows others."""
+        return None if self.joint_map is None or self.joint_map.square else self.joint_map.moves
+
+    @property
+    def turns(self) -> Mask:
+        """Hinges whose full turns leave the pose of the arm as it is, (n,): those that no joint follows."""
+        hinges = np.array([not joint.prismatic for joint in self.joints], dtype=bool)
+        return hinges if self.moves is None else hinges & (np.count_nonzero(self.moves, axis=0) == 1)
+
+    def followed(self, q: Array) -> Array:
+        """Poses, (..., n) [rad, m], with joints that follow others where these bring them."""
+        return q if self.joint_map is None else self.joint_map.followed(q)
+
+    def within(self, q: Array) -> Array:
+        """The nearest joints within the limits, (..., n) [rad, m]; those that follow others do so."""
+        return self.followed(np.clip(q, *self.limits))
+
+    def drawn(self, rng: np.random.Generator, count: int) -> Array:
+        """Poses drawn evenly over the joint limits, (count, n) [rad, m].
+
+        Raises:
+            PoseError: When joints that follow others leave their limits in nearly all poses.
+        """
+        lower, upper = self.limits
+        q = self.followed(rng.uniform(lower, upper, (count, self.n_joints)))
+        for _ in range(REDRAWN if self.moves is not None else 0):
+            beyond = np.flatnonzero(((q < lower) | (q > upper)).any(axis=1))
+            if not len(beyond):
+                return q
+            q[beyond] = self.followed(rng.uniform(lower, upper, (len(beyond), self.n_joints)))
+        if self.moves is not None:
+            raise PoseError(f"{self.name}: joints that follow others leave their limits in nearly all poses")
+        return q
 
 
 KINDS = "hinge", "slide"
@@ -171,6 +259,7 @@ COMPLIANCE_UNIT = "rad/(N m)", "m/N"
 
 FARTHEST = 1000.0  #: No joint turns or slides farther [rad, m].
 LONGEST_TITLE = 200  #: Characters of a title.
+REDRAWN = 300  #: Times that poses beyond the limits of joints that follow others are drawn again.
 LONGEST = 3.0  #: No tube is longer than so many times the whole arm [1].
 
 
@@ -210,7 +299,36 @@ def load_arm(folder: str | Path) -> Arm:
         raise InputError(toml_path, place, "expected an arm whose link 1 and link 2 a hinge joins")
     _check_chain(rigid, root, arm)
     _check_lengths(toml_path, elastic, stretched(rigid, root, arm))
-    return arm
+    return _mapped(toml_path, elastic, arm)
+
+
+OFFSETS = "offset_deg", "offset_mm"  #: Keys of a row's offset, of a hinge and of a slide.
+
+
+def _mapped(path: Path, elastic: Elastic, arm: Arm) -> Arm:
+    """The arm with the joints of files that [joints] of elastic.toml states."""
+    known, q_0 = {joint.name: joint for joint in arm.joints}, dict[str, float]()
+    rows = {name: dict(row) for name, row in elastic.joints.items()}
+    for name, row in rows.items():
+        place = toml_place(path, ["joints", name])
+        if name not in known:
+            raise InputError(path, place, f"expected one of the joints {', '.join(known)}, got {name!r}")
+        own, other = OFFSETS[:: -1 if known[name].prismatic else 1]
+        if other in row:
+            raise InputError(path, place, f"expected {own} of this joint, got {other}")
+        q_0[name] = row.pop(own, 0.0) / known[name].shown
+        if abs(q_0[name]) > FARTHEST:
+            raise InputError(path, place, f"expected offsets up to {FARTHEST:g} rad or m")
+    place = toml_place(path, ["joints"])
+    try:
+        found = build_map(arm.joints, rows, q_0)
+        if found is None:
+            return arm
+        limits = narrowed(found, arm.joints).T.tolist()
+    except BenchError as err:
+        raise InputError(path, place, str(err)) from err
+    joints = [replace(j, lower=low, upper=high) for j, (low, high) in zip(arm.joints, limits, strict=True)]
+    return replace(arm, joints=tuple(joints), joint_map=found)
 
 
 def _link(path: Path, index: int, link: LinkEntry) -> Link:

@@ -116,6 +116,10 @@ def _check_elements(path: Path, root: ET.Element) -> None:
         for e in level:
             if e.tag not in ATTRIBUTES:
                 allowed = f"not allowed in an arm; allowed are {sorted(ATTRIBUTES)}"
+                if e.tag in ("equality", "tendon"):
+                    allowed = (
+                        "not allowed in an arm: [joints] of elastic.toml says how joints depend on others"
+                    )
                 raise InputError(path, f"<{e.tag}>", allowed)
             _check_attributes(path, e)
         count.update(e.tag for e in level)

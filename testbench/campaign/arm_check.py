@@ -99,13 +99,13 @@ class Checked(Looked):
 
         A first joint about the vertical does not change the sag: both poses have it at the same angle.
         """
-        zero = np.clip(np.zeros(self.cell.arm.n_joints), *self.cell.arm.limits)
+        zero = self.cell.arm.within(np.zeros(self.cell.arm.n_joints))
         middle = int(np.argsort(self.sag.size)[len(self.sag.size) // 2])
         poses = np.array([zero, self.sag.q[middle]])
         turning, tilt, _ = stance(self.cell)
         if turning == 0 and tilt <= UPRIGHT:
             poses[1, 0] = poses[0, 0]
-        return poses
+        return self.cell.arm.followed(poses)
 
     @cached_property
     def worst(self) -> int:

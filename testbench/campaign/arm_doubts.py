@@ -82,7 +82,7 @@ def work_area(cell: Cell) -> Array:
     turning = np.array([not joint.prismatic for joint in cell.arm.joints], dtype=bool)
     lower = np.where(turning, np.maximum(lower, np.minimum(upper - TURN, -TURN)), lower)
     upper = np.where(turning, np.minimum(upper, np.maximum(lower + TURN, TURN)), upper)
-    q = stream(0).uniform(lower, upper, (POSES, cell.arm.n_joints))
+    q = cell.arm.followed(stream(0).uniform(lower, upper, (POSES, cell.arm.n_joints)))
     clear = q[[pair is None for pair in collisions(cell.room, q)]]
     return np.asarray(clear if len(clear) >= FEWEST else q)
 

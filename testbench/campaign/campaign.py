@@ -186,7 +186,7 @@ def check_agreement(vjm: Vjm, plant: "Plant") -> float:
     from testbench.plant.equilibrium import unloaded
 
     arm = vjm.arm
-    q = np.random.default_rng(0).uniform(arm.limits[0], arm.limits[1], (POSES, arm.n_joints))
+    q = arm.drawn(np.random.default_rng(0), POSES)
     ours = [np.dstack([R, p]) for p, R in body_poses(vjm, q)]  # axes and origin as columns
     at, axes = ours[-1][..., 3:], ours[-1][..., :3]  # of points on the tool the model knows no axes
     ours += [at + axes @ point[:, None] for point in (vjm.load, *vjm.markers)]

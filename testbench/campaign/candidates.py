@@ -157,7 +157,7 @@ def find(
     rejected, drawn = dict.fromkeys(REASONS, 0), 0
     kept: list[Array] = []
     while len(kept) < count and drawn < patience + DRAWS_A_POSE * len(kept):
-        q = rng.uniform(checks.vjm.arm.limits[0], checks.vjm.arm.limits[1], (BATCH, checks.vjm.arm.n_joints))
+        q = checks.vjm.arm.drawn(rng, BATCH)
         reasons = why_not(checks, q)
         good = np.flatnonzero([reason is None for reason in reasons])[: count - len(kept)]
         kept += list(q[good])

@@ -55,6 +55,8 @@ WORDS = {
     f"-s {STICK:g} clip((x_1 - x_0) / {STICK:g}, -1, 1) (friction) [rad, m], and with the lever r of "
     f"elastic.toml's compensator over its longest, -s (x_1 - x_0) {BESIDE:g} r^2 / (1 + {BESIDE:g} r^2)",
     "weights": "masses [kg] and centres [m] in the frame of urdf_link that the model bends under",
+    "joint_map": "only where files count joints otherwise: a joint of the URDF is its row of L times "
+    "file_joints, plus its number in q_0 [rad, m]",
     "root": "the URDF's first link in the model's world",
     "tool": "the URDF's tip in the model's tool",
 }
@@ -156,7 +158,17 @@ def beside(state: State, frames: Frames, urdf: Path, done: Row) -> dict[str, obj
         "joints": _joints(state),
         "orders": list(state.errors.orders),
         "weights": _weights(state, frames),
+        **_joint_map(arm),
     }
+
+
+def _joint_map(arm: Arm) -> dict[str, object]:
+    """How the URDF's joints follow from those of files; nothing where they are the same."""
+    found = arm.joint_map
+    if found is None:
+        return {}
+    rows = {joint.name: row for joint, row in zip(arm.joints, found.L.tolist(), strict=True)}
+    return {"joint_map": {"file_joints": list(found.names), "L": rows, "q_0": found.q_0.tolist()}}
 
 
 def _pose(pose: Array) -> dict[str, object]:
@@ -241,6 +253,10 @@ def _new_urdf(state: State, geometry: Rigid) -> str:
         ET.SubElement(e, "axis", xyz=words(state.vjm.axes[k]))
         ET.SubElement(e, "limit", lower=f"{joint.lower:.12g}", upper=f"{joint.upper:.12g}")
         e[-1].attrib.update(UNKNOWN)
+        if arm.joint_map is not None and (follows := arm.joint_map.follows(k)) is not None:
+            other, multiplier, offset = follows
+            numbers_of = {"multiplier": f"{multiplier:.12g}", "offset": f"{offset:.12g}"}
+            ET.SubElement(e, "mimic", joint=arm.joints[other].name, **numbers_of)
     last = unique(f"{names[-1]}_fixed", taken)
     _add_joint(robot, last, "fixed", (names[-2], names[-1]), geometry.tool)
     ET.indent(robot)

@@ -78,13 +78,16 @@ def export_offsets(state: State, file: Path, out: Path, gears: Sequence[float]) 
     numbers, old = find_numbers(form, file, text, keys), read_numbers(form, file, text, keys)
     q = random_joints(state.vjm)
     best = best_offsets(state, q)
-    new = old + turns @ best.offsets
+    arm = state.vjm.arm
+    offsets = arm.change_to_file(best.offsets)  # a controller counts the pendant's joints
+    new = old + turns @ offsets
     said = [f"{rms:.3f} mm RMS, {most:.3f} at most: {kind}" for kind, (rms, most) in best.left.items()]
     new -= TURN * np.trunc(new / TURN) if form is ABB else 0
     written = exchanged(form, text, numbers, new.tolist(), "beyond offsets are, at the tool", *said)
     change = read_numbers(form, out, written, keys) - old
-    change -= TURN * np.round((change - turns @ best.offsets) / TURN) if form is ABB else 0
+    change -= TURN * np.round((change - turns @ offsets) / TURN) if form is ABB else 0
     read = np.asarray(np.linalg.solve(turns, change), dtype=np.float64)
+    read = arm.to_model(read) - arm.to_model(np.zeros(AXES))
     off, _ = apart(tool_poses(state.vjm, q + read), tool_poses(state.vjm, q + best.offsets))
     if not off <= NEAR:
         raise BenchError(f"the offsets, read back, are up to {1e6 * off:.3g} um off; nothing is written")
@@ -95,7 +98,7 @@ def export_offsets(state: State, file: Path, out: Path, gears: Sequence[float]) 
 
 def _six_axes(form: Format, state: State) -> Arm:
     arm = state.vjm.arm
-    if arm.n_joints != AXES or any(joint.prismatic for joint in arm.joints):
+    if arm.n_joints != AXES or arm.moves is not None or any(joint.prismatic for joint in arm.joints):
         raise BenchError(f"{form.title}: expected an arm of {AXES} joints that turn; {arm.name} has others")
     return arm
 

@@ -88,7 +88,7 @@ def _pose(R: Array, p: Array) -> Array:
 
 def random_joints(vjm: Vjm) -> Array:
     """Poses over all of the joints' range, the same for every export, (POSES, n) [rad, m]."""
-    return np.random.default_rng(0).uniform(vjm.arm.limits[0], vjm.arm.limits[1], (POSES, vjm.arm.n_joints))
+    return vjm.arm.drawn(np.random.default_rng(0), POSES)
 
 
 def tool_poses(vjm: Vjm, q: Array, theta_0: Array | None = None) -> Array:

@@ -272,9 +272,7 @@ def more_poses(vjm: Vjm, data: Dataset, count: int, *, seed: int) -> Dataset:
 
     Where the data have more runs than are asked for, these are evenly spaced among them.
     """
-    lower, upper = vjm.arm.limits
-    rng = np.random.Generator(np.random.Philox(seed))
-    q = rng.uniform(lower, upper, (count, vjm.arm.n_joints))
+    q = vjm.arm.drawn(np.random.Generator(np.random.Philox(seed)), count)
     turn = np.arange(count) % data.runs
     if data.runs > count:
         turn = np.linspace(0, data.runs - 1, count).astype(int)

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from pathlib import Path
 
-from testbench.arm.folder import COMPLIANCE_UNIT
+from testbench.arm.folder import COMPLIANCE_UNIT, OFFSETS
 from testbench.campaign.beam import reach
 from testbench.campaign.propose import ALUMINIUM, LinkProposal, Proposal, Wishes, in_wrist, propose
 from testbench.errors import Array
@@ -20,6 +20,7 @@ CONFIRM = "#  "  #: Before each guess, in elastic.toml.
 TOLD = 4  #: Meshes that a note names; the others it counts.
 WORDS = {
     "density": "{0:.4g} kg in the file are {1:.0f} kg/m^3 inside of the shapes: check the masses",
+    "follow": "joints that follow others, as [joints] of elastic.toml says: {names}",
     "frozen": "off the arm, so held at zero: {names}",
     "geoms weigh": "no <inertial> in the file, so MuJoCo weighs the geoms: {names}",
     "left out": "not needed for statics, so left out: {names}",
@@ -122,6 +123,7 @@ def elastic_toml(chain: Chain, wishes: Wishes, proposal: Proposal) -> str:
         f"markers = {_words(names['markers'])}",
         f"to_confirm = {_words([name for note in proposed for name in names[note.kind]])}",
         f"payload = {payload}",
+        *_joint_rows(chain),
     ]
     for link in proposal.links:
         text += _link(link, _material(proposal))
@@ -131,6 +133,23 @@ def elastic_toml(chain: Chain, wishes: Wishes, proposal: Proposal) -> str:
         compliance = _quantity(float(f"{c:.2g}"), COMPLIANCE_UNIT[joint.prismatic], note)
         text += ["", "[[joint]]", f"name = {_word(joint.name)}", f"compliance = {compliance}"]
     return "\n".join(text) + "\n"
+
+
+def _joint_rows(chain: Chain) -> list[str]:
+    """The table [joints] of joints that follow others."""
+    found = chain.joint_map
+    if found is None:
+        return []
+    lines = ["", "[joints]"]
+    for k, joint in enumerate(chain.joints):
+        row = {name: c for name, c in zip(found.names, found.L[k].tolist(), strict=True) if c}
+        offset = 1e3 * found.q_0[k] if joint.prismatic else math.degrees(found.q_0[k])
+        if row == {joint.name: 1.0} and not offset:
+            continue
+        cells = [f"{name} = {c!r}" for name, c in row.items()]  # such names stand without quotes
+        cells += [f"{OFFSETS[joint.prismatic]} = {round(float(offset), 12)!r}"] if offset else []
+        lines.append(f"{joint.name} = {{ {', '.join(cells)} }}")
+    return lines
 
 
 def _to_confirm(name: str, proposal: Proposal, payload: str, proposed: Sequence[str]) -> list[str]:

@@ -134,9 +134,8 @@ def nearest_turn(q: Array, arm: Arm) -> Array:
     A joint that can turn about itself more than once reaches a pose at several angles; nearest to zero the
     ways from pose to pose are short, and cables are not wound up.
     """
-    near, hinge = q - 2 * np.pi * np.round(q / (2 * np.pi)), [not joint.prismatic for joint in arm.joints]
-    lower, upper = arm.limits
-    return np.where(hinge & (near >= lower) & (near <= upper), near, q)
+    near, (lower, upper) = q - 2 * np.pi * np.round(q / (2 * np.pi)), arm.limits
+    return np.where(arm.turns & (near >= lower) & (near <= upper), near, q)
 
 
 def around(cell: Cell, settings: PlanSettings) -> Array:
@@ -225,6 +224,7 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
         limits=cell.arm.limits,
         reach=reach_of(cell, settings),
         rng=stream(settings.seed, 1),
+        followed=cell.arm.followed,
     )
     best_of = search_best if given is None else choose_greedily
     best = best_of(asked, criterion_of(settings.criterion, examined.problem, wanted), examined)

@@ -94,9 +94,8 @@ def place(text: str, flag: str = "--tracker x,y,z [m]") -> Place:
 
 
 def joints_of(text: str, arm: Arm) -> Array:
-    """Joints in the units that people read, --start a,b,c [deg, mm], (n,) [rad, m]; BenchError for others."""
-    shown = np.array([joint.shown for joint in arm.joints])
-    return np.asarray(_numbers(text, arm.n_joints, "--start [deg, mm]") / shown)
+    """File joints as people write them, --start a,b,c [deg, mm], as (n,) [rad, m]; BenchError for others."""
+    return arm.from_shown(np.array(_numbers(text, len(arm.file_joints), "--start [deg, mm]")))
 
 
 def box(text: str) -> tuple[Place, Place]:

@@ -53,7 +53,7 @@ def simulate(cell: Cell, scenario: FullPose, seed: int) -> Campaign:
     Poses, wrenches and noise do not depend on the kind of truth.
     """
     poses_rng, noise_rng = stream(seed, 0), stream(seed, 1)
-    q = poses_rng.uniform(cell.arm.limits[0], cell.arm.limits[1], (scenario.poses, cell.arm.n_joints))
+    q = cell.arm.drawn(poses_rng, scenario.poses)
     loads = np.diag([scenario.force] * 3 + [scenario.moment] * 3)
     pose = np.repeat(np.arange(scenario.poses), 6)
     wrench = np.tile(loads, (scenario.poses, 1))
@@ -78,7 +78,7 @@ def _check_runs(cell: Cell, scenario: FullPose, rng: np.random.Generator) -> tup
     """Random poses and wrenches whose first-order deflection is in range; and how many were drawn."""
     kept_q, kept_wrench = np.empty((0, cell.arm.n_joints)), np.empty((0, 6))
     for k in range(1, MAX_BATCHES + 1):
-        q = rng.uniform(cell.arm.limits[0], cell.arm.limits[1], (BATCH, cell.arm.n_joints))
+        q = cell.arm.drawn(rng, BATCH)
         wrench = random_wrenches(BATCH, scenario.force, scenario.moment, rng)
         zero = np.zeros((BATCH, 3))
         moved = [settle_linear(cell.plant, q, load, zero).tool for load in (0 * wrench, wrench)]

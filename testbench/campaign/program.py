@@ -118,9 +118,10 @@ def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Lo
 def more_columns(found: CorrectedProgram) -> dict[str, Array | Sequence[str]]:
     """What a corrected program says beside its joints, by column."""
     own, arm = found.found, found.model.arm
-    moved = own.q - own.start
+    moved = arm.change_to_file(own.q - own.start)
     columns: dict[str, Array | Sequence[str]] = {
-        f"correction_{joint.shown_column}": joint.shown * moved[:, k] for k, joint in enumerate(arm.joints)
+        f"correction_{joint.shown_column}": joint.shown * moved[:, k]
+        for k, joint in enumerate(arm.file_joints)
     }
     columns |= {f"before_{x}_mm": 1e3 * own.before[:, k] for k, x in enumerate("xyz")}
     half = np.where(np.isfinite(own.half), own.half, np.nan)

@@ -190,10 +190,10 @@ def _columns(table: Table, arm: Arm, length: str) -> Iterator[Entry]:
         known.setdefault(meaning(name), []).append(k)
     if joints := joint_family(table.names, arm):
         unit, why = _joint_unit(table, joints)
-        for joint, k in zip(arm.joints, joints, strict=True):
+        for joint, k in zip(arm.file_joints, joints, strict=True):
             own = unit * (unit_of(table, k) is None)
             yield Entry("columns", joint.name + own, table.names[k], why * bool(own))
-    elif arm.joints:
+    elif arm.file_joints:
         yield _joint_cells(table, arm)
     readings, markers = _positions(table, arm)
     if not readings and {"axis", "position"} <= known.keys():
@@ -260,13 +260,13 @@ def _joint_cells(table: Table, arm: Arm) -> Entry:
     """How a column holds all joints in one cell; InputError where no column does."""
     order = sorted(range(len(table.names)), key=lambda k: not looks_like(table.names[k], "joints"))
     for k in order:
-        found = _cells_of(table, k, arm.n_joints)
+        found = _cells_of(table, k, len(arm.file_joints))
         if found and not POSED.search(plain(table.names[k])):
             said, (guessed, why) = unit_of(table, k), _angle(found[1])
-            units = [said.name if said else "m" if joint.prismatic else guessed for joint in arm.joints]
+            units = [said.name if said else "m" if joint.prismatic else guessed for joint in arm.file_joints]
             parts = [f"joint_{n}_{unit}" for n, unit in enumerate(units, start=1)]
             return Entry("cells", table.names[k], _pattern_of(found[0], parts), "" if said else why)
-    raise _unlike(table, arm.joints[0].name)
+    raise _unlike(table, arm.file_joints[0].name)
 
 
 def _position_cells(table: Table, length: str) -> Entry:

@@ -170,7 +170,8 @@ def _left(left: Sizes) -> list[str]:
 
 
 def _offset_words(arm: Arm, out: Path, best: BestOffsets, off: float) -> list[str]:
-    shown = (f"{joint.name} {x:.4f}" for joint, x in zip(arm.joints, np.degrees(best.offsets), strict=True))
+    offsets = np.degrees(arm.change_to_file(best.offsets))
+    shown = (f"{joint.name} {x:.4f}" for joint, x in zip(arm.file_joints, offsets, strict=True))
     (drawn, drawn_most), (left, left_most) = best.drawn_mm, best.corrected_mm
     return [
         f"{arm.name}: offsets of the joints are in {out} [deg]: {', '.join(shown)}",

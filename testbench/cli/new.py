@@ -46,7 +46,10 @@ def command(  # noqa: PLR0913
         except BenchError as err:  # which names a part of the robot
             raise InputError(source, "", str(err)) from err
     console = plain_console()
-    first = f"{name}: {len(arm.joints)} joints, tool at {chain.tip.name!r}, {chain.mass:.4g} kg"
+    joints = f"{len(arm.joints)} joints"
+    if arm.joint_map is not None:
+        joints += f", {len(arm.file_joints)} of files ({', '.join(arm.joint_map.names)})"
+    first = f"{name}: {joints}, tool at {chain.tip.name!r}, {chain.mass:.4g} kg"
     last = f"next       testbench check {word(name)} --out runs/{word(Path(name.name))}"
     for line in (first, *(f"  {note}" for note in notes), last):
         console.print(line, soft_wrap=True)

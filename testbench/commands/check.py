@@ -97,6 +97,14 @@ def contents(checked: Checked) -> list[str]:
         lines.append(f"  {link.name}: {_link(link)}")
         if k < arm.n_joints:
             lines.append(f"  {arm.joints[k].name}: {_joint(arm.joints[k], elastic.joint[k])}")
+    if found := arm.joint_map:
+        lines.append(f"  joints of files: {', '.join(found.names)}")
+        rows = [f"{joint.name} = {found.words(k)}" for k, joint in enumerate(arm.joints)]
+        lines += [
+            f"    {row}"
+            for row, joint in zip(rows, arm.joints, strict=True)
+            if row != f"{joint.name} = {joint.name}"
+        ]
     points = zip((arm.load, *arm.markers), (vjm.load, *vjm.markers), strict=True)
     lines.append(f"  tool {arm.tool}: {_place(vjm.tool[:3, 3])} m from {arm.links[-1].name}; in its axes:")
     lines.append(f"  load point {arm.load}, markers {', '.join(arm.markers)}")

@@ -84,7 +84,8 @@ def _points(found: CorrectedProgram, tolerance_mm: float | None) -> list[Row]:
     `most_mm` is what the model leaves and that half width: a point within a tolerance passes.
     """
     own, program, reasons = found.found, found.program, found.reasons
-    shown = np.array([joint.shown for joint in found.model.arm.joints])
+    arm = found.model.arm
+    correction = arm.scale * arm.change_to_file(own.q - own.start)
     before, half = MM * np.linalg.norm(own.before, axis=1), MM * own.half.max(axis=1)
     after = MM * np.linalg.norm(own.after, axis=1)
     verdicts: list[str | None] = [None] * program.points
@@ -99,7 +100,7 @@ def _points(found: CorrectedProgram, tolerance_mm: float | None) -> list[Row]:
             after_mm=float(after[k]),
             most_mm=finite(after[k] + half[k]),
             verdict=verdicts[k],
-            correction=(shown * (own.q[k] - own.start[k])).tolist(),
+            correction=correction[k].tolist(),
             turn_left_mrad=float(MRAD * np.linalg.norm(own.turned[k])),
             reason=reasons[k],
         )
@@ -125,10 +126,10 @@ def _turns(found: CorrectedProgram) -> Row:
 
 def _jump(found: CorrectedProgram) -> Row | None:
     """Where a correction changes most from a point to the next; None with one point."""
-    own, joints = found.found, found.model.arm.joints
+    own, arm, joints = found.found, found.model.arm, found.model.arm.file_joints
     if len(own.q) < 2:
         return None
-    steps = np.abs(np.diff(own.q - own.start, axis=0))
+    steps = np.abs(np.diff(arm.change_to_file(own.q - own.start), axis=0))
     k, j = np.unravel_index(int(steps.argmax()), steps.shape)
     load = np.sum([load.wrench[:, :3] for load in found.loads], axis=0)
     change, size = np.linalg.norm(load[k + 1] - load[k]), np.linalg.norm(load[k : k + 2], axis=1).max()

@@ -29,7 +29,7 @@ NOTHING = "Nothing: of every quantity the readings leave less than half of its p
 
 def write(made: Planned, said: Report, arm: Path, task: Path | None, out: Path) -> None:
     """The folder of a plan; InputError when it cannot be written."""
-    f, joints, asked = Row(said.numbers), made.cell.arm.joints, vars(made.settings)
+    f, joints, asked = Row(said.numbers), made.cell.arm.file_joints, vars(made.settings)
     flags = {"arm": made.cell.arm.name, **({"task": task.name} if task else {}), **asked}
 
     def more(folder: Path) -> None:
@@ -116,7 +116,7 @@ def _worst(f: Row, arm: Arm) -> Markdown:
         "Worst in task {task}, tool at {tool_m:place}: {expected_error_mm:.3f} mm expected of "
         "{expected_deflection_mm:.2f} mm. Joints at {joints}.",
         row,
-        joints=arm.words(np.array(row.q_shown) / arm.shown),
+        joints=arm.words(arm.from_shown(np.array(row.q_shown))),
     )
 
 

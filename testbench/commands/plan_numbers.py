@@ -60,15 +60,14 @@ POSITION = Meaning("expected error", "of the targets' positions after calibratio
 def numbers(made: Planned) -> Row:
     """All numbers of plan.json."""
     cell, plan, arm = made.cell, made.plan, made.cell.arm
-    lower, upper = arm.limits
-    margins = arm.shown * np.minimum(plan.q - lower, upper - plan.q).min(axis=0)
+    margins = arm.room(plan.q).min(axis=0)
     efficiency = min(plan.efficiency, 1.0)
     own = Row(
         vars(made.settings),
         arm=arm.name,
         base_m=cell.vjm.base[:3, 3].tolist(),
-        joints=[joint.name for joint in arm.joints],
-        units=[joint.shown_unit for joint in arm.joints],
+        joints=[joint.name for joint in arm.file_joints],
+        units=[joint.shown_unit for joint in arm.file_joints],
         margins=margins.tolist(),
         surrounded=has_surroundings(cell.room),
         error_mm=overall(made.forecast),
@@ -142,7 +141,7 @@ def _poses(arm: Arm, made: tuple[Array, Array], forecast: Forecast, moved: tuple
 
     Args:
         arm: Whose poses they are.
-        made: Joints, (poses, n) [rad, m], and where the tool is, (poses, 3) [m].
+        made: Joints of the chain, (poses, n) [rad, m], and where the tool is, (poses, 3) [m].
         forecast: Errors there.
         moved: What moves it, and by how much, (poses,) [m].
     """
@@ -150,7 +149,7 @@ def _poses(arm: Arm, made: tuple[Array, Array], forecast: Forecast, moved: tuple
     return [
         Row(
             {f"expected_{name}_mm": float(MM * far[k])},
-            q_shown=(arm.shown * q[k]).tolist(),
+            q_shown=arm.shown(q[k]).tolist(),
             expected_error_mm=float(MM * forecast.error[k]),
             expected_error_p05_mm=float(MM * forecast.low[k]),
             expected_error_p95_mm=float(MM * forecast.high[k]),
@@ -172,7 +171,7 @@ def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
         Row(
             row,
             run=k + 1,
-            q=q[k].tolist(),
+            q=arm.to_file(q[k]).tolist(),
             travel_deg=float(np.rad2deg(turned[k])),
             travel_mm=float(MM * slid[k]),
             way=ways[k],

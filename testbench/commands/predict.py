@@ -76,10 +76,11 @@ def write_predictions(made: Predicted, folder: Path) -> None:
     names = [as_cell(name) for name in made.names]
     with whole_file(folder / TABLE) as part, part.open("w", encoding="utf-8", newline="") as file:
         rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(prediction_columns(made.model.arm.joints))
+        arm = made.model.arm
+        rows.writerow(prediction_columns(arm.file_joints))
         for k, label in enumerate(made.asked.labels):
             first = [as_cell(label), str(made.asked.line[k])]
-            joints, last = [*map(repr, made.asked.q[k].tolist())], _cells(of_tool[k])
+            joints, last = [*map(repr, arm.to_file(made.asked.q[k]).tolist())], _cells(of_tool[k])
             for m, name in enumerate(names):
                 own = _cells(*(values[k, m] for values in parts))
                 rows.writerow([*first, name, *joints, *own, *last])

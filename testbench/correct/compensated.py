@@ -101,16 +101,17 @@ def within_limits(
     Returns:
         The joints, and which of them a limit stopped, (points, n).
     """
-    lower, upper = model.arm.limits
+    arm, (lower, upper) = model.arm, model.arm.limits
+    free_joints = True if arm.moves is None else arm.moves.any(axis=0)
     points = Points(model.state, q, loads, target, aim, np.ones(q.shape))
     found = solve(points)
-    for _ in range(model.arm.n_joints):
-        beyond = ((found.q < lower) | (found.q > upper)) & (points.free > 0)
+    for _ in range(arm.n_joints):
+        beyond = ((found.q < lower) | (found.q > upper)) & (points.free > 0) & free_joints
         some = np.flatnonzero(beyond.any(axis=1) & found.solved)
         if not len(some):
             break
         free = points.free * ~(beyond & found.solved[:, None])
-        start = np.where(free > 0, points.start, np.clip(found.q, lower, upper))
+        start = arm.followed(np.where(free > 0, points.start, np.clip(found.q, lower, upper)))
         points = replace(points, start=start, free=free)
         put(found, some, solve(points.of(some)))
     return found, points.free == 0

@@ -52,9 +52,8 @@ def reach(vjm: Vjm, target: Target, start: Array) -> Reached:
         target: Poses of the tool's origin.
         start: Joints to start from, (poses, n) [rad, m].
     """
-    lower, upper = vjm.arm.limits
     lever = LEVER * vjm.reach
-    q = np.clip(start, lower, upper)
+    q = vjm.arm.within(start)
     e, J = _error(vjm, lever, q, target)
     cost, damping, dull = _square(e), np.full(len(q), DAMPING), np.zeros(len(q), dtype=int)
     for _ in range(MOST):
@@ -62,7 +61,7 @@ def reach(vjm: Vjm, target: Target, start: Array) -> Reached:
         if not len(some):
             break
         weight = damping[some] * cost[some] + FLOOR * lever**2
-        trial = np.clip(q[some] + _step(J[some], e[some], weight, q[some], vjm.arm.limits), lower, upper)
+        trial = vjm.arm.within(q[some] + _step(J[some], e[some], weight, q[some], vjm.arm.limits))
         e_trial, J_trial = _error(vjm, lever, trial, in_order(target, some))
         gain = 1 - _square(e_trial) / cost[some]
         better = gain > 0
@@ -82,6 +81,8 @@ def _error(vjm: Vjm, lever: float, q: Array, target: Target) -> tuple[Array, Arr
     """What is left to the pose, (poses, 6) [m], and how the joints take it away, (poses, 6, n)."""
     p, R, J = tool_motion(vjm, q)
     J[:, 3:] *= lever
+    if vjm.arm.moves is not None:  # joints that follow others have no column of their own
+        J = J @ vjm.arm.moves
     return np.hstack([target.position - p, lever * turn_between(R, target.rotation)]), J
 
 
@@ -172,8 +173,8 @@ def _first(vjm: Vjm, target: Target, start: Array | None) -> Array:
         own = reach(vjm, target, start[None])
         if own.there.all():
             return own.q
-    near = np.clip(0.0 if start is None else start, lower, upper)
-    seeds = np.random.default_rng(0).uniform(lower, upper, (SEEDS, arm.n_joints))
+    near = arm.within(np.zeros(arm.n_joints) if start is None else start)
+    seeds = arm.drawn(np.random.default_rng(0), SEEDS)
     many = reach(vjm, in_order(target, np.zeros(SEEDS, dtype=int)), seeds)
     if not many.there.any():
         return many.q[[np.argmin(many.distance + vjm.reach * many.angle)]]
@@ -191,8 +192,7 @@ def _first(vjm: Vjm, target: Target, start: Array | None) -> Array:
 def _unwound(vjm: Vjm, q: Array, near: Array) -> Array:
     """The same with whole turns taken out of hinges, as far as limits let them come near."""
     lower, upper = vjm.arm.limits
-    hinges = np.array([not joint.prismatic for joint in vjm.arm.joints])
-    other = q - 2 * np.pi * np.round((q - near) / (2 * np.pi)) * hinges
+    other = q - 2 * np.pi * np.round((q - near) / (2 * np.pi)) * vjm.arm.turns
     return np.where((other >= lower) & (other <= upper), other, q)
 
 

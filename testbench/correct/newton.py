@@ -227,14 +227,15 @@ def _correct(points: Points, most: int, *, renewed: bool) -> Corrected:
     runs = len(points.start)
     q, theta = points.start.copy(), unbent(points.state, points.start, points.loads)
     found = Corrected(q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int))
-    moving, now = np.arange(runs), points
+    moving, now, moves = np.arange(runs), points, points.state.vjm.arm.moves
     G, J = np.zeros((runs, q.shape[1], 6)), np.zeros((runs, 6, q.shape[1]))
     for step in range(most):
         off = _off(now, q[moving], theta[moving])
         found.left[moving], found.turned[moving] = off.left, off.turned
         found.balance[moving], found.steps[moving] = np.abs(off.springs).max(axis=1), step + 1
         if step == 0 or renewed:
-            J = _jacobian(now.aim, off.where, now.state.vjm.own) * now.free[:, None]
+            J = _jacobian(now.aim, off.where, now.state.vjm.own)
+            J = (J if moves is None else J @ moves) * now.free[:, None]
             G = solutions(J, now.aim.hold, now.target.rotation @ np.array(now.aim.spindle))
         move = _move(now, off, q[moving], G, J) / 2 ** min(2, step // SHORTER)
         still = found.solved[moving] & (np.abs(move).max(axis=1) <= STILL)
@@ -263,4 +264,6 @@ def _move(points: Points, off: _Off, q: Array, G: Array, J: Array) -> Array:
     left = np.hstack([off.left - (v + cross(omega, arm)).T, off.turned - omega.T])
     gone = q - points.start
     move = np.matvec(G, left + np.matvec(J, gone)) - gone
+    if points.state.vjm.arm.moves is not None:  # joints that follow others move as these do
+        move = np.matvec(points.state.vjm.arm.moves, move)
     return np.asarray(move * np.minimum(1, LONGEST / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None])

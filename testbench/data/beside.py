@@ -9,7 +9,7 @@ from testbench.arm.folder import Arm
 from testbench.data.columns import Column, Columns
 from testbench.data.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
 from testbench.data.rearranged import clock, seconds
-from testbench.errors import Array, InputError
+from testbench.errors import Array, BenchError, InputError
 
 UNIT_NORM = 5e-3
 """How far a quaternion's norm, or a matrix times its transpose, may be from one [1]: rounding in a file."""
@@ -112,13 +112,17 @@ def _from_matrices(columns: Columns, name: str, values: Array) -> Array:
 
 
 def read_torques(columns: Columns, arm: Arm) -> Array | None:
-    """Torques of the joints, (rows, n) [N m, N]; None without such columns.
+    """Torques of the chain's joints, (rows, n) [N m, N]; None without such columns.
 
     Raises:
-        InputError: When a joint has none.
+        InputError: When a joint has none, or joints follow others: their torques cannot be told apart.
     """
     found = columns.whole(torque_columns(arm))
-    return np.column_stack([columns.full(column) for column in found]) if found else None
+    torque = np.column_stack([columns.full(column) for column in found]) if found else None
+    try:
+        return torque if torque is None or not arm.joint_map else arm.joint_map.torque_to_model(torque)
+    except BenchError as err:
+        raise columns.table.header_error(str(err)) from err
 
 
 def read_temperature(columns: Columns) -> tuple[Array | None, list[str]]:

@@ -164,7 +164,7 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     named = {k: own for k, name in enumerate(read_as) if (own := names.find(name))}
     if not named:
         hint = "names that are not ours need a map, a file without a header too"
-        wanted = ", ".join(joint.shown_column for joint in arm.joints) or "mass_kg"
+        wanted = ", ".join(joint.shown_column for joint in arm.file_joints) or "mass_kg"
         got = ", ".join(table.names[:3])
         raise table.header_error(f"no column is known, expected {wanted}, got {got} ...; {hint}")
     _check_map(table, names, named)
@@ -237,9 +237,9 @@ def _unit(table: Table, k: int, own: Named, arm: Arm) -> Unit | None:
     """The unit of a column: its name says it, the map, or the line below the header."""
     allowed = SI.get(own.slot.what, ())
     if own.slot.what == "joint":
-        allowed = (arm.joints[own.slot.index].unit,)
+        allowed = (arm.file_joints[own.slot.index].unit,)
     if own.slot.what == "torque":
-        allowed = ("N",) if arm.joints[own.slot.index].prismatic else ("Nm",)
+        allowed = ("N",) if arm.file_joints[own.slot.index].prismatic else ("Nm",)
     if not allowed:
         return None
     said = [unit for unit in (own.unit, own.header, table.units[k]) if unit]

@@ -70,7 +70,7 @@ def joints_of(arm: Arm) -> Callable[[str], tuple[str, int] | None]:
     Returns:
         A function of a name; it returns None where the name is not that of a joint.
     """
-    numbers = {plain(joint.name): k for k, joint in enumerate(arm.joints, start=1)}
+    numbers = {plain(joint.name): k for k, joint in enumerate(arm.file_joints, start=1)}
     spoken = "|".join(map(re.escape, sorted(filter(None, numbers), key=len, reverse=True))) or NEVER
     named = re.compile(KNOWN["joints"]["named"].replace("NAME", spoken))
 
@@ -91,7 +91,7 @@ def joint_family(names: Sequence[str], arm: Arm) -> list[int]:
     Numbers count from 1 or 0. Families with no more members than joints come first: A1 to A6 before J1 to J7.
     """
     families: dict[str, dict[int, int]] = {}
-    read, n, whole = joints_of(arm), arm.n_joints, list[tuple[bool, list[int]]]()
+    read, n, whole = joints_of(arm), len(arm.file_joints), list[tuple[bool, list[int]]]()
     for column, name in enumerate(names):
         if own := read(name):
             families.setdefault(own[0], {}).setdefault(own[1], column)

@@ -150,8 +150,8 @@ def write_moves(
     Args:
         path: The file.
         language: One of `WRITERS`.
-        q: Joints of every point, (points, n) [rad, m], as the model counts them.
-        joints: Whose they are.
+        q: Joints of every point, (points, n) [rad, m], as files and pendants count them.
+        joints: Whose they are, `Arm.file_joints`.
         labels: A comment a point, or none.
 
     Raises:

@@ -152,8 +152,8 @@ def columns_of(what: What, when: str = "") -> dict[str, Slot]:
 
 def torque_columns(arm: Arm) -> dict[str, Slot]:
     """The columns of the joints' torques."""
-    units = ("N" if joint.prismatic else "Nm" for joint in arm.joints)
-    both = zip(arm.joints, units, strict=True)
+    units = ("N" if joint.prismatic else "Nm" for joint in arm.file_joints)
+    both = zip(arm.file_joints, units, strict=True)
     return {f"torque_{joint.name}_{unit}": Slot("torque", k) for k, (joint, unit) in enumerate(both)}
 
 
@@ -182,9 +182,10 @@ def our_names(arm: Arm) -> dict[str, Slot]:
             for when, words in {"": ("",), **STATES, DEFLECTION: (DEFLECTION,)}.items():
                 orders = (order for word in words for order in permutations((marker, word, axis)))
                 found |= {"_".join(order): Slot("reading", k, marker, when) for order in orders}
-    if not any(joint.name.startswith("joint_") for joint in arm.joints):
-        found |= {f"joint_{k}": Slot("joint", k - 1) for k in range(1, arm.n_joints + 1)}
-    found |= {joint.name: Slot("joint", k) for k, joint in enumerate(arm.joints)}
+    joints = arm.file_joints
+    if not any(joint.name.startswith("joint_") for joint in joints):
+        found |= {f"joint_{k}": Slot("joint", k - 1) for k in range(1, len(joints) + 1)}
+    found |= {joint.name: Slot("joint", k) for k, joint in enumerate(joints)}
     return {squeeze(name): slot for name, slot in found.items()}
 
 
@@ -201,7 +202,7 @@ def series_names(arm: Arm) -> dict[str, Slot]:
     found |= {f"rotation_{k}": Slot("rotation", 2 + k) for k in (1, 2, 3)}
     for k, part in enumerate("wxyz"):
         found |= {f"{name}_{part}": Slot("quaternion", k) for name in ("quat", "q")}
-    found |= {f"torque_{k}": Slot("torque", k - 1) for k in range(1, arm.n_joints + 1)}
+    found |= {f"torque_{k}": Slot("torque", k - 1) for k in range(1, len(arm.file_joints) + 1)}
     found |= _without_unit(torque_columns(arm))
     return {squeeze(name): slot for name, slot in found.items()} | our_names(arm)
 
@@ -234,7 +235,7 @@ def placeholders(
     arm: Arm, words: Mapping[str, tuple[str, ...]]
 ) -> dict[str, list[tuple[str, tuple[str, ...]]]]:
     """What may stand for {n}, {n0}, {joint}, {axis}, {marker} and {when}: our word, and what files say."""
-    joints = [joint.name for joint in arm.joints]
+    joints = [joint.name for joint in arm.file_joints]
     return {
         "n": [(name, (str(k),)) for k, name in enumerate(joints, start=1)],
         "n0": [(name, (str(k),)) for k, name in enumerate(joints)],

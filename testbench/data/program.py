@@ -46,7 +46,8 @@ class Program:
     """
 
     labels: tuple[str, ...]  #: What the file calls every point; numbers from 1 where it does not.
-    q: Array | None  #: Joints, (points, n) [rad, m]; None where poses of the tool alone are given.
+    #: Joints of the chain, (points, n) [rad, m]; None where poses of the tool alone are given.
+    q: Array | None
     position: Array | None  #: Tool in the world, (points, 3) [m]; None where joints alone are given.
     rotation: Array | None  #: Its orientation, world from tool, (points, 3, 3); None together with that.
     wrench: Array  #: Force and moment on the tool at `point`, world axes, (points, 6) [N, N m].
@@ -75,8 +76,8 @@ class Program:
 
     @property
     def joints(self) -> list[Column | None]:
-        """The column of every joint; None where the file has none."""
-        return [self.columns.get(Slot("joint", k)) for k in range(self.arm.n_joints)]
+        """The column of every file joint; None where the file has none."""
+        return [self.columns.get(Slot("joint", k)) for k in range(len(self.arm.file_joints))]
 
     @property
     def other(self) -> tuple[str, ...]:
@@ -180,8 +181,9 @@ def read_poses(path: Path, arm: Arm, mapping: Path | None = None) -> Array:
     q = joint_coordinates(columns, arm)
     if not table.rows:
         raise table.error(0, "", "expected at least one pose")
+    in_file = arm.to_file(q)
     for k, own in again.items():
-        joint, here = arm.joints[own.slot.index], q[:, own.slot.index]
+        joint, here = arm.file_joints[own.slot.index], in_file[:, own.slot.index]
         other = here if own.unit is None else own.unit.scale * table.numbers(k, columns.mark)
         both = f"{table.names[first[own.slot]]} and {table.names[k]}"
         for i in np.flatnonzero(~(joint.shown * np.abs(here - other) <= SAME))[:1]:
@@ -198,7 +200,7 @@ def _joints(columns: Columns, arm: Arm) -> Array | None:
         return joint_coordinates(columns, arm)
     if columns.every("set_point"):
         return None
-    missing = [joint.shown_column for joint in arm.joints]
+    missing = [joint.shown_column for joint in arm.file_joints]
     raise columns.lack(missing, "; or x_mm, y_mm, z_mm and an orientation of the tool")
 
 
@@ -235,14 +237,15 @@ def refuse_joint_jumps(path: Path, arm: Arm, line: Ids, q: Array) -> None:
         path: The program's file.
         arm: The arm.
         line: Line of every point, (points,).
-        q: Joints, (points, n) [rad, m].
+        q: Joints of the chain, (points, n) [rad, m].
 
     Raises:
-        InputError: Names the first two lines and the joint.
+        InputError: Names the first two lines and the file joint.
     """
-    most = np.array([FARTHEST_STEP if joint.prismatic else FARTHEST_TURN for joint in arm.joints])
+    q, joints = arm.to_file(q), arm.file_joints
+    most = np.array([FARTHEST_STEP if joint.prismatic else FARTHEST_TURN for joint in joints])
     for i, k in np.argwhere(np.abs(np.diff(q, axis=0)) > most * SLACK)[:1].tolist():
-        joint = arm.joints[k]
+        joint = joints[k]
         here, there = (joint.shown * q[[i, i + 1], k]).tolist()
         got = f"{joint.name} from {here:g} to {there:g} {joint.shown_unit}"
         _refuse(path, line[i : i + 2], got, f"{joint.shown * most[k]:g} {joint.shown_unit}")

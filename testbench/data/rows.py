@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.arm.decimal import is_integer
-from testbench.arm.folder import Arm
+from testbench.arm.folder import Arm, Joint
 from testbench.arm.mjcf import GRAVITY, find_body, numbers, read_mjcf
 from testbench.data.columns import Column, Columns, axes
 from testbench.data.names import LOADING, WHEN, XYZ, Slot, split_unit, squeeze
@@ -201,24 +201,27 @@ def _point(columns: Columns, arm: Arm) -> tuple[Array, list[str]]:
 
 
 def joint_coordinates(columns: Columns, arm: Arm) -> Array:
-    """Joint coordinates within the arm's limits, (rows, n) [rad, m].
+    """Joints of the arm's chain within its limits, (rows, n) [rad, m], from the file's own.
 
     Raises:
         InputError: Names line and column.
     """
-    found = [columns.said(Slot("joint", k)) for k in range(arm.n_joints)]
+    joints = arm.file_joints
+    found = [columns.said(Slot("joint", k)) for k in range(len(joints))]
     units = {own.unit.si: own.unit.name for own in found if isinstance(own, Column) and own.unit}
     missing = [
         f"{joint.name}_{units.get(joint.unit, joint.unit)}"
-        for joint, own in zip(arm.joints, found, strict=True)
+        for joint, own in zip(joints, found, strict=True)
         if own is None
     ]
     if missing:
-        raise columns.lack(missing, _numbered_joints(columns.ignored, arm.n_joints))
+        raise columns.lack(missing, _numbered_joints(columns.ignored, len(joints)))
     none = np.empty((columns.table.rows, 0))  # an arm may have no joints
     q = np.column_stack([none, *(columns.every_row(own) for own in found)])
-    _check_limits(columns, arm, q)
-    ends = np.clip(q, *arm.limits)
+    _check_limits(columns, joints, q)
+    q = arm.to_model(q)
+    _check_chain(columns, arm, q)
+    ends = arm.within(q)
     return np.where(np.abs(q - ends) > SAME_POSE, ends, q)
 
 
@@ -236,40 +239,54 @@ def _numbered_joints(ignored: Sequence[str], count: int) -> str:
     return ""
 
 
-def _check_limits(columns: Columns, arm: Arm, q: Array) -> None:
-    """Refuse what is beyond the arm's limits; degrees are the first suspect."""
+def _check_chain(columns: Columns, arm: Arm, q: Array) -> None:
+    """Refuse poses, (rows, n) [rad, m], in which a joint of the chain is beyond its limits."""
+    if arm.joint_map is None:
+        return  # its limits are those of the file's joints
     lower, upper = arm.limits
+    for i, k in np.argwhere((q < lower - ROUNDED) | (q > upper + ROUNDED))[:1]:
+        joint = arm.joints[k]
+        low, high, got = (joint.shown * x for x in (joint.lower, joint.upper, q[i, k]))
+        limits = f"expected {low:.4f} to {high:.4f} {joint.shown_unit}, got {got:.4f}"
+        problem = f"{joint.name} of the arm, in file joints {arm.joint_map.words(int(k))}: {limits}"
+        raise columns.table.error(i, "", problem)
+
+
+def _check_limits(columns: Columns, joints: Sequence[Joint], q: Array) -> None:
+    """Refuse what is beyond the limits of file joints; degrees are the first suspect."""
+    lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
     bad = np.argwhere((q < lower - ROUNDED) | (q > upper + ROUNDED))
     if not len(bad):
         return
     i, k = bad[0]
-    joint, column = arm.joints[k], columns.get(Slot("joint", k))
+    joint, column = joints[k], columns.get(Slot("joint", int(k)))
     unit = column.unit if column else None
     name, scale = (unit.name, unit.scale) if unit else (joint.unit, 1.0)
-    alike = [other.prismatic == joint.prismatic for other in arm.joints]
+    alike = [other.prismatic == joint.prismatic for other in joints]
     most, suspect = SUSPECT[joint.unit]
     hint = f"; are these {suspect}?" if name == joint.unit and np.abs(q[:, alike]).max() > most else ""
-    hint = hint or _other_columns(columns, arm, q, int(k))
+    hint = hint or _other_columns(columns, joints, q, int(k))
     low, high, got = (x / scale for x in (joint.lower, joint.upper, q[i, k]))
     problem = f"expected {low:.4f} to {high:.4f} {name}, got {got:g}{hint}"
     raise columns.table.error(i, column.name if column else joint.name, problem)
 
 
-def _other_columns(columns: Columns, arm: Arm, q: Array, k: int) -> str:
+def _other_columns(columns: Columns, joints: Sequence[Joint], q: Array, k: int) -> str:
     """What brings a joint's column within the limits: the other sign, or another joint's column."""
-    (lower, upper), found = arm.limits, list[str]()
+    lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
+    found = list[str]()
 
-    def within(joints: Sequence[int], values: Array) -> bool:
-        return bool(((values >= lower[joints] - ROUNDED) & (values <= upper[joints] + ROUNDED)).all())
+    def within(some: Sequence[int], values: Array) -> bool:
+        return bool(((values >= lower[some] - ROUNDED) & (values <= upper[some] + ROUNDED)).all())
 
-    own, *others = (columns.get(Slot("joint", m)) for m in [k, *range(arm.n_joints)])
+    own, *others = (columns.get(Slot("joint", m)) for m in [k, *range(len(joints))])
     if own is None:
         return ""
     if within([k], -q[:, [k]]):
         other = own.name if own.sign < 0 else f"-{own.name}"
         found.append(f"with the other sign ([columns] of a map reads it so as {other!r})")
     for m, column in enumerate(others):
-        alike = m != k and arm.joints[m].prismatic == arm.joints[k].prismatic
+        alike = m != k and joints[m].prismatic == joints[k].prismatic
         if column and alike and within([k, m], q[:, [m, k]]):
             found.append(f"with {own.name!r} and {column.name!r} exchanged")
     return f"; all rows are within {', or '.join(found)}" if found else ""

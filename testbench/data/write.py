@@ -69,11 +69,14 @@ def csv_text(data: Dataset, arm: Arm | tuple[str, ...]) -> str:
 
 def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids | list[str]]:
     """The columns of `write_csv`, a cell a point, NaN for what was lost."""
-    joints = [j.column for j in arm.joints] if isinstance(arm, Arm) else [f"{name}_rad" for name in arm]
-    if len(joints) != data.q.shape[1]:
-        raise BenchError(f"joints: expected {data.q.shape[1]} names, got {joints}")
+    joints, q = [f"{name}_rad" for name in arm] if isinstance(arm, tuple) else [], data.q
+    if isinstance(arm, Arm):
+        joints = [joint.column for joint in arm.file_joints]
+        q = arm.to_file(q) if q.shape[1] == arm.n_joints else q
+    if len(joints) != q.shape[1]:
+        raise BenchError(f"joints: expected {q.shape[1]} names, got {joints}")
     n, lost, turned = data.points, ~data.seen.reshape(-1, 1), data.rotation_before is not None
-    blocks = _conditions(joints, data)
+    blocks = _conditions(joints, q, data)
     for when, places in zip(WHEN, (data.before, data.after), strict=True):
         blocks.append((columns_of("reading", when), np.where(lost, np.nan, places.reshape(-1, 3))))
     blocks.append((["sigma_m"], np.full(n, data.sigma)))
@@ -149,7 +152,7 @@ def write_program(
     Args:
         path: The file.
         program: As it was read.
-        q: The joints instead, (points, n) [rad, m].
+        q: The joints of the chain instead, (points, n) [rad, m].
         more: Further columns by their names, numbers or words, (points,) each; NaN is a blank cell.
 
     Raises:
@@ -161,7 +164,7 @@ def write_program(
     names = list(table.names)
     cells = [list(map(as_cell, table.texts(k))) for k in range(len(names))]
     units = [unit.name if unit else "" for unit in table.units]
-    for joint, column, own in zip(arm.joints, program.joints, q.T, strict=True):
+    for joint, column, own in zip(arm.file_joints, program.joints, arm.to_file(q).T, strict=True):
         if column is None:
             names.append(joint.shown_column)
             cells.append(_numbers(joint.shown * own, mark=mark))
@@ -215,10 +218,10 @@ def _rounded(decimals: int | None) -> Shown:
     return repr if decimals is None else lambda x: repr(round(x, decimals) + 0.0)
 
 
-def _conditions(joints: Sequence[str], own: Dataset | Series) -> list[Block]:
-    """Joints and load of every run or reading."""
+def _conditions(joints: Sequence[str], q: Array, own: Dataset | Series) -> list[Block]:
+    """File joints, (rows, m) [rad, m], and load of every run or reading."""
     load = [*columns_of("force"), *columns_of("moment")]
-    return [(joints, own.q), (load, own.wrench), (columns_of("point"), own.point)]
+    return [(joints, q), (load, own.wrench), (columns_of("point"), own.point)]
 
 
 def _entries(C: Array) -> Array:
@@ -258,15 +261,23 @@ def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
     n, shown, lost = s.rows * len(s.markers), _rounded(decimals), ~s.seen.reshape(-1, 1)
     texts = {"series": _place(s, stem) or s.name, "series_frame": s.frame, "series_target": s.target}
     vectors = None if s.rotation is None else _vectors(s, s.rotation)
-    beside: list[Block] = [(torque_columns(arm), s.torque), (["time_s"], s.time)]
+    beside: list[Block] = [(torque_columns(arm), _torques(arm, s)), (["time_s"], s.time)]
     beside += [(columns_of("rotation"), vectors)]
     own = _cells(n, [(["run"], s.row), (["pose"], s.pose)], str)
     own |= {name: [as_cell(text)] * n for name, text in texts.items()}
     own["marker"] = list(map(as_cell, s.markers)) * s.rows
-    own |= _cells(n, [*_conditions([j.column for j in arm.joints], s), *beside], shown)
+    joints = [joint.column for joint in arm.file_joints]
+    own |= _cells(n, [*_conditions(joints, arm.to_file(s.q), s), *beside], shown)
     own |= _cells(n, [(["temperature"], s.temperature)], _rounded(decimals and 2))
     places = np.where(lost, np.nan, s.position.reshape(-1, 3))
     return own | _cells(n, [(columns_of("reading"), places)], shown)
+
+
+def _torques(arm: Arm, s: Series) -> Array | None:
+    """Torques of file joints, (rows, m) [N m, N], as `testbench.data.beside.read_torques` reads them."""
+    if s.torque is None or arm.joint_map is None:
+        return s.torque
+    return arm.joint_map.torque_to_file(s.torque)
 
 
 def _vectors(s: Series, R: Array) -> Array:

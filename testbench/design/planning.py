@@ -104,7 +104,8 @@ def make_plan(spec: Specification, name: str, q: Array, reach: Reach, rng: np.ra
     """
     check_criterion(name)
     examined = candidate_set(spec, q)
-    search = Search(partial(measured_rows, spec), spec.poses, spec.experiment.vjm.arm.limits, reach, rng)
+    arm = spec.experiment.vjm.arm
+    search = Search(partial(measured_rows, spec), spec.poses, arm.limits, reach, rng, arm.followed)
     criterion = criterion_of(name, examined.problem, workspace_rows(spec), task_rows(spec))
     return Plan(specification=spec, **vars(choose(search, criterion, examined)))
 

@@ -49,11 +49,13 @@ class Search:
     limits: Array  #: Lower and upper joint limits, (2, n joints) [rad, m].
     reach: Reach  #: Which poses near the candidates are feasible, and which ways between them are clear.
     rng: np.random.Generator  #: Source of starts and steps.
+    #: Poses (..., n) with joints that follow others where these bring them [rad, m].
+    followed: Callable[[Array], Array] = lambda q: q
 
     def around(self, q: Array, step: Array) -> Array:
         """Poses drawn around q within the limits; q and step broadcast to the shape of the draw."""
         shape = np.broadcast_shapes(q.shape, step.shape)
-        return np.clip(q + step * self.rng.standard_normal(shape), *self.limits)
+        return self.followed(np.clip(q + step * self.rng.standard_normal(shape), *self.limits))
 
 
 def refine(q: Array, prior: Array, criterion: Criterion, rows: Rows, search: Search) -> Array:

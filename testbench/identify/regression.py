@@ -137,8 +137,7 @@ def generic_rows(vjm: Vjm, structure: Structure) -> Array:
     n). Its rank is generic: it does not depend on the draw.
     """
     rng = np.random.Generator(np.random.Philox(0))
-    lower, upper = vjm.arm.limits
-    q = rng.uniform(lower, upper, (GENERIC_RUNS, vjm.arm.n_joints))
+    q = vjm.arm.drawn(rng, GENERIC_RUNS)
     wrench, point = rng.standard_normal((GENERIC_RUNS, 6)), rng.standard_normal((GENERIC_RUNS, 3))
     told = straight(vjm, q, [Load(wrench, point)])
     A = jacobian(compliances(vjm, structure), told, vjm.markers, turned=True)[:, :, :-1]

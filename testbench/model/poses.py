@@ -51,11 +51,10 @@ def random_poses(
     Raises:
         PoseError: When too few can be found; says which condition emptied the set.
     """
-    lower, upper = vjm.arm.limits
     kept: list[Array] = []
     drawn = reached = 0
     for _ in range(MAX_BATCHES):
-        q = rng.uniform(lower, upper, (BATCH, vjm.arm.n_joints))
+        q = vjm.arm.drawn(rng, BATCH)
         drawn += len(q)
         for piece in np.split(q, range(PIECE, BATCH, PIECE)):
             inside = piece if area is None else piece[in_area(vjm, area, piece)]

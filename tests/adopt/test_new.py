@@ -100,8 +100,8 @@ def test_rods_that_follow_a_joint_do_not_cut_the_wrist_off_and_touch_nothing(tmp
     assert mine.replace(f"'{flange}'", "'tool0'") == bare
 
 
-def test_a_parallelogram_is_read_as_its_refusal_says(tmp_path):
-    """Pinocchio's reading of the file, the rod at minus joint 2, is the arm's with the sum in joint 3."""
+def test_a_parallelogram_is_a_chain_whose_rod_follows_joint_2(tmp_path):
+    """Pinocchio's reading of the file, the rod at minus joint 2, is the arm's at the six joints of files."""
     rod = """<link name="held"/><joint name="rod" type="revolute"><origin xyz="0 0 1.25"/>
         <parent link="link_2"/><child link="held"/><axis xyz="0 1 0"/>
         <limit lower="-3" upper="3" effort="1" velocity="1"/>
@@ -110,17 +110,15 @@ def test_a_parallelogram_is_read_as_its_refusal_says(tmp_path):
     own = '<origin xyz="0 0 1.25"/> <parent link="link_2"/><child link="link_3"/>'
     text = text.replace(own, '<parent link="held"/><child link="link_3"/>')
     (file := tmp_path / "rod.urdf").write_text(text)
-    said = is_refused(do("new", tmp_path / "mine", "--from", file))
-    assert "joint 'rod' follows 'joint_a2' (mimic); it turns about the axis of 'joint_a3', as in a" in said
-    assert "make it fixed, and let 'joint_a3' count the sum of both angles, in readings too" in said
-    free = re.sub("<mimic[^>]*>", "", text)
-    (tmp_path / "free.urdf").write_text(free)
-    file.write_text(free.replace('name="rod" type="revolute"', 'name="rod" type="fixed"'))
-    fine("new", tmp_path / "mine", "--from", file)
-    names, q = [f"joint_a{k}" for k in range(1, 7)], np.random.default_rng(2).uniform(-1, 1, (5, 6))
+    (tmp_path / "free.urdf").write_text(re.sub("<mimic[^>]*>", "", text))
+    names = [f"joint_a{k}" for k in range(1, 7)]
+    said = fine("new", tmp_path / "mine", "--from", file)
+    assert f"7 joints, 6 of files ({', '.join(names)})" in said
+    assert "joints that follow others, as [joints] of elastic.toml says: rod = -joint_a2" in said
+    q = np.random.default_rng(2).uniform(-1, 1, (5, 6))
     theirs = pinocchio_urdf(tmp_path / "free.urdf", "tool0", [*names, "rod"], np.c_[q, -q[:, 1]]).tips
-    ours = build_vjm(load_arm(tmp_path / "mine"))
-    p, R = tool_pose(ours, q - q[:, [1]] * (np.arange(6) == 2))
+    arm = load_arm(tmp_path / "mine")
+    p, R = tool_pose(build_vjm(arm), arm.to_model(q))
     np.testing.assert_allclose(theirs[:, :3, 3], p, atol=1e-9)
     np.testing.assert_allclose(theirs[:, :3, :3], R, atol=1e-9)
 
@@ -284,8 +282,11 @@ WRONG = {
         'name="joint_a3" type="revolute"',
         'name="joint_a3" type="floating"',
     ): "the joint of 'link_3' floats free",
-    ('name="joint_a3" type="revolute">', 'name="joint_a3" type="revolute"><mimic joint="joint_a2"/>'): (
-        "joint 'joint_a3' follows 'joint_a2' (mimic)"
+    ('name="joint_a3" type="revolute">', 'name="joint_a3" type="revolute"><mimic joint="a2"/>'): (
+        "no joint 'a2', which others follow"
+    ),
+    ('name="joint_a3" type="revolute">', 'name="joint_a3" type="revolute"><mimic joint="joint_a3"/>'): (
+        "<joint name='joint_a3'>: it mimics itself"
     ),
     (
         "<robot ",
@@ -402,3 +403,60 @@ def mutated(text, rng):
     ][kind]
     end = len(text) if kind == 4 and rng.random() < 0.5 else spot.end()
     return text[: spot.start()] + new_text + text[end:]
+
+
+DH = [
+    (0, 0, 0.5, 0),
+    (-90, 0.1, 0.02, -90),
+    (0, 0.7, 0, 0),
+    (-90, 0.15, 0.8, 0),
+    (90, 0, 0, 0),
+    (-90, 0.03, 0.1, 0),
+]
+"""Rows alpha [deg], a, d [m], theta [deg] of six joints."""
+
+
+def turned(axis, angle, along):
+    """A turn about x (0) or z (2) with a way along that axis, (4, 4)."""
+    pose = np.eye(4)
+    c, s = np.cos(angle), np.sin(angle)
+    pose[:3, :3] = [[1, 0, 0], [0, c, -s], [0, s, c]] if axis == 0 else [[c, -s, 0], [s, c, 0], [0, 0, 1]]
+    pose[axis, 3] = along
+    return pose
+
+
+@pytest.mark.parametrize("modified", [True, False])
+def test_a_dh_table_as_a_urdf_is_the_robot_that_its_convention_says(tmp_path, modified):
+    """Origins as docs/robot_files.md has them, constant angles in [joints]: the rows' product is the tool."""
+    (tmp_path / "dh.csv").write_text("alpha,a,d,theta\n0,0,487,0\n")
+    said = is_refused(do("new", tmp_path / "A", "--from", tmp_path / "dh.csv"))
+    assert "expected a URDF or MJCF" in said
+    assert "a DH table as URDF stands in docs/robot_files.md" in said
+    rows = [(np.radians(alpha), a, d, np.radians(theta)) for alpha, a, d, theta in DH]
+    if modified:
+        origins = [((a, -d * np.sin(alpha), d * np.cos(alpha)), alpha) for alpha, a, d, _ in rows]
+    else:
+        origins = [((a, 0, d), alpha) for alpha, a, d, _ in rows]
+    origins = [*origins, ((0, 0, 0), 0.0)] if modified else [((0, 0, 0), 0.0), *origins]
+    mass = '<inertial><mass value="9"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    text = f'<robot name="dh"><link name="l0">{mass}</link>'
+    for k, (at, alpha) in enumerate(origins, start=1):
+        kind, name = ("fixed", "tool0") if k == 7 else ("revolute", f"l{k}")
+        xyz = " ".join(f"{float(x)!r}" for x in at)
+        text += f"""<link name="{name}">{mass if k < 7 else ""}</link><joint name="j{k}" type="{kind}">
+            <parent link="l{k - 1}"/><child link="{name}"/><axis xyz="0 0 1"/>
+            <origin xyz="{xyz}" rpy="{float(alpha)!r} 0 0"/><limit lower="-3" upper="3"/></joint>"""
+    (file := tmp_path / "dh.urdf").write_text(f"{text}</robot>")
+    fine("new", tmp_path / "mine", "--from", file, "--payload-kg", 10)
+    elastic = tmp_path / "mine" / "elastic.toml"
+    table = "[joints]\nj2 = { j2 = 1, offset_deg = -90 }\n\n[[link]]"
+    elastic.write_text(elastic.read_text().replace("[[link]]", table, 1))
+    arm, q = load_arm(tmp_path / "mine"), np.random.default_rng(4).uniform(-1, 1, (5, 6))
+    p, R = tool_pose(build_vjm(arm), arm.to_model(q))
+    for k, own in enumerate(q):
+        pose = np.eye(4)
+        for (alpha, a, d, theta), angle in zip(rows, own, strict=True):
+            x, z = turned(0, alpha, a), turned(2, theta + angle, d)
+            pose = pose @ (x @ z if modified else z @ x)
+        np.testing.assert_allclose(p[k], pose[:3, 3], atol=1e-9)
+        np.testing.assert_allclose(R[k], pose[:3, :3], atol=1e-9)

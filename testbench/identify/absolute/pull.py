@@ -45,7 +45,8 @@ def pull_of(
         series: What was read, or is to be.
         tells: Information of any series, no prior, (size, size); None for `information` at the state.
     """
-    lower, upper = unknowns.vjm.arm.limits
+    arm = unknowns.vjm.arm
+    lower, upper = arm.limits
     rng = np.random.Generator(np.random.Philox(0))
     told = tells or (lambda one: information(unknowns, state, one))
 
@@ -57,13 +58,13 @@ def pull_of(
             q = one.q[rows].copy()
             stratified = (rng.permutation(count) + rng.random(count)) / count
             q[:, j] = stratified * (upper[j] - lower[j]) + lower[j]
-            total += told(_moved(one, rows, q))
+            total += told(_moved(one, rows, arm.followed(q)))
         return total
 
     everywhere = []
     for one in series:
         count = -(-AMPLE * unknowns.size // (3 * len(one.markers) * len(series)))
-        q = rng.uniform(lower, upper, (count, len(lower)))
+        q = arm.drawn(rng, count)
         everywhere.append(_moved(one, np.arange(count) % one.rows, q))
     none = {name: np.zeros_like(getattr(state, name)) for name in ("theta_0", "C_theta", "n")}
     rigid = [information(unknowns, replace(state, **none), one) for one in everywhere]

@@ -13,6 +13,8 @@ import numpy as np
 
 from testbench.errors import Array, InputError
 from testbench.plant.import_robot.compiled import compiled
+from testbench.plant.import_robot.couple import Rows, chain_map, map_of
+from testbench.plant.import_robot.equalities import Coupling
 from testbench.plant.import_robot.mjcf import clean_mjcf
 from testbench.plant.import_robot.robot import Body, Chain, Note, Robot, Shape, Site, moved
 from testbench.plant.import_robot.solids import combined
@@ -25,8 +27,8 @@ FEWEST, MOST = 3, 9  #: Moving joints of an arm.
 LONGEST = 50.0  #: Farthest of a body from the body before [m].
 HEAVIEST = 1e5  #: Of a body [kg].
 LONGEST_NAME = 40  #: Characters of a name: room for what is put behind it.
-SAME_LINE = 1e-6  #: Most that two axes are apart that are one [m, rad].
 RESERVED = ("world",)
+LEFT = "left out"  #: Kind of a note.
 SPECK = 1e-6  #: Mass of a part of which the file says nothing [kg].
 CLEANERS = {"robot": clean_urdf, "mujoco": clean_mjcf}
 
@@ -59,6 +61,7 @@ def read_chain(file: Path, tip: str | None = None) -> Chain:
     path = path_to(robot, end.body)
     _check_joints(file, robot, path)
     _check_sizes(file, robot)
+    rows, spare = map_of(file, robot.bodies, path, robot.couplings, robot.driven)
     carriers = [k for k in path if robot.bodies[k].joint is not None]
     carriers.insert(0, path[path.index(carriers[0]) - 1])
     placed = _place(robot.bodies, path, carriers)
@@ -68,7 +71,19 @@ def read_chain(file: Path, tip: str | None = None) -> Chain:
     parts = (replace(parts[0], pose=_in_world(bodies, carriers[0])), *parts[1:])
     became = _became(bodies, placed, path, parts, rods)
     site = Site(end.site.name, placed[end.body].pose @ end.site.pose)
-    return _fit(Chain(robot.name, parts, site, (*robot.notes, *notes, *became)))
+    had = [_left_out(note, robot.couplings, spare) for note in robot.notes]
+    chain = Chain(robot.name, parts, site, (*(n for n in had if n.names or n.kind != LEFT), *notes, *became))
+    return _coupled(file, *_fit(chain, rows))
+
+
+def _left_out(note: Note, couplings: Sequence[Coupling], spare: Collection[Coupling]) -> Note:
+    """A note of what is left out, without equalities and tendons if they say how the arm's joints move."""
+    if note.kind != LEFT:
+        return note
+    used = [own.label for own in couplings if own not in spare]
+    read = {"equality"} if used and not any("equality" in own.label or own.bodies for own in spare) else set()
+    read |= {"tendon" for label in used if label.startswith("tendon")}
+    return note._replace(names=tuple(name for name in note.names if name not in read))
 
 
 def _named(file: Path, robot: Robot, name: str) -> Tip:
@@ -81,35 +96,17 @@ def _named(file: Path, robot: Robot, name: str) -> Tip:
 
 
 def _check_joints(file: Path, robot: Robot, path: list[int]) -> None:
-    """Three to nine joints that turn or slide, each by itself."""
+    """Three to nine joints that turn or slide."""
     moving = [k for k in path if robot.bodies[k].moves]
-    for place, body in enumerate(robot.bodies[k] for k in moving):
+    for body in (robot.bodies[k] for k in moving):
         if body.odd:
             name = f"joint {body.joint.name!r}" if body.joint else f"the joint of {body.name!r}"
-            near = moving[max(place - 1, 0) : place] + moving[place + 1 : place + 2]
-            found = filter(None, (_parallelogram(robot.bodies, moving[place], other) for other in near))
-            remedy = next(found, "an arm's joints turn or slide, each by itself")
-            raise InputError(file, "", f"{name} {body.odd}; {remedy}")
+            raise InputError(file, "", f"{name} {body.odd}; an arm's joints turn or slide")
     names = [joint.name for k in path if (joint := robot.bodies[k].joint)]
     if not FEWEST <= len(names) <= MOST:
         there, end = ", ".join(names) or "none", robot.bodies[path[-1]].name
         wanted = f"expected {FEWEST} to {MOST} moving joints up to {end!r}"
         raise InputError(file, "", f"{wanted}, got {len(names)}: {there}; --tip names another end")
-
-
-def _parallelogram(bodies: Sequence[Body], k: int, other: int) -> str:
-    """What to do with a joint that follows others but turns about the axis of a free one next to it."""
-    one, two = bodies[k].joint, bodies[other].joint
-    if one is None or two is None or one.prismatic or two.prismatic or bodies[other].odd:
-        return ""
-    a, b = _in_world(bodies, k), _in_world(bodies, other)
-    own, free = a[:3, :3] @ one.axis, b[:3, :3] @ two.axis
-    off = np.cross([free, a[:3, 3] - b[:3, 3]], own)
-    if np.abs(off).max() > SAME_LINE:
-        return ""
-    both = "sum" if own @ free > 0 else "difference"
-    turns = f"it turns about the axis of {two.name!r}, as in a parallelogram: make it fixed"
-    return f"{turns}, and let {two.name!r} count the {both} of both angles, in readings too"
 
 
 def _check_sizes(file: Path, robot: Robot) -> None:
@@ -232,8 +229,21 @@ def _became(
     return notes
 
 
-def _fit(chain: Chain) -> Chain:
-    """The chain with names of letters, digits, `_` and `-` that differ in more than upper and lower case."""
+def _coupled(file: Path, chain: Chain, rows: Rows) -> Chain:
+    """The chain with the map of its joints, and a note of those that follow others."""
+    found = chain_map(file, chain.joints, rows)
+    if found is None:
+        return chain
+    names = [joint.name for joint in chain.joints]
+    words = tuple(f"{name} = {found.words(k)}" for k, name in enumerate(names) if name in rows)
+    return replace(chain, joint_map=found, notes=(*chain.notes, Note("follow", words)))
+
+
+def _fit(chain: Chain, rows: Rows) -> tuple[Chain, Rows]:
+    """The chain with names of letters, digits, `_` and `-` that differ in more than upper and lower case.
+
+    Joints that others follow have such names too.
+    """
     links, joints = fit_names(p.name for p in chain.parts), fit_names(joint.name for joint in chain.joints)
     renamed = []
     for part, name, own in zip(chain.parts, links, ("", *joints), strict=True):  # the base has no joint
@@ -246,7 +256,15 @@ def _fit(chain: Chain) -> Chain:
     changed = tuple(f"{old!r} is {new}" for old, new in named if old != new)
     notes = (*chain.notes, Note("renamed", changed)) if changed else chain.notes
     [name] = fit_names([chain.name])
-    return replace(chain, name=name, parts=tuple(renamed), notes=notes)
+    own = [joint.name for joint in chain.joints]
+    beside = list(dict.fromkeys(name for row, _ in rows.values() for name in row if name not in own))
+    new = dict(zip([*own, *beside], fit_names([*joints, *beside]), strict=True))
+    fit_rows = {
+        new[joint]: ({new[other]: c for other, c in row.items()}, q_0)
+        for joint, (row, q_0) in rows.items()
+        if joint in own
+    }
+    return replace(chain, name=name, parts=tuple(renamed), notes=notes), fit_rows
 
 
 def fit_names(names: Iterable[str]) -> list[str]:

@@ -13,8 +13,18 @@ import numpy as np
 from testbench.errors import Array, InputError
 from testbench.plant.build import REFUSED
 from testbench.plant.collide import VISUAL_GROUPS, body_name
+from testbench.plant.import_robot.equalities import Coupling, couplings_of
 from testbench.plant.import_robot.meshes import MAX_ALL_FACES
-from testbench.plant.import_robot.robot import Body, Joint, Mesh, Note, Robot, Shape, Site, pose_of
+from testbench.plant.import_robot.robot import (
+    Body,
+    Joint,
+    Mesh,
+    Note,
+    Robot,
+    Shape,
+    Site,
+    pose_of,
+)
 from testbench.plant.import_robot.solids import outermost, primitive
 from testbench.plant.shapes import KINDS, geom_rgba, rotation_of
 
@@ -38,8 +48,9 @@ class Cleaned:
     surfaces: Mapping[str, Mesh] = field(default_factory=dict)  #: Meshes that MuJoCo has a box for, by name.
     #: Bodies whose joint cannot be one of an arm, and why.
     odd: Mapping[str, str] = field(default_factory=dict)
-    #: The joint that a joint mimics, by their names.
-    follows: Mapping[str, str] = field(default_factory=dict)
+    #: What joints mimic of others: sum of terms = constant, its `follower` the joint that mimics.
+    couplings: Sequence[Coupling] = ()
+    driven: frozenset[str] = frozenset()  #: Joints that motors drive.
 
 
 def compiled(file: Path, name: str, cleaned: Cleaned) -> Robot:
@@ -68,7 +79,9 @@ def compiled(file: Path, name: str, cleaned: Cleaned) -> Robot:
         split[-1] = replace(split[-1], shapes=tuple(shape for shape in shapes if shape))
         bodies += [_marked(body, cleaned) for body in split]
         index[b] = len(bodies) - 1
-    return Robot(name, tuple(bodies), cleaned.notes)
+    named = {j: _joint_name(model, j) for j in range(model.njnt)}
+    couplings = (*cleaned.couplings, *couplings_of(model, named, index))
+    return Robot(name, tuple(bodies), cleaned.notes, couplings, cleaned.driven)
 
 
 def _by_depth(model: mujoco.MjModel) -> list[int]:
@@ -116,8 +129,9 @@ def _surfaces(file: Path, model: mujoco.MjModel, own: Mapping[str, Mesh]) -> lis
 
 def _marked(body: Body, cleaned: Cleaned) -> Body:
     """The body, told why its joint cannot be one of an arm."""
-    follows = cleaned.follows.get(body.joint.name, "") if body.joint else ""
-    odd = f"follows {follows!r} (mimic)" if follows else cleaned.odd.get(body.name, body.odd)
+    own = [c for c in cleaned.couplings if body.joint and c.follower == body.joint.name]
+    follows = next((name for c in own for name in c.terms if name != c.follower), "")
+    odd = cleaned.odd.get(body.name, body.odd)
     return replace(body, name="world" if body.name == ROOT else body.name, odd=odd, follows=follows)
 
 
@@ -162,12 +176,16 @@ def _at_zero(model: mujoco.MjModel, j: int) -> Array:
     return _pose(np.zeros(3), quat)
 
 
+def _joint_name(model: mujoco.MjModel, j: int) -> str:
+    return model.joint(j).name or f"joint_{j + 1}"
+
+
 def _joint(model: mujoco.MjModel, j: int) -> Joint:
     slides, limited = int(model.jnt_type[j]) == SLIDES, bool(model.jnt_limited[j])
     ours = SLIDE if slides else UNLIMITED
     lower, upper = model.jnt_range[j] if limited else (-ours, ours)
     return Joint(
-        name=model.joint(j).name or f"joint_{j + 1}",
+        name=_joint_name(model, j),
         axis=model.jnt_axis[j].copy(),
         prismatic=slides,
         lower=float(lower),

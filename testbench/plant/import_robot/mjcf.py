@@ -32,8 +32,10 @@ from testbench.plant.import_robot.source import (
 
 KEPT = frozenset(
     "mujoco compiler default worldbody body frame inertial joint freejoint geom site".split()
-    + "asset mesh material".split()
+    + "asset mesh material equality connect weld tendon fixed spatial pulley".split()
 )
+COUPLED = "equality", "tendon"
+"""Elements that are read for what they say of the arm's joints, and left out else."""
 SILENT = frozenset("option visual statistic size light camera texture layer custom extension".split())
 """Elements that go without a word: nobody expects them in an arm."""
 REFUSED = frozenset("replicate attach model".split())
@@ -71,14 +73,18 @@ def clean_mjcf(file: Path, root: ET.Element) -> Cleaned:
         )
     check_count(file, root, "geom", MAX_SHAPES)
     check_count(file, root, "body", MAX_BODIES)
+    if (count := sum(len(e) for e in root.findall("equality"))) > MAX_BODIES:
+        raise InputError(file, "<equality>", f"expected at most {MAX_BODIES} in a robot, got {count}")
     folder = _mesh_folder(file, root)
-    left_out = _keep(root)
+    driven = {e.get("joint", "") for actuators in root.findall("actuator") for e in actuators}
+    left_out = _keep(root) | {tag for tag in COUPLED if root.find(tag) is not None}
     check_numbers(file, root)
     _simplify(root)
     meshes = Meshes()
     assets = _assets(file, root, folder, meshes)
     notes = [Note("left out", tuple(sorted(left_out)))] if left_out else []
-    return Cleaned(ET.tostring(root, encoding="unicode"), assets, (*notes, *meshes.notes()))
+    text = ET.tostring(root, encoding="unicode")
+    return Cleaned(text, assets, (*notes, *meshes.notes()), driven=frozenset(driven - {""}))
 
 
 def _include(file: Path, root: ET.Element) -> None:

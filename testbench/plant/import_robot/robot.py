@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from testbench.arm.joint_map import JointMap
 from testbench.errors import Array, Ids
+from testbench.plant.import_robot.equalities import Coupling
 from testbench.plant.shapes import Kind
 
 Faces = Ids
@@ -115,6 +117,8 @@ class Robot:
     name: str
     bodies: tuple[Body, ...]
     notes: tuple[Note, ...] = ()  #: What the reader left out or stood in for.
+    couplings: tuple[Coupling, ...] = ()  #: What its joints must satisfy.
+    driven: frozenset[str] = frozenset()  #: Joints that motors drive, as far as the file says.
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +130,7 @@ class Chain:
     parts: tuple[Body, ...]
     tip: Site  #: The link, body or site that the tool is, in the last part.
     notes: tuple[Note, ...]  #: What was merged, frozen, renamed or estimated.
+    joint_map: JointMap | None = None  #: How its joints follow others; None where none does.
 
     @property
     def joints(self) -> list[Joint]:

@@ -21,6 +21,7 @@ from testbench.arm.mesh import MeshError
 from testbench.errors import Array, InputError
 from testbench.plant.collide import VISUAL_GROUPS
 from testbench.plant.import_robot.compiled import ROOT, Cleaned
+from testbench.plant.import_robot.equalities import Coupling
 from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size, stl_bytes
 from testbench.plant.import_robot.robot import Mesh, Note
 from testbench.plant.import_robot.solids import VISIBLE, plausible, primitive
@@ -68,9 +69,7 @@ def clean_urdf(file: Path, root: ET.Element) -> Cleaned:
     check_count(file, root, "joint", MAX_BODIES)
     links, joints = root.findall("link"), root.findall("joint")
     _check_tree(file, links, joints)
-    mimics = {
-        e.get("name", ""): mimic.get("joint", "") for e in joints if (mimic := e.find("mimic")) is not None
-    }
+    mimics = {e.get("name", ""): e.find("mimic") for e in joints}
     _keep(root)
     check_numbers(file, root)
     odd = {_end(file, e, "child"): why for e in joints if (why := ODD.get(e.get("type", "")))}
@@ -94,7 +93,8 @@ def clean_urdf(file: Path, root: ET.Element) -> Cleaned:
     assets = dict.fromkeys((f"{name}.stl" for name in surfaces), stl_bytes(box.vertices + 1, box.faces))
     notes = [Note("locked", tuple(locked))] if locked else []
     text = ET.tostring(root, encoding="unicode")
-    return Cleaned(text, assets, (*notes, *meshes.notes()), _prepare, surfaces, odd, mimics)
+    couplings = _couplings(file, joints, mimics)
+    return Cleaned(text, assets, (*notes, *meshes.notes()), _prepare, surfaces, odd, couplings)
 
 
 def _check_tree(file: Path, links: Sequence[ET.Element], joints: Sequence[ET.Element]) -> None:
@@ -163,6 +163,28 @@ def _hold(file: Path, joints: Sequence[ET.Element]) -> list[str]:
             problem = f"type: expected {', '.join(MOVING)} or fixed, got {kind!r}"
             raise InputError(file, xml_place(file, e), problem)
     return [e.get("name", "") for e in locked]
+
+
+def _couplings(
+    file: Path, joints: Sequence[ET.Element], mimics: Mapping[str, ET.Element | None]
+) -> list[Coupling]:
+    """What joints mimic: q = multiplier q_other + offset; one that is held stands at zero."""
+    kinds = {e.get("name", ""): e.get("type") for e in joints}
+    found = []
+    for name, mimic in mimics.items():
+        if mimic is None or kinds[name] not in MOVING:
+            continue
+        other, numbers = need(file, mimic, "joint"), {"multiplier": 1.0, "offset": 0.0}
+        numbers |= {
+            key: float(read_numbers(file, mimic, key, 1)[0]) for key in numbers if key in mimic.attrib
+        }
+        terms, label = {name: 1.0}, f"joint {name!r} mimics {other!r}"
+        if other == name:
+            raise InputError(file, f"<joint name={name!r}>", "it mimics itself")
+        if kinds.get(other) in (None, *MOVING):  # one that is not there is refused where an arm has it
+            terms[other] = -numbers["multiplier"]
+        found.append(Coupling(label, terms, numbers["offset"], name))
+    return found
 
 
 def _limits(file: Path, e: ET.Element) -> tuple[float, float] | None:

@@ -239,7 +239,8 @@ def _always_touching(chain: Chain, xml: str, meshes: dict[str, bytes]) -> list[P
     check_geoms(file, model)
     data, seen = mujoco.MjData(model), Counter[tuple[str, str]]()
     lower, upper = np.array([(joint.lower, joint.upper) for joint in chain.joints]).T
-    for q in np.random.default_rng(0).uniform(lower, upper, (POSES, chain.n_joints)):
+    poses = np.random.default_rng(0).uniform(lower, upper, (POSES, chain.n_joints))
+    for q in poses if chain.joint_map is None else chain.joint_map.followed(poses):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)

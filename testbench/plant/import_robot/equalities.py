@@ -1,0 +1,102 @@
+"""What MuJoCo says of joints that move together: equalities of joints, of fixed tendons, closed loops."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import mujoco
+import numpy as np
+
+LOOPS = {int(mujoco.mjtEq.mjEQ_CONNECT): "connect", int(mujoco.mjtEq.mjEQ_WELD): "weld"}
+JOINT, SITE = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_SITE)
+ENDS = SITE, int(mujoco.mjtWrap.mjWRAP_SPHERE), int(mujoco.mjtWrap.mjWRAP_CYLINDER)
+"""What a tendon leads over: joints of one that is fixed, sites and geoms of one in space."""
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """What joints of a file must satisfy: sum of terms times joints = constant, or a closed loop."""
+
+    label: str  #: For messages.
+    terms: Mapping[str, float] = field(default_factory=dict)  #: Coefficients by the joints' names [1].
+    constant: float = 0.0  #: [rad, m]
+    follower: str = ""  #: The joint that the file makes follow the others; "" where it says none.
+    bent: bool = False  #: It is not linear.
+    bodies: tuple[int, int] | None = None  #: Which two bodies a loop ties together, -1 for the world.
+
+
+def couplings_of(model: mujoco.MjModel, names: Mapping[int, str], index: Mapping[int, int]) -> list[Coupling]:
+    """What MuJoCo's equalities say.
+
+    Args:
+        model: The robot, as MuJoCo compiles it.
+        names: Ours of its joints.
+        index: Of its bodies the place of ours.
+    """
+    found: list[Coupling] = []
+    for e in np.flatnonzero(model.eq_active0).tolist():
+        kind, label = int(model.eq_type[e]), model.equality(e).name or f"{e + 1}"
+        ends = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+        if kind in LOOPS:
+            if int(model.eq_objtype[e]) == int(mujoco.mjtObj.mjOBJ_SITE):
+                ends = int(model.site_bodyid[ends[0]]), int(model.site_bodyid[ends[1]])
+            led = [b for b in ends if model.body_mocapid[b] >= 0]  # a hand that leads the arm, no rod
+            bodies = index[ends[0]], index[ends[1]]
+            found += [Coupling(f"{LOOPS[kind]} {label!r}", bodies=bodies)] if not led else []
+        elif kind == int(mujoco.mjtEq.mjEQ_JOINT):
+            both = [{end: 1.0} if end >= 0 else {} for end in ends]
+            own = _equation(model, names, e, both)
+            found.append(replace(own, label=f"joint equality {label!r}", follower=names[ends[0]]))
+        elif kind == int(mujoco.mjtEq.mjEQ_TENDON):
+            tendons = [end for end in ends if end >= 0]
+            own = _equation(model, names, e, [_tendon(model, end) if end >= 0 else {} for end in ends])
+            bent = own.bent or not all(map(partial(_is_fixed, model), tendons))
+            found.append(replace(own, label=f"tendon equality {label!r}", bent=bent))
+    return found
+
+
+def _wraps(model: mujoco.MjModel, tendon: int) -> range:
+    first = int(model.tendon_adr[tendon])
+    return range(first, first + int(model.tendon_num[tendon]))
+
+
+def _is_fixed(model: mujoco.MjModel, tendon: int) -> bool:
+    """Whether a tendon's length is a sum of joints; that of one in space is not linear."""
+    return all(int(model.wrap_type[k]) == JOINT for k in _wraps(model, tendon))
+
+
+def _tendon(model: mujoco.MjModel, tendon: int) -> dict[int, float]:
+    """Coefficients of a tendon's joints; 1 of all that move the ends of one in space against each other."""
+    own = [(int(model.wrap_type[k]), int(model.wrap_objid[k]), k) for k in _wraps(model, tendon)]
+    if _is_fixed(model, tendon):
+        return {j: sum(float(model.wrap_prm[k]) for _, i, k in own if i == j) for _, j, _ in own}
+    bodies = [
+        model.site_bodyid[i] if kind == SITE else model.geom_bodyid[i] for kind, i, _ in own if kind in ENDS
+    ]
+    joints = [_joints_above(model, int(b)) for b in bodies]
+    shared = joints[0].intersection(*joints) if joints else set[int]()
+    return dict.fromkeys(sorted(set[int]().union(*joints) - shared), 1.0)
+
+
+def _joints_above(model: mujoco.MjModel, body: int) -> set[int]:
+    """Joints between the world and a body of MuJoCo."""
+    found = set[int]()
+    while body:
+        first = int(model.body_jntadr[body])
+        found |= set(range(first, first + int(model.body_jntnum[body])))
+        body = int(model.body_parentid[body])
+    return found
+
+
+def _equation(
+    model: mujoco.MjModel, names: Mapping[int, str], e: int, both: Sequence[dict[int, float]]
+) -> Coupling:
+    """X - x_0 = a_0 + a_1 (y - y_0) + ..., x and y sums of joints, as an equation of the joints."""
+    a = model.eq_data[e, :5].tolist()
+    terms: dict[str, float] = {}
+    constant = a[0]
+    for part, factor in zip(both, (1.0, -a[1]), strict=True):
+        for j, c in part.items():
+            terms[names[j]] = terms.get(names[j], 0.0) + factor * c
+            constant += factor * c * float(model.qpos0[model.jnt_qposadr[j]])
+    return Coupling("", terms, constant, bent=bool(both[1]) and any(a[2:]))
