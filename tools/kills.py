@@ -116,9 +116,6 @@ CASES = {
     "compensate": command(f"compensate ../inputs/model {ROOT}/docs/program.csv --out out.csv", "out*"),
     "compare": command("compare ../inputs/model ../inputs/other --out out"),
     "demo": Case((*MAIN, "demo", *STUDY), resumes=True),
-    "shot": command("shot ../inputs/model --out out.png", "out.png"),
-    "gif": command("shot ../inputs/model --gif --out out.gif", "out.gif"),
-    "web": command("view ../inputs/model --web", "", ends=False),
     **STUDIES,
 }
 """By the name of the command or the study."""

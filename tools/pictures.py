@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Annotated
 
 import opener
+import shot
 import typer
 from PIL import Image
 
 from testbench.errors import BenchError
 from testbench.shell import command
-from testbench.views.recording import shot
 
 COLOURS = 256
 """Of a picture: a viewer's screen has few, and the file shrinks to a third."""
