@@ -12,6 +12,7 @@ import json
 import math
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -43,6 +44,7 @@ def run(folder: Path, names: list[str]) -> None:
     """Run the examples into a folder, one after the other."""
     program = Path(sys.executable).with_name("testbench")
     folder.mkdir(parents=True, exist_ok=True)
+    elsewhere = tempfile.mkdtemp()  # a result called as an arm would be taken for it
     for name in names or [*COMMANDS, *STUDIES]:
         out = folder / name
         if name in COMMANDS:
@@ -52,7 +54,7 @@ def run(folder: Path, names: list[str]) -> None:
         else:
             call = [sys.executable, str(ROOT / "scenarios" / f"{name}.py"), "--seed", "1", "--quick", "--out"]
             call.append(str(out))
-        done = subprocess.run([*call, "--quiet"], check=False, capture_output=True, text=True, cwd=folder)
+        done = subprocess.run([*call, "--quiet"], check=False, capture_output=True, text=True, cwd=elsewhere)
         print(f"{name}: exit code {done.returncode} {done.stderr.strip()[:200]}", flush=True)
 
 

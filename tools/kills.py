@@ -77,14 +77,13 @@ class Case:
     words: Sequence[str]  #: Its command line.
     out: str = "out"  #: What it writes, in the folder where it runs; nothing if empty.
     resumes: bool = False  #: Whether it stores trials.
-    ends: bool = True  #: By itself.
     anew: bool = False  #: Whether it makes what must not be there.
     timed: Collection[str] = ()  #: Files that differ from run to run, as they tell how long things took.
 
 
-def command(line: str, out: str = "out", *, ends: bool = True, anew: bool = False) -> Case:
+def command(line: str, out: str = "out", *, anew: bool = False) -> Case:
     """A command of testbench."""
-    return Case((*MAIN, *line.split()), out, ends=ends, anew=anew)
+    return Case((*MAIN, *line.split()), out, anew=anew)
 
 
 def study(name: str, seeds: int = 1) -> Case:
@@ -249,8 +248,6 @@ def whole(case: Case, place: Bench) -> Whole:
 
 def finished(case: Case, place: Bench) -> Whole:
     """Run the case to its end."""
-    if not case.ends:
-        return Whole({}, ENDLESS)
     clear(case, place)
     start = time.monotonic()
     with place.start(case) as process:
@@ -343,10 +340,7 @@ def chain(case: Case, place: Bench, whole: Whole, rng: random.Random, kills: int
             held = checked(held, stored(place.folder), way)
         else:
             check_stands(case, place.files(), whole.files, way)
-    if case.ends:
-        check_alike(finished(case, place).files, whole.files, "run to its end", case.timed)
-    else:
-        killed(case, place, whole.seconds, "INT", rng)
+    check_alike(finished(case, place).files, whole.files, "run to its end", case.timed)
     left = [
         *place.temporary.rglob("*"),
         *(p for p in place.folder.rglob("*") if re.search(UNDER_WAY, p.name)),
