@@ -46,8 +46,8 @@ interrupt.leave(command.run(app))
 """
 MARK = "TESTBENCH_KILLS"  #: In the environment of all that a case starts.
 GRACE = 5.0  #: Time in which all must have ended [s].
-LONGEST, ENDLESS = 900.0, 5.0
-"""Time after which a run has failed, and one of a command that does not end by itself [s]."""
+LONGEST = 900.0
+"""Time after which a run has failed [s]."""
 CHAIN = 5  #: Kills before a case is run to its end.
 LATE, MOST_LATE = "too late", 4  #: What a kill after the end counts as; most of them for each that hits.
 MOST_FAULTS = 20  #: After which no more is tried.
@@ -55,7 +55,6 @@ CLOCKS = ("manifest.json", "recording.rrd")  #: Files that tell the time, or hav
 VIEWS = (".md", ".html")  #: Show the report, and how long solvers took.
 TIMED = ("solver_comparison",)  #: Studies of times: ratios of them, curves over them.
 TIME = r"seconds|ratio_to_conic"  #: In the names of what a clock measured, and of ratios of that.
-PICTURES = ("out.png", "out.gif")  #: Of the viewer.
 SHM = Path("/dev/shm")
 CODES = {"TERM": (143, -15), "INT": (130, -2), "KILL": (-9,)}
 """Exit codes after each signal; negative ones also before a command has begun, while Python starts."""
@@ -180,12 +179,10 @@ class Bench:
 
 
 def timeless(path: Path) -> bytes:
-    """What a file holds, without how long a thing took; of pictures, drawn as time allows, both ends."""
+    """What a file holds, without how long a thing took."""
     data = path.read_bytes()
     if path.name in CLOCKS or path.suffix in VIEWS:
         return b""
-    if path.name in PICTURES:
-        return data[:6] + data[-1:]
     if path.suffix == ".parquet":
         table = parquet.read_table(path)
         return repr(
