@@ -53,7 +53,6 @@ def write_help(_: object) -> None:
         "plan",
         "predict",
         "score",
-        "shot",
         "simulate",
         "view",
     ]

@@ -14,6 +14,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+import headless
 import numpy as np
 import pytest
 from PIL import Image
@@ -21,7 +22,6 @@ from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
 from testbench.errors import Array, BenchError
-from testbench.views.recording import headless
 
 SIZE = "1280x720"
 LINE = (53, 52, 52)  #: Colour of the lines that divide the viewer's window.

@@ -41,7 +41,7 @@ UNTYPED = """
     studies/run.py
     studies/study.py trials/cluster.py
     trials/engine.py trials/experiment.py trials/parquet.py trials/rows.py views/page/page.py views/schema.py
-    views/recording/headless.py views/recording/world.py
+    views/recording/world.py
 """
 """Modules at the door of JSON or of a package without types: the only ones that may say Any."""
 

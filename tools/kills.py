@@ -46,8 +46,8 @@ interrupt.leave(command.run(app))
 """
 MARK = "TESTBENCH_KILLS"  #: In the environment of all that a case starts.
 GRACE = 5.0  #: Time in which all must have ended [s].
-LONGEST, ENDLESS = 900.0, 5.0
-"""Time after which a run has failed, and one of a command that does not end by itself [s]."""
+LONGEST = 900.0
+"""Time after which a run has failed [s]."""
 CHAIN = 5  #: Kills before a case is run to its end.
 LATE, MOST_LATE = "too late", 4  #: What a kill after the end counts as; most of them for each that hits.
 MOST_FAULTS = 20  #: After which no more is tried.
@@ -55,7 +55,6 @@ CLOCKS = ("manifest.json", "recording.rrd")  #: Files that tell the time, or hav
 VIEWS = (".md", ".html")  #: Show the report, and how long solvers took.
 TIMED = ("solver_comparison",)  #: Studies of times: ratios of them, curves over them.
 TIME = r"seconds|ratio_to_conic"  #: In the names of what a clock measured, and of ratios of that.
-PICTURES = ("out.png", "out.gif")  #: Of the viewer.
 SHM = Path("/dev/shm")
 CODES = {"TERM": (143, -15), "INT": (130, -2), "KILL": (-9,)}
 """Exit codes after each signal; negative ones also before a command has begun, while Python starts."""
@@ -77,14 +76,13 @@ class Case:
     words: Sequence[str]  #: Its command line.
     out: str = "out"  #: What it writes, in the folder where it runs; nothing if empty.
     resumes: bool = False  #: Whether it stores trials.
-    ends: bool = True  #: By itself.
     anew: bool = False  #: Whether it makes what must not be there.
     timed: Collection[str] = ()  #: Files that differ from run to run, as they tell how long things took.
 
 
-def command(line: str, out: str = "out", *, ends: bool = True, anew: bool = False) -> Case:
+def command(line: str, out: str = "out", *, anew: bool = False) -> Case:
     """A command of testbench."""
-    return Case((*MAIN, *line.split()), out, ends=ends, anew=anew)
+    return Case((*MAIN, *line.split()), out, anew=anew)
 
 
 def study(name: str, seeds: int = 1) -> Case:
@@ -116,9 +114,6 @@ CASES = {
     "compensate": command(f"compensate ../inputs/model {ROOT}/docs/program.csv --out out.csv", "out*"),
     "compare": command("compare ../inputs/model ../inputs/other --out out"),
     "demo": Case((*MAIN, "demo", *STUDY), resumes=True),
-    "shot": command("shot ../inputs/model --out out.png", "out.png"),
-    "gif": command("shot ../inputs/model --gif --out out.gif", "out.gif"),
-    "web": command("view ../inputs/model --web", "", ends=False),
     **STUDIES,
 }
 """By the name of the command or the study."""
@@ -184,12 +179,10 @@ class Bench:
 
 
 def timeless(path: Path) -> bytes:
-    """What a file holds, without how long a thing took; of pictures, drawn as time allows, both ends."""
+    """What a file holds, without how long a thing took."""
     data = path.read_bytes()
     if path.name in CLOCKS or path.suffix in VIEWS:
         return b""
-    if path.name in PICTURES:
-        return data[:6] + data[-1:]
     if path.suffix == ".parquet":
         table = parquet.read_table(path)
         return repr(
@@ -252,8 +245,6 @@ def whole(case: Case, place: Bench) -> Whole:
 
 def finished(case: Case, place: Bench) -> Whole:
     """Run the case to its end."""
-    if not case.ends:
-        return Whole({}, ENDLESS)
     clear(case, place)
     start = time.monotonic()
     with place.start(case) as process:
@@ -346,10 +337,7 @@ def chain(case: Case, place: Bench, whole: Whole, rng: random.Random, kills: int
             held = checked(held, stored(place.folder), way)
         else:
             check_stands(case, place.files(), whole.files, way)
-    if case.ends:
-        check_alike(finished(case, place).files, whole.files, "run to its end", case.timed)
-    else:
-        killed(case, place, whole.seconds, "INT", rng)
+    check_alike(finished(case, place).files, whole.files, "run to its end", case.timed)
     left = [
         *place.temporary.rglob("*"),
         *(p for p in place.folder.rglob("*") if re.search(UNDER_WAY, p.name)),

@@ -18,6 +18,7 @@ import typer
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from shot import write_film
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.campaign.campaign import Campaign, Cell, build_cell, settle_both
@@ -34,7 +35,6 @@ from testbench.shell import command
 from testbench.studies.gravity_calibration import trial
 from testbench.views.colours import CHOICE, GREY, LEAST_SQUARES, LOAD, Colour, hexadecimal
 from testbench.views.colours import JOINTS as BLUE
-from testbench.views.recording.shot import write_film
 
 SHOWN: Mapping[str, tuple[str, Colour]] = {
     JOINTS: ("Joint stiffness only", BLUE),
@@ -81,7 +81,7 @@ def draw(out: Path, *, still: bool = False) -> None:
         if still:
             part.write_bytes(pictures[-1])
         else:
-            write_film(part, ".gif", pictures)
+            write_film(part, pictures)
 
 
 def usual(found: Sequence[Result], campaign: Campaign) -> int:

@@ -18,6 +18,7 @@ from typing import Annotated
 
 import opener
 import pages
+import shot
 import typer
 from PIL import Image
 from stamps import Stamp, read_stamp, stamp
@@ -25,7 +26,6 @@ from stamps import Stamp, read_stamp, stamp
 from testbench.errors import BenchError
 from testbench.report.report import read_report
 from testbench.shell import command
-from testbench.views.recording import shot
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS, RUNS, FULL = ROOT / "docs", ROOT / "runs" / "pictures", ROOT / "runs" / "full"

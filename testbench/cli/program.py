@@ -31,7 +31,6 @@ COMMANDS = {
     "compare": "Say what differs between runs, and which errs less.",
     "next": "Say what is missing after a run, and the next command.",
     "view": "Open the newest recording of a run in the Rerun viewer.",
-    "shot": "Render the newest recording of a run without a screen.",
 }
 """What there is, one module each, and its line of help."""
 GROUPS = ("data", "dataset")  #: Those that have commands of their own.

@@ -29,8 +29,6 @@ class Kind:
 
 
 PNG = Kind("a PNG picture", rb"\x89PNG\r\n")
-GIF = Kind("a GIF picture", rb"GIF8[79]a")
-MP4 = Kind("an MP4 film", rb"(?s:....)ftyp")
 
 
 @contextlib.contextmanager

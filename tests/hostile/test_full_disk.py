@@ -33,7 +33,7 @@ LONG = {
     "demo": "demo --quick --seeds 2 --workers 1 --out made",
 }
 SILENT = {"next", "score", "view"}  #: They write nothing.
-ELSEWHERE = {"shot", "bench", "dataset", "init"}
+ELSEWHERE = {"bench", "dataset", "init"}
 """A shot's viewer writes beside it; a bench writes as a study, the other two as others here."""
 ASKED = QUICK | LONG if os.environ.get("TESTBENCH_FULL_DISK") else QUICK
 

@@ -5,18 +5,18 @@ import io
 import os
 from dataclasses import replace
 
+import headless
 import numpy as np
 import pytest
+import shot as shots
 from made_up_run import REPORT, made_up_run
 from PIL import Image
+from shot import Sight, film, shot, write_film
 
 from testbench.errors import BenchError, InputError
-from testbench.views.recording import headless, viewer
-from testbench.views.recording import shot as shots
+from testbench.views.recording import viewer
 from testbench.views.recording.run import write_run
-from testbench.views.recording.shot import Sight, film, shot, write_film
 from testbench.views.recording.stream import Header
-from testbench.views.recording.viewer import web_viewer
 
 
 @pytest.fixture
@@ -48,22 +48,18 @@ def program(folder, monkeypatch):
 
 
 def test_the_viewer_gets_the_file_and_listens_to_this_machine_only(folder, program):
-    viewer.view(folder / "old.rrd")
-    got = (folder / "arguments").read_text().split()
-    assert got[0] == str(folder / "old.rrd")
-    assert got[got.index("--bind") + 1] == "127.0.0.1"
+    for web in (False, True):
+        viewer.view(folder / "old.rrd", web=web)
+        got = (folder / "arguments").read_text().split()
+        assert got[0] == str(folder / "old.rrd")
+        assert got[got.index("--bind") + 1] == "127.0.0.1"
+        assert ("--web-viewer" in got) == web
 
 
 def test_a_viewer_that_fails_is_an_error(folder, program):
     (folder / "old.rrd").unlink()
     with pytest.raises(BenchError, match="exit code 3"):
-        viewer.view(folder / "old.rrd")
-
-
-def test_the_web_viewer_is_in_the_program():
-    files = web_viewer()
-    assert b"re_viewer.js" in files[""]
-    assert files["re_viewer_bg.wasm"].startswith(b"\0asm")
+        viewer.view(folder / "old.rrd", web=False)
 
 
 def test_without_software_vulkan_the_package_is_named(folder, monkeypatch):
@@ -80,7 +76,7 @@ def has_lavapipe():
 @pytest.mark.look
 def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch, tmp_path_factory):
     monkeypatch.setattr(headless, "SETTLE", 0.5)  # messages that have not faded do no harm here
-    png, gif = folder / "made" / "picture.png", folder / "film.gif"
+    png, gif = folder / "picture.png", folder / "film.gif"
     at_2 = Sight(size="640x400", timeline="pose", at=2)
     assert shot(folder, png, at_2) == folder / "inner" / "new.rrd"
     assert png.read_bytes().startswith(b"\x89PNG")
@@ -165,7 +161,7 @@ def steps(count):
 
 
 def test_a_film_shows_every_step_and_rests_at_both_ends(tmp_path):
-    write_film(tmp_path / "part", ".gif", steps(21))
+    write_film(tmp_path / "part", steps(21))
     shown, rests = [], []
     with Image.open(tmp_path / "part") as gif:
         assert gif.info["loop"] == 0
@@ -181,7 +177,7 @@ def test_a_film_shows_every_step_and_rests_at_both_ends(tmp_path):
 
 def test_a_large_film_shrinks_until_it_plays_at_once(tmp_path, rng):
     noise = [png(rng.integers(0, 256, (320, 480, 3), dtype=np.uint8)) for _ in range(10)]
-    write_film(tmp_path / "part", ".gif", noise)
+    write_film(tmp_path / "part", noise)
     assert (tmp_path / "part").stat().st_size <= shots.LARGEST
     with Image.open(tmp_path / "part") as gif:
         assert gif.n_frames == 10
@@ -191,32 +187,7 @@ def test_a_large_film_shrinks_until_it_plays_at_once(tmp_path, rng):
 def test_what_stays_large_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(shots, "LARGEST", 100)
     with pytest.raises(BenchError, match="choose a smaller --size"):
-        write_film(tmp_path / "part", ".gif", steps(3))
-
-
-def ffmpeg(folder, monkeypatch, *lines):
-    """A program of that name, and no other program."""
-    program = folder / "ffmpeg"
-    program.write_text("\n".join(["#!/bin/sh", *lines]))
-    program.chmod(0o755)
-    monkeypatch.setenv("PATH", f"{folder}:/usr/bin:/bin")
-
-
-def test_an_mp4_is_made_by_ffmpeg_of_all_pictures(tmp_path, monkeypatch):
-    ffmpeg(tmp_path, monkeypatch, "for last; do :; done", 'echo "$@" > "$last"')
-    write_film(tmp_path / "part", ".mp4", steps(21))
-    said = (tmp_path / "part").read_text()
-    assert "-f mp4" in said
-    assert said.split()[-1] == str(tmp_path / "part")
-
-
-def test_an_mp4_without_ffmpeg_or_with_one_that_fails_is_one_line(tmp_path, monkeypatch):
-    ffmpeg(tmp_path, monkeypatch, "echo no such codec >&2", "exit 3")
-    with pytest.raises(BenchError, match="exit code 3: no such codec"):
-        write_film(tmp_path / "part", ".mp4", steps(2))
-    monkeypatch.setenv("PATH", str(tmp_path / "empty"))
-    with pytest.raises(BenchError, match="needs the program ffmpeg"):
-        write_film(tmp_path / "part", ".mp4", steps(2))
+        write_film(tmp_path / "part", steps(3))
 
 
 def test_a_film_goes_through_its_timeline_from_its_first_place(monkeypatch):

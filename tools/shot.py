@@ -1,22 +1,27 @@
-"""Recordings as pictures where there is no screen: still, or moving along a timeline."""
+"""A recording as a picture where there is no screen: still, or moving along a timeline.
+
+    python tools/shot.py RUN --out picture.png [--tab Tables] [--timeline pose --at 3] [--size 1280x720]
+    python tools/shot.py RUN --out poses.gif [--timeline pose]
+
+Needs Mesa's software Vulkan (Debian: mesa-vulkan-drivers).
+"""
 
 import io
-import os
 import re
-import shutil
-import subprocess
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
+import headless
 import numpy as np
+import typer
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-from testbench.child import child
 from testbench.errors import BenchError
-from testbench.output.whole import temporary_folder, whole_file
-from testbench.views.recording import headless
+from testbench.shell import command
 from testbench.views.recording.viewer import newest
 
 STILL, MOVING = "1600x1000", "800x566"  #: Usual sizes; a film of the latter is 800 x 500.
@@ -28,6 +33,8 @@ SHRINK, NARROWEST = 0.8, 200
 """How much it then shrinks at a time, and where that ends [pixel]."""
 REST, PLAYED, LONGEST = 1500, 4000, 500
 """How long the first and last picture stand, the others together, and one of these at most [ms]."""
+
+app = typer.Typer(add_completion=False)
 
 
 @dataclass(frozen=True)
@@ -55,32 +62,29 @@ def shot(folder: Path, png: Path, sight: Sight) -> Path:
         BenchError: When there is no recording, driver, tab, timeline or place, or the viewer fails.
     """
     file = newest(folder)
-    with whole_file(png) as part, headless.opened(file, sight.size or STILL) as client:
+    with headless.opened(file, sight.size or STILL) as client:
         if sight.tab is not None:
             headless.bring_forward(client, sight.tab)
         if sight.timeline is not None or sight.at is not None:
             timeline, first, _ = headless.places(client, sight.timeline)
             headless.go(client, timeline, first if sight.at is None else sight.at)
-        part.write_bytes(headless.settled(client))
+        png.write_bytes(headless.settled(client))
     return file
 
 
-def film(folder: Path, path: Path, sight: Sight) -> Path:
-    """Render it along a timeline as a GIF, or as an MP4 if the path says so, from one point of view.
+def film(folder: Path, gif: Path, sight: Sight) -> Path:
+    """Render it along a timeline as a GIF, from one point of view.
 
     Returns:
         The recording.
 
     Raises:
-        BenchError: As `shot`; when there is no ffmpeg for an MP4, or a GIF stays too large.
+        BenchError: As `shot`; when the GIF stays too large.
     """
     file = newest(folder)
-    if path.suffix == ".mp4":
-        check_ffmpeg()
-    with whole_file(path) as part:
-        with headless.opened(file, sight.size or MOVING) as client:
-            pictures = list(_frames(client, sight))
-        write_film(part, path.suffix, pictures)
+    with headless.opened(file, sight.size or MOVING) as client:
+        pictures = list(_frames(client, sight))
+    write_film(gif, pictures)
     return file
 
 
@@ -100,25 +104,13 @@ def _frames(client: ViewerClient, sight: Sight) -> Iterator[bytes]:
         yield cut.getvalue()
 
 
-def write_film(path: Path, suffix: str, pictures: Sequence[bytes]) -> None:
-    """Write pictures as a film that rests at both ends.
+def write_film(path: Path, pictures: Sequence[bytes]) -> None:
+    """Write pictures as a GIF that rests at both ends.
 
     Raises:
-        BenchError: When a GIF does not get small, or there is no ffmpeg.
+        BenchError: When it does not get small.
     """
-    write = _write_mp4 if suffix == ".mp4" else _write_gif
-    write(path, pictures, min(LONGEST, PLAYED // max(1, len(pictures) - 2)))
-
-
-def check_ffmpeg() -> str:
-    """The program ffmpeg; a BenchError where there is none."""
-    found = shutil.which("ffmpeg")
-    if found is None:
-        raise BenchError("--out: an .mp4 needs the program ffmpeg, which is not here; a .gif needs nothing")
-    return found
-
-
-def _write_gif(path: Path, pictures: Sequence[bytes], each: int) -> None:
+    each = min(LONGEST, PLAYED // max(1, len(pictures) - 2))
     frames = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures]
     width, height = frames[0].size
     scale, colours = 1.0, list(COLOURS)
@@ -148,19 +140,21 @@ def _gif(frames: Sequence[Image.Image], colours: int, each: int) -> bytes:
     return data.getvalue()
 
 
-def _write_mp4(path: Path, pictures: Sequence[bytes], each: int) -> None:
-    program, held = check_ffmpeg(), round(REST / each)
-    played = [pictures[0]] * held + [*pictures] + [pictures[-1]] * held
-    with temporary_folder() as folder:
-        for k, picture in enumerate(played):
-            (folder / f"{k:05}.png").write_bytes(picture)
-        even = "crop=trunc(iw/2)*2:trunc(ih/2)*2"  # players take even sizes only
-        made = ["-f", "mp4", "-pix_fmt", "yuv420p", "-vf", even, "-movflags", "+faststart"]
-        read = ["-framerate", f"{1000 / each:.3f}", "-i", str(folder / "%05d.png")]
-        command = [program, "-loglevel", "error", "-nostdin", "-y", *read, *made, str(path.absolute())]
-        with child(command, os.environ, err=subprocess.PIPE) as process:
-            error = process.stderr.read() if process.stderr else b""
-            process.wait()
-    if process.returncode != 0:
-        said = error.decode(errors="replace").strip().splitlines() or ["it does not say why"]
-        raise BenchError(f"ffmpeg ended with exit code {process.returncode}: {said[-1]}")
+@app.command()
+def main(
+    folder: Annotated[Path, typer.Argument(help="Folder of a run, or one recording.")],
+    out: Annotated[Path, typer.Option(help="Picture to write, .png or .gif.")] = Path("recording.png"),
+    tab: Annotated[str | None, typer.Option(help="Tab in front, such as Tables.")] = None,
+    timeline: Annotated[str | None, typer.Option(help="Active timeline, such as pose.")] = None,
+    at: Annotated[int | None, typer.Option(min=0, help="Place on the timeline; default: the first.")] = None,
+    size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT of the viewer in pixels.")] = None,
+) -> None:
+    """Render the newest recording of a run."""
+    if out.suffix not in (".png", ".gif"):
+        raise BenchError(f"--out: expected a name that ends with .png or .gif, got {out}")
+    render = film if out.suffix == ".gif" else shot
+    print(f"{out}: {render(folder, out, Sight(size, tab, timeline, at))}")
+
+
+if __name__ == "__main__":
+    sys.exit(command.run(app))

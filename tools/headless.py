@@ -1,21 +1,28 @@
 """A viewer without a window, driven from here: recordings opened, tabs and times chosen, pictures taken."""
 
+import os
+import socket
+import subprocess
+import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rerun.experimental import Recording, ViewerClient
 
 from testbench.errors import BenchError, InputError
-from testbench.views.recording.viewer import HERE, check_runs, free_port, started, wait
+from testbench.views.recording.viewer import HERE, program
+
+T = TypeVar("T")
 
 SOFTWARE = "lvp_icd*.json"  #: Vulkan's description of lavapipe, Mesa's driver that needs no graphics card.
 DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/usr/local/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 START, LOAD, SETTLE = 30.0, 60.0, 3.0
 """Longest waits for the viewer and for the data, least wait for its messages to fade [s]."""
 COMPLAINT = 2.0  #: Longest wait for the reason of what the viewer refuses, which comes after the refusal [s].
+LOOK_EVERY = 0.25  #: Between two looks at a program that is waited for [s].
 LATE = "deadline"  #: What a client says whose viewer took longer to answer than it gives it, 15 s.
 ALIKE = 3  #: Equal pictures in a row after which nothing moves any more.
 
@@ -31,6 +38,50 @@ class PatientClient(ViewerClient):
             except (ConnectionError, TimeoutError) as err:
                 if LATE not in str(err).lower() or time.monotonic() > end:
                     raise
+
+
+def free_port() -> int:
+    """Find a port of this machine that nothing listens on."""
+    with socket.socket() as free:
+        free.bind((HERE, 0))
+        return int(free.getsockname()[1])
+
+
+@contextmanager
+def started(flags: Sequence[str], settings: Mapping[str, str]) -> Iterator[subprocess.Popen[bytes]]:
+    """Run the viewer inside of the block, without traces and without sending usage data."""
+    with tempfile.TemporaryDirectory() as home:
+        kept = ("HOME", "XDG_RUNTIME_DIR", "XDG_DATA_HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME", "TMPDIR")
+        quiet = {"CI": "1", "NO_COLOR": "1"}  # CI: the viewer sends no usage data
+        environment = {**os.environ, **dict.fromkeys(kept, home), **quiet, **settings}
+        command, silent = [program(), *flags, "--bind", HERE], subprocess.DEVNULL
+        process = subprocess.Popen(command, env=environment, stdin=silent, stdout=silent, stderr=silent)
+        try:
+            yield process
+        finally:
+            process.kill()
+            process.wait()
+
+
+def wait(look: Callable[[], T | None], seconds: float, complaint: str) -> T:
+    """Return the first answer that is true.
+
+    Raises:
+        BenchError: The complaint, when there is none in time.
+    """
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        answer = look()
+        if answer:
+            return answer
+        time.sleep(LOOK_EVERY)
+    raise BenchError(complaint)
+
+
+def check_runs(process: subprocess.Popen[bytes]) -> None:
+    """Refuse a viewer that has ended by itself."""
+    if process.poll() is not None:
+        raise BenchError(f"the viewer ended with exit code {process.returncode} before it showed anything")
 
 
 @contextmanager
