@@ -166,7 +166,7 @@ class Arm(Displayed):
             return self.joints
         ends = file_limits(self.joint_map, self.joints).T.tolist()
         rows = zip(self.joint_map.names, ends, self.joint_map.prismatic, strict=True)
-        return tuple(Joint(name, *limits, math.nan, slides) for name, limits, slides in rows)
+        return tuple(Joint(name, low, high, math.nan, slides) for name, (low, high), slides in rows)
 
     def to_model(self, q: Array) -> Array:
         """Joints of the chain from those of files, L q_file + q_0, (..., m) to (..., n) [rad, m]."""
@@ -201,7 +201,7 @@ class Arm(Displayed):
             slack = np.min(
                 slack[:, :, None] / np.where(L > 0, L, np.nan), axis=1, where=L > 0, initial=np.inf
             )
-        return self.scale * slack
+        return np.asarray(self.scale * slack)
 
     def words(self, q: Array) -> str:
         """A pose, (n,) [rad, m], for people: file joints in degrees, and millimetres where they slide."""

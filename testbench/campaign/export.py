@@ -255,8 +255,8 @@ def _new_urdf(state: State, geometry: Rigid) -> str:
         e[-1].attrib.update(UNKNOWN)
         if arm.joint_map is not None and (follows := arm.joint_map.follows(k)) is not None:
             other, multiplier, offset = follows
-            numbers_of = {"multiplier": f"{multiplier:.12g}", "offset": f"{offset:.12g}"}
-            ET.SubElement(e, "mimic", joint=arm.joints[other].name, **numbers_of)
+            told = {"joint": arm.joints[other].name, "multiplier": f"{multiplier:.12g}"}
+            ET.SubElement(e, "mimic", {**told, "offset": f"{offset:.12g}"})
     last = unique(f"{names[-1]}_fixed", taken)
     _add_joint(robot, last, "fixed", (names[-2], names[-1]), geometry.tool)
     ET.indent(robot)

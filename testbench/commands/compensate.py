@@ -36,8 +36,8 @@ def write(cell: Cell, found: CorrectedProgram, said: Report, flags: Mapping[str,
         if form == CSV:
             write_program(part, program, q, more_columns(found))
         else:
-            arm = found.model.arm
-            write_moves(part, WRITERS[form], arm.to_file(q), arm.file_joints, program.labels)
+            own = found.model.arm
+            write_moves(part, WRITERS[form], own.to_file(q), own.file_joints, program.labels)
         digest = {file.name: files.digest(part)}  # a kill may leave the earlier one beside the report
         arm, name = [cell.arm.rigid.parent], program.path.name
         asked = Asked(COMMAND, name, flags, arm, WRITTEN[-1], more=lambda _: {"corrected": digest})

@@ -256,13 +256,13 @@ def _fit(chain: Chain, rows: Rows) -> tuple[Chain, Rows]:
     changed = tuple(f"{old!r} is {new}" for old, new in named if old != new)
     notes = (*chain.notes, Note("renamed", changed)) if changed else chain.notes
     [name] = fit_names([chain.name])
-    own = [joint.name for joint in chain.joints]
-    beside = list(dict.fromkeys(name for row, _ in rows.values() for name in row if name not in own))
-    new = dict(zip([*own, *beside], fit_names([*joints, *beside]), strict=True))
+    moving = [joint.name for joint in chain.joints]
+    beside = list(dict.fromkeys(name for row, _ in rows.values() for name in row if name not in moving))
+    new = dict(zip([*moving, *beside], fit_names([*joints, *beside]), strict=True))
     fit_rows = {
         new[joint]: ({new[other]: c for other, c in row.items()}, q_0)
         for joint, (row, q_0) in rows.items()
-        if joint in own
+        if joint in moving
     }
     return replace(chain, name=name, parts=tuple(renamed), notes=notes), fit_rows
 

@@ -86,11 +86,15 @@ def _check_loops(
     file: Path, bodies: Sequence[Body], chain: Collection[str], couplings: Sequence[Coupling]
 ) -> None:
     """Refuse what ties bodies together over a joint of the arm; not what a free body is tied to once."""
-    tied = [(own, *(_above(bodies, k) for k in own.bodies)) for own in couplings if own.bodies]
-    floating = Counter(k for _, *ends in tied for k in set.union(*ends) if bodies[k].odd)
-    for own, one, other in tied:
-        over = {joint.name for k in one ^ other if (joint := bodies[k].joint)}
-        free = [k for k in one ^ other if bodies[k].odd and floating[k] == 1]
+    ties = [
+        (own, _above(bodies, own.bodies[0]) ^ _above(bodies, own.bodies[1]))
+        for own in couplings
+        if own.bodies is not None
+    ]
+    floating = Counter(k for _, loop in ties for k in loop if bodies[k].odd)
+    for own, loop in ties:
+        over = {joint.name for k in loop if (joint := bodies[k].joint)}
+        free = [k for k in loop if floating[k] == 1]
         if not free and (closed := [name for name in chain if name in over]):
             problem = (
                 f"{own.label} closes a loop over the joint {closed[0]!r}, so the arm is no chain; {STATE}"
