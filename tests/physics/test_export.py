@@ -355,3 +355,5 @@ def test_offsets_are_the_best_and_what_they_leave_is_told_by_kind(ur10, rng):
     assert list(found.left) == ["lengths and tilts of axes", *kinds, "payload, where there is one"]
     for kind, size in found.left.items():
         assert more.left[kind] == pytest.approx(size, rel=0.05), kind
+    light = replace(state.vjm, arm=replace(state.vjm.arm, payload=None))  # offsets are of the unloaded arm
+    np.testing.assert_allclose(best_offsets(replace(state, vjm=light), q).offsets, found.offsets, atol=1e-9)
