@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from run_here import do
 
-from testbench.campaign.absolute import calibrated, explained
+from testbench.campaign.absolute import calibrated
 from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.commands import calibrate_numbers
 from testbench.commands.calibrate import report
@@ -98,7 +98,7 @@ def coupled(joint, by, share=1.0):
     return lambda q: q + share * np.outer(q[:, by], unit[joint])
 
 
-def circle_points(cell, each=6, size=0.9):
+def circle_points(cell, each=5, size=0.9):
     """Every joint alone through its range, so many poses each."""
     low, high = cell.arm.limits
     home, q = np.clip([0.2, -1.2, 1.3, 0.3, 0.6, 0.2], low, high), []
@@ -120,9 +120,8 @@ CASES = {
 def test_a_misfit_of_decimetres_is_rejected_and_no_lack_of_poses_nor_a_move(kr500, case):
     change, alone = CASES[case]
     q = circle_points(kr500) if alone else None
-    (one,), _ = simulate_series(kr500, AbsoluteCampaign(poses=36, targets=3), 5, q)
-    assert gather(kr500.vjm, (one,), cad_prior(kr500.arm), SPRINGS).state is not None  # sound as it is
-    with pytest.raises(BenchError) as found, explained(kr500.vjm):
+    (one,), _ = simulate_series(kr500, AbsoluteCampaign(poses=30, targets=2), 5, q)
+    with pytest.raises(BenchError) as found:
         gather(kr500.vjm, (replace(one, q=change(one.q)),), cad_prior(kr500.arm), SPRINGS)
     assert "do not fit this arm" in str(found.value)
     for wrong in ("too few", "moved", "read more"):
@@ -146,12 +145,14 @@ def test_an_arm_far_from_what_it_was_fitted_to_is_rejected(before, after, held_o
 
 
 def test_a_rejected_arm_is_one_reason_and_leaves_the_folder_as_it_was(tmp_path, monkeypatch):
-    rows = (ROOT / "models" / "ur10" / "readings" / "series_C.csv").read_text().splitlines()[:31]
+    rows = (ROOT / "models" / "ur10" / "readings" / "series_C.csv").read_text().splitlines()[:25]
     (file := tmp_path / "r.csv").write_text("\n".join(rows) + "\n")
     flags = ("--orders", 2, *(word for name in sorted(FEW.without) for word in ("--without", name)))
-    asked = ("calibrate", "ur10", file, *flags, "--out", tmp_path / "out")
-    assert do(*asked).returncode == 0
-    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()}
+    asked = ("calibrate", "ur10", file, *flags, "--force", "--out", tmp_path / "out")
+    (tmp_path / "out").mkdir()
+    earlier = {"manifest.json": '{"command": "testbench calibrate"}', "model.json": "of an earlier run"}
+    for name, text in earlier.items():
+        (tmp_path / "out" / name).write_text(text)
     monkeypatch.setattr(calibrate_numbers, "ABOVE", 1e-3)
     done = do(*asked)
     assert (done.returncode, done.stderr) == (1, "")
@@ -162,4 +163,4 @@ def test_a_rejected_arm_is_one_reason_and_leaves_the_folder_as_it_was(tmp_path, 
     assert words.count("from the arm as drawn") == 2  # the reason, and the answer below it
     assert "Holds" not in words
     assert "rejected nothing is written" in words
-    assert before == {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()}
+    assert {path.name: path.read_text() for path in (tmp_path / "out").iterdir()} == earlier

@@ -93,7 +93,8 @@ def align(state: State, series: Series) -> tuple[Frame, Mount]:
         found = shared if shared is not None and shared.fits else found
     turns = len(turning(state.vjm, (series,)))
     if found is None and not few and turns >= TURNING:
-        found = _placed(state, series, as_drawn=True)
+        drawn = _placed(state, series, as_drawn=True)
+        found = drawn if drawn is not None and drawn.fits else _placed(state, series)
     if found is None and (few or turns < TURNING):
         open_ = "its poses leave frame or target open; expected turning joints whose axes are not parallel"
         raise BenchError(f"{series.name}: {few or open_}")

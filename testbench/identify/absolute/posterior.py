@@ -12,7 +12,7 @@ from scipy.linalg import block_diag, solve_triangular
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.align import aligned
+from testbench.identify.absolute.align import aligned, too_few
 from testbench.identify.absolute.evidence import usual
 from testbench.identify.absolute.inner import moved_frame, moved_mount
 from testbench.identify.absolute.noise import KINDS, Noise, roots, weights
@@ -167,7 +167,8 @@ def _root(model: ArmModel, F: Array, series: Series) -> Array:
     """Triangular factor of the columns of frame and mount, and of the prior of what these rows leave open."""
     unknowns = unknowns_of(model.vjm, (series,), model.state.errors, model.structure)
     B = np.diag(1 / usual(unknowns, len(KINDS)).deviation[: unknowns.starts["geometry"]])
-    R = np.asarray(np.linalg.qr(np.vstack([F, B[B.any(axis=1)]]), mode="r"))
+    B = B[B.any(axis=1) & (not too_few(model.vjm, series))]
+    R = np.asarray(np.linalg.qr(np.vstack([F, B]), mode="r"))
     full = len(R) == F.shape[1] and (np.abs(np.diag(R)) > 1e-9 * np.linalg.norm(F, axis=0)).all()
     if not full:
         raise BenchError(f"{series.name}: its rows leave frame or target open; expected poses that turn more")
