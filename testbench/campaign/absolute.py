@@ -14,15 +14,17 @@ from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError, Ids, InputError, stem_of
 from testbench.identify.absolute.align import Misfit, aligned, far_off, too_few
 from testbench.identify.absolute.fit import Calibration, Options, calibrate
+from testbench.identify.absolute.inseparable import LEVEL, held
 from testbench.identify.absolute.posterior import inside, known, place, predict
 from testbench.identify.absolute.scatter import WILD, Outliers, outliers, residuals
 from testbench.identify.absolute.state import nominal, torque_scale
 from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
+from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.notation import check_order, unplaced
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import cad_prior
-from testbench.identify.registration import POSES
+from testbench.identify.registration import POSES, ROUGH
 from testbench.identify.robust_loss import READINGS
 from testbench.model.vjm import Vjm
 from testbench.model.weights import read_weights
@@ -107,9 +109,14 @@ def explained(vjm: Vjm) -> Iterator[None]:
     except Misfit as err:
         found = unplaced(vjm, err.series)
         hint = ": another arm, another notation of angles or order of its joints, or other units?"
-        if found is not None and found.kind != "kinematics":
+        if found is not None and found.kind != "kinematics" and _helps(found):
             hint = f"; {doubt.said(found, vjm.arm).sentence}"
         raise BenchError(f"{err}{hint}") from err
+
+
+def _helps(found: Finding) -> bool:
+    """Whether most readings are nearer to the arm with a mistake undone."""
+    return "was" not in found.beside or found.beside["now"] < found.beside["was"]
 
 
 def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
@@ -135,6 +142,7 @@ def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequ
         for one in series
         if (few := too_few(vjm, one))
     ]
+    said += of_held(found)
     wild = outliers(found.state, found.series, found.pulls)
     words = (doubt.said(one, vjm.arm).sentence for one in found.found)
     return Calibrated(found, found.series, (*said, *words, *([of_outliers(wild)] if wild else [])))
@@ -146,6 +154,25 @@ def hidden(found: Calibrated) -> str:
     if why is None or why.kind == "kinematics":
         return "is a joint's zero off, or is it another arm?"
     return doubt.said(why, found.calibration.state.vjm.arm).sentence
+
+
+def of_held(found: Calibration) -> list[str]:
+    """Say what every series leaves open of its frame and mount, and what holds it."""
+    vjm, every, words = found.state.vjm, found.own.unknowns.held, []
+    for one in found.series:
+        alone, mount, frame = held(vjm, (one,)), f"mount {one.target}", f"frame {one.frame}"
+        names = ", ".join(one.markers)
+        if mount in alone:
+            drawn = "as the arm's folder has them" if {*one.markers} <= {*vjm.arm.markers} else "at the tool"
+            by = f"a prior, {drawn} within {1e3 * ROUGH:.0f} mm, holds it; other orientations depend on it"
+            by = by if mount in every else "a series that shares the target or the frame tells it"
+            open_ = f"where {names} is on the tool and where the frame is cannot be told apart"
+            words.append(f"{one.name}: its tool turns too little, so that {open_}: {by}")
+        if frame in alone:
+            by = f"a prior, upright within {np.degrees(LEVEL):.1f} degrees, holds it"
+            by = by if frame in every else "a series that shares the target or the frame tells it"
+            words.append(f"{one.name}: a turn of its frame about the line of its positions is open: {by}")
+    return words
 
 
 def of_outliers(found: Outliers) -> str:

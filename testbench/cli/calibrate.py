@@ -78,7 +78,12 @@ def command(asked: Options) -> None:
         more = None
         with suppress(PoseError):  # an arm that can be nowhere has no workspace
             more = gain_of_more(cell, model_of(found.calibration), series[0].sigma)
-        said, drawn = report(found, left, more), seen(cell, found, left)
+        said = report(found, left, more)
+        if said.numbers["rejected"]:
+            nothing = "rejected   nothing is written: such a model is worse than none"
+            print_words(console, said, [], [*(f"- {note}" for note in found.notes), nothing])
+            raise typer.Exit(1)
+        drawn = seen(cell, found, left)
         write(found, said, drawn, plain(asked, read="readings", without=("arm",)), asked.out)
         out = asked.out
         lines = [

@@ -43,6 +43,7 @@ MOST = 3  #: Ranges that are named as the worst.
 LONGEST, BENT = 0.3, 0.12  #: Length of most arrows and of most sags over the reach [1].
 LOOKS = {"as drawn": Look(NOMINAL, 1, prior=True), "calibrated": Look(GCO, 0, prior=True)}
 LEFT_MM = "Distance of the reading from the arm as drawn and calibrated, at the worst target (mm)"
+NEGATIVE = "No arm bends against its load: the model explains the sag by other errors. Do not use it."
 OF_STEPS = Markdown(
     "We try each kind of error beside those kept before it, and keep it where held-out positions get better "
     "by 5 %, a common pattern where they get no worse, joint springs always. Blocks are parts of joint "
@@ -121,6 +122,9 @@ def _tables(f: Row) -> dict[str, Table]:
 
 def _doubts(f: Row) -> Iterator[tuple[str, str]]:
     """What may be wrong with the calibrated arm, the gravest first."""
+    if f.pressed:
+        scale = "gravity reversed, is the arm hung?" if f.weight_alone else "is a force's sign reversed?"
+        yield "The compliances want to be negative", f"{scale} {NEGATIVE}"
     if f.worse:
         far = "none could be held out, so that nothing says how far others are off"
         if f.held_out_mm:
@@ -178,13 +182,14 @@ def _worst(f: Row) -> Markdown:
 
 def _claims(f: Row) -> Iterator[Markdown]:
     doubts = [say("**{name}**: {text}", name=name, text=text) for name, text in _doubts(f)]
-    yield from doubts[: int(f.worse)]
+    grave = int(f.worse) + int(f.pressed)
+    yield from doubts[:grave]
     kept, dropped = ([row.name for row in f.steps if row.kept == good] for good in (True, False))
     if f.steps:
         first = say("**Kept**: {kept:list}.", kept=kept) if kept else ""
         why = ", as they improve held-out readings by less than 5 %" if f.held_out_mm else ""
         yield lines([first, say(f"**Dropped**{why}: {{own:list}}.", own=dropped) if dropped else ""])
-    yield from doubts[int(f.worse) :]
+    yield from doubts[grave:]
     if f.pattern:
         yield say(
             "**One periodic error in {k} joints**, each turned: {text}. Where one of them was not read, the "

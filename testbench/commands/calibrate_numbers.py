@@ -30,6 +30,13 @@ from testbench.report.badge import decide
 from testbench.report.table import Row
 
 FAR = 1.5  #: Error of a range over that of all readings, of held-out ones over the drawing, that is said.
+SOUND = 0.8  #: Share of the readings that are sound: more outliers are a misfit [1].
+ABOVE, CONTRADICTED = 1.05, 2.0
+"""Fitted error over that of the arm as drawn, and over that of held-out readings, from which a calibrated arm
+is rejected: sound ones are below 1 of both [1]."""
+PRESSED = 40.0, 0.05
+"""Chi squared that negative compliances would take away from which they are wanted, and over all equations
+[1]: sound readings reach 0.02."""
 SIGNIFICANT = 3.0  #: Standard deviations above which the amplitude of an order is more than scatter.
 NOTHING = 1e-6  #: Share of the half width of its interval below which a value is rounding [1].
 SPOILED = 0.5  #: A reading that counts less than this is listed as an outlier [1].
@@ -90,11 +97,35 @@ def numbers(found: Calibrated, left: Left) -> Row:
     )
     f |= _validated(f)
     f["models"] = [_model(estimate, f)]
-    why = "too few poses, held-out positions do not get better" if f.worse else ""
+    f["rejected"] = _rejected(f, *(_nearest(x) for x in every))
+    f["pressed"] = calibration.pressed > max(PRESSED[0], PRESSED[1] * 3 * f.total_after.n)
+    why = f.rejected or ("its compliances want to be negative" if f.pressed else "")
+    why = why or ("too few poses, held-out positions do not get better" if f.worse else "")
     chosen = calibration.chosen
     plain, own = (MM * np.sqrt(3) * x for x in chosen.held_out)
     badge = decide(("calibrated", own), (chosen.plain or "as drawn", plain), "block held out", why)
     return Row(f, badge=badge)
+
+
+def _nearest(distances: Array) -> float:
+    """Root mean square of the nearest `SOUND` of distances, (n,) [m], so that outliers do not count [mm]."""
+    return float(MM * np.sqrt((np.sort(distances)[: max(1, int(SOUND * len(distances)))] ** 2).mean()))
+
+
+def _rejected(f: Row, before: float, after: float) -> str:
+    """Why a calibrated arm is none: what it was fitted to lies too far from it; empty where it does not.
+
+    Args:
+        f: Numbers of the report.
+        before: RMS distance of the nearest readings from the arm as drawn [mm].
+        after: From the calibrated arm [mm].
+    """
+    ours = f"the nearest {100 * SOUND:.0f} % of the readings that it was fitted to lie {after:.3f} mm from it"
+    if after > ABOVE * before:
+        return f"{ours}, {before:.3f} mm from the arm as drawn"
+    if f.held_out_mm and after > CONTRADICTED * f.held_out_mm[1]:
+        return f"{ours}, held-out ones {f.held_out_mm[1]:.3f} mm: they contradict each other"
+    return ""
 
 
 def _solved(calibration: Calibration) -> Row:

@@ -62,11 +62,20 @@ def answer(constraint: Constraint, case: Case) -> Answer:
     """Newton's answer with a prior; an independent solver's where it is not proven."""
     start, metric = time.perf_counter(), case.belief.metric
     M, r = with_prior_rows(case.regression, metric, case.belief.strength)
-    x, gap = least_squares(M, r, metric.sizes if constraint == "psd" else ())
-    cost = float(np.sum((M @ x - r) ** 2)) / 2
-    if not gap <= NEAR + DIGITS * cost:
+    x = proven(M, r, metric.sizes if constraint == "psd" else ())
+    if x is None:
         return referee(constraint, case)
     return Answer(metric.L @ x, time.perf_counter() - start, "solved", own=True)
+
+
+def proven(M: Array, r: Array, sizes: tuple[int, ...]) -> Array | None:
+    """Newton's least |M x - r| over x, svec of positive semi-definite blocks of some sizes, (n,).
+
+    None where it is not proven to be the optimum.
+    """
+    x, gap = least_squares(M, r, sizes)
+    cost = float(np.sum((M @ x - r) ** 2)) / 2
+    return x if gap <= NEAR + DIGITS * cost else None
 
 
 def referee(constraint: Constraint, case: Case) -> Answer:
@@ -76,15 +85,20 @@ def referee(constraint: Constraint, case: Case) -> Answer:
     if constraint == "none":
         pi = metric.L @ np.linalg.lstsq(M, r, rcond=None)[0]
         return Answer(pi, time.perf_counter() - start, "solved", own=False)
-    n = metric.structure.n
+    solution = by_clarabel(M, r, metric.sizes)
+    return Answer(metric.L @ metric.project(solution.x[1:]), solution.seconds, solution.status, own=False)
+
+
+def by_clarabel(M: Array, r: Array, sizes: tuple[int, ...]) -> cone.Solution:
+    """The least t with |M x - r| below it, over t, then x as of `proven`."""
+    n = M.shape[1]
     R: Array = np.asarray(np.linalg.qr(np.c_[M, r], mode="r"))
-    unit = max(1.0, abs(R[n, n]))
-    residual = np.c_[np.zeros(n + 1), R[:, :n] / unit]
-    solution = cone.solve(
+    unit = max(1.0, abs(R[-1, n]))
+    residual = np.c_[np.zeros(len(R)), R[:, :n] / unit]
+    return cone.solve(
         cone.Problem(
             cost=np.r_[1.0, np.zeros(n)],
-            blocks=(cone.free_block(0, 1), *cone.psd_blocks(1, metric.sizes)),
+            blocks=(cone.free_block(0, 1), *cone.psd_blocks(1, sizes)),
             rows=(cone.norm_below(0, residual, R[:, n] / unit),),
         )
     )
-    return Answer(metric.L @ metric.project(solution.x[1:]), solution.seconds, solution.status, own=False)

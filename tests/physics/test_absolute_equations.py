@@ -170,7 +170,7 @@ def drawn_at_random(rng, free=2, small=6, large=50, equations=(120, 80)):
     count, play, band = free + small + 2 * large, sizes.USUAL["play"], sizes.USUAL["harmonics"]
     groups = [("play", free + np.arange(small))]
     groups += [("harmonics", free + small + k * large + np.arange(large)) for k in range(2)]
-    unknowns = SimpleNamespace(groups=groups, size=count)
+    unknowns = SimpleNamespace(groups=groups, size=count, held=frozenset(), starts={"geometry": free})
     own = SimpleNamespace(rigid=count, columns=np.arange(count), elastic=None, unknowns=unknowns)
     unit = np.r_[np.ones(free), np.full(small, play), np.full(2 * large, band)]
     x = unit * rng.normal(size=count) * np.repeat([1, 3, 0.4, 1.5], (free, small, large, large))

@@ -12,6 +12,7 @@ import numpy as np
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
+from testbench.identify.absolute.inseparable import held, level
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import Mount, State
 from testbench.identify.closed_form import Layout, means, nearest_rotation
@@ -27,6 +28,9 @@ TURNING, WITH_ORIENTATIONS = 3, 2
 """Joints that turn in a series at least, and where orientations are read: their axes are not parallel."""
 SURE = np.radians(0.2)
 """Standard deviation of a frame's rotation from which few poses and a known mount do not tell it [rad]."""
+SOUND, FITTED = 0.9, 5e-3
+"""Share of the readings that have to fit, and how far they may be from a fitted arm over its reach [1]: heavy
+arms with gears and soft links that are still to be fitted leave a thousandth."""
 TURNED = 0.1  #: Median angle of orientations from it beyond which they are in another notation [rad].
 
 
@@ -46,7 +50,7 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
     """
     frames, mounts = dict(state.frames), dict(state.mounts)
     # who tells too little alone is told by others, and who reads orientations knows the mount
-    waiting = sorted(series, key=lambda one: (bool(too_few(state.vjm, one)), not one.turned.any()))
+    waiting = sorted(series, key=lambda one: (_tells_little(state.vjm, one), not one.turned.any()))
     late: list[Series] = []
     while waiting:
         one = waiting.pop(0)
@@ -68,20 +72,30 @@ def aligned(state: State, series: tuple[Series, ...]) -> State:
     return replace(found, mounts={**mounts, **{one.target: found.mount(one) for one in series}})
 
 
+def _tells_little(vjm: Vjm, series: Series) -> bool:
+    """Whether a series alone leaves its frame or mount open."""
+    return bool(too_few(vjm, series)) or bool(held(vjm, (series,)))
+
+
 def align(state: State, series: Series) -> tuple[Frame, Mount]:
     """Frame and mount of one series by the arm's nominal geometry.
 
     Where something moved far in mid-series, those of its first half. What its poses leave open is taken from
-    the state, which may have the frame or the mount.
+    the state, which may have the frame or the mount; else, where three joints turn, targets are taken where
+    the arm's folder has them, and the frame as upright.
     """
     if lost := [name for name in series.markers if name not in _read(series)]:
         raise BenchError(f"{series.name}: {', '.join(lost)} was never read; leave such a target out")
     few = too_few(state.vjm, series)
-    found = None if few else _placed(state, series)
+    found = None if _tells_little(state.vjm, series) else _placed(state, series)
     if found is None or not found.fits:
         shared = _placed(state, series, shared=True)
         found = shared if shared is not None and shared.fits else found
-    if found is None and (few or len(turning(state.vjm, (series,))) < TURNING):
+    turns = len(turning(state.vjm, (series,)))
+    if found is None and not few and turns >= TURNING:
+        drawn = _placed(state, series, as_drawn=True)
+        found = drawn if drawn is not None and drawn.fits else _placed(state, series)
+    if found is None and (few or turns < TURNING):
         open_ = "its poses leave frame or target open; expected turning joints whose axes are not parallel"
         raise BenchError(f"{series.name}: {few or open_}")
     if found is None or not found.fits:
@@ -102,19 +116,19 @@ class _Placed:
     mount: Mount
     typical: float  #: Median distance of readings from the nominal arm [m].
     turn: float  #: Median angle of orientations from it [rad]; 0 without any.
-    near: bool  #: Whether positions fit.
+    near: bool  #: Whether positions fit, with targets nearer to the tool than the arm reaches.
 
     @property
     def fits(self) -> bool:
-        """Whether positions and orientations fit."""
+        """Whether positions and orientations fit, with targets on the tool."""
         return self.near and self.turn < TURNED
 
 
-def _placed(state: State, series: Series, *, shared: bool = False) -> _Placed | None:
-    """By MOST rows; a shared frame or mount is that of the state. None if left open."""
+def _placed(state: State, series: Series, *, shared: bool = False, as_drawn: bool = False) -> _Placed | None:
+    """By MOST rows; a shared frame or mount is that of the state, or as drawn. None if left open."""
     seen = np.flatnonzero(series.seen.any(axis=1))
     some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(MOST, len(seen))).astype(int)])
-    at = _registered(state, some, shared=shared)
+    at = _upright(state, some) if as_drawn else _registered(state, some, shared=shared)
     if at is None:
         return None
     typical = float(np.median(np.linalg.norm(left_by(means(state.vjm, (some,)), at), axis=1)))
@@ -126,7 +140,7 @@ def _placed(state: State, series: Series, *, shared: bool = False) -> _Placed | 
         mount=Mount(at.targets, mount, series.markers),
         typical=typical,
         turn=float(np.median(angles)) if len(turns) else 0.0,
-        near=typical < FAR * reach(state.vjm, some.q),
+        near=typical < FAR * reach(state.vjm, some.q) and float(np.abs(at.targets).max()) < state.vjm.reach,
     )
 
 
@@ -142,6 +156,21 @@ def _registered(state: State, series: Series, *, shared: bool) -> Layout | None:
     except BenchError:
         return None
     return None if shared and found.frames[series.frame].deviation > SURE else found.layout
+
+
+def _upright(state: State, series: Series) -> Layout:
+    """Targets where the state or else the arm's folder has them, the tool's origin if neither does.
+
+    The frame is the one that fits best then, upright where readings leave its turn open.
+    """
+    vjm, known = state.vjm, state.mounts.get(series.target)
+    places = dict(zip(vjm.arm.markers, vjm.markers, strict=True))
+    places |= dict(zip(known.markers, known.points, strict=True)) if known else {}
+    targets = np.array([places.get(name, np.zeros(3)) for name in series.markers])
+    position, rotation = tool_pose(vjm, series.q)
+    points = position[:, None] + targets @ rotation.swapaxes(1, 2)
+    frame = level(points[series.seen], series.position[series.seen])
+    return Layout(frame.rotation[None], frame.translation[None], targets)
 
 
 def _turns(state: State, series: Series, rotation: Array) -> Array:
@@ -191,6 +220,21 @@ def _check_shared(state: State, series: tuple[Series, ...]) -> None:
                 f"{one.name}: three quarters of it are {1e3 * off:.3g} mm or more from the "
                 f"{' and the '.join(what)} that it shares; did the tracker or the target move between series?"
             )
+
+
+def check_fits(state: State, series: Sequence[Series]) -> None:
+    """Refuse a series that geometry and springs do not bring near the arm, by Misfit.
+
+    No sound arm is that far from its readings then: neither more poses nor a tracker that moved explains it.
+    """
+    for one in series:
+        left = np.linalg.norm(residuals(state, one)[: len(one.markers)], axis=1).T[one.seen]
+        far = float(np.sqrt(np.mean(np.sort(left)[: max(1, int(SOUND * len(left)))] ** 2)))
+        if far > FITTED * reach(state.vjm, one.q):
+            words = (
+                f"{one.name}: the readings do not fit this arm, {1e3 * far:.3g} mm (RMS of the nearest nine "
+            )
+            raise Misfit(f"{words}tenths) once its geometry and springs are fitted", one)
 
 
 def far_off(state: State, series: Series) -> float:

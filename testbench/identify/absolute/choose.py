@@ -16,6 +16,7 @@ from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, choice, 
 from testbench.identify.absolute.pattern import find, waves
 from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.crossval import paired
+from testbench.identify.estimate import Constraint
 from testbench.identify.fold import Part, Reduced, total
 from testbench.identify.metric import Metric
 from testbench.session import stepwise
@@ -97,17 +98,25 @@ def blocks_of(series: Sequence[Series], seed: int = 0) -> list[Ids]:
     return found
 
 
-def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate], unit: Array) -> Chosen:
+@dataclass(frozen=True)
+class Rules:
+    """By what candidates are judged."""
+
+    unit: Array  #: Standard deviation of a whitened equation of every kind, (kinds,) [m, rad].
+    constraint: Constraint = "psd"  #: That of the arm that is delivered.
+
+
+def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate], rules: Rules) -> Chosen:
     """Try candidates one after the other.
 
     Args:
         unknowns: All that there might be.
         reduced: The readings, in blocks.
         candidates: What to try, in order; geometry is always on.
-        unit: Standard deviation of a whitened equation of every kind, (kinds,) [m, rad].
+        rules: By what they are judged.
     """
     kinds, elastic = GEOMETRY, None
-    tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns, len(reduced.kinds)), unit)
+    tried = _tried(choice(unknowns, kinds, elastic), reduced, usual(unknowns, len(reduced.kinds)), rules)
     steps: dict[str, Step] = {}
     beside = {"geometry": tried}
     for one in stepwise(candidates, "trying errors"):
@@ -116,7 +125,7 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
         if one.pattern and found is None:
             continue
         own, equations = found or (choice(unknowns, *more), reduced)
-        other = _tried(own, equations, tried.learnt, unit)
+        other = _tried(own, equations, tried.learnt, rules)
         steps[one.name] = _step(one, tried, other)
         if steps[one.name].kept:
             tried, (kinds, elastic), unknowns, reduced = other, more, own.unknowns, equations
@@ -126,7 +135,7 @@ def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate]
     for one in kept[:-1]:  # the next one that was kept may explain the same
         if one.kinds and not one.sure and not ("pattern" in kinds and one.kinds & {"harmonics", "pattern"}):
             fewer = choice(unknowns, kinds - one.kinds, elastic)
-            other = _tried(fewer, reduced, tried.learnt, unit)
+            other = _tried(fewer, reduced, tried.learnt, rules)
             again = _step(one, other, tried)
             if not again.kept:
                 tried, kinds, steps[one.name] = other, kinds - one.kinds, again
@@ -166,9 +175,9 @@ class _Tried:
     series: Array  #: The same of every series, (series, 3).
 
 
-def _tried(own: Choice, reduced: Reduced, start: Learnt, unit: Array) -> _Tried:
+def _tried(own: Choice, reduced: Reduced, start: Learnt, rules: Rules) -> _Tried:
     S = squares(own, reduced.gram)
-    learnt = learn(own, S, reduced.counts, start)
+    learnt = learn(own, S, reduced.counts, start, rules.constraint)
     first = np.searchsorted(own.columns, own.unknowns.starts["geometry"])
     whole = solve(own, S, learnt, LOOSE).variances(np.arange(first))
     places = sorted({part.series for part in reduced.parts})
@@ -181,30 +190,33 @@ def _tried(own: Choice, reduced: Reduced, start: Learnt, unit: Array) -> _Tried:
         some, found = reduced.positions, []
         for parts in held:
             n = sum(part.counts[some].sum() for part in parts)
-            sums = _held_out(own, S, parts, learnt, whole)[some]
-            found.append((n, sums.sum(), unit[some] ** 2 @ sums))
+            sums = _held_out(own, S, parts, (learnt, rules.constraint), whole)[some]
+            found.append((n, sums.sum(), rules.unit[some] ** 2 @ sums))
         return np.array(found).reshape(-1, 3)
 
     return _Tried(own, learnt, left(blocks), left(fair))
 
 
-def _held_out(own: Choice, S: Array, parts: Sequence[Part], learnt: Learnt, whole: Array) -> Array:
+def _held_out(
+    own: Choice, S: Array, parts: Sequence[Part], how: tuple[Learnt, Constraint], whole: Array
+) -> Array:
     """Sums of squares of some parts by the others; frames and mounts that these hardly tell are fitted anew.
 
     Args:
         own: The unknowns.
         S: Squares of all readings.
         parts: What is held out: a block, or a series.
-        learnt: Sizes of errors.
+        how: Sizes of errors, and the constraint of the arm that is delivered.
         whole: Variances of frames and mounts by all readings, (k,).
     """
-    T, k, every = squares(own, total(parts)), len(whole), np.arange(len(own.columns))
+    (learnt, constraint), k = how, len(whole)
+    T, every = squares(own, total(parts)), np.arange(len(own.columns))
     others = S - T
     alone = np.flatnonzero(np.abs(others[:, : own.rigid, :k]).sum(axis=(0, 1)) == 0)
     rest, at = np.delete(every, alone), np.delete(np.arange(len(every) + 1), alone)
     if len(alone):
         others = others[:, at][:, :, at]
-    found = solve(Choice(own.unknowns, own.columns[rest], own.elastic), others, learnt, LOOSE)
+    found = solve(Choice(own.unknowns, own.columns[rest], own.elastic), others, learnt, LOOSE, constraint)
     told = rest[rest < k]
     opened = told[found.variances(np.arange(len(told))) > OPENED * whole[told]]
     v, open_ = np.zeros(len(every) + 1), np.r_[alone, opened]

@@ -7,15 +7,20 @@ there is drawn to nothing.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from testbench.errors import Array, BenchError, Ids
+from testbench.identify.absolute.inseparable import LEVEL
 from testbench.identify.absolute.unknowns import Unknowns
+from testbench.identify.estimate import Constraint
 from testbench.identify.evidence import ALIKE, Hyperprior, Normal, Problem, greatest, normal, student_density
 from testbench.identify.metric import Metric, precision_root
 from testbench.identify.prior import Strength
+from testbench.identify.registration import ROUGH
+from testbench.identify.solve import by_clarabel, proven
 
 USUAL: Mapping[str, float] = {
     "geometry shift": 1e-3,
@@ -29,6 +34,9 @@ USUAL: Mapping[str, float] = {
 """Standard deviations before any reading [m, rad; rad a rad]."""
 WAVES = ("harmonics", "pattern")  #: Kinds that have bands: each joint's own, and what joints share.
 MOST = 10.0  #: Times the usual size beyond which no error is: it stands for one that was left out.
+LEAST_TOLD = 2.0
+"""The same where readings leave a frame or mount open: larger errors of geometry would be far from linear,
+and from any arm."""
 HELD = 2.0  #: Imagined unknowns of the usual size in every small group.
 LARGE, SHARE = 40, 1 / 6
 """Unknowns above which a group is large, and the size of its one imagined unknown over the usual one: a
@@ -37,6 +45,10 @@ SPARE = 2.0
 """Imagined equations of every kind, scattered as expected: unknowns may spend all there are."""
 LOOSE = Strength(3.0)
 """What is believed of compliances while the sizes of all other errors are learnt."""
+
+
+ROUNDS, SETTLED = 8, 0.01
+"""Times that scatters and compliances in their cone are found in turn, and change that ends it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +95,13 @@ class Learnt:
 def usual(unknowns: Unknowns, kinds: int) -> Learnt:
     """The usual sizes, and scatters as expected of some kinds of equations."""
     deviation = np.full(unknowns.size, np.inf)
+    for name in unknowns.held:
+        kind, _, of = name.partition(" ")
+        first = unknowns.starts[name]
+        if kind == "frame":
+            deviation[first + 3 : first + 6] = LEVEL
+        else:
+            deviation[first : first + 3 * unknowns.mounts[of][0]] = ROUGH
     for kind, columns in unknowns.groups:
         deviation[columns] = USUAL[kind]
     return Learnt(deviation, np.ones(kinds))
@@ -111,8 +130,20 @@ def prior(own: Choice, learnt: Learnt, strength: Strength) -> tuple[Array, Array
     return P, b
 
 
-def solve(own: Choice, S: Array, learnt: Learnt, strength: Strength) -> Normal:
+def solve(
+    own: Choice, S: Array, learnt: Learnt, strength: Strength, constraint: Constraint = "none"
+) -> Normal:
     """Most likely unknowns by `squares` S of the readings, compliances in the metric.
+
+    Args:
+        own: The unknowns, c of them.
+        S: Sums of squares of [A | y] of every kind of equations, (kinds, c + 1, c + 1).
+        learnt: Sizes of errors, and scatters.
+        strength: How firmly expected compliances are believed.
+        constraint: "psd" keeps every block of compliances positive semi-definite.
+
+    Returns:
+        The unknowns; the precision does not know of the constraint.
 
     Raises:
         BenchError: When the readings leave a frame or target open.
@@ -120,21 +151,68 @@ def solve(own: Choice, S: Array, learnt: Learnt, strength: Strength) -> Normal:
     H, (P, b) = np.tensordot(learnt.factor**-2.0, S, 1), prior(own, learnt, strength)
     H[:-1, :-1] += P
     H[:-1, -1] += b
-    return normal(H)
+    found = normal(H)
+    if own.elastic is None or constraint == "none":
+        return found
+    return replace(found, x=_in_cone(found, own.rigid, own.elastic))
 
 
-def learn(own: Choice, S: Array, counts: Array, start: Learnt) -> Learnt:
+def _in_cone(found: Normal, rigid: int, elastic: Metric) -> Array:
+    """The most likely unknowns with every block in its cone, (c,); as they are where none leaves it.
+
+    With the root U of the precision and x_0 without the cone the cost is |U (x - x_0)|^2. The others follow
+    the compliances e: their rows are zero, and |U_e (e - e_0)|^2 is left.
+    """
+    if all(np.linalg.eigvalsh(X)[0] >= 0 for X in elastic.matrices(found.x[rigid:])):
+        return found.x
+    U = np.triu(found.root[0]) * found.size
+    M = U[rigid:, rigid:]
+    r = M @ found.x[rigid:]
+    e = proven(M, r, elastic.sizes)
+    if e is None:
+        e = elastic.project(by_clarabel(M, r, elastic.sizes).x[1:])
+    step = U[:rigid, rigid:] @ (e - found.x[rigid:])
+    others: Array = found.x[:rigid] - solve_triangular(U[:rigid, :rigid], step)
+    return np.concatenate([others, e])
+
+
+def learn(own: Choice, S: Array, counts: Array, start: Learnt, constraint: Constraint = "none") -> Learnt:
     """Sizes and scatters of greatest evidence.
+
+    Where compliances lie on the border of their cone, scatters are those of the readings about the arm with
+    the cone: without it they would be those of another arm, which nobody gets.
 
     Args:
         own: The unknowns.
         S: Their `squares`.
         counts: Equations of every kind, (kinds,).
         start: Where to begin.
+        constraint: "psd" keeps every block of compliances positive semi-definite.
 
     Raises:
         BenchError: When the readings leave a frame or target open.
     """
+    found = _greatest(own, S, counts, start)
+    if own.elastic is None or constraint == "none":
+        return found
+    for _ in range(ROUNDS):
+        free = solve(own, S, found, LOOSE)
+        x = _in_cone(free, own.rigid, own.elastic)
+        if x is free.x:
+            return found
+        # where the evidence has no slope, with SPARE imagined equations
+        left, v = S @ np.r_[x, -1.0], np.r_[x, -1.0]
+        spent = np.einsum("kij,ij->k", S[:, :-1, :-1], free.covariance) / found.factor**2
+        factor = np.sqrt((left @ v + SPARE) / np.maximum(counts - spent + SPARE, SPARE))
+        settled = np.abs(np.log(factor / found.factor)).max() < SETTLED
+        found = replace(found, factor=factor)
+        if settled:
+            break
+    return found
+
+
+def _greatest(own: Choice, S: Array, counts: Array, start: Learnt) -> Learnt:
+    """Sizes and scatters of greatest evidence without a cone."""
     place = np.full(own.unknowns.size, -1)
     place[own.columns] = np.arange(len(own.columns))
     groups = [(kind, of) for kind, of in own.unknowns.groups if (place[of] >= 0).all()]
@@ -145,7 +223,10 @@ def learn(own: Choice, S: Array, counts: Array, start: Learnt) -> Learnt:
     if own.elastic is not None:
         B = np.column_stack(precision_root(own.elastic, LOOSE))
         known[own.rigid :, own.rigid :] = B.T @ B
-    most = [MOST * USUAL[kind] for kind, _ in groups] + [np.inf] * len(counts)
+    first = np.searchsorted(own.columns, own.unknowns.starts["geometry"])
+    known[np.arange(first), np.arange(first)] = start.deviation[:first] ** -2.0  # of frames and mounts
+    times = LEAST_TOLD if own.unknowns.held else MOST
+    most = [times * USUAL[kind] for kind, _ in groups] + [np.inf] * len(counts)
     problem = Problem(
         gram=S,
         counts=counts,

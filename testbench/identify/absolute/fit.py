@@ -13,8 +13,16 @@ import numpy as np
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError
-from testbench.identify.absolute.align import aligned, alike
-from testbench.identify.absolute.choose import GEOMETRY, Candidate, Chosen, blocks_of, choose, patterned
+from testbench.identify.absolute.align import aligned, alike, check_fits
+from testbench.identify.absolute.choose import (
+    GEOMETRY,
+    Candidate,
+    Chosen,
+    Rules,
+    blocks_of,
+    choose,
+    patterned,
+)
 from testbench.identify.absolute.evidence import Choice, Learnt, choice, learn, squares, usual
 from testbench.identify.absolute.inner import eliminate, moved
 from testbench.identify.absolute.noise import Noise
@@ -80,6 +88,7 @@ class Calibration:
     noise: Noise  #: How far readings scatter about it.
     chosen: Chosen  #: What was tried and kept.
     estimate: Estimate | None  #: Compliances, with a certificate; None of a rigid arm.
+    pressed: float  #: Chi squared that compliances below zero would take away [1].
     pulls: tuple[Array, ...]  #: Of every series, how much each reading counts, (s, rows) [1].
     step: float  #: How far the last linearisation moved targets, root mean square [m].
     series: tuple[Series, ...]  #: The readings, in parts where a target or a tracker moved.
@@ -139,10 +148,11 @@ def gather(
 
     def fitted(some: tuple[Series, ...]) -> tuple[State, Noise]:
         few = thinned(some)
-        return first_fit(aligned(bare, few), few, joints)
+        return first_fit(aligned(bare, few), few, joints, options.constraint)
 
     check_last_joint(vjm, series, fitted)
     moves, series, (first, noise) = settled(series, fitted, metric(prior, vjm, all153(vjm.arm)))
+    check_fits(first, series)
     readings = sum(3 * int(one.seen.sum() + one.turned.sum()) for one in series)
     told = max(1, min(options.orders, int(MANY * readings / (2 * vjm.arm.n_joints))))
     orders = tuple(range(1, told + 1)) if "joint errors" in options.may else ()
@@ -151,7 +161,7 @@ def gather(
     unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
     state = replace(first, errors=errors, n=np.zeros((vjm.arm.n_joints, errors.size)))
     own, few = choice(unknowns, GEOMETRY | {"harmonics"}, joints), thinned(series)
-    state, share = _stepped(own, few, state, noise)
+    state, share = _stepped(own, few, (state, noise), options.constraint)
     noise = scatter(state, series, share)
     blocks = blocks_of(series) if options.only is None else None
     reduced = reduce_series(Point(unknowns, state, noise), series, blocks)
@@ -182,6 +192,7 @@ def explain(found: Gathered, options: Options) -> Calibration:
         noise=noise,
         chosen=chosen,
         estimate=solved.estimate,
+        pressed=solved.pressed,
         pulls=pulls,
         step=step,
         series=series,
@@ -189,12 +200,14 @@ def explain(found: Gathered, options: Options) -> Calibration:
     )
 
 
-def first_fit(state: State, series: tuple[Series, ...], joints: Metric) -> tuple[State, Noise]:
+def first_fit(
+    state: State, series: tuple[Series, ...], joints: Metric, constraint: Constraint = "psd"
+) -> tuple[State, Noise]:
     """Geometry and joint springs from a state that has frames and mounts, and how readings scatter."""
     first = unknowns_of(state.vjm, series, JointErrors(), joints.structure)
     own, noise = choice(first, GEOMETRY, joints), scatter(state, series, 1.0)
     for _ in range(2):
-        state, share = _stepped(own, series, state, noise)
+        state, share = _stepped(own, series, (state, noise), constraint)
         noise = scatter(state, series, share)
     return state, noise
 
@@ -211,13 +224,13 @@ def _choose(found: Gathered, options: Options, unit: Array) -> Chosen:
     } | {name: Candidate(name, frozenset({name})) for name in KINDS[1:]}
     on = [every[name] for name in NAMES if name in options.may]
     if options.only is None:
-        return choose(unknowns, reduced, on, unit)
+        return choose(unknowns, reduced, on, Rules(unit, options.constraint))
     kinds = GEOMETRY.union(*(one.kinds for one in on))
     elastic = [one.elastic for one in on if one.elastic is not None]
     own = choice(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)
 
     def learnt(own: Choice, reduced: Reduced, start: Learnt) -> Learnt:
-        return learn(own, squares(own, reduced.gram), reduced.counts, start)
+        return learn(own, squares(own, reduced.gram), reduced.counts, start, options.constraint)
 
     sizes = learnt(own, reduced, usual(unknowns, len(reduced.kinds)))
     if PATTERN in options.may and (shared := patterned(own, kinds, sizes, reduced)):
@@ -236,9 +249,13 @@ def thinned(series: Sequence[Series]) -> tuple[Series, ...]:
     return tuple(found)
 
 
-def _stepped(own: Choice, series: tuple[Series, ...], state: State, noise: Noise) -> tuple[State, float]:
+def _stepped(
+    own: Choice, series: tuple[Series, ...], now: tuple[State, Noise], constraint: Constraint
+) -> tuple[State, float]:
     """One Gauss-Newton step, and the share of equations that no unknown spends."""
+    state, noise = now
     reduced = reduce_series(Point(own.unknowns, state, noise), series)
     S, counts = squares(own, reduced.gram), reduced.counts
-    solved = eliminate(own, reduced, learn(own, S, counts, usual(own.unknowns, len(counts))))
+    learnt = learn(own, S, counts, usual(own.unknowns, len(counts)), constraint)
+    solved = eliminate(own, reduced, learnt, constraint)
     return moved(state, own, solved.x), max(0.1, 1 - solved.spent / counts.sum())

@@ -14,7 +14,7 @@ from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt
 from testbench.identify.absolute.state import Mount, State
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.fold import Reduced
-from testbench.identify.metric import Belief, Metric, precision_root, rescaled
+from testbench.identify.metric import Belief, Metric, precision_root, rescaled, with_prior_rows
 from testbench.identify.prior import Strength
 from testbench.identify.registration import Frame
 from testbench.identify.regression import Regression, regression_of, term_of
@@ -32,6 +32,7 @@ class Solved:
     root: Array  #: Of the posterior's precision, compliances in the metric, (c, c).
     estimate: Estimate | None  #: Compliances; None of a rigid arm.
     spent: float  #: Equations that the unknowns spend.
+    pressed: float  #: Chi squared that compliances without the cone would take away [1]; 0 of a rigid arm.
 
 
 def eliminate(
@@ -57,11 +58,12 @@ def eliminate(
     r, c = own.rigid, len(own.columns)
     R = T[:r, :r]
     if own.elastic is None:
-        x, root, estimate = solve_triangular(R, T[:r, c]), R, None
+        x, root, estimate, pressed = solve_triangular(R, T[:r, c]), R, None, 0.0
     else:
         regression = of_compliances(T, own.elastic, int(reduced.counts.sum()))
         belief = Belief(own.elastic, strength) if strength else _believed(regression, own.elastic)
         estimate = solve(regression, constraint, belief)
+        pressed = _pressed(regression, belief, estimate)
         x = with_others(T, estimate.pi)
         L, B = own.elastic.L, precision_root(belief.metric, belief.strength)[0]
         B = B @ np.linalg.solve(belief.metric.L, L)
@@ -76,7 +78,17 @@ def eliminate(
     if (basis := own.unknowns.basis) is not None:
         B = basis[own.columns][:, own.columns].toarray()  # its columns are orthogonal
         x, root = B @ x, np.asarray(np.linalg.qr(root / (B**2).sum(axis=0) @ B.T, mode="r"))
-    return Solved(x, root, estimate, spent)
+    return Solved(x, root, estimate, spent, pressed)
+
+
+def _pressed(regression: Regression, belief: Belief, estimate: Estimate) -> float:
+    """Chi squared and penalty of an estimate, less those of least squares with the same prior [1]."""
+    if estimate.constraint == "none":
+        return 0.0
+    M, r = with_prior_rows(regression, belief.metric, belief.strength)
+    every = (estimate, solve(regression, "none", belief))
+    mine, free = (float(np.sum((M @ np.linalg.solve(belief.metric.L, e.pi) - r) ** 2)) for e in every)
+    return mine - free
 
 
 def of_compliances(T: Array, elastic: Metric, equations: int) -> Regression:

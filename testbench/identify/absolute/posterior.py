@@ -12,9 +12,10 @@ from scipy.linalg import block_diag, solve_triangular
 
 from testbench.data.series import Series, select_rows
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.align import aligned
+from testbench.identify.absolute.align import aligned, too_few
+from testbench.identify.absolute.evidence import usual
 from testbench.identify.absolute.inner import moved_frame, moved_mount
-from testbench.identify.absolute.noise import Noise, roots, weights
+from testbench.identify.absolute.noise import KINDS, Noise, roots, weights
 from testbench.identify.absolute.scatter import residuals
 from testbench.identify.absolute.state import BATCH, State
 from testbench.identify.absolute.unknowns import unknowns_of
@@ -80,7 +81,7 @@ def place(model: ArmModel, series: Series, rows: Ids) -> RegisteredSeries:
     state = aligned(without(model.state, some), (some,))
     for _ in range(MOST_STEPS):
         F, M, y = _whitened(model, state, some)
-        root = _root(F, some)
+        root = _root(model, F, some)
         step = solve_triangular(root, solve_triangular(root, F.T @ y, trans="T"))
         state = replace(
             state,
@@ -97,7 +98,9 @@ def known(model: ArmModel, series: Series) -> RegisteredSeries:
     seen = np.flatnonzero(series.seen.any(axis=1))
     some = select_rows(series, seen[np.linspace(0, len(seen) - 1, min(BATCH, len(seen))).astype(int)])
     F, M, _ = _whitened(model, model.state, some)
-    return RegisteredSeries(model.state, np.zeros(0, dtype=int), _joint(model, _root(F, some), F.T @ M))
+    return RegisteredSeries(
+        model.state, np.zeros(0, dtype=int), _joint(model, _root(model, F, some), F.T @ M)
+    )
 
 
 def without(state: State, series: Series) -> State:
@@ -160,9 +163,12 @@ def _whitened(model: ArmModel, state: State, series: Series) -> tuple[Array, Arr
     return F, M, y[:, 0]
 
 
-def _root(F: Array, series: Series) -> Array:
-    """Triangular factor of the columns of frame and mount."""
-    R = np.asarray(np.linalg.qr(F, mode="r"))
+def _root(model: ArmModel, F: Array, series: Series) -> Array:
+    """Triangular factor of the columns of frame and mount, and of the prior of what these rows leave open."""
+    unknowns = unknowns_of(model.vjm, (series,), model.state.errors, model.structure)
+    B = np.diag(1 / usual(unknowns, len(KINDS)).deviation[: unknowns.starts["geometry"]])
+    B = B[B.any(axis=1) & (not too_few(model.vjm, series))]
+    R = np.asarray(np.linalg.qr(np.vstack([F, B]), mode="r"))
     full = len(R) == F.shape[1] and (np.abs(np.diag(R)) > 1e-9 * np.linalg.norm(F, axis=0)).all()
     if not full:
         raise BenchError(f"{series.name}: its rows leave frame or target open; expected poses that turn more")

@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 
 from testbench.data.series import Series
 from testbench.errors import Array, Ids
+from testbench.identify.absolute.inseparable import held
 from testbench.identify.absolute.pattern import FIRST, Pattern, basis
 from testbench.identify.absolute.state import State
 from testbench.model.joint_errors import BANDS, JointErrors
@@ -30,6 +31,7 @@ class Unknowns:
     errors: JointErrors  #: Errors of the joints.
     structure: Structure  #: Compliances.
     geometry: bool = True  #: Whether geometry is unknown; it cancels in pairs.
+    held: frozenset[str] = frozenset()  #: Frames and mounts that readings leave open: a prior holds them.
     pattern: Pattern | None = None  #: What joints share; then their waves are in its `basis`.
 
     @cached_property
@@ -103,7 +105,8 @@ def unknowns_of(vjm: Vjm, series: tuple[Series, ...], errors: JointErrors, struc
     for one in series:
         turned = one.rotation is not None or mounts.get(one.target, (0, False))[1]
         mounts[one.target] = len(one.markers), turned
-    return Unknowns(vjm, tuple(dict.fromkeys(one.frame for one in series)), mounts, errors, structure)
+    frames = tuple(dict.fromkeys(one.frame for one in series))
+    return Unknowns(vjm, frames, mounts, errors, structure, held=held(vjm, series))
 
 
 def compliances(vjm: Vjm, structure: Structure) -> Unknowns:

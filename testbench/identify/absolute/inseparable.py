@@ -1,0 +1,93 @@
+"""Frames and mounts that readings cannot tell apart, and what holds them then.
+
+A target m on the tool is read at R_s (R_r m + p_r) + t_s. Where the tool keeps one orientation R_r, along a
+line or a surface, m and t_s are one sum: three directions of a frame and a mount move no reading. On a
+straight line a turn of the frame about it moves none either. A prior holds what is left open; another series
+of the same mount, or of the same frame, whose tool turns, leaves nothing open.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from testbench.data.series import Series
+from testbench.errors import Array
+from testbench.identify.closed_form import kabsch
+from testbench.identify.registration import ASSUMED, ROUGH, Frame
+from testbench.model.vjm import Vjm, tool_pose
+
+MOST = 300  #: Rows of a series that are looked at, evenly spaced.
+FAR = 10.0, 1.0, 100.0
+"""Standard deviations, before any reading, of a target, of turns, and of a frame's place [m, rad, m]."""
+LEVEL = 0.05
+"""How far from upright a tracker stands, and how far a turn of its frame that no reading tells may be from
+where it starts, standard deviation [rad]."""
+
+
+def held(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
+    """Names, "frame NAME" and "mount NAME", of what the readings leave open, by the arm as drawn.
+
+    A mount where a target is left open by more than `ROUGH`, a frame where its turn is by more than `LEVEL`.
+
+    Args:
+        vjm: The arm.
+        series: All readings, which may share frames and mounts.
+    """
+    frames = tuple(dict.fromkeys(one.frame for one in series))
+    mounts: dict[str, int] = {}
+    read: dict[str, set[int]] = {}  # targets of every mount that were ever read: no prior tells others
+    for one in series:
+        mounts[one.target] = max(len(one.markers), mounts.get(one.target, 0))
+        read.setdefault(one.target, set()).update(np.flatnonzero(one.seen.any(axis=0)).tolist())
+    starts = np.cumsum([6 * len(frames), *(3 * m + 3 for m in mounts.values())])
+    first = dict(zip(mounts, starts.tolist(), strict=False))
+    M = np.zeros((starts[-1],) * 2)
+    for one in series:
+        f, m = 6 * frames.index(one.frame), first[one.target]
+        at = np.r_[f : f + 6, m : m + 3 * len(one.markers), m + 3 * mounts[one.target] + np.arange(3)]
+        J = _rows(vjm, one)
+        M[np.ix_(at, at)] += J.T @ J / ASSUMED**2
+    before = np.full(len(M), FAR[0])
+    for k in range(len(frames)):
+        before[6 * k : 6 * k + 6] = np.repeat(FAR[1:], 3)
+    for name, m in mounts.items():
+        before[first[name] + 3 * m :][:3] = FAR[1]
+    covariance = np.linalg.inv(M + np.diag(before**-2.0))
+    turns = [covariance[6 * k :, 6 * k :][:3, :3] for k in range(len(frames))]
+    found = {f"frame {name}" for name, own in zip(frames, turns, strict=True) if _largest(own) > LEVEL}
+    for name, some in read.items():
+        ends = [first[name] + 3 * k for k in some]
+        if any(_largest(covariance[k : k + 3, k : k + 3]) > ROUGH for k in ends):
+            found.add(f"mount {name}")
+    return frozenset(found)
+
+
+def _largest(covariance: Array) -> float:
+    """Largest standard deviation along any direction of a covariance, (3, 3)."""
+    return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+
+
+def _rows(vjm: Vjm, series: Series) -> Array:
+    """Derivatives of readings by turn and place of the frame, targets and the turn of the mount, (e, k)."""
+    seen = np.flatnonzero(series.seen.any(axis=1))
+    some = seen[np.linspace(0, len(seen) - 1, min(MOST, len(seen))).astype(int)]
+    position, rotation = tool_pose(vjm, series.q[some])
+    m, n = len(series.markers), len(some)
+    J = np.zeros((n, m + 1, 3, 6 + 3 * m + 3))
+    for k in range(m):
+        J[:, k, :, :3] = np.cross(np.eye(3), position[:, None]).swapaxes(1, 2)
+        J[:, k, :, 3:6] = np.eye(3)
+        J[:, k, :, 6 + 3 * k : 9 + 3 * k] = rotation
+    J[:, m, :, :3], J[:, m, :, 6 + 3 * m :] = np.eye(3), rotation
+    there = np.column_stack([series.seen[some], series.turned[some]])
+    return np.asarray(J[there].reshape(-1, J.shape[3]))
+
+
+def level(points: Array, read: Array) -> Frame:
+    """The frame that takes points in base axes to readings, (n, 3) both [m]; upright where they tell no turn.
+
+    Upright counts as much as a direction that is known to `LEVEL`, beside readings known to `ASSUMED`.
+    """
+    up = (ASSUMED / LEVEL) * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]) / np.sqrt(2)
+    R, _ = kabsch(np.vstack([points - points.mean(axis=0), up]), np.vstack([read - read.mean(axis=0), up]))
+    return Frame(R, read.mean(axis=0) - R @ points.mean(axis=0))

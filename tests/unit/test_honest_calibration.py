@@ -1,0 +1,166 @@
+"""What a calibration says of itself is true of the model that it leaves; what fits no arm is rejected."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from run_here import do
+
+from testbench.campaign.absolute import calibrated
+from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.commands import calibrate_numbers
+from testbench.commands.calibrate import report
+from testbench.commands.calibrate_numbers import left_of
+from testbench.data.series import select_rows
+from testbench.errors import BenchError
+from testbench.identify.absolute import evidence
+from testbench.identify.absolute.evidence import LOOSE, Choice, Learnt, solve
+from testbench.identify.absolute.fit import Options, gather
+from testbench.identify.absolute.scatter import residuals
+from testbench.identify.absolute.state import Mount, nominal
+from testbench.identify.metric import metric
+from testbench.identify.prior import cad_prior
+from testbench.identify.registration import Frame
+from testbench.model.structure import all153
+from testbench.model.weights import read_weights
+from testbench.report.table import Row
+
+ROOT = Path(__file__).resolve().parents[2]
+
+FEW = Options(orders=2, without=frozenset({"links", "ratio", "play", "stiffening"}))
+SPRINGS = Options(only=frozenset({"joint springs"}), orders=2)
+
+
+def square(rng, rows, size):
+    """Sums of squares of random equations [A | y], (1, size + 1, size + 1)."""
+    A = rng.standard_normal((rows, size + 1))
+    return (A.T @ A)[None]
+
+
+def test_a_held_out_fold_is_the_least_sum_of_squares_in_the_cone(kr500, rng):
+    """Its gradient is zero along all but compliances, and along these is in the cone and opposite to X."""
+    elastic = metric(cad_prior(kr500.arm), kr500.vjm, all153(kr500.arm))
+    r, e = 4, len(elastic.expected)
+    own = Choice(None, np.arange(r + e), elastic)
+    learnt, S = Learnt(np.full(r + e, 2.0), np.ones(1)), square(rng, 3 * e, r + e)
+    H, (P, b) = S[0].copy(), evidence.prior(own, learnt, LOOSE)
+    H[:-1, :-1] += P
+    H[:-1, -1] += b
+    free, found = (solve(own, S, learnt, LOOSE, constraint).x for constraint in ("none", "psd"))
+    assert min(np.linalg.eigvalsh(X)[0] for X in elastic.matrices(free[r:])) < -0.01
+    gradient = H[:-1, :-1] @ found - H[:-1, -1]
+    np.testing.assert_allclose(gradient[:r], 0, atol=1e-6 * np.abs(H[:-1, -1]).max())
+    for X, G in zip(elastic.matrices(found[r:]), elastic.matrices(gradient[r:]), strict=True):
+        size = np.abs(G).max() + 1
+        assert np.linalg.eigvalsh(X)[0] > -1e-6
+        assert np.linalg.eigvalsh(G)[0] > -1e-4 * size
+        assert abs(np.trace(X @ G)) < 1e-3 * size
+    inside = S.copy()  # readings of the expected arm: no block leaves its cone, and no digit may change
+    inside[0, :-1, -1] = inside[0, -1, :-1] = S[0, :-1, :-1] @ np.r_[np.zeros(r), elastic.expected]
+    one, other = (solve(own, inside, learnt, LOOSE, constraint).x for constraint in ("none", "psd"))
+    assert np.array_equal(one, other)
+
+
+@pytest.fixture(scope="module")
+def hung(ur10):
+    """Fitted and fresh readings of an arm whose weight pulls the other way, perfect but for its sag."""
+    (one,), _ = simulate_series(ur10, AbsoluteCampaign(poses=70, masses=(8.0,)), 3)
+    weights = read_weights(ur10.arm)
+    sag = replace(nominal(ur10.vjm, weights, np.ones(6)), C_theta=-4 * ur10.plant.arm.C_theta)
+    at = Frame(np.eye(3), np.zeros(3)), Mount(np.zeros((1, 3)), np.eye(3), one.markers)
+    state = replace(sag, frames={one.frame: at[0]}, mounts={one.target: at[1]})
+    still = replace(one, position=np.zeros_like(one.position), wrench=0 * one.wrench)
+    noise = 30e-6 * np.random.default_rng(1).standard_normal(one.position.shape)
+    read = replace(still, position=noise - residuals(state, still)[:1].transpose(2, 0, 1), sigma=30e-6)
+    k = np.arange(one.rows)
+    return select_rows(read, k < 45), select_rows(read, k >= 45)
+
+
+def test_held_out_numbers_are_those_of_the_arm_that_is_delivered(ur10, hung):
+    """Compliances that want to be negative: without the cone they foretell a third of what the arm leaves."""
+    fit, fresh = hung
+    found = calibrated(ur10.vjm, [fit], FEW)
+    said = report(found, left_of(found))
+    f = said.numbers
+    truth = 1e3 * np.sqrt((residuals(found.calibration.state, fresh)[:1] ** 2).sum(axis=1).mean())
+    assert f["held_out_mm"][1] == pytest.approx(truth, rel=0.35)
+    free = calibrated(ur10.vjm, [fit], replace(FEW, constraint="none"))
+    assert report(free, left_of(free)).numbers["held_out_mm"][1] < 0.6 * f["held_out_mm"][1]
+    assert f["pressed"]
+    assert f["badge"].verdict == "do not use"
+    assert any("gravity reversed, is the arm hung?" in doubt for doubt in f["doubts"])
+
+
+def coupled(joint, by, share=1.0):
+    """Joint angles of a file in which one joint counts another too."""
+    unit = np.eye(6)
+    return lambda q: q + share * np.outer(q[:, by], unit[joint])
+
+
+def circle_points(cell, each=5, size=0.9):
+    """Every joint alone through its range, so many poses each."""
+    low, high = cell.arm.limits
+    home, q = np.clip([0.2, -1.2, 1.3, 0.3, 0.6, 0.2], low, high), []
+    for k in range(6):
+        turned = np.tile(home, (each, 1))
+        turned[:, k] = np.clip(home[k] + np.linspace(-size, size, each), low[k], high[k])
+        q.append(turned)
+    return np.concatenate(q)
+
+
+CASES = {
+    "joint 3 counts joint 2, circle points": (coupled(2, 1), True),
+    "joint 5 counts joint 4, circle points": (coupled(4, 3), True),
+    "joint 3 counts joint 2 backwards, random poses": (coupled(2, 1, -1.0), False),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_misfit_of_decimetres_is_rejected_and_no_lack_of_poses_nor_a_move(kr500, case):
+    change, alone = CASES[case]
+    q = circle_points(kr500) if alone else None
+    (one,), _ = simulate_series(kr500, AbsoluteCampaign(poses=30, targets=2), 5, q)
+    with pytest.raises(BenchError) as found:
+        gather(kr500.vjm, (replace(one, q=change(one.q)),), cad_prior(kr500.arm), SPRINGS)
+    assert "do not fit this arm" in str(found.value)
+    for wrong in ("too few", "moved", "read more"):
+        assert wrong not in str(found.value)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "held_out", "why"),
+    [
+        (3.0, 0.2, [0.4, 0.3], ""),
+        (3.0, 0.59, [0.4, 0.3], ""),
+        (700.0, 63.0, [0.1, 0.066], "63.000 mm from it, held-out ones 0.066 mm: they contradict each other"),
+        (340.0, 432.0, None, "432.000 mm from it, 340.000 mm from the arm as drawn"),
+        (3.0, 3.1, [0.4, 4.0], ""),
+    ],
+)
+def test_an_arm_far_from_what_it_was_fitted_to_is_rejected(before, after, held_out, why):
+    found = calibrate_numbers._rejected(Row(held_out_mm=held_out), before, after)
+    assert found.endswith(why)
+    assert bool(found) == bool(why)
+
+
+def test_a_rejected_arm_is_one_reason_and_leaves_the_folder_as_it_was(tmp_path, monkeypatch):
+    rows = (ROOT / "models" / "ur10" / "readings" / "series_C.csv").read_text().splitlines()[:25]
+    (file := tmp_path / "r.csv").write_text("\n".join(rows) + "\n")
+    flags = ("--orders", 2, *(word for name in sorted(FEW.without) for word in ("--without", name)))
+    asked = ("calibrate", "ur10", file, *flags, "--force", "--out", tmp_path / "out")
+    (tmp_path / "out").mkdir()
+    earlier = {"manifest.json": '{"command": "testbench calibrate"}', "model.json": "of an earlier run"}
+    for name, text in earlier.items():
+        (tmp_path / "out" / name).write_text(text)
+    monkeypatch.setattr(calibrate_numbers, "ABOVE", 1e-3)
+    done = do(*asked)
+    assert (done.returncode, done.stderr) == (1, "")
+    words = " ".join(done.stdout.split())
+    assert words.startswith(
+        "Do not use calibrated: the nearest 80 % of the readings that it was fitted to lie"
+    )
+    assert words.count("from the arm as drawn") == 2  # the reason, and the answer below it
+    assert "Holds" not in words
+    assert "rejected nothing is written" in words
+    assert {path.name: path.read_text() for path in (tmp_path / "out").iterdir()} == earlier

@@ -1,0 +1,117 @@
+"""Series in which the tool keeps its orientation: frame and mount cannot be told apart, and need not be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbench.campaign.absolute import calibrated, score
+from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
+from testbench.correct.inverse import reach
+from testbench.correct.newton import Target
+from testbench.data.series import select_rows
+from testbench.errors import BenchError
+from testbench.identify.absolute.align import aligned
+from testbench.identify.absolute.fit import Options
+from testbench.identify.absolute.inseparable import held, level
+from testbench.identify.absolute.posterior import model_of
+from testbench.identify.absolute.scatter import residuals
+from testbench.identify.absolute.state import nominal
+from testbench.model.vjm import tool_pose
+from testbench.model.weights import read_weights
+
+HOME = {"kr500_l480": (0.3, -1.4, 1.6, 0.4, 0.5, 0.2), "ur10": (0.3, -1.2, 1.4, -1.2, -1.3, 0.3)}
+SPRINGS = Options(only=frozenset({"joint springs"}), orders=1)
+POSES = 40
+
+
+def constant(cell, kind, seed):
+    """Poses on a line, a curve or a surface, the tool as it is in the first."""
+    s, t = np.random.default_rng(seed).uniform(-1, 1, (2, POSES))
+    ways = {"line": (0 * s, s, 0 * s), "curve": (np.cos(2 * s) - 0.5, np.sin(2 * s), 0.2 * s)}
+    way = np.column_stack(ways.get(kind, (0.2 * s, s, t)))
+    home = np.array([HOME[cell.arm.name]])
+    position, rotation = tool_pose(cell.vjm, home)
+    at = Target(position + 0.12 * cell.vjm.reach * way, np.repeat(rotation, POSES, axis=0))
+    found = reach(cell.vjm, at, np.repeat(home, POSES, axis=0))
+    assert found.there.all()
+    return found.q
+
+
+def rms(state, series):
+    """Root mean square distance of readings [mm]."""
+    left = np.linalg.norm(residuals(state, series)[: len(series.markers)], axis=1)
+    return 1e3 * float(np.sqrt((left**2).mean()))
+
+
+@pytest.mark.parametrize(
+    ("arm", "kind", "targets", "open_"),
+    [
+        ("kr500", "line", 1, {"frame tracker 1", "mount mount 1"}),
+        ("kr500", "surface", 3, {"mount mount 1"}),
+        ("ur10", "curve", 1, {"mount mount 1"}),
+    ],
+)
+def test_a_series_of_one_orientation_foretells_others_of_it(arm, kind, targets, open_, request):
+    """In its own frame and in a new one, nearer than the arm as drawn in its best frame; intervals hold."""
+    cell = request.getfixturevalue(arm)
+    campaign = AbsoluteCampaign(poses=POSES, targets=targets)
+    (fit,), (fresh,) = (simulate_series(cell, campaign, 4, constant(cell, kind, k))[0] for k in (1, 2))
+    assert held(cell.vjm, (fit,)) == open_
+    found = calibrated(cell.vjm, (fit,), SPRINGS)
+    assert not found.calibration.found  # nothing moved
+    assert any("where the frame is cannot be told apart: a prior, as the" in note for note in found.notes)
+    assert any("a turn of its frame" in note for note in found.notes) == (len(open_) == 2)
+    drawn = rms(aligned(nominal(cell.vjm, read_weights(cell.arm), np.ones(6)), (fit,)), fresh)
+    model = model_of(found.calibration)
+    again, new = (
+        score(model, [one], poses)
+        for one, poses in ((fresh, None), (replace(fresh, frame="new", target="new"), 20))
+    )
+    assert again.rms_mm < drawn
+    assert new.rms_mm < drawn
+    assert min(again.coverage_95, new.coverage_95) > 0.85
+
+
+def test_another_series_of_the_target_tells_what_one_orientation_leaves_open(kr500):
+    """Whatever their order; the target then lies where it was truly mounted, not where a prior has it."""
+    campaign = AbsoluteCampaign(poses=POSES, series=2, share_target=True)
+    (_, rich), truth = simulate_series(kr500, campaign, 6)
+    (line, _), _ = simulate_series(kr500, campaign, 6, constant(kr500, "surface", 1))
+    assert held(kr500.vjm, (line,)) == {"mount mount 1"}
+    assert not held(kr500.vjm, (line, rich))
+    found = calibrated(kr500.vjm, (line, rich), SPRINGS)
+    assert any("a series that shares the target or the frame tells it" in note for note in found.notes)
+    true = truth.mounts[0].position + truth.mounts[0].rotation @ truth.markers[0]
+    off = found.calibration.state.mounts["mount 1"].points[0] - true
+    assert np.linalg.norm(off) < 3e-3
+
+
+def test_a_wrong_joint_in_a_series_of_one_orientation_gets_no_target_metres_away(kr500):
+    """With the sign of joint 5 the other way a target 30 m off would fit best: that is no target."""
+    (one,), _ = simulate_series(kr500, AbsoluteCampaign(poses=POSES), 4, constant(kr500, "surface", 1))
+    flipped = replace(one, q=one.q * np.where(np.arange(6) == 4, -1, 1))
+    try:
+        state = aligned(nominal(kr500.vjm, read_weights(kr500.arm), np.ones(6)), (flipped,))
+    except BenchError:
+        return
+    assert np.abs(state.mounts[one.target].points).max() < kr500.vjm.reach
+
+
+def test_a_frame_is_upright_where_readings_on_a_line_tell_no_turn(rng):
+    """By any heading; with points that span space it is the rotation that they have."""
+    line = np.outer(rng.uniform(-1, 1, 20), (1.0, 0.0, 0.0))
+    heading = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(level(line, line @ heading.T).rotation, heading, atol=1e-12)
+    tilted = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    tilted *= np.linalg.det(tilted)
+    points = rng.standard_normal((20, 3))
+    np.testing.assert_allclose(level(points, points @ tilted.T + 1).rotation, tilted, atol=1e-3)
+
+
+def test_sound_series_leave_nothing_open(kr500, ur10):
+    """A few random poses of one target tell frame and mount."""
+    for cell in (kr500, ur10):
+        (one,), _ = simulate_series(cell, AbsoluteCampaign(poses=9), 2)
+        assert not held(cell.vjm, (one,))
+        assert not held(cell.vjm, (select_rows(one, np.arange(7)),))
