@@ -121,6 +121,8 @@ def _tables(f: Row) -> dict[str, Table]:
 
 def _doubts(f: Row) -> Iterator[tuple[str, str]]:
     """What may be wrong with the calibrated arm, the gravest first."""
+    if f.mounting:
+        yield "Mounting", f"{f.mounting}."
     if f.worse:
         far = "none could be held out, so that nothing says how far others are off"
         if f.held_out_mm:
@@ -178,13 +180,14 @@ def _worst(f: Row) -> Markdown:
 
 def _claims(f: Row) -> Iterator[Markdown]:
     doubts = [say("**{name}**: {text}", name=name, text=text) for name, text in _doubts(f)]
-    yield from doubts[: int(f.worse)]
+    grave = int(f.worse) + bool(f.mounting)
+    yield from doubts[:grave]
     kept, dropped = ([row.name for row in f.steps if row.kept == good] for good in (True, False))
     if f.steps:
         first = say("**Kept**: {kept:list}.", kept=kept) if kept else ""
         why = ", as they improve held-out readings by less than 5 %" if f.held_out_mm else ""
         yield lines([first, say(f"**Dropped**{why}: {{own:list}}.", own=dropped) if dropped else ""])
-    yield from doubts[int(f.worse) :]
+    yield from doubts[grave:]
     if f.pattern:
         yield say(
             "**One periodic error in {k} joints**, each turned: {text}. Where one of them was not read, the "
