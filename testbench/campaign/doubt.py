@@ -30,7 +30,7 @@ UNITS = {
 }
 """What readings have to be multiplied with, and what that means."""
 ALONG, STEEP = np.cos(np.deg2rad(3)), 120.0
-"""Cosine from which gravity is along an axis of the base; tilt from which weights seem to pull upwards [deg]."""
+"""Cosine from which gravity is along an axis of the base; tilt from which weights pull upwards [deg]."""
 QUIET, CHANCE = 0.6, 1e-6
 """Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
 HALF = 0.5  #: Share of the readings below the median.
@@ -60,7 +60,8 @@ def said(found: Finding, arm: Arm, columns: Sequence[tuple[str, str]] = ()) -> D
         ends = length(found.beside["was"]), length(found.beside["now"])
         far = f"they lie {ends[0]} from the arm's kinematics, median; with that {ends[1]}"
         if (share := found.beside.get("share", HALF)) > HALF:
-            far = f"{100 * share:.0f} % of them lie within {ends[0]} of the arm's kinematics; with that {ends[1]}"
+            most = f"{100 * share:.0f} % of them"
+            far = f"{most} lie within {ends[0]} of the arm's kinematics; with that {ends[1]}"
         words = f"the {WHICH[found.where[0]]} {words} ({far})"
     if found.kind == "joint_order" and len(columns) == len(arm.joints):
         words += f"; in a map's [columns]: {', '.join(_mended(found.where[1:], arm, columns))}"
@@ -131,7 +132,7 @@ def _joint_order(found: Finding, arm: Arm) -> str:
     order = list(found.where[1:])
     names = [joint.name for joint in arm.joints]
     moved = [name for name, own in zip(order, names, strict=True) if name != own]
-    if len(moved) == 2:  # noqa: PLR2004
+    if len(moved) == 2:
         return f"fit if {moved[1]} and {moved[0]} are exchanged"
     if order == names[::-1]:
         return "fit if the joints come in the opposite order"

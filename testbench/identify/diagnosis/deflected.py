@@ -13,11 +13,11 @@ from testbench.identify.diagnosis.loads import Learnt, learnt, of_all, of_runs, 
 from testbench.identify.diagnosis.mounting import (
     DOWN,
     TILTED,
+    Pull,
     angle,
     finding,
     loads_as,
     suspected,
-    told,
     weights,
 )
 from testbench.identify.fold import reduce
@@ -66,15 +66,15 @@ def deflected(vjm: Vjm, metric: Metric, data: Dataset, level: Array | None = Non
     """
     factor, pull = scale(vjm, metric, data), suspected(vjm, metric, data, level)
     if pull is not None and pull.plain:
-        return [finding(vjm, pull.g, level)]
+        return [finding(vjm, pull)]
     try:
         found, kept, own = one_by_one(data, learnt(vjm, metric, data), partial(_without_worst, vjm, metric))
     except BenchError:  # no compliance moves so: only other loads can
-        hung = [] if pull is None else _mounted(None, vjm, metric, data, pull.g, level)
+        hung = [] if pull is None else _mounted(None, vjm, metric, data, pull)
         return hung or _other(None, vjm, metric, data) or [_wild(factor, data)]
     best = _best(own)
-    g = _missing(kept, best, level) if pull is None else pull.g
-    hung = [] if g is None else _mounted(own.loss, vjm, metric, kept, g, level)
+    pull = pull or _missing(kept, best, level)
+    hung = [] if pull is None else _mounted(own.loss, vjm, metric, kept, pull)
     rival = max((_nats(one) for one in best if one.kind != "force_offset"), default=0.0)  # no weight has one
     if hung and (hung[0].beside["level"] or _nats(hung[0]) > RIVAL * rival):
         return [*hung, *(one for one in (*found, *best) if one.kind in SINGLE)]
@@ -89,27 +89,25 @@ def deflected(vjm: Vjm, metric: Metric, data: Dataset, level: Array | None = Non
     return found
 
 
-def _missing(data: Dataset, best: list[Finding], level: Array | None) -> Array | None:
-    """Where weights pull to, (3,), if a constant force beside them explains the readings best; else None."""
+def _missing(data: Dataset, best: list[Finding], level: Array | None) -> Pull | None:
+    """Where weights pull to, if a constant force beside them explains the readings best; else None."""
     if level is not None or not best or best[0].kind != "force_offset" or not weights(data):
         return None
     total = data.wrench[:, :3].mean(axis=0) + best[0].size
-    g = np.asarray(total / np.linalg.norm(total))
-    return g if angle(g, DOWN) > TILTED else None
+    pull = Pull(total / np.linalg.norm(total))
+    return pull if angle(pull.g, DOWN) > TILTED else None
 
 
-def _mounted(
-    loss: float | None, vjm: Vjm, metric: Metric, data: Dataset, g: Array, level: Array | None
-) -> list[Finding]:
-    """How the base stands, where weights from another side explain the readings; loss None if nothing does."""
+def _mounted(loss: float | None, vjm: Vjm, metric: Metric, data: Dataset, pull: Pull) -> list[Finding]:
+    """How the base stands, where weights from there explain the readings; loss None if nothing does."""
     try:
-        own = learnt(vjm, metric, loads_as(data, g))
+        own = learnt(vjm, metric, loads_as(data, pull.g))
     except BenchError:  # moves against the force
         return []
     nats = None if loss is None else loss - own.loss
-    if own.misfit > NOISE if nats is None else nats < (LEAST if told(g, level) else CLEAR):
+    if own.misfit > NOISE if nats is None else nats < (LEAST if pull.told else CLEAR):
         return []
-    return [finding(vjm, g, level, nats)]
+    return [finding(vjm, pull, nats)]
 
 
 def _without_worst(

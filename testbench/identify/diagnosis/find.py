@@ -107,13 +107,12 @@ def _mounted(given: HandedIn, seen: Seen, model: Metric, level: Array | None) ->
     pull = mounting.suspected(vjm, model, data, level)
     if pull is None:
         return []
-    g = pull.g
-    if mounting.angle(g, mounting.DOWN) > mounting.REVERSED and not mounting.told(g, level):
+    if mounting.angle(pull.g, mounting.DOWN) > mounting.REVERSED and not pull.told:
         pi = abs(scale(vjm, model, data)) * (model.L @ model.expected)
         both = mounting.Unbent(seen, _seen(vjm, data, data.after), model.structure.matrix(pi))
         if not mounting.hangs(both):
             return []
-    return [mounting.finding(vjm, g, level)]
+    return [mounting.finding(vjm, pull)]
 
 
 def _loads(vjm: Vjm, data: Dataset, prior: Prior, level: Array | None) -> list[Finding]:

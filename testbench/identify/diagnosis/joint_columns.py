@@ -1,7 +1,7 @@
 """Joint columns of a file that are not the arm's joints: in another order, or counting another joint too.
 
-Of six joints there are 720 orders. Each is screened first: with the joints in that order, the tool's pose R, p
-by the kinematics and a target m on the tool, readings y fit some frame where
+Of six joints there are 720 orders. Each is screened first: with the joints in that order, the tool's pose
+R, p by the kinematics and a target m on the tool, readings y fit some frame where
 
     A y + b = R m + p
 
@@ -27,7 +27,7 @@ RIDGE = 1e-9  #: Of the normal equations, over their mean diagonal: a direction 
 
 
 def orders(seen: Seen, free: Free) -> Iterator[Ids]:
-    """Orders of the joints that fit the readings best, the best first: joint k is read from column order[k]."""
+    """Orders of the joints that fit the readings best, the best first: joint k is of column order[k]."""
     every = _every(len(seen.vjm.arm.joints))
     rows = np.flatnonzero(seen.there.any(axis=1))
     some = rows[np.unique(np.linspace(0, len(rows) - 1, min(ROWS, len(rows))).astype(int))]
@@ -89,7 +89,10 @@ def _left(columns: Array, right: Array, scale: float) -> Array:
     weight, left = np.ones(right.shape[:2]), right
     for _ in range(ROUNDS if columns.shape[3] else 0):
         held = columns * weight[..., None, None]
-        H, g = np.einsum("orxa,orxb->oab", held, columns, optimize=True), np.einsum("orxa,orx->oa", held, right)
+        H, g = (
+            np.einsum("orxa,orxb->oab", held, columns, optimize=True),
+            np.einsum("orxa,orx->oa", held, right),
+        )
         size = RIDGE * np.trace(H, axis1=1, axis2=2) / H.shape[1]
         H[:, np.arange(H.shape[1]), np.arange(H.shape[1])] += size[:, None]
         x = np.linalg.solve(H, g[..., None])
@@ -101,15 +104,15 @@ def _left(columns: Array, right: Array, scale: float) -> Array:
 
 
 def couplings(seen: Seen) -> Iterator[tuple[tuple[str, ...], Array]]:
-    """Usual couplings of joints: of each joint that counts another its name, "+" or "-" and the other's; angles.
+    """Usual couplings: of each joint that counts another its name, "+" or "-" and the other's; the angles.
 
-    A pendant's third joint counts the second one where a linkage drives it, or where its angle is that against
-    the floor (FANUC, ABB, Yaskawa); motors of a wrist turn the joints behind it along.
+    A pendant's third joint counts the second one where a linkage drives it, or where its angle is that
+    against the floor (FANUC, ABB, Yaskawa); motors of a wrist turn the joints behind it along.
     """
     joints, n = seen.vjm.arm.joints, len(seen.vjm.arm.joints)
     hinge, wrist = [not joint.prismatic for joint in joints], n - 3
     single = [((2, 1),)] if n > 2 else []
-    if n > 4:  # noqa: PLR2004
+    if n > 4:
         single += [((wrist + 1, wrist),), ((wrist + 2, wrist),), ((wrist + 2, wrist + 1),)]
         single += [((wrist + 1, wrist), (wrist + 2, wrist))]
     for pairs in single:

@@ -16,28 +16,36 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from testbench.arm.mjcf import angle_unit, find_body, read_mjcf
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, InputError
 from testbench.identify.diagnosis.finding import Finding
-from testbench.identify.diagnosis.place import Free, Seen, fit, losses
+from testbench.identify.diagnosis.place import Free, Seen, away, fit
 from testbench.identify.metric import Metric
 from testbench.identify.registered import Registered
 from testbench.identify.registration import Frame
 from testbench.identify.weighed import one_by_one
+from testbench.model.kinematics import body_pose
 from testbench.model.loaded import displacement
 from testbench.model.vjm import Vjm, chain, rotation
 from testbench.model.weights import own_weight, read_weights
 
 DOWN = np.array([0.0, 0.0, -1.0])
-STRAIGHT = np.deg2rad(1.0)  #: Angle of a force against the vertical up to which a weight may hang there [rad].
+STRAIGHT = np.deg2rad(
+    1.0
+)  #: Angle of a force against the vertical up to which a weight may hang there [rad].
 LEVEL = np.deg2rad(3.0)  #: How far a tracker that is levelled by its feet may be off, and a floor [rad].
 TILTED = np.deg2rad(5.0)  #: Angle of g by deflections from which a mounting is looked at [rad].
-SNAP = np.deg2rad(22.0)  #: Angle up to which a direction is that of a ceiling or a wall, or a level tracker's [rad].
+SNAP = np.deg2rad(
+    22.0
+)  #: Angle up to which a direction is that of a ceiling or a wall, or a level tracker's [rad].
 REVERSED = np.deg2rad(120.0)  #: Angle from which weights seem to pull upwards [rad].
-FAR, MOST = np.deg2rad(45.0), 0.7
+FAR, EXPLAINED = np.deg2rad(45.0), 0.7
 """Angle of g [rad], and share of the typical deflection that it explains, from which it needs no other proof."""
 ROUNDS = 5  #: Weightings of the least squares.
-SURE = 3.0  #: Nats of a pose's readings by which own weight tells that an arm hangs.
+ROUNDING = 1e-9  #: Of a rotation [1].
+SURE, MOST = 8.0, 0.8
+"""Nats by which own weight tells that an arm hangs, and share of the readings, the nearest, that it is asked."""
 
 
 def loads_as(data: Dataset, g: Array) -> Dataset:
@@ -57,7 +65,7 @@ def towards(g: Array) -> Array:
     axis = np.cross(DOWN, g)
     size = float(np.linalg.norm(axis))
     angle = float(np.arctan2(size, DOWN @ g))
-    return rotation(axis / size if size > 1e-9 else np.eye(3)[0], angle)  # noqa: PLR2004
+    return rotation(axis / size if size > ROUNDING else np.eye(3)[0], angle)
 
 
 def angle(a: Array, b: Array) -> float:
@@ -84,12 +92,18 @@ class Pull:
     """Where weights pull to, as loads and a level tracker have it."""
 
     g: Array  #: Gravity in the folder's world, (3,).
-    explained: float  #: Share of the typical deflection that expected compliances explain under it [1].
+    level: Array | None = None  #: The same if the tracker stands level, (3,); None if nothing says.
+    explained: float = 0.0  #: Share of the typical deflection that expected compliances explain under it [1].
+
+    @property
+    def told(self) -> bool:
+        """Whether a level tracker has gravity there."""
+        return self.level is not None and bool(angle(self.level, self.g) < SNAP)
 
     @property
     def plain(self) -> bool:
         """Whether it is far from -z and explains most: no other mistake does."""
-        return angle(self.g, DOWN) > FAR and self.explained > MOST
+        return angle(self.g, DOWN) > FAR and self.explained > EXPLAINED
 
 
 def weights(data: Dataset) -> bool:
@@ -107,8 +121,8 @@ def suspected(vjm: Vjm, metric: Metric, data: Dataset, level: Array | None) -> P
     if level is not None and angle(level, DOWN) < LEVEL:
         return None  # it stands upright, whatever else is wrong
     if level is not None and angle(level, g) < min(SNAP, angle(g, DOWN)):
-        return Pull(snapped(level, LEVEL), explained)
-    return None if angle(g, DOWN) < TILTED else Pull(snapped(g, SNAP), explained)
+        return Pull(snapped(level, LEVEL), level, explained)
+    return None if angle(g, DOWN) < TILTED else Pull(snapped(g, SNAP), level, explained)
 
 
 def snapped(g: Array, least: float) -> Array:
@@ -131,23 +145,21 @@ def _by_deflections(vjm: Vjm, metric: Metric, data: Dataset) -> tuple[Array, flo
     return x / max(float(np.linalg.norm(x)), 1e-300), 1 - float(np.median(off)) / max(typical, 1e-12)
 
 
-def told(g: Array, level: Array | None) -> bool:
-    """Whether a level tracker has gravity there, along g, (3,)."""
-    return level is not None and bool(angle(level, g) < SNAP)
+def finding(vjm: Vjm, pull: Pull, nats: float | None = None) -> Finding:
+    """A mounting with gravity from where weights pull to.
 
-
-def finding(vjm: Vjm, g: Array, level: Array | None, nats: float | None = None) -> Finding:
-    """A mounting with gravity along g of the folder's world; its size: g in the base's axes, its quaternion.
-
-    The quaternion (w, x, y, z) is that of the base body in a world whose -z is g.
+    Its size is that direction in the base's axes, then the orientation (w, x, y, z) that the base's body has to have in
+    rigid.xml for it, in the body that it stands in there.
     """
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 
-    turn = Rotation.from_matrix(mounted(vjm, g).base[:3, :3]).as_quat(scalar_first=True)
-    turn = turn * np.sign(turn[np.abs(turn) > 1e-6][0])  # noqa: PLR2004
-    body = vjm.arm.links[0].name
-    size = np.concatenate([g @ vjm.base[:3, :3], turn])
-    return Finding("mounting", (body,), size, {"level": told(g, level)}, nats)
+    arm, root = vjm.arm, read_mjcf(vjm.arm.rigid)
+    own = body_pose(arm, find_body(arm.rigid, root, arm.links[0].name), angle_unit(root))
+    stands = own @ np.linalg.inv(vjm.base) @ mounted(vjm, pull.g).base
+    turn = Rotation.from_matrix(stands[:3, :3]).as_quat(scalar_first=True)
+    turn = turn * np.sign(turn[np.abs(turn) > ROUNDING][0])
+    size = np.concatenate([pull.g @ vjm.base[:3, :3], turn])
+    return Finding("mounting", (arm.links[0].name,), size, {"level": pull.told}, nats)
 
 
 @dataclass(frozen=True)
@@ -170,16 +182,15 @@ def hangs(read: Unbent) -> bool:
         weights = read_weights(vjm.arm)
     except InputError:  # nobody knows what it weighs
         return False
-    fits = []
+    left = []
     for seen, g in ((read.before, -DOWN), (read.after, DOWN), (read.before, DOWN)):
         turned = mounted(vjm, g)
         where = chain(turned, seen.q)
         theta = (read.C_theta @ own_weight(where, weights)).T
         sag = displacement(where, theta, seen.markers) @ towards(g).T
-        fits.append((seen, fit(replace(seen, read=seen.read - sag), Free(frame=True, targets=True))))
-    scale = min(float(np.median(np.linalg.norm(own.residual[seen.there], axis=1))) for seen, own in fits)
-    hung, *upright = [
-        float(losses(own.residual[seen.there], max(scale, 1e-9)).sum()) / max(1, seen.there.shape[1])
-        for seen, own in fits
-    ]
-    return hung + SURE < min(upright)
+        unbent = fit(replace(seen, read=seen.read - sag), Free(frame=True, targets=True))
+        off = np.sort(away(seen, unbent))
+        left.append(float(np.sqrt(np.square(off[: int(np.ceil(MOST * len(off)))]).mean())))
+    hung, *upright = left
+    poses = len(np.unique(read.before.q, axis=0))  # all that is read in one shares its errors of geometry
+    return 3 * poses * float(np.log(min(upright) / max(hung, ROUNDING))) > SURE

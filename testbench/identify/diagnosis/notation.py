@@ -20,7 +20,9 @@ from testbench.identify.diagnosis.undone import BETTER as NATS
 from testbench.identify.diagnosis.undone import CHOICE, LOST, PRECISE, Hypothesis, placed
 from testbench.model.vjm import Vjm
 
-ROWS = 300  #: Rows of a series, evenly out of all, that tell what is wrong, or which way the last joint turns.
+ROWS = (
+    300  #: Rows of a series, evenly out of all, that tell what is wrong, or which way the last joint turns.
+)
 BETTER = 0.5  #: Scatter over that of the readings as they are, below which they were mistaken [1].
 ARM = 0.3  #: Distance of the targets that stand for an orientation from the one that has it [m].
 FREE = Free(frame=True, targets=True, lost=True)  #: What is not known of a series.

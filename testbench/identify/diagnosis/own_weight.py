@@ -16,13 +16,24 @@ from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.fit import Calibration, first_fit
 from testbench.identify.absolute.state import State, nominal, torque_scale
 from testbench.identify.diagnosis.finding import Finding
-from testbench.identify.diagnosis.mounting import DOWN, LEVEL, angle, finding, mean_level, mounted, snapped
+from testbench.identify.diagnosis.mounting import (
+    DOWN,
+    LEVEL,
+    Pull,
+    angle,
+    finding,
+    mean_level,
+    mounted,
+    snapped,
+)
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
 from testbench.model.structure import joints_only
 
 ROWS = 150  #: Rows of a series, evenly out of more, that are fitted.
-STUCK = 0.05  #: Compliance over the folder's below which a joint that carries weight would rather be negative.
+STUCK = (
+    0.05  #: Compliance over the folder's below which a joint that carries weight would rather be negative.
+)
 CARRIES = 0.05  #: Typical torque of a joint over the largest from which it carries weight.
 FAR = 5e-3  #: Scatter over the reach from which more is wrong than where gravity comes from [1].
 PROBE = np.deg2rad(15.0)  #: Tilt at which the scatter is probed for where it is least [rad].
@@ -55,7 +66,7 @@ def by_own_weight(found: Calibration, prior: Prior) -> Finding | None:
         scatter, g = min(tried, key=lambda one: one[0], default=(np.inf, DOWN))
         nats = 3 * poses * float(np.log(own / scatter)) if np.isfinite(scatter) else 0.0
         if scatter < LESS * own and nats > least:
-            return finding(state.vjm, g, level, nats)
+            return finding(state.vjm, Pull(g, level), nats)
     return None
 
 
@@ -68,7 +79,8 @@ def _stuck(state: State) -> bool:
 
 
 def _thin(series: Series) -> Series:
-    return select_rows(series, np.unique(np.linspace(0, series.rows - 1, min(ROWS, series.rows)).astype(int)))
+    some = np.linspace(0, series.rows - 1, min(ROWS, series.rows)).astype(int)
+    return select_rows(series, some)
 
 
 def _scatter(state: State, series: Sequence[Series], prior: Prior, g: Array) -> float:

@@ -30,7 +30,7 @@ UNITS = (1e-3, 1e-2, 0.1, 0.0254, 1 / 25.4, 10.0, 25.4, 1e3)
 TURNS = (np.pi / 2, -np.pi / 2, np.pi)  #: Zeros of a hinge that another convention of its angle has [rad].
 FEW = 4  #: Targets up to which every order of their names is tried; of more, one exchange of two.
 HALF, MOST = 0.5, 0.95
-"""Shares of the readings whose distance is told: of most of them where half fit with a mistake in the others."""
+"""Shares of the readings whose distance is told: of most where half fit in spite of a mistake."""
 CHOICE = 2  #: Free numbers that a choice among many counts as.
 BETTER, LEAST = 0.3, 20.0
 """Nats a reading, and in all, by which a mistake has to make the readings likelier to be a doubt."""
