@@ -22,6 +22,7 @@ from testbench.identify.absolute.torques import MassFit, fit_weights
 from testbench.identify.arm_model import ArmModel
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.notation import check_order, unplaced
+from testbench.identify.diagnosis.own_weight import by_own_weight
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import POSES, ROUGH
@@ -44,6 +45,7 @@ class Calibrated:
     calibration: Calibration
     series: tuple[Series, ...]
     notes: tuple[str, ...]  #: What was understood and assumed.
+    mounting: str = ""  #: How the base seems to stand, if not as the arm's folder says, in a sentence.
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ def explained(vjm: Vjm) -> Iterator[None]:
         found = unplaced(vjm, err.series)
         hint = ": another arm, another notation of angles or order of its joints, or other units?"
         if found is not None and found.kind != "kinematics" and _helps(found):
-            hint = f"; {doubt.said(found, vjm.arm).sentence}"
+            hint = f"; {doubt.said(found, vjm.arm, err.series.joints).sentence}"
         raise BenchError(f"{err}{hint}") from err
 
 
@@ -145,7 +147,13 @@ def calibrated(vjm: Vjm, series: Sequence[Series], options: Options, notes: Sequ
     said += of_held(found)
     wild = outliers(found.state, found.series, found.pulls)
     words = (doubt.said(one, vjm.arm).sentence for one in found.found)
-    return Calibrated(found, found.series, (*said, *words, *([of_outliers(wild)] if wild else [])))
+    mounted = by_own_weight(found, cad_prior(vjm.arm))
+    return Calibrated(
+        found,
+        found.series,
+        (*said, *words, *([of_outliers(wild)] if wild else [])),
+        doubt.said(mounted, vjm.arm).sentence if mounted else "",
+    )
 
 
 def hidden(found: Calibrated) -> str:
@@ -153,7 +161,7 @@ def hidden(found: Calibrated) -> str:
     why = unplaced(found.calibration.state.vjm, found.series[0])
     if why is None or why.kind == "kinematics":
         return "is a joint's zero off, or is it another arm?"
-    return doubt.said(why, found.calibration.state.vjm.arm).sentence
+    return doubt.said(why, found.calibration.state.vjm.arm, found.series[0].joints).sentence
 
 
 def of_held(found: Calibration) -> list[str]:

@@ -1,7 +1,7 @@
 """Doubts in sentences: what `identify.diagnosis` found, by how much, what to check."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,8 +29,11 @@ UNITS = {
     1e3: "1000 times too small: metres read as millimetres?",
 }
 """What readings have to be multiplied with, and what that means."""
+ALONG, STEEP = np.cos(np.deg2rad(3)), 120.0
+"""Cosine from which gravity is along an axis of the base; tilt from which weights pull upwards [deg]."""
 QUIET, CHANCE = 0.6, 1e-6
 """Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
+HALF = 0.5  #: Share of the readings below the median.
 WHICH = {"unloaded": "unloaded readings", "loaded": "loaded readings", "all": "readings"}
 
 
@@ -44,13 +47,24 @@ class Doubt:
     evidence: float | None = None
 
 
-def said(found: Finding, arm: Arm) -> Doubt:
-    """What was found about readings of an arm, in a sentence."""
+def said(found: Finding, arm: Arm, columns: Sequence[tuple[str, str]] = ()) -> Doubt:
+    """What was found about readings of an arm, in a sentence.
+
+    Args:
+        found: What was found.
+        arm: The arm.
+        columns: Name and unit of the column in the file that every joint was read from; none if not known.
+    """
     words = WORDS[found.kind](found, arm)
     if "was" in found.beside:
         ends = length(found.beside["was"]), length(found.beside["now"])
-        words = f"the {WHICH[found.where[0]]} {words} (they lie {ends[0]} from the arm's kinematics, median; "
-        words += f"with that {ends[1]})"
+        far = f"they lie {ends[0]} from the arm's kinematics, median; with that {ends[1]}"
+        if (share := found.beside.get("share", HALF)) > HALF:
+            most = f"{100 * share:.0f} % of them"
+            far = f"{most} lie within {ends[0]} of the arm's kinematics; with that {ends[1]}"
+        words = f"the {WHICH[found.where[0]]} {words} ({far})"
+    if found.kind == "joint_order" and len(columns) == len(arm.joints):
+        words += f"; in a map's [columns]: {', '.join(_mended(found.where[1:], arm, columns))}"
     return Doubt(found.kind, words, found.nats)
 
 
@@ -114,10 +128,28 @@ def _notation(found: Finding, _: Arm) -> str:
     return "fit if orientations are " + ", or ".join(f"{a} where they were read as {b}" for a, b in ways)
 
 
-def _joint_order(found: Finding, _: Arm) -> str:
-    if len(found.where) == 1:
+def _joint_order(found: Finding, arm: Arm) -> str:
+    order = list(found.where[1:])
+    names = [joint.name for joint in arm.joints]
+    moved = [name for name, own in zip(order, names, strict=True) if name != own]
+    if len(moved) == 2:
+        return f"fit if {moved[1]} and {moved[0]} are exchanged"
+    if order == names[::-1]:
         return "fit if the joints come in the opposite order"
-    return f"fit if {found.where[1]} and {found.where[2]} are exchanged"
+    return f"fit if the joint order in the file is {', '.join(order)}"
+
+
+def _mended(order: Sequence[str], arm: Arm, columns: Sequence[tuple[str, str]]) -> Iterator[str]:
+    """The lines of a map that take each joint from the column that holds it."""
+    for joint, (name, unit), own in zip(order, columns, arm.joints, strict=True):
+        if joint != own.name:
+            yield f'{joint}_{unit} = "{name}"'
+
+
+def _joint_coupling(found: Finding, _: Arm) -> str:
+    triples = zip(found.where[1::3], found.where[2::3], found.where[3::3], strict=True)
+    sums = " and ".join(f"{joint} is the file's {joint} {sign} {other}" for joint, sign, other in triples)
+    return f"fit if {sums}: does the robot count {found.where[1]} together with {found.where[3]}?"
 
 
 def _order(found: Finding, _: Arm) -> str:
@@ -204,6 +236,22 @@ def _moved(found: Finding, _: Arm) -> str:
     return f"{station}{words} {ends}: {hint}{across}"
 
 
+def _mounting(found: Finding, _: Arm) -> str:
+    down, turn = found.size[:3], found.size[3:]
+    tilt = float(np.rad2deg(np.arccos(np.clip(-down[2], -1.0, 1.0))))
+    axis = int(np.abs(down).argmax())
+    along = f"gravity along {'-+'[bool(down[axis] > 0)]}{'xyz'[axis]} of its base"
+    how = {0: "the arm stands on a wall", 1: "the arm stands on a wall", 2: "the arm hangs"}[axis]
+    if abs(down[axis]) < ALONG:
+        how = f"the base is tilted by {tilt:.0f} deg"
+        along = f"gravity along ({_three(down, 1, 2)}) of its axes"
+    known = "as it stands against a level tracker" if found.beside["level"] else ""
+    known = known or "so its own weight bends it, unloaded" * (tilt > STEEP)
+    quat = " ".join(f"{round(float(x), 4) + 0.0:g}" for x in turn)
+    state = f'state it as quat="{quat}" of the body {found.where[0]} in rigid.xml'
+    return f"the readings fit if {how}: {along}{f' ({known})' * bool(known)}; {state}"
+
+
 def _level(found: Finding, _: Arm) -> str:
     times = f"{1 + found.size[0]:.2f} times that"
     return f"the load of {found.beside['force']:.4g} N acts as {times}, beside the others: its mass?"
@@ -259,6 +307,7 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
     "joint_zero": _joint_zero,
     "joint_sign": lambda f, _: f"fit if {f.where[1]} has the other sign",
     "joint_order": _joint_order,
+    "joint_coupling": _joint_coupling,
     "markers": _markers,
     "unit": lambda f, _: f"are {UNITS[f.size[0]]}",
     "angle_unit": lambda f, _: (
@@ -284,6 +333,7 @@ WORDS: Mapping[str, Callable[[Finding, Arm], str]] = {
     "tracker_moved": _moved,
     "target_moved": _moved,
     "level": _level,
+    "mounting": _mounting,
     "run_load": _run_load,
     "force_axes": _force_axes,
     "levels": lambda f, _: (

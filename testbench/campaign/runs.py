@@ -137,7 +137,8 @@ def register(cell: Cell, export: Export, asked: Readings) -> tuple[Cell, Registe
         doubt = open_places(cell.vjm, export.data)
         if doubt is None:
             raise
-        raise BenchError(f"{err}; {said(doubt, cell.arm).sentence}") from err
+        words = said(doubt, cell.arm, export.columns.joints).sentence
+        raise BenchError(f"{err}; {words}") from err
 
 
 def look_at(
@@ -152,7 +153,7 @@ def look_at(
         raise InputError(asked.dataset, "", str(err)) from err
     masses = np.linalg.norm(export.data.wrench[:, :3], axis=1) / GRAVITY
     heavy = (Doubt("payload", words) for words in overloads(cell.arm, masses.tolist()))
-    return (*(said(one, cell.arm) for one in seen), *heavy), factor
+    return (*(said(one, cell.arm, export.columns.joints) for one in seen), *heavy), factor
 
 
 def _said(export: Export, asked: Readings) -> str:

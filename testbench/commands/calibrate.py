@@ -122,6 +122,8 @@ def _tables(f: Row) -> dict[str, Table]:
 
 def _doubts(f: Row) -> Iterator[tuple[str, str]]:
     """What may be wrong with the calibrated arm, the gravest first."""
+    if f.mounting:
+        yield "Mounting", f"{f.mounting}."
     if f.pressed:
         scale = "gravity reversed, is the arm hung?" if f.weight_alone else "is a force's sign reversed?"
         yield "The compliances want to be negative", f"{scale} {NEGATIVE}"
@@ -182,7 +184,7 @@ def _worst(f: Row) -> Markdown:
 
 def _claims(f: Row) -> Iterator[Markdown]:
     doubts = [say("**{name}**: {text}", name=name, text=text) for name, text in _doubts(f)]
-    grave = int(f.worse) + int(f.pressed)
+    grave = int(f.worse) + int(f.pressed) + bool(f.mounting)
     yield from doubts[:grave]
     kept, dropped = ([row.name for row in f.steps if row.kept == good] for good in (True, False))
     if f.steps:

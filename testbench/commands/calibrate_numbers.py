@@ -90,6 +90,7 @@ def numbers(found: Calibrated, left: Left) -> Row:
             open_rotation_urad=UM * noise.open_rotation,
             position_factor=float(noise.factor[0]),
         ),
+        mounting=found.mounting,
         weight_alone=not any(one.wrench.any() or one.torque is not None for one in series),
         left_open=list(_left_open(calibration)),
         notes=list(found.notes),

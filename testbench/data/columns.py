@@ -67,6 +67,12 @@ class Columns:
         """The column of a quantity; None where there is none."""
         return self.found.get(slot)
 
+    @property
+    def joints(self) -> tuple[tuple[str, str], ...]:
+        """Name, with a minus where a map turns it, and unit of every joint's column, in the arm's order."""
+        own = sorted(self.every("joint"), key=lambda c: c.slot.index)
+        return tuple(("-" * (c.sign < 0) + c.name, "" if c.unit is None else c.unit.name) for c in own)
+
     def values(self, column: Column) -> Array:
         """A column in SI units, (rows,); NaN where it is blank."""
         lost = '; a word for a lost target goes into the map, as [words] lost = "NaN"'

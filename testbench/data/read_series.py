@@ -154,6 +154,7 @@ def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     export = runs_of(columns, arm, sigma)
     said, stem = columns.names.map.series, stem_of(columns.table.path)
     series = series_of(export.data, stem, said.target or stem)
+    series = tuple(replace(s, joints=columns.joints) for s in series)
     if said.frame:
         series = tuple(replace(s, frame=s.frame.replace(s.name, said.frame, 1)) for s in series)
     unread = [c.name for c in columns.every(*BESIDE) if not c.slot.when]
@@ -212,6 +213,7 @@ def _assembled(
         torque=None if torque is None else torque[first],
         temperature=None if temperature is None else temperature[first],
         time=None if time is None else time[first],
+        joints=columns.joints,
     )
     there = whole.seen.any(axis=1) | whole.turned
     if not there.any():

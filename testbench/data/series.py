@@ -39,6 +39,8 @@ class Series(Displayed):
     torque: Array | None = None  #: Torques of the actuated joints, (rows, n) [N m, N].
     temperature: Array | None = None  #: (rows,) [degree Celsius].
     time: Array | None = None  #: (rows,) [s] from any start.
+    #: Name and unit of every joint's column in the file that it was read from, in the arm's order.
+    joints: tuple[tuple[str, str], ...] = ()
 
     def about(self) -> dict[str, object]:
         """Rows, poses, targets, frame, mount and noise."""

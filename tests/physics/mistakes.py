@@ -181,6 +181,56 @@ def loads(change):
     return lambda own, rng: {"wrench": change(own, own.data.wrench.copy(), rng)}
 
 
+def hung_from(turn):
+    """An arm that is mounted otherwise than its folder, which is upright."""
+    return lambda own, rng: own.mounted(Rotation.from_rotvec(turn(rng)).as_matrix())
+
+
+def wall(rng):
+    """Its z-axis level, any side of it up."""
+    return rng.choice([-1, 1]) * np.pi / 2 * np.eye(3)[rng.integers(2)]
+
+
+def tilt(rng):
+    """By 10 to 30 degrees about any level axis."""
+    direction = rng.uniform(-np.pi, np.pi)
+    return np.deg2rad(rng.uniform(10, 30)) * np.array([np.cos(direction), np.sin(direction), 0])
+
+
+def weights(own):
+    return own.loads != "pressed"
+
+
+def coupled(*pairs):
+    """Joints, by their place, that count another one too, with any sign."""
+
+    def of(own, rng):
+        q = own.data.q.copy()
+        for j, i in pairs:
+            q[:, j] += rng.choice([-1, 1]) * own.data.q[:, i]
+        return {"q": q}
+
+    return of
+
+
+def wrist(own, rng):
+    """One joint of the wrist, or both, count the one before them."""
+    return coupled(*[((4, 3),), ((5, 3),), ((4, 3), (5, 3))][rng.integers(3)])(own, rng)
+
+
+def cycle(own, rng):
+    order, some = np.arange(6), rng.choice(6, 3, replace=False)
+    order[some] = np.roll(some, 1)
+    return {"q": own.data.q[:, order]}
+
+
+def mixed(own, rng):
+    """An order of all joints that moves four of them or more."""
+    while np.sum((order := rng.permutation(6)) != np.arange(6)) < 4:
+        pass
+    return {"q": own.data.q[:, order]}
+
+
 def times(factor):
     return loads(lambda _, w, __: factor * w)
 
@@ -265,6 +315,10 @@ ROWS = {
     "joint_zero": ("a joint's zero 1.5 deg off", joint(lambda x: x + np.deg2rad([1.5, 0])), "joint_zero"),
     "joint_sign": ("a joint's sign", joint(lambda x: x * [-1, 1]), "joint_sign"),
     "joint_order": ("two joints exchanged", joint(lambda x: x[:, ::-1]), "joint_order"),
+    "joint_cycle": ("three joints in a cycle", cycle, "joint_order"),
+    "joints_mixed": ("four joints or more in another order", mixed, "joint_order"),
+    "coupled_arm": ("joint 3 counts joint 2", coupled((2, 1)), "joint_coupling"),
+    "coupled_wrist": ("joints 5, 6 or both count joint 4", wrist, "joint_coupling"),
     "order": ("readings of the pose before", pose_before("before", "after"), "order"),
     "names_once": ("two targets' names exchanged in one pose", names_once, "pose", several),
     "one_pose": ("a joint angle of one pose 0.15 rad off", one_pose, "pose"),
@@ -281,6 +335,9 @@ ROWS = {
     "bumped": ("tracker moved by 0.5 mm between two poses", bumped, "tracker_moved", long),
     "touched": ("a target touched in one run: 2 mm", readings("after", any_reading, off_2_mm), ONE, several),
     "slipped": ("the tool slipped in one run: 2 mm", readings("after", any_run, off_2_mm), ONE, several),
+    "hung": ("the arm hangs", hung_from(lambda _: np.array([np.pi, 0, 0])), "mounting", weights),
+    "wall": ("the arm stands on a wall", hung_from(wall), "mounting", weights),
+    "tilted": ("the arm's foot is tilted by 10 to 30 deg", hung_from(tilt), "mounting", weights),
     "kilograms": ("forces in kg", times(1 / GRAVITY), "scale"),
     "kilonewtons": ("forces in kN", times(1e-3), "scale"),
     "comma": ("forces ten times too large", times(10.0), "scale"),

@@ -5,8 +5,9 @@ which loads, how good the tracker is and where it stands, how far targets are fr
 """
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -51,10 +52,15 @@ class Sound:
     tracker: bool  #: Whether it is in the frames of a tracker's set-ups.
     declared: bool  #: Whether that is said; it is found out otherwise.
     disturbed: bool  #: Whether the true arm does what models do not know.
+    mounted: Callable[[np.ndarray], "Sound"]  #: The same arm, mounted otherwise than its folder says.
 
 
-def sound(cells: Mapping[str, Cell], seed: int) -> Sound:
-    """The data set of a seed."""
+def sound(cells: Mapping[str, Cell], seed: int, mount: np.ndarray | None = None) -> Sound:
+    """The data set of a seed; of an arm whose folder is upright, and which a mount turns, (3, 3).
+
+    Hung masses are stated as of an upright arm. Readings are in the arm's base, or a level tracker's frames.
+    """
+    mount = np.eye(3) if mount is None else mount
     rng = stream(seed, 30)
     name = str(rng.choice(list(PAYLOAD), p=[0.75, 0.25]))
     cell, loads, truth = cells[name], LOADS[seed % len(LOADS)], list(TRUTHS)[seed // len(LOADS) % len(TRUTHS)]
@@ -65,10 +71,12 @@ def sound(cells: Mapping[str, Cell], seed: int) -> Sound:
     off = rng.uniform(0, 5e-3) * rng.standard_normal((len(cell.arm.markers), 3))
     model = copy.copy(true.model)
     model.body_pos[true.markers] += off
+    model.opt.gravity[:] = mount.T @ model.opt.gravity
     true = with_model(true, model)
     poses = clear_poses(cell, AREA[name], int(rng.integers(10, 25)), rng)
     asked = _loaded(cell, poses, loads, rng)
-    before, after = settle_pair(true, asked.q, asked.wrench, asked.point)
+    wrench = (asked.wrench.reshape(-1, 2, 3) @ mount).reshape(-1, 6)  # in the base's axes
+    before, after = settle_pair(true, asked.q, wrench, asked.point)
     sigma = float(rng.choice([20e-6, 50e-6, 100e-6]))
     first = np.unique(asked.pose, return_index=True)[1][asked.pose - 1]  # one unloaded reading of a pose
     data = Dataset(
@@ -86,19 +94,21 @@ def sound(cells: Mapping[str, Cell], seed: int) -> Sound:
     prior = distorted(cad_prior(cell.arm), scale=scale, shape=SHAPE, rng=rng)
     tracker = bool(rng.random() < TRACKER)
     if tracker:
-        cell, data = _in_tracker(cell, data, rng)
+        cell, data = _in_tracker(cell, data, rng, mount)
     declared = tracker and bool(rng.random() < DECLARED)
-    return Sound(cell, data, prior, loads, tracker, declared, disturbed)
+    return Sound(cell, data, prior, loads, tracker, declared, disturbed, partial(sound, cells, seed))
 
 
-def _in_tracker(cell: Cell, data: Dataset, rng: np.random.Generator) -> tuple[Cell, Dataset]:
+def _in_tracker(
+    cell: Cell, data: Dataset, rng: np.random.Generator, mount: np.ndarray
+) -> tuple[Cell, Dataset]:
     """The readings from one or two set-ups, and an arm's folder that has its targets roughly."""
     stations = int(rng.integers(1, 3))
     station = 1 + data.pose * stations // (data.pose.max() + 1)
     before, after = data.before.copy(), data.after.copy()
     for k in range(1, stations + 1):
         turn = np.array([0, 0, rng.uniform(-np.pi, np.pi)]) + np.deg2rad(0.5) * rng.standard_normal(3)
-        R, t, own = Rotation.from_rotvec(turn).as_matrix(), rng.uniform(-5, 5, 3), station == k
+        R, t, own = Rotation.from_rotvec(turn).as_matrix() @ mount, rng.uniform(-5, 5, 3), station == k
         before[own], after[own] = (x[own] @ R.T + t for x in (before, after))
     rough = cell.vjm.markers + ROUGH * rng.standard_normal(cell.vjm.markers.shape)
     cell = replace(cell, vjm=replace(cell.vjm, markers=rough))

@@ -20,7 +20,7 @@ from testbench.identify.absolute.align import align, aligned, alike
 from testbench.identify.absolute.fit import Options, calibrate, explain, gather
 from testbench.identify.absolute.scatter import outliers, residuals
 from testbench.identify.absolute.state import nominal
-from testbench.identify.diagnosis.notation import check_order
+from testbench.identify.diagnosis.notation import check_order, unplaced
 from testbench.identify.prior import cad_prior
 from testbench.model.weights import read_weights
 
@@ -131,6 +131,11 @@ def flipped(j):
     return joints(lambda q: q * np.where(np.arange(6) == j, -1, 1))
 
 
+def counting(j, i):
+    """Joint j counts joint i along with itself."""
+    return joints(lambda q: q + np.outer(q[:, i], np.eye(6)[j]))
+
+
 def notation(meant, read):
     """Orientations in one notation of angles that were read in another."""
     return lambda s: replace(
@@ -154,6 +159,16 @@ MISTAKES = {
     "zero of joint 4": (joints(lambda q: q + np.pi * np.eye(6)[3]), "wrist_1_joint is off by 180 deg"),
     "two exchanged": (joints(lambda q: q[:, [0, 1, 3, 2, 4, 5]]), "elbow_joint and wrist_1_joint are exch"),
     "pose before": (joints(lambda q: np.roll(q, -1, axis=0)), "are those of the pose before"),
+    "as ROS sorts": (
+        joints(lambda q: q[:, [0, 1, 4, 2, 3, 5]]),
+        "shoulder_lift_joint, wrist_2_joint, elbow_joi",
+    ),
+    "all mixed": (
+        joints(lambda q: q[:, [3, 5, 0, 4, 2, 1]]),
+        "wrist_1_joint, wrist_3_joint, shoulder_pan_jo",
+    ),
+    "joint 3 counts joint 2": (counting(2, 1), "elbow_joint is the file's elbow_joint - shoulder_lift_joint"),
+    "joint 6 counts joint 4": (counting(5, 3), "wrist_3_joint is the file's wrist_3_joint - wrist_1_joint"),
     "opposite order": (joints(lambda q: q[:, ::-1]), "opposite order"),
     "sign of y alone": (lambda s: position_only(positions(lambda p: p * [1, -1, 1])(s)), MIRRORED),
     "extrinsic angles": (notation("xyz", "XYZ"), "extrinsic xyz where they were read as intrinsic xyz"),
@@ -177,6 +192,31 @@ def test_a_mistake_is_named(ur10, mistake):
     (one,) = read(ur10, poses=30)
     with pytest.raises(BenchError, match=f"^series 1: .*{words}"):
         gathered(ur10, plant(one))
+
+
+@pytest.fixture(scope="module")
+def circles(kr500):
+    """Three targets of an arm whose joints move one after the other, six poses each."""
+    rest, ends = np.radians([0, -90, 90, 0, 40, 0]), np.radians([60, 30, 30, 150, 55, 170])
+    q = np.tile(rest, (36, 1))
+    for j in range(6):
+        q[6 * j : 6 * j + 6, j] += np.linspace(-ends[j], ends[j], 6)
+    asked = AbsoluteCampaign(poses=36, targets=3)
+    return simulate_series(kr500, asked, 1, q)[0][0]
+
+
+def test_circles_of_one_joint_each_tell_couplings_orders_and_slips(kr500, circles):
+    """Most rows have one angle of the coupled joint: its zero would explain them, but not the others."""
+    planted = {
+        "joint_3 is the file's joint_3 - joint_2": counting(2, 1),
+        "joint_2, joint_3, joint_1, joint_4, joint_5, joint_6": joints(lambda q: q[:, [1, 2, 0, 3, 4, 5]]),
+        "those of the pose before from row 21 on": lambda s: replace(
+            s, q=np.where(np.arange(36)[:, None] < 20, s.q, np.roll(s.q, -1, axis=0))
+        ),
+    }
+    assert unplaced(kr500.vjm, circles) is None
+    for words, plant in planted.items():
+        assert words in said(unplaced(kr500.vjm, plant(circles)), kr500.arm).sentence
 
 
 def test_readings_of_another_arm_are_refused_with_their_size(ur10, kr500):

@@ -7,9 +7,19 @@ import numpy as np
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, select
-from testbench.errors import BenchError
+from testbench.errors import Array, BenchError
 from testbench.identify.diagnosis.finding import Finding, one_by_one
 from testbench.identify.diagnosis.loads import Learnt, learnt, of_all, of_runs, other_loads
+from testbench.identify.diagnosis.mounting import (
+    DOWN,
+    TILTED,
+    Pull,
+    angle,
+    finding,
+    loads_as,
+    suspected,
+    weights,
+)
 from testbench.identify.fold import reduce
 from testbench.identify.metric import Metric
 from testbench.model.vjm import Vjm
@@ -33,6 +43,7 @@ NOISE, SHARE_OF_MOVE = 8.0, 0.005
 FALL, FEWEST = 0.5, 5
 """Misfit without a run over that with it, from which the run alone is wrong; runs of which one may be."""
 WORTH = 3.0  #: Nats from which a run is left out on trial: strong evidence (Kass and Raftery 1995).
+RIVAL = 0.8  #: Share of another mistake's nats from which a mounting is preferred to it.
 SHARE = 0.5  #: What evidence for a single run counts against that for a mistake of all.
 
 
@@ -44,14 +55,30 @@ def scale(vjm: Vjm, metric: Metric, data: Dataset) -> float:
     return float(sum(a @ z for a, z in rows) / sum(a @ a for a, _ in rows))
 
 
-def deflected(vjm: Vjm, metric: Metric, data: Dataset) -> list[Finding]:
-    """Doubts about loads and deflections, the likeliest first."""
-    factor = scale(vjm, metric, data)
+def deflected(vjm: Vjm, metric: Metric, data: Dataset, level: Array | None = None) -> list[Finding]:
+    """Doubts about loads and deflections, the likeliest first.
+
+    Args:
+        vjm: The model.
+        metric: What is expected of its compliances.
+        data: The runs.
+        level: Gravity in the folder's world if the tracker stands level, (3,); None if nothing says.
+    """
+    factor, pull = scale(vjm, metric, data), suspected(vjm, metric, data, level)
+    if pull is not None and pull.plain:
+        return [finding(vjm, pull)]
     try:
         found, kept, own = one_by_one(data, learnt(vjm, metric, data), partial(_without_worst, vjm, metric))
     except BenchError:  # no compliance moves so: only other loads can
-        return _other(None, vjm, metric, data) or [_wild(factor, data)]
-    found += _best(own)
+        hung = [] if pull is None else _mounted(None, vjm, metric, data, pull)
+        return hung or _other(None, vjm, metric, data) or [_wild(factor, data)]
+    best = _best(own)
+    pull = pull or _missing(kept, best, level)
+    hung = [] if pull is None else _mounted(own.loss, vjm, metric, kept, pull)
+    rival = max((_nats(one) for one in best if one.kind != "force_offset"), default=0.0)  # no weight has one
+    if hung and (hung[0].beside["level"] or _nats(hung[0]) > RIVAL * rival):
+        return [*hung, *(one for one in (*found, *best) if one.kind in SINGLE)]
+    found += best
     if own.misfit > QUIET[0] or not 1 / QUIET[1] < factor < QUIET[1]:
         found += _other(own.loss, vjm, metric, kept)
     found.sort(key=lambda one: -(one.nats or 0) * (SHARE if one.kind in SINGLE else 1))
@@ -60,6 +87,27 @@ def deflected(vjm: Vjm, metric: Metric, data: Dataset) -> list[Finding]:
     if not found and own.misfit > NOISE and own.misfit * data.sigma > SHARE_OF_MOVE * typical:
         found.append(Finding("noise", beside={"factor": own.misfit, "sigma": data.sigma}))
     return found
+
+
+def _missing(data: Dataset, best: list[Finding], level: Array | None) -> Pull | None:
+    """Where weights pull to, if a constant force beside them explains the readings best; else None."""
+    if level is not None or not best or best[0].kind != "force_offset" or not weights(data):
+        return None
+    total = data.wrench[:, :3].mean(axis=0) + best[0].size
+    pull = Pull(total / np.linalg.norm(total))
+    return pull if angle(pull.g, DOWN) > TILTED else None
+
+
+def _mounted(loss: float | None, vjm: Vjm, metric: Metric, data: Dataset, pull: Pull) -> list[Finding]:
+    """How the base stands, where weights from there explain the readings; loss None if nothing does."""
+    try:
+        own = learnt(vjm, metric, loads_as(data, pull.g))
+    except BenchError:  # moves against the force
+        return []
+    nats = None if loss is None else loss - own.loss
+    if own.misfit > NOISE if nats is None else nats < (LEAST if pull.told else CLEAR):
+        return []
+    return [finding(vjm, pull, nats)]
 
 
 def _without_worst(

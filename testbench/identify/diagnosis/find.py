@@ -18,13 +18,14 @@ from testbench.errors import Array, BenchError, InputError
 from testbench.identify.absolute.align import with_targets
 from testbench.identify.absolute.fit import first_fit
 from testbench.identify.absolute.state import Mount, State, nominal, torque_scale
-from testbench.identify.diagnosis.deflected import SINGLE, deflected
+from testbench.identify.diagnosis import mounting
+from testbench.identify.diagnosis.deflected import SINGLE, deflected, scale
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.moves import places
 from testbench.identify.diagnosis.place import Fit, Free, Seen, fit
 from testbench.identify.diagnosis.steps import chance, lacking, likeliest, with_shift
 from testbench.identify.diagnosis.undone import PRECISE, apart, placed
-from testbench.identify.metric import metric
+from testbench.identify.metric import Metric, metric
 from testbench.identify.prior import Prior
 from testbench.identify.registered import Registered, with_markers
 from testbench.identify.registration import Frame
@@ -83,30 +84,48 @@ def doubts(given: HandedIn, prior: Prior) -> list[Finding]:
         doubt, _ = placed(_seen(vjm, one, one.after), _free(found), "loaded")
         if doubt is not None:
             return [doubt, *said]
+    level = mounting.level(found)
     if against := list(moved_against(data)):
-        return [*said, *against]
+        hung = _mounted(given, seen, metric(prior, vjm, all153(vjm.arm)), level)
+        return [*hung, *said, *([] if hung else against)]
     off = list(apart(seen, own))
     said += [doubt for _, doubt in off]
     kept = select(data, ~np.isin(data.pose, [pose for pose, _ in off])) if off else data
     if not kept.seen.any():
         return said
-    stepped, loads = moved(vjm, kept, prior), _loads(vjm, kept, prior)
+    stepped, loads = moved(vjm, kept, prior), _loads(vjm, kept, prior, level)
+    if any(doubt.kind == "mounting" for doubt in loads):
+        return [*loads, *said]
     if all(doubt.kind in SINGLE for doubt in loads):  # else a mistake of all loads may look like a step
         return [*stepped, *said, *loads]
     return [*said, *loads, *stepped]
 
 
-def _loads(vjm: Vjm, data: Dataset, prior: Prior) -> list[Finding]:
+def _mounted(given: HandedIn, seen: Seen, model: Metric, level: Array | None) -> list[Finding]:
+    """How the base stands, where that makes targets move against stated weights."""
+    vjm, data = given.found.vjm, given.found.data
+    pull = mounting.suspected(vjm, model, data, level)
+    if pull is None:
+        return []
+    if mounting.angle(pull.g, mounting.DOWN) > mounting.REVERSED and not pull.told:
+        pi = abs(scale(vjm, model, data)) * (model.L @ model.expected)
+        both = mounting.Unbent(seen, _seen(vjm, data, data.after), model.structure.matrix(pi))
+        if not mounting.hangs(both):
+            return []
+    return [mounting.finding(vjm, pull)]
+
+
+def _loads(vjm: Vjm, data: Dataset, prior: Prior, level: Array | None) -> list[Finding]:
     """Doubts about loads and deflections: of all of them by some runs, of single ones by all."""
     model = metric(prior, vjm, all153(vjm.arm))
     each = len(data.markers) + (data.sigma_rotation is not None)
     parts = max(1, -(-data.runs // max(1, min(AT_A_TIME, MOST_READINGS // each))))
     chunks = [select(data, np.arange(data.runs) % parts == k) for k in range(min(parts, PARTS))]
-    found = deflected(vjm, model, chunks[0])
+    found = deflected(vjm, model, chunks[0], level)
     if any(doubt.kind not in SINGLE for doubt in found):
         return found
     rest = stepwise(chunks[1:], "looking for mistakes")
-    more = (doubt for chunk in rest for doubt in deflected(vjm, model, chunk) if doubt.kind in SINGLE)
+    more = (doubt for chunk in rest for doubt in deflected(vjm, model, chunk, level) if doubt.kind in SINGLE)
     return sorted([*found, *more], key=lambda doubt: -(doubt.nats or 0))
 
 

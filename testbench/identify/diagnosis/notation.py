@@ -20,7 +20,9 @@ from testbench.identify.diagnosis.undone import BETTER as NATS
 from testbench.identify.diagnosis.undone import CHOICE, LOST, PRECISE, Hypothesis, placed
 from testbench.model.vjm import Vjm
 
-ROWS = 300  #: First rows of a series that tell what is wrong, or which way the last joint turns.
+ROWS = (
+    300  #: Rows of a series, evenly out of all, that tell what is wrong, or which way the last joint turns.
+)
 BETTER = 0.5  #: Scatter over that of the readings as they are, below which they were mistaken [1].
 ARM = 0.3  #: Distance of the targets that stand for an orientation from the one that has it [m].
 FREE = Free(frame=True, targets=True, lost=True)  #: What is not known of a series.
@@ -78,7 +80,13 @@ def unplaced(vjm: Vjm, series: Series) -> Finding | None:
     """The mistake that keeps a series from fitting the arm in any frame, if one explains it."""
     if found := _slipped(vjm, series):
         return found
-    one = select_rows(series, np.arange(min(ROWS, series.rows)))
+    some = np.linspace(0, series.rows - 1, min(ROWS, series.rows)).astype(int)
+    one = select_rows(series, some)  # of all: joints may move one after the other
+    orders = (
+        Hypothesis("order", replace(_seen(vjm, one, one.rotation), q=q[some]), FREE, (), shift, CHOICE)
+        for shift in (1, -1)
+        for q in (np.roll(series.q, shift, axis=0),)
+    )
     notations = (
         Hypothesis("notation", _seen(vjm, one, rotation), FREE, names, numbers=CHOICE)
         for names, rotation in _notations(one)
@@ -87,7 +95,7 @@ def unplaced(vjm: Vjm, series: Series) -> Finding | None:
         Hypothesis("axes", _seen(vjm, replace(one, position=own), one.rotation), FREE, names, numbers=CHOICE)
         for names, own in _axes(one)
     )
-    return placed(_seen(vjm, one, one.rotation), FREE, "all", chain(notations, axes))[0]
+    return placed(_seen(vjm, one, one.rotation), FREE, "all", chain(orders, notations, axes))[0]
 
 
 def _slipped(vjm: Vjm, series: Series) -> Finding | None:

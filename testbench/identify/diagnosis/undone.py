@@ -2,13 +2,14 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import chain, combinations, permutations
+from itertools import chain, permutations
 from typing import Literal
 
 import numpy as np
 
 from testbench.errors import Array
 from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.joint_columns import couplings, orders
 from testbench.identify.diagnosis.place import (
     PENALTY,
     STILL,
@@ -28,6 +29,8 @@ UNITS = (1e-3, 1e-2, 0.1, 0.0254, 1 / 25.4, 10.0, 25.4, 1e3)
 """What positions may have to be multiplied with: millimetres, centimetres or inches, read as others."""
 TURNS = (np.pi / 2, -np.pi / 2, np.pi)  #: Zeros of a hinge that another convention of its angle has [rad].
 FEW = 4  #: Targets up to which every order of their names is tried; of more, one exchange of two.
+HALF, MOST = 0.5, 0.95
+"""Shares of the readings whose distance is told: of most where half fit in spite of a mistake."""
 CHOICE = 2  #: Free numbers that a choice among many counts as.
 BETTER, LEAST = 0.3, 20.0
 """Nats a reading, and in all, by which a mistake has to make the readings likelier to be a doubt."""
@@ -99,11 +102,16 @@ def _joints(seen: Seen) -> Iterator[tuple[str, tuple[str, ...], float, Array]]:
         yield "joint_sign", (names[k],), -1.0, q * (1 - 2 * unit)
         for turn in TURNS if hinge[k] else ():
             yield "joint_zero", (names[k],), turn, q + turn * unit
-    for i, j in combinations(range(n), 2):
-        order = np.arange(n)
-        order[[i, j]] = j, i
-        yield "joint_order", (names[i], names[j]), 0.0, q[:, order]
-    yield "joint_order", (), 0.0, q[:, ::-1]
+
+
+def _columns(seen: Seen, free: Free) -> Iterator[Hypothesis]:
+    """Joints in another order in the file, or that count another joint too."""
+    names = [joint.name for joint in seen.vjm.arm.joints]
+    for where, q in couplings(seen):
+        yield Hypothesis("joint_coupling", replace(seen, q=q), free, where, numbers=CHOICE)
+    for order in orders(seen, free):
+        where = tuple(names[k] for k in np.argsort(order))
+        yield Hypothesis("joint_order", replace(seen, q=seen.q[:, order]), free, where, numbers=CHOICE)
 
 
 def exchanges(seen: Seen, frame: Frame) -> Iterator[list[int]]:
@@ -147,7 +155,7 @@ def placed(
     needed = max(LEAST, BETTER * seen.there.sum())
     if start.loss <= needed:  # no mistake saves more than the loss
         return unfit, start
-    every = chain(hypotheses(seen, free, start.frame), more)
+    every = chain(hypotheses(seen, free, start.frame), _columns(seen, free), more)
     tried = [(own, fit(own.seen, own.free)) for own in every]
     gains = [start.cost - found.cost - PENALTY * own.numbers for own, found in tried]
     needed = max(needed, SHARE * float(max(gains)))
@@ -161,15 +169,17 @@ def placed(
     gain, best, found = max(good, key=lambda x: (x[1].kind not in LOOSE, x[0]))
     if _typical(best.seen, found) > LOST * seen.scale:
         return unfit, start
-    beside = {"was": typical, "now": _typical(best.seen, found)}
+    share = HALF if _typical(best.seen, found) < HALF * typical else MOST
+    beside = {"was": _typical(seen, start, share), "now": _typical(best.seen, found, share), "share": share}
     where = best.where
     if best.kind == "targets":
         where = (seen.names[int(np.argmax(np.linalg.norm(found.markers - seen.markers, axis=1)))],)
     return Finding(best.kind, (what, *where), _size(best, found), beside, gain), found
 
 
-def _typical(seen: Seen, own: Fit) -> float:
-    return float(np.median(away(seen, own)))
+def _typical(seen: Seen, own: Fit, share: float = HALF) -> float:
+    """Distance below which that share of the readings lies [m]."""
+    return float(np.quantile(away(seen, own), share))
 
 
 def _size(own: Hypothesis, found: Fit) -> Array:

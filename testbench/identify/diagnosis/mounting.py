@@ -1,0 +1,196 @@
+"""Gravity from another side than the arm's folder has it: a base that hangs, stands on a wall or is tilted.
+
+A hung weight pulls along -z of the folder's world. If the base is mounted otherwise it pulls along a unit
+vector g of these axes. Deflections are linear in the force, so that expected compliances and the deflections
+d_k that they give under the same force along x, y and z tell g by least squares:
+
+    d = x_1 d_1 + x_2 d_2 + x_3 d_3,    g = x / |x|
+
+Deflections alone do not tell an arm that hangs from one whose readings before and after are exchanged. A
+tracker that stands level does: its z against the registered base. Without one, own weight tells: it has bent
+the arm in the unloaded readings already, towards g.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.arm.mjcf import angle_unit, find_body, read_mjcf
+from testbench.data.dataset import Dataset
+from testbench.errors import Array, InputError
+from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.place import Free, Seen, away, fit
+from testbench.identify.metric import Metric
+from testbench.identify.registered import Registered
+from testbench.identify.registration import Frame
+from testbench.identify.weighed import one_by_one
+from testbench.model.kinematics import body_pose
+from testbench.model.loaded import displacement
+from testbench.model.vjm import Vjm, chain, rotation
+from testbench.model.weights import own_weight, read_weights
+
+DOWN = np.array([0.0, 0.0, -1.0])
+STRAIGHT = np.deg2rad(
+    1.0
+)  #: Angle of a force against the vertical up to which a weight may hang there [rad].
+LEVEL = np.deg2rad(3.0)  #: How far a tracker that is levelled by its feet may be off, and a floor [rad].
+TILTED = np.deg2rad(5.0)  #: Angle of g by deflections from which a mounting is looked at [rad].
+SNAP = np.deg2rad(
+    22.0
+)  #: Angle up to which a direction is that of a ceiling or a wall, or a level tracker's [rad].
+REVERSED = np.deg2rad(120.0)  #: Angle from which weights seem to pull upwards [rad].
+FAR, EXPLAINED = np.deg2rad(45.0), 0.7
+"""Angle of g [rad], and share of the typical deflection that it explains, from which it needs no other proof."""
+ROUNDS = 5  #: Weightings of the least squares.
+ROUNDING = 1e-9  #: Of a rotation [1].
+SURE, MOST = 8.0, 0.8
+"""Nats by which own weight tells that an arm hangs, and share of the readings, the nearest, that it is asked."""
+
+
+def loads_as(data: Dataset, g: Array) -> Dataset:
+    """Runs whose weights pull along g, (3,), not along -z."""
+    return replace(data, wrench=(data.wrench.reshape(-1, 2, 3) @ towards(g).T).reshape(-1, 6))
+
+
+def mounted(vjm: Vjm, g: Array) -> Vjm:
+    """The arm with its base turned so that g, (3,) of the folder's world, is -z."""
+    turn = np.eye(4)
+    turn[:3, :3] = towards(g).T
+    return replace(vjm, base=turn @ vjm.base)
+
+
+def towards(g: Array) -> Array:
+    """The least rotation that takes -z to g, (3, 3); about x where they are opposite."""
+    axis = np.cross(DOWN, g)
+    size = float(np.linalg.norm(axis))
+    angle = float(np.arctan2(size, DOWN @ g))
+    return rotation(axis / size if size > ROUNDING else np.eye(3)[0], angle)
+
+
+def angle(a: Array, b: Array) -> float:
+    """Angle between two vectors, (3,) [rad]."""
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def level(found: Registered) -> Array | None:
+    """Gravity in the folder's world if the tracker stands level, (3,); None without a tracker's frames."""
+    if found.frame != "tracker" or found.registration is None:
+        return None
+    return mean_level(found.registration.frames.values())
+
+
+def mean_level(frames: Iterable[Frame]) -> Array | None:
+    """Gravity in the folder's world by frames that stand level, (3,); None if they do not agree."""
+    own = np.array([DOWN @ frame.rotation for frame in frames])
+    mean = own.mean(axis=0) / np.linalg.norm(own.mean(axis=0))
+    return mean if max(angle(one, mean) for one in own) < LEVEL else None
+
+
+@dataclass(frozen=True)
+class Pull:
+    """Where weights pull to, as loads and a level tracker have it."""
+
+    g: Array  #: Gravity in the folder's world, (3,).
+    level: Array | None = None  #: The same if the tracker stands level, (3,); None if nothing says.
+    explained: float = 0.0  #: Share of the typical deflection that expected compliances explain under it [1].
+
+    @property
+    def told(self) -> bool:
+        """Whether a level tracker has gravity there."""
+        return self.level is not None and bool(angle(self.level, self.g) < SNAP)
+
+    @property
+    def plain(self) -> bool:
+        """Whether it is far from -z and explains most: no other mistake does."""
+        return angle(self.g, DOWN) > FAR and self.explained > EXPLAINED
+
+
+def weights(data: Dataset) -> bool:
+    """Whether all loads are weights: forces along -z."""
+    force = data.wrench[:, :3]
+    pushed = force.any(axis=1)
+    return bool(pushed.any()) and all(angle(one, DOWN) <= STRAIGHT for one in force[pushed])
+
+
+def suspected(vjm: Vjm, metric: Metric, data: Dataset, level: Array | None) -> Pull | None:
+    """Gravity from another side than the folder has it; None if it is as there, or not told."""
+    if not weights(data):
+        return None
+    g, explained = _by_deflections(vjm, metric, data)
+    if level is not None and angle(level, DOWN) < LEVEL:
+        return None  # it stands upright, whatever else is wrong
+    if level is not None and angle(level, g) < min(SNAP, angle(g, DOWN)):
+        return Pull(snapped(level, LEVEL), level, explained)
+    return None if angle(g, DOWN) < TILTED else Pull(snapped(g, SNAP), level, explained)
+
+
+def snapped(g: Array, least: float) -> Array:
+    """The direction of a ceiling or a wall where g, (3,), is so near to it [rad]."""
+    nearest = min((*np.eye(3), *-np.eye(3)[:2]), key=lambda side: angle(g, side))
+    return nearest if angle(g, nearest) < least else g
+
+
+def _by_deflections(vjm: Vjm, metric: Metric, data: Dataset) -> tuple[Array, float]:
+    """The direction in which weights pull, (3,), by robust least squares, and what it explains [1]."""
+    pi = metric.L @ metric.expected
+    read = [one_by_one(vjm, metric.structure, loads_as(data, e)) for e in np.eye(3)]
+    A, y = np.stack([(one.A @ pi).ravel() for one in read], axis=1), read[0].y.ravel()
+    weight = np.ones(len(y))
+    for _ in range(ROUNDS):
+        x = np.linalg.lstsq(A * weight[:, None], y * weight)[0]
+        off = np.linalg.norm((y - A @ x).reshape(-1, 3), axis=1)
+        weight = np.repeat(1 / np.sqrt(1 + np.square(off / max(float(np.median(off)), 1e-12))), 3)
+    typical = float(np.median(np.linalg.norm(y.reshape(-1, 3), axis=1)))
+    return x / max(float(np.linalg.norm(x)), 1e-300), 1 - float(np.median(off)) / max(typical, 1e-12)
+
+
+def finding(vjm: Vjm, pull: Pull, nats: float | None = None) -> Finding:
+    """A mounting with gravity from where weights pull to.
+
+    Its size is that direction in the base's axes, then the orientation (w, x, y, z) that the base's body has to have in
+    rigid.xml for it, in the body that it stands in there.
+    """
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
+
+    arm, root = vjm.arm, read_mjcf(vjm.arm.rigid)
+    own = body_pose(arm, find_body(arm.rigid, root, arm.links[0].name), angle_unit(root))
+    stands = own @ np.linalg.inv(vjm.base) @ mounted(vjm, pull.g).base
+    turn = Rotation.from_matrix(stands[:3, :3]).as_quat(scalar_first=True)
+    turn = turn * np.sign(turn[np.abs(turn) > ROUNDING][0])
+    size = np.concatenate([pull.g @ vjm.base[:3, :3], turn])
+    return Finding("mounting", (arm.links[0].name,), size, {"level": pull.told}, nats)
+
+
+@dataclass(frozen=True)
+class Unbent:
+    """Readings of both states, and what the arm weighs."""
+
+    before: Seen  #: Unloaded as the file has it.
+    after: Seen  #: Loaded.
+    C_theta: Array  #: Expected compliances in the scale of the readings, (n_theta, n_theta).
+
+
+def hangs(read: Unbent) -> bool:
+    """Whether unloaded readings are bent as a hanging arm is, not as an upright one that was read wrongly.
+
+    It is asked where targets move against stated weights. Three mistakes do that: the arm hangs, readings
+    before and after are exchanged, or the force has the other sign.
+    """
+    vjm = read.before.vjm
+    try:
+        weights = read_weights(vjm.arm)
+    except InputError:  # nobody knows what it weighs
+        return False
+    left = []
+    for seen, g in ((read.before, -DOWN), (read.after, DOWN), (read.before, DOWN)):
+        turned = mounted(vjm, g)
+        where = chain(turned, seen.q)
+        theta = (read.C_theta @ own_weight(where, weights)).T
+        sag = displacement(where, theta, seen.markers) @ towards(g).T
+        unbent = fit(replace(seen, read=seen.read - sag), Free(frame=True, targets=True))
+        off = np.sort(away(seen, unbent))
+        left.append(float(np.sqrt(np.square(off[: int(np.ceil(MOST * len(off)))]).mean())))
+    hung, *upright = left
+    poses = len(np.unique(read.before.q, axis=0))  # all that is read in one shares its errors of geometry
+    return 3 * poses * float(np.log(min(upright) / max(hung, ROUNDING))) > SURE

@@ -1,0 +1,110 @@
+"""Which way an arm's own weight pulls, by absolute readings: a base that stands otherwise than its folder.
+
+Under gravity from the wrong side joint springs that fit would have to be negative; held at zero they explain
+none of the sag. Turned the right way they do, and the readings scatter less about the arm. A few directions are
+tried: that of a level tracker, a ceiling, four walls, and the tilt at which the scatter is least.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import chain
+
+import numpy as np
+
+from testbench.data.series import Series, select_rows
+from testbench.errors import Array, BenchError
+from testbench.identify.absolute.align import aligned
+from testbench.identify.absolute.fit import Calibration, first_fit
+from testbench.identify.absolute.state import State, nominal, torque_scale
+from testbench.identify.diagnosis.finding import Finding
+from testbench.identify.diagnosis.mounting import (
+    DOWN,
+    LEVEL,
+    Pull,
+    angle,
+    finding,
+    mean_level,
+    mounted,
+    snapped,
+)
+from testbench.identify.metric import metric
+from testbench.identify.prior import Prior
+from testbench.model.structure import joints_only
+
+ROWS = 150  #: Rows of a series, evenly out of more, that are fitted.
+STUCK = (
+    0.05  #: Compliance over the folder's below which a joint that carries weight would rather be negative.
+)
+CARRIES = 0.05  #: Typical torque of a joint over the largest from which it carries weight.
+FAR = 5e-3  #: Scatter over the reach from which more is wrong than where gravity comes from [1].
+PROBE = np.deg2rad(15.0)  #: Tilt at which the scatter is probed for where it is least [rad].
+CLEAR, LEVELLED = 20.0, 7.0
+"""Nats a mounting has to gain; the same where a level tracker says so."""
+LESS = 0.9  #: Scatter over that of the folder's mounting, above which none is told.
+
+
+def by_own_weight(found: Calibration, prior: Prior) -> Finding | None:
+    """How the base stands, if gravity from another side explains absolute readings much better.
+
+    Args:
+        found: The calibration by the arm's folder.
+        prior: What the folder expects of its compliances.
+    """
+    state = found.state
+    level = mean_level(state.frames.values())
+    turned = level is not None and angle(level, DOWN) > LEVEL
+    if not turned and not _stuck(state):
+        return None
+    series = [_thin(one) for one in found.series]
+    poses = sum(len(np.unique(one.pose)) for one in series)
+    own = _scatter(state, series, prior, DOWN)
+    if own > FAR * state.vjm.reach:
+        return None
+    first = [snapped(level, LEVEL)] if level is not None and turned else []
+    others = chain((*np.eye(3), *-np.eye(3)[:2]), _tilts(state, series, prior, own)) if _stuck(state) else ()
+    for directions, least in ((first, LEVELLED), (others, CLEAR)):
+        tried = [(_scatter(state, series, prior, g), g) for g in directions]
+        scatter, g = min(tried, key=lambda one: one[0], default=(np.inf, DOWN))
+        nats = 3 * poses * float(np.log(own / scatter)) if np.isfinite(scatter) else 0.0
+        if scatter < LESS * own and nats > least:
+            return finding(state.vjm, Pull(g, level), nats)
+    return None
+
+
+def _stuck(state: State) -> bool:
+    """Whether springs of joints that carry weight are held at zero."""
+    own, joints = np.diag(state.C_theta)[state.vjm.own], state.vjm.arm.joints
+    folder = np.array([joint.compliance for joint in joints])
+    carries = state.torque_scale > CARRIES * state.torque_scale.max(initial=0)
+    return bool((carries & (own < STUCK * folder)).any())
+
+
+def _thin(series: Series) -> Series:
+    some = np.linspace(0, series.rows - 1, min(ROWS, series.rows)).astype(int)
+    return select_rows(series, some)
+
+
+def _scatter(state: State, series: Sequence[Series], prior: Prior, g: Array) -> float:
+    """How far readings scatter about the arm with gravity along g, (3,) [m]; infinite if they do not fit it."""
+    vjm, every = mounted(state.vjm, g), tuple(series)
+    bare = nominal(vjm, state.weights, torque_scale(vjm, state.weights, every))
+    try:
+        noise = first_fit(aligned(bare, every), every, metric(prior, vjm, joints_only(vjm.arm)))[1]
+    except BenchError:
+        return float("inf")
+    return float(np.hypot(noise.open_position, np.mean([one.sigma for one in series]) * noise.factor[0]))
+
+
+def _tilts(state: State, series: Sequence[Series], prior: Prior, own: float) -> Iterator[Array]:
+    """The tilt at which the variance would be least, by a parabola through probes about both level axes."""
+    slope, bend = np.zeros(2), np.zeros(2)
+    for k in range(2):
+        low, high = (_scatter(state, series, prior, _tilted(s * PROBE * np.eye(2)[k])) for s in (-1, 1))
+        slope[k], bend[k] = (high**2 - low**2) / 2, (high**2 + low**2) / 2 - own**2
+    if np.isfinite(slope).all() and (bend > 0).all():
+        yield _tilted(-PROBE * slope / (2 * bend))
+
+
+def _tilted(by: Array) -> Array:
+    """Gravity of a base tilted by angles along its x and y, (2,) [rad]."""
+    size = float(np.linalg.norm(by))
+    return np.array([*(np.sin(size) * by / max(size, 1e-12)), -np.cos(size)])
