@@ -34,9 +34,7 @@ class JointLaw:
     hysteresis: float  #: Half-width of the loop h [rad].
     #: Turns that the joints come from, (..., n) [rad]; None where friction has been shaken off.
     before: Array | None = None
-    slip: Array | None = (
-        None  #: Largest half-width of friction that slips bit by bit, (n,) [rad].
-    )
+    slip: Array | None = None  #: Largest half-width of friction that slips bit by bit, (n,) [rad].
 
     def of(self, some: Ids | slice) -> "JointLaw":
         """That of some runs."""

@@ -284,8 +284,9 @@ def with_springs(cell, **springs):
 
 def test_links_that_follow_the_pose_rest_where_an_arm_of_the_links_of_that_pose_rests(kr500, rng):
     """Scaled along each axis by the definition, and built anew: springs of MuJoCo's own in each pose."""
-    links, q = len(kr500.arm.links), random_q(kr500, rng, 3)
-    follows = Follows(rng.normal(0, 0.5, (links, 6)), rng.standard_normal((links, 6)), rng.normal(0, 2, links))
+    q, links = random_q(kr500, rng, 3), len(kr500.arm.links)
+    phase = rng.uniform(-3, 3, links)
+    follows = Follows(rng.normal(0, 0.5, (links, 6)), rng.standard_normal((links, 6)), phase)
     plant, (wrench, point) = with_springs(kr500, follows=follows), hung(kr500, 3)
     together = settle(plant, q, wrench, point), settle_linear(plant, q, wrench, point)
     for pose in range(3):
