@@ -84,8 +84,11 @@ def of_prior(belief: Belief) -> str:
 
 def of_average(average: Average | None) -> list[str]:
     """How much joints alone count, or laws of the joints; nothing where neither does."""
-    if average is None or not (average.laws or average.weight):
+    if average is None or not (average.laws or average.weight or average.ties):
         return []
+    if average.ties:
+        share = f"{100 * average.ties:.3g} %"
+        return [f"joints coupled with each other weigh {share} by evidence, joints each by itself the rest"]
     if average.laws == 1:
         return ["the evidence is for joints that stiffen, have backlash or friction"]
     if average.laws:
