@@ -38,11 +38,11 @@ def size(r: Regression, found: Estimate, back: float = 0.0) -> float:
         found: A fit to it whose prior is learnt.
         back: By how much less likely than the best a larger rho may be that is taken.
     """
-    whole = found.average.whole if found.average is not None else found
-    belief = whole.belief
+    fit = _uncoupled(found)
+    belief = fit.belief
     assert belief is not None
-    r = some_columns(r, whole.structure)
-    poses = [_along(rows, _by_link(r, whole.pi)) for rows in r.poses]
+    r = some_columns(r, fit.structure)
+    poses = [_along(rows, _by_link(r, fit.pi)) for rows in r.poses]
     lost = r.equations - sum(len(w) for w, _ in poses)
     left = sum(t.equations / 3 * (t.rest + t.z @ t.z) for t in r.terms)
     left -= sum(float(y @ y) for y in _readings(poses))
@@ -50,6 +50,14 @@ def size(r: Regression, found: Estimate, back: float = 0.0) -> float:
     if gains.max() - gains[0] < WANTED:
         return 0.0
     return SIZES[np.flatnonzero(gains >= gains.max() - back)[-1]]
+
+
+def _uncoupled(found: Estimate) -> Estimate:
+    """Links and joints, with laws where these are likelier: what laws explain, no link has to."""
+    if found.average is None:
+        return found
+    lawful = found.average.lawful
+    return lawful if lawful is not None and found.average.laws > 0.5 else found.average.whole
 
 
 def _by_link(r: Regression, pi: Array) -> Array:

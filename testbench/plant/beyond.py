@@ -30,7 +30,7 @@ class Follows:
             q: Commanded joint angles, (poses, n) [rad, m].
         """
         s = np.sin((q[:, None, :] * self.turns).sum(axis=2) + self.phase)
-        return np.exp(s[..., None] * self.share / 2).reshape(len(q), -1)
+        return np.asarray(np.exp(s[..., None] * self.share / 2).reshape(len(q), -1))
 
 
 @dataclass(frozen=True)
