@@ -238,7 +238,8 @@ def _tied_all(arm: Arm, rng: np.random.Generator) -> "Beyond":
 def _slipping(arm: Arm, rng: np.random.Generator) -> "Beyond":
     from testbench.plant.beyond import Beyond
 
-    return Beyond(slip=np.exp(rng.uniform(*np.log(SLIP), arm.n_joints)))
+    least, most = np.log(SLIP)
+    return Beyond(slip=np.exp(rng.uniform(float(least), float(most), arm.n_joints)))
 
 
 SPRINGS: Mapping[str, Springs] = {

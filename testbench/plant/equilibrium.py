@@ -193,7 +193,7 @@ def _torques(poses: Poses, law: JointLaw, torque: Array) -> Array:
     beyond = poses.plant.beyond
     if beyond is None or beyond.between is None:
         return torque
-    return torque + np.matvec(beyond.between, torque) / law.compliance
+    return np.asarray(torque + np.matvec(beyond.between, torque) / law.compliance)
 
 
 def _newton(poses: Poses, row: Row) -> Array:
