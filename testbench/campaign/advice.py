@@ -1,5 +1,7 @@
 """What an estimate cannot say by numbers alone: what filled free directions, doubts of the fit, outliers."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from testbench.identify.certify import TRACE_WEIGHT
@@ -84,8 +86,13 @@ def of_prior(belief: Belief) -> str:
 
 def of_average(average: Average | None) -> list[str]:
     """How much joints alone count, or laws of the joints; nothing where neither does."""
-    if average is None or not (average.laws or average.weight):
+    if average is None or not (average.laws or average.weight or average.ties):
         return []
+    if average.ties == 1:
+        return ["the evidence is for joints that are coupled with each other"]
+    if average.ties:
+        said = f"joints that are coupled with each other weigh {100 * average.ties:.3g} % by evidence"
+        return [said, *of_average(replace(average, ties=0.0))]
     if average.laws == 1:
         return ["the evidence is for joints that stiffen, have backlash or friction"]
     if average.laws:

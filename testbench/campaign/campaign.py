@@ -331,8 +331,10 @@ def read_markers(
 
 def settle_both(plant: "Plant", truth: Truth, q: Array, wrench: Array, point: Array) -> "Pair":
     """The true arm unloaded and loaded, all in one call: a call of its own costs what 20 poses cost."""
-    from testbench.plant.equilibrium import settle, settle_linear
+    from testbench.plant.equilibrium import settle, settle_linear, settle_pair
 
+    if truth == "nonlinear" and plant.beyond is not None and plant.beyond.slip is not None:
+        return settle_pair(plant, q, wrench, point)  # where it stood decides where it comes to
     runs, find = len(q), settle_linear if truth == "linear" else settle
     loads = np.concatenate([np.zeros_like(wrench), wrench])
     rest = find(plant, np.concatenate([q, q]), loads, np.concatenate([point, point]))

@@ -18,7 +18,7 @@ from testbench.data.spool import SHOWN, some
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.evaluate import Score, deflections, judge, score
-from testbench.identify.fold import BLOCK_RUNS
+from testbench.identify.fold import BLOCK_RUNS, with_poses
 from testbench.identify.hierarchy import Unchecked, contradicted, unchecked
 from testbench.identify.metric import metric
 from testbench.identify.regression import ROUNDING
@@ -170,7 +170,10 @@ def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, own:
     for model in stepwise(models, "fitting models"):
         start = clock()
         if plain := _plain(model):
-            estimate = plain.of(cell.vjm, reduced.parts[model.structure.name].together())
+            regression = reduced.parts[model.structure.name].together()
+            if many is None:
+                regression = with_poses(cell.vjm, regression, runs.used)
+            estimate = plain.of(cell.vjm, regression)
             spent = clock() - start
         else:
             estimate, spent = own[model.name]

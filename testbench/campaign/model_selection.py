@@ -26,7 +26,7 @@ from testbench.identify.crossval import Candidate, Duel, Fold, divided, folds, u
 from testbench.identify.fold import Parts, reduce_parts
 from testbench.identify.prior import Prior, Strength
 from testbench.identify.regression import f_m
-from testbench.model.laws import with_laws
+from testbench.model.laws import with_laws, with_ties
 from testbench.session import stepwise
 
 FILLED = " + prior"
@@ -87,7 +87,7 @@ def _with_prior(arm: Arm, model: Model, prior: Prior, strength: Strength | None)
     """With a prior; where it is learnt the model of all links and joints has the joints' laws beside."""
     method, s = with_prior(model.estimator, prior, strength), model.structure
     whole = s.whole and len(s.blocks) == 2 * s.links - 1
-    structure = with_laws(s, arm) if method.learns and whole else s
+    structure = with_ties(with_laws(s, arm)) if method.learns and whole else s
     return Model(f"{model.name}{FILLED}", structure, method)
 
 

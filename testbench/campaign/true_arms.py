@@ -6,7 +6,7 @@ The model, and the prior from CAD, stay those of the arm's folder; only what MuJ
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -17,18 +17,44 @@ from testbench.campaign.cast import cast_link
 from testbench.errors import Array, BenchError
 from testbench.model.structure import TEMPLATE
 
+if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
+    from testbench.plant.beyond import Beyond
+
 TrueArm = Callable[[Arm, np.random.Generator], Arm]
+Springs = Callable[[Arm, np.random.Generator], "Beyond"]
+"""What the springs of an arm do that no matrix says."""
 
 UNEQUAL = 0.5  #: Standard deviation of the logarithm of a joint's compliance over the folder's [1].
 FAR = 0.3, 3.0  #: Range of a joint's compliance over the folder's, where all are far off [1].
-STIFFER = 3, 10, 30, 100  #: How many times stiffer links are where joints give way most.
+STIFFER = 3, 10, 30, 100, 300  #: How many times stiffer links are where joints give way most.
 RADIUS, TILTS = 0.15, (0.1, 1.0)
 """Of a bearing [m], and range of its tilt under a moment over the turn of the folder's joint [1]."""
 SOFTER = 5.0  #: How many times softer one link is than the others of its arm [1].
 DRAWS = 7  #: Vectors of a random correlation matrix.
+FOLLOWING = 20, 50
+"""By how many percent a link is softer at most, and as many times stiffer, as the joint beside it turns."""
+ALONG = 0.5  #: How far axes of links follow all joints, in the logarithm of their compliance [1].
+TIED = 0.2, 0.5
+"""Range of the compliance between neighbouring joints over the root of the product of theirs [1]."""
+SLIP = 5e-5, 4e-4
+"""Range of the largest half width of friction that slips bit by bit [rad]; hysteresis has one of 3e-5."""
 FamilyName = Literal["family", "tubes", "off_10", "off_20", "off_40", "cast", "joints"]
 HeldOutName = Literal[
-    "stiffer_3", "stiffer_10", "stiffer_30", "stiffer_100", "soft_link", "coupled", "far_joints", "bearings"
+    "stiffer_3",
+    "stiffer_10",
+    "stiffer_30",
+    "stiffer_100",
+    "stiffer_300",
+    "soft_link",
+    "coupled",
+    "far_joints",
+    "bearings",
+    "following_20",
+    "following_50",
+    "following_all",
+    "tied_joints",
+    "tied_all",
+    "slipping",
 ]
 TrueArmName = Literal[FamilyName, HeldOutName]
 FAMILY: TrueArmName = "family"  #: All of TRUTHS, a seed each in turn.
@@ -166,12 +192,71 @@ def _far_joints(arm: Arm, rng: np.random.Generator) -> Arm:
     return _scaled_joints(arm, np.exp(rng.uniform(np.log(FAR[0]), np.log(FAR[1]), arm.n_joints)))
 
 
+def _following(percent: float, arm: Arm, rng: np.random.Generator) -> "Beyond":
+    """Every link as a whole by the sine of the joint behind it, the last one by that of the last joint."""
+    from testbench.plant.beyond import Beyond, Follows
+
+    links, n = len(arm.links), arm.n_joints
+    turns = np.zeros((links, n))
+    turns[range(links), np.minimum(range(links), n - 1)] = 1.0
+    share = np.full((links, 6), np.log1p(percent / 100))
+    return Beyond(Follows(share, turns, rng.uniform(-np.pi, np.pi, links)))
+
+
+def _following_all(arm: Arm, rng: np.random.Generator) -> "Beyond":
+    """Every axis of a link by itself, by a sum of turns of all joints."""
+    from testbench.plant.beyond import Beyond, Follows
+
+    links, n = len(arm.links), arm.n_joints
+    share = ALONG * rng.standard_normal((links, 6))
+    return Beyond(Follows(share, rng.standard_normal((links, n)), rng.uniform(-np.pi, np.pi, links)))
+
+
+def _tied(arm: Arm, correlation: Array) -> "Beyond":
+    """Joints that are coupled so, (n, n) [1]."""
+    from testbench.plant.beyond import Beyond
+
+    root = np.sqrt([joint.compliance for joint in arm.joints])
+    return Beyond(between=(correlation - np.diag(np.diag(correlation))) * np.outer(root, root))
+
+
+def _tied_joints(arm: Arm, rng: np.random.Generator) -> "Beyond":
+    """Every joint with the next one: below 1/2 that is positive definite."""
+    n = arm.n_joints - 1
+    own = np.diag(rng.uniform(*TIED, n) * rng.choice([-1.0, 1.0], n), 1)
+    return _tied(arm, own + own.T)
+
+
+def _tied_all(arm: Arm, rng: np.random.Generator) -> "Beyond":
+    """Every joint with every other one, as normal vectors of four numbers a joint correlate."""
+    n = arm.n_joints
+    A = rng.standard_normal((n, 4 * n))
+    d = np.linalg.norm(A, axis=1)
+    return _tied(arm, A @ A.T / np.outer(d, d))
+
+
+def _slipping(arm: Arm, rng: np.random.Generator) -> "Beyond":
+    from testbench.plant.beyond import Beyond
+
+    least, most = np.log(SLIP)
+    return Beyond(slip=np.exp(rng.uniform(float(least), float(most), arm.n_joints)))
+
+
+SPRINGS: Mapping[str, Springs] = {
+    **{f"following_{percent}": partial(_following, percent) for percent in FOLLOWING},
+    "following_all": _following_all,
+    "tied_joints": _tied_joints,
+    "tied_all": _tied_all,
+    "slipping": _slipping,
+}
+"""By the name of a true arm what its springs do that no matrix says: of any arm of the family."""
 HELD_OUT: Mapping[str, TrueArm] = {
     **{f"stiffer_{n}": partial(_stiffer, n) for n in STIFFER},
     "soft_link": _soft_link,
     "coupled": _coupled,
     "far_joints": _far_joints,
     "bearings": _soft_bearings,
+    **dict.fromkeys(SPRINGS, _of_family),
 }
 """True arms of kinds that nothing here was made with: a study judges by them, the family is without them."""
 CALLED = {
@@ -184,6 +269,11 @@ CALLED = {
     "coupled": "coupled links",
     "far_joints": "joints far off",
     "bearings": "soft bearings",
+    **{f"following_{percent}": f"links follow the pose by {percent} %" for percent in FOLLOWING},
+    "following_all": "axes of links follow all joints",
+    "tied_joints": "neighbouring joints coupled",
+    "tied_all": "all joints coupled",
+    "slipping": "friction slips bit by bit",
 }
 """The same for readers."""
 TRUTH_WORDS = {
@@ -205,6 +295,18 @@ HELD_OUT_WORDS = {
     "far_joints": f"every joint {FAR[0]:g} to {FAR[1]:g} times as compliant as the folder's, log-uniform",
     "bearings": "any arm of the family, in every joint a bearing that gives way sideways too and tilts "
     f"{TILTS[0]:g} to {TILTS[1]:g} times as much as the folder's joint turns",
+    **{
+        f"following_{percent}": f"any arm of the family, every link up to {percent} % softer, or as many "
+        "times stiffer, by the sine of the next joint's angle"
+        for percent in FOLLOWING
+    },
+    "following_all": "any arm of the family, every axis of a link softer or stiffer by the sine of a sum of "
+    f"turns of all joints; standard deviation of the logarithm's size {ALONG:g}",
+    "tied_joints": "any arm of the family, a torque on a joint turns the next one too, with a correlation of "
+    f"{TIED[0]:g} to {TIED[1]:g} of either sign",
+    "tied_all": "any arm of the family, a torque on a joint turns all others too",
+    "slipping": "any arm of the family, friction in every joint that slips bit by bit (Iwan), its largest "
+    f"half width {1e6 * SLIP[0]:g} to {1e6 * SLIP[1]:g} urad",
 }
 """The same of those held out."""
 
@@ -226,5 +328,8 @@ def true_cell(cell: Cell, name: str, seed: int, stiffer: float = 1.0) -> Cell:
     if name not in known:
         raise BenchError(f"no truth {name!r}; truths are {', '.join(known)}")
     links = np.full(len(cell.arm.links), 1 / stiffer)
-    true = known[name](_scaled_links(cell.arm, links), stream(seed, 8))
-    return replace(cell, truth=build_plant(true))
+    rng = stream(seed, 8)
+    plant = build_plant(known[name](_scaled_links(cell.arm, links), rng))
+    if name in SPRINGS:
+        plant = replace(plant, beyond=SPRINGS[name](plant.arm, rng))
+    return replace(cell, truth=plant)

@@ -1,8 +1,9 @@
-"""The default: joints alone, links and joints, and these with the joints' laws, averaged by evidence.
+"""The default: joints alone, links and joints, these with laws of joints or with coupled ones, averaged.
 
 All of it by two priors: links as they are expected, and softened ones, which are less of a beam.
 Where links are so stiff that the readings hardly see them, their fitted compliances are noise: joints alone
-predict better. Where joints stiffen, stick or have play, a linear model errs. Errors held out of few poses
+predict better. Where joints stiffen, stick or have play, a linear model errs; where a torque on one joint
+turns another too, the cone bends links to explain it. Errors held out of few poses
 are too noisy to tell; the evidence tells, and where it does not the mean of models errs less than a choice: a
 choice by the same evidence loses twice as often to joints alone where links are 10 or 30 times stiffer than
 the folder's. A mean of positive semi-definite matrices is one.
@@ -17,9 +18,12 @@ from testbench.errors import BenchError, Ids
 from testbench.identify.estimate import Average, Constraint, Estimate, make_estimate
 from testbench.identify.hierarchy import learn, log_evidence_alone
 from testbench.identify.metric import Metric
-from testbench.identify.regression import Regression, some_columns
+from testbench.identify.regression import Regression, f_m, places, some_columns, spread
 from testbench.identify.solve import solve
+from testbench.identify.wander import BACK, size, wandering
+from testbench.model.laws import with_ties, without_ties
 from testbench.model.laws import without_laws as linear
+from testbench.model.structure import Structure
 
 ODDS = 3.0
 """Of joints alone beforehand: links count half where the readings make them three times likelier.
@@ -33,6 +37,10 @@ BEAMS = 20.0
 """Odds of links as coupled as the prior's over softened ones beforehand. Coupled links and soft bearings have
 a tenth less error by these, and undisturbed arms of the family 1 % more, by odds of 3 5 %; coverage in the
 worst tenth rises by 1 to 3 points of all kinds (`kr500_l480`, seeds 1 to 40, 8 poses)."""
+UNTIED = 10.0
+"""Odds beforehand of joints that turn each with its own torque alone. With them coupled joints weigh less
+than `OPEN` in all of 19 arms of the family with all disturbances (`kr500_l480`, seeds 5000 to 5018, 8
+poses), and more than 1 - `OPEN` in 5 of 5 arms whose joints are coupled."""
 NEGLIGIBLE = 0.01  #: Weight below which joints alone are left out.
 ROOT = 0.5
 """Power with which odds of laws count in widths, even beforehand: of few readings Laplace's evidence is not
@@ -43,9 +51,25 @@ OPEN = 0.05  #: Probability, and weight, below which laws are left out, and abov
 def of_two_priors(r: Regression, constraint: Constraint, prior: Metric, softened: Metric) -> Estimate:
     """What is `averaged` by a prior, averaged by evidence with the same by another, with intervals.
 
+    Where the readings want links that are others in every pose, they are weighed so, see `identify.wander`.
+
     Raises:
         BenchError: When the dataset wants a common scale of a prior that is not above 0.
     """
+    found = _of_two(r, constraint, prior, softened)
+    rho = size(r, found) if r.poses else 0.0
+    if not rho:
+        return found
+    first = averaged(wandering(r, found.pi, rho), constraint, prior, widths=False)
+    rho = size(r, first, BACK)
+    if not rho:
+        return found
+    found = _of_two(wandering(r, first.pi, rho), constraint, prior, softened)
+    return replace(found, f_m=f_m(some_columns(r, found.structure), found.pi))
+
+
+def _of_two(r: Regression, constraint: Constraint, prior: Metric, softened: Metric) -> Estimate:
+    """The same of readings as they are weighed."""
     first, log_evidence = _of_prior(r, constraint, prior, widths=True)
     if log_evidence is None:
         return first
@@ -70,6 +94,8 @@ def of_two_priors(r: Regression, constraint: Constraint, prior: Metric, softened
             laws=sum(weight * own.laws for weight, own in known),
             likely=sum(weight * own.likely for weight, own in known),
             lawful=next((own.lawful for _, own in known if own.lawful is not None), None),
+            ties=sum(weight * own.ties for weight, own in known),
+            tied=next((own.tied for _, own in known if own.tied is not None), None),
             parts=parts,
         ),
     )
@@ -94,6 +120,39 @@ def _of_prior(
     r: Regression, constraint: Constraint, prior: Metric, *, widths: bool
 ) -> tuple[Estimate, float | None]:
     """The same, and its evidence; None where it tells of nothing."""
+    if not prior.ties.any():
+        return _untied(r, constraint, prior, widths=widths)
+    bare, tied = (
+        metric_of(prior, own) for own in (without_ties(prior.structure), with_ties(linear(prior.structure)))
+    )
+    mean, log_evidence = _untied(some_columns(r, bare.structure), constraint, bare, widths=widths)
+    if log_evidence is None:
+        return mean, None
+    coupled = some_columns(r, tied.structure)
+    belief = learn(coupled, tied, widths=widths)
+    assert belief.log_evidence is not None
+    odds = belief.log_evidence - log_evidence - math.log(UNTIED)
+    together, share = log_evidence + float(np.logaddexp(0, odds)), _logistic(odds)
+    if share < OPEN:
+        return mean, together
+    share = share if share < 1 - OPEN else 1.0
+    own, known = solve(coupled, constraint, belief), mean.average or Average(0.0, mean)
+    pi = share * spread(own.pi, own.structure, r.structure)
+    pi[: len(mean.pi)] += (1 - share) * mean.pi
+    found = replace(
+        make_estimate(r, pi, method=own.method, constraint=constraint),
+        belief=belief if share > 0.5 else mean.belief,
+        status=own.status if mean.status == "solved" else mean.status,
+        solver_seconds=mean.solver_seconds + own.solver_seconds,
+        average=replace(known, laws=(1 - share) * known.laws, ties=share, tied=own),
+    )
+    return found, together
+
+
+def _untied(
+    r: Regression, constraint: Constraint, prior: Metric, *, widths: bool
+) -> tuple[Estimate, float | None]:
+    """The same of joints that turn each with its own torque alone."""
     plain = without_laws(prior)
     compliances = r if plain is prior else some_columns(r, plain.structure)
     straight, log_evidence = _linear(compliances, constraint, plain, widths)
@@ -127,17 +186,18 @@ def _of_prior(
 
 def without_laws(metric: Metric) -> Metric:
     """The metric of compliances alone."""
-    keep, s = np.flatnonzero(~metric.law), metric.structure
-    if len(keep) == s.n:
-        return metric
-    own = np.flatnonzero(s.a < s.plain)
-    return Metric(
-        metric.prior,
-        linear(s),
-        metric.L[np.ix_(own, keep)],
-        metric.expected[keep],
-        tuple(size for size, kind in zip(metric.sizes, metric.kinds, strict=True) if kind < 2),
-    )
+    return metric if not metric.law.any() else metric_of(metric, linear(metric.structure))
+
+
+def metric_of(metric: Metric, structure: Structure) -> Metric:
+    """The metric of a structure without some laws, or couplings of joints, which a prior expects to be 0."""
+    own = places(structure, metric.structure)
+    row, column = metric.structure.triangles
+    wanted = set(zip(structure.a.tolist(), structure.b.tolist(), strict=True))
+    found = [pair in wanted for pair in zip(row.tolist(), column.tolist(), strict=True)]
+    keep = np.flatnonzero(found)
+    sizes = tuple(len(block) for block in structure.blocks)
+    return Metric(metric.prior, structure, metric.L[np.ix_(own, keep)], metric.expected[keep], sizes)
 
 
 def _linear(

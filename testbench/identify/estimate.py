@@ -68,6 +68,8 @@ class Average:
     laws: float = 0.0  #: Weight of the model with laws [1].
     likely: float = 0.0  #: Its probability, as widths count it [1].
     lawful: "Estimate | None" = None  #: That model; None where nobody asked for it.
+    ties: float = 0.0  #: Probability and weight of the model whose joints are coupled [1].
+    tied: "Estimate | None" = None  #: That model, without laws; None where it counts nothing.
     #: All of it by one prior and by another, and how likely each is; empty where one stands for both.
     parts: "tuple[tuple[float, Estimate], ...]" = ()
 
@@ -120,7 +122,7 @@ class Estimate(Displayed):
     @property
     def of_compliances(self) -> Regression:
         """What compliances alone were found from: the regression, without laws of joints."""
-        if self.average is None or self.average.lawful is None:
+        if self.average is None or (self.average.lawful is None and self.average.tied is None):
             return self.regression
         return self.average.whole.regression
 

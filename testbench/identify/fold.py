@@ -48,6 +48,7 @@ SORTED_RUNS = (
 BATCH = 3_000_000  #: Numbers of the equations of absolute readings that are in memory at a time.
 PANEL = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
 THREADS = 2
+FEWEST, MOST_POSES = 4, 60  #: Poses of a dataset whose rows are kept pose by pose.
 Found = TypeVar("Found")
 
 
@@ -165,7 +166,20 @@ def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regres
     if isinstance(data, Regression):
         return some_columns(data, structure)
     [parts] = reduce_parts(vjm, [structure], data, np.broadcast_to(0, data.runs))
-    return parts.together()
+    return with_poses(vjm, parts.together(), data)
+
+
+def with_poses(vjm: Vjm, regression: Regression, data: Dataset) -> Regression:
+    """What was reduced of a dataset, of links and joints with laws, with its rows pose by pose.
+
+    Of few poses nothing can be told from pose to pose; of many, and where orientations are read, nobody asks.
+    """
+    poses, part = np.unique(data.pose, return_inverse=True)
+    if not regression.structure.laws or len(regression.terms) > 1 or not FEWEST <= len(poses) <= MOST_POSES:
+        return regression
+    [parts] = reduce_parts(vjm, [regression.structure], data, part)
+    factors = parts.folded.factors
+    return replace(regression, poses=tuple(factors[at][:, parts.columns] for at in sorted(factors)))
 
 
 def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Blocks, part: Ids) -> list[Parts]:

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.cone import triangle
 from testbench.identify.evidence import (
     ALIKE,
     TAIL,
@@ -46,6 +45,9 @@ OWN = 0.5
 """Standard deviation of log w [1]. With it errors of arms with coupled links fall by 2 % in the median and by
 20 % in the best twentieth, and coverage in the worst tenth of arms of all kinds rises by 1 to 3 points;
 0.8 loses more than 5 % on a quarter of undisturbed arms (`kr500_l480`, seeds 1 to 40, 11 poses)."""
+TIE = 0.2, 0.7
+"""Median of the couplings of joints over the root of what both turn, and standard deviation of its logarithm
+[1]; they are looked for in a model of its own, which counts as its evidence says (`identify.average`)."""
 LAW = 0.5, 0.8
 """Median of the sizes of a law of the joints, and standard deviation of its logarithm [1]."""
 STRUT_LAW = 0.05, 1.5
@@ -59,19 +61,29 @@ FINEST = 1e6  #: Readings over their noise beyond which squares of them have no 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the readings say of h, (K + kinds + W + 3,): log s, factors, log w, log u, c, kappa."""
+    """What the readings say of h, (K + kinds + W + T + 3,): log s, factors, log w, log t, log u, c, kappa."""
 
     metric: Metric  #: Of the prior, in the scale of the data.
     problem: Problem  #: The readings.
-    block: Ids  #: Block of every entry of x, (n,).
-    kind: Ids  #: Of every block: 0 for the first of links and joints that there is, (K,).
-    whole: Ids  #: Blocks that are whole links, (W,).
+    shares: Array  #: Of every scale in the logarithm of the size of every entry of x, (n, K).
+    kind: Ids  #: Of every scale: 0 for the first of links and joints that there is, (K,).
+    whole: Ids  #: Scales of whole links, (W,).
+    tied: bool  #: Whether there are couplings of joints, of the size t.
     start: Array  #: The medians of all hyperparameters.
 
     @property
     def blocks(self) -> int:
-        """How many there are, K."""
+        """How many scales there are, K."""
         return len(self.kind)
+
+    @property
+    def tail(self) -> int:
+        """How many hyperparameters there are behind log w, T + 3."""
+        return 3 + self.tied
+
+    def scale(self, h: Array) -> Array:
+        """Of every entry of x, (n,) [1]."""
+        return np.asarray(np.exp(self.shares @ h[: self.blocks]))
 
 
 def evidence(regression: Regression, metric: Metric, *, alike: bool = False) -> Evidence:
@@ -90,16 +102,19 @@ def evidence(regression: Regression, metric: Metric, *, alike: bool = False) -> 
     size = math.sqrt(gram.diagonal()[:-1].max())
     if size == 0:
         raise BenchError(f"prior {metric.prior}: expected runs under load, none moves the model")
-    K, kind = len(metric.sizes), np.unique(metric.kinds, return_inverse=True)[1]
-    block = np.repeat(np.arange(K), [triangle(n) for n in metric.sizes])
-    whole = np.flatnonzero(np.array(metric.sizes) == 6)
+    shares, kinds, _ = metric.scaled
+    kind, tied = np.unique(kinds, return_inverse=True)[1], bool(metric.ties.any())
+    K, whole = len(kind), np.flatnonzero((np.array(metric.sizes) == 6) & (metric.kinds == 0))
     first = K + kind.max() + 1
-    m = first + len(whole) + 3
-    start, scale, drawn = np.zeros(m), np.eye(m)[block], np.eye(m)[np.where(metric.couplings, m - 2, m - 3)]
-    drawn[:, first : m - 3] = block[:, None] == whole
+    last = first + len(whole)
+    m = last + tied + 3
+    of_kind = np.where(metric.ties, last, np.where(metric.couplings, m - 2, m - 3))
+    start, scale, drawn = np.zeros(m), np.zeros((len(shares), m)), np.eye(m)[of_kind]
+    scale[:, :K], drawn[:, first:last] = shares, shares[:, whole]
+    start[last : last + tied] = math.log(TIE[0])
     start[-3:] = math.log(SHAPE[0]), math.log(COUPLING[0]), max(0.0, math.log(size / FINEST))
     bounds = np.array([-FURTHEST, FURTHEST])[:, None] * np.ones(m)
-    bounds[:, first : m - 3] *= not alike
+    bounds[:, first:last] *= not alike
     bounds[:, -1] = start[-1], NOISIEST
     problem = Problem(
         gram=gram[None],
@@ -108,15 +123,16 @@ def evidence(regression: Regression, metric: Metric, *, alike: bool = False) -> 
         drawn=scale + drawn,
         expected=metric.expected,
         scale=scale,
-        priors=_priors(kind, m),
+        priors=_priors(kind, m, tied),
         bounds=bounds,
     )
-    return Evidence(metric, problem, block, kind, whole, start)
+    return Evidence(metric, problem, shares, kind, whole, tied, start)
 
 
-def _priors(kind: Ids, m: int) -> tuple[Hyperprior, ...]:
+def _priors(kind: Ids, m: int, tied: bool) -> tuple[Hyperprior, ...]:
     """Densities of the hyperparameters."""
     K, one = len(kind), np.eye(m)
+    of_tie = one[m - 4 : m - 3] if tied else one[:0]
     widths = np.array([SHAPE[1], COUPLING[1], MISFIT])
     rows, medians = one[-3:] / widths[:, None], np.log([SHAPE[0], COUPLING[0], 1.0]) / widths
     if kind.any():
@@ -124,8 +140,9 @@ def _priors(kind: Ids, m: int) -> tuple[Hyperprior, ...]:
     for k in range(2, kind.max() + 1):
         median, width = _size(k)
         rows, medians = np.vstack([rows, one[K + k] / width]), np.r_[medians, math.log(median) / width]
-    own = one[K + kind.max() + 1 : -3] / OWN
-    rows, medians = np.vstack([rows, own]), np.r_[medians, np.zeros(len(own))]
+    own, tie = one[K + kind.max() + 1 : m - 3 - tied] / OWN, of_tie / TIE[1]
+    rows = np.vstack([rows, own, tie])
+    medians = np.r_[medians, np.zeros(len(own)), np.full(len(tie), math.log(TIE[0]) / TIE[1])]
     scales = (one[:K] - one[K + kind]) / ALIKE
     return Hyperprior(rows, medians, normal_density), Hyperprior(scales, np.zeros(K), student_density)
 
@@ -161,11 +178,12 @@ def learn(regression: Regression, metric: Metric, *, widths: bool = True) -> Bel
     seen = evidence(regression, metric)
     h = greatest(seen.problem, seen.start)
     u, c, kappa = np.exp(h[-3:])
-    scale, shares = np.exp(h[: seen.blocks])[seen.block], np.ones(seen.blocks)
-    shares[seen.whole] = np.exp(h[-3 - len(seen.whole) : -3])
+    shares, first = np.ones(len(metric.sizes)), len(h) - seen.tail - len(seen.whole)
+    shares[seen.whole] = np.exp(h[first : first + len(seen.whole)])
+    tie = float(np.exp(h[-4]) / kappa) if seen.tied else None
     belief = Belief(
-        metric=replace(seen.metric, L=seen.metric.L * scale),
-        strength=Strength(float(u / kappa), 0.0, float(c / kappa), tuple(shares.tolist())),
+        metric=replace(seen.metric, L=seen.metric.L * seen.scale(h)),
+        strength=Strength(float(u / kappa), 0.0, float(c / kappa), tuple(shares.tolist()), tie),
         misfit=float(kappa),
     )
     both = 0 < (metric.kinds == 1).sum() < len(metric.kinds)
@@ -181,6 +199,8 @@ def learn(regression: Regression, metric: Metric, *, widths: bool = True) -> Bel
         return belief
     root = Q / np.sqrt(values)
     moves = (seen.metric.L @ J[:, :m] @ root).T
+    if regression.wander is not None:
+        moves = np.vstack([moves, regression.wander])
     return replace(belief, moves=moves, scales=_scales(seen, h, root @ root.T))
 
 
@@ -192,6 +212,7 @@ def _log_evidence(seen: Evidence, loss: float, values: Array) -> float:
     """
     prior = seen.blocks * math.log((TAIL + 1) / TAIL / ALIKE**2) / 2
     prior -= math.log(GAP * SHAPE[1] * COUPLING[1]) + len(seen.whole) * math.log(OWN)
+    prior -= seen.tied * math.log(TIE[1])
     prior -= sum(math.log(_size(k)[1]) for k in range(2, seen.kind.max() + 1))
     return prior - loss - float(np.log(values).sum()) / 2
 
@@ -222,11 +243,12 @@ def log_evidence_alone(regression: Regression, metric: Metric) -> tuple[float, B
 def _scales(seen: Evidence, h: Array, covariance: Array) -> tuple[Scale, ...]:
     """The factor of every link or joint over others of its kind, and that of the joints over the links."""
     K, m = seen.blocks, len(h) - 1
-    own = np.flatnonzero(seen.metric.kinds < 2)
-    rows, names = np.zeros((len(own), m)), [seen.metric.names[k] for k in own]
+    _, kinds, called = seen.metric.scaled
+    own = np.flatnonzero(kinds < 2)
+    rows, names = np.zeros((len(own), m)), [called[k] for k in own]
     rows[range(len(own)), own] = 1
     rows[range(len(own)), K + seen.kind[own]] = -1
-    if len(np.unique(seen.metric.kinds[own])) > 1:
+    if len(np.unique(kinds[own])) > 1:
         rows = np.vstack([rows, (np.arange(m) == K + 1) * 1.0 - (np.arange(m) == K)])
         names.append(KIND)
     deviations = np.sqrt(np.einsum("ki,ij,kj->k", rows, covariance, rows))

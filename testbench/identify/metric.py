@@ -41,6 +41,33 @@ class Metric:
         return np.asarray((row < 6 * self.structure.links) & ~beam)
 
     @cached_property
+    def ties(self) -> Mask:
+        """Which entries of x couple joints, (n,)."""
+        row, column = self.structure.triangles
+        return np.asarray((row >= 6 * self.structure.links) & (row != column))
+
+    @cached_property
+    def scaled(self) -> tuple[Array, Ids, tuple[str, ...]]:
+        """Scales: a link's of all its entries, a joint's of its own, and of each coupling the root of two.
+
+        Returns:
+            Share of every scale in the logarithm of an entry's, (n, K), and its kind and name, K each.
+        """
+        owner = np.repeat(np.arange(len(self.sizes)), [cone.triangle(n) for n in self.sizes])
+        row, column = self.structure.triangles
+        first = np.array([block[0] for block in self.structure.blocks])
+        tied = (self.kinds == 1) & (np.array(self.sizes) > 1)
+        a, b = (np.where(tied[owner], end, first[owner]) for end in (row, column))
+        at, place = np.unique(np.r_[a, b], return_inverse=True)
+        shares = (np.eye(len(at))[place[: len(a)]] + np.eye(len(at))[place[len(a) :]]) / 2
+        block = self.structure.block_of[at]
+        names = [
+            self.structure.labels[k] if tied[own] else self.names[own]
+            for k, own in zip(at.tolist(), block.tolist(), strict=True)
+        ]
+        return shares, self.kinds[block], tuple(names)
+
+    @cached_property
     def kinds(self) -> Ids:
         """Kind of every block: 0 links, 1 joints, from 2 on the laws of joints in turn, (blocks,)."""
         first, joints = 6 * self.structure.links, self.structure.links - 1
@@ -151,6 +178,8 @@ def precision_root(metric: Metric, strength: Strength) -> tuple[Array, Array]:
     d = np.full(len(metric.expected), strength.uncertainty)
     if strength.coupling is not None:  # of a structure of whole blocks
         d[metric.couplings] = strength.coupling
+    if strength.tie is not None:
+        d[metric.ties] = strength.tie
     if strength.shares is not None:
         d = d * np.repeat(strength.shares, [cone.triangle(n) for n in metric.sizes])
     e = metric.expected / d

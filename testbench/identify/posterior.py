@@ -17,9 +17,10 @@ from testbench.errors import Array, BenchError, Ids, check_array
 from testbench.identify.conic import sensitivity_units
 from testbench.identify.estimate import Average, Estimate
 from testbench.identify.metric import Belief, precision_root
-from testbench.identify.regression import RANK_TOLERANCE
+from testbench.identify.regression import RANK_TOLERANCE, spread
 from testbench.model.laws import as_loaded, vjm_of
 from testbench.model.loaded import displacement, loaded_deflection, secant
+from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, chain, marker_points, observation
 
 UNSEEN = 1e-8
@@ -221,11 +222,31 @@ def _averaged(estimate: Estimate, average: Average) -> Posterior:
     """
     if average.parts:
         return _mixture(estimate.pi, [(p, linearise(own)) for p, own in average.parts])
-    whole, p = linearise(average.whole), average.likely
+    if average.tied is not None:
+        tied = _among(linearise(average.tied), average.tied.structure, estimate.structure)
+        if average.ties == 1:
+            return tied
+        others = [((1 - average.ties) * p, own) for p, own in _untied(average)]
+        return _mixture(estimate.pi, [(average.ties, tied), *others])
+    every = _untied(average)
+    return every[0][1] if average.likely == 1 else _mixture(estimate.pi, every)
+
+
+def _untied(average: Average) -> list[tuple[float, Posterior]]:
+    """Models whose joints are not coupled, and how likely each of them is beside the others."""
+    p = average.likely
     if average.lawful is None:
-        return _mixture(estimate.pi, [(1.0, whole)])
-    lawful = linearise(average.lawful)
-    return lawful if p == 1 else _mixture(estimate.pi, [(p, lawful), (1 - p, whole)])
+        return [(1.0, linearise(average.whole))]
+    lawful = (p, linearise(average.lawful))
+    return [lawful] if p == 1 else [lawful, (1 - p, linearise(average.whole))]
+
+
+def _among(found: Posterior, own: Structure, widest: Structure) -> Posterior:
+    """A posterior of some unknowns among those of a wider structure, the others zero."""
+    x, root, unseen, scale = (
+        spread(numbers, own, widest) for numbers in (found.x, found.root, found.unseen, found.scale)
+    )
+    return replace(found, x=x, root=root, unseen=unseen, scale=scale)
 
 
 def _mixture(pi: Array, parts: Sequence[tuple[float, Posterior]]) -> Posterior:

@@ -44,6 +44,7 @@ class Strength:
     scale_uncertainty: float = np.inf
     coupling: float | None = None  #: u of the entries that no straight beam has; None for that of all others.
     shares: tuple[float, ...] | None = None  #: What u of every block is times these [1]; None for all alike.
+    tie: float | None = None  #: u of the entries that couple joints; None for that of all others.
 
     def __post_init__(self) -> None:
         """Refuse an uncertainty out of RANGE, or one of the scale below 0, by BenchError."""

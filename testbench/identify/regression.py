@@ -5,13 +5,13 @@ stacked weighted rows: n + 1 numbers squared, however many runs there were.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import qr
 
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, Ids
 from testbench.identify.absolute.unknowns import compliances
 from testbench.identify.rows import jacobian, straight
 from testbench.model.load import Load
@@ -45,6 +45,10 @@ class Regression:
     terms: tuple[Term, ...]  #: Position term, then the rotation term where orientations are read.
     columns: Array  #: Norm of each parameter's weighted column, (n,): zero where no data touch it.
     weight: Array  #: The same of the diagonal entries of C_theta, (n_theta,) [N/m, N m/rad].
+    #: Rows [A | y] of every pose in standard deviations, (k, n + 1) each; none where nobody asks.
+    poses: tuple[Array, ...] = ()
+    #: By how much parameters wander from pose to pose, a standard deviation a row, (links, n); None for not.
+    wander: Array | None = None
 
     @cached_property
     def rank(self) -> int:
@@ -95,11 +99,25 @@ def regression_of(structure: Structure, terms: tuple[Term, ...]) -> Regression:
 
 def some_columns(regression: Regression, structure: Structure) -> Regression:
     """The same readings with fewer unknowns, all else rigid."""
-    whole = regression.structure
-    place = {pair: k for k, pair in enumerate(zip(whole.a.tolist(), whole.b.tolist(), strict=True))}
-    columns = np.array([place[pair] for pair in zip(structure.a.tolist(), structure.b.tolist(), strict=True)])
+    columns = places(structure, regression.structure)
     parts = ((triangle(np.c_[own.R[:, columns], own.z]), own) for own in regression.terms)
-    return regression_of(structure, tuple(term_of(T, own.rest, own.equations) for T, own in parts))
+    found = regression_of(structure, tuple(term_of(T, own.rest, own.equations) for T, own in parts))
+    poses = tuple(rows[:, [*columns, -1]] for rows in regression.poses)
+    wander = None if regression.wander is None else regression.wander[:, columns]
+    return replace(found, poses=poses, wander=wander)
+
+
+def places(structure: Structure, whole: Structure) -> Ids:
+    """Where the parameters of a structure stand among those of a wider one, (n,)."""
+    place = {pair: k for k, pair in enumerate(zip(whole.a.tolist(), whole.b.tolist(), strict=True))}
+    return np.array([place[pair] for pair in zip(structure.a.tolist(), structure.b.tolist(), strict=True)])
+
+
+def spread(found: Array, own: Structure, widest: Structure) -> Array:
+    """Numbers of a structure's parameters, (..., n), among those of a wider one; zero for all others."""
+    every = np.zeros((*found.shape[:-1], widest.n))
+    every[..., places(own, widest)] = found
+    return every
 
 
 def check_symmetric(structure: Structure) -> None:

@@ -37,6 +37,7 @@ PLAY, STICK = 5e-5, 3e-5  #: Half-widths of backlash and of a loop of friction o
 BESIDE = 0.3  #: Stiffness K of a compensator of size one over that of joint 2 [1].
 UNIT_SIZES = {**dict(zip(KINDS, (STIFFER, PLAY, STICK), strict=True)), STRUT: BESIDE / (1 + BESIDE)}
 """What a size of one means [1, rad, rad, 1]; of a compensator the largest share that it takes off a turn."""
+TIED = " + joints coupled"  #: End of the name of a structure with couplings between joints.
 VJMS = STRUCTURES = 32  #: How many models with laws, and structures without them, are remembered.
 
 
@@ -201,8 +202,25 @@ def with_laws(structure: Structure, arm: Arm) -> Structure:
 
 
 @lru_cache(maxsize=STRUCTURES)
+def with_ties(structure: Structure) -> Structure:
+    """A structure of single joints with couplings between all of them, its last parameters."""
+    joints = 6 * structure.links + np.arange(structure.links - 1)
+    a, b = (joints[end] for end in np.triu_indices(len(joints), 1))
+    name = structure.name + TIED * (len(a) > 0)
+    return replace(structure, name=name, a=np.append(structure.a, a), b=np.append(structure.b, b))
+
+
+@lru_cache(maxsize=STRUCTURES)
+def without_ties(structure: Structure) -> Structure:
+    """The structure without couplings between joints."""
+    keep = np.flatnonzero((structure.a < 6 * structure.links) | (structure.a == structure.b))
+    return structure if len(keep) == structure.n else structure.keep(keep, structure.name.removesuffix(TIED))
+
+
+@lru_cache(maxsize=STRUCTURES)
 def without_laws(structure: Structure) -> Structure:
-    """The structure of compliances alone, the same one for every fit: what follows from it is found once."""
+    """The structure of links, and of joints each by itself, the same one for every fit: found once."""
+    structure = without_ties(structure)
     if not structure.laws:
         return structure
     keep = np.flatnonzero(structure.a < structure.plain)

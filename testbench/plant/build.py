@@ -17,6 +17,7 @@ from testbench.arm.folder import Arm
 from testbench.arm.mesh import read_meshes
 from testbench.arm.mjcf import LENGTH, mesh_files, read_mjcf
 from testbench.errors import Array, Ids, InputError
+from testbench.plant.beyond import Beyond
 from testbench.plant.disturbance import NOMINAL, Disturbances
 from testbench.plant.elastic import elastic_mjcf, theta_names
 from testbench.plant.gear import Gears
@@ -53,11 +54,25 @@ class Plant:
     #: link before, turn about the frame's own. The model has them.
     frames: Array
     gears: Gears | None = None  #: Joint errors that depend on the pose; None for none.
+    beyond: Beyond | None = None  #: What its springs do that no matrix says; None for nothing.
 
     @property
     def hinges(self) -> Ids:
         """Address of the sprung joint beside each actuated one, (n,)."""
         return self.theta[6 * len(self.arm.links) :]
+
+    def compliance(self, q: Array) -> Array:
+        """True compliance as `C` in poses q (poses, n) [rad, m], (poses, nv, nv); C where it follows none."""
+        if self.beyond is None:
+            return self.C
+        C, hinges = self.C.copy(), self.hinges
+        if self.beyond.between is not None:
+            C[np.ix_(hinges, hinges)] += self.beyond.between
+        if self.beyond.follows is None:
+            return C
+        root = np.ones((len(q), len(C)))
+        root[:, self.theta[: 6 * len(self.arm.links)]] = self.beyond.follows.factors(q)
+        return root[:, :, None] * C * root[:, None, :]
 
 
 def compile_mjcf(path: Path, text: str) -> mujoco.MjModel:

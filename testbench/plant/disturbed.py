@@ -70,7 +70,7 @@ def _on_foundation(plant: Plant, scale: float) -> Plant:
     compliance = scale * np.array(FOUNDATION)
     model = compile_mjcf(arm.rigid, elastic_mjcf(arm, compliance))
     model.opt.gravity[:] = plant.model.opt.gravity
-    true = plant_of(arm, model)
+    true = replace(plant_of(arm, model), beyond=plant.beyond)
     soft = [model.joint(f"foundation_{axis}").dofadr[0] for axis in AXES]
     true.C[soft, soft] = compliance
     return true

@@ -47,6 +47,7 @@ class Poses:
     held: Array  #: Configuration with the actuated joints where they are held and theta = 0, (poses, nv).
     wrench: Array  #: Force and moment, world axes, (poses, 6) [N, N m].
     point: Array  #: Where it acts, in the tool's frame, (poses, 3) [m].
+    C: Array  #: Compliance, in every pose or the same in all, (poses, nv, nv) or (nv, nv).
     law: JointLaw | None = None  #: How the joints give way; None for MuJoCo's linear springs.
     strut: Strut | None = None  #: A gravity compensator.
 
@@ -55,6 +56,10 @@ class Poses:
         """Ids of the bodies that forces act on, their own weight apart."""
         tool = (self.plant.tool,) if self.wrench.any() else ()
         return tool if self.strut is None else (*tool, *self.strut.ends)
+
+    def compliance(self, some: Ids) -> Array:
+        """Of some poses, (some, nv, nv), or of all, (nv, nv)."""
+        return self.C if self.C.ndim == 2 else self.C[some]
 
 
 def settle(
@@ -92,7 +97,8 @@ def settle(
     true_q = q + plant.offset + (0.0 if plant.gears is None else gear_error(plant.gears, q))
 
     def settled(some: slice, row: Row) -> Equilibrium:
-        poses = Poses(plant, hold(plant, true_q[some]), wrench[some], point[some], law and law.of(some))
+        held, C = hold(plant, true_q[some]), plant.compliance(q[some])
+        poses = Poses(plant, held, wrench[some], point[some], C, law and law.of(some))
         if changes.compensator is not None:
             state = evaluate(row, poses.held, attached(plant))
             poses = replace(poses, strut=strut(changes.compensator, plant, state))
@@ -105,8 +111,8 @@ def _law(plant: Plant, runs: int, before: Equilibrium | None) -> JointLaw | None
     """How the joints give way, by run; None for MuJoCo's linear springs."""
     if before is not None:
         check_array(before.theta, (runs, plant.arm.n_theta), "theta before [m, rad]")
-    changes = plant.disturbances
-    if not (changes.stiffening or changes.backlash or changes.hysteresis):
+    changes, slip = plant.disturbances, None if plant.beyond is None else plant.beyond.slip
+    if not (changes.stiffening or changes.backlash or changes.hysteresis or slip is not None):
         return None
     return JointLaw(
         compliance=np.array([joint.compliance for joint in plant.arm.joints]),
@@ -114,6 +120,7 @@ def _law(plant: Plant, runs: int, before: Equilibrium | None) -> JointLaw | None
         backlash=changes.backlash,
         hysteresis=changes.hysteresis,
         before=None if before is None else before.theta[:, 6 * len(plant.arm.links) :],
+        slip=slip,
     )
 
 
@@ -174,10 +181,19 @@ def _force(poses: Poses, state: State, some: Ids) -> Array:
 
 def _deflect(poses: Poses, Q: Array, some: Ids) -> Array:
     """Deflection under a generalised force, zero at the actuated joints, (some, nv) [m, rad]."""
-    deflection, hinges = np.matvec(poses.plant.C, Q), poses.plant.hinges
+    deflection, hinges = np.matvec(poses.compliance(some), Q), poses.plant.hinges
     if poses.law:
-        deflection[:, hinges] = turn(poses.law.of(some), Q[:, hinges])
+        law = poses.law.of(some)
+        deflection[:, hinges] = turn(law, _torques(poses, law, Q[:, hinges]))
     return np.asarray(deflection)
+
+
+def _torques(poses: Poses, law: JointLaw, torque: Array) -> Array:
+    """Torques that would turn joints alone as these turn coupled ones, (..., n) [N m]."""
+    beyond = poses.plant.beyond
+    if beyond is None or beyond.between is None:
+        return torque
+    return np.asarray(torque + np.matvec(beyond.between, torque) / law.compliance)
 
 
 def _newton(poses: Poses, row: Row) -> Array:
@@ -233,9 +249,12 @@ def tangent(poses: Poses, row: Row, qpos: Array, pose: int) -> Array:
     around = np.concatenate([qpos[None], qpos + h * unit, qpos - h * unit])
     Q = _force(poses, evaluate(row, around, poses.bodies), np.full(len(around), pose))
     ahead, behind = Q[1 : len(unit) + 1], Q[len(unit) + 1 :]
-    C = poses.plant.C.copy()
+    C = poses.compliance(np.array([pose])).reshape(unit.shape).copy()
     if poses.law:
-        C[hinges, hinges] = slope(poses.law.of(slice(pose, pose + 1)), Q[:1, hinges])
+        law = poses.law.of(slice(pose, pose + 1))
+        steep = slope(law, _torques(poses, law, Q[:1, hinges]))[0]
+        C[np.ix_(hinges, hinges)] *= (steep / law.compliance)[:, None]
+        C[hinges, hinges] = steep
     return np.asarray(unit - C @ (ahead - behind).T / (2 * h))
 
 
@@ -272,7 +291,7 @@ def _displaced(plant: Plant, row: Row, q: Array, wrench: Array, point: Array) ->
     tool, markers = plant.tool, plant.markers.tolist()
     state = evaluate(row, hold(plant, q), {tool, *markers})
     at = place(state, tool, point)
-    theta = np.matvec(plant.C, generalised_force(plant, state, tool, wrench, at))
+    theta = np.matvec(plant.compliance(q), generalised_force(plant, state, tool, wrench, at))
     places = [state.position[body] + moved(plant, state, body, theta)[0] for body in (*markers, tool)]
     turned = Rotation.from_rotvec(moved(plant, state, tool, theta)[1]).as_matrix()
     return Equilibrium(

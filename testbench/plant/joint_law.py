@@ -9,6 +9,8 @@ With x = tau / k_0 the turn of a linear joint under the torque tau, three effect
   then lets it follow: theta = min(max(theta_before, y - h), y + h). This is the play operator (Krasnosel'skii
   and Pokrovskii, Systems with Hysteresis, 1989): a loop 2 h wide, whatever the load.
 
+Where friction slips bit by bit, what is left of the way beyond h counts as `testbench.plant.beyond` says.
+
 A slide has forces for torques and metres for radians.
 """
 
@@ -17,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.errors import Array, Ids
+from testbench.plant.beyond import slipped, slipping
 
 STIFFENING_ANGLE = 1e-3  #: Turn phi_ref at which a joint's stiffness has grown by the share beta [rad].
 
@@ -31,6 +34,7 @@ class JointLaw:
     hysteresis: float  #: Half-width of the loop h [rad].
     #: Turns that the joints come from, (..., n) [rad]; None where friction has been shaken off.
     before: Array | None = None
+    slip: Array | None = None  #: Largest half-width of friction that slips bit by bit, (n,) [rad].
 
     def of(self, some: Ids | slice) -> "JointLaw":
         """That of some runs."""
@@ -42,7 +46,8 @@ def turn(law: JointLaw, torque: Array) -> Array:
     target = _target(law, torque)
     if law.before is None:
         return target
-    return np.clip(law.before, target - law.hysteresis, target + law.hysteresis)
+    held = np.clip(law.before, target - law.hysteresis, target + law.hysteresis)
+    return held if law.slip is None else law.before + slipped(held - law.before, law.slip)
 
 
 def slope(law: JointLaw, torque: Array) -> Array:
@@ -53,7 +58,10 @@ def slope(law: JointLaw, torque: Array) -> Array:
     if law.backlash:
         rate += 1 - np.tanh(x / law.backlash) ** 2
     if law.before is not None:
-        rate[np.abs(law.before - phi - _play(law, x)) < law.hysteresis] = 0
+        away = phi + _play(law, x) - law.before
+        rate[np.abs(away) < law.hysteresis] = 0
+        if law.slip is not None:
+            rate *= slipping(np.maximum(np.abs(away) - law.hysteresis, 0), law.slip)
     return law.compliance * rate
 
 

@@ -13,6 +13,7 @@ from loads import hung, random_q
 from testbench.arm.folder import Compensator, load_arm
 from testbench.cli.elastic import write_elastic
 from testbench.errors import BenchError, InputError, NoEquilibrium
+from testbench.plant.beyond import Beyond, Follows
 from testbench.plant.build import build_plant, plant_of
 from testbench.plant.compensator import attached, stiffen, strut, strut_force
 from testbench.plant.disturbance import FOUNDATION, KR500_COMPENSATOR, TYPICAL, Disturbances, GeometryErrors
@@ -275,3 +276,63 @@ def test_impossible_disturbances_are_refused(build, message):
 def test_an_arm_without_link_2_has_no_compensator(single_link):
     with pytest.raises(BenchError, match="links 1 and 2, single_link has 1 links"):
         disturbed(single_link, TYPICAL)
+
+
+def with_springs(cell, **springs):
+    return replace(cell.plant, beyond=Beyond(**springs))
+
+
+def test_links_that_follow_the_pose_rest_where_an_arm_of_the_links_of_that_pose_rests(kr500, rng):
+    """Scaled along each axis by the definition, and built anew: springs of MuJoCo's own in each pose."""
+    q, links = random_q(kr500, rng, 3), len(kr500.arm.links)
+    phase = rng.uniform(-3, 3, links)
+    follows = Follows(rng.normal(0, 0.5, (links, 6)), rng.standard_normal((links, 6)), phase)
+    plant, (wrench, point) = with_springs(kr500, follows=follows), hung(kr500, 3)
+    together = settle(plant, q, wrench, point), settle_linear(plant, q, wrench, point)
+    for pose in range(3):
+        s = np.sin(follows.turns @ q[pose] + follows.phase)
+        roots = [np.diag(np.exp(own * share / 2)) for own, share in zip(s, follows.share, strict=True)]
+        scaled = [
+            replace(link, compliance=D @ link.compliance @ D)
+            for link, D in zip(kr500.arm.links, roots, strict=True)
+        ]
+        arm = build_plant(replace(kr500.arm, links=tuple(scaled)))
+        for found, find in zip(together, (settle, settle_linear), strict=True):
+            alone = find(arm, q[pose : pose + 1], wrench[:1], point[:1])
+            np.testing.assert_allclose(found.markers[pose], alone.markers[0], rtol=0, atol=1e-9)
+    stiff = settle(kr500.plant, q, wrench, point)
+    assert np.abs(together[0].markers - stiff.markers).max() > 1e-4
+
+
+@pytest.mark.parametrize("law", [{}, {"stiffening": 0.1, "backlash": 5e-5, "hysteresis": 3e-5}])
+def test_a_torque_on_a_coupled_joint_turns_the_others_by_their_whole_matrix(kr500, rng, law):
+    own = np.array([joint.compliance for joint in kr500.arm.joints])
+    between = np.zeros((6, 6))
+    between[range(1, 6), range(5)] = between[range(5), range(1, 6)] = 0.4 * np.sqrt(own[1:] * own[:-1])
+    plant = with_springs(kr500, between=between)
+    plant = replace(plant, disturbances=replace(plant.disturbances, **law))
+    (wrench, point), q = hung(kr500, 3), random_q(kr500, rng, 3)
+    before, rest = settle_pair(plant, q, wrench, point)
+    data, n = mujoco.MjData(plant.model), 6 * len(kr500.arm.links)
+    for pose in range(3):
+        data.qpos[plant.joints], data.qpos[plant.theta] = q[pose], rest.theta[pose]
+        mujoco.mj_forward(plant.model, data)
+        Q = -data.qfrc_bias
+        where = data.xpos[plant.tool] + data.xmat[plant.tool].reshape(3, 3) @ point[pose]
+        mujoco.mj_applyFT(plant.model, data, wrench[pose, :3], wrench[pose, 3:], where, plant.tool, Q)
+        linear = (np.diag(own) + between) @ Q[plant.hinges]
+        turns = JointLaw(own, *(law.values() or (0, 0, 0)), before=before.theta[pose, n:])
+        np.testing.assert_allclose(rest.theta[pose, n:], turn(turns, linear / own), rtol=0, atol=1e-9)
+
+
+def test_friction_that_slips_bit_by_bit_is_many_plays_side_by_side():
+    """The mean over plays of half widths spread evenly from 0 to H; its slope is that of its turn."""
+    H, before, h = np.array([2e-4, 1e-4, 5e-5, 4e-4]), np.array([0.0, 0.0, 2e-3, 8e-5]), 1e-3
+    law = replace(LAW, before=before, hysteresis=0.0, slip=H)
+    widths = (np.arange(20_000) + 0.5)[:, None] / 20_000 * H
+    target = turn(replace(law, before=None), TORQUE)
+    plays = np.clip(before, target - widths, target + widths)
+    np.testing.assert_allclose(turn(law, TORQUE), plays.mean(axis=0), rtol=0, atol=1e-11)
+    expected = (turn(law, TORQUE + h) - turn(law, TORQUE - h)) / (2 * h)
+    np.testing.assert_allclose(slope(law, TORQUE), expected, rtol=1e-5)
+    assert 0 < slope(law, TORQUE)[3] < slope(replace(law, before=None), TORQUE)[3]  # some of its plays move

@@ -15,6 +15,7 @@ from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
 from testbench.campaign.perturbed_prior import prior_of
 from testbench.campaign.true_arms import true_cell
+from testbench.data.dataset import select
 from testbench.identify import average, hierarchy
 from testbench.identify import posterior as posteriors
 from testbench.identify.average import averaged, of_two_priors
@@ -24,9 +25,10 @@ from testbench.identify.evidence import bends, greatest, posterior
 from testbench.identify.metric import Belief, metric, rescaled, whitened
 from testbench.identify.posterior import CURVED, Posterior, curvature, intervals, linearise
 from testbench.identify.prior import Prior, Strength, cad_prior, softened
-from testbench.identify.regression import f_m
+from testbench.identify.regression import f_m, some_columns
 from testbench.identify.solve import answer, solve
-from testbench.model.laws import with_laws
+from testbench.identify.wander import size, wandering
+from testbench.model.laws import with_laws, with_ties
 from testbench.model.loaded import displacement, loaded_deflection, secant
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import chain, observation
@@ -165,7 +167,11 @@ def seen_by(cell, campaign, structure, prior=None):
     return reduce(cell.vjm, structure, campaign.identification), metric(prior, cell.vjm, structure)
 
 
-@pytest.mark.parametrize("make", [all153, mgco68, template56, joints_only])
+def tied(arm):
+    return with_ties(all153(arm))
+
+
+@pytest.mark.parametrize("make", [all153, tied, mgco68, template56, joints_only])
 def test_slopes_and_bends_of_the_evidence_are_those_of_differences(kr500, campaign, make, rng):
     seen = hierarchy.evidence(*seen_by(kr500, campaign, make(kr500.arm)))
     h = seen.start + 0.2 * rng.standard_normal(len(seen.start))
@@ -189,7 +195,7 @@ def test_the_evidence_is_the_density_of_the_readings_under_the_prior(kr500, camp
         """Minus its logarithm, from all rows as they are, the scales at one."""
         A, y = whitened(regression, seen.metric)
         u, c, kappa = np.exp(h[-3:])
-        D = (np.where(seen.metric.couplings, c, u) * shares(seen, h)[seen.block]) ** 2
+        D = (np.where(seen.metric.couplings, c, u) * (seen.shares @ shares(seen, h))) ** 2
         S = kappa**2 * np.eye(len(y)) + A * D @ A.T
         e = y - A @ seen.metric.expected
         more = sum(t.equations / 3 * t.rest for t in regression.terms) / kappa**2 / 2
@@ -239,7 +245,7 @@ def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(
     h = greatest(seen.problem, seen.start)
 
     def estimate(h):
-        L = seen.metric.L * np.exp(h[: seen.blocks])[seen.block]
+        L = seen.metric.L * seen.scale(h)
         u, c, kappa = np.exp(h[-3:])
         own = Strength(u / kappa, 0.0, coupling=c / kappa, shares=tuple(shares(seen, h)))
         there = Belief(replace(seen.metric, L=L), own)
@@ -513,3 +519,95 @@ def test_what_no_reading_speaks_of_weighs_nothing_however_many_blocks_there_are(
     values = np.linalg.eigvalsh(bends(mute, h, at)[0][np.ix_(some, some)])
     assert at.loss == pytest.approx(0, abs=1e-9)
     assert hierarchy._log_evidence(seen, at.loss, values) == pytest.approx(0, abs=1e-9)
+
+
+def default(cell, seed):
+    """The default by the prior of the drawing, wrong as the studies have it, and its structure."""
+    [model] = with_priors(cell.arm, named_models(cell, ["ALL153"]), prior_of(cell, "scaled", seed))
+    return model.estimator, model.structure
+
+
+def test_coupled_joints_are_found_and_where_there_are_none_nothing_moves(kr500):
+    """By the true couplings of neighbours; without couplings in the structure the cone bends the fit."""
+    for kind, seed in (("tied_joints", 3), ("tubes", 1)):
+        cell = true_cell(kr500, kind, seed)
+        campaign, (method, s) = simulate(cell, SCENARIO, seed), default(kr500, seed)
+        found = method(kr500.vjm, s, campaign.identification)
+        alone = method(kr500.vjm, with_laws(all153(kr500.arm), kr500.arm), campaign.identification)
+        ours, theirs = errors(kr500, campaign, found, alone)
+        assert found.conservative
+        if kind == "tubes":
+            assert found.average is None or found.average.ties == 0
+            assert ours == pytest.approx(theirs, rel=1e-6)
+            continue
+        assert found.average.ties > 0.95
+        assert ours < 0.6 * theirs
+        true = cell.plant.compliance(campaign.truth.q)[np.ix_(cell.plant.hinges, cell.plant.hinges)]
+        own = found.C_theta[42:48, 42:48]
+        (a, b), scale = (np.arange(1, 5), np.arange(2, 6)), np.sqrt(np.diag(true))  # no weight turns joint 1
+        far = (own - true)[a, b] / (scale[a] * scale[b])
+        assert np.abs(far).max() < 0.2 < np.abs(true[a, b] / (scale[a] * scale[b])).min() + 1e-9
+        [said] = of_average(found.average)
+        assert said == "the evidence is for joints that are coupled with each other"
+
+
+def test_a_mean_with_coupled_joints_has_the_covariance_of_the_mixture(kr500, campaign):
+    method, s = default(kr500, 3)
+    regression = reduce(kr500.vjm, s, campaign.identification)
+    first = averaged(regression, "psd", metric(method.prior, kr500.vjm, s), widths=True)
+    own = first.average.whole if first.average is not None else first
+    r = some_columns(regression, tied(kr500.arm))
+    coupled = solve(r, "psd", hierarchy.learn(r, metric(method.prior, kr500.vjm, r.structure)))
+    n, at = s.n, np.r_[np.arange(153), s.n - 15 + np.arange(15)]
+    pi = np.zeros(n)
+    pi[at] = 0.3 * coupled.pi
+    pi[:153] += 0.7 * own.pi
+    average = Average(0.0, own, ties=0.3, tied=coupled)
+    mean = replace(own, regression=regression, pi=pi, C_theta=s.matrix(pi), average=average)
+    rows = np.random.default_rng(0).standard_normal((5, n)) * regression.columns
+    parts = ((0.3, coupled, rows[:, at]), (0.7, own, rows[:, :153]))
+    each = [w * (linearise(e).deviations(a) ** 2 + (a @ e.pi - rows @ pi) ** 2) for w, e, a in parts]
+    np.testing.assert_allclose(linearise(mean).deviations(rows) ** 2, sum(each), rtol=1e-9)
+
+
+def test_links_that_are_others_in_every_pose_weigh_readings_by_their_covariance(kr500, campaign):
+    """By the density of the readings of every pose, dense; the same unknowns, moments and size as by rows."""
+    _, s = default(kr500, 3)
+    regression, rho = reduce(kr500.vjm, s, campaign.identification), 0.2
+    data, pi = campaign.identification, cad_prior(kr500.arm).C_theta[s.a[:147], s.b[:147]]
+    weighed = wandering(regression, pi, rho)
+    H = np.zeros((s.n + 1, s.n + 1))
+    link = s.a // 6
+    for pose in np.unique(data.pose):
+        [term] = reduce(kr500.vjm, s, select(data, data.pose == pose)).terms
+        rows = math.sqrt(term.equations / 3) * np.c_[term.R, term.z]
+        each = [rows[:, :-1][:, link == k] @ pi[link[:147] == k] for k in range(7)]
+        S = np.eye(len(rows)) + rho**2 * sum(np.outer(a, a) for a in each)
+        H += rows.T @ np.linalg.solve(S, rows)
+        H[-1, -1] += term.equations / 3 * term.rest
+    A, y = weighed.rows
+    found = np.c_[A, y].T @ np.c_[A, y]
+    found[-1, -1] += sum(t.equations / 3 * t.rest for t in weighed.terms)
+    norm = np.sqrt(np.diag(H)) + (np.diag(H) == 0)
+    np.testing.assert_allclose(found / norm / norm[:, None], H / norm / norm[:, None], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(weighed.wander[3, link == 3], rho * pi[link[:147] == 3])
+
+
+def test_links_that_follow_the_pose_widen_intervals_and_others_are_left_alone(kr500):
+    for kind, seed in (("following_50", 1), ("tubes", 1)):
+        campaign, (method, s) = simulate(true_cell(kr500, kind, seed), SCENARIO, seed), default(kr500, seed)
+        regression = reduce(kr500.vjm, s, campaign.identification)
+        plain = method.of(kr500.vjm, replace(regression, poses=()))
+        found = method.of(kr500.vjm, regression)
+        if kind == "tubes":
+            assert size(regression, plain) == 0
+            np.testing.assert_array_equal(found.pi, plain.pi)
+            continue
+        assert size(regression, plain) > 0
+        covered = []
+        for estimate in (plain, found):
+            told = intervals(kr500.vjm, estimate, campaign.truth)
+            inside = np.abs(told.centre - campaign.truth.deflection) <= (told.upper - told.lower) / 2
+            covered.append(inside.mean())
+        assert covered[1] > 0.85
+        assert found.f_m == pytest.approx(f_m(some_columns(regression, found.structure), found.pi))
