@@ -20,6 +20,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate
 from testbench.identify.estimate import make_estimate
+from testbench.identify.evaluate import deflections
 from testbench.identify.fold import reduce
 from testbench.identify.prior import Prior
 from testbench.model.structure import Structure, all153
@@ -29,6 +30,8 @@ FLAG = "--estimator"
 FORM = "[NAME=]FILE.py:function or [NAME=]module:function"
 ASKED = re.compile(r"(?:(?P<name>[^=:/]*)=)?(?P<source>[^:]+):(?P<function>[^\W\d]\w*)")
 NAME = re.compile(r"[^\W\d][\w-]{0,39}")
+MOST = 1.0
+"""Largest compliance and covariance of an answer [SI]: no arm gives way by a metre under a newton."""
 MODULE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
 
 
@@ -141,21 +144,40 @@ class Hired:
         """Its answer, judged as every estimate is; BenchError where it has none."""
         pi = parameters(structure, ask(self.link, self.own, (vjm, structure, data, self.prior)).found)
         words = f"own estimator {self.own.function}"
-        return make_estimate(reduce(vjm, structure, data), pi, method=words, constraint="own")
+        estimate = make_estimate(reduce(vjm, structure, data), pi, method=words, constraint="own")
+        check_reach(deflections(vjm, estimate, data), vjm)
+        return estimate
+
+
+def check_reach(moved: Array, vjm: Vjm) -> None:
+    """Refuse predictions that no arm can have.
+
+    Args:
+        moved: Predicted deflections, (runs, m, 3) [m].
+        vjm: The arm.
+
+    Raises:
+        BenchError: When one is no number, or longer than the arm reaches.
+    """
+    most = np.linalg.norm(moved, axis=-1).max()
+    if not most <= vjm.reach:
+        raise BenchError(f"predicts a deflection of {most:,.0f} m: the arm reaches {vjm.reach:.3g} m")
 
 
 def parameters(structure: Structure, found: Array) -> Array:
     """Parameters (n,) of an answer: they, or compliances (n_theta, n_theta).
 
     Raises:
-        BenchError: When it has another shape, is not finite, or its compliances are not symmetric or have
-            entries that are no unknowns.
+        BenchError: When it has another shape, has a number that no arm can have, or its compliances are not
+            symmetric or have entries that are no unknowns.
     """
     n, size = structure.n, structure.n_theta
     if found.shape not in ((n,), (size, size)):
         raise BenchError(f"wrong shape: expected ({n},) or ({size}, {size}), got {found.shape}")
     if not np.isfinite(found).all():
         raise BenchError("expected finite numbers, got NaN or infinity")
+    if np.abs(found).max() > MOST:
+        raise BenchError(f"expected compliances of at most {MOST:g} in SI units, got a larger one")
     if found.ndim == 1:
         return found
     scale = eigenvalue_scale(found)

@@ -35,8 +35,10 @@ from testbench.trials.local import ONE_THREAD, started
 SIZE = Path("/proc/self/statm")  #: Begins with the memory that a process has, in pages.
 FILE = 2**24  #: Largest file [byte].
 CREATE, RESTRICT = 444, 446  #: Landlock's system calls.
-NO_NEW_PRIVILEGES = 38
-"""What `prctl` is asked for: without it Landlock refuses all but root."""
+NO_NEW_PRIVILEGES, SUBREAPER = 38, 36
+"""What `prctl` is asked for: without the first Landlock refuses all but root; by the second who loses its
+parent becomes a child of this process."""
+CHILDREN = "/proc/self/task/{}/children"  #: Of a thread; there on Linux.
 FILES = {1: 1 << 1 | sum(1 << k for k in range(4, 13)), 2: 1 << 13, 3: 1 << 14}
 """To write, remove and make anything; to link across folders; to truncate: from which version on."""
 NETWORK, SCOPED = {4: 0b11}, {6: 0b11}
@@ -159,12 +161,32 @@ def _asked(link: Connection, own: Own, given: Given | None) -> tuple[bytes, floa
 def main() -> None:
     """Answer until nobody asks. The link is the standard output; what others print goes to the error."""
     sys.dont_write_bytecode = True  # nothing is left beside the file
+    if SIZE.exists():
+        ctypes.CDLL(None).prctl(SUBREAPER, 1, 0, 0, 0)
+    kept = _children()  # who ends this process with its parent
     with Connection(os.dup(1)) as link, suppress(EOFError, ConnectionError):
         os.dup2(2, 1)
         while True:
             own, given = link.recv()
-            for part in _apart(link, own, given):
+            parts = _apart(link, own, given)
+            _end(kept)
+            for part in parts:
                 link.send_bytes(part)
+
+
+def _children() -> set[int]:
+    """Processes whose parent is this one; none where the system does not list them."""
+    listed = Path(CHILDREN.format(os.getpid()))
+    return set(map(int, listed.read_text().split())) if listed.exists() else set()
+
+
+def _end(kept: set[int]) -> None:
+    """Kill what a call left: its orphans are children of this process, and theirs when these are gone."""
+    while left := _children() - kept:
+        for pid in left:
+            os.kill(pid, signal.SIGKILL)
+        for pid in left:
+            os.waitpid(pid, 0)
 
 
 def _apart(link: Connection, own: Own, given: Given | None) -> tuple[bytes, bytes]:

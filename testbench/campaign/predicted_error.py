@@ -122,15 +122,51 @@ def unshown(plan: Plan, share: float) -> Unshown | None:
     closed = np.flatnonzero(needed & ~shown)
     if not len(closed):
         return None
+    names, (able, best) = [joint.name for joint in vjm.arm.joints], _pull(plan, closed)
+    force = None if best is None else best.wrench[:3].tolist()
+    return Unshown([names[k] for k in closed], [names[k] for k in able], force)
+
+
+@dataclass(frozen=True)
+class Unloaded:
+    """Joints that no load of a plan turns, a force that does, and how well its deflection is predicted."""
+
+    joints: list[str]
+    force_N: list[float] | None  #: About as strong as the first load; None where no force turns them.
+    error_mm: float | None  #: Expected at the tasks under that force, RMS; None without a bound [mm].
+
+
+def unloaded(plan: Plan, prior: Prior) -> Unloaded | None:
+    """Which joints no load turns in any pose of a plan, and what that costs; None where all are turned.
+
+    Args:
+        plan: Poses and loads, and the tasks.
+        prior: Compliances of the arm's folder.
+    """
+    spec = plan.specification
+    vjm, names = spec.experiment.vjm, [joint.name for joint in spec.experiment.vjm.arm.joints]
+    closed = np.flatnonzero(~_turned(_torques(vjm, plan.q, loads_of(spec, plan.load))))
+    if not len(closed):
+        return None
+    _, pull = _pull(plan, closed)
+    if pull is None:
+        return Unloaded([names[k] for k in closed], None, None)
+    error = error_on(fitted(spec, prior, plan.q, plan.load), spec.tasks.q, pull)
+    mm = float(MM * np.sqrt(np.square(error).mean()))
+    return Unloaded([names[k] for k in closed], pull.wrench[:3].tolist(), mm if math.isfinite(mm) else None)
+
+
+def _pull(plan: Plan, closed: Ids) -> tuple[Ids, Load | None]:
+    """Which of some joints forces along the world's axes turn; the one that turns them most, if any."""
+    spec = plan.specification
+    vjm = spec.experiment.vjm
     size = first_digit(float(np.linalg.norm(spec.loads[0].wrench[:3])))
     pulls = [Load(np.append(force, np.zeros(3)), vjm.load) for force in size * np.eye(3)]
     torques = np.stack([_torques(vjm, plan.q, pull) for pull in pulls])  # (3, n, poses)
-    names = [joint.name for joint in vjm.arm.joints]
-    able = closed[_turned(torques.transpose(1, 0, 2).reshape(len(names), -1))[closed]]
+    able = closed[_turned(torques.transpose(1, 0, 2).reshape(vjm.arm.n_joints, -1))[closed]]
     if not len(able):
-        return Unshown([names[k] for k in closed], [], None)
-    best = pulls[int((torques[:, able] ** 2).mean(axis=2).min(axis=1).argmax())]
-    return Unshown([names[k] for k in closed], [names[k] for k in able], best.wrench[:3].tolist())
+        return able, None
+    return able, pulls[int((torques[:, able] ** 2).mean(axis=2).min(axis=1).argmax())]
 
 
 def _torques(vjm: Vjm, q: Array, load: Load) -> Array:

@@ -8,7 +8,17 @@ import numpy as np
 from testbench import files
 from testbench.campaign.campaign import Cell
 from testbench.campaign.program import CorrectedProgram, more_columns
-from testbench.commands.compensate_drawn import AFTER, BEFORE, LOOKS, badge_of, numbers, seen, within
+from testbench.commands.compensate_drawn import (
+    AFTER,
+    EXPECTED,
+    LOOKS,
+    SURE,
+    WITHIN,
+    badge_of,
+    numbers,
+    seen,
+    within,
+)
 from testbench.data.motion import CSV, WRITERS, write_moves
 from testbench.data.write import write_program
 from testbench.output.whole import whole_file
@@ -82,16 +92,16 @@ def _answer(f: Row) -> Iterator[str]:
         yield say(
             "{off}; {there}, nothing bounds the error at {unseen:counted point}.", f, off=off, there=there
         )
-    elif f.harmful:
-        yield say("{off}; {there} it is within {half_95_mm.median:.3f} mm (95 %).", f, off=off, there=there)
     else:
-        yield say("{off}, {before_mm.max:.3f} mm at most.", f, off=off)
+        yield say("{off}, within {before_most_mm.median:.3f} mm (95 %).", f, off=off)
         yield say(
-            "{there} it is within {half_95_mm.median:.3f} mm (median), {half_95_mm.max:.3f} mm at most: "
+            "{there} it is within {most_mm.median:.3f} mm (median), {most_mm.max:.3f} mm at most: "
             "95 % intervals along each axis.",
             f,
             there=capital(there),
         )
+        if f.chance < SURE:
+            yield "The correction is smaller than what is not known: it helps on average, not at every point."
 
 
 def _claims(f: Row) -> Iterator[Markdown]:
@@ -162,13 +172,17 @@ def _order(row: Row, *, judged: bool) -> tuple[bool, float]:
 
 def _tables(f: Row) -> dict[str, Table]:
     """How far the tool is off, and the points that are not corrected, then those of the largest error."""
-    errors = {BEFORE: f.before_mm, AFTER: f.half_95_mm}
+    errors = {WITHIN: f.before_most_mm, AFTER: f.most_mm}
+    if f.most_mm is None:
+        errors = {EXPECTED: f.before_mm, AFTER: None}
     off = [
         Row({f"{key}_mm": mm for key, mm in (own or {}).items()}, what=name) for name, own in errors.items()
     ]
     sizes_of = columns(f"what median_mm {'p95_mm' if f.loaded >= ENOUGH else ''} max_mm")
     turn, reason = "turn_left_mrad" if f.turned else "", "reason" if f.corrected < f.points else ""
-    points = columns(f"line label before_mm half_95_mm {'verdict' if f.tolerance else ''} {turn} {reason}")
+    points = columns(
+        f"line label before_mm before_most_mm most_mm {'verdict' if f.tolerance else ''} {turn} {reason}"
+    )
     worst = sorted(f.rows, key=lambda row: _order(row, judged=bool(f.tolerance)))[:MOST_ROWS]
     return {
         "sizes": Table(sizes_of, off, "How far the loaded tool is off", headline="median_mm", looks=LOOKS),

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+from scipy.special import ndtr
 
 from testbench.campaign.campaign import Cell
 from testbench.campaign.program import CorrectedProgram, extrapolated
@@ -14,6 +15,7 @@ from testbench.correct.beyond import extent
 from testbench.correct.rest import rest
 from testbench.data.program import unread
 from testbench.errors import Array, Ids
+from testbench.identify.posterior import CONFIDENCE, quantile
 from testbench.model.vjm import turns
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.badge import Badge, decide
@@ -28,8 +30,12 @@ FITTED, MOST = 4, 200  #: Points to which a frame is fitted at least, and at mos
 SUDDEN = 0.2  #: Change of a force over its size that is sudden [1].
 TURNED = 1e-2  #: A turn that is left counts from here [mrad].
 BEFORE, CORRECTED = "uncorrected program", "corrected program"
+WITHIN, EXPECTED = f"{BEFORE}, within (95 %)", f"{BEFORE}, expected"
 AFTER = f"{CORRECTED}, within (95 %)"
-LOOKS = {BEFORE: Look(MEASURED, 1, prior=True), AFTER: Look(GCO, 0, prior=True)}
+LOOKS = {name: Look(MEASURED, 1, prior=True) for name in (EXPECTED, WITHIN)} | {
+    AFTER: Look(GCO, 0, prior=True)
+}
+SURE = 0.95  #: Chance that the median point gets better from which on the correction is sure to help [1].
 
 
 def numbers(found: CorrectedProgram, tolerance_mm: float | None = None) -> Row:
@@ -43,6 +49,7 @@ def numbers(found: CorrectedProgram, tolerance_mm: float | None = None) -> Row:
     absolute = model.absolute and own.asked == "drawn"
     held = (own.held & own.corrected[:, None]).sum(axis=0)
     before_mm, half_mm = sizes(before), None if unseen else sizes(half)
+    most = [[row[key] for row in loaded or points] for key in ("before_most_mm", "most_mm")]
     return Row(
         program=program.path.name,
         arm=model.arm.name,
@@ -55,7 +62,10 @@ def numbers(found: CorrectedProgram, tolerance_mm: float | None = None) -> Row:
         force_n=[float(force.min()), float(force.max())],
         before_mm=before_mm,
         half_95_mm=half_mm,
-        harmful=bool(loaded) and (half_mm is None or half_mm.median >= before_mm.median),
+        before_most_mm=None if unseen else sizes(most[0]),
+        most_mm=None if unseen else sizes(most[1]),
+        chance=None if unseen or not loaded else float(np.median(_chances(before, half))),
+        harmful=bool(loaded) and half_mm is None,
         half_fitted_mm=_fitted(found) if absolute else None,
         loaded=len(loaded),
         unseen=unseen,
@@ -72,6 +82,20 @@ def numbers(found: CorrectedProgram, tolerance_mm: float | None = None) -> Row:
     )
 
 
+def _chances(before: Sequence[float], half: Sequence[float]) -> Array:
+    """Chance that a point gets better by its correction, at least (n,) [1].
+
+    The true error e along the correction b is normal around it, its deviation s at most: |e - b| < |e| where
+    e > b / 2.
+
+    Args:
+        before: Length of what is corrected, (n,) [mm].
+        half: Half width of the 95 % interval along the worst axis, (n,) [mm].
+    """
+    with np.errstate(divide="ignore"):  # what has no error at all is sure
+        return np.asarray(ndtr(quantile(np.inf, (1 + CONFIDENCE) / 2) * np.divide(before, half) / 2))
+
+
 def _kept(points: Sequence[Row], mm: float) -> Row:
     """How many points keep a tolerance, corrected and as programmed, their intervals counted."""
     before = [row.half_95_mm is not None and row.before_mm + row.half_95_mm <= mm for row in points]
@@ -82,6 +106,7 @@ def _points(found: CorrectedProgram, tolerance_mm: float | None) -> list[Row]:
     """A row a point: `half_95_mm` along its worst axis, None if nothing bounds it; corrections in deg, mm.
 
     `most_mm` is what the model leaves and that half width: a point within a tolerance passes.
+    `before_most_mm` is the same of the program as it is.
     """
     own, program, reasons = found.found, found.program, found.reasons
     arm = found.model.arm
@@ -99,6 +124,7 @@ def _points(found: CorrectedProgram, tolerance_mm: float | None) -> list[Row]:
             half_95_mm=finite(half[k]),
             after_mm=float(after[k]),
             most_mm=finite(after[k] + half[k]),
+            before_most_mm=finite(before[k] + half[k]),
             verdict=verdicts[k],
             correction=correction[k].tolist(),
             turn_left_mrad=float(MRAD * np.linalg.norm(own.turned[k])),
@@ -154,17 +180,20 @@ def _fitted(found: CorrectedProgram) -> Row | None:
 
 
 def badge_of(f: Row) -> Badge | None:
-    """What the correction leaves at most beside what it corrects, over the points where something acts."""
+    """How far off the tool is at most, corrected and not, over the points where something acts."""
     loaded = [row for row in f.rows if row.before_mm > 0]
     if not loaded:
         return None
-    before, half = (
-        np.array([row[key] for row in loaded], dtype=float) for key in ("before_mm", "half_95_mm")
+    before, after = (
+        np.array([row[key] for row in loaded], dtype=float) for key in ("before_most_mm", "most_mm")
     )
     why = "the model does not know enough to promise an improvement" if f.harmful else ""
     if not why and f.tolerance and f.tolerance.failed:
         why = f"{counted(f.tolerance.failed, 'point')} may be off by more than {f.tolerance.mm:g} mm"
-    return replace(decide((CORRECTED, half), (BEFORE, before), "point", why), what="promised error")
+    own = replace(decide((CORRECTED, after), (BEFORE, before), "point", why), what="95 % bound")
+    if own.verdict == "holds" and f.chance < SURE:
+        return replace(own, verdict="likely", chance=f.chance)
+    return own
 
 
 def within(half: float | None) -> str:
@@ -183,13 +212,11 @@ def seen(cell: Cell, found: CorrectedProgram, said: Report) -> Seen:
     points = said.numbers["rows"]
     some = picked(np.linalg.norm(found.found.before, axis=1), np.arange(len(points)), far=1)
     rows = [points[k] for k in some]
-    before, half, after = (
-        np.array([row[key] for row in rows], dtype=float) for key in ("before_mm", "half_95_mm", "after_mm")
-    )
-    errors = [
-        Line(BEFORE, LOOKS[BEFORE], before, (np.maximum(before - half, 0), before + half)),
-        Line(AFTER, LOOKS[AFTER], after + half),  # the solver's own residual is no success
-    ]
+    keys = {EXPECTED: "before_mm", WITHIN: "before_most_mm", AFTER: "most_mm"}
+    values = {name: np.array([row[key] for row in rows], dtype=float) for name, key in keys.items()}
+    bounded = np.isfinite(values[AFTER]).any()  # bound beside bound: the solver's residual is no success
+    shown = (WITHIN, AFTER) if bounded else (EXPECTED, AFTER)
+    errors = [Line(name, LOOKS[name], values[name]) for name in shown]
     tolerance = said.numbers["tolerance"]
     note, labels = of_all(len(some), len(points), "points"), [row.label for row in rows]
     off = "How far the loaded tool is off at each point (mm)"

@@ -21,7 +21,7 @@ from testbench.identify.prior import Strength, cad_prior
 from testbench.model.laws import STRUT
 from testbench.model.load import Load
 from testbench.model.vjm import tool_pose
-from testbench.report.badge import FEWEST, Badge, decide, incumbents
+from testbench.report.badge import FEWEST, Badge, beside_all, incumbents
 from testbench.report.table import Row, find
 
 PLACES = 200  #: Poses over the workspace.
@@ -104,14 +104,11 @@ def _badge(found: Identified, left: Mapping[str, Array]) -> Badge | None:
         rms = {name: MM * np.sqrt((own[held] ** 2).sum(axis=(1, 2)) / count) for name, own in left.items()}
         each = "run held out"
     rivals = [name for name in incumbents(found.fits.models, taken) if name in rms]
-    if not rivals:
-        return None
-    rival = min(rivals, key=lambda name: float((rms[name] ** 2).sum()))
     wrong = any(doubt.name != "prior" for doubt in found.fits.doubts)
     why = "first look at the runs, see the doubt" if wrong else ""
-    own = decide((taken, rms[taken]), (rival, rms[rival]), each, why)
-    if own.interval is None and own.factor and own.winner != taken:  # all readings chose it, a few do not
-        return replace(own, winner=taken, rival=rival, factor=1 / own.factor)
+    own = beside_all(taken, {name: (rms[taken], rms[name], None) for name in rivals}, each, why)
+    if own and own.interval is None and own.factor and own.winner != taken:  # all readings chose it, not few
+        return replace(own, winner=taken, rival=own.winner, factor=1 / own.factor)
     return own
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.campaign.plan import Planned
 from testbench.campaign.plan_settings import pull_words
+from testbench.campaign.predicted_error import Unloaded
 from testbench.commands.plan_drawn import seen, write_poses, write_tasks
 from testbench.commands.plan_numbers import CURVE, spread_rows
 from testbench.report.columns import columns
@@ -83,6 +84,8 @@ def _answer(f: Row) -> Iterator[str]:
         f,
         all=math.hypot(f.error_mm.expected, f.beyond_mm) if f.absolute else 0.0,
     )
+    if u := f.get("unloaded"):
+        yield _unloaded(u, f.error_mm.expected)
     chance, own = f.random_plans, f.random_plans.get("planned_mm", f.error_mm.expected)
     certified = "" if f.given else "; this plan is at least {percent} % efficient{by}"
     same = math.isclose(own, f.error_mm.expected, rel_tol=0.01)
@@ -97,6 +100,21 @@ def _answer(f: Row) -> Iterator[str]:
         median=_bound(chance.median_mm),
         percent=math.floor(100 * f.certificate.efficiency),
         by="" if f.criterion == ("I" if f.absolute else "test") else f" by criterion {f.criterion}",
+    )
+
+
+def _unloaded(u: Unloaded, expected_mm: float) -> Markdown:
+    """Which joints no load of the plan turns, and what that costs beside the error at the tasks."""
+    depends = "what depends on {it} rests on the prior alone"
+    if u.force_N is not None:
+        axis = int(np.argmax(np.abs(u.force_N)))
+        force = f"a force of {abs(u.force_N[axis]):g} N along {'xyz'[axis]}"
+        known = "without a bound" if u.error_mm is None else f"to {u.error_mm:.3f} mm"
+        depends = f"{force} at the tasks, which turns {{it}}, is predicted {known}, not {expected_mm:.3f} mm"
+    return say(
+        f"No load of this plan turns {{joints:list}}: {depends}.",
+        joints=u.joints,
+        it="it" if len(u.joints) == 1 else "them",
     )
 
 

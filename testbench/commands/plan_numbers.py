@@ -19,6 +19,7 @@ from testbench.campaign.predicted_error import (
     half_widths,
     joints_alone,
     overall,
+    unloaded,
     unshown,
     within,
 )
@@ -123,6 +124,7 @@ def _pairs(made: Planned) -> Row:
         map=error_map(cell, plan, around),
         open_laws=open_laws(plan, prior),
         unshown=unshown(plan, hidden / (MM * made.forecast.overall)),
+        unloaded=unloaded(plan, prior),
     )
 
 

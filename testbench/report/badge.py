@@ -1,21 +1,20 @@
 """One badge a run: who wins beside the strongest rival of its class, by how much, and whether that holds."""
 
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from testbench.campaign.models import JOINTS, WITHOUT_CONE
+from testbench.campaign.models import JOINTS
 from testbench.errors import Array
-from testbench.report.table import MODEL, Row, Trials, aligned
-from testbench.trials.spread import TAIL, median_interval
+from testbench.report.table import MODEL, Row, Trials, aligned, shared
+from testbench.trials.spread import DRAWS, TAIL, Cells, median_interval
 from testbench.views.gains import ratio
-from testbench.views.markdown import Markdown, as_markdown, counted
+from testbench.views.markdown import Markdown, as_markdown, counted, listed
 from testbench.views.schema import ALIKE
 
 FEWEST = 6  #: Pairs from which on a sign test can tell at 95 %: five agree in 1 of 16 by chance.
-DRAWS = 2000  #: Of a bootstrap.
 BLOCKS = 500  #: Most that it draws from: of more poses or readings those side by side are one.
 MOST = 1000.0  #: Errors below the largest one over this are rounding.
 PLACES = "place_mm"  #: Column of errors pose by pose in the rows of a first trial.
@@ -23,7 +22,7 @@ POSES = "pose of one arm"  #: What is counted where a run has one trial.
 
 LEAST_SQUARES = ("none", "ridge", "clipped")  #: What methods ask that are incumbents.
 
-Verdict = Literal["holds", "tie", "too few", "do not use"]
+Verdict = Literal["holds", "likely", "tie", "too few", "do not use"]
 
 
 @dataclass(frozen=True)
@@ -40,6 +39,9 @@ class Badge:
     what: str = "error"  #: What is compared.
     why: str = ""  #: What speaks against the winner, whatever its error is.
     exact: bool = False  #: Whether the winner's errors are rounding: the factor is then a lower bound.
+    ties: tuple[str, ...] = ()  #: All that tie with ours, the rival among them where it does.
+    chance: float | None = None  #: That a pair gets better by the winner, where that is not sure [1].
+    trials: int = 0  #: Trials that pairs share; 0 where each pair is of its own.
 
     @property
     def words(self) -> Markdown:
@@ -55,19 +57,27 @@ class Badge:
         size = f"the {self.what} of {winner} is {shown} times {side}"
         times = f"{size} than that of {rival}"
         first, _, of = self.each.partition(" ")
-        pairs = " ".join(filter(None, [counted(self.n, first), of]))
+        shared = f"from {counted(self.trials, 'trial')}" if self.trials else ""
+        pairs = " ".join(filter(None, [counted(self.n, first), of, shared]))
+        takes = f"it takes {FEWEST}{' trials' if self.trials else ''}"
         if self.interval is None and abs(self.factor - 1) <= ALIKE:
-            return Markdown(f"Too few: {winner} and {rival} err the same in {pairs}; it takes {FEWEST}.")
+            return Markdown(f"Too few: {winner} and {rival} err the same in {pairs}; {takes}.")
         if self.interval is None:
-            return Markdown(f"Too few: {times} in {pairs}; to judge it takes {FEWEST}.")
+            return Markdown(f"Too few: {times} in {pairs}; to judge {takes}.")
         low, high = self.interval
+        tied = as_markdown(listed([*self.ties]))
         seen = pairs if self.exact else f"{pairs}, 95 % interval {{}} to {{}}"
         if self.verdict == "tie":
-            over = f"{self.what} of {rival} over that of {winner} {self.factor:.2f}"
             near = "" if low <= 1 <= high else f", within {100 * ALIKE:g} %"
-            return Markdown(f"Tie{near}: {over} ({seen.format(f'{low:.2f}', f'{high:.2f}')}).")
+            of = "" if len(self.ties) < 2 else f" of {rival} to {winner}"
+            told = f"{self.what} ratio{of} {self.factor:.2f}, {seen.format(f'{low:.2f}', f'{high:.2f}')}"
+            return Markdown(f"Tie{near}: {winner} ties with {tied} ({told}).")
+        if self.chance is not None:
+            sure = f"a {first} gets better with {100 * self.chance:.0f} % chance"
+            return Markdown(f"Likely: {times}; {sure} (median of {pairs}).")
         head = f"Holds: {times}" if self.verdict == "holds" else f"Do not use {rival}: {size}"
-        return Markdown(f"{head} ({seen.format(ratio(low), ratio(high))}).")
+        also = f"; {winner} ties with {tied}" if tied else ""
+        return Markdown(f"{head} ({seen.format(ratio(low), ratio(high))}){also}.")
 
     def json(self) -> dict[str, object]:
         """For report.json, where scripts read it."""
@@ -79,30 +89,35 @@ def decide(
     theirs: tuple[str, Sequence[float] | Array],
     each: str = "trial",
     why: str = "",
+    trials: Cells | None = None,
 ) -> Badge:
     """Two in the same trials, by name and errors, both (n,).
 
-    Of trials the factor is the median of their ratios, its interval that of the sign test. Of poses, runs or
-    points of one trial it is the ratio of the RMS errors that tables show, by a bootstrap over them.
+    Of trials the factor is the median of their ratios, its interval that of the sign test, or by trial where
+    several cases share one. Of poses, runs or points of one trial it is the ratio of the RMS errors that
+    tables show, by a bootstrap over them.
 
     Args:
         ours: What is asked about; it stays the winner of a tie, of too few pairs that of less error.
         theirs: Its rival.
         each: What a pair is; "trial" or "case" of several, all else is of one.
         why: What speaks against ours, whatever the errors are.
+        trials: Labels of the trials, (n,), where several cases share one.
     """
     a, b = (np.asarray(errors, dtype=float) for _, errors in (ours, theirs))
     known = np.isfinite(a) & np.isfinite(b)
     a, b = a[known], b[known]
+    own = None if trials is None else np.asarray(trials)[known]
     if not len(a):
         return Badge(ours[0], theirs[0], None, None, 0, "do not use" if why else "too few", each, why=why)
     least = max(a.max(), b.max()) / MOST or 1.0  # nothing over nothing is 1
     exact = bool(min(a.max(), b.max()) <= least < max(a.max(), b.max()))
     a, b = np.maximum(a, least), np.maximum(b, least)
     factor, ends = _of_one(a, b)
-    if each.partition(" ")[0] in ("trial", "case"):
-        factor, ends = float(np.median(b / a)), median_interval(b / a)
-    names, verdict = (ours[0], theirs[0]), "too few" if ends is None else "tie"
+    if _several(each):
+        factor, ends = float(np.median(b / a)), median_interval(b / a, own)
+    names = (ours[0], theirs[0])
+    verdict: Verdict = "too few" if ends is None else "tie"
     if ends is None and factor < 1 and not why:
         names, factor = names[::-1], 1 / factor
     if ends is not None and (ends[0] > 1 < factor - ALIKE):
@@ -110,7 +125,35 @@ def decide(
     elif ends is not None and ends[1] < 1 < 1 / factor - ALIKE and not why:
         names, verdict, factor, ends = names[::-1], "do not use", 1 / factor, (1 / ends[1], 1 / ends[0])
     verdict = "do not use" if why else verdict
-    return Badge(*names, factor, ends, len(a), verdict, each, why=why, exact=exact)  # type: ignore[arg-type]
+    several = 0 if own is None else len(np.unique(own))
+    ties = (theirs[0],) if verdict == "tie" else ()
+    return Badge(*names, factor, ends, len(a), verdict, each, why=why, exact=exact, ties=ties, trials=several)
+
+
+Pair = tuple[Array, Array, Cells | None]
+"""Errors of ours and of another in the same trials, (n,) both, and labels of trials that cases share."""
+
+
+def beside_all(ours: str, pairs: Mapping[str, Pair], each: str = "trial", why: str = "") -> Badge | None:
+    """One beside the strongest of its rivals, with the names of all that tie with it; None without any.
+
+    Args:
+        ours: Its name.
+        pairs: Errors by the name of the rival.
+        each: See `decide`.
+        why: The same.
+    """
+    power = 1 if _several(each) else 2  # medians over trials, RMS over poses
+    middle = np.median if _several(each) else np.mean
+    order = sorted(pairs, key=lambda name: float(middle(pairs[name][1] ** power)))
+    found = [decide((ours, a), (name, b), each, why, own) for name in order for a, b, own in [pairs[name]]]
+    ties = tuple(name for name, own in zip(order, found, strict=True) if own.verdict == "tie")
+    return replace(found[0], ties=ties) if found else None
+
+
+def _several(each: str) -> bool:
+    """Whether pairs are of several trials, not all of one."""
+    return each.partition(" ")[0] in ("trial", "case")
 
 
 def _of_one(a: Array, b: Array) -> tuple[float, tuple[float, float] | None]:
@@ -127,10 +170,7 @@ def _of_one(a: Array, b: Array) -> tuple[float, tuple[float, float] | None]:
 
 
 def incumbents(models: Iterable[Row], ours: str) -> list[str]:
-    """Rivals of a model's class: least squares and joint stiffness, with a prior only where it has one.
-
-    What the default is without its cone is no rival of its own: a claim says what the cone adds.
-    """
+    """Rivals of a model's class: least squares and joint stiffness, with a prior only where it has one."""
     known = {m.name: m for m in models}
     prior = bool(known[ours].prior)
     return [
@@ -138,7 +178,6 @@ def incumbents(models: Iterable[Row], ours: str) -> list[str]:
         for name, m in known.items()
         if name != ours
         and (m.constraint in LEAST_SQUARES or m.structure == JOINTS)
-        and m.structure != WITHOUT_CONE
         and bool(m.prior) <= prior
     ]
 
@@ -164,16 +203,15 @@ def of_rivals(
     trials: Trials, ours: str, rivals: Sequence[str], value: str, each: str = "trial"
 ) -> Badge | None:
     """The same beside the strongest of some rivals, that of least median error; of one trial pose by pose."""
-    pairs = {name: aligned(trials, (ours, name), value) for name in rivals}
-    pairs = {name: own for name, own in pairs.items() if len(own)}
-    if not pairs:
-        return None
-    rival = min(pairs, key=lambda name: float(np.median(pairs[name][:, 1])))
-    a, b = pairs[rival].T
-    if len(a) == 1 and PLACES in trials:
-        found = [trials.where(**{MODEL: name})[PLACES][0] for name in (ours, rival)]
-        a, b, each = *map(np.array, found), POSES
-    return decide((ours, a), (rival, b), each)
+    pairs: dict[str, Pair] = {}
+    for name in rivals:
+        a, b = aligned(trials, (ours, name), value).T
+        if len(a) == 1 and PLACES in trials:
+            a, b = (np.array(trials.where(**{MODEL: own})[PLACES][0]) for own in (ours, name))
+            pairs[name], each = (a, b, None), POSES
+        elif len(a):
+            pairs[name] = (a, b, shared(trials, (ours, name)))
+    return beside_all(ours, pairs, each)
 
 
 def drawn(badge: Badge | None, known: Collection[str], *others: str) -> list[str]:

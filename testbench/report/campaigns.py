@@ -6,7 +6,7 @@ from testbench.campaign.models import JOINTS
 from testbench.campaign.workspace_errors import ErrorPlaces, Places, error_places
 from testbench.identify import Constraint
 from testbench.report.report import say
-from testbench.report.table import Row, Trials, aligned, merged, nested, paired
+from testbench.report.table import TRIAL, Row, Trials, aligned, merged, nested, paired
 from testbench.trials.spread import span, wins
 from testbench.views.gains import beside
 from testbench.views.markdown import Markdown
@@ -49,7 +49,7 @@ def with_gains(
 def beside_rivals(error: str, gains: Row) -> Markdown:
     """An answer: the error of a model, of least squares and of joint stiffness only."""
     sentence = (
-        ": {a.ours} {a.ours_mm:~.3f} mm, least squares {a.theirs_mm:~.3f} mm; {a:less seed}. "
+        ": {a.ours} {a.ours_mm:~.3f} mm, least squares without prior {a.theirs_mm:~.3f} mm; {a:less seed}. "
         "Joint stiffness only {b.theirs_mm:~.3f} mm, {b:more}."
     )
     return say(error + sentence, a=gains.least_squares, b=gains.joints)
@@ -57,7 +57,7 @@ def beside_rivals(error: str, gains: Row) -> Markdown:
 
 def gains_told(gains: Row) -> str:
     """The same for the title of a figure."""
-    return beside({"least squares": gains.least_squares, "joint stiffness only": gains.joints})
+    return beside({"least squares without prior": gains.least_squares, "joint stiffness only": gains.joints})
 
 
 def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
@@ -94,6 +94,15 @@ def pairs(trials: Trials, asked: Mapping[str, tuple[str, str]], value: str = TRU
             a, b = aligned(trials, (ours, theirs), value).T
             found[name] = Row(vars(gain), tie=gain.tie, won=wins(a, b) / len(a))
     return found
+
+
+def worst_trial(trials: Trials, ours: str, *others: str, value: str = TRUE) -> Row:
+    """The trial in which a model errs most, by its seed, and the errors of others in the same, by name."""
+    names = (ours, *others)
+    errors = aligned(trials, names, value)
+    k = int(errors[:, 0].argmax())
+    seed = int(aligned(trials, names, TRIAL)[k, 0])
+    return Row(seed=seed, errors=Row(zip(names, errors[k].tolist(), strict=True)))
 
 
 def by_arm(trials: Trials, value: str, of: str = "name") -> list[Row]:

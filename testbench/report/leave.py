@@ -12,7 +12,7 @@ from testbench.campaign.model_folder import digests
 from testbench.output.place import whole_folder
 from testbench.report.report import Report
 from testbench.session import stepwise
-from testbench.views.scene import Seen
+from testbench.views.scene import Seen, typical_first
 
 More = Callable[[Path], Mapping[str, object] | None]
 """Writes what else a command leaves into the folder; what it returns goes into manifest.json."""
@@ -48,7 +48,8 @@ def leave(out: Path, asked: Asked, report: Report, seen: Seen) -> None:
         files.write_json(report.json(), folder / f"{asked.stem}.json")
         (folder / f"{asked.stem}.md").write_text(report.whole(), encoding="utf-8")
         picture = folder / asked.picture
-        drawn = replace(seen, tables=seen.tables or [own for own in report.tables.values() if own.rows])
+        tables = seen.tables or [own for own in report.tables.values() if own.rows]
+        drawn = typical_first(replace(seen, tables=tables))
         header = Header(asked.command, json.dumps(asked.flags, sort_keys=True), next(iter(asked.seeds), 0))
         views: list[Callable[[], object]] = [
             lambda: save(overview(report, drawn), picture),

@@ -14,7 +14,7 @@ from testbench.errors import InputError
 from testbench.output.manifest import read_plain
 from testbench.report.badge import Badge
 from testbench.report.table import DRAWN, SPREAD, Row, plain, rows
-from testbench.trials.spread import Spread, middle
+from testbench.trials.spread import Spread, middle, most
 from testbench.views.colours import Look
 from testbench.views.gains import less, more, ratio, share
 from testbench.views.markdown import MOST, Markdown, as_markdown, counted, ended, grid, listed, place, titled
@@ -29,6 +29,7 @@ FORMS = {
     "share": share,
     "place": place,
     "counted": counted,
+    "most": lambda value, form: show(most(value), form),
 }
 """What a sentence may ask for beside a format of numbers."""
 PARTS = ("question", "title", "answer", "worst")  #: Of one line each.
@@ -40,7 +41,7 @@ class _Sentence(Formatter):
     """{x:.3f} is a number with its spread, {x:~.3f} its median, {gain:less} a ratio; words are escaped.
 
     {n:counted pose} is such as "1 pose" or "5,132 poses", {won:share 100} a share of 100 trials
-    with its interval.
+    with its interval; {x:most .3f} is the number of the worst trial.
     """
 
     def format_field(self, value: Any, spec: str) -> str:
@@ -192,7 +193,8 @@ def _badge(found: Any) -> Badge | None:
     if found is None:
         return None
     own = {f.name: found[f.name] for f in fields(Badge) if f.name in found}
-    return Badge(**own | {"interval": own["interval"] and tuple(own["interval"])})
+    lists = {"interval": own["interval"] and tuple(own["interval"]), "ties": tuple(own.get("ties", ()))}
+    return Badge(**own | lists)
 
 
 FORM = re.compile(r"yes|[,+]?(?:\.\d{1,2})?[defg%]?")  #: Of a number; of strangers others could be endless.

@@ -19,6 +19,7 @@ from testbench.views.gains import Gain, gained
 Cells = npt.NDArray[Any]
 MODEL, TRIAL = "name", "seed"
 """Columns that say of which model and of which trial a row is."""
+SHARED = "shared_trial"  #: Column of the trial that several cases share, where `TRIAL` names a case.
 DRAWN = ("values", "interval")  #: Of a spread what is drawn of it: only tables have it in report.json.
 SPREAD = {own.name for own in fields(Spread)} - {*DRAWN}  #: What else it has.
 BEYOND = 1e100  #: No number of a trial is as large.
@@ -142,22 +143,23 @@ def numbered(columns: Sequence[Sequence[Cells]], sizes: Sequence[int]) -> list[C
 def merged(trials: Trials, *by: str) -> list[Row]:
     """A row for all trials that are alike in some columns: see `number`; without columns one row for all."""
     parts = trials.parts(*by) if len(trials) else []
+    labels = trials[SHARED] if SHARED in trials.made else None
     columns = {}
-    for name in trials.made:
+    for name in trials.drop(SHARED).made:
         cells = trials[name]
-        columns[name] = [number(cells[part]) for part in parts]
+        columns[name] = [number(cells[part], None if labels is None else labels[part]) for part in parts]
     return [nested({name: own[k] for name, own in columns.items()}) for k in range(len(parts))]
 
 
-def number(cells: Cells) -> Any:
-    """One value for those of all trials.
+def number(cells: Cells, trials: Cells | None = None) -> Any:
+    """One value for those of all trials, or of all cases, of which several share one of these trials.
 
     What is the same in all stays. Numbers become their median with 5th and 95th percentile, truth values
     the share that holds, lists of numbers lists of such; sentences stand each once, words one after another.
     None where one is missing.
     """
     if cells.dtype.kind in "fi":
-        return _middle(cells)
+        return _middle(cells, trials)
     values = cells.tolist()
     if all(value == values[0] for value in values[1:]):
         return values[0]
@@ -171,11 +173,11 @@ def number(cells: Cells) -> Any:
     return [number(np.array(own, dtype=float)) for own in zip(*lists, strict=True)]
 
 
-def _middle(cells: Cells) -> Any:
+def _middle(cells: Cells, trials: Cells | None) -> Any:
     if np.isnan(cells).any():
         return None
     first = cells[0].item()
-    return first if (cells == first).all() else spread(cells)
+    return first if (cells == first).all() else spread(cells, trials)
 
 
 def paired(trials: Trials, ours: str, theirs: str, value: str, scale: float = 1.0) -> Gain | None:
@@ -184,7 +186,12 @@ def paired(trials: Trials, ours: str, theirs: str, value: str, scale: float = 1.
     if ours == theirs or not len(both):
         return None
     a, b = (scale * both).T.tolist()
-    return gained(ours, theirs, a, b)
+    return gained(ours, theirs, a, b, shared(trials, (ours, theirs)))
+
+
+def shared(trials: Trials, models: Sequence[str]) -> Cells | None:
+    """Labels of the trials of `aligned` where cases share them, (trials,); None where each has its own."""
+    return aligned(trials, models, SHARED)[:, 0] if SHARED in trials else None
 
 
 def aligned(trials: Trials, models: Sequence[str], value: str, by: Sequence[str] = (TRIAL,)) -> Cells:
@@ -192,10 +199,10 @@ def aligned(trials: Trials, models: Sequence[str], value: str, by: Sequence[str]
     found: list[dict[tuple[Any, ...], float]] = []
     for model in models:
         own = trials.where(**{MODEL: model})
-        keys = zip(*(own[name].tolist() for name in by), strict=True)
-        found.append(dict(zip(keys, own[value], strict=True)))
-    shared = [key for key in found[0] if all(key in other for other in found[1:])]
-    return np.array([[own[key] for own in found] for key in shared]).reshape(len(shared), len(models))
+        each = zip(*(own[name].tolist() for name in by), strict=True)
+        found.append(dict(zip(each, own[value], strict=True)))
+    keys = [key for key in found[0] if all(key in other for other in found[1:])]
+    return np.array([[own[key] for own in found] for key in keys]).reshape(len(keys), len(models))
 
 
 def matched(rows: Trials, others: Trials, value: str, by: Sequence[str]) -> Cells:

@@ -34,7 +34,7 @@ from testbench.views.figure import Figure, headed, save
 from testbench.views.markdown import titled
 from testbench.views.page.page import write_page
 from testbench.views.recording.run import write_run
-from testbench.views.scene import Seen
+from testbench.views.scene import Seen, typical_first
 from testbench.views.schema import Table
 
 NOBODY = EstimatorOptions()  #: No estimator of one's own.
@@ -132,7 +132,7 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     names = [*figures, *study.extra]
     if "data_file" in (first := found.first):
         (folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")
-    seen = study.write(found) or Seen()
+    seen = typical_first(study.write(found) or Seen())
     write_run(
         folder / "recording.rrd", found.header, report, seen, {titled(name): folder / name for name in names}
     )

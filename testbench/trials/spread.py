@@ -6,11 +6,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 from scipy.special import bdtr
 
-from testbench.errors import Array
+from testbench.errors import Array, Ids
+
+Cells = npt.NDArray[np.generic]
 
 DOTS = 100  #: Trials whose own numbers are kept to be drawn: as many of each kind as stand in a row.
+DRAWS = 2000  #: Of a bootstrap.
 TAIL = 0.025  #: Share of an interval's chances on each side.
 SAME = 1e-6  #: Share of an error within which two models are the same.
 ENOUGH = 20  #: Trials from which on percentiles mean something; of fewer the range is told.
@@ -60,24 +64,77 @@ Number = float | Spread | None
 Share = bool | float  #: Whether something holds, or the share of trials in which it does.
 
 
-def spread(values: Sequence[float] | Array) -> Spread:
-    """Median, 5th and 95th percentile and range of at least one number; NaN where one of them is."""
+def spread(values: Sequence[float] | Array, trials: Cells | None = None) -> Spread:
+    """Median, 5th and 95th percentile and range of at least one number; NaN where one of them is.
+
+    Args:
+        values: Numbers, (n,).
+        trials: Labels of their trials, (n,), where several cases share one: trials are then what is counted
+            and drawn, each by the median of its cases, and the interval is by trial.
+    """
     own = np.asarray(values, dtype=float)
     median, low, high = np.quantile(own, (0.5, 0.05, 0.95)).tolist()
-    drawn = np.linspace(0, len(own) - 1, min(len(own), DOTS)).round().astype(int)
-    values, inside = tuple(own[drawn].tolist()), median_interval(own)
-    return Spread(median, low, high, float(own.min()), float(own.max()), len(own), values, inside)
+    each = own if trials is None else np.array([np.median(own[rows]) for rows in _by_trial(trials)])
+    drawn = np.linspace(0, len(each) - 1, min(len(each), DOTS)).round().astype(int)
+    inside = median_interval(own, trials)
+    return Spread(
+        median, low, high, float(own.min()), float(own.max()), len(each), tuple(each[drawn].tolist()), inside
+    )
 
 
-def median_interval(values: Array) -> tuple[float, float] | None:
+def median_interval(values: Array, trials: Cells | None = None) -> tuple[float, float] | None:
     """95 % interval of the median of values, (n,), by order statistics: exact whatever their distribution is.
 
+    Args:
+        values: Numbers, (n,).
+        trials: Labels of their trials, (n,); where several cases share one the interval is a bootstrap that
+            draws whole trials, the same each time.
+
     Returns:
-        That of the sign test; None of so few values that it has none.
+        That of the sign test; None of so few trials that it has none.
     """
-    own, n = np.sort(values), len(values)
-    outside = int(np.count_nonzero(bdtr(np.arange(n // 2 + 1), n, 0.5) <= TAIL))
-    return (float(own[outside - 1]), float(own[n - outside])) if outside else None
+    order, n = np.argsort(values, kind="stable"), len(values)
+    own, groups = np.asarray(values)[order], [] if trials is None else _by_trial(trials)
+    count = len(groups) if len(groups) < n and groups else n
+    outside = int(np.count_nonzero(bdtr(np.arange(count // 2 + 1), count, 0.5) <= TAIL))
+    if not outside:
+        return None
+    if count == n:
+        return float(own[outside - 1]), float(own[n - outside])
+    trial = np.empty(n, dtype=int)
+    for k, rows in enumerate(groups):
+        trial[rows] = k
+    times = np.random.default_rng(0).multinomial(count, np.full(count, 1 / count), size=DRAWS)
+    reached = np.cumsum(times[:, trial[order]], axis=1)
+    medians = own[(2 * reached >= reached[:, -1:]).argmax(axis=1)]
+    low, high = np.quantile(medians, (TAIL, 1 - TAIL)).tolist()
+    return low, high
+
+
+def independent(holds: Cells, trials: Cells) -> int:
+    """Number of independent cases that would tell a share as precisely as these, of which some share a trial.
+
+    Args:
+        holds: Whether something holds in each case, (n,).
+        trials: Labels of their trials, (n,).
+
+    Returns:
+        The number of cases over the design effect, the variance of the share by trial over that of as many
+        independent cases (Kish, Survey Sampling, 1965); between the numbers of trials and of cases.
+    """
+    own, groups = np.asarray(holds, dtype=float), _by_trial(trials)
+    n, share = len(own), own.mean()
+    if share in (0, 1) or len(groups) < 2:
+        return len(groups)
+    sums = np.array([(own[rows] - share).sum() for rows in groups])
+    effect = len(groups) / (len(groups) - 1) * (sums**2).sum() / (n * share * (1 - share))
+    return int(np.clip(n / effect, len(groups), n)) if effect else n
+
+
+def _by_trial(trials: Cells) -> list[Ids]:
+    """Places of the cases of every trial."""
+    _, own = np.unique(np.asarray(trials), return_inverse=True)
+    return np.split(np.argsort(own, kind="stable"), np.cumsum(np.bincount(own))[:-1])
 
 
 def wins(ours: Sequence[float] | Array, theirs: Sequence[float] | Array) -> int:
@@ -90,6 +147,11 @@ def middle(value: Number) -> float:
     if isinstance(value, Spread):
         return value.median
     return math.nan if value is None else float(value)
+
+
+def most(value: Number) -> float:
+    """The number, or that of the trial in which it is largest."""
+    return value.most if isinstance(value, Spread) and value.most is not None else middle(value)
 
 
 def ends(value: Number) -> tuple[float, float]:

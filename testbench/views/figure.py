@@ -24,7 +24,7 @@ from testbench.campaign.models import JOINTS
 from testbench.trials.spread import Number, Spread, dotted, ends, inner, middle
 from testbench.views.colours import GREY, SCALE, Look, hexadecimal
 from testbench.views.markdown import capital
-from testbench.views.schema import Column, Table, looks
+from testbench.views.schema import Column, Table, best_rows, looks
 
 SOFT = hexadecimal(GREY)
 SIZES = LinearSegmentedColormap.from_list("sizes", [hexadecimal(colour) for colour in SCALE])
@@ -163,7 +163,7 @@ def forest(
     """Dots of a table's rows side by side, a pane a column, on logarithmic axes.
 
     Args:
-        table: Rows that are of models, see `schema.looks`; the one that it marks has a band.
+        table: Rows that are of models, see `schema.looks`; in each pane the best have a band.
         panes: Titles by the keys of the columns that are drawn.
         answer: See `say`.
         reading: The same.
@@ -183,19 +183,24 @@ def forest(
             axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
         axes.set_title(title, fontsize="medium")
     dots = dotted(columns[key].value(row) for key in panes for row in table.rows)
-    say(figure, answer, " ".join(filter(None, [reading, dots and f"{capital(dots)}."])))
+    banded = any(best_rows(replace(table, looks=known), columns[key]) for key in panes)
+    bands = "Band: the best, and all that tie with it." if banded else ""
+    say(figure, answer, " ".join(filter(None, [reading, dots and f"{capital(dots)}.", bands])))
     return figure
 
 
 def forest_pane(axes: Axes, table: Table, value: Column, *, named: bool = True) -> None:
-    """Rows from top to bottom in their looks: see `_distribution`; the paper's number is a grey diamond."""
-    name = table.columns[0]
+    """Rows from top to bottom in their looks: see `_distribution`; the paper's number is a grey diamond.
+
+    The best has a band, and all that tie with it: see `best_rows`; the marked row has larger dots.
+    """
+    name, best = table.columns[0], best_rows(table, value)
     for y, row in enumerate(table.rows):
         number, look = value.value(row), table.looks[name.cell(row)]
         _distribution(axes, y, number, look, 6.5 + weight(name.cell(row), table.bold))
         if known := value.known(row):
             axes.plot(float(known), y, "D", color=SOFT, markersize=5)
-        if table.marks(row):
+        if y in best:
             axes.axhspan(y - 0.5, y + 0.5, color=look.hex, alpha=0.1, linewidth=0, zorder=0)
     heads = [f"{name.cell(row)}  " if named else "" for row in table.rows]
     numbers = [value.text(middle(value.value(row))) for row in table.rows]

@@ -1,7 +1,7 @@
-"""How much less one model errs than another: 8.6 times smaller (median 7.1 to 9.9; 3.0 to 20 in 90 %).
+"""How much less one model errs than another: 8.6 times smaller (median of ratios, 95 %: 7.1 to 9.9).
 
-First the 95 % interval of the median, then 5 to 95 % of the trials. Of fewer than 20 trials the range is
-said, with their number: 8.6 times smaller (3.0 to 20 in 3 seeds). Where trials differ in which is better, the
+The 95 % interval of the median comes first, then 5 to 95 % of the trials. Of fewer than 20 the range is told,
+with their number: 8.6 times smaller (3.0 to 20 in 3 seeds). Where trials differ in which is better, the
 interval of the median decides whether there is a clear difference. A share has its interval by Wilson:
 79 % (70 to 86 %).
 """
@@ -12,12 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.trials.spread import ENOUGH, Number, Spread, ends, median_interval, middle, spread
+from testbench.trials.spread import ENOUGH, Cells, Number, Spread, ends, median_interval, middle, spread
 from testbench.views.schema import ALIKE
 
 UNITS = {"mm": (1.0, ".3f"), "um": (1000.0, ".0f")}
 """So many times a number in mm, and its format, by unit."""
 SMALL = 0.04  #: Width of the ratios' spread that is not worth saying.
+MEDIAN = "median of ratios"  #: What a factor is that does not follow from the medians beside it.
 Z95 = 1.959964  #: Of the normal distribution, 97.5 %.
 
 
@@ -51,13 +52,29 @@ class Gain:
         return middle(self.times) >= 1
 
 
-def gained(ours: str, theirs: str, ours_mm: Sequence[float], theirs_mm: Sequence[float]) -> Gain:
-    """Two models in the same trials, at least one."""
+def gained(
+    ours: str,
+    theirs: str,
+    ours_mm: Sequence[float],
+    theirs_mm: Sequence[float],
+    trials: Cells | None = None,
+) -> Gain:
+    """Two models in the same trials, at least one.
+
+    Args:
+        ours: Name of a model.
+        theirs: Name of another.
+        ours_mm: Errors, (n,) [mm].
+        theirs_mm: The same of the other.
+        trials: Labels of the trials, (n,), where several cases share one.
+    """
     times = [b / a for a, b in zip(ours_mm, theirs_mm, strict=True)]
     ours_, theirs_, ratio = (
-        own[0] if all(x == own[0] for x in own) else spread(own) for own in (ours_mm, theirs_mm, times)
+        own[0] if all(x == own[0] for x in own) else spread(own, trials)
+        for own in (ours_mm, theirs_mm, times)
     )
-    return Gain(ours, theirs, ours_, theirs_, ratio, len(times), median_interval(np.array(times)))
+    count = len(times) if trials is None else len(np.unique(trials))
+    return Gain(ours, theirs, ours_, theirs_, ratio, count, median_interval(np.array(times), trials))
 
 
 def less(gain: Gain, each: str = "") -> str:
@@ -85,9 +102,16 @@ def beside(gains: Mapping[str, Gain | None], unit: str = "mm") -> str:
     ours = [f"{own.ours} {scale * middle(own.ours_mm):{form}} {unit}" for own in known.values()]
     theirs = [
         f"{name} {scale * middle(own.theirs_mm):{form}} {unit}, {_side(own, 1 / middle(own.times))}"
+        + ("" if own.tie or follows(own) else f" ({MEDIAN})")
         for name, own in known.items()
     ]
     return "; ".join([*ours[:1], *theirs])
+
+
+def follows(gain: Gain) -> bool:
+    """Whether the factor that is said is that of the two errors beside it."""
+    apart = ratio(middle(gain.theirs_mm) / middle(gain.ours_mm))
+    return apart == ratio(middle(gain.times))
 
 
 def _side(gain: Gain, size: float) -> str:
@@ -113,7 +137,7 @@ def _words(gain: Gain, times: Number, interval: tuple[float, float] | None, each
     spread = (
         f"{_range(within)}{' times' if differ else ''}{of}" if ratio(within[0]) != ratio(within[1]) else ""
     )
-    return f"{_side(gain, size)}{_bracketed(_median(inside), spread)}"
+    return f"{_side(gain, size)}{_bracketed(_median(inside) or (MEDIAN if spread else ''), spread)}"
 
 
 def _range(both: tuple[float, float]) -> str:
@@ -122,7 +146,7 @@ def _range(both: tuple[float, float]) -> str:
 
 def _median(interval: tuple[float, float]) -> str:
     """Its interval; empty where both ends look the same."""
-    return f"median {_range(interval)}" if ratio(interval[0]) != ratio(interval[1]) else ""
+    return f"{MEDIAN}, 95 %: {_range(interval)}" if ratio(interval[0]) != ratio(interval[1]) else ""
 
 
 def _bracketed(*texts: str) -> str:

@@ -67,10 +67,10 @@ def overview(words: Told, seen: Seen) -> Figure:
     answer, *more = SENTENCE.split(as_plain(words.block("answer")))
     if seen.scene:
         own = seen.scene.groups[0]
-        for k, (name, plane) in enumerate(SIDES.items()):
+        for k, (pose, name, plane) in enumerate(_panes(own)):
             axes = figure.add_subplot(grid[len(forest), k])
-            _poses(axes, own, plane)
-            axes.set_title(f"{own.names[own.first]}, {name}", fontsize="medium")
+            _poses(axes, own, pose, plane)
+            axes.set_title(f"{own.names[pose]}, {name}", fontsize="medium")
         _key(figure.add_subplot(grid[len(forest) + 1, :]), layers, bent=bent)
         more.append(f"{own.name}: {seen.scene.title}")
     if models:
@@ -82,9 +82,17 @@ def overview(words: Told, seen: Seen) -> Figure:
     return figure
 
 
-def _poses(axes: Axes, own: Poses, plane: tuple[int, int]) -> None:
-    """The arm of the pose that is shown first, straight and bent, and what is drawn in it."""
-    k, shown = own.first, list(plane)
+def _panes(own: Poses) -> list[tuple[int, str, tuple[int, int]]]:
+    """Pose, words and plane of both panes: a typical pose beside the worst, or one from both sides."""
+    if own.worst is None or own.near is not None:
+        return [(own.first, name, plane) for name, plane in SIDES.items()]
+    name, plane = next(iter(SIDES.items()))
+    return [(own.first, f"typical, {name}", plane), (own.worst, f"worst, {name}", plane)]
+
+
+def _poses(axes: Axes, own: Poses, k: int, plane: tuple[int, int]) -> None:
+    """The arm in a pose, straight and bent, and what is drawn in it."""
+    shown = list(plane)
     if own.near is None:
         for frames, colour, style in ((own.rigid, SOFT, "-"), (own.bent, "0.3", "--")):
             if frames is not None:

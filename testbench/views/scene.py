@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -45,6 +45,7 @@ class Poses:
     bent: Frames | None  #: Under load, its deflection magnified.
     layers: Sequence[Layer] = ()
     first: int = 0  #: Index of the pose that is shown first.
+    worst: int | None = None  #: Index of the worst, where the first is typical: see `typical_first`.
     #: What the eye sees from the broad side, (n, 3) [m]; all that is drawn if None.
     near: Array | None = None
 
@@ -115,6 +116,36 @@ class Seen:
     map: PlaceMap | None = None
     runs: Sequence[RunChart] = ()  #: Only beside a scene.
     tables: Sequence[Table] = ()  #: Those that can be sorted and drawn, the first one first.
+
+
+def charts_of(seen: Seen, k: int) -> list[RunChart]:
+    """Charts of a group and of others of the same poses; its map as one where it has none."""
+    every = seen.scene.groups if seen.scene else ()
+    same = [j for j, other in enumerate(every) if other.rigid is every[k].rigid]
+    charts = [chart for chart in seen.runs if chart.group in same and len(chart.labels) > 1]
+    if charts or seen.map is None or seen.map.group != k:
+        return charts
+    return [RunChart(seen.map.title, k, "pose", every[k].names, seen.map.lines)]
+
+
+def leads(poses: Poses, charts: Sequence[RunChart]) -> list[Array]:
+    """Numbers of lines that are largest in the worst pose, or that which is shown first, (poses,) each."""
+    count, worst = len(poses.names), poses.first if poses.worst is None else poses.worst
+    sizes = [np.nan_to_num(line.values, nan=-np.inf) for chart in charts for line in chart.lines]
+    return [own for own in sizes if len(own) == count and own[worst] == own.max()]
+
+
+def typical_first(seen: Seen) -> Seen:
+    """The same, opened where the last line that is largest in the worst pose has its median."""
+    if seen.scene is None:
+        return seen
+    groups = []
+    for k, own in enumerate(seen.scene.groups):
+        lead = leads(own, charts_of(seen, k))[-1:]
+        order = [k for size in lead for k in np.argsort(size, kind="stable") if np.isfinite(size[k])]
+        middle = int(order[(len(order) - 1) // 2]) if order else own.first
+        groups.append(own if middle == own.first else replace(own, first=middle, worst=own.first))
+    return replace(seen, scene=replace(seen.scene, groups=groups))
 
 
 # --- which poses are drawn, and how many times enlarged

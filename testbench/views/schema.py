@@ -6,8 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
+
+from testbench.errors import Array
 from testbench.identify import Constraint
-from testbench.trials.spread import Number, Share, Spread, middle, spans
+from testbench.trials.spread import Number, Share, Spread, median_interval, middle, spans
 from testbench.views.colours import Look, look
 
 
@@ -249,6 +252,40 @@ class Best:
         if len(self.names) == 1:
             return self.names[0]
         return f"{', '.join(self.names[:-1])} and {self.names[-1]} (equal to {100 * ALIKE:.0f} %)"
+
+
+LEAST_IS_BEST = ("mm", "um", "urad", "um/N", "s", "ms")
+"""Units of columns of which less is better, errors and times; ratios of errors have none."""
+RATIOS = ("ratio", "over", "relative_excess_bound")  #: Keys of columns without a unit, the same.
+
+
+def best_rows(table: Table, column: Column) -> set[int]:
+    """Rows of least median in a column, and all that tie with it in the same trials.
+
+    Nothing where all of them tie, where trials are too few for a sign test, or where less is not better.
+    """
+    if column.unit not in LEAST_IS_BEST and column.key not in RATIOS:
+        return set()
+    values = [column.value(row) for row in table.rows]
+    trials = max((own.trials for own in values if isinstance(own, Spread)), default=0)
+    known = {k: own for k, own in enumerate(values) if isinstance(own, Spread) and own.trials == trials}
+    sizes = {k: np.array(own.values) for k, own in known.items() if own.values}
+    if len(sizes) < 2:
+        return set()
+    first = min(sizes, key=lambda k: known[k].median)
+    tied = {k for k, own in sizes.items() if _alike(sizes[first], own)}
+    judged = median_interval(sizes[first]) is not None
+    return tied if judged and len(tied) < len(sizes) else set()
+
+
+def _alike(ours: Array, theirs: Array) -> bool:
+    """Whether nothing tells two errors apart, trial by trial, (n,) both: as a badge decides."""
+    positive = (ours > 0) & (theirs > 0)
+    if len(ours) != len(theirs) or not positive.any():
+        return ours is theirs
+    ratio = theirs[positive] / ours[positive]
+    low, high = median_interval(ratio) or (0.0, math.inf)
+    return low <= 1 <= high or abs(float(np.median(ratio)) - 1) <= ALIKE
 
 
 ALIKE = 0.02  #: Share of the least value within which others are as good as the best.

@@ -11,7 +11,8 @@ from made_up_run import REPORT
 from testbench.report import badge
 from testbench.report.badge import Badge, decide, drawn, incumbents, of_models
 from testbench.report.report import read
-from testbench.report.table import Row, Trials
+from testbench.report.table import SHARED, Row, Trials, merged, paired
+from testbench.trials.spread import independent
 
 RNG = np.random.default_rng(3)
 NOISE = np.exp(RNG.normal(0, 0.3, 40))
@@ -75,14 +76,14 @@ def test_what_an_interval_covers_is_a_tie():
     own = decide(("ours", NOISE), ("theirs", other))
     assert (own.verdict, own.winner) == ("tie", "ours")
     assert own.interval[0] < 1 < own.interval[1]
-    assert own.words.startswith("Tie: error of theirs over that of ours ")
+    assert own.words.startswith("Tie: ours ties with theirs (error ratio ")
 
 
 def test_differences_within_two_percent_are_a_tie_however_sure():
     for ours, theirs in ((NOISE, 1.01 * NOISE), (1.01 * NOISE, NOISE)):
         own = decide(("ours", ours), ("theirs", theirs))
         assert own.verdict == "tie"
-        assert own.words.startswith("Tie, within 2 %: error of theirs over that of ours ")
+        assert own.words.startswith("Tie, within 2 %: ours ties with theirs (error ratio ")
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])
@@ -128,7 +129,8 @@ def test_no_pairs_are_not_judged_and_a_reason_is_no_use_whatever_the_numbers():
 
 
 def test_a_class_is_least_squares_and_joints_with_a_prior_only_where_the_model_has_one():
-    assert incumbents(MODELS, "ALL153 + prior") == ["Joints", "MLS56", "MLS56 + prior", "Ridge"]
+    rivals = ["Joints", "MLS56", "MLS56 + prior", "Ridge", "LS153 + prior"]
+    assert incumbents(MODELS, "ALL153 + prior") == rivals
     assert incumbents(MODELS, "MGCO56") == ["Joints", "MLS56", "Ridge"]
 
 
@@ -149,6 +151,57 @@ def test_the_rival_is_the_strongest_of_its_class_in_the_same_trials():
     assert own.factor == pytest.approx(2)
     assert of_models(trials, MODELS, "MGCO56", "mm").rival == "Joints"
     assert of_models(table(MGCO56=NOISE), MODELS, "MGCO56", "mm") is None
+
+
+def test_all_that_tie_are_named_the_strongest_first_and_a_weaker_one_is_no_rival():
+    same = {"LS153_prior": 0.999 * NOISE, "MLS56_prior": 1.01 * NOISE}
+    trials = table(Joints=3 * NOISE, ALL153_prior=NOISE, **same)
+    own = of_models(trials, MODELS, "ALL153 + prior", "mm")
+    assert (own.verdict, own.rival, own.ties) == ("tie", "LS153 + prior", ("LS153 + prior", "MLS56 + prior"))
+    assert own.words.startswith("Tie, within 2 %: ALL153 + prior ties with LS153 + prior and MLS56 + prior (")
+    assert "error ratio of LS153 + prior to ALL153 + prior 1.00" in own.words
+    assert read(json.loads(json.dumps(replace(REPORT, badge=own).json()))).badge == own
+    places = Trials.holding(
+        {
+            "name": np.array(["ALL153 + prior", "LS153 + prior", "Joints"], dtype=object),
+            "seed": [1, 1, 1],
+            "mm": [1.0, 1.0, 3.0],
+            badge.PLACES: [tuple(own) for own in (NOISE, NOISE, 3 * NOISE)],
+        }
+    )
+    alone = of_models(places, MODELS, "ALL153 + prior", "mm")
+    assert (alone.verdict, alone.ties, alone.each) == ("tie", ("LS153 + prior",), badge.POSES)
+
+
+def test_cases_that_share_a_trial_have_an_interval_by_trial_and_too_few_trials_have_none():
+    """Thirty arms in six trials, alike within a trial: as sure as six trials are, not as thirty."""
+    trial = np.repeat(np.arange(12), 30)
+    ratio = np.exp(RNG.normal(0.1, 0.3, 12))[trial] * np.exp(RNG.normal(0, 0.02, len(trial)))
+    rows = [
+        (name, k, mm) for name, own in (("a", 1 / ratio), ("b", 0 * ratio + 1)) for k, mm in enumerate(own)
+    ]
+    names, seeds, mm = zip(*rows, strict=True)
+    plain = Trials.holding({"name": np.array(names, dtype=object), "seed": seeds, "mm": mm})
+    shared = plain.add(**{SHARED: np.tile(trial, 2)})
+    sure, own = (badge.of_rivals(t, "a", ["b"], "mm", "case") for t in (plain, shared))
+    assert own.factor == sure.factor
+    assert np.log(own.interval[1] / own.interval[0]) > 3 * np.log(sure.interval[1] / sure.interval[0])
+    assert "360 cases from 12 trials" in own.words
+    five = shared.pick(shared[SHARED] < 5)
+    assert badge.of_rivals(five, "a", ["b"], "mm", "case").verdict == "too few"
+    assert paired(shared, "a", "b", "mm").interval == own.interval
+    assert (paired(shared, "a", "b", "mm").trials, paired(plain, "a", "b", "mm").trials) == (12, 360)
+    [row] = merged(shared.where(name="a").keep("mm", SHARED))
+    assert (row.mm.trials, len(row.mm.values)) == (12, 12)
+    assert row.mm.median == np.median(1 / ratio)  # numbers of models do not move
+
+
+def test_a_share_of_cases_is_as_sure_as_its_trials_allow():
+    trial, rng = np.repeat(np.arange(100), 6), np.random.default_rng(1)
+    alike, free = (rng.random(100) < 0.3)[trial], rng.random(600) < 0.3
+    assert independent(alike, trial) == 100
+    assert 400 < independent(free, trial) <= 600
+    assert independent(np.zeros(600), trial) == 100  # nothing tells how alike cases of a trial are
 
 
 def test_every_picture_has_the_rival_joint_stiffness_and_on_top_the_winner():

@@ -95,12 +95,15 @@ def test_words_show_the_numbers(found):
 
     weight, plain = (removed(name, replace(ADVISED, loads=s.WEIGHT)) for name in (DEFAULT, "Joints"))
     ideal, ideal_joints = (removed(name, arm=IDEAL) for name in (DEFAULT, "Joints"))
+    worst = [group(f, name, ADVISED, REAL).worst_percent for name in (DEFAULT, "Joints")]
+    assert group(f, DEFAULT, ADVISED, REAL).removed_percent.trials == len(left[DEFAULT])  # not their points
     check_said(
         found,
         f"Disturbed arm, {ADVISED.poses} planned poses with weight and pull: the default leaves "
         f"{default:.3f} mm of {before:.3f} mm, joint stiffness only {joints:.3f} mm, ",
-        f"Least squares leaves {ls:.3f} mm, ",
-        f"never loads joint 1: {weight} removed, joint stiffness only {plain}. With the pull "
+        f"Least squares without prior leaves {ls:.3f} mm, ",
+        f"Worst point of all trials: {worst[0]:.0f} % removed, joint stiffness only {worst[1]:.0f} %.",
+        f"never loads joint 1: {weight}, joint stiffness only {plain}. With the pull "
         f"{removed(DEFAULT)}, joint stiffness only {removed('Joints')}, perfect compliances "
         f"{removed(s.PERFECT, NOWHERE)}; undisturbed {ideal.removesuffix(' %')} and {ideal_joints}.",
         f"the default removes {removed(DEFAULT, arm=LINEAR)}.",
@@ -111,7 +114,7 @@ def test_one_point_made_worse_in_one_trial_is_found():
     found, _ = made(lambda row: replace(row, after_mm=(1.01 * row.before_mm[0], *row.after_mm[1:])))
     own = of_default(found)
     assert (own.worse, own.worst_percent) == (1, pytest.approx(-1))
-    assert f"makes 1 of {own.cases} points worse" in found.claims[0]
+    assert f"makes 1 of {own.cases} points of {own.trials} trials worse" in found.claims[0]
 
 
 def test_intervals_that_miss_lower_the_share_and_components_without_a_bound_count_in_none():

@@ -75,9 +75,9 @@ def test_models_are_compared_seed_by_seed_by_their_true_errors_in_numbers_and_wo
     assert f["map"].compared == two
     check_said(
         found,
-        "True workspace RMS error: ALL153 + prior 1.500 mm, least squares 8.000 mm; ",
+        "True workspace RMS error: ALL153 + prior 1.500 mm, least squares without prior 8.000 mm; ",
         "Joint stiffness only 3.000 mm, ",
-        "Worst with cast links, medians: ALL153 + prior errs 2.000 mm, joint stiffness",
+        "Worst trial, seed 3, cast links: ALL153 + prior errs 2.000 mm, joint stiffness only 3.000 mm.",
         "z 1.00 m: ALL153 + prior errs 1.800 mm, joint stiffness only 3.600 mm.",
         "MGCO56 + prior has the fewest unknowns of the conservative models",
         "Without the cone the same unknowns and prior err 1.200 mm (LS153 + prior): ",

@@ -122,8 +122,8 @@ def test_the_answer_is_that_with_noise_and_all_disturbances():
     own = {"Joints": 90.0, "MLS56": 70.0, "MGCO56": 80.0} | {name: 50.0 for name in MODELS if MODELS[name][2]}
     found, _ = made({(ALL, name, 40.0): size for name, size in own.items()})
     assert found.answer == (
-        f"Disturbed in every way, 40 um of noise: {DEFAULT} 50 um, least squares 70 um; 1.4 times smaller. "
-        "Joint stiffness only 90 um, 1.8 times larger."
+        f"Disturbed in every way, 40 um of noise: {DEFAULT} 50 um, least squares without prior 70 um; "
+        "1.4 times smaller. Joint stiffness only 90 um, 1.8 times larger."
     )
     assert found.claims[3] == (
         "The cone by itself: MGCO56 beats MLS56 in 0 % (0 to 43 %) of 5 trials. ALL153 + prior beats LS153 + "
@@ -196,13 +196,13 @@ def test_the_costliest_disturbance_is_named_whichever_it_is(worst):
     found, _ = made(errors)
     second, third = [c for c in CASES[::-1] if c not in (ALL, worst)][:2]
     assert found.worst == (
-        f'Worst without noise: "{worst}" adds 70 um to the error of {DEFAULT}; then come "{second}" '
-        f'+{CASES.index(second)} um, "{third}" +{CASES.index(third)} um.'
+        f'Costliest without noise, medians: "{worst}" adds 70 um to the error of {DEFAULT}; '
+        f'then come "{second}" +{CASES.index(second)} um, "{third}" +{CASES.index(third)} um.'
     )
     assert f"Noise of 40 um adds 25 um to the error of {DEFAULT}" in found.claims[2]
     assert found.numbers["above_noise"] == [worst]
     calm, _ = made({(case, DEFAULT, 0.0): 20.0 for case in CASES})
-    assert calm.worst == f"Worst without noise: no disturbance adds to the error of {DEFAULT}."
+    assert calm.worst == f"Costliest without noise: no disturbance adds to the error of {DEFAULT}."
 
 
 def test_the_true_change_by_the_compensator_stands_before_the_one_that_noise_hides():

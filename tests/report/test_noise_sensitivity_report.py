@@ -113,16 +113,16 @@ def test_the_answer_is_at_the_noise_of_the_tracker_and_the_worst_at_the_largest(
 
     found, _ = made(change)
     both = (
-        f"{DEFAULT} 250 um, least squares 1100 um; 4.4 times smaller. Joint stiffness only 1000 um, 4.0 "
-        "times larger."
+        f"{DEFAULT} 250 um, least squares without prior 1100 um; 4.4 times smaller. Joint stiffness "
+        "only 1000 um, 4.0 times larger."
     )
     assert found.answer == f"KR 500, 8 poses, 50 um of noise: {both}"
     assert found.claims[0] == f"108 runs of section 5.2, 25 um of noise: {both}"
     cone = "The cone by itself, KR 500, 8 poses, 50 um: MGCO56 beats MLS56 in 0 % (0 to 43 %) of 5 trials."
     assert found.claims[1].startswith(cone)
     assert found.worst == (
-        f"Worst at 200 um of noise, KR 500, 8 poses: {DEFAULT} 500 um, least squares 2200 um, joint "
-        "stiffness only 2000 um."
+        f"Worst trial at 200 um, KR 500, 8 poses: {DEFAULT} 500 um, least squares without prior 2200 um, "
+        "joint stiffness only 2000 um."
     )
 
 

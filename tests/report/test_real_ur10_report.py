@@ -56,7 +56,8 @@ def rows(seed):
             for k, judged in enumerate(series, 1):
                 mm = SIZES.get(model, 5.0) if split.startswith("blocks") else 3.0 + (model in (WAVES, SHARED))
                 error = of_one_trial(Score, rng, n=100 * k, mean_mm=mm * k)
-                yield replace(row, judged=judged, error=error)
+                left = (1e3 * mm, 0.0, 0.0) * 30 if split == BLOCKS else ()
+                yield replace(row, judged=judged, error=error, left_um=left)
     for poses in POSES:
         for model in TWO:
             for judged in "CA":
@@ -83,6 +84,7 @@ def test_the_words_of_a_real_arm_are_those_of_its_ladder(made):
         "RMS error",
         "position of held-out blocks",
     )  # no means
+    assert (found.badge.verdict, found.badge.rival, found.badge.ties) == ("tie", WAVES, (WAVES,))
     most = max(r.error.max_mm for r in f["ladder"] if (r.name, r.split) == (SHARED, BLOCKS))
     springs = {
         name: [find(f["compliances"], name=name, trained=by).urad_per_Nm[2] for by in "AC"]

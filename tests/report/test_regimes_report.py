@@ -137,8 +137,8 @@ def test_the_sentences_count_what_the_cone_does_by_itself():
         found,
         "markers: the cone by itself pays in 0 of 8 cells; in 0 of these GCO beats",
         "full pose: the cone by itself pays in 4 of 8 cells; in 2 of these GCO beats",
-        "Worst under a weight: MGCO56, 12 poses, 15 um: GCO errs 3.00 times",
-        "MGCO56: GCO 50 um, least squares 100 um; 2.0 times smaller.",
+        "Worst cell under a weight, medians: MGCO56, 12 poses, 15 um: GCO errs 3.00 times",
+        "MGCO56: GCO 50 um, least squares without prior 100 um; 2.0 times smaller.",
         "Joint stiffness only 60 um, 1.2 times larger.",
     )
     better, _ = made(lambda row: gaining(row) | ({"rms_um": 40.0} if row.name == JOINTS else {}))

@@ -77,12 +77,13 @@ def test_models_are_compared_seed_by_seed_by_their_true_errors(found):
 
 def test_the_sentences_hold_the_numbers_of_both_truths(found):
     assert found.answer == (
-        "True error of 95 % in the check runs: MGCO56 1.990 mm, least squares 2.080 mm; 1.04 times smaller. "
-        "Joint stiffness only 19.900 mm, 10 times larger."
+        "True error of 95 % in the check runs: MGCO56 1.990 mm, least squares without prior 2.080 mm; "
+        "1.04 times smaller. Joint stiffness only 19.900 mm, 10 times larger."
     )
     check_said(
         found,
-        "MGCO56 2.040 mm, least squares 3.980 mm, joint stiffness only 20.895 mm.",
+        f"seed 20: MGCO56 {2.05 * (0.89 + 0.2):.3f} mm, least squares 4.360 mm, joint "
+        "stiffness only 22.890 mm.",
         "in seed 1 at x 0.50, y 0.00, z 1.00 m: 2.400 mm, least squares 2.508 mm.",
         "MGCO56 and MLS32 differ by at most 2 %.",
         "Against noisy readings MGCO56 errs 0.080 mm, noise alone ",

@@ -153,7 +153,8 @@ def test_intervals_and_doubts_are_counted_over_all_cases_and_over_parts(of_all):
 def test_the_answer_is_the_default_beside_its_rivals_with_fewest_poses():
     errors = {name: 400.0 + 100 * k for k, name in enumerate(FIXED)} | {DEFAULT: 300.0, ("Joints", 20): 1.0}
     found = made(lambda row: {"rms_um": errors.get((row.name, row.poses), errors[row.name])})[1]
-    both = "least squares 600 um; 2.0 times smaller. Joint stiffness only 400 um, 1.3 times larger."
+    both = "least squares without prior 600 um; 2.0 times smaller. "
+    both += "Joint stiffness only 400 um, 1.3 times larger."
     assert found.answer == f"8 poses: default 300 um, {both}"
     assert "8, 12 or 20 poses" in found.question
 

@@ -1,10 +1,13 @@
-"""Estimators of one's own beside ours: the page's example, seven bad ones, workers, resumed runs."""
+"""Estimators of one's own beside ours: the page's example, bad ones, workers, resumed runs."""
 
 import ctypes
 import hashlib
 import json
+import os
 import re
 import socket
+from contextlib import nullcontext, suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +24,7 @@ from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.errors import BenchError
 from testbench.identify.prior import Prior
 from testbench.model.structure import all153
+from testbench.studies.bench.trial import covariance
 from testbench.views.colours import look
 
 APP = app_of_study("gravity_calibration")
@@ -41,6 +45,10 @@ def raises(kinematics, structure, data, prior):
 
 def nan(kinematics, structure, data, prior):
     return np.full(structure.n, np.nan)
+
+
+def huge(kinematics, structure, data, prior):
+    return np.full(structure.n, 1e300)
 
 
 def nothing(kinematics, structure, data, prior):
@@ -72,6 +80,7 @@ def few(kinematics, structure):
 WHY = {
     "raises": "raised ValueError: no | *way*",
     "nan": "expected finite numbers, got NaN or infinity",
+    "huge": "expected compliances of at most 1 in SI units, got a larger one",
     "nothing": "expected an array, got None",
     "shape": "wrong shape: expected (153,) or (48, 48), got (3,)",
     "askew": "not symmetric: expected compliances that are their own transpose",
@@ -121,6 +130,45 @@ def both(*_):
 
 def half(*_):
     return np.ones(2), None
+"""
+LEAVES = """
+import os
+import subprocess
+import time
+
+import numpy as np
+
+SLEEP = ["sleep", os.environ["LASTS"]]
+
+
+def child(*_):
+    subprocess.Popen(SLEEP)
+    return np.ones(1)
+
+
+def session(*_):
+    subprocess.Popen(SLEEP, start_new_session=True)
+    return np.ones(1)
+
+
+def daemon(*_):
+    if not os.fork():
+        os.setsid()
+        if not os.fork():
+            os.execvp(SLEEP[0], SLEEP)
+        os._exit(0)
+    os.wait()
+    return np.ones(1)
+
+
+def slow(*_):
+    daemon()
+    time.sleep(600)
+
+
+def dies(*_):
+    daemon()
+    os._exit(0)
 """
 LANDLOCK = ctypes.CDLL(None).syscall(CREATE, None, 0, 1)
 
@@ -195,7 +243,7 @@ def example(files):
 
 @pytest.fixture(scope="module")
 def run(files):
-    """The page's example beside seven bad ones, whole, of one seed."""
+    """The page's example beside the bad ones, whole, of one seed."""
     out = files / "whole"
     own = (*example(files), *flags(files / "bad.py", *WHY))
     asked = ("--quick", "--workers", 1, "--estimator-timeout", TIMEOUT, "--out", out)
@@ -220,7 +268,7 @@ def test_one_short_file_and_one_command_lead_to_a_row(files, run):
 
 
 @pytest.mark.study
-def test_seven_bad_estimators_are_rows_with_seed_and_reason_and_cost_nobody_else(run):
+def test_bad_estimators_are_rows_with_seed_and_reason_and_cost_nobody_else(run):
     report = json.loads((run[0] / "report.json").read_text())
     models = {m["name"]: m for m in report["models"]}
     rows = parquet.read_table(run[0] / "trials.parquet").to_pylist()
@@ -348,6 +396,51 @@ def test_an_answer_is_parameters_or_compliances_of_unknowns_alone():
         askew[entry, other] += 1e-6 * np.sqrt(C[0, 0] * C[4, 4])
         with pytest.raises(BenchError, match="not symmetric"):
             parameters(structure, askew)
+
+
+@pytest.mark.parametrize("value", [1e300, -1e300, 1e160, 1e101, 2.0])
+def test_a_finite_number_that_no_arm_can_have_is_the_failure_of_its_entry(kr500, value):
+    """Squares of the largest overflow; columns of trials hold numbers below 1e100."""
+    structure = all153(kr500.arm)
+    for found in (np.full(structure.n, value), structure.matrix(np.full(structure.n, value))):
+        with pytest.raises(BenchError, match="expected compliances of at most 1 in SI units"):
+            parameters(structure, found)
+    with pytest.raises(BenchError, match="covariance: expected at most 1 in SI units"):
+        covariance(np.full((2, 2), abs(value)), 2)
+
+
+def test_a_prediction_beyond_the_arm_is_a_failure_and_one_of_millimetres_is_none(kr500, files):
+    data = tb.simulate(kr500, tb.Scenario(arm="kr500_l480"), seed=1).identification
+    (files / "soft.py").write_text("def soft(k, s, d, p):\n    return 1e3 * s.entries(p.C_theta)\n")
+    digest = hashlib.sha256((files / "soft.py").read_bytes()).hexdigest()
+    own = Own("soft", str(files / "soft.py"), "soft", Limits(30.0), digest)
+    for softer in (1.0, 1e-3):
+        with hired([own]) as models:
+            [model] = models(kr500, Prior("drawn", softer * tb.cad_prior(kr500.arm).C_theta))
+            beyond = pytest.raises(BenchError, match=r"predicts a deflection of .* m: the arm reaches")
+            with beyond if softer == 1 else nullcontext():
+                model.estimator(kr500.vjm, model.structure, data)
+
+
+def test_processes_that_a_call_leaves_are_ended_with_it_and_the_next_call_is_answered(files, monkeypatch):
+    lasts = f"600.{os.getpid()}"
+    monkeypatch.setenv("LASTS", lasts)
+    (files / "leaves.py").write_text(LEAVES)
+    with server() as link:
+        for name, fails in {"child": 0, "session": 0, "daemon": 0, "slow": 1, "dies": 1}.items():
+            own = Own(name, str(files / "leaves.py"), name, Limits(1.0 if name == "slow" else 30.0))
+            with pytest.raises(BenchError) if fails else nullcontext():
+                ask(link, own, (1, 2, 3, 4))
+            assert (name, sleeping(lasts)) == (name, [])
+
+
+def sleeping(lasts):
+    """Processes that sleep so long."""
+    found = []
+    for file in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):  # it has ended
+            found += [file] * (file.read_bytes() == f"sleep\0{lasts}\0".encode())
+    return found
 
 
 def test_a_module_serves_as_well_as_a_file_and_nothing_is_left_beside_a_file(files):

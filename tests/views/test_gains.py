@@ -22,13 +22,13 @@ def test_of_fewer_than_twenty_trials_the_range_is_told_and_their_number():
     """Percentiles of three seeds are none: 19 seeds tell their range, 20 what lies between 5 and 95 %."""
     for trials, middle, ends, of in (
         (3, "", "2.0 to 20", " in 3 seeds"),
-        (19, "median 6.0 to 16; ", "2.0 to 20", " in 19 seeds"),
-        (20, "median 6.7 to 15; ", "2.9 to 19", " in 90 %"),
+        (19, ", 95 %: 6.0 to 16", "2.0 to 20", " in 19 seeds"),
+        (20, ", 95 %: 6.7 to 15", "2.9 to 19", " in 90 %"),
     ):
         gain = gained("ours", "theirs", [1.0] * trials, np.linspace(2.0, 20.0, trials).tolist())
-        assert less(gain, "seed") == f"11 times smaller ({middle}{ends}{of})"
-        assert less(gain) == f"11 times smaller ({middle}{ends})"
-        assert more(gain, "seed") == f"11 times larger ({middle}{ends}{of})"
+        assert less(gain, "seed") == f"11 times smaller (median of ratios{middle}; {ends}{of})"
+        assert less(gain) == f"11 times smaller (median of ratios{middle}; {ends})"
+        assert more(gain, "seed") == f"11 times larger (median of ratios{middle}; {ends}{of})"
 
 
 def test_the_title_of_a_figure_says_how_much_more_the_others_err():
@@ -39,6 +39,10 @@ def test_the_title_of_a_figure_says_how_much_more_the_others_err():
     assert beside(known) == told
     assert beside({"least squares": gain}, "um").startswith("ours 1000 um; least squares 4000 um, ")
     assert beside({"joints alone": None}) == ""
+    apart = gained("ours", "theirs", [0.1, 1.0, 4.0], [1.0, 4.0, 4.0])  # medians alike, ratios 10, 4 and 1
+    odd = gained("ours", "theirs", [1.0, 1.0, 4.0], [2.0, 3.0, 4.4])  # 3.0 over 1.0 is not 2.0
+    assert "(median of ratios)" not in beside({"a": apart})
+    assert beside({"a": odd}) == "ours 1.000 mm; a 3.000 mm, 2.0 times larger (median of ratios)"
 
 
 def test_there_is_no_clear_difference_where_the_interval_of_the_median_holds_1():
@@ -56,16 +60,16 @@ def test_the_interval_of_the_median_decides_where_trials_differ_in_which_is_bett
     gain = gained("ours", "theirs", [1.0] * 100, [2.0] * 80 + [0.8] * 20)
     assert gain.interval == (2.0, 2.0)
     assert not gain.tie
-    assert less(gain, "seed") == "2.0 times smaller (0.80 to 2.0 times in 90 %)"
-    assert more(gain, "seed") == "2.0 times larger (0.50 to 1.2 times in 90 %)"
+    assert less(gain, "seed") == "2.0 times smaller (median of ratios; 0.80 to 2.0 times in 90 %)"
+    assert more(gain, "seed") == "2.0 times larger (median of ratios; 0.50 to 1.2 times in 90 %)"
     half = gained("ours", "theirs", [1.0] * 100, [2.0] * 55 + [0.8] * 45)
     assert half.tie
 
 
 def test_nothing_is_one_time_smaller():
     gain = gained("ours", "theirs", [1.0] * 100, [1.004] * 70 + [1.2] * 30)
-    assert less(gain, "seed") == "less than 1 % smaller (1.00 to 1.2 in 90 %)"
-    assert more(gain, "seed") == "less than 1 % larger (1.00 to 1.2 in 90 %)"
+    assert less(gain, "seed") == "less than 1 % smaller (median of ratios; 1.00 to 1.2 in 90 %)"
+    assert more(gain, "seed") == "less than 1 % larger (median of ratios; 1.00 to 1.2 in 90 %)"
 
 
 def test_the_interval_of_a_median_is_that_of_the_sign_test():

@@ -92,8 +92,8 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
         answer=lines(_answer(f)),
         worst=_each(
             f,
-            "Worst under the payload, which was not read: {own}.",
-            "{arm} {chosen.loaded_mm:~.3f} mm, joint springs {springs.loaded_mm:~.3f} mm",
+            "Worst trials under the payload, which was not read: {own}.",
+            "{arm} {chosen.loaded_mm:most .3f} mm, joint springs {springs.loaded_mm:most .3f} mm",
         ),
         claims=[_each(f, *claim) for claim in CLAIMS],
         numbers=f,
@@ -102,7 +102,7 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
         badge=of_rivals(
             _featured(trials, asked.featured),
             s.CHOSEN,
-            [s.INCUMBENT, s.GEOMETRY],
+            [name for name in s.BY_POSES if name != s.CHOSEN],
             "error_mm",
             f"trial of {listed(arms)}",
         ),

@@ -81,18 +81,19 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         numbers=f,
         tables=(tables := _tables(f)),
         body=[*tables, HOW],
-        badge=_badge(best, len(seeds)),
+        badge=_badge(best, board, len(seeds)),
     )
 
 
-def _badge(best: Row, arms: int) -> Badge:
+def _badge(best: Row, board: Sequence[Row], arms: int) -> Badge:
     """The default beside the best of the others, by the numbers of the table."""
     low, high, names, factor = best.ratio_low, best.ratio_high, (DEFAULT, best.name), best.ratio
+    ties = tuple(row.name for row in board if row.tied)
     if factor < 1:
         low, high, names, factor = 1 / high, 1 / low, names[::-1], 1 / factor
     if arms < FEWEST:
         return Badge(*names, factor, None, arms, "too few", "arm")
-    return Badge(*names, factor, (low, high), arms, "holds" if low > 1 else "tie", "arm")
+    return Badge(*names, factor, (low, high), arms, "holds" if low > 1 else "tie", "arm", ties=ties)
 
 
 def _errors(trials: Trials, tasks: Sequence[str], *, prior: bool) -> scores.Errors:
@@ -132,7 +133,10 @@ def _worst(f: Row, name: str) -> Markdown:
     """The task in which an entry does worst beside the incumbent."""
     own = [row for row in f.scores if (row.name, row.given) == (name, CLASSES[True])]
     worst: Row = max(own, key=lambda row: row.ratio)
-    return say("Worst of {name}: task {task}, {over_default} times the error of the default.", worst)
+    return say(
+        "Worst task of {name}, mean of its arms: {task}, {over_default} times the error of the default.",
+        worst,
+    )
 
 
 def _claims(f: Row) -> Iterator[Markdown]:

@@ -15,7 +15,7 @@ from testbench.campaign.campaign import build_cell
 from testbench.campaign.evaluation import unseen
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
-from testbench.campaign.own_estimator import LimitOptions, engaged, parameters
+from testbench.campaign.own_estimator import MOST, LimitOptions, check_reach, engaged, parameters
 from testbench.campaign.own_process import Own, ask
 from testbench.campaign.rows import FAILED, MM, NO_ERRORS, DatasetRow, ErrorRow, dataset_row, error_row
 from testbench.data.dataset import Dataset
@@ -144,11 +144,11 @@ def _answered(row: EntryRow, own: Problem, link: Connection, entry: Own, prior: 
         answer = ask(link, entry, (unseen(own.cell.vjm), own.structure, own.data, prior))
         pi = parameters(own.structure, answer.found)
         K = None if answer.covariance is None else covariance(answer.covariance, len(pi))
+        check_reach(moved := own.predict(pi), own.cell.vjm)
     except BenchError as err:
         why = str(err)
         skips = why.startswith(SKIP)
         return replace(row, status=SKIPPED + why.removeprefix(SKIP) if skips else FAILED + why)
-    moved = own.predict(pi)
     half = half_widths(observation_of(own.cell, own.truth), K) if own.truth and K is not None else None
     return replace(
         row,
@@ -165,6 +165,8 @@ def covariance(found: Array, n: int) -> Array:
         raise BenchError(f"wrong shape of the covariance: expected ({n}, {n}), got {found.shape}")
     if not np.isfinite(found).all() or (np.diag(found) < 0).any():
         raise BenchError("covariance: expected finite numbers and variances of at least 0")
+    if np.abs(found).max() > MOST:
+        raise BenchError(f"covariance: expected at most {MOST:g} in SI units, got a larger one")
     return (found + found.T) / 2
 
 

@@ -77,19 +77,20 @@ TITLE = (
 ANSWER = (
     "Disturbed arm, {featured} planned poses with weight and pull: the default leaves "
     "{gains.joints.ours_mm:~.3f} mm of {best.before.median_mm:~.3f} mm, joint stiffness only "
-    "{gains.joints.theirs_mm:~.3f} mm, {gains.joints:more trial}. Least squares leaves "
+    "{gains.joints.theirs_mm:~.3f} mm, {gains.joints:more trial}. Least squares without prior leaves "
     "{gains.least_squares.theirs_mm:~.3f} mm, {gains.least_squares:more}."
 )
 WORST = (
-    "Worst by the weight alone, which never loads joint 1: {hung.removed_percent:~.1f} % removed, joint "
-    "stiffness only {hung_joints.removed_percent:~.1f} %. With the pull "
+    "Worst point of all trials: {best.worst_percent:.0f} % removed, joint stiffness only "
+    "{joints.worst_percent:.0f} %. Median points by the weight alone, which never loads joint 1: "
+    "{hung.removed_percent:~.1f} %, joint stiffness only {hung_joints.removed_percent:~.1f} %. With the pull "
     "{best.removed_percent:~.1f} %, joint stiffness only {joints.removed_percent:~.1f} %, perfect "
     "compliances {exact.removed_percent:~.1f} %; undisturbed {ideal.removed_percent:~.1f} and "
     "{ideal_joints.removed_percent:~.1f} %."
 )
 CLAIMS = (
-    "The default makes {best.worse} of {best.cases} points worse, by the weight alone {hung.worse}, "
-    "undisturbed {ideal.worse}.",
+    "The default makes {best.worse} of {best.cases} points of {best.trials:counted trial} worse, by the "
+    "weight alone {hung.worse}, undisturbed {ideal.worse}.",
     "Without backlash, friction and stiffening the default removes {linear.removed_percent:~.1f} %.",
     "The 95 % intervals of the default hold {best.covered_percent:.1f} % of what is left, undisturbed "
     "{ideal.covered_percent:.1f} %; with joint stiffness only {joints.covered_percent:.1f} %.",
@@ -152,7 +153,7 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
         numbers=f,
         tables=_tables(f),
         body=[READING, "both", "truths", OF_TABLES],
-        badge=of_rivals(left, DEFAULT, [*rivals.values()], "left_mm"),
+        badge=of_rivals(left, DEFAULT, [s.LEAST_SQUARES, JOINTS, SAME], "left_mm"),
     )
 
 
@@ -191,7 +192,7 @@ def _group(way: Way, own: Trials) -> Row:
         cases=shares.size,
         before=_sizes(before),
         after=_sizes(after),
-        removed_percent=spread(100 * shares.ravel()),
+        removed_percent=spread(100 * shares.ravel(), np.repeat(np.arange(len(own)), shares.shape[1])),
         worst_percent=100 * shares.min(),
         nine_percent=100 * float(np.mean(shares >= PART)),
         worse=int((shares < 0).sum()),
@@ -233,7 +234,7 @@ def figures(found: Report) -> dict[str, Figure]:
         title: Table((*named, error), [g for g in groups if g.arm == arm], looks=looks)
         for title, arm in (("disturbed arm", REAL), ("arm that bends as a model can", IDEAL))
     }
-    gains = {"least squares": f.gains.least_squares, "joint stiffness only": f.gains.joints}
+    gains = {"least squares without prior": f.gains.least_squares, "joint stiffness only": f.gains.joints}
     return {
         "compensation.png": ranges(
             panes,

@@ -12,7 +12,7 @@ from testbench.identify import Constraint
 from testbench.report.campaigns import pairs
 from testbench.report.columns import columns
 from testbench.report.report import say
-from testbench.report.table import TRIAL, Row, Trials, matched, merged
+from testbench.report.table import SHARED, TRIAL, Row, Trials, matched, merged
 from testbench.studies.rivals import SAME
 from testbench.trials.spread import Number, Spread, middle, wins
 from testbench.views.gains import beside
@@ -49,7 +49,7 @@ def cells(trials: Trials, *by: str, also: Sequence[str] = ()) -> list[Row]:
         by: The factors.
         also: Other columns to merge.
     """
-    return merged(trials.keep(*JUDGED, *by, *also), "name", *by)
+    return merged(trials.keep(*JUDGED, *by, *also, SHARED), "name", *by)
 
 
 def head(seeds: Sequence[int], trials: Trials, asked: str = FAMILY) -> Row:
@@ -85,16 +85,16 @@ def gains(trials: Trials, models: Sequence[Row], ours: str = DEFAULT) -> Row:
 
 
 def by_case(trials: Trials, *by: str) -> Trials:
-    """Rows with a trial of their own for every case, where a trial has several: these columns tell them."""
+    """Rows with a name of their own for every case of a trial that has several: these columns tell them."""
     keys = zip(*(trials[name].tolist() for name in (TRIAL, *by)), strict=True)
-    return trials.add(**{TRIAL: [" ".join(map(str, key)) for key in keys]})
+    return trials.add(**{TRIAL: [" ".join(map(str, key)) for key in keys], SHARED: trials[TRIAL]})
 
 
 def beside_rivals(gains: Row, each: str = "trial") -> Iterator[Markdown]:
     """The errors of these gains, a sentence each rival that is not ours; each is what a trial is called."""
     first = next(iter(gains.values()))
     squares, joints = gains.get("least_squares"), gains.get("joints")
-    rival = ", least squares {other:.0f} um; {it:less}" if squares else ""
+    rival = ", least squares without prior {other:.0f} um; {it:less}" if squares else ""
     other = squares and 1e3 * middle(squares.theirs_mm)
     yield say(
         f"{{ours}} {{own:.0f}} um{rival}.", first, own=1e3 * middle(first.ours_mm), it=squares, other=other
@@ -106,7 +106,10 @@ def beside_rivals(gains: Row, each: str = "trial") -> Iterator[Markdown]:
 
 def gains_told(gains: Row) -> str:
     """The same for the title of a figure."""
-    rivals = {"least squares": gains.get("least_squares"), "joint stiffness only": gains.get("joints")}
+    rivals = {
+        "least squares without prior": gains.get("least_squares"),
+        "joint stiffness only": gains.get("joints"),
+    }
     return beside(rivals, "um")
 
 
@@ -131,7 +134,7 @@ def duels(
         own = trials.where(**{of: ours})
         a, b = own[ERROR], matched(own, trials.where(**{of: theirs}), ERROR, (*by, *within, TRIAL))
         for key, case in own.keep(*by, TRIAL).add(a=a, b=b, ratio=a / b).groups(*by):
-            [row] = merged(case.keep("ratio"))
+            [row] = merged(case.add(**{SHARED: case[TRIAL]}).keep("ratio", SHARED))
             won, lost = wins(case["a"], case["b"]), wins(case["b"], case["a"])
             n = len(case)
             cell = Row(zip(by, key, strict=True))

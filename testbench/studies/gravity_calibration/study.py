@@ -12,14 +12,13 @@ from testbench.report import badge, campaigns
 from testbench.report.campaigns import NOT_OF_A_MODEL, TRUE, best, distinct
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
-from testbench.report.table import Row, Trials, find, merged
+from testbench.report.table import Row, Trials, merged
 from testbench.studies.calibration_scene import calibration_scene, write_runs
 from testbench.studies.gravity_calibration import trial
 from testbench.studies.gravity_calibration.trial import Settings
 from testbench.studies.paper import SECTION_6
 from testbench.studies.rivals import SAME
 from testbench.studies.study import Run, Study
-from testbench.trials.spread import middle
 from testbench.views.figure import Figure, forest
 from testbench.views.markdown import Markdown
 from testbench.views.scene import Seen
@@ -114,19 +113,27 @@ def _numbers(asked: Settings, seeds: range, trials: Trials) -> Row:
         take=DEFAULT,
         gains=campaigns.pairs(trials, duels),
         by_arm=campaigns.by_arm(trials, TRUE),
+        worst=_worst_trial(trials) if len(seeds) > 1 else None,
     )
 
 
+def _worst_trial(trials: Trials) -> Row:
+    """The trial in which the default errs most, and its true arm."""
+    found = campaigns.worst_trial(trials, DEFAULT, JOINTS)
+    return Row(found, true_arm=trials.where(seed=found.seed)["true_arm"][0])
+
+
 def _worst(f: Row) -> Iterator[str]:
-    """With which true arm, and where, the model to take errs most."""
-    if own := [row for row in f.by_arm if row.name == f.take]:
-        most = max(own, key=lambda row: middle(row.workspace.rms_mm))
+    """In which trial, and where, the model to take errs most."""
+    if f.worst:
         yield say(
-            "Worst with {arm}, medians: {name} errs {workspace.rms_mm:~.3f} mm, joint stiffness only "
-            "{rival:~.3f} mm.",
-            most,
-            arm=CALLED[most.true_arm],
-            rival=find(f.by_arm, name=JOINTS, true_arm=most.true_arm).workspace.rms_mm,
+            "Worst trial, seed {seed}, {arm}: {take} errs {ours:.3f} mm, joint stiffness only "
+            "{theirs:.3f} mm.",
+            f.worst,
+            arm=CALLED[f.worst.true_arm],
+            take=f.take,
+            ours=f.worst.errors[f.take],
+            theirs=f.worst.errors[JOINTS],
         )
     at = f.map.worst[f.take]
     seed = f" of seed {f.seed[0]}" if isinstance(f.seed, list) else ""
@@ -174,7 +181,7 @@ def figures(found: Report) -> dict[str, Figure]:
             Table(columns(MODELS), distinct(f.models), bold=found.tables["models"].bold),
             PANES,
             f"{f.arm} under {f.payload_kg:g} kg, RMS over the workspace: {campaigns.gains_told(f.gains)}",
-            f"RMS errors. Band: winner; filled: prior; dotted: joint stiffness only{paper}.",
+            f"RMS errors. Filled: prior; dotted: joint stiffness only{paper}.",
             JOINTS,
         )
     }

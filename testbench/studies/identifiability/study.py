@@ -65,7 +65,10 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             [
                 "With non-linear truth:",
                 *compare.beside_rivals(f.gains_nonlinear),
-                say("{name} errs {max_um:~.0f} um at its worst place.", find(f.nonlinear, name=worst)),
+                say(
+                    "{name} errs {max_um:most .0f} um at the worst place of the worst trial.",
+                    find(f.nonlinear, name=worst),
+                ),
             ]
         ),
         claims=list(_claims(f)),

@@ -141,11 +141,11 @@ def _worst(ranking: Sequence[Row]) -> Markdown:
     """The costliest disturbances."""
     first, *others = ranking
     if middle(first.added_um) <= 0:
-        return say("Worst without noise: no disturbance adds to the error of {name}.", first)
+        return say("Costliest without noise: no disturbance adds to the error of {name}.", first)
     more = ", ".join(say('"{case}" {added_um:~+.0f} um', row) for row in others[:2])
     verb = "comes" if len(others) == 1 else "come"
     return say(
-        'Worst without noise: "{case}" adds {added_um:~.0f} um to the error of {name}'
+        'Costliest without noise, medians: "{case}" adds {added_um:~.0f} um to the error of {name}'
         + (f"; then {verb} {more}." if more else "."),
         first,
     )

@@ -9,7 +9,7 @@ from testbench.arm.folder import find_arm
 from testbench.campaign.model_selection import DEFAULT
 from testbench.campaign.models import EQUAL_FIT, JOINTS
 from testbench.campaign.rows import UM
-from testbench.report import badge
+from testbench.report import badge, campaigns
 from testbench.report.campaigns import distinct
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
@@ -79,8 +79,8 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         title=_title(f),
         answer=lines([_at(f, "gravity"), *compare.beside_rivals(f.gains.gravity)]),
         worst=say(
-            "Worst at {sigma_um:g} um of noise, {where}: {default} {default_um:~.0f} um, least squares "
-            "{least_squares_um:~.0f} um, joint stiffness only {joints_um:~.0f} um.",
+            "Worst trial at {sigma_um:g} um, {where}: {default} {default_um:.0f} um, least squares "
+            "without prior {least_squares_um:.0f} um, joint stiffness only {joints_um:.0f} um.",
             f.worst.gravity,
             where=PARTS["gravity"],
             default=DEFAULT,
@@ -102,13 +102,14 @@ def _of_part(part: str, trials: Trials) -> Row:
     found = Row(sweeps=sweeps, tracker_um=sigma)
     at, models = own.where(sigma_um=sigma), _at_tracker(found)
     found["gains"], found["badge"] = (compare.gains(at, models), badge.of_models(at, models, DEFAULT, ERROR))
-    last = {row.name: row.rms_um for row in sweeps if row.sigma_um == max(noises)}
+    rival, noisy = found.gains.least_squares.theirs, own.where(sigma_um=max(noises))
+    last = campaigns.worst_trial(noisy, DEFAULT, rival, JOINTS, value=ERROR).errors
     return Row(
         found,
         worst=Row(
             sigma_um=max(noises),
             default_um=last[DEFAULT],
-            least_squares_um=last[found.gains.least_squares.theirs],
+            least_squares_um=last[rival],
             joints_um=last[JOINTS],
         ),
         paired=compare.duels(own.pick(own["sigma_um"] > 0), DUELS, "sigma_um"),

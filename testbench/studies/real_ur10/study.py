@@ -9,7 +9,7 @@ import numpy as np
 from testbench.arm.folder import find_arm
 from testbench.campaign.rows import MM, UM
 from testbench.data.series import Series
-from testbench.report.badge import Badge, decide
+from testbench.report.badge import Badge, beside_all
 from testbench.report.columns import columns
 from testbench.report.report import Report, lines, say
 from testbench.report.table import Row, Trials, find, merged
@@ -136,17 +136,22 @@ def report(asked: trial.Settings, seeds: range, trials: Trials) -> Report:
     )
 
 
-def _badge(rows: Trials) -> Badge:
-    """Positions of the first trial's held-out blocks: with joint errors beside joint springs."""
+def _badge(rows: Trials) -> Badge | None:
+    """Positions of the first trial's held-out blocks: shared joint errors beside all other models.
+
+    What cross-validation chooses is one of them.
+    """
     rows = rows.where(seed=rows["seed"][0])
-    errors = [
-        np.linalg.norm(
-            np.concatenate([*map(np.array, rows.where(name=name)["left_um"])]).reshape(-1, 3), axis=1
-        )
-        for name in (trial.SHARED, trial.JOINTS)
-    ]
-    found = decide((trial.SHARED, errors[0]), (trial.JOINTS, errors[1]), "position of held-out blocks")
-    return replace(found, what="RMS error")  # the tables have means
+    errors = {
+        name: np.linalg.norm(np.concatenate([*map(np.array, own)]).reshape(-1, 3), axis=1)
+        for name in rows.values("name")
+        if name != trial.CHOSEN
+        for own in [rows.where(name=name)["left_um"].tolist()]
+    }
+    ours = errors.pop(trial.SHARED)  # every model of the ladder has them
+    pairs = {name: (ours, own, None) for name, own in errors.items()}
+    found = beside_all(trial.SHARED, pairs, "position of held-out blocks")
+    return found and replace(found, what="RMS error")  # the tables have means
 
 
 def _series(series: Series) -> Row:
@@ -178,7 +183,7 @@ def _model(name: str, own: Trials, judged: Sequence[Row]) -> Row:
 
 def _gain(own: Models, ours: str, theirs: str) -> Gain:
     """Two models in blocks that were held out."""
-    return gained(ours, theirs, *([own[name].blocks_mm] for name in (ours, theirs)))
+    return gained(ours, theirs, [own[ours].blocks_mm], [own[theirs].blocks_mm])
 
 
 def _answer(own: Models) -> Iterator[str]:

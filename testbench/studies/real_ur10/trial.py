@@ -226,7 +226,7 @@ def _row(found: Calibration, about: Row, judged: Judged | None = None) -> FitRow
     if judged:
         about["split"], series, frame_poses = judged
         about |= Row(judged=series.name, error=score(model_of(found), [series], frame_poses))
-        if about.split == BLOCKS and about.name in TWO:
+        if about.split == BLOCKS:
             left = np.round(UM * residuals(found.state, series)[0].T, 2)
     waves, effects = "harmonics" in found.chosen.kinds and about.split != DRAW, np.zeros(0)
     if (about.split, about.name) == (BOTH, SHARED):

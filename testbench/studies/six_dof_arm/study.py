@@ -158,6 +158,7 @@ def _found(asked: Settings, trials: Trials) -> Row:
         take=gco if gco in best else best[0],
         gains=campaigns.pairs(straight, duels, ERROR),
         gains_nonlinear=campaigns.pairs(bent, duels, ERROR),
+        worst=campaigns.worst_trial(bent, gco, least_squares, JOINTS, value=ERROR),
     )
 
 
@@ -211,11 +212,12 @@ def _worst(f: Row) -> Markdown:
     """With the non-linear truth, and where with the linear one."""
     at = f.map.worst[f.gains.least_squares.ours]
     return say(
-        "Worst with non-linear truth: {a.ours} {a.ours_mm:~.3f} mm, least squares {a.theirs_mm:~.3f} mm, "
-        "joint stiffness only {b.theirs_mm:~.3f} mm. With linear truth{seed} at {at.position_m:place}: "
+        "Worst trial with non-linear truth, seed {worst}: {a.ours} {mm[0]:.3f} mm, least squares {mm[1]:.3f} "
+        "mm, joint stiffness only {mm[2]:.3f} mm. With linear truth{seed} at {at.position_m:place}: "
         "{at.error_mm:.3f} mm, least squares {rival:.3f} mm.",
         a=f.gains_nonlinear.least_squares,
-        b=f.gains_nonlinear.joints,
+        worst=f.worst.seed,
+        mm=[*f.worst.errors.values()],
         seed=f" in seed {f.seed[0]}" if isinstance(f.seed, list) else "",
         at=at,
         rival=f.map.error_mm[f.gains.least_squares.theirs][at.place],

@@ -87,7 +87,9 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
             seeds=counted(len(seeds), "seed"),
         ),
         answer=lines(_answer(f, rows)),
-        worst=say("Highest ends {solver}: {relative_excess:~.1e} of F_M above (d).", worst),
+        worst=say(
+            "Highest ends {solver}: in its worst seed {relative_excess:most .1e} of F_M above (d).", worst
+        ),
         claims=list(_claims(f, rows)),
         numbers=f,
         tables={

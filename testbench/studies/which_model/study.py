@@ -13,13 +13,13 @@ from testbench.campaign.true_arms import CALLED, TRUTH_WORDS, TRUTHS
 from testbench.report.badge import of_models
 from testbench.report.columns import KNOWN, columns
 from testbench.report.report import Report, lines, say
-from testbench.report.table import TRIAL, Cells, Row, Trials, find, matched, merged, number
+from testbench.report.table import SHARED, TRIAL, Cells, Row, Trials, find, matched, merged, number
 from testbench.studies.factorial import compare
 from testbench.studies.factorial.compare import ERROR, RMS
 from testbench.studies.study import Study
 from testbench.studies.which_model import trial
 from testbench.studies.which_model.trial import CHOSEN, RUNS, Options, Settings
-from testbench.trials.spread import span
+from testbench.trials.spread import independent, span
 from testbench.views.colours import CHOICE, Look, look
 from testbench.views.figure import Figure, forest
 from testbench.views.gains import share
@@ -50,9 +50,10 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     """Medians and spreads over the family, by number of poses, and of the default by true arm and prior."""
     places = [[list(known).index(word) for word in trials[name]] for name, known in IN_ORDER.items()]
     ordered = trials.pick(np.lexsort(places))
-    every = _over_joints(ordered)
+    plain = _over_joints(ordered)
+    every = compare.by_case(plain, "true_arm")
     default, family = every.where(name=CHOSEN), compare.cells(every, "poses", also=BESIDE)
-    counts, cases = sorted(every.values("poses")), compare.by_case(every, "true_arm")
+    counts = sorted(every.values("poses"))
     f = Row(
         compare.head(seeds, trials),
         arm=find_arm(asked.arm).resolve().name,
@@ -60,17 +61,22 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         sigma_um=UM * asked.sigma,
         cases=len(default) // len(counts),
         poses=counts,
+        independent=[
+            independent(own["loses"], own[SHARED]) for n in counts for own in [default.where(poses=n)]
+        ],
         workspace_poses=asked.workspace,
         runs_a_pose=RUNS,
         margin_percent=100 * MARGIN,
         stiffer=asked.stiffer,
         gains={
             n: compare.gains(own, [m for m in family if m.poses == n], CHOSEN)
-            for (n,), own in cases.groups("poses")
+            for (n,), own in every.groups("poses")
         },
         family=family,
         cells=compare.cells(default, "true_arm", "prior_error", "poses", also=BESIDE),
-        worst=merged(default.pick(default["over_joints"].argsort()[-1:]))[0],
+        worst=merged(plain.pick(np.where(plain["name"] == CHOSEN, plain["over_joints"], 0).argsort()[-1:]))[
+            0
+        ],
         promises=list(_promises(every)),
         models=compare.contract([m for m in family if m.poses == counts[0]]),
     )
@@ -79,7 +85,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         scenario=STUDY.name,
         question=say(question, f, which=listed([str(n) for n in counts], "or")),
         title=_title(f),
-        answer=lines([f"{counts[0]} poses:", *compare.beside_rivals(f.gains[counts[0]], "case")]),
+        answer=lines([f"{counts[0]} poses:", *compare.beside_rivals(f.gains[counts[0]])]),
         worst=say(
             "Worst case beside joint stiffness only: {arm}, prior {prior}, {poses} poses: {rms_um:.0f} um, "
             "{over_joints:.2f} times theirs.",
@@ -92,7 +98,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         tables=(tables := _tables(f)),
         body=[*tables, HOW, _families()],
         badge=of_models(
-            cases.where(poses=counts[0]), [m for m in family if m.poses == counts[0]], CHOSEN, ERROR, "case"
+            every.where(poses=counts[0]), [m for m in family if m.poses == counts[0]], CHOSEN, ERROR, "case"
         ),
     )
 
@@ -124,9 +130,9 @@ def _promises(every: Trials) -> Iterator[Row]:
                 name=name,
                 cases=len(own),
                 covered_percent=covered.mean(),  # every case has as many components
-                half_mm=number(half),
-                ideal_mm=number(ideal),
-                over_ideal=number(half / ideal),
+                half_mm=number(half, own[SHARED]),
+                ideal_mm=number(ideal, own[SHARED]),
+                over_ideal=number(half / ideal, own[SHARED]),
                 **{key: _share(own[key]) for key in SAID},
             )
 
@@ -186,7 +192,7 @@ def _claims(f: Row) -> Iterator[Markdown]:
         "The default errs over {margin_percent:g} % more than joint stiffness only in {shares:list} of "
         "{cases:,} cases with {which:list} poses.",
         f,
-        shares=[share(m.loses, f.cases) for m in default],
+        shares=[share(m.loses, n) for m, n in zip(default, f.independent, strict=True)],
         which=[str(m.poses) for m in default],
     )
     ours, joints = (find(f.promises, where=EVERY, name=name) for name in (CHOSEN, JOINTS))
@@ -255,8 +261,8 @@ def figures(found: Report) -> dict[str, Figure]:
             replace(table, columns=shown),
             {column.key: column.heading for column in drawn},
             f"{f.arm}, {first} poses, RMS over the workspace: {compare.gains_told(f.gains[first])}",
-            "Errors over the family of true arms and priors, a case each. Band: what testbench chooses from "
-            "the readings. Filled: with a prior; dotted line: joint stiffness only.",
+            "Errors over the family of true arms and priors. Larger dots: what testbench chooses from the "
+            "readings. Filled: with a prior; dotted line: joint stiffness only.",
             JOINTS,
         )
     }

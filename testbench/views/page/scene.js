@@ -62,6 +62,9 @@ class Scene {
       bar.append(this.select);
     }
     bar.append(this.slider);
+    this.jumps = ["typical", "worst"].map((words) => make("button", { type: "button" }, words));
+    this.jumps.forEach((own, k) => own.addEventListener("click", () => this.show(this.group, [this.data.groups[this.group].first, this.data.groups[this.group].worst][k])));
+    bar.append(...this.jumps);
     this.slider.addEventListener("input", () => this.show(this.group, Number(this.slider.value)));
     place.append(bar, this.says, this.legend, make("div", { class: "says" }, `${this.data.title} Drag to turn, pinch or Ctrl and wheel to come near.`));
   }
@@ -71,6 +74,7 @@ class Scene {
     if (group !== this.group) {
       this.legend.replaceChildren(...own.layers.map((layer) => this.toggle(layer)));
       this.slider.max = own.names.length - 1;
+      for (const jump of this.jumps) jump.hidden = own.worst === null;
       if (this.select) this.select.value = group;
       const { target, distance, home } = this.framed(own, pose);
       Object.assign(this.camera, { target, distance, home }, own.near ? home : {});

@@ -1,6 +1,7 @@
 """The recording of any run, made of what its page draws: arms in poses, charts, maps, figures, words.
 
-Every group of poses has a tab. All are on both timelines: `worst_first`, and `pose` in the order of the page.
+Every group of poses has a tab. All are on three timelines: `typical_first`, where a reader lands, then the
+worst; `worst_first`; and `pose` in the order of the page.
 """
 
 from collections.abc import Mapping, Sequence
@@ -38,10 +39,10 @@ from testbench.views.recording.world import (
     write_layer,
     write_map,
 )
-from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen
+from testbench.views.scene import Layer, Line, Poses, RunChart, Scene, Seen, charts_of, leads
 
-WORST, POSE = "worst_first", "pose"
-"""Timelines: the one that a reader lands on, and the order of the page, from 1."""
+TYPICAL, WORST, POSE = "typical_first", "worst_first", "pose"
+"""Timelines: the one that a reader lands on, the sorted one, and the order of the page, from 1."""
 HUES: Mapping[str, Colour] = {
     "sky blue": NOMINAL,
     "rust": MEASURED,
@@ -73,10 +74,8 @@ class _Group:
 
     @property
     def leads(self) -> list[Array]:
-        """Numbers of lines that are largest in the pose that is shown first, (poses,) each."""
-        count, first = len(self.poses.names), self.poses.first
-        sizes = [np.nan_to_num(line.values, nan=-np.inf) for chart in self.charts for line in chart.lines]
-        return [own for own in sizes if len(own) == count and own[first] == own.max()]
+        """Numbers of lines that are largest in the worst pose, (poses,) each."""
+        return leads(self.poses, self.charts)
 
     @property
     def rank(self) -> Ids:
@@ -85,6 +84,14 @@ class _Group:
         order = np.argsort(-leads[-1], kind="stable") if leads else np.roll(np.arange(count), -first)
         found = np.empty(count, dtype=int)
         found[order] = np.arange(count)
+        return found
+
+    @property
+    def typical(self) -> Ids:
+        """Place of every pose in typical_first, (poses,): what is shown first, then the worst first."""
+        found, first = self.rank.copy(), self.poses.first
+        found[found < found[first]] += 1
+        found[first] = 0
         return found
 
     @property
@@ -118,7 +125,7 @@ def write_run(path: Path, header: Header, words: Told, seen: Seen, figures: Mapp
     documents = {"summary": summary(words), "tables": _tables(words, seen)}
     titles = [own.title for own in (seen.scene, seen.map, *seen.runs) if own]
     with recording(
-        path, header, layout(*views, timeline=WORST, places=places), [*documents.values(), *titles]
+        path, header, layout(*views, timeline=TYPICAL, places=places), [*documents.values(), *titles]
     ) as pen:
         pen.documents(documents)
         if seen.scene:
@@ -152,11 +159,7 @@ def _groups(seen: Seen) -> list[_Group]:
     every = seen.scene.groups if seen.scene else ()
     for k, poses in enumerate(every):
         arm = arms.setdefault(id(poses.rigid), f"arm_{k}" if k else "arm")
-        same = [j for j, other in enumerate(every) if other.rigid is poses.rigid]
-        charts = [chart for chart in seen.runs if chart.group in same and len(chart.labels) > 1]
-        mapped = seen.map if seen.map and seen.map.group == k and not charts else None
-        charts += [RunChart(mapped.title, k, "pose", poses.names, mapped.lines)] if mapped else []
-        found.append(_Group(poses, snake(poses.name), arm, charts))
+        found.append(_Group(poses, snake(poses.name), arm, charts_of(seen, k)))
     return found
 
 
@@ -174,7 +177,7 @@ def _write_scene(pen: Pen, cell: Cell, groups: Sequence[_Group]) -> None:
     """Arms, layers, words and charts of every group."""
     drawn: set[str] = set()
     for own in groups:
-        times = {WORST: own.rank, POSE: 1 + np.arange(len(own.poses.names))}
+        times = {TYPICAL: own.typical, WORST: own.rank, POSE: 1 + np.arange(len(own.poses.names))}
         rows = pen.on(*(rr.TimeColumn(name, sequence=at) for name, at in times.items()))
         if own.arm not in drawn:
             drawn.add(own.arm)
@@ -219,7 +222,7 @@ def _tab(scene: Scene, own: _Group, *, first: bool) -> rrb.Container:
     charts = [
         rrb.TimeSeriesView(
             origin=own.path(chart),
-            name=f"{chart.title}, by {chart.across}{', the worst first' if own.leads else ', in order'}",
+            name=f"{chart.title}, by {chart.across}{_order(own)}",
             axis_x=_beyond(len(own.poses.names)),
             axis_y=_from_zero(chart),
             plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
@@ -241,6 +244,11 @@ def _tab(scene: Scene, own: _Group, *, first: bool) -> rrb.Container:
     here = text_view(f"here/{own.name}", "What is shown")
     main = rrb.Vertical(world, here, row_shares=[6, 1], name=own.poses.name)
     return _beside(main, *charts, name=own.poses.name, summary=first)
+
+
+def _order(own: _Group) -> str:
+    """In which order the timeline that a reader lands on has a group's poses."""
+    return ", a typical one, then the worst first" if own.leads else ", in order"
 
 
 def _from_zero(chart: RunChart) -> rrb.archetypes.ScalarAxis:
@@ -271,8 +279,8 @@ def _beside(
 
 
 def _eye(own: _Group) -> tuple[Array, Array]:
-    """Eye and target: all that is near, or the arm in its worst pose and all that moves there."""
-    poses, k = own.poses, int(own.rank.argmin())
+    """Eye and target: all that is near, or the arm in the pose shown first and all that moves there."""
+    poses, k = own.poses, own.poses.first
     points = poses.near
     if points is None:
         moved = [layer.at[min(k, len(layer.at) - 1)] for layer in poses.layers if layer.kind != "specks"]
