@@ -170,7 +170,7 @@ def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, own:
     for model in stepwise(models, "fitting models"):
         start = clock()
         if plain := _plain(model):
-            estimate = plain.of(cell.vjm, reduced.parts[model.structure.name].together())
+            estimate = plain.of(cell.vjm, reduced.parts[model.structure.name])
             spent = clock() - start
         else:
             estimate, spent = own[model.name]
