@@ -30,7 +30,7 @@ from testbench.campaign.campaign import (
     simulate_at,
     stream,
 )
-from testbench.campaign.models import IN_PAPER, MODELS, as_in_paper
+from testbench.campaign.models import MODELS
 from testbench.campaign.true_arms import FAMILY, member, true_cell
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
@@ -42,6 +42,7 @@ from testbench.report.table import Row, Trials, aligned
 from testbench.shell import command
 from testbench.studies.estimators.factorised import Factorised, cost, factorise, parameters, random_start
 from testbench.studies.paper import LEVEL, SECTION_6, comparison, judged, nearly, number
+from testbench.studies.rivals import IN_PAPER, as_in_paper
 from testbench.trials.spread import Number, Spread, middle, spread
 from testbench.views.schema import Column, Table
 

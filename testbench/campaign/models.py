@@ -9,7 +9,7 @@ from testbench.arm.folder import Arm
 from testbench.campaign.campaign import Cell
 from testbench.display import Displayed
 from testbench.errors import BenchError
-from testbench.identify import Constraint, Estimator, completed_least_squares, gco, least_squares, paper_gco
+from testbench.identify import Constraint, Estimator, completed_least_squares, gco, least_squares
 from testbench.identify.regression import non_redundant
 from testbench.model.structure import (
     FULL,
@@ -84,9 +84,6 @@ The names count the unknowns of an arm of six joints; of another arm they are ki
 has its own count.
 """
 
-IN_PAPER = (
-    " (paper)"  #: Behind the name of a model that GCO identifies as in the paper, without a trace weight.
-)
 SECTION_6 = ("MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
 """The models of section 6, in the paper's order."""
 PAPERS_JOINTS = 6  #: Joints of the arms for which the paper chose links and parameters.
@@ -145,12 +142,6 @@ def right_name(arm: Arm, name: str) -> str:
         return every[name.casefold()]
     of = "" if arm.n_joints == PAPERS_JOINTS else f" of {arm.name}, {arm.n_joints} joints"
     raise BenchError(f"no model {name!r}{of}; models are {', '.join(names)}")
-
-
-def as_in_paper(models: Sequence[Model]) -> list[Model]:
-    """Those that GCO identifies without a prior, by the paper's GCO, which has no trace weight; named so."""
-    own = [m for m in models if m.estimator == gco]
-    return [Model(f"{m.name}{IN_PAPER}", m.structure, paper_gco) for m in own]
 
 
 def equal_fit(cell: Cell) -> Model:

@@ -6,7 +6,7 @@ from testbench.arm.folder import find_arm
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.evaluation import CampaignRow
 from testbench.campaign.model_selection import DEFAULT
-from testbench.campaign.models import IN_PAPER, JOINTS
+from testbench.campaign.models import JOINTS
 from testbench.campaign.true_arms import CALLED, FAMILY, member, true_cell
 from testbench.report import badge, campaigns
 from testbench.report.campaigns import NOT_OF_A_MODEL, TRUE, best, distinct
@@ -17,7 +17,7 @@ from testbench.studies.calibration_scene import calibration_scene, write_runs
 from testbench.studies.gravity_calibration import trial
 from testbench.studies.gravity_calibration.trial import Settings
 from testbench.studies.paper import SECTION_6
-from testbench.studies.rivals import SAME
+from testbench.studies.rivals import IN_PAPER, SAME
 from testbench.studies.study import Run, Study
 from testbench.trials.spread import middle
 from testbench.views.figure import Figure, forest

@@ -9,12 +9,12 @@ from testbench.campaign.campaign import Campaign, Cell, Scenario, build_cell, dr
 from testbench.campaign.campaign_flags import CampaignOptions
 from testbench.campaign.evaluation import CampaignRow, Result, campaign_rows, identify
 from testbench.campaign.model_selection import with_priors
-from testbench.campaign.models import JOINTS, Model, as_in_paper, named_models
+from testbench.campaign.models import JOINTS, Model, named_models
 from testbench.campaign.own_estimator import hired
 from testbench.campaign.own_process import Own
 from testbench.campaign.perturbed_prior import wrong_prior
 from testbench.campaign.true_arms import FAMILY, member, true_cell
-from testbench.studies.rivals import plain_models, without_cone
+from testbench.studies.rivals import as_in_paper, plain_models, without_cone
 
 QUICK_WORKSPACE = 40
 WITHOUT_PRIOR = (JOINTS, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
