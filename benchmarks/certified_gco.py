@@ -11,7 +11,8 @@ from testbench.campaign.campaign import Cell, build_cell
 from testbench.campaign.tracker import Tracker, read_orientations, read_positions
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify import Estimate, gco, reduce
+from testbench.identify import Estimate, paper_gco, reduce
+from testbench.identify.certify import tie_break
 from testbench.identify.cone import TOLERANCE
 from testbench.identify.conic import by_clarabel, scale_program
 from testbench.model.structure import Structure, all153
@@ -102,11 +103,11 @@ def rows_of(arm: Cell) -> list[Row]:
     solver: list[float] = []
 
     def alone() -> None:
-        solver.append(by_clarabel(regression, scale_program(regression)).seconds)
+        solver.append(by_clarabel(regression, scale_program(regression, tie_break(regression))).seconds)
 
     wall, _, *others = interleave(
         REPEATS,
-        lambda: ours.append(gco(arm.vjm, structure, data)),
+        lambda: ours.append(paper_gco(arm.vjm, structure, data)),
         alone,
         *(partial(by_cvxpy, way, results) for way, results in zip(WAYS, theirs, strict=True)),
     )

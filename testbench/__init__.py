@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from testbench.identify import intervals as intervals
     from testbench.identify import least_squares as least_squares
     from testbench.identify import make_estimate as make_estimate
+    from testbench.identify import paper_gco as paper_gco
     from testbench.identify import reduce as reduce
     from testbench.identify import robust as robust
     from testbench.identify import with_prior as with_prior
@@ -67,6 +68,7 @@ HOMES = {
     "least_squares": "identify",
     "completed_least_squares": "identify",
     "gco": "identify",
+    "paper_gco": "identify",
     "cad_prior": "identify.prior",
     "with_prior": "identify",
     "robust": "identify",

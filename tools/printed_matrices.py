@@ -9,7 +9,7 @@ from testbench.campaign.campaign import Cell, stream
 from testbench.campaign.pose_campaign import FullPose
 from testbench.data.dataset import Dataset
 from testbench.errors import Array
-from testbench.identify import gco, reduce
+from testbench.identify import paper_gco, reduce
 from testbench.identify.regression import f_m
 from testbench.report.columns import columns
 from testbench.report.table import Row
@@ -133,7 +133,7 @@ def _papers_own_data(cell: Cell, asked: Settings, truth: Dataset) -> Row:
     load = np.diag([campaign.force] * 3 + [campaign.moment] * 3)
     data = readings(cell, campaign, load, load @ np.array(EQ_22).T)
     structure = models(cell)[-1].structure
-    best, regression = gco(cell.vjm, structure, data), reduce(cell.vjm, structure, data)
+    best, regression = paper_gco(cell.vjm, structure, data), reduce(cell.vjm, structure, data)
     rounded = _rounded(ours)
     values = np.linalg.eigvalsh(rounded)
     costs = [f_m(regression, structure.entries(C)) for C in rounded[:ROUNDED_COSTS]]

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.identify.certify import TRACE_WEIGHT
-from testbench.identify.estimate import Average, Estimate
+from testbench.identify.certify import TIE_BREAK
+from testbench.identify.estimate import PAPERS, Average, Estimate
 from testbench.identify.huber import NO_OUTLIERS, REJECT
 from testbench.identify.least_squares import COMPLETED
 from testbench.identify.metric import Belief
@@ -54,7 +54,10 @@ def _of_method(estimate: Estimate) -> list[str]:
     if estimate.belief is not None:
         return [of_prior(estimate.belief)]
     if estimate.constraint == "psd" and estimate.certificate is not None:
-        said = [f"GCO filled the free directions with the least trace, weight {TRACE_WEIGHT:g}"] * free
+        penalty = estimate.penalty
+        if penalty is not None and not estimate.method.startswith(PAPERS):
+            return [f"GCO: trace weight {penalty.weight:.3g} N m/rad, learnt unless it was given"]
+        said = [f"GCO filled the free directions with the least trace, weight {TIE_BREAK:g}"] * free
         if estimate.held_by_trace_weight:
             said.append(
                 f"{name}: only the trace weight holds unseen compliance, which fits a "

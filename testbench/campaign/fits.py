@@ -18,10 +18,10 @@ from testbench.data.spool import SHOWN, some
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
 from testbench.identify.evaluate import Score, deflections, judge, score
-from testbench.identify.fold import BLOCK_RUNS, with_poses
+from testbench.identify.fold import BLOCK_RUNS, Parts, with_poses
 from testbench.identify.hierarchy import Unchecked, contradicted, unchecked
 from testbench.identify.metric import metric
-from testbench.identify.regression import ROUNDING
+from testbench.identify.regression import ROUNDING, Regression
 from testbench.identify.weighed import MOST_READINGS
 from testbench.model.laws import UNIT_SIZES, sizes_of, vjm_of
 from testbench.model.vjm import chain, generalised_load
@@ -170,10 +170,12 @@ def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, own:
     for model in stepwise(models, "fitting models"):
         start = clock()
         if plain := _plain(model):
-            regression = reduced.parts[model.structure.name].together()
-            if many is None:
-                regression = with_poses(cell.vjm, regression, runs.used)
-            estimate = plain.of(cell.vjm, regression)
+            readings: Parts | Regression = reduced.parts[model.structure.name]
+            if isinstance(readings, Parts) and not plain.penalised:
+                readings = readings.together()
+                if many is None:
+                    readings = with_poses(cell.vjm, readings, runs.used)
+            estimate = plain.of(cell.vjm, readings)
             spent = clock() - start
         else:
             estimate, spent = own[model.name]

@@ -162,7 +162,7 @@ def _errors(cell: Cell, model: Model, runs: Folded) -> Array:
 
     def fit(fold: Fold) -> Array:
         if isinstance(method, Method):
-            pi = method.of(cell.vjm, fold.fitted, widths=False).pi
+            pi = method.of(cell.vjm, fold.parts, widths=False).pi
             return np.pad(pi, (0, model.structure.n - len(pi)))  # laws are last
         return of_model(cell, model, select(runs.data, np.isin(runs.part, fold.kept))).pi
 

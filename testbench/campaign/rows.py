@@ -70,6 +70,7 @@ class FitRow:
     f_m_excess_bound: Number = None  #: Bound of F_M above its least value: what the trace weight costs.
     trace_bounds_rad_per_Nm: tuple[Number, ...] | None = None  #: Traces within which the bounds hold.
     held_by_trace_weight: Share = False  #: Whether only the trace weight holds unseen compliance.
+    trace_weight_Nm_per_rad: Number = None  #: Of GCO without a prior, learnt unless it was given.
     total_trace_rad_per_Nm: Number = None  #: Of all blocks, in scaled units.
     solve_seconds: Number = None  #: Wall time of the estimator.
     advice: tuple[str, ...] = ()  #: What the estimate says of itself.
@@ -96,6 +97,7 @@ def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool
         f_m_excess_bound=None if certificate is None else certificate.f_m_excess_bound,
         trace_bounds_rad_per_Nm=None if certificate is None else tuple(certificate.trace_bounds.tolist()),
         held_by_trace_weight=estimate.held_by_trace_weight,
+        trace_weight_Nm_per_rad=None if estimate.penalty is None else estimate.penalty.weight,
         total_trace_rad_per_Nm=total_trace(own.structure, estimate.pi[: own.structure.n]),
         solve_seconds=seconds,
         advice=advice(estimate),

@@ -10,6 +10,7 @@ from testbench.identify.method import Method as Method
 from testbench.identify.method import completed_least_squares as completed_least_squares
 from testbench.identify.method import gco as gco
 from testbench.identify.method import least_squares as least_squares
+from testbench.identify.method import paper_gco as paper_gco
 from testbench.identify.method import robust as robust
 from testbench.identify.method import with_prior as with_prior
 from testbench.identify.posterior import intervals as intervals

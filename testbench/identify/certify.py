@@ -1,14 +1,14 @@
 """A proof of quality for any conservative estimate.
 
 F_M is a sum of norms |r_k| of affine residuals r_k = R_k pi - z_k. For vectors y_k of length at most one,
-|r_k| >= y_k . r_k; so with S_i the gradient of sum y_k . r_k with respect to block i, and any weight w of the
-trace, every conservative C whose blocks have a trace of at most t_i obeys
-    F(C) + w tr C >= -sum y_k . z_k - sum max(0, -lambda_min(S_i) - w) t_i.
+|r_k| >= y_k . r_k; so with S_i the gradient of sum y_k . r_k with respect to block i, and any trace term
+w <W, C>, every conservative C whose blocks have a trace of at most t_i obeys
+    F(C) + w <W, C> >= -sum y_k . z_k - sum max(0, -lambda_min(S_i + w W_i)) t_i.
 With y_k = r_k / |r_k| of an estimate, S_i is the gradient of F_M there. Nothing is asked of how the estimate
 was found. The bound is used twice:
-- with the weight w of GCO it bounds the program that is solved: the duality gap;
-- with w = 0 it bounds F_M alone. What an optimum of the program is at most above the least F_M is what the
-  weight costs: no more than w sum t_i, beside the duality gap.
+- with the trace term of GCO it bounds the program that is solved: the duality gap;
+- without it it bounds F_M alone. What an optimum of the program is at most above the least F_M is what the
+  trace term costs, beside the duality gap.
 """
 
 import math
@@ -16,12 +16,12 @@ import math
 import numpy as np
 
 from testbench.errors import Array, BenchError, check_array
-from testbench.identify.estimate import Certificate, Dual, Estimate
+from testbench.identify.estimate import Certificate, Dual, Estimate, Penalty
 from testbench.identify.regression import Regression, f_m
 from testbench.model.structure import Structure
 
-TRACE_WEIGHT = 1e-8
-"""Weight of the trace beside F_M in GCO, both as shares of what the data span.
+TIE_BREAK = 1e-8
+"""Weight of the trace in the paper's GCO, which has none: both as shares of what the data span.
 
 It picks the least trace among models that fit alike. Where the fit goes on improving as unseen compliance
 grows without end, there is no such model, and the weight decides where to stop: the advice says so.
@@ -50,6 +50,12 @@ def scaled_units(structure: Structure) -> Array:
     return np.where((index < 6 * structure.links) & (index % 6 < 3), LENGTH, 1.0)
 
 
+def tie_break(regression: Regression) -> Penalty:
+    """Weigh the plain trace so lightly that it only chooses among models that fit alike."""
+    s, weight = regression.structure, TIE_BREAK * (regression.weight.max() or 1.0)
+    return Penalty(float(weight), scaled_units(s) ** -2.0, s, np.eye(s.n))
+
+
 def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
     """Bound how far a conservative estimate is from the best one.
 
@@ -73,7 +79,9 @@ def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
         )
     regression = estimate.regression
     dual = gradient_dual(regression, estimate.pi) if dual is None else _checked(regression, dual)
-    return bound(regression, estimate.pi, dual)
+    if estimate.penalty is None or estimate.split is None:
+        return bound(regression, estimate.pi, dual, penalty=tie_break(regression))
+    return bound(estimate.penalty.lifted(regression), estimate.split, dual, penalty=estimate.penalty)
 
 
 def _checked(regression: Regression, dual: Dual) -> Dual:
@@ -105,11 +113,13 @@ def gradient_dual(regression: Regression, pi: Array) -> Dual:
     return Dual(np.array(y), np.array(rest))
 
 
-def bound(regression: Regression, pi: Array, dual: Dual, trace_bounds: Array | None = None) -> Certificate:
+def bound(
+    regression: Regression, pi: Array, dual: Dual, trace_bounds: Array | None = None, *, penalty: Penalty
+) -> Certificate:
     """How far a conservative pi, (n,), is at most above the lower bounds of a dual, none longer than one.
 
-    `trace_bounds` are t_i, of the trace of each block in scaled units, (blocks,) [rad/(N m)]; None for
-    `default_trace_bounds`.
+    Regression and pi are of the penalty's own structure. `trace_bounds` are t_i, of the trace of each block
+    in scaled units, (blocks,) [rad/(N m)]; None for `default_trace_bounds`.
     """
     s, t = regression.structure, trace_bounds
     t = default_trace_bounds(regression, pi) if t is None else t
@@ -118,26 +128,28 @@ def bound(regression: Regression, pi: Array, dual: Dual, trace_bounds: Array | N
     for term, y, rest in zip(regression.terms, dual.y, dual.y_rest, strict=True):
         g += term.R.T @ y
         constant += rest * math.sqrt(term.rest) - y @ term.z
-    smallest = _smallest(regression, g)
-    weight, cost = trace_weight(regression), f_m(regression, pi)
+    cost, free = f_m(regression, pi), np.zeros(s.n)
 
-    def over(cost: float, weight: float) -> float:
-        least = constant - float(np.maximum(0, -smallest - weight) @ t)
+    def over(cost: float, price: Array) -> float:
+        least = constant - float(np.maximum(0, -_smallest(regression, g, price)) @ t)
         return max(0.0, cost - max(0.0, least))  # the cost is a sum of norms and traces
 
     return Certificate(
-        duality_gap=over(cost + weight * total_trace(s, pi), weight),
-        f_m_excess_bound=over(cost, 0.0),
+        duality_gap=over(cost + float(penalty.price @ pi), penalty.price),
+        f_m_excess_bound=over(cost, free),
         trace_bounds=t,
         dual=dual,
     )
 
 
-def _smallest(regression: Regression, g: Array) -> Array:
-    """Smallest eigenvalue of every S_i in scaled units, less its rounding, (blocks,), for a gradient (n,)."""
+def _smallest(regression: Regression, g: Array, price: Array) -> Array:
+    """Smallest eigenvalue of every S_i + w W_i in scaled units, less its rounding, (blocks,).
+
+    `g` is the gradient of S_i, `price` that of the trace term, (n,) each.
+    """
     s, unit = regression.structure, scaled_units(regression.structure)
     scale = np.outer(unit, unit)
-    S, size = s.gradient(g) * scale, s.gradient(regression.columns) * scale
+    S, size = s.gradient(g + price) * scale, s.gradient(regression.columns + np.abs(price)) * scale
     smallest = np.empty(len(s.blocks))
     for group in s.groups:
         lost = ROUNDING * np.linalg.norm(size[group.index], axis=(1, 2))
@@ -166,11 +178,6 @@ def default_trace_bounds(regression: Regression, pi: Array) -> Array:
     allowed = 2 * f_m(regression, np.zeros(s.n)) / sensitivity
     own = 2 * np.diag(s.matrix(pi))[used] / unit
     return np.maximum(*(np.bincount(s.block_of[used], weights=trace) for trace in (allowed, own)))
-
-
-def trace_weight(regression: Regression) -> float:
-    """Weight of the total trace in scaled units beside F_M [N m/rad]."""
-    return float(TRACE_WEIGHT * (regression.weight.max() or 1.0))
 
 
 def total_trace(structure: Structure, pi: Array) -> float:

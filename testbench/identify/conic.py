@@ -14,27 +14,20 @@ import numpy as np
 
 from testbench.errors import Array, Ids
 from testbench.identify import cone
-from testbench.identify.certify import (
-    bound,
-    gradient_dual,
-    scaled_units,
-    shortened,
-    total_trace,
-    trace_weight,
-)
-from testbench.identify.estimate import Certificate, Dual, Estimate, make_estimate
+from testbench.identify.certify import bound, gradient_dual, shortened, tie_break
+from testbench.identify.estimate import PAPERS, Certificate, Dual, Estimate, Penalty, make_estimate
 from testbench.identify.interior import TINY, interior
 from testbench.identify.interior import Program as Norms
 from testbench.identify.regression import Regression, check_symmetric, f_m
 from testbench.model.structure import Structure
 
-PENALTY_TOLD = 1e-4  #: Share of F_M that the trace term may cost before the advice tells of it.
+PENALTY_TOLD = 1e-4  #: Share of F_M that the tie-break may cost before the advice tells of it.
 GAP_TOLERANCE = 1e-5
 """Proven distance of F_M + trace term from its optimum, relative to F_M, below which it is solved."""
 DATA_TOLERANCE = 1e-7
 """The same relative to F_M at C = 0: where the data are noise-free, F_M has no scale of its own.
 
-Without noise the trace term alone costs 0.3 to 2 times as much and F_M a tenth at most, so that F_M decides:
+Without noise the tie-break alone costs 0.3 to 2 times as much and F_M a tenth at most, so that F_M decides:
 what rounding changes in the trace does not.
 """
 EXACT = 1e-9  #: Share of F_M at C = 0 below which the fit is exact: noise-free data.
@@ -59,6 +52,7 @@ class Program:
     z: Array  #: The same, (terms, n).
     rest: Array  #: The norm of what no parameter can explain, (terms,).
     trace: Array  #: The trace term per unit of x, in the unit of F_M, (k,).
+    penalty: Penalty  #: The trace term.
 
     def parameters(self, x: Array, n: int) -> Array:
         """All parameters, (n,)."""
@@ -77,42 +71,55 @@ class Answer:
     dual: Dual  #: Its proof.
 
 
-def optimum(regression: Regression) -> Estimate:
-    """GCO to global optimality: minimise F_M, Eq. (19), over conservative compliances.
+def optimum(regression: Regression, penalty: Penalty | None = None) -> Estimate:
+    """Minimise F_M + w <W, C>, Eq. (19) and a trace term, over conservative compliances, to the optimum.
 
-    The data rarely see all of C: then the optimum is not unique, or is only approached as an unseen entry
-    grows without end. So the trace in scaled units is minimised beside F_M with a small weight: among models
-    that fit alike it takes the one of least trace. The certificate bounds what is left of the program, and
-    what the weight costs in F_M.
+    The data rarely see all of C: without the trace term the optimum is not unique, or is only approached as
+    an unseen entry grows without end. The certificate bounds what is left of the program, and what the trace
+    term costs in F_M.
+
+    Args:
+        regression: The reduced dataset.
+        penalty: The trace term; None for `tie_break`, so light that it only chooses among models that fit
+            alike: the paper's GCO.
+
+    Returns:
+        The estimate with its certificate.
 
     Raises:
         BenchError: When the structure is not symmetric.
     """
     check_symmetric(regression.structure)
-    program = scale_program(regression)
-    answer = by_interior(regression, program) or by_clarabel(regression, program)
+    papers, penalty = penalty is None, penalty or tie_break(regression)
+    lifted = penalty.lifted(regression)
+    program = scale_program(lifted, penalty)
+    answer = by_interior(lifted, program) or by_clarabel(lifted, program)
     pi = answer.pi
-    certificate, reached = _judged(regression, program, pi, answer.dual)
+    certificate, reached = _judged(lifted, program, pi, answer.dual)
     if not reached:
-        other = by_squares(regression, program)
-        proof, better = _judged(regression, program, other, gradient_dual(regression, other))
+        other = by_squares(lifted, program)
+        proof, better = _judged(lifted, program, other, gradient_dual(lifted, other))
         if better or proof.duality_gap < certificate.duality_gap:
             pi, certificate, reached = other, proof, better
-    left = f_m(regression, pi)
-    cost = trace_weight(regression) * total_trace(regression.structure, pi)
-    estimate = make_estimate(regression, pi, method="GCO (conic program)", constraint="psd")
+    left, cost = f_m(lifted, pi), float(penalty.price @ pi)
+    method = PAPERS if papers else "GCO (conic program)"
+    estimate = make_estimate(regression, penalty.lift @ pi, method=method, constraint="psd")
     return replace(
         estimate,
         status="solved" if reached and estimate.conservative else answer.failure,
         certificate=certificate,
         solver_seconds=answer.seconds,
-        held_by_trace_weight=bool(cost > PENALTY_TOLD * left > PENALTY_TOLD * EXACT * program.unit),
+        penalty=penalty,
+        split=pi,
+        held_by_trace_weight=bool(
+            papers and cost > PENALTY_TOLD * left > PENALTY_TOLD * EXACT * program.unit
+        ),
     )
 
 
 def _judged(regression: Regression, program: Program, pi: Array, dual: Dual) -> tuple[Certificate, bool]:
     """What a dual proves of parameters, and whether they are so near the optimum that they are solved."""
-    certificate, left = bound(regression, pi, dual), f_m(regression, pi)
+    certificate, left = bound(regression, pi, dual, penalty=program.penalty), f_m(regression, pi)
     over = min(certificate.duality_gap, left)  # F_M cannot be negative
     return certificate, over <= GAP_TOLERANCE * left + DATA_TOLERANCE * program.unit
 
@@ -129,7 +136,7 @@ def by_interior(regression: Regression, program: Program) -> Answer | None:
     x[order] = unit * interior(norms).x
     pi = program.parameters(x, n)
     dual = gradient_dual(regression, pi)
-    gap = bound(regression, pi, dual).duality_gap / program.unit
+    gap = bound(regression, pi, dual, penalty=program.penalty).duality_gap / program.unit
     if gap > PROVEN:
         return None
     return Answer(pi, time.perf_counter() - start, f"proven to {gap:.1g} of F_M without a model", dual)
@@ -169,16 +176,15 @@ def by_clarabel(regression: Regression, program: Program) -> Answer:
     return Answer(pi, solution.seconds, solution.failure, shortened(z[:, 1:-1], -z[:, -1]))
 
 
-def scale_program(regression: Regression) -> Program:
-    """Units in which data and parameters are of order one."""
+def scale_program(regression: Regression, penalty: Penalty) -> Program:
+    """Units in which data, trace term and parameters are of order one; of the penalty's own structure."""
     s = regression.structure
     block, seen = s.block_of[s.a], np.zeros(len(s.blocks), dtype=bool)
     seen[block[regression.columns > 0]] = True
     columns = np.flatnonzero(seen[block])
     kept = _kept(s, columns.tobytes())
     unit = f_m(regression, np.zeros(s.n)) or 1.0
-    scale = sensitivity_units(regression, unit)[columns]
-    trace = np.where(kept.a == kept.b, scale / scaled_units(kept)[kept.a] ** 2, 0.0)
+    scale = sensitivity_units(regression, unit, penalty)[columns]
     return Program(
         columns=columns,
         structure=kept,
@@ -187,7 +193,8 @@ def scale_program(regression: Regression) -> Program:
         R=np.array([term.R[:, columns] for term in regression.terms]) * (scale / unit),
         z=np.array([term.z for term in regression.terms]) / unit,
         rest=np.sqrt([term.rest for term in regression.terms]) / unit,
-        trace=trace_weight(regression) * trace / unit,
+        trace=penalty.price[columns] * scale / unit,
+        penalty=penalty,
     )
 
 
@@ -197,14 +204,15 @@ def _kept(structure: Structure, columns: bytes) -> Structure:
     return structure.keep(np.frombuffer(columns, dtype=int), structure.name)
 
 
-def sensitivity_units(regression: Regression, unit: float = 1.0) -> Array:
+def sensitivity_units(regression: Regression, unit: float = 1.0, penalty: Penalty | None = None) -> Array:
     """Units of pi in which its parameters move F_M alike, by this unit of F_M, (n,): C = unit d X d^T.
 
-    d^-2 is the F_M that a unit of each diagonal entry causes: a congruence, so that X is positive
-    semi-definite where C is.
+    d^-2 is what a unit of each diagonal entry causes, of F_M and of a trace term: a congruence, so that X is
+    positive semi-definite where C is.
     """
     s, weight = regression.structure, regression.weight
-    d = 1 / np.sqrt(np.maximum(weight, UNSEEN_WEIGHT * (weight.max() or 1.0)))
+    price = 0.0 if penalty is None else penalty.weight * penalty.metric
+    d = 1 / np.sqrt(np.maximum(weight, UNSEEN_WEIGHT * (weight.max() or 1.0)) + price)
     return np.asarray(unit * d[s.a] * d[s.b])
 
 

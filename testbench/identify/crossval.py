@@ -6,6 +6,7 @@ were never fitted. So it is with the runs of one load, where the data have sever
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -24,8 +25,13 @@ class Fold:
     """What is fitted, and what is held out."""
 
     kept: Ids  #: Parts that are fitted.
-    fitted: Regression  #: These, reduced.
+    parts: Parts  #: These.
     held_out: Regression  #: The others, reduced.
+
+    @cached_property
+    def fitted(self) -> Regression:
+        """What is fitted, reduced."""
+        return self.parts.together()
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,7 @@ def folds(parts: Parts) -> list[Fold]:
         raise BenchError("cross-validation: expected at least 2 poses, got 1")
     held = [own == k for own in (pose, load) for k in np.unique(own)]
     pairs = [(some[~own], some[own]) for own in held if not own.all()]
-    return [Fold(kept, parts.together(kept), parts.together(out)) for kept, out in pairs]
+    return [Fold(kept, parts.some(kept), parts.together(out)) for kept, out in pairs]
 
 
 def paired(difference: Array) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """An identified model, and what can be said of it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -12,7 +12,7 @@ from testbench.data.dataset import Dataset
 from testbench.display import Displayed
 from testbench.errors import Array, check_array
 from testbench.identify.metric import Belief
-from testbench.identify.regression import Regression, f_m
+from testbench.identify.regression import Regression, f_m, regression_of
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
 
@@ -24,6 +24,7 @@ CONSERVATIVE_TOLERANCE = 1e-10
 """An eigenvalue above minus this share of the block's largest counts as zero: rounding of V^T V."""
 
 
+PAPERS = "GCO (paper)"  #: Method of GCO without a trace weight.
 TOOL = "orientation"  #: Stands in for the marker where the tool's orientation was read.
 
 
@@ -36,12 +37,37 @@ class Dual:
 
 
 @dataclass(frozen=True)
+class Penalty:
+    """The trace term of GCO beside F_M: the least w <W, C'> of all C' >= 0 that make up C.
+
+    A joint that a structure counts in the link before it is an unknown of its own in C': the link's block is
+    C = C' + t a a^T, about the joint's axis a. Where there is none, C' is C.
+    """
+
+    weight: float  #: w [N m/rad].
+    metric: Array  #: W, diagonal of (n_theta, n_theta), (n_theta,) [rad^2/m^2, 1].
+    structure: Structure  #: The unknowns of C', k of them.
+    lift: Array  #: Parameters by those of C', (n, k) [1].
+
+    @property
+    def price(self) -> Array:
+        """Gradient with respect to the parameters of C', (k,)."""
+        s = self.structure
+        return np.where(s.a == s.b, self.weight * self.metric[s.a], 0.0)
+
+    def lifted(self, regression: Regression) -> Regression:
+        """The same readings by the parameters of C'."""
+        terms = (replace(term, R=term.R @ self.lift) for term in regression.terms)
+        return regression_of(self.structure, tuple(terms))
+
+
+@dataclass(frozen=True)
 class Certificate:
     """How far an estimate can be from the best conservative one, of traces within `trace_bounds`."""
 
-    #: Upper bound of F_M + trace term above its least value [1]: how well the program of GCO is solved.
+    #: Upper bound of F_M + w <W, C> above its least value [1]: how well the program of GCO is solved.
     duality_gap: float
-    #: Upper bound of F_M above its least value [1]: of a solved program, what its trace weight costs.
+    #: Upper bound of F_M above its least value [1]: of a solved program, what its trace term costs.
     f_m_excess_bound: float
     trace_bounds: Array  #: Bound t_i of the trace of each block in scaled units, (blocks,) [rad/(N m)].
     dual: Dual  #: The proof; the best one known may certify any other estimate of the same regression.
@@ -89,7 +115,9 @@ class Estimate(Displayed):
     solver_seconds: float = 0.0  #: Time inside the numerical solver, as it reports it; 0 where it does not.
     advice: tuple[str, ...] = ()  #: Sentences for a person, of an estimator of your own.
     constraint: Constraint = "own"  #: What the method asked of the blocks; "own" where nobody says it.
-    #: Whether only the trace weight of GCO holds unseen compliance, which fits a little better as it grows.
+    penalty: Penalty | None = None  #: Trace term of GCO without a prior; None for none.
+    split: Array | None = None  #: Parameters of its C', (k,).
+    #: Whether only the tie-break of the paper's GCO holds unseen compliance, which fits better as it grows.
     held_by_trace_weight: bool = False
     belief: Belief | None = None  #: The prior that counted as data; None for none.
     #: Readings that the estimate does without, in the order of the dataset.

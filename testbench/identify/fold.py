@@ -122,6 +122,13 @@ class Parts:
         """The parts that there are."""
         return np.unique([part for _, part in self.folded.factors])
 
+    def some(self, parts: Ids) -> "Parts":
+        """Some of the parts."""
+        kept, own = Folded(self.folded.columns), set(parts.tolist())
+        kept.factors = {at: T for at, T in self.folded.factors.items() if at[1] in own}
+        kept.equations.update({at: n for at, n in self.folded.equations.items() if at[1] in own})
+        return replace(self, folded=kept)
+
     def together(self, parts: Ids | None = None) -> Regression:
         """The regression of some parts, one at least, or all: rows over sqrt(N), as in F_M, Eq. (19)."""
         terms, some = [], (self.every if parts is None else parts).tolist()

@@ -25,7 +25,7 @@ import numpy as np
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Mask
-from testbench.identify.estimate import TOOL, Constraint, Estimate, Rejected
+from testbench.identify.estimate import TOOL, Constraint, Estimate, Penalty, Rejected
 from testbench.identify.least_squares import minimum_norm
 from testbench.identify.metric import Belief, Case, metric
 from testbench.identify.prior import Strength, cad_prior
@@ -47,17 +47,19 @@ NO_OUTLIERS = "sigma too small, or wrong structure, load, unit or frame"
 
 
 def without_outliers(
-    vjm: Vjm, data: Dataset, regression: Regression, constraint: Constraint, belief: Belief | None
+    vjm: Vjm, data: Dataset, regression: Regression, constraint: Constraint, held: Belief | Penalty | None
 ) -> Estimate:
     """The plain estimate from the readings that Huber's loss does not reject; for GCO of whole blocks.
 
-    F_M, its floor and the rank are of the readings that are left.
+    F_M, its floor and the rank are of the readings that are left. The prior, or the trace term of GCO
+    without one, is `held`.
 
     Raises:
         BenchError: When the dataset is too large, or too few readings are left.
     """
     readings = one_by_one(vjm, regression.structure, data)
     start = time.perf_counter()
+    belief = held if isinstance(held, Belief) else None
     length, status = search(vjm, readings, regression, constraint, belief)
     seconds, keep = time.perf_counter() - start, length <= REJECT
     left = int(keep.sum())
@@ -68,7 +70,7 @@ def without_outliers(
         )
     if not keep.all():
         regression = _accepted(regression.structure, readings, keep, np.ones(len(keep)))
-    plain = solve(regression, constraint, belief)
+    plain = solve(regression, constraint, held)
     return replace(
         plain,
         method=f"{plain.method}, Huber loss",

@@ -19,7 +19,7 @@ from testbench.errors import Array, Ids
 from testbench.identify import cone
 
 ITERATIONS = 40
-CENTRED = 0.1  #: First gap, as a share of the objective.
+CENTRED = 0.1  #: First gap, as a share of the objective, at least.
 SMALL = 1e-3  #: Size of the first x where the data want none above zero.
 LEFT = 1e-11  #: Distance from the optimum at which it ends, in units where the data are of order one,
 FINEST = 1e-14  #: and that of squares, whose own unit is that of noise.
@@ -118,14 +118,17 @@ def interior(program: Program) -> State:
 
 
 def _start(program: Program) -> State:
-    """All blocks alike, as large as fits the data best."""
+    """All blocks alike, as large as fits the data best; multipliers as large as the gradient there."""
     one = np.concatenate([cone.svec(np.eye(size)) for size in program.sizes])
     moved = program.R @ one
     square = max(float((moved**2).sum()), TINY)
     size = max(np.vdot(moved, program.z) / square, SMALL * float(np.linalg.norm(program.z)) / square**0.5)
     norms, pulls = program.at(size * one)
-    s = CENTRED * program.fit(norms) / sum(program.sizes) / size * one
-    return State(size * one, s, norms, pulls, pulls.sum(axis=0) + program.c - s)
+    gradient = pulls.sum(axis=0) + program.c
+    matrices = (cone.smat(gradient[at]) for at in cone.groups_of(program.sizes))
+    large = max(float(np.abs(np.linalg.eigvalsh(X)).max()) for X in matrices)
+    s = max(CENTRED * program.fit(norms) / sum(program.sizes) / size, large) * one
+    return State(size * one, s, norms, pulls, gradient - s)
 
 
 def _iterate(program: Program, state: State) -> State:

@@ -6,16 +6,20 @@ A method is called like an estimator of your own: method(vjm, structure, data) -
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
 from testbench.identify.average import averaged, of_two_priors
-from testbench.identify.estimate import Constraint, Estimate, Estimator
-from testbench.identify.fold import reduce
+from testbench.identify.crossval import divided
+from testbench.identify.estimate import Constraint, Estimate, Estimator, Penalty
+from testbench.identify.fold import Parts, reduce, reduce_parts
 from testbench.identify.huber import without_outliers
 from testbench.identify.metric import Belief, metric, rescaled
 from testbench.identify.prior import Prior, Strength, softened
 from testbench.identify.regression import Regression, some_columns
 from testbench.identify.solve import solve
+from testbench.identify.trace import learnt, weighed
 from testbench.model.laws import without_laws
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -34,13 +38,20 @@ class Method:
     #: joint, or `ROBUST_UNCERTAINTY` with a robust loss: outliers would teach it.
     strength: Strength | None = None
     loss: Literal["plain", "robust"] = "plain"  #: "robust" looks for outliers and does without them.
+    #: Weight w of the trace term beside F_M in GCO without a prior [N m/rad]: F_M + w <W, C> is least, see
+    #: `trace`. It is an exponential prior on compliances, of mean 1 / (w F_M N) rad/(N m) each for N points,
+    #: those of joints nearly free. None to learn it from poses held out; 0 for the paper's GCO, which takes
+    #: the least trace only among models that fit alike.
+    trace_weight: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse by BenchError a prior where it would leave nothing to complete."""
+        """Refuse by BenchError a prior where it would leave nothing to complete, or a negative weight."""
         if self.prior is not None and self.constraint == "free":
             raise BenchError(
                 "prior: expected least squares or GCO; with a prior no direction is free to be completed"
             )
+        if self.trace_weight is not None and not 0 <= self.trace_weight < np.inf:
+            raise BenchError(f"trace_weight [N m/rad]: expected 0 or more, got {self.trace_weight}")
 
     def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         """Identify a structure from a dataset.
@@ -57,16 +68,30 @@ class Method:
             BenchError: When the dataset is empty or names a marker that the arm lacks, the structure is not
                 symmetric where it must be, or the prior does not fit the structure or the data.
         """
-        regression = reduce(vjm, structure if self.learns else without_laws(structure), data)
+        unknowns = structure if self.learns else without_laws(structure)
+        reduced: Parts | Regression
+        if self.penalised and isinstance(data, Dataset):  # poses are held out
+            [reduced] = reduce_parts(vjm, [unknowns], data, divided(data))
+        else:
+            reduced = reduce(vjm, unknowns, data)
         if self.loss == "plain":
-            return self.of(vjm, regression)
-        return without_outliers(vjm, data, regression, self.constraint, self.belief(vjm, regression))
+            return self.of(vjm, reduced)
+        regression = reduced.together() if isinstance(reduced, Parts) else reduced
+        held = self.belief(vjm, regression) or self.penalty(vjm, reduced)
+        return without_outliers(vjm, data, regression, self.constraint, held)
 
-    def of(self, vjm: Vjm, regression: Regression, *, widths: bool = True) -> Estimate:
-        """The same of a dataset that was reduced before, outliers among it.
+    def of(self, vjm: Vjm, reduced: Parts | Regression, *, widths: bool = True) -> Estimate:
+        """Identify from a dataset that was reduced before, outliers among it.
 
-        Without widths, as where poses are held out, links are as coupled as the prior's.
+        Args:
+            vjm: The model.
+            reduced: The dataset; in parts where poses are to be held out, as a trace weight is learnt.
+            widths: False where poses are held out: links are as coupled as the prior's.
+
+        Returns:
+            The estimate.
         """
+        regression = reduced.together() if isinstance(reduced, Parts) else reduced
         if self.learns and self.prior is not None:
             own = metric(self.prior, vjm, regression.structure)
             if not widths or not regression.structure.laws:
@@ -74,13 +99,27 @@ class Method:
             other = metric(softened(self.prior), vjm, regression.structure)
             return of_two_priors(regression, self.constraint, own, other)
         if regression.structure.laws:
-            regression = some_columns(regression, without_laws(regression.structure))
-        return solve(regression, self.constraint, self.belief(vjm, regression))
+            reduced = regression = some_columns(regression, without_laws(regression.structure))
+        held = self.belief(vjm, regression) or self.penalty(vjm, reduced)
+        return solve(regression, self.constraint, held)
 
     @property
     def learns(self) -> bool:
         """Whether the readings teach how firmly the prior is believed, and how much laws of joints count."""
         return self.prior is not None and self.strength is None and self.loss == "plain"
+
+    @property
+    def penalised(self) -> bool:
+        """Whether a trace term stands in for a prior, and its weight is to be learnt."""
+        return self.constraint == "psd" and self.prior is None and self.trace_weight is None
+
+    def penalty(self, vjm: Vjm, reduced: Parts | Regression) -> Penalty | None:
+        """The trace term of GCO without a prior; None for none."""
+        if self.penalised:
+            return learnt(vjm, reduced)
+        if self.constraint != "psd" or self.prior is not None or not self.trace_weight:
+            return None
+        return weighed(vjm, reduced.structure, self.trace_weight)
 
     def belief(self, vjm: Vjm, regression: Regression) -> Belief | None:
         """The prior in the scale of a dataset, and how firmly it is believed; None without a prior.
@@ -105,7 +144,12 @@ minimum norm, in the units of sensitivity. Where there is none, it is that solut
 says so. It shows what the choice of one of many equal fits does, and what GCO does beyond."""
 
 gco = Method("psd")
-"""GCO to global optimality: the conservative model of least F_M, Eq. (19), with a certificate."""
+"""GCO to global optimality: the conservative model of least F_M, Eq. (19), and trace, with a certificate.
+
+The weight of the trace is learnt from poses held out, see `Method.trace_weight`."""
+
+paper_gco = Method("psd", trace_weight=0.0)
+"""GCO as in the paper: the conservative model of least F_M, Eq. (19); of equal fits that of least trace."""
 
 
 def with_prior(estimator: Estimator, prior: Prior, strength: Strength | None = None) -> Method:

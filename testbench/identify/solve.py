@@ -13,7 +13,7 @@ import numpy as np
 from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.conic import optimum
-from testbench.identify.estimate import Constraint, Estimate, make_estimate
+from testbench.identify.estimate import Constraint, Estimate, Penalty, make_estimate
 from testbench.identify.least_squares import completed, minimum_norm
 from testbench.identify.metric import Belief, Case, with_prior_rows
 from testbench.identify.projected import least_squares
@@ -26,14 +26,15 @@ DIGITS = 1e-12  #: The same as a share of the cost: what rounding leaves of a mi
 METHODS: dict[Constraint, str] = {"none": "least squares with prior", "psd": "GCO with prior"}
 
 
-def solve(regression: Regression, constraint: Constraint, belief: Belief | None = None) -> Estimate:
+def solve(regression: Regression, constraint: Constraint, belief: Belief | Penalty | None = None) -> Estimate:
     """Least squares or GCO, with a prior or without.
 
     Args:
         regression: The reduced dataset.
         constraint: "none" for least squares, "psd" for GCO, "free" for least squares whose free directions
             make it conservative, which takes no prior.
-        belief: The prior, and how firmly it is believed; None for none.
+        belief: The prior, and how firmly it is believed; or the trace term of GCO without a prior; None for
+            neither, as in the paper.
 
     Returns:
         The estimate; its status says whether it is proven to be the optimum.
@@ -41,8 +42,10 @@ def solve(regression: Regression, constraint: Constraint, belief: Belief | None 
     Raises:
         BenchError: When GCO gets a structure that is not symmetric.
     """
-    if belief is None:
-        return {"psd": optimum, "free": completed}.get(constraint, minimum_norm)(regression)
+    if not isinstance(belief, Belief):
+        if constraint == "psd":
+            return optimum(regression, belief)
+        return (completed if constraint == "free" else minimum_norm)(regression)
     own = answer(constraint, Case(regression, belief))
     estimate = make_estimate(regression, own.pi, method=METHODS[constraint], constraint=constraint)
     return replace(estimate, belief=belief, status=own.status, solver_seconds=own.seconds)

@@ -1,5 +1,6 @@
 """What the paper says, to stand beside ours: its numbers of sections 5 and 6, and its statements judged."""
 
+import numpy as np
 from scipy.stats import binomtest
 
 from testbench.campaign.campaign import Cell, stream
@@ -14,9 +15,13 @@ from testbench.views.schema import show
 LEVEL = 0.05  #: Of the sign test, two-sided.
 MOST = 0.95  #: Share of the seeds in which two errors must be nearly the same.
 HELD = ("confirmed", "consistent")  #: Verdicts of what our numbers do not speak against.
+WIDE, EDGE = 2.0, 0.1
+"""Ratio of the ends of a wide interval, and the share of its logarithm next to an end that is its edge."""
 RULE = (
     "A number is consistent where the paper's lies inside our 5 to 95 % over the seeds, of fewer than 20 "
-    "their range: a wide spread excludes little, and one in ten lies outside even where nothing differs. "
+    "their range: one in ten lies outside even where nothing differs. It is not excluded, and no more, at "
+    "the edge of a wide interval: one whose ends differ by a factor above 2, in the outer tenth of its "
+    "logarithm. "
     "That one error is smaller than another is confirmed, or contradicted, by a sign test on the same data "
     "at 5 %, without ties; the best has to beat the best of the others. That two are nearly the same must "
     "hold in 95 % of the seeds, any other statement in all of them."
@@ -30,7 +35,7 @@ def judged(claim: str, holds: bool, why: str) -> Row:
 
 
 def number(claim: str, ours: Number, paper: float, differs: str) -> Row:
-    """A number of the paper: consistent where it lies inside our 5 to 95 % over the seeds.
+    """A number of the paper: consistent inside our 5 to 95 % over the seeds, but at the edge of a wide one.
 
     Args:
         claim: What the paper says.
@@ -41,6 +46,11 @@ def number(claim: str, ours: Number, paper: float, differs: str) -> Row:
     low, high = ends(ours)
     inside = isinstance(ours, Spread) and low <= paper <= high
     why = f"ours {show(ours, '.3g')}"
+    if inside and high > WIDE * low > 0:
+        place = np.log(paper / low) / np.log(high / low)
+        if min(place, 1 - place) < EDGE:
+            edge = f"{why}: the paper's lies at the edge of a wide interval"
+            return Row(claim=claim, verdict="not excluded", why=edge)
     if inside:
         return Row(claim=claim, verdict="consistent", why=why)
     if not isinstance(ours, Spread):

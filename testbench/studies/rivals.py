@@ -6,10 +6,11 @@ from dataclasses import replace
 from testbench.campaign.campaign import Cell
 from testbench.campaign.model_selection import FILLED
 from testbench.campaign.models import WITHOUT_CONE, Model, equal_fit, named_models
-from testbench.identify import least_squares
+from testbench.identify import gco, least_squares, paper_gco
 from testbench.model.structure import all153, template56
 from testbench.studies.estimators.shrunk import clipped, ridge
 
+IN_PAPER = " (paper)"  #: Behind the name of a model that GCO identifies without a trace weight.
 LEAST_SQUARES = "MLS56"
 SAME = f"{WITHOUT_CONE}{FILLED}"  #: Unknowns, prior and evidence of the default; what it lacks is the cone.
 
@@ -20,6 +21,12 @@ def plain_models(cell: Cell, names: Sequence[str]) -> list[Model]:
     beams = template56(cell.arm, name=LEAST_SQUARES)
     held = [equal_fit(cell), Model("Ridge", beams, ridge), Model("Clipped LS", beams, clipped)]
     return [*models[:behind], *held, *models[behind:]]
+
+
+def as_in_paper(models: Sequence[Model]) -> list[Model]:
+    """Those that GCO identifies without a prior, by the paper's GCO, which has no trace weight; named so."""
+    own = [m for m in models if m.estimator == gco]
+    return [Model(f"{m.name}{IN_PAPER}", m.structure, paper_gco) for m in own]
 
 
 def without_cone(cell: Cell) -> Model:

@@ -167,7 +167,7 @@ def test_noise_that_is_stated_far_too_large_is_doubted(kr500, campaign, times, d
     """A U95 in place of a standard deviation, by F_M below what noise alone leaves; 20 % more is not far."""
     data = campaign.identification
     runs = Runs("runs.csv", *[replace(data, sigma=times * data.sigma)] * 2, None)
-    found = fit(kr500, named_models(kr500, ["Joints", "MGCO56"]), runs, lambda: 0.0)
+    found = fit(kr500, named_models(kr500, ["Joints", "MLS56"]), runs, lambda: 0.0)
     said = "is sigma too large (50 um where none is stated), a U95 perhaps"
     assert [doubt.name for doubt in found.fits.doubts if said in doubt.sentence] == doubted
     assert len(found.fits.doubts) == len(doubted)

@@ -10,14 +10,23 @@ from programs import NASTY, random_regression, with_random_prior
 from testbench import BenchError, Scenario, build_cell, deflections, simulate
 from testbench.campaign.true_arms import TRUTHS, true_cell
 from testbench.data.dataset import in_order
-from testbench.identify import certify, cone, conic, gco, least_squares, make_estimate, projected, reduce
+from testbench.identify import (
+    certify,
+    cone,
+    conic,
+    least_squares,
+    make_estimate,
+    paper_gco,
+    projected,
+    reduce,
+)
 from testbench.identify.certify import (
     bound,
     default_trace_bounds,
     gradient_dual,
     scaled_units,
+    tie_break,
     total_trace,
-    trace_weight,
 )
 from testbench.identify.estimate import Dual
 from testbench.identify.metric import Belief, Case, metric, rescaled
@@ -46,10 +55,11 @@ def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
         assert found.over <= WORSE
         assert not found.own or found.gap <= APART
         assert least_squares_off(case) <= OFF
-        program, weight = conic.scale_program(regression), trace_weight(regression)
+        penalty = tie_break(regression)
+        program = conic.scale_program(regression, penalty)
         answers = conic.by_interior(regression, program), conic.by_clarabel(regression, program)
         if answers[0] is not None:
-            trace = [weight * total_trace(regression.structure, a.pi) for a in answers]
+            trace = [penalty.price @ a.pi for a in answers]
             cost = [f_m(regression, a.pi) + t for a, t in zip(answers, trace, strict=True)]
             assert cost[0] <= cost[1] + WORSE * program.unit
     assert own >= 6 or kind != "kind"  # of random ones 97 of 100 are proven
@@ -87,14 +97,14 @@ def test_without_noise_last_digits_of_readings_do_not_change_what_is_said(name, 
         assert found.status == "solved"
         unit = f_m(found.regression, np.zeros(found.structure.n))
         assert found.f_m < 1e-5 * unit
-        squares = conic.by_squares(found.regression, conic.scale_program(found.regression))
+        squares = conic.by_squares(found.regression, conic.scale_program(found.regression, found.penalty))
         assert f_m(found.regression, squares) < 1e-8 * unit
 
 
 @pytest.mark.parametrize(("off", "status"), [(1e-9, "solved"), (1e-2, "worse")])
 def test_what_is_not_near_enough_is_not_called_solved(kr500, campaigns, off, status, monkeypatch):
     regression = reduce(kr500.vjm, mgco68(kr500.arm), campaigns[0].identification)
-    own = conic.by_clarabel(regression, conic.scale_program(regression))
+    own = conic.by_clarabel(regression, conic.scale_program(regression, tie_break(regression)))
     far = replace(own, pi=(1 + off) * own.pi, failure="worse")
     monkeypatch.setattr(conic, "by_interior", lambda *args: None)
     monkeypatch.setattr(conic, "by_clarabel", lambda *args: far)
@@ -186,7 +196,7 @@ def traces(structure, pi):
 
 def best_within(regression, t):
     """The model of least F_M within traces: another program, without a trace weight, by another solver."""
-    program = conic.scale_program(regression)
+    program = conic.scale_program(regression, tie_break(regression))
     s, count = program.structure, len(regression.terms)
     of_block = {tuple(block): most for block, most in zip(regression.structure.blocks, t, strict=True)}
     room = np.zeros((len(s.blocks), count + s.n))
@@ -206,7 +216,7 @@ def best_within(regression, t):
 
 def refuted(regression, certificate, cost, pi):
     """By how much a model within the bounds is better than a certificate of this F_M allows."""
-    weight, s = trace_weight(regression), regression.structure
+    weight, s = tie_break(regression).weight, regression.structure
     own, other = (f_m(regression, p) for p in (cost, pi))
     program = weight * (total_trace(s, cost) - total_trace(s, pi))
     return max(
@@ -230,7 +240,7 @@ def test_random_and_nasty_datasets_do_not_fool_it(kind, rng):
         for estimate in (best, by_hand(regression, 0 * best.pi), by_hand(regression, 2 * best.pi)):
             for dual in (None, best.certificate.dual, Dual(y[:, :-1], y[:, -1])):
                 dual = dual or gradient_dual(regression, estimate.pi)
-                found = bound(regression, estimate.pi, dual, t)
+                found = bound(regression, estimate.pi, dual, t, penalty=tie_break(regression))
                 for other in others:
                     slack = 1e-9 if other is least else SLACK  # what Clarabel leaves of its constraints
                     assert refuted(regression, found, estimate.pi, other) <= slack
@@ -238,18 +248,20 @@ def test_random_and_nasty_datasets_do_not_fool_it(kind, rng):
 
 
 def test_a_dual_longer_than_one_would_prove_too_much_and_is_refused(kr500):
-    best = gco(kr500.vjm, mgco68(kr500.arm), gravity(kr500, 2))
+    best = paper_gco(kr500.vjm, mgco68(kr500.arm), gravity(kr500, 2))
     regression, known = best.regression, best.certificate
     longer = Dual(1.001 * known.dual.y, 1.001 * known.dual.y_rest)
     poor = by_hand(regression, 0.5 * best.pi)
-    fooled = bound(regression, poor.pi, longer, known.trace_bounds)  # no door, so that the door is needed
+    fooled = bound(
+        regression, poor.pi, longer, known.trace_bounds, penalty=tie_break(regression)
+    )  # no door, so that the door is needed
     assert refuted(regression, fooled, poor.pi, best.pi) > 1e-6
     with pytest.raises(BenchError, match=r"dual: expected vectors of length 1 at most, got one of 1\.001"):
         certify(poor, dual=longer)
 
 
 def test_duals_that_are_none_and_models_that_are_not_conservative_are_refused_in_one_line(kr500):
-    best = gco(kr500.vjm, mgco47(kr500.arm), gravity(kr500, 2))
+    best = paper_gco(kr500.vjm, mgco47(kr500.arm), gravity(kr500, 2))
     broken = least_squares(kr500.vjm, template56(kr500.arm), gravity(kr500, 2))
     y, rest = best.certificate.dual.y, best.certificate.dual.y_rest
     for estimate, wrong, text in (

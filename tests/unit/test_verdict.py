@@ -5,6 +5,7 @@ import pytest
 from testbench.studies.paper import comparison, nearly, number
 from testbench.trials.spread import Spread
 
+WIDE = Spread(median=7.76, p05=4.18, p95=48.7)  #: What section 6 finds of MLS56, in per cent.
 OURS = Spread(median=0.80, p05=0.67, p95=1.08)  #: What 5.2 finds of MGCO56, in per cent.
 
 
@@ -16,6 +17,8 @@ OURS = Spread(median=0.80, p05=0.67, p95=1.08)  #: What 5.2 finds of MGCO56, in 
         (OURS, 0.62, "not confirmed", "(0.67 to 1.08), the paper's lies below our 5 %: another arm"),
         (OURS, 1.09, "not confirmed", "(0.67 to 1.08), the paper's lies above our 95 %: another arm"),
         (0.8, 0.8, "not confirmed", "one seed has no spread"),
+        (WIDE, 4.19, "not excluded", "at the edge of a wide interval"),
+        (WIDE, 20.0, "consistent", "ours 7.76 (4.18 to 48.7)"),
     ],
 )
 def test_a_number_is_consistent_inside_our_5_to_95_per_cent_and_nowhere_else(ours, paper, verdict, words):

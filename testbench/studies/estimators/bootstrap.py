@@ -8,7 +8,7 @@ import numpy as np
 
 from testbench.errors import Array, BenchError, check_array
 from testbench.identify.conic import by_clarabel, scale_program, sensitivity_units
-from testbench.identify.estimate import Constraint, Estimate
+from testbench.identify.estimate import Estimate
 from testbench.identify.least_squares import completed, minimum_norm
 from testbench.identify.posterior import Intervals, check_confidence, linearise
 from testbench.identify.regression import RANK_TOLERANCE, Regression, Term
@@ -39,7 +39,7 @@ def bootstrap(
         raise BenchError(f"draws: expected at least {least} for {100 * confidence:g} %, got {draws}")
     centre, linear = a @ estimate.pi, linearise(estimate)
     again = resampler(estimate.regression)
-    refits = _refits([again(estimate.pi, rng) for _ in range(draws)], estimate.constraint)
+    refits = _refits([again(estimate.pi, rng) for _ in range(draws)], estimate)
     errors = refits @ a.T - centre
     errors.sort(axis=0)
     unseen = np.where(np.isinf(linear.deviations(a)), np.inf, 0.0)
@@ -47,11 +47,13 @@ def bootstrap(
     return Intervals(centre, lower, upper, confidence, linear.on_boundary)
 
 
-def _refits(regressions: Sequence[Regression], constraint: Constraint) -> Array:
-    """Parameters, (datasets, n), of datasets that differ in their readings alone."""
-    if constraint == "psd":
-        return np.array([by_clarabel(r, scale_program(r)).pi for r in regressions])
-    fit = completed if constraint == "free" else minimum_norm
+def _refits(regressions: Sequence[Regression], estimate: Estimate) -> Array:
+    """Parameters, (datasets, n), of datasets that differ from an estimate's in their readings alone."""
+    if estimate.penalty is not None:
+        penalty = estimate.penalty
+        lifted = [penalty.lifted(regression) for regression in regressions]
+        return np.array([penalty.lift @ by_clarabel(r, scale_program(r, penalty)).pi for r in lifted])
+    fit = completed if estimate.constraint == "free" else minimum_norm
     return np.array([fit(r).pi for r in regressions])
 
 

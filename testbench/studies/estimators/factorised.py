@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
-from testbench.identify.certify import certify
+from testbench.identify.certify import certify, tie_break
 from testbench.identify.conic import Program, scale_program
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.fold import reduce
@@ -81,7 +81,7 @@ def factorise(regression: Regression, m: int = LARGEST_ORDER) -> Factorised:
     if not 1 <= m <= LARGEST_ORDER:
         raise BenchError(f"m: expected an order of the vector space of 1 to {LARGEST_ORDER}, got {m}")
     check_symmetric(regression.structure)
-    program = scale_program(regression)
+    program = scale_program(regression, tie_break(regression))
     blocks = program.structure.blocks
     rows = np.concatenate(blocks)
     size = np.repeat([len(block) for block in blocks], [len(block) for block in blocks])

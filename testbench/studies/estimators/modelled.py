@@ -15,6 +15,7 @@ from scipy import sparse
 
 from testbench.data.dataset import Dataset
 from testbench.errors import BenchError
+from testbench.identify.certify import tie_break
 from testbench.identify.cone import psd_part
 from testbench.identify.conic import scale_program
 from testbench.identify.estimate import Estimate, make_estimate
@@ -63,14 +64,14 @@ def _picking(s: Structure, block: npt.NDArray[np.int_]) -> sparse.csr_array:
 def solve_modelled(
     regression: Regression, solver: str, *, entries: Entries = vectorised, **settings: float
 ) -> Estimate:
-    """The program of `gco` in the same units, written down in cvxpy.
+    """The program of the paper's GCO in the same units, written down in cvxpy.
 
     Raises:
         BenchError: When cvxpy or the solver is not installed, or the structure is not symmetric.
     """
     cp = cvxpy(solver)
     check_symmetric(regression.structure)
-    program = scale_program(regression)
+    program = scale_program(regression, tie_break(regression))
     s = program.structure
     blocks = [cp.Variable((len(block), len(block)), PSD=True) for block in s.blocks]
     x = entries(s, blocks)

@@ -14,7 +14,7 @@ from testbench.campaign.own_estimator import hired
 from testbench.campaign.own_process import Own
 from testbench.campaign.perturbed_prior import wrong_prior
 from testbench.campaign.true_arms import FAMILY, member, true_cell
-from testbench.studies.rivals import plain_models, without_cone
+from testbench.studies.rivals import as_in_paper, plain_models, without_cone
 
 QUICK_WORKSPACE = 40
 WITHOUT_PRIOR = (JOINTS, "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68")
@@ -62,7 +62,8 @@ def calibrate(cell: Cell, asked: Settings, seed: int) -> tuple[Cell, Campaign]:
 
 
 def results(cell: Cell, campaign: Campaign, more: Sequence[Model] = ()) -> list[Result]:
-    """The baselines and the paper's models, structures with a prior that is wrong, and more."""
+    """Baselines, the paper's models with and without a trace weight, structures with a prior, and more."""
     structures = [*named_models(cell, WITH_PRIOR), without_cone(cell)]
     filled = with_priors(cell.arm, structures, wrong_prior(cell, campaign.seed))
-    return identify(cell, campaign, [*plain_models(cell, WITHOUT_PRIOR), *filled, *more], time.perf_counter)
+    plain = plain_models(cell, WITHOUT_PRIOR)
+    return identify(cell, campaign, [*plain, *as_in_paper(plain), *filled, *more], time.perf_counter)

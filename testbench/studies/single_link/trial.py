@@ -24,7 +24,7 @@ from testbench.campaign.rows import UM, DatasetRow, FitRow, dataset_row, fit_row
 from testbench.data.dataset import Dataset
 from testbench.data.write import csv_text
 from testbench.errors import Array
-from testbench.identify import Estimate, gco, least_squares
+from testbench.identify import Estimate, least_squares, paper_gco
 from testbench.identify.estimate import CONSERVATIVE_TOLERANCE
 from testbench.model.structure import Structure, free36
 from testbench.studies.paper import EQ_22, EQ_23, every_order
@@ -130,7 +130,7 @@ def models(cell: Cell) -> list[Model]:
     return [
         Model(LEAST_SQUARES, free36(cell.arm), least_squares),
         Model(SYMMETRIC, full(name=SYMMETRIC), least_squares),
-        Model(GCO, full(name=GCO), gco),
+        Model(GCO, full(name=GCO), paper_gco),
     ]
 
 

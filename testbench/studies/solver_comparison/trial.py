@@ -21,7 +21,7 @@ from testbench.campaign.models import Model, named_models
 from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.data.write import csv_text
 from testbench.errors import Array, BenchError
-from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, reduce
+from testbench.identify import Estimate, Estimator, certify, gco, make_estimate, paper_gco, reduce
 from testbench.studies.estimators.factorised import (
     CLOSE,
     LARGEST_ORDER,
@@ -166,7 +166,7 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[SolverRow]]:
 
 def _trial(cell: Cell, model: Model, asked: Settings, seed: int) -> list[SolverRow]:
     campaign = simulate(cell, SCENARIO, seed)
-    conic = _repeated("d", gco, cell, model, campaign)
+    conic = _repeated("d", paper_gco, cell, model, campaign)
     found = [*_factor_solvers(cell, model, asked, campaign), conic]
     if asked.scs:
         found.append(_repeated("e", modelled, cell, model, campaign))

@@ -1,0 +1,177 @@
+"""The trace weight of GCO: what it is, and how the readings teach it.
+
+GCO without a prior minimises F_M + w tr C over conservative compliances, a convex program. The trace, in
+rad/(N m), is of the links: joints cost next to nothing, also those that a structure counts in the link before
+them. So the stronger the weight, the nearer is the model to joint stiffness only; with w = 0 it is the
+paper's. No compliance is expected, the arm's kinematics are all that is used.
+
+As chi^2 = N F_M^2 for N points, the least F_M + w tr C is the least chi^2 / 2 + l tr C with the rate
+l = w N F_M: the most probable model of normal noise, where every link has the prior density exp(-l tr C),
+of a matrix C of order m with the mean (m + 1) / (2 l) along every axis (maximum a posteriori).
+
+The readings teach l: poses are held out in turn, the mean F_M there is compared, and of the weights whose
+error is within one standard error of the least, pose by pose, the strongest is taken (Breiman, Friedman,
+Olshen, Stone 1984). One reduction serves all folds and weights.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.optimize import nnls
+
+from testbench.errors import Array
+from testbench.identify import batch
+from testbench.identify.certify import scaled_units
+from testbench.identify.crossval import FOLDS, paired
+from testbench.identify.estimate import Penalty
+from testbench.identify.fold import Parts
+from testbench.identify.regression import Regression
+from testbench.model.structure import Structure
+from testbench.model.vjm import Vjm
+
+OF_A_JOINT = 1e-6  #: Price of a joint over that of a link: it holds what no reading shows at zero.
+RANK = 1e-12  #: Least eigenvalue of a Gram matrix, over the largest, that is no rounding.
+RATIO, WEIGHTS = 4.0, 7  #: Between neighbours of the weights that are tried; how many these are.
+
+
+def weighed(vjm: Vjm, structure: Structure, weight: float) -> Penalty:
+    """Make the trace term of the arm's kinematics.
+
+    Args:
+        vjm: The model.
+        structure: The unknowns.
+        weight: w [N m/rad].
+
+    Returns:
+        The trace term: joints count hardly, displacements as the turns that cause them, `scaled_units`.
+    """
+    first, columns = 6 * structure.links, []
+    own = [first + j for j in range(structure.links - 1) if structure.block_of[first + j] < 0]
+    for j in (row - first for row in own):
+        rows = np.arange(6 * j, 6 * j + 3) + (0 if vjm.arm.joints[j].prismatic else 3)
+        C = np.zeros((structure.n_theta,) * 2)
+        C[np.ix_(rows, rows)] = np.outer(vjm.beam_axes[j], vjm.beam_axes[j])
+        columns.append(structure.entries(C))
+    whole = replace(structure, a=np.r_[structure.a, own].astype(int), b=np.r_[structure.b, own].astype(int))
+    W = scaled_units(structure) ** -2.0
+    W[first:] = OF_A_JOINT
+    return Penalty(weight, W, whole, np.column_stack([np.eye(structure.n), *columns]))
+
+
+def learnt(vjm: Vjm, parts: Parts | Regression) -> Penalty | None:
+    """Learn the trace term from readings.
+
+    Args:
+        vjm: The model.
+        parts: The readings in parts, `crossval.parts_of`. Of a regression, or of a single pose, nothing can
+            be held out: there generalised cross-validation chooses (Golub, Heath, Wahba 1979).
+
+    Returns:
+        The trace term; None where the readings show nothing, or a block of the structure lacks entries.
+    """
+    one = weighed(vjm, parts.structure, 1.0)
+    s, folds = one.structure, _folds(parts, block_diag(one.lift, 1.0))
+    strongest = _straight(s, folds.total)
+    if not (s.whole and strongest > 0 and folds.total[-1, -1] > 0):
+        return None
+    weights = strongest * RATIO ** -np.arange(float(WEIGHTS))
+    # coordinates in which readings and price are of order one at the middle weight
+    unit, order = math.sqrt(folds.total[-1, -1]), s.parameter
+    diagonal, size = s.a == s.b, np.zeros(s.n_theta)
+    size[s.a[diagonal]] = np.sqrt(np.diag(folds.total)[:-1][diagonal])
+    d = 1 / np.sqrt(size + weights[WEIGHTS // 2] / unit * one.metric)
+    scale = (d[s.a] * d[s.b])[order] * np.where(s.mirrored[order], math.sqrt(0.5), 1.0)
+    G = np.concatenate([[folds.total], folds.total - folds.out])
+    problems = batch.Problems(
+        R=_roots(G[:, order][:, :, order] * np.outer(scale, scale)),
+        g=G[:, order, -1] * scale / unit,
+        half=G[:, -1, -1] / unit**2 / 2,
+        c=one.price[order] * scale / unit,
+        sizes=tuple(len(block) for block in s.blocks),
+    )
+    x, freedom = batch.solve(problems, weights)
+    found = np.empty((*x.shape[:2], s.n))
+    found[..., order] = x * scale * unit
+    left = _squares(folds.total, found[0])
+    if len(folds.out):
+        held = np.array([_squares(out, own) for out, own in zip(folds.out, found[1:], strict=True)])
+        k = _strongest(np.sqrt(held / (folds.equations[:, None] / 3)))
+    else:
+        k = int(np.nanargmin(left / (folds.every - freedom[0]) ** 2))
+    return replace(one, weight=float(weights[k] * folds.terms / math.sqrt(left[k] * folds.every / 3)))
+
+
+def _roots(H: Array) -> Array:
+    """Roots R of Gram matrices, R^T R = H, (folds, rank, n), in the space that the first of them spans."""
+    values, V = np.linalg.eigh(H[0])
+    V = V[:, values > RANK * values[-1]]
+    values, Q = np.linalg.eigh(V.T @ H @ V)
+    return np.asarray(np.sqrt(np.maximum(values, 0))[..., None] * (Q.swapaxes(1, 2) @ V.T))
+
+
+@dataclass(frozen=True)
+class _Folds:
+    """Gram matrices of whitened rows [A | y]."""
+
+    total: Array  #: Of all, (n + 1, n + 1).
+    out: Array  #: Of what is held out in turn, (folds, n + 1, n + 1).
+    equations: Array  #: Of these, (folds,).
+    every: int  #: Equations of all.
+    terms: int  #: Of F_M.
+
+
+def _folds(parts: Parts | Regression, lift: Array) -> _Folds:
+    """Gram matrices by the parameters of C', `lift` of [pi, 1] by these."""
+    if isinstance(parts, Regression):
+        A, y = parts.rows
+        rows = np.c_[A, y] @ lift
+        total = rows.T @ rows
+        total[-1, -1] += sum(term.equations / 3 * term.rest for term in parts.terms)
+        return _Folds(total, np.zeros((0, *total.shape)), np.zeros(0), parts.equations, len(parts.terms))
+    folded = parts.folded
+    poses, kinds = np.unique(parts.every // FOLDS), {kind for kind, _ in folded.factors}
+    grams, counts = np.zeros((len(poses), *(lift.shape[1],) * 2)), np.zeros(len(poses))
+    for at, T in folded.factors.items():
+        k, rows = np.searchsorted(poses, at[1] // FOLDS), T[:, parts.columns] @ lift
+        grams[k] += rows.T @ rows
+        counts[k] += folded.equations[at]
+    several = slice(None if len(poses) > 1 else 0)
+    return _Folds(grams.sum(axis=0), grams[several], counts[several], int(counts.sum()), len(kinds))
+
+
+def _straight(s: Structure, gram: Array) -> float:
+    """Least rate l that holds all links straight beside the best joints."""
+    joints = np.flatnonzero(s.a >= 6 * s.links)
+    joints = joints[np.diag(gram)[joints] > 0]
+    pi, H, g = np.zeros(s.n), gram[:-1, :-1], gram[:-1, -1]
+    if len(joints):
+        unit = 1 / np.sqrt(np.diag(H)[joints])
+        values, Q = np.linalg.eigh(H[np.ix_(joints, joints)] * np.outer(unit, unit))
+        kept = values > RANK * values[-1]
+        root = np.sqrt(values[kept])[:, None] * Q[:, kept].T
+        aim = Q[:, kept].T @ (unit * g[joints]) / np.sqrt(values[kept])
+        pi[joints] = unit * nnls(root, aim)[0]
+    units = scaled_units(s)
+    S = s.gradient(H @ pi - g) * np.outer(units, units)
+    links = [block for block in s.blocks if block[0] < 6 * s.links]
+    return max((-float(np.linalg.eigvalsh(S[np.ix_(b, b)])[0]) for b in links), default=0.0)
+
+
+def _squares(gram: Array, pi: Array) -> Array:
+    """Squared residuals of parameters, (..., n)."""
+    every = np.concatenate([pi, -np.ones((*pi.shape[:-1], 1))], axis=-1)
+    return np.asarray(np.maximum(np.vecdot(every, every @ gram), 0))
+
+
+def _strongest(errors: Array) -> int:
+    """Place of the strongest weight that errs by one standard error more than the best, (folds, weights)."""
+    errors = np.where(np.isfinite(errors).all(axis=0), errors, np.inf)
+    best = int(errors.mean(axis=0).argmin())
+    for k in range(best):
+        if np.isfinite(errors[0, k]):
+            more, error = paired(errors[:, k] - errors[:, best])
+            if more <= error:
+                return k
+    return best

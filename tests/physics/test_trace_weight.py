@@ -1,0 +1,119 @@
+"""The trace weight of GCO without a prior: what it does to a model, what teaches it, what is proven of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbench import BenchError, Scenario, deflections, score, simulate
+from testbench.campaign.true_arms import true_cell
+from testbench.identify import batch, certify, gco, least_squares, paper_gco, reduce
+from testbench.identify.crossval import divided
+from testbench.identify.fold import reduce_parts
+from testbench.identify.trace import learnt, weighed
+from testbench.model.structure import all153, joints_only, mgco68, mgco147, template56
+
+STRUCTURES = (template56, mgco68, mgco147, all153)
+
+
+@pytest.fixture(scope="module")
+def campaign(kr500):
+    return simulate(kr500, Scenario(arm=kr500.arm.name, workspace_poses=40), 1)
+
+
+def moved(cell, estimate, campaign):
+    return deflections(cell.vjm, estimate, campaign.truth)
+
+
+@pytest.mark.parametrize("structure", [template56, mgco147, all153])
+def test_a_heavy_weight_is_joint_stiffness_only(kr500, campaign, structure):
+    """Whether joints are unknowns of their own or counted in the link before them."""
+    heavy = replace(gco, trace_weight=1e9)(kr500.vjm, structure(kr500.arm), campaign.identification)
+    joints = least_squares(kr500.vjm, joints_only(kr500.arm), campaign.identification)
+    apart = moved(kr500, heavy, campaign) - moved(kr500, joints, campaign)
+    assert heavy.status == "solved"
+    assert np.abs(apart).max() < 1e-4 * np.abs(moved(kr500, joints, campaign)).max()
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_the_weighted_problem_is_solved_and_proven_and_its_certificate_made_again(kr500, campaign, structure):
+    found = gco(kr500.vjm, structure(kr500.arm), campaign.identification)
+    assert found.status == "solved"
+    assert found.conservative
+    assert found.certificate.duality_gap < 1e-6 * found.f_m
+    assert certify(found, dual=found.certificate.dual).duality_gap == found.certificate.duality_gap
+
+
+def test_no_other_model_costs_less_in_the_weighted_problem(kr500, campaign):
+    """Joints alone, the paper's GCO and the optimum of other weights, by F_M + w tr C of their own."""
+    s, data = template56(kr500.arm), campaign.identification
+    best = gco(kr500.vjm, s, data)
+    penalty, lifted = best.penalty, best.penalty.lifted(best.regression)
+    rivals = [replace(gco, trace_weight=f * penalty.weight)(kr500.vjm, s, data).split for f in (0.5, 2)]
+    for split in (*rivals, 0 * best.split, 1.01 * best.split):
+        cost = [f_m_of(lifted, own) + penalty.price @ own for own in (best.split, split)]
+        assert cost[0] <= cost[1] + best.certificate.duality_gap
+
+
+def f_m_of(regression, pi):
+    return sum(np.sqrt(np.sum((t.R @ pi - t.z) ** 2) + t.rest) for t in regression.terms)
+
+
+def test_the_paper_s_gco_has_no_weight_and_says_so(kr500, campaign):
+    s, data = mgco68(kr500.arm), campaign.identification
+    papers, ours = (method(kr500.vjm, s, data) for method in (paper_gco, gco))
+    assert (papers.method, ours.method) == ("GCO (paper)", "GCO (conic program)")
+    assert papers.f_m < ours.f_m
+    error = [score(moved(kr500, own, campaign), campaign.truth.deflection).rms for own in (papers, ours)]
+    assert error[1] < error[0] / 10  # what no reading sees is millimetres wrong
+
+
+def test_links_that_hardly_bend_are_left_to_the_joints(kr500):
+    """Their readings teach the strongest weight: the model is joint stiffness only."""
+    stiff = true_cell(kr500, "stiffer_100", 3)
+    own = simulate(stiff, Scenario(arm=kr500.arm.name, workspace_poses=40), 3)
+    found = gco(stiff.vjm, template56(kr500.arm), own.identification)
+    joints = least_squares(stiff.vjm, joints_only(kr500.arm), own.identification)
+    ours, theirs = (score(moved(stiff, e, own), own.truth.deflection).rms for e in (found, joints))
+    assert ours < 1.2 * theirs
+
+
+def test_all_folds_and_weights_are_solved_as_if_one_by_one(kr500, campaign, monkeypatch):
+    """The coarse answers of the batch fit the readings as the proven ones do."""
+    s, seen = all153(kr500.arm), {}
+    whole = batch.solve
+
+    def spied(problems, weights):
+        seen["x"], seen["weights"] = whole(problems, weights)[0], weights
+        return seen["x"], whole(problems, weights)[1]
+
+    monkeypatch.setattr(batch, "solve", spied)
+    [parts] = reduce_parts(kr500.vjm, [s], campaign.identification, divided(campaign.identification))
+    taken = learnt(kr500.vjm, parts)
+    assert np.isfinite(seen["x"]).all()
+    exact = replace(gco, trace_weight=taken.weight)(kr500.vjm, s, campaign.identification)
+    rate = taken.weight * exact.f_m * exact.regression.equations / 3
+    near = np.abs(np.log(seen["weights"] / rate)).min()
+    assert near < 0.02  # w is of the rate whose fit leaves this F_M
+
+
+def test_without_poses_to_hold_out_generalised_cross_validation_chooses(kr500, campaign):
+    regression = reduce(kr500.vjm, template56(kr500.arm), campaign.identification)
+    found = gco(kr500.vjm, template56(kr500.arm), regression)
+    assert found.status == "solved"
+    assert found.penalty.weight > 0
+
+
+def test_a_weight_is_refused_that_is_none(kr500):
+    with pytest.raises(BenchError, match=r"trace_weight \[N m/rad\]: expected 0 or more, got -1"):
+        replace(gco, trace_weight=-1)
+
+
+def test_joints_cost_a_millionth_wherever_they_are_counted(kr500):
+    s = mgco68(kr500.arm)
+    penalty = weighed(kr500.vjm, s, 2.0)
+    assert penalty.lift.shape == (68, 69)  # joint 1 is counted in link 0
+    links = penalty.structure.a < 6 * s.links
+    diagonal = penalty.structure.a == penalty.structure.b
+    assert penalty.price[links & diagonal].min() == 2.0
+    np.testing.assert_allclose(penalty.price[~links], 2e-6)
