@@ -31,17 +31,13 @@ from testbench.model.vjm import Vjm, chain, rotation
 from testbench.model.weights import own_weight, read_weights
 
 DOWN = np.array([0.0, 0.0, -1.0])
-STRAIGHT = np.deg2rad(
-    1.0
-)  #: Angle of a force against the vertical up to which a weight may hang there [rad].
+STRAIGHT = np.deg2rad(1.0)  #: Angle of a force against the vertical up to which it is a weight [rad].
 LEVEL = np.deg2rad(3.0)  #: How far a tracker that is levelled by its feet may be off, and a floor [rad].
 TILTED = np.deg2rad(5.0)  #: Angle of g by deflections from which a mounting is looked at [rad].
 SNAP = np.deg2rad(22.0)  #: Angle up to which g is that of a ceiling, a wall or a level tracker [rad].
-    22.0
-)  #: Angle up to which a direction is that of a ceiling or a wall, or a level tracker's [rad].
 REVERSED = np.deg2rad(120.0)  #: Angle from which weights seem to pull upwards [rad].
 FAR, EXPLAINED = np.deg2rad(45.0), 0.7
-"""Angle of g [rad], and share of the typical deflection that it explains, from which it needs no other proof."""
+"""Angle of g [rad], and share of the typical deflection that it explains, from which it is sure alone."""
 ROUNDS = 5  #: Weightings of the least squares.
 ROUNDING = 1e-9  #: Of a rotation [1].
 SURE, MOST = 8.0, 0.8
