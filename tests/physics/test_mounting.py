@@ -9,7 +9,7 @@ from testbench.campaign.absolute_truth import AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.doubt import said
 from testbench.identify.absolute.fit import Options, calibrate
-from testbench.identify.diagnosis.mounting import DOWN, angle, loads_as, mounted, towards
+from testbench.identify.diagnosis.mounting import DOWN, angle, mounted, towards
 from testbench.identify.diagnosis.own_weight import by_own_weight
 from testbench.identify.prior import cad_prior
 

@@ -111,7 +111,7 @@ def couplings(seen: Seen) -> Iterator[tuple[tuple[str, ...], Array]]:
     """
     joints, n = seen.vjm.arm.joints, len(seen.vjm.arm.joints)
     hinge, wrist = [not joint.prismatic for joint in joints], n - 3
-    single = [((2, 1),)] if n > 2 else []
+    single: list[tuple[tuple[int, int], ...]] = [((2, 1),)] if n > 2 else []
     if n > 4:
         single += [((wrist + 1, wrist),), ((wrist + 2, wrist),), ((wrist + 2, wrist + 1),)]
         single += [((wrist + 1, wrist), (wrist + 2, wrist))]

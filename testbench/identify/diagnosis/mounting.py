@@ -31,21 +31,17 @@ from testbench.model.vjm import Vjm, chain, rotation
 from testbench.model.weights import own_weight, read_weights
 
 DOWN = np.array([0.0, 0.0, -1.0])
-STRAIGHT = np.deg2rad(
-    1.0
-)  #: Angle of a force against the vertical up to which a weight may hang there [rad].
+STRAIGHT = np.deg2rad(1.0)  #: Angle of a force against the vertical up to which it is a weight [rad].
 LEVEL = np.deg2rad(3.0)  #: How far a tracker that is levelled by its feet may be off, and a floor [rad].
 TILTED = np.deg2rad(5.0)  #: Angle of g by deflections from which a mounting is looked at [rad].
-SNAP = np.deg2rad(
-    22.0
-)  #: Angle up to which a direction is that of a ceiling or a wall, or a level tracker's [rad].
+SNAP = np.deg2rad(22.0)  #: Angle up to which g is that of a ceiling, a wall or a level tracker [rad].
 REVERSED = np.deg2rad(120.0)  #: Angle from which weights seem to pull upwards [rad].
 FAR, EXPLAINED = np.deg2rad(45.0), 0.7
-"""Angle of g [rad], and share of the typical deflection that it explains, from which it needs no other proof."""
+"""Angle of g [rad], and share of the typical deflection that it explains, from which it is sure alone."""
 ROUNDS = 5  #: Weightings of the least squares.
 ROUNDING = 1e-9  #: Of a rotation [1].
 SURE, MOST = 8.0, 0.8
-"""Nats by which own weight tells that an arm hangs, and share of the readings, the nearest, that it is asked."""
+"""Nats by which own weight tells that an arm hangs, and share of the readings, the nearest, that tell."""
 
 
 def loads_as(data: Dataset, g: Array) -> Dataset:
@@ -142,14 +138,15 @@ def _by_deflections(vjm: Vjm, metric: Metric, data: Dataset) -> tuple[Array, flo
         off = np.linalg.norm((y - A @ x).reshape(-1, 3), axis=1)
         weight = np.repeat(1 / np.sqrt(1 + np.square(off / max(float(np.median(off)), 1e-12))), 3)
     typical = float(np.median(np.linalg.norm(y.reshape(-1, 3), axis=1)))
-    return x / max(float(np.linalg.norm(x)), 1e-300), 1 - float(np.median(off)) / max(typical, 1e-12)
+    explained = 1 - float(np.median(off)) / max(typical, 1e-12)
+    return np.asarray(x / max(float(np.linalg.norm(x)), 1e-300)), explained
 
 
 def finding(vjm: Vjm, pull: Pull, nats: float | None = None) -> Finding:
     """A mounting with gravity from where weights pull to.
 
-    Its size is that direction in the base's axes, then the orientation (w, x, y, z) that the base's body has to have in
-    rigid.xml for it, in the body that it stands in there.
+    Its size is that direction in the base's axes, then the orientation (w, x, y, z) that the base's body has
+    to have in rigid.xml for it, in the body that it stands in there.
     """
     from scipy.spatial.transform import Rotation  # here: it takes long to import, and few runs need it
 

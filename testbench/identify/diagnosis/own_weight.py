@@ -1,8 +1,8 @@
 """Which way an arm's own weight pulls, by absolute readings: a base that stands otherwise than its folder.
 
 Under gravity from the wrong side joint springs that fit would have to be negative; held at zero they explain
-none of the sag. Turned the right way they do, and the readings scatter less about the arm. A few directions are
-tried: that of a level tracker, a ceiling, four walls, and the tilt at which the scatter is least.
+none of the sag. Turned the right way they do, and the readings scatter less about the arm. A few directions
+are tried: that of a level tracker, a ceiling, four walls, and the tilt at which the scatter is least.
 """
 
 from collections.abc import Iterator, Sequence
@@ -84,7 +84,7 @@ def _thin(series: Series) -> Series:
 
 
 def _scatter(state: State, series: Sequence[Series], prior: Prior, g: Array) -> float:
-    """How far readings scatter about the arm with gravity along g, (3,) [m]; infinite if they do not fit it."""
+    """How far readings scatter about the arm with gravity along g, (3,) [m]; infinite if they do not fit."""
     vjm, every = mounted(state.vjm, g), tuple(series)
     bare = nominal(vjm, state.weights, torque_scale(vjm, state.weights, every))
     try:
