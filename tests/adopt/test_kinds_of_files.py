@@ -102,7 +102,7 @@ TYPED = [
     MOTIVE[2],
     ",," + ",".join(["Rotation"] * 4 + ["Position"] * 9),
 ]
-RAPID = "MODULE Cal\n  ! CONST jointtarget old:=[[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n{}ENDMODULE\n"
+RAPID = "MODULE Cal\n  ! CONST jointtarget p1:=[[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n{}ENDMODULE\n"
 RAPID_LINE = "  CONST jointtarget {}:=[[{}],[9E9,9E9,9E9,9E9,9E9,9E9]];\n"
 KRL_LINE = "DECL E6AXIS X{}={{{},E1 0.0,E2 0.0,E3 0.0,E4 0.0,E5 0.0,E6 0.0}}\n"
 TIMED = log(key=("Time (Seconds)", [f"{float(t) + 0.01:.3f}" for t in TIMES]))
