@@ -22,6 +22,7 @@ from testbench.identify.diagnosis import mounting
 from testbench.identify.diagnosis.deflected import SINGLE, deflected, scale
 from testbench.identify.diagnosis.finding import Finding
 from testbench.identify.diagnosis.moves import places
+from testbench.identify.diagnosis.own_weight import Unbent, hangs
 from testbench.identify.diagnosis.place import Fit, Free, Seen, fit
 from testbench.identify.diagnosis.steps import chance, lacking, likeliest, with_shift
 from testbench.identify.diagnosis.undone import PRECISE, apart, placed
@@ -109,8 +110,8 @@ def _mounted(given: HandedIn, seen: Seen, model: Metric, level: Array | None) ->
         return []
     if mounting.angle(pull.g, mounting.DOWN) > mounting.REVERSED and not pull.told:
         pi = abs(scale(vjm, model, data)) * (model.L @ model.expected)
-        both = mounting.Unbent(seen, _seen(vjm, data, data.after), model.structure.matrix(pi))
-        if not mounting.hangs(both):
+        both = Unbent(seen, _seen(vjm, data, data.after), model.structure.matrix(pi))
+        if not hangs(both):
             return []
     return [mounting.finding(vjm, pull)]
 

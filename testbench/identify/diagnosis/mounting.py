@@ -18,17 +18,14 @@ import numpy as np
 
 from testbench.arm.mjcf import angle_unit, find_body, read_mjcf
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, InputError
+from testbench.errors import Array
 from testbench.identify.diagnosis.finding import Finding
-from testbench.identify.diagnosis.place import Free, Seen, away, fit
 from testbench.identify.metric import Metric
 from testbench.identify.registered import Registered
 from testbench.identify.registration import Frame
 from testbench.identify.weighed import one_by_one
 from testbench.model.kinematics import body_pose
-from testbench.model.loaded import displacement
-from testbench.model.vjm import Vjm, chain, rotation
-from testbench.model.weights import own_weight, read_weights
+from testbench.model.vjm import Vjm, rotation
 
 DOWN = np.array([0.0, 0.0, -1.0])
 STRAIGHT = np.deg2rad(1.0)  #: Angle of a force against the vertical up to which it is a weight [rad].
@@ -40,8 +37,6 @@ FAR, EXPLAINED = np.deg2rad(45.0), 0.7
 """Angle of g [rad], and share of the typical deflection that it explains, from which it is sure alone."""
 ROUNDS = 5  #: Weightings of the least squares.
 ROUNDING = 1e-9  #: Of a rotation [1].
-SURE, MOST = 8.0, 0.8
-"""Nats by which own weight tells that an arm hangs, and share of the readings, the nearest, that tell."""
 
 
 def loads_as(data: Dataset, g: Array) -> Dataset:
@@ -157,37 +152,3 @@ def finding(vjm: Vjm, pull: Pull, nats: float | None = None) -> Finding:
     turn = turn * np.sign(turn[np.abs(turn) > ROUNDING][0])
     size = np.concatenate([pull.g @ vjm.base[:3, :3], turn])
     return Finding("mounting", (arm.links[0].name,), size, {"level": pull.told}, nats)
-
-
-@dataclass(frozen=True)
-class Unbent:
-    """Readings of both states, and what the arm weighs."""
-
-    before: Seen  #: Unloaded as the file has it.
-    after: Seen  #: Loaded.
-    C_theta: Array  #: Expected compliances in the scale of the readings, (n_theta, n_theta).
-
-
-def hangs(read: Unbent) -> bool:
-    """Whether unloaded readings are bent as a hanging arm is, not as an upright one that was read wrongly.
-
-    It is asked where targets move against stated weights. Three mistakes do that: the arm hangs, readings
-    before and after are exchanged, or the force has the other sign.
-    """
-    vjm = read.before.vjm
-    try:
-        weights = read_weights(vjm.arm)
-    except InputError:  # nobody knows what it weighs
-        return False
-    left = []
-    for seen, g in ((read.before, -DOWN), (read.after, DOWN), (read.before, DOWN)):
-        turned = mounted(vjm, g)
-        where = chain(turned, seen.q)
-        theta = (read.C_theta @ own_weight(where, weights)).T
-        sag = displacement(where, theta, seen.markers) @ towards(g).T
-        unbent = fit(replace(seen, read=seen.read - sag), Free(frame=True, targets=True))
-        off = np.sort(away(seen, unbent))
-        left.append(float(np.sqrt(np.square(off[: int(np.ceil(MOST * len(off)))]).mean())))
-    hung, *upright = left
-    poses = len(np.unique(read.before.q, axis=0))  # all that is read in one shares its errors of geometry
-    return 3 * poses * float(np.log(min(upright) / max(hung, ROUNDING))) > SURE

@@ -82,20 +82,16 @@ def unplaced(vjm: Vjm, series: Series) -> Finding | None:
         return found
     some = np.linspace(0, series.rows - 1, min(ROWS, series.rows)).astype(int)
     one = select_rows(series, some)  # of all: joints may move one after the other
-    orders = (
-        Hypothesis("order", replace(_seen(vjm, one, one.rotation), q=q[some]), FREE, (), shift, CHOICE)
-        for shift in (1, -1)
-        for q in (np.roll(series.q, shift, axis=0),)
-    )
+    seen = _seen(vjm, one, one.rotation)
+    rolled = ((shift, np.roll(series.q, shift, axis=0)[some]) for shift in (1, -1))
+    orders = (Hypothesis("order", replace(seen, q=q), FREE, (), shift, CHOICE) for shift, q in rolled)
     notations = (
         Hypothesis("notation", _seen(vjm, one, rotation), FREE, names, numbers=CHOICE)
         for names, rotation in _notations(one)
     )
-    axes = (
-        Hypothesis("axes", _seen(vjm, replace(one, position=own), one.rotation), FREE, names, numbers=CHOICE)
-        for names, own in _axes(one)
-    )
-    return placed(_seen(vjm, one, one.rotation), FREE, "all", chain(orders, notations, axes))[0]
+    moved = ((names, _seen(vjm, replace(one, position=own), one.rotation)) for names, own in _axes(one))
+    axes = (Hypothesis("axes", own, FREE, names, numbers=CHOICE) for names, own in moved)
+    return placed(seen, FREE, "all", chain(orders, notations, axes))[0]
 
 
 def _slipped(vjm: Vjm, series: Series) -> Finding | None:

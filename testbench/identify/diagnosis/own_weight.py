@@ -6,12 +6,13 @@ are tried: that of a level tracker, a ceiling, four walls, and the tilt at which
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import chain
+from dataclasses import dataclass, replace
+from itertools import chain as joined
 
 import numpy as np
 
 from testbench.data.series import Series, select_rows
-from testbench.errors import Array, BenchError
+from testbench.errors import Array, BenchError, InputError
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.fit import Calibration, first_fit
 from testbench.identify.absolute.state import State, nominal, torque_scale
@@ -25,10 +26,15 @@ from testbench.identify.diagnosis.mounting import (
     mean_level,
     mounted,
     snapped,
+    towards,
 )
+from testbench.identify.diagnosis.place import Free, Seen, away, fit
 from testbench.identify.metric import metric
 from testbench.identify.prior import Prior
+from testbench.model.loaded import displacement
 from testbench.model.structure import joints_only
+from testbench.model.vjm import chain
+from testbench.model.weights import own_weight, read_weights
 
 ROWS = 150  #: Rows of a series, evenly out of more, that are fitted.
 STUCK = (
@@ -36,6 +42,8 @@ STUCK = (
 )
 CARRIES = 0.05  #: Typical torque of a joint over the largest from which it carries weight.
 FAR = 5e-3  #: Scatter over the reach from which more is wrong than where gravity comes from [1].
+SURE, MOST = 8.0, 0.8
+"""Nats by which own weight tells that an arm hangs, and share of the readings, the nearest, that tell."""
 PROBE = np.deg2rad(15.0)  #: Tilt at which the scatter is probed for where it is least [rad].
 CLEAR, LEVELLED = 20.0, 7.0
 """Nats a mounting has to gain; the same where a level tracker says so."""
@@ -60,7 +68,7 @@ def by_own_weight(found: Calibration, prior: Prior) -> Finding | None:
     if own > FAR * state.vjm.reach:
         return None
     first = [snapped(level, LEVEL)] if level is not None and turned else []
-    others = chain((*np.eye(3), *-np.eye(3)[:2]), _tilts(state, series, prior, own)) if _stuck(state) else ()
+    others = joined((*np.eye(3), *-np.eye(3)[:2]), _tilts(state, series, prior, own)) if _stuck(state) else ()
     for directions, least in ((first, LEVELLED), (others, CLEAR)):
         tried = [(_scatter(state, series, prior, g), g) for g in directions]
         scatter, g = min(tried, key=lambda one: one[0], default=(np.inf, DOWN))
@@ -108,3 +116,37 @@ def _tilted(by: Array) -> Array:
     """Gravity of a base tilted by angles along its x and y, (2,) [rad]."""
     size = float(np.linalg.norm(by))
     return np.array([*(np.sin(size) * by / max(size, 1e-12)), -np.cos(size)])
+
+
+@dataclass(frozen=True)
+class Unbent:
+    """Readings of both states, and what the arm weighs."""
+
+    before: Seen  #: Unloaded as the file has it.
+    after: Seen  #: Loaded.
+    C_theta: Array  #: Expected compliances in the scale of the readings, (n_theta, n_theta).
+
+
+def hangs(read: Unbent) -> bool:
+    """Whether unloaded readings are bent as a hanging arm is, not as an upright one that was read wrongly.
+
+    It is asked where targets move against stated weights. Three mistakes do that: the arm hangs, readings
+    before and after are exchanged, or the force has the other sign.
+    """
+    vjm = read.before.vjm
+    try:
+        weights = read_weights(vjm.arm)
+    except InputError:  # nobody knows what it weighs
+        return False
+    left = []
+    for seen, g in ((read.before, -DOWN), (read.after, DOWN), (read.before, DOWN)):
+        turned = mounted(vjm, g)
+        where = chain(turned, seen.q)
+        theta = (read.C_theta @ own_weight(where, weights)).T
+        sag = displacement(where, theta, seen.markers) @ towards(g).T
+        unbent = fit(replace(seen, read=seen.read - sag), Free(frame=True, targets=True))
+        off = np.sort(away(seen, unbent))
+        left.append(float(np.sqrt(np.square(off[: int(np.ceil(MOST * len(off)))]).mean())))
+    hung, *upright = left
+    poses = len(np.unique(read.before.q, axis=0))  # all that is read in one shares its errors of geometry
+    return 3 * poses * float(np.log(min(upright) / max(hung, 1e-12))) > SURE
