@@ -1,4 +1,4 @@
-"""GCO of the paper's MGCO147: all links in full."""
+"""GCO of the paper's MGCO147 with a learnt trace weight: all links in full."""
 
 import testbench as tb
 from testbench.model.structure import mgco147

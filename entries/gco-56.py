@@ -1,4 +1,4 @@
-"""GCO of the paper's MGCO56: all links as straight beams."""
+"""GCO of the paper's MGCO56 with a learnt trace weight: all links as straight beams."""
 
 import testbench as tb
 from testbench.model.structure import template56

@@ -1,4 +1,4 @@
-"""GCO of the paper's MGCO68: links 0, 2 and 3 in full and joints 2 to 6."""
+"""GCO of the paper's MGCO68 with a learnt trace weight: links 0, 2 and 3 in full and joints 2 to 6."""
 
 import testbench as tb
 from testbench.model.structure import mgco68

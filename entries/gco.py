@@ -1,4 +1,4 @@
-"""GCO of all links and joints, without a prior."""
+"""GCO of all links and joints, without a prior: its trace weight is learnt."""
 
 import testbench as tb
 

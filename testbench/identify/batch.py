@@ -15,13 +15,11 @@ import numpy as np
 
 from testbench.errors import Array, Ids, Mask
 from testbench.identify import cone
+from testbench.identify.interior import BOLD, LEAST, SMALL, TINY, Scaling
 
 NEAR = 1e-2  #: Distance from the optimum at which a problem ends, as a share of its cost.
 STEPS = 30  #: At most.
 FIRST = 0.1  #: Gap at the start, as a share of the cost.
-SMALL = 1e-3  #: Size of the first x where the readings want none above zero.
-LEAST, BOLD = 1e-6, 0.9  #: As in `interior.py`.
-TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
             R, linear = problems.R[fold[state.at]], price[state.at] - problems.g[fold[state.at]]
             gradient = np.vecmat(np.matvec(R, state.x), R) + linear
             try:
-                scalings = [_Scaling.of(own, state.x, state.s) for own in groups]
+                scalings = [Scaling.of(own, state.x, state.s) for own in groups]
                 newton = _Newton.of(R, groups, scalings)
             except np.linalg.LinAlgError:
                 sound = _definite(state.x, groups) & _definite(state.s, groups)
@@ -84,7 +82,10 @@ def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
             done = np.vecdot(state.x, state.s) + left <= NEAR * cost
             found[state.at[done]] = state.x[done]
             freedom[state.at[done]] = R.shape[1] - np.trace(newton.inner[done], axis1=1, axis2=2)
-            state = _moved(state, missing, newton, scalings).only(~done)
+            try:
+                state = _moved(state, missing, newton, scalings).only(~done)
+            except np.linalg.LinAlgError:  # a step is not finite
+                break
             state = state.only(np.isfinite(state.x).all(axis=1) & np.isfinite(state.s).all(axis=1))
             if not len(state.at):
                 break
@@ -97,18 +98,18 @@ def _definite(x: Array, groups: list[Ids]) -> Mask:
     return np.asarray(np.min(least, axis=0) > 0)
 
 
-def _moved(state: _State, missing: Array, newton: "_Newton", scalings: list["_Scaling"]) -> _State:
+def _moved(state: _State, missing: Array, newton: "_Newton", scalings: list[Scaling]) -> _State:
     """A step, predicted for terms of second order, then corrected."""
     x, s, order = state.x, state.s, sum(one.d.shape[1] * one.d.shape[2] for one in scalings)
     aim = np.maximum((1 - state.step) ** 2, LEAST) * np.vecdot(x, s) / order
     predicted, w, sums = newton.solve(-s - missing), np.empty_like(x), []
     for (own, _), one in zip(newton.D, scalings, strict=True):
-        sums.append(np.nan_to_num(one.corrected(aim, one.scaled(predicted[:, own]))))
+        sums.append(np.nan_to_num(one.corrected(aim[:, None, None], one.scaled(predicted))))
         w[:, own] = cone.svec(one.inverse.swapaxes(-1, -2) @ sums[-1] @ one.inverse)
     dx = newton.solve(w - missing)
     step = np.ones(len(x))
-    for (own, _), one, both in zip(newton.D, scalings, sums, strict=True):
-        step = np.minimum(step, one.longest(np.nan_to_num(one.scaled(dx[:, own])), both))
+    for one, both in zip(scalings, sums, strict=True):
+        step = np.minimum(step, one.longest(np.nan_to_num(one.scaled(dx)), both))
     step *= BOLD + (0.99 - BOLD) * step
     ds = missing + np.vecmat(np.matvec(newton.R, dx), newton.R)
     return _State(state.at, x + step[:, None] * dx, s + step[:, None] * ds, step)
@@ -137,7 +138,7 @@ class _Newton:
     D: list[tuple[Ids, Array]]  #: Places of the blocks of one order, and their part of D.
 
     @classmethod
-    def of(cls, R: Array, groups: list[Ids], scalings: list["_Scaling"]) -> "_Newton":
+    def of(cls, R: Array, groups: list[Ids], scalings: list[Scaling]) -> "_Newton":
         D = [
             (at, cone.congruence(one.G @ one.G.swapaxes(-1, -2)))
             for at, one in zip(groups, scalings, strict=True)
@@ -154,39 +155,3 @@ class _Newton:
         for at, own in self.D:
             u[:, at] = np.matvec(own, v[:, at])
         return np.asarray(u - np.vecmat(np.matvec(self.inner, np.matvec(self.R, u)), self.RD))
-
-
-@dataclass(frozen=True)
-class _Scaling:
-    """Nesterov and Todd's scaling of the blocks of one order: G^-1 X G^-T = G^T S G = diag d."""
-
-    G: Array  #: (problems, blocks, m, m).
-    inverse: Array  #: G^-1, alike.
-    d: Array  #: (problems, blocks, m).
-
-    @classmethod
-    def of(cls, at: Ids, x: Array, s: Array) -> "_Scaling":
-        L = np.linalg.cholesky(cone.smat(x[:, at]))
-        squares, V = np.linalg.eigh(L.swapaxes(-1, -2) @ cone.smat(s[:, at]) @ L)
-        d = np.sqrt(np.maximum(squares, TINY))
-        root = np.sqrt(d)
-        inverse = root[..., None] * (V.swapaxes(-1, -2) @ np.linalg.inv(L))
-        return cls(L @ V / root[..., None, :], inverse, d)
-
-    def scaled(self, x: Array) -> Array:
-        """G^-1 X G^-T."""
-        return np.asarray(self.inverse @ cone.smat(x) @ self.inverse.swapaxes(-1, -2))
-
-    def corrected(self, aim: Array, X: Array) -> Array:
-        """Sum of the scaled steps to products of this size, second order of the predicted step X included."""
-        one = np.eye(self.d.shape[-1])
-        half = X @ (self.d[..., None] * one + X)
-        product = (half + half.swapaxes(-1, -2)) / (self.d[..., :, None] + self.d[..., None, :])
-        return np.asarray((aim[:, None, None] / self.d - self.d)[..., None] * one + product)
-
-    def longest(self, X: Array, both: Array) -> Array:
-        """Longest step that keeps the cone, (problems,): of a scaled step X, and what it lacks of the sum."""
-        root = 1 / np.sqrt(self.d)
-        steps = np.nan_to_num(np.stack([X, both - X]) * (root[..., :, None] * root[..., None, :]))
-        least = np.linalg.eigvalsh(steps)[..., 0].min(axis=(0, 2))
-        return np.asarray(1 / np.maximum(-least, TINY))

@@ -86,6 +86,36 @@ def folds(parts: Parts) -> list[Fold]:
     return [Fold(kept, parts.some(kept), parts.together(out)) for kept, out in pairs]
 
 
+@dataclass(frozen=True)
+class Grams:
+    """Gram matrices of whitened rows [A | y]."""
+
+    total: Array  #: Of all, (n + 1, n + 1).
+    out: Array  #: Of what is held out in turn, (folds, n + 1, n + 1).
+    equations: Array  #: Of these, (folds,).
+    every: int  #: Equations of all.
+    terms: int  #: Of F_M.
+
+
+def grams(parts: Parts | Regression, lift: Array) -> Grams:
+    """Gram matrices by the parameters of C', `lift` of [pi, 1] by these."""
+    if isinstance(parts, Regression):
+        A, y = parts.rows
+        rows = np.c_[A, y] @ lift
+        total = rows.T @ rows
+        total[-1, -1] += sum(term.equations / 3 * term.rest for term in parts.terms)
+        return Grams(total, np.zeros((0, *total.shape)), np.zeros(0), parts.equations, len(parts.terms))
+    folded = parts.folded
+    poses, kinds = np.unique(parts.every // FOLDS), {kind for kind, _ in folded.factors}
+    found, counts = np.zeros((len(poses), *(lift.shape[1],) * 2)), np.zeros(len(poses))
+    for at, T in folded.factors.items():
+        k, rows = np.searchsorted(poses, at[1] // FOLDS), T[:, parts.columns] @ lift
+        found[k] += rows.T @ rows
+        counts[k] += folded.equations[at]
+    several = slice(None if len(poses) > 1 else 0)
+    return Grams(found.sum(axis=0), found[several], counts[several], int(counts.sum()), len(kinds))
+
+
 def paired(difference: Array) -> tuple[float, float]:
     """Mean and its standard error, infinite of one: fold by fold, as some are hard for all models.
 

@@ -142,7 +142,7 @@ def _iterate(program: Program, state: State) -> State:
     x, s, missing = state.x, state.s, state.missing
     share = program.share(state.norms)
     hessian = np.tensordot(share, program.gram, 1) - state.steady * (state.pulls.T * share) @ state.pulls
-    scalings = [_Scaling.of(at, x, s) for at in cone.groups_of(program.sizes)]
+    scalings = [Scaling.of(at, x, s) for at in cone.groups_of(program.sizes)]
     A = hessian.copy()
     for own in scalings:
         A[own.at[:, :, None], own.at[:, None]] += cone.congruence(own.inverse.swapaxes(1, 2) @ own.inverse)
@@ -162,34 +162,38 @@ def _iterate(program: Program, state: State) -> State:
 
 
 @dataclass(frozen=True)
-class _Scaling:
-    """Nesterov and Todd's scaling of blocks of one order: G^-1 X G^-T = G^T S G = diag d."""
+class Scaling:
+    """Nesterov and Todd's scaling of blocks of one order: G^-1 X G^-T = G^T S G = diag d; of many pairs."""
 
     at: Ids  #: Places of the blocks, (blocks, entries).
-    inverse: Array  #: G^-1, (blocks, m, m).
-    d: Array  #: (blocks, m).
+    G: Array  #: (..., blocks, m, m).
+    inverse: Array  #: G^-1, (..., blocks, m, m).
+    d: Array  #: (..., blocks, m).
 
     @classmethod
-    def of(cls, at: Ids, x: Array, s: Array) -> "_Scaling":
-        """Of a pair."""
-        L = np.linalg.cholesky(cone.smat(x[at]))
-        squares, V = np.linalg.eigh(L.swapaxes(1, 2) @ cone.smat(s[at]) @ L)
+    def of(cls, at: Ids, x: Array, s: Array) -> "Scaling":
+        """Of a pair, (..., n) each."""
+        L = np.linalg.cholesky(cone.smat(x[..., at]))
+        squares, V = np.linalg.eigh(L.swapaxes(-1, -2) @ cone.smat(s[..., at]) @ L)
         d = np.sqrt(np.maximum(squares, TINY))
-        return cls(at, np.sqrt(d)[..., None] * (V.swapaxes(1, 2) @ np.linalg.inv(L)), d)
+        root = np.sqrt(d)
+        inverse = root[..., None] * (V.swapaxes(-1, -2) @ np.linalg.inv(L))
+        return cls(at, L @ V / root[..., None, :], inverse, d)
 
     def scaled(self, x: Array) -> Array:
         """G^-1 X G^-T."""
-        return np.asarray(self.inverse @ cone.smat(x[self.at]) @ self.inverse.swapaxes(1, 2))
+        return np.asarray(self.inverse @ cone.smat(x[..., self.at]) @ self.inverse.swapaxes(-1, -2))
 
-    def corrected(self, aim: float, X: Array) -> Array:
+    def corrected(self, aim: float | Array, X: Array) -> Array:
         """Sum of the scaled steps to products of this size, second order of the predicted step X included."""
-        one = np.eye(self.d.shape[1])
+        one = np.eye(self.d.shape[-1])
         half = X @ (self.d[..., None] * one + X)
-        product = (half + half.swapaxes(1, 2)) / (self.d[:, :, None] + self.d[:, None])
+        product = (half + half.swapaxes(-1, -2)) / (self.d[..., :, None] + self.d[..., None, :])
         return np.asarray((aim / self.d - self.d)[..., None] * one + product)
 
-    def longest(self, X: Array, both: Array) -> float:
-        """Longest step that keeps the cone: of a scaled step X, and of what it lacks of the sum of both."""
+    def longest(self, X: Array, both: Array) -> Array:
+        """Longest step that keeps the cone, (...): of a scaled step X, and of what it lacks of the sum."""
         root = 1 / np.sqrt(self.d)
-        steps = np.stack([X, both - X]) * (root[:, :, None] * root[:, None])
-        return float(1 / max(-np.linalg.eigvalsh(steps).min(), TINY))
+        steps = np.stack([X, both - X]) * (root[..., :, None] * root[..., None, :])
+        least = np.linalg.eigvalsh(steps)[..., 0].min(axis=(0, -1))
+        return np.asarray(1 / np.maximum(-least, TINY))

@@ -15,7 +15,7 @@ Olshen, Stone 1984). One reduction serves all folds and weights.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -24,7 +24,7 @@ from scipy.optimize import nnls
 from testbench.errors import Array
 from testbench.identify import batch
 from testbench.identify.certify import scaled_units
-from testbench.identify.crossval import FOLDS, paired
+from testbench.identify.crossval import grams, paired
 from testbench.identify.estimate import Penalty
 from testbench.identify.fold import Parts
 from testbench.identify.regression import Regression
@@ -72,7 +72,7 @@ def learnt(vjm: Vjm, parts: Parts | Regression) -> Penalty | None:
         The trace term; None where the readings show nothing, or a block of the structure lacks entries.
     """
     one = weighed(vjm, parts.structure, 1.0)
-    s, folds = one.structure, _folds(parts, block_diag(one.lift, 1.0))
+    s, folds = one.structure, grams(parts, block_diag(one.lift, 1.0))
     strongest = _straight(s, folds.total)
     if not (s.whole and strongest > 0 and folds.total[-1, -1] > 0):
         return None
@@ -109,36 +109,6 @@ def _roots(H: Array) -> Array:
     V = V[:, values > RANK * values[-1]]
     values, Q = np.linalg.eigh(V.T @ H @ V)
     return np.asarray(np.sqrt(np.maximum(values, 0))[..., None] * (Q.swapaxes(1, 2) @ V.T))
-
-
-@dataclass(frozen=True)
-class _Folds:
-    """Gram matrices of whitened rows [A | y]."""
-
-    total: Array  #: Of all, (n + 1, n + 1).
-    out: Array  #: Of what is held out in turn, (folds, n + 1, n + 1).
-    equations: Array  #: Of these, (folds,).
-    every: int  #: Equations of all.
-    terms: int  #: Of F_M.
-
-
-def _folds(parts: Parts | Regression, lift: Array) -> _Folds:
-    """Gram matrices by the parameters of C', `lift` of [pi, 1] by these."""
-    if isinstance(parts, Regression):
-        A, y = parts.rows
-        rows = np.c_[A, y] @ lift
-        total = rows.T @ rows
-        total[-1, -1] += sum(term.equations / 3 * term.rest for term in parts.terms)
-        return _Folds(total, np.zeros((0, *total.shape)), np.zeros(0), parts.equations, len(parts.terms))
-    folded = parts.folded
-    poses, kinds = np.unique(parts.every // FOLDS), {kind for kind, _ in folded.factors}
-    grams, counts = np.zeros((len(poses), *(lift.shape[1],) * 2)), np.zeros(len(poses))
-    for at, T in folded.factors.items():
-        k, rows = np.searchsorted(poses, at[1] // FOLDS), T[:, parts.columns] @ lift
-        grams[k] += rows.T @ rows
-        counts[k] += folded.equations[at]
-    several = slice(None if len(poses) > 1 else 0)
-    return _Folds(grams.sum(axis=0), grams[several], counts[several], int(counts.sum()), len(kinds))
 
 
 def _straight(s: Structure, gram: Array) -> float:

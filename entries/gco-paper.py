@@ -1,0 +1,10 @@
+"""GCO of the paper's MGCO56, without a trace weight: all links as straight beams."""
+
+import testbench as tb
+from testbench.model.structure import template56
+
+
+def estimate(kinematics, structure, data, prior):
+    """Conservative parameters, (n,)."""
+    own = template56(kinematics.arm)
+    return structure.entries(own.matrix(tb.paper_gco(kinematics, own, data).pi))
