@@ -130,7 +130,7 @@ def decide(
     return Badge(*names, factor, ends, len(a), verdict, each, why=why, exact=exact, ties=ties, trials=several)
 
 
-Pair = tuple[Cells, Cells, Cells | None]
+Pair = tuple[Array, Array, Cells | None]
 """Errors of ours and of another in the same trials, (n,) both, and labels of trials that cases share."""
 
 

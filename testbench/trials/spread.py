@@ -4,7 +4,6 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +11,7 @@ from scipy.special import bdtr
 
 from testbench.errors import Array, Ids
 
-Cells = npt.NDArray[Any]
+Cells = npt.NDArray[np.generic]
 
 DOTS = 100  #: Trials whose own numbers are kept to be drawn: as many of each kind as stand in a row.
 DRAWS = 2000  #: Of a bootstrap.

@@ -15,7 +15,8 @@ from testbench.views.colours import SCALE, look
 from testbench.views.page.page import seen_plain
 from testbench.views.recording.run import write_run
 from testbench.views.recording.stream import Header
-from testbench.views.scene import Line, Seen
+from testbench.views.run_figure import overview
+from testbench.views.scene import Line, Seen, typical_first
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +60,35 @@ def test_it_is_whole_and_every_view_has_data_where_the_reader_lands(file):
     names = {name for _, _, name in views(file)}
     assert {
         "Runs (m): Errors x 10.",
-        "Left (mm), by run, the worst first",
+        "Left (mm), by run, a typical one, then the worst first",
         "Error (mm), by pose, in order",  # its first pose is not the worst
     } <= names
+
+
+def test_a_reader_lands_on_the_pose_of_median_error_then_on_the_worst(seen, tmp_path):
+    """Of 3, 2, 1 and 0 mm the lower median is 1 mm; the page and the picture open there too."""
+    drawn = typical_first(seen)
+    own = drawn.scene.groups[0]
+    size = seen.runs[0].lines[-1].values
+    known = np.sort(size[np.isfinite(size)])
+    assert (size[own.first], own.worst) == (known[(len(known) - 1) // 2], ORDER[0])
+    assert seen_plain(drawn)["scene"]["groups"][0]["first"] == own.first
+    chunks = chunks_of(written(tmp_path / "typical.rrd", drawn))
+    found = series(chunks, "/charts/runs/left_mm/one", "typical_first")
+    order = [own.first, *(k for k in ORDER if k != own.first)]
+    assert np.array(found, float) == pytest.approx(seen.runs[0].lines[-1].values[order], nan_ok=True)
+    assert np.array(series(chunks, "/charts/runs/left_mm/one"), float) == pytest.approx(
+        size[ORDER], nan_ok=True
+    )  # worst_first stays sorted
+    left, right = overview_panes(drawn)
+    assert left.startswith(f"{own.names[own.first]}, typical")
+    assert right.startswith(f"{own.names[own.worst]}, worst")
+
+
+def overview_panes(seen):
+    """Titles of the two panes of the arm in the picture of a run."""
+    titles = [axes.get_title() for axes in overview(REPORT, seen).axes]
+    return [title for title in titles if "from the side" in title or "from above" in title]
 
 
 def test_the_arm_and_its_ghost_stand_in_every_pose_worst_first(chunks, seen):

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from functools import partial
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import Model, named_models
 from testbench.campaign.program import correct_program
 from testbench.commands.compensate import report
+from testbench.commands.compensate_drawn import seen
 from testbench.correct.compensated import Refusal
 from testbench.correct.newton import Aim
 from testbench.data.program import read_program
@@ -286,12 +288,12 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
     """The model's own residual is a solver's digits: drawn, it would be a success that nobody has seen."""
     chunks = sound(bounded / "right_report" / "recording.rrd", "As programmed")
     report = json.loads((bounded / "right_report" / "report.json").read_text())
-    for name, key in (("uncorrected_program", "before_mm"), ("corrected_program_within_95", "half_95_mm")):
+    within = {"uncorrected_program_within_95": "before_most_mm", "corrected_program_within_95": "most_mm"}
+    for name, key in within.items():  # a bound beside a bound
         found = series(chunks, f"{OFF}/{name}", "pose")
         np.testing.assert_allclose(found, [row[key] for row in report["rows"]], rtol=1e-6)
     assert {c.entity_path for c in chunks if c.entity_path.startswith("/charts/path")} == {
-        *(f"{OFF}/uncorrected_program{end}" for end in ("", "_lower", "_upper")),
-        f"{OFF}/corrected_program_within_95",
+        f"{OFF}/{name}" for name in within
     }
     unseen = fine("compensate", folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")
     assert unseen.startswith("Do not use corrected program: the model does not know")
@@ -334,17 +336,58 @@ def test_tables_have_the_numbers_of_the_corrected_file(bounded):
     rows = table(bounded / "right.csv")
     before = [np.linalg.norm([float(row[f"before_{x}_mm"]) for x in "xyz"]) for row in rows]
     half = [max(float(row[f"half_95_{x}_mm"]) for x in "xyz") for row in rows]
-    sizes = {"uncorrected program": before, "corrected program, within (95 %)": half}
+    most = np.add(before, half)
+    sizes = {"uncorrected program, within (95 %)": most, "corrected program, within (95 %)": half}
     text = (bounded / "right_report" / "report.md").read_text()
     for line in (
-        "| line | point | as programmed, off by, mm | corrected, within (95 %), mm |",
+        "| line | point | as programmed, off by, mm | as programmed, within (95 %), mm | corrected, within "
+        "(95 %), mm |",
         "\n".join(
-            f"| {k + 2} | {k + 1} | {before[k]:.3f} | {half[k]:.3f} |" for k in np.argsort(before)[::-1]
+            f"| {k + 2} | {k + 1} | {before[k]:.3f} | {most[k]:.3f} | {half[k]:.3f} |"
+            for k in np.argsort(before)[::-1]
         ),
         "| what | median, mm | largest, mm |",
         *(f"| {name} | {np.median(mm):.3f} | {max(mm):.3f} |" for name, mm in sizes.items()),
     ):
         assert f"{line}\n" in f"{text}\n", line
+
+
+def test_a_refused_point_is_as_far_off_as_it_was_and_a_bound_stands_beside_a_bound(kr500, folder, bounded):
+    """What the correction leaves counts: a refused point is as far off as it was."""
+    model = load_model(folder / "sure", None)
+    found = correct_program(model, read_program(bounded / "mill.csv", model.arm), Aim())
+    own = found.found
+    after = own.after.copy()
+    after[3] = own.before[3]
+    found = replace(
+        found, found=replace(own, after=after, refused=(*own.refused[:3], Refusal("reach"), *own.refused[4:]))
+    )
+    said = report(found)
+    [chart] = seen(kr500, found, said).runs
+    before, half = 1e3 * np.linalg.norm(own.before, axis=1), 1e3 * own.half.max(axis=1)
+    uncorrected, corrected = (line.values for line in chart.lines)
+    np.testing.assert_allclose(uncorrected, before + half, rtol=1e-9)
+    np.testing.assert_allclose(corrected, 1e3 * np.linalg.norm(after, axis=1) + half, rtol=1e-9)
+    assert corrected[3] == pytest.approx(uncorrected[3])
+    assert said.numbers["most_mm"].max == pytest.approx(corrected.max())
+
+
+def test_what_is_less_sure_than_the_correction_is_large_is_likely_not_harmful(folder, bounded):
+    """Ten times less sure: bounds still shrink, the chance is that of a normal error along the correction."""
+    model = load_model(folder / "sure", None)
+    found = correct_program(model, read_program(bounded / "mill.csv", model.arm), Aim())
+    own = found.found
+    before, half = np.linalg.norm(own.before, axis=1), own.half.max(axis=1)
+    widened = own.half * (1.2 * before / half)[:, None]
+    said = report(replace(found, found=replace(own, half=widened)))
+    chance = NormalDist().cdf(1.959964 / 1.2 / 2)
+    assert said.numbers["chance"] == pytest.approx(chance, rel=1e-5)
+    assert (said.badge.verdict, said.numbers["harmful"]) == ("likely", False)
+    assert said.badge.words.startswith(
+        "Likely: the 95 % bound of corrected program is 1.8 times smaller than"
+    )
+    assert f"gets better with {100 * chance:.0f} % chance" in said.badge.words
+    assert "Do not run" not in said.whole()
 
 
 def test_what_joints_cannot_do_is_said_with_its_numbers(folder, bounded):

@@ -79,6 +79,22 @@ def test_a_plan_is_nine_files_with_the_answer_first(planned, report):
     assert first.startswith(f"**{POSES} poses leave an expected error of {error:.3f} mm at the tasks")
 
 
+def test_the_headline_names_the_joint_that_no_weight_turns_and_what_that_costs(planned, report, kr500):
+    """A weight has no moment about a vertical axis: a side force is predicted by the prior alone."""
+    own = report["unloaded"]
+    assert own["joints"] == ["joint_1"]
+    force, q = np.array(own["force_N"]), np.array([row["q"] for row in report["plan"]])
+    arms = chain(kr500.vjm, q).position - kr500.vjm.base[:3, 3]
+    assert np.abs(np.cross(arms, force)[:, 2]).min() > 1  # it turns joint 1 in every pose
+    assert own["error_mm"] > 5 * report["error_mm"]["expected"]
+    answer = (planned / "plan.md").read_text().split("**")[1]
+    axis, size = "xyz"[int(np.abs(force).argmax())], np.abs(force).max()
+    assert (
+        f"No load of this plan turns joint_1: a force of {size:g} N along {axis} at the tasks, which turns "
+        f"it, is predicted to {own['error_mm']:.3f} mm, not {report['error_mm']['expected']:.3f} mm."
+    ) in answer
+
+
 def test_no_pane_of_the_recording_is_blank_on_any_timeline(planned, absolute, blank_panes):
     assert [blank_panes(folder / "recording.rrd") for folder in (planned, absolute)] == [[], []]
 
