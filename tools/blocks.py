@@ -130,8 +130,8 @@ def expected() -> str:
         "**The prior and the structure bring the gain; the cone keeps the model conservative.** With the "
         f"same prior and unknowns LS errs {same} mm, GCO {cone} mm; GCO is conservative on all arms, LS on "
         f"{share(won, '100')}. Without a prior GCO of beams with a learnt trace weight errs {gco} mm, joint "
-        f"stiffness only {joints} mm, ridge regression {ridge} mm, LS {least} mm. Without the weight, as in the "
-        f"paper, GCO errs {papers} mm."
+        f"stiffness only {joints} mm, ridge regression {ridge} mm, LS {least} mm. Without the weight, as in "
+        f"the paper, GCO errs {papers} mm."
     )
     return f"{lines(heads, rows)}\n\n{said}"
 

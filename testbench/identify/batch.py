@@ -86,7 +86,7 @@ def solve(problems: Problems, weights: Array) -> tuple[Array, Array]:
                 state = _moved(state, missing, newton, scalings).only(~done)
             except np.linalg.LinAlgError:  # a step is not finite
                 break
-            state = state.only(np.isfinite(state.x).all(axis=1) & np.isfinite(state.s).all(axis=1))
+            state = state.only(np.asarray(np.isfinite(np.hstack([state.x, state.s])).all(axis=1)))
             if not len(state.at):
                 break
     return found.reshape(folds, many, -1), freedom.reshape(folds, many)
@@ -147,7 +147,8 @@ class _Newton:
         for at, own in D:
             for k, places in enumerate(at):
                 RD[:, :, places] = R[:, :, places] @ own[:, k]
-        return cls(R, RD, np.linalg.inv(RD @ R.swapaxes(1, 2) + np.eye(R.shape[1])), D)
+        inner: Array = np.asarray(np.linalg.inv(RD @ R.swapaxes(1, 2) + np.eye(R.shape[1])), dtype=float)
+        return cls(R, RD, inner, D)
 
     def solve(self, v: Array) -> Array:
         """Newton's step for right hand sides, (problems, n)."""

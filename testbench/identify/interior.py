@@ -153,7 +153,8 @@ def _iterate(program: Program, state: State) -> State:
         sums.append(own.corrected(aim, own.scaled(predicted)))
         w[own.at] = cone.svec(own.inverse.swapaxes(1, 2) @ sums[-1] @ own.inverse)
     dx = cho_solve(root, w - missing)
-    step = min(1.0, *(own.longest(own.scaled(dx), both) for own, both in zip(scalings, sums, strict=True)))
+    pairs = zip(scalings, sums, strict=True)
+    step = min(1.0, *(float(own.longest(own.scaled(dx), both)) for own, both in pairs))
     step *= BOLD + (0.99 - BOLD) * step
     x, s = x + step * dx, s + step * (missing + hessian @ dx)
     norms, pulls = program.at(x)

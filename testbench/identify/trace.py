@@ -72,7 +72,7 @@ def learnt(vjm: Vjm, parts: Parts | Regression) -> Penalty | None:
         The trace term; None where the readings show nothing, or a block of the structure lacks entries.
     """
     one = weighed(vjm, parts.structure, 1.0)
-    s, folds = one.structure, grams(parts, block_diag(one.lift, 1.0))
+    s, folds = one.structure, grams(parts, block_diag(one.lift, np.eye(1)))
     strongest = _straight(s, folds.total)
     if not (s.whole and strongest > 0 and folds.total[-1, -1] > 0):
         return None

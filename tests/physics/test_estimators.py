@@ -13,9 +13,9 @@ from testbench.campaign.pose_campaign import FullPose, simulate
 from testbench.errors import BenchError
 from testbench.identify import (
     completed_least_squares,
-    gco,
     least_squares,
     make_estimate,
+    paper_gco,
     reduce,
     robust,
     with_prior,
@@ -170,7 +170,7 @@ def regression(arm_6r, data):
 
 @pytest.fixture(scope="module")
 def best(arm_6r, data):
-    return gco(arm_6r.vjm, mgco69(arm_6r.arm), data)
+    return paper_gco(arm_6r.vjm, mgco69(arm_6r.arm), data)
 
 
 @pytest.mark.parametrize("m", [1, 3, 6])
