@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 from testbench.errors import BenchError, InputError
@@ -82,8 +83,10 @@ def view(file: Path, *, web: bool) -> None:
 
 
 def program() -> str:
-    """Find the viewer beside this interpreter: as a module of Python it would lose its exit codes."""
-    found = Path(sys.executable).with_name("rerun")
-    if not found.exists():
-        raise BenchError(f"no program rerun beside {sys.executable}: install rerun-sdk there")
-    return str(found)
+    """Find the viewer itself: its script in Python starts it as a child, which a kill would not reach."""
+    spec = find_spec("rerun_cli")
+    folder = Path(spec.origin).parent if spec is not None and spec.origin else Path()
+    found = [path for path in (folder / "Rerun.app/Contents/MacOS/Rerun", folder / "rerun") if path.is_file()]
+    if not found:
+        raise BenchError(f"no Rerun viewer beside {sys.executable}: install rerun-sdk there")
+    return str(found[0])
