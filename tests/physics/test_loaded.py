@@ -42,7 +42,7 @@ def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
     qpos = np.zeros((3, plant.model.nv))
     qpos[:, plant.joints], qpos[:, plant.theta] = q, theta
     for i in range(3):
-        poses = Poses(plant, qpos[i, None], wrench[i, None], point[i, None])
+        poses = Poses(plant, qpos[i, None], wrench[i, None], point[i, None], plant.compliance(q[i, None]))
         found = plant_tangent(poses, row, qpos[i], 0)[np.ix_(plant.theta, plant.theta)]
         expected = cell.arm.C_theta @ K_w[i]
         size = np.abs(expected).max()  # 1e-9 of the springs' tangent, of which the load's is 1 %

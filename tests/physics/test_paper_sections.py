@@ -94,11 +94,12 @@ def verdicts(factor):
     same = Row(identification=Row(rms_mm=0.1), check=Row(rms_mm=0.2, max_relative_percent=6.0, max_mm=0.4))
     plain = {name: name.startswith("MLS") for name in SECTION_6}
     models = [
-        Row(same, name=name, constraint="none" if ls else "psd", conservative=not ls)
+        Row(same, name=section_6.NAMES[name], constraint="none" if ls else "psd", conservative=not ls)
         for name, ls in plain.items()
     ]
     errors = [0.2 * factor.get(name, 1.0) * (1 + 0.01 * k) for k, name in enumerate(SECTION_6)]
-    seeds, names = np.repeat(range(SEEDS), len(SECTION_6)).tolist(), [*SECTION_6] * SEEDS
+    names = [section_6.NAMES[name] for name in SECTION_6] * SEEDS
+    seeds = np.repeat(range(SEEDS), len(SECTION_6)).tolist()
     trials = Trials.holding({"name": names, "seed": seeds, "check.rms_mm": errors * SEEDS})
     return {row.claim: row for row in section_6._judged(Row(models=models), trials)}
 

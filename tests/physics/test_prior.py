@@ -8,7 +8,7 @@ import pytest
 from loads import at_rest
 from scipy.integrate import quad
 
-from testbench import BenchError, Scenario, deflections, gco, reduce, score, simulate, with_prior
+from testbench import BenchError, Scenario, deflections, gco, paper_gco, reduce, score, simulate, with_prior
 from testbench.campaign.advice import of_average
 from testbench.campaign.doubt import of_scale
 from testbench.campaign.model_selection import with_priors
@@ -83,7 +83,7 @@ def test_log_det_prior_is_never_singular_and_of_least_cost_and_least_trace_fits_
     assert min(cost(x + sign * step) for step in steps.T for sign in (1, -1)) > cost(x)
     data, structure = runs(kr500, 2), mgco68(kr500.arm)
     regression, own = scaled(kr500, structure, 2)
-    ours, plain = stein.gco_least_trace(regression, own), gco(kr500.vjm, structure, data)
+    ours, plain = stein.gco_least_trace(regression, own), paper_gco(kr500.vjm, structure, data)
     assert ours.conservative
     assert ours.f_m <= (1 + stein.SLACK) * plain.f_m * (1 + 1e-6)
     traces = [own.expected @ np.linalg.solve(own.L, e.pi) for e in (ours, plain)]

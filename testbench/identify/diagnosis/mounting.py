@@ -35,6 +35,7 @@ SNAP = np.deg2rad(22.0)  #: Angle up to which g is that of a ceiling, a wall or 
 REVERSED = np.deg2rad(120.0)  #: Angle from which weights seem to pull upwards [rad].
 FAR, EXPLAINED = np.deg2rad(45.0), 0.7
 """Angle of g [rad], and share of the typical deflection that it explains, from which it is sure alone."""
+FEWEST = 6  #: Readings from which the three numbers of a direction are told from scatter.
 ROUNDS = 5  #: Weightings of the least squares.
 ROUNDING = 1e-9  #: Of a rotation [1].
 
@@ -106,7 +107,7 @@ def weights(data: Dataset) -> bool:
 
 def suspected(vjm: Vjm, metric: Metric, data: Dataset, level: Array | None) -> Pull | None:
     """Gravity from another side than the folder has it; None if it is as there, or not told."""
-    if not weights(data):
+    if not weights(data) or np.count_nonzero(data.seen) < FEWEST:
         return None
     g, explained = _by_deflections(vjm, metric, data)
     if level is not None and angle(level, DOWN) < LEVEL:
