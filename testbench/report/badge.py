@@ -1,5 +1,6 @@
 """One badge a run: who wins beside the strongest rival of its class, by how much, and whether that holds."""
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Literal
@@ -143,9 +144,17 @@ def beside_all(ours: str, pairs: Mapping[str, Pair], each: str = "trial", why: s
         each: See `decide`.
         why: The same.
     """
-    power = 1 if _several(each) else 2  # medians over trials, RMS over poses
-    middle = np.median if _several(each) else np.mean
-    order = sorted(pairs, key=lambda name: float(middle(pairs[name][1] ** power)))
+
+    def size(name: str) -> float:
+        """Median over trials, or mean square over poses, of what is known."""
+        a, b = (np.asarray(own, dtype=float) for own in pairs[name][:2])
+        errors = b[np.isfinite(a) & np.isfinite(b)]
+        if not len(errors):
+            return math.inf
+        return float(np.median(errors) if _several(each) else np.mean(errors**2))
+
+    sizes = {name: size(name) for name in pairs}
+    order = sorted((name for name in pairs if sizes[name] < math.inf), key=lambda name: sizes[name])
     found = [decide((ours, a), (name, b), each, why, own) for name in order for a, b, own in [pairs[name]]]
     ties = tuple(name for name, own in zip(order, found, strict=True) if own.verdict == "tie")
     return replace(found[0], ties=ties) if found else None

@@ -48,5 +48,5 @@ def test_its_numbers_are_those_of_its_trials(run):
         np.median([row["rms_um"] for row in rows if (row["name"], row["payload_kg"]) == (name, 150.0)])
         for name in ("MLS56", "MGCO56 + prior")
     )
-    answer = f"Weight 150 kg: MGCO56 + prior {filled:.0f} um, least squares {plain:.0f} um; "
+    answer = f"Weight 150 kg: MGCO56 + prior {filled:.0f} um, least squares without prior {plain:.0f} um; "
     assert report["said"]["answer"].startswith(answer)

@@ -30,6 +30,7 @@ MODELS = {
     "Joints": 6, "MLS32": 32, "MLS56": 56, "MLS56, PSD of equal fit": 56, "MGCO47": 47, "MGCO56": 56,
     "MGCO68": 68, "Joints + prior": 6, "MLS56 + prior": 56, "MGCO56 + prior": 56, "MGCO68 + prior": 68,
     "ALL153 + prior": 153, "LS153 + prior": 153, "Ridge": 56, "Clipped LS": 56,
+    "MGCO47 (paper)": 47, "MGCO56 (paper)": 56, "MGCO68 (paper)": 68,
 }  # fmt: skip
 quick, report, rows = quick_study(APP, "--seed", 3)
 
@@ -66,6 +67,8 @@ def test_the_page_shows_the_numbers_of_the_report_turns_the_arm_and_sorts(quick,
     says = page.locator("#scene .says").first
     compared = report["map"]["compared"]
     first, last = (report["map"]["worst"][compared[k]]["place"] + 1 for k in (0, -1))
+    assert not says.inner_text().startswith(f"Place {last} of")  # it opens at a typical place
+    page.locator("#scene").get_by_role("button", name="worst").first.click()
     assert says.inner_text().startswith(f"Place {last} of")  # where the model to take errs most
     page.locator(".pane button").first.click()
     assert says.inner_text().startswith(f"Place {first} of")

@@ -277,7 +277,7 @@ def test_bad_estimators_are_rows_with_seed_and_reason_and_cost_nobody_else(run):
     }
     assert report["failures"] == [{"name": n, "seed": 1, "status": f"failed: {w}"} for n, w in WHY.items()]
     assert not {*models} & {*WHY}
-    assert len(models) == 16
+    assert len(models) == 19
     assert all(m["workspace"]["rms_mm"] > 0 for m in models.values())
     assert "few" in run[1].stdout
     text = (run[0] / "report.md").read_text()

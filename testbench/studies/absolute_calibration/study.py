@@ -102,7 +102,7 @@ def report(asked: s.Settings, seeds: range, trials: Trials) -> Report:
         badge=of_rivals(
             _featured(trials, asked.featured),
             s.CHOSEN,
-            [name for name in s.BY_POSES if name != s.CHOSEN],
+            [s.INCUMBENT, s.GEOMETRY],
             "error_mm",
             f"trial of {listed(arms)}",
         ),
