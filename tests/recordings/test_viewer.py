@@ -83,7 +83,7 @@ def test_a_recording_becomes_pictures_without_a_screen(folder, monkeypatch, tmp_
     at_9, lost, tabless = replace(at_2, at=9), replace(at_2, timeline="load"), replace(at_2, tab="Nothing")
     for sight, said in (
         (at_9, "--at: expected 1 to 7"),
-        (lost, "no timeline 'load'; timelines are pose, worst_first"),
+        (lost, "no timeline 'load'; timelines are pose, typical_first, worst_first"),
         (tabless, "no tab 'Nothing'; tabs are Runs, Places"),
     ):
         with pytest.raises(BenchError, match=said):

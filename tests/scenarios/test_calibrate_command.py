@@ -316,11 +316,12 @@ def test_a_model_that_foretells_worse_than_the_drawing_says_so(poses, told, tmp_
     assert [step["name"] for step in found["steps"] if step["kept"]] == ["joint springs"]
 
 
-def test_the_page_shows_what_was_tried_and_opens_at_the_worst_reading_of_all(
+def test_the_page_shows_what_was_tried_and_a_button_leads_to_the_worst_reading_of_all(
     made, report, open_page, blank_panes
 ):
     told = [f"{row['after_mm']:.3f}" for row in report["steps"]]
     shown = check_page(open_page, made[0] / "report.html", told)
+    shown.page.locator("#scene").get_by_role("button", name="worst").first.click()
     assert f"{report['total_after']['max_mm']:.3f} mm calibrated" in said(shown)
     assert blank_panes(made[0] / "recording.rrd") == []
 

@@ -184,6 +184,7 @@ def test_the_page_shows_the_models_the_runs_and_the_arm_in_the_worst_of_them(
     told += [f"{row['taken_mm']:.3f}" for row in report["residuals"]]
     shown = check_page(open_page, made[0] / "report.html", told)
     worst = max(report["residuals"], key=lambda row: row["taken_mm"])
+    shown.page.locator("#scene").get_by_role("button", name="worst").first.click()
     assert said(shown).startswith(f"Run {worst['run']}")
     errors = report["map"]["errors"]
     half = [errors["worst"][name]["error_mm"] for name in errors["compared"]]

@@ -255,6 +255,7 @@ def test_the_page_shows_every_pose_and_the_softest_place_and_no_pane_is_blank(ma
     report = json.loads((made[0] / "report.json").read_text())
     told = [f"{row['deflection_mm']:.3f}" for row in report["worst"]]
     shown = check_page(open_page, made[0] / "report.html", told)
+    shown.page.locator("#scene").get_by_role("button", name="worst").first.click()
     assert said(shown).startswith(f"Pose {report['worst'][0]['pose']}.")
     shown.page.locator("#map button").click()
     assert f"{report['map']['worst_mm']:.3f} mm" in said(shown)
