@@ -236,7 +236,8 @@ def rows(value: Any) -> Any:
     """JSON data with every table of keys as a row, and every spread as one."""
     if isinstance(value, Mapping):
         if {"median", "p05", "p95"} <= value.keys() <= {*SPREAD}:
-            return Spread(**{key: math.nan if own is None else own for key, own in value.items()})
+            read: dict[str, Any] = {key: math.nan if own is None else own for key, own in value.items()}
+            return Spread(**read)
         return Row({key: rows(own) for key, own in value.items()})
     return [rows(own) for own in value] if isinstance(value, list | tuple) else value
 
