@@ -80,6 +80,11 @@ class Badge:
         also = f"; {winner} ties with {tied}" if tied else ""
         return Markdown(f"{head} ({seen.format(ratio(low), ratio(high))}){also}.")
 
+    @property
+    def marked(self) -> str:
+        """Name what tables mark: the winner; none on a tie, of too few, or where it is not to be used."""
+        return "" if self.why or self.verdict in ("tie", "too few") else self.winner
+
     def json(self) -> dict[str, object]:
         """For report.json, where scripts read it."""
         return {**asdict(self), "words": self.words}

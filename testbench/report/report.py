@@ -91,7 +91,7 @@ class Report:
     badge: Badge | None = None  #: Who wins; None where nothing is compared.
 
     def __post_init__(self) -> None:
-        """The winner is marked, and first, in every table that names it and marks nothing else."""
+        """The winner is marked in every table that names it and marks nothing else."""
         found = {
             name: own if own.bold or not own.columns else replace(own, bold=self.winner)
             for name, own in self.tables.items()
@@ -100,8 +100,8 @@ class Report:
 
     @property
     def winner(self) -> str:
-        """What the badge names; empty where nothing is compared."""
-        return self.badge.winner if self.badge else ""
+        """Name what the badge marks; empty where nothing wins."""
+        return self.badge.marked if self.badge else ""
 
     def block(self, name: str) -> Markdown:
         """A part in Markdown: badge, `PARTS` or `LISTS`; statements are the first claims, more the others."""

@@ -14,7 +14,7 @@ from testbench.errors import Array
 from testbench.plant.shapes import elastic_frames, origins, rigid_frames
 from testbench.report.table import Row, Trials
 from testbench.studies.study import AnyRun
-from testbench.views.colours import LOAD, MEASURED, Look, look
+from testbench.views.colours import LOAD, MEASURED, Look, look_of
 from testbench.views.scene import (
     Layer,
     Line,
@@ -118,7 +118,7 @@ def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> See
     """
     f, first, size = Row(run.report.numbers), run.first, run.settings.magnification
     names = first["name"].tolist()
-    looks = {m.name: look(m.structure, m.constraint, m.prior) for m in f.models}
+    looks = {m.name: look_of(m) for m in f.models}
     shown = f.map.compared
     wrong, left = (
         {name: -np.reshape(first[key][names.index(name)], (-1, len(cell.arm.markers), 3)) for name in shown}

@@ -1,17 +1,18 @@
 """Colour is a role, the same in figures, recordings and pages, and never alone: shapes go with it.
 
 A model has one colour, by its name: least squares orange, with a prior pink, vermillion where its free
-directions make it conservative; joints alone blue; GCO green. A prior fills its marker and dashes its line.
-Measured is rust, nominal sky blue, the arm grey; purple is load and nothing else. Every colour stands out
-from white and from black, by 3:1 at least; maps have their own ramp.
+directions make it conservative; joints alone blue; GCO green, grey without its trace weight. A prior fills
+its marker and dashes its line. Measured is rust, nominal sky blue, the arm grey; purple is load and nothing
+else. Every colour stands out from white and from black, by 3:1 at least; maps have their own ramp.
 """
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, TypedDict
+from typing import Literal, Protocol, TypedDict, runtime_checkable
 
 from testbench.identify import Constraint
+from testbench.identify.estimate import PAPERS
 
 Colour = tuple[int, ...]
 
@@ -39,6 +40,13 @@ SHADES: Mapping[tuple[Constraint, str], Mapping[str, Colour]] = {
         "47": (132, 150, 119),
         "147": (107, 107, 100),
         "153": (8, 162, 14),
+    },
+    ("psd", "paper"): {
+        "56": (120, 150, 154),
+        "68": (99, 106, 125),
+        "47": (100, 136, 128),
+        "147": (113, 115, 141),
+        "153": (88, 116, 109),
     },
     ("psd", "prior"): {"56": (0, 120, 104), "68": (93, 112, 12), "153": (0, 161, 154)},
     ("psd", "least trace"): {"56": (42, 115, 98), "68": (157, 131, 83), "153": (103, 130, 159)},
@@ -120,6 +128,9 @@ CHOICE = Look((10, 111, 147), MARKS.index("*"), prior=True)
 """What is chosen by default, whatever it is: dark teal, a star."""
 
 
+PAPERS_MARK = "P"  #: Of GCO without a trace weight, as in the paper.
+
+
 def look(structure: str, constraint: Constraint, prior: bool = False, filling: str = "none") -> Look:
     """The look of a model.
 
@@ -127,7 +138,8 @@ def look(structure: str, constraint: Constraint, prior: bool = False, filling: s
         structure: Name of its structure.
         constraint: What its method asks of the blocks.
         prior: Whether it has a prior.
-        filling: What tells the directions that no data see, where that is more than whether it has a prior.
+        filling: What tells the directions that no data see, where that is more than whether it has a prior;
+            "paper" of GCO without a trace weight.
     """
     if constraint == "own":
         which = int(re.sub(r"\D", "", structure)[-4:] or 1) - 1
@@ -139,8 +151,24 @@ def look(structure: str, constraint: Constraint, prior: bool = False, filling: s
         return Look(JOINTS_PRIOR if prior else JOINTS, PLACES[kind], prior)
     shades = SHADES.get((constraint, told), SHADES["psd", told])
     colour = shades.get(kind) or list(shades.values())[sum(map(ord, structure)) % len(shades)]
-    place = MARKS.index(HELD[constraint]) if constraint in HELD else PLACES.get(kind, 0)
+    own = PAPERS_MARK if told == "paper" else HELD.get(constraint)
+    place = MARKS.index(own) if own else PLACES.get(kind, 0)
     return Look(colour, place, prior)
+
+
+@runtime_checkable
+class Modelled(Protocol):
+    """A row that says which model it is of."""
+
+    structure: str
+    constraint: Constraint
+    prior: bool
+
+
+def look_of(row: Modelled) -> Look:
+    """Give the look of the model of a row; GCO without a trace weight is told by its method."""
+    filling = "paper" if getattr(row, "method", "") == PAPERS else "none"
+    return look(row.structure, row.constraint, row.prior, filling)
 
 
 def _kind(structure: str) -> str:

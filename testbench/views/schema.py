@@ -4,14 +4,13 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 
 from testbench.errors import Array
-from testbench.identify import Constraint
 from testbench.trials.spread import Number, Share, Spread, median_interval, middle, spans
-from testbench.views.colours import Look, look
+from testbench.views.colours import Look, Modelled, look_of
 
 
 @dataclass(frozen=True)
@@ -162,21 +161,12 @@ def pivot(table: Table, down: Column, across: Column, cell: Column, *last: Colum
     )
 
 
-@runtime_checkable
-class Modelled(Protocol):
-    """A row that says which model it is of."""
-
-    structure: str
-    constraint: Constraint
-    prior: bool
-
-
 def looks(rows: Sequence[object], name: Column) -> dict[str, Look]:
     """How the models of rows are drawn, by the text of a column; none where it names several models."""
     found: dict[str, set[Look]] = {}
     for row in rows:
         if isinstance(row, Modelled):
-            found.setdefault(name.cell(row), set()).add(look(row.structure, row.constraint, row.prior))
+            found.setdefault(name.cell(row), set()).add(look_of(row))
     return {text: own.pop() for text, own in found.items() if len(own) == 1}
 
 

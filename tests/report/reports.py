@@ -166,6 +166,11 @@ def check_ranges(axes, numbers, looks, unit=None):
     assert low > high  # the first on top
 
 
+def place_of(winner, names):
+    """Where the winner stands among names; None where nothing wins."""
+    return [*names].index(winner) if winner else None
+
+
 def check_forest(axes, numbers, looks, unit="mm", first=0):
     """Dots, spreads, colours, weights, bands and unit of a pane of `figure.forest`, the winner on top.
 

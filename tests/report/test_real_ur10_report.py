@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from checks import at, check_spread, tables_of
 from made_up import of_one_trial
-from reports import check, check_forest, check_said, table_of
+from reports import check, check_forest, check_said, place_of, table_of
 
 from testbench.campaign.absolute import Score
 from testbench.campaign.campaign import build_cell
@@ -122,7 +122,7 @@ def test_the_figure_draws_the_ladder_in_the_colours_of_its_models(made):
     found, _ = made
     for axes, key in zip(figures(found)["real_ur10.png"].axes, PANES, strict=True):
         means = [at(find(found.numbers["models"], name=name), key) for name in LADDER]
-        check_forest(axes, means, [LOOKS[name] for name in LADDER], first=[*LADDER].index(found.winner))
+        check_forest(axes, means, [LOOKS[name] for name in LADDER], first=place_of(found.winner, LADDER))
     assert [LOOKS[name].colour for name in TWO] == [colours.JOINTS, colours.JOINTS_PRIOR]
 
 

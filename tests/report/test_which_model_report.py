@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 from checks import check_pivot, check_spread
-from reports import check, check_cells, check_forest, fit_row, table_of
+from reports import check, check_cells, check_forest, fit_row, place_of, table_of
 
 from testbench.campaign.perturbed_prior import PRIORS, PRIORS_CALLED
 from testbench.campaign.true_arms import CALLED
@@ -174,6 +174,6 @@ def test_the_figure_draws_the_numbers_in_the_colour_of_each_method(of_all):
     for axes, poses in zip(figures(found)["which_model.png"].axes, POSES, strict=True):
         assert axes.get_title() == f"{poses} poses"
         errors = {m.name: m.rms_um for m in found.numbers.family if m.poses == poses}
-        check_forest(axes, [errors[name] for name in METHODS], looks, "um", [*METHODS].index(found.winner))
+        check_forest(axes, [errors[name] for name in METHODS], looks, "um", place_of(found.winner, METHODS))
         [joints] = [line for line in axes.get_lines() if line.get_linestyle() == ":"]
         assert set(joints.get_xdata()) == {middle(errors["Joints"])}

@@ -107,6 +107,11 @@ FILLED = ("Joints", "MLS56", "MGCO56", "MGCO68", "ALL153")  #: What studies fit 
 TOGETHER = (
     PLAIN
     | {f"{name} + prior": look(name, method(name), prior=True) for name in FILLED}
+    | {
+        f"{name} (paper)": look(name, "psd", filling="paper")
+        for name in PLAIN
+        if method(name) == "psd" and name != "Joints"
+    }
     | {"MLS56, PSD of equal fit": look("MLS56", "free"), "default": CHOICE}
     | {
         f"{name}, {own.name}": look(

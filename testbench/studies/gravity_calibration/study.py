@@ -53,7 +53,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     f = _numbers(asked, seeds, trials)
     told = distinct(f.models)
     own = badge.of_models(trials, told, DEFAULT, TRUE)
-    mark = own.winner if own else DEFAULT
+    mark = own.marked if own else ""
     f["map"] = campaigns.error_map(
         trials.where(name={m.name for m in told}),
         badge.drawn(own, trials["name"], *campaigns.own(told), best(told, "none", prior=False)),

@@ -87,7 +87,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         ),
         claims=list(_claims(f)),
         numbers=f,
-        tables=(tables := _tables(f, own.winner if (own := parts["gravity"].badge) else "")),
+        tables=(tables := _tables(f, own.marked if (own := parts["gravity"].badge) else "")),
         body=[*tables, HOW],
         badge=parts["gravity"].badge,
     )

@@ -95,7 +95,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
                 columns(CRITERIA),
                 f.criteria,
                 f"{n} poses by criterion",
-                badge.winner if badge else "",
+                badge.marked if badge else "",
                 "tasks_mm",
                 looks=LOOKS,
             ),

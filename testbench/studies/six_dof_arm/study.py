@@ -97,7 +97,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     f |= {"which_m": _which_m(f), "claims": list(_judged(f))}
     straight = trials.where(m=0, truth=TRUTHS[0])
     own = badge.of_models(straight, f.models, f.take, ERROR)
-    mark = own.winner if own else f.take
+    mark = own.marked if own else ""
     f["map"] = campaigns.error_map(
         straight, badge.drawn(own, straight["name"], *campaigns.own(f.models), f.gains.least_squares.theirs)
     )

@@ -20,7 +20,7 @@ from testbench.studies.study import Study
 from testbench.studies.which_model import trial
 from testbench.studies.which_model.trial import CHOSEN, RUNS, Options, Settings
 from testbench.trials.spread import independent, span
-from testbench.views.colours import CHOICE, Look, look
+from testbench.views.colours import CHOICE, Look, look_of
 from testbench.views.figure import Figure, forest
 from testbench.views.gains import share
 from testbench.views.markdown import Markdown, counted, listed
@@ -238,7 +238,7 @@ def _over_family(f: Row) -> Table:
 
 def _looks(rows: Sequence[Row]) -> dict[str, Look]:
     """How methods are drawn."""
-    return {m.name: CHOICE if m.name == CHOSEN else look(m.structure, m.constraint, m.prior) for m in rows}
+    return {m.name: CHOICE if m.name == CHOSEN else look_of(m) for m in rows}
 
 
 def _families() -> Markdown:
