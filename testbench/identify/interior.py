@@ -29,6 +29,8 @@ STALLED = 1e-7  #: Distance below which an iteration that gains less than half i
 STEADY = 0.3  #: Relative change of the norms below which their tangent is trusted.
 LEAST = 1e-6  #: Least share of the gap that a step aims at.
 BOLD = 0.9  #: Share of the way to the boundary that a step goes at least.
+SINGULAR = 3e-6  #: Least pivot of a matrix over its largest: the root of what Cholesky loses to rounding.
+ROUNDING = 1e-12  #: Share of a trace that an eigenvalue may lie below zero.
 TINY = 1e-300
 
 
@@ -92,6 +94,50 @@ class State:
             products = (cone.smat(self.x[at]) @ cone.smat(self.s[at]) for at in groups)
             gap = sum(float(np.linalg.norm(XS - program.barrier * np.eye(len(XS[0])))) for XS in products)
         return gap + float(np.linalg.norm(self.x) * np.linalg.norm(self.missing))
+
+
+def least_squares(M: Array, r: Array, sizes: tuple[int, ...] = ()) -> tuple[Array, float]:
+    """Minimise |M x - r|^2 / 2 over x, svec of blocks of these orders that are positive semi-definite.
+
+    Args:
+        M: (rows, n), of rank n.
+        r: (rows,).
+        sizes: Orders of the blocks; none for no cone.
+
+    Returns:
+        x, (n,), and what its cost is at most above the least: |x . s| + F H^-1 F / 2 for any s in the cone,
+        F what the gradient is more than s, H = M^T M. Infinite where nothing is proven.
+    """
+    H, n = M.T @ M, M.shape[1]
+    try:
+        root = cho_factor(H, lower=True)
+    except np.linalg.LinAlgError:
+        return np.zeros(n), np.inf
+    pivots = np.diag(root[0])
+    if pivots.min() <= SINGULAR * pivots.max():
+        return np.zeros(n), np.inf
+    x, s = np.zeros(n), np.zeros(n)
+    for _ in range(2):  # the second takes back the rounding of the first
+        x -= cho_solve(root, M.T @ (M @ x - r))
+    if not inside(x, sizes, 0.0):
+        unit = max(float(np.linalg.norm(r)), TINY)
+        R = np.asarray(np.linalg.qr(np.c_[M, r] / unit, mode="r"))[:n]
+        found = interior(
+            Program(R[None, :, :n], R[None, :, n], np.zeros(1), np.zeros(n), sizes, squares=True)
+        )
+        x, s = found.x, unit**2 * found.s
+        if not (inside(x, sizes, ROUNDING) and inside(s, sizes, ROUNDING)):
+            return x, np.inf
+    F = M.T @ (M @ x - r) - s
+    return x, float(abs(x @ s) + abs(F @ cho_solve(root, F)) / 2)
+
+
+def inside(x: Array, sizes: tuple[int, ...], share: float) -> bool:
+    """Tell whether all blocks are positive semi-definite, up to a share of their traces."""
+    if not np.isfinite(x).all():
+        return False
+    X = [cone.smat(x[at]) for at in cone.groups_of(sizes)]
+    return all((np.linalg.eigvalsh(B)[:, 0] >= -share * np.trace(B, axis1=1, axis2=2)).all() for B in X)
 
 
 def interior(program: Program) -> State:

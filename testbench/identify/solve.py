@@ -14,9 +14,9 @@ from testbench.errors import Array
 from testbench.identify import cone
 from testbench.identify.conic import optimum
 from testbench.identify.estimate import Constraint, Estimate, Penalty, make_estimate
+from testbench.identify.interior import least_squares
 from testbench.identify.least_squares import completed, minimum_norm
 from testbench.identify.metric import Belief, Case, with_prior_rows
-from testbench.identify.projected import least_squares
 from testbench.identify.regression import Regression
 
 NEAR = 1e-8

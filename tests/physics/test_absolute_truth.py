@@ -199,7 +199,7 @@ def test_a_block_whose_frame_the_others_hardly_tell_is_fitted_to_it(rng):
     learnt = Learnt(np.array([np.inf, 1.0]), np.ones(1))
     own.unknowns = SimpleNamespace(size=2)
     whole = solve(own, S[None], learnt, LOOSE).variances(np.arange(1))
-    [left] = choose._held_out(own, S[None], [part], (learnt, "psd"), whole)
+    [left] = choose._held_out(own, S[None], [part], (learnt, choose.Rules(np.ones(1))), whole)
     [_, second] = solve(own, (S - T)[None], learnt, LOOSE).x
     rest = block[:, 2] - block[:, 1] * second
     first = block[:, :1]

@@ -27,10 +27,10 @@ from testbench.identify import (
 from testbench.identify.estimate import TOOL
 from testbench.identify.hierarchy import learn
 from testbench.identify.huber import REJECT, search, without_outliers
+from testbench.identify.interior import least_squares as psd_least_squares
 from testbench.identify.method import ROBUST_UNCERTAINTY
 from testbench.identify.metric import Belief, metric, precision_root, rescaled
 from testbench.identify.prior import Strength, cad_prior, distorted
-from testbench.identify.projected import least_squares as psd_least_squares
 from testbench.identify.robust_loss import PAIRS
 from testbench.identify.solve import answer, solve
 from testbench.identify.weighed import one_by_one

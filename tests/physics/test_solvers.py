@@ -14,10 +14,10 @@ from testbench.identify import (
     certify,
     cone,
     conic,
+    interior,
     least_squares,
     make_estimate,
     paper_gco,
-    projected,
     reduce,
 )
 from testbench.identify.certify import (
@@ -121,11 +121,14 @@ def test_a_wrong_answer_is_not_proven_and_the_referee_is_asked(
     regression = reduce(kr500.vjm, structure(kr500.arm), campaigns[0].identification)
     own = rescaled(metric(cad_prior(kr500.arm), kr500.vjm, regression.structure), regression)
     belief = Belief(own, Strength(3.0))
-    right, squares = solve(regression, "psd", belief), projected.follow
-    if wrong is None:
-        monkeypatch.setattr(projected, "follow", lambda _, start, *_more: (start.u, 0 * start.u))
-    else:
-        monkeypatch.setattr(projected, "follow", lambda *args: (wrong * squares(*args)[0], squares(*args)[1]))
+    right, sound = solve(regression, "psd", belief), interior.interior
+    size = -1.0 if wrong is None else wrong
+
+    def wrongly(program):
+        found = sound(program)
+        return replace(found, x=size * found.x)
+
+    monkeypatch.setattr(interior, "interior", wrongly)
     assert not answer("psd", Case(regression, belief)).own
     again = solve(regression, "psd", belief)
     assert again.conservative

@@ -18,7 +18,8 @@ from testbench.identify.absolute.unknowns import Unknowns
 from testbench.identify.crossval import paired
 from testbench.identify.estimate import Constraint
 from testbench.identify.fold import Part, Reduced, total
-from testbench.identify.metric import Metric
+from testbench.identify.metric import Belief, Metric
+from testbench.identify.prior import Strength
 from testbench.session import stepwise
 
 GEOMETRY = frozenset({"geometry shift", "geometry turn"})
@@ -104,6 +105,7 @@ class Rules:
 
     unit: Array  #: Standard deviation of a whitened equation of every kind, (kinds,) [m, rad].
     constraint: Constraint = "psd"  #: That of the arm that is delivered.
+    strength: Strength = LOOSE  #: How firmly expected compliances are believed.
 
 
 def choose(unknowns: Unknowns, reduced: Reduced, candidates: Sequence[Candidate], rules: Rules) -> Chosen:
@@ -178,45 +180,74 @@ class _Tried:
 def _tried(own: Choice, reduced: Reduced, start: Learnt, rules: Rules) -> _Tried:
     S = squares(own, reduced.gram)
     learnt = learn(own, S, reduced.counts, start, rules.constraint)
-    first = np.searchsorted(own.columns, own.unknowns.starts["geometry"])
-    whole = solve(own, S, learnt, LOOSE).variances(np.arange(first))
-    places = sorted({part.series for part in reduced.parts})
-    series = [[part for part in reduced.parts if part.series == place] for place in places]
+    every = _by_series(reduced)
     most = (1 - LEFT) * reduced.counts.sum()
-    fair = [one for one in series if len(series) > 1 and sum(part.counts.sum() for part in one) <= most]
-    blocks = [[part] for one in series if len(one) > 1 for part in one]  # else nothing tells its frame
-
-    def left(held: Sequence[Sequence[Part]]) -> Array:
-        some, found = reduced.positions, []
-        for parts in held:
-            n = sum(part.counts[some].sum() for part in parts)
-            sums = _held_out(own, S, parts, (learnt, rules.constraint), whole)[some]
-            found.append((n, sums.sum(), rules.unit[some] ** 2 @ sums))
-        return np.array(found).reshape(-1, 3)
-
-    return _Tried(own, learnt, left(blocks), left(fair))
+    fair = [one for one in every if len(every) > 1 and sum(part.counts.sum() for part in one) <= most]
+    blocks = _left(own, reduced, learnt, rules, _blocks(reduced))
+    return _Tried(own, learnt, blocks, _left(own, reduced, learnt, rules, fair))
 
 
-def _held_out(
-    own: Choice, S: Array, parts: Sequence[Part], how: tuple[Learnt, Constraint], whole: Array
+def _by_series(reduced: Reduced) -> list[list[Part]]:
+    """Group the blocks by their series."""
+    places = sorted({part.series for part in reduced.parts})
+    return [[part for part in reduced.parts if part.series == place] for place in places]
+
+
+def _blocks(reduced: Reduced) -> list[list[Part]]:
+    """List the blocks that can be held out: nothing tells the frame of a series without its only one."""
+    return [[part] for one in _by_series(reduced) if len(one) > 1 for part in one]
+
+
+def _left(
+    own: Choice, reduced: Reduced, learnt: Learnt, rules: Rules, held: Sequence[Sequence[Part]]
 ) -> Array:
+    """Hold out some blocks, or all of a series, in turn: their positions and sums of squares, (held, 3)."""
+    S, some, found = squares(own, reduced.gram), reduced.positions, []
+    first = np.searchsorted(own.columns, own.unknowns.starts["geometry"])
+    whole = solve(own, S, learnt, rules.strength).variances(np.arange(first))
+    for parts in held:
+        n = sum(part.counts[some].sum() for part in parts)
+        sums = _held_out(own, S, parts, (learnt, rules), whole)[some]
+        found.append((n, sums.sum(), rules.unit[some] ** 2 @ sums))
+    return np.array(found).reshape(-1, 3)
+
+
+def with_belief(chosen: Chosen, rules: Rules, belief: Belief | None) -> Chosen:
+    """Hold out the blocks once more, by the prior of the arm that is delivered, where there are any.
+
+    Args:
+        chosen: What was kept, and held-out errors by the prior that candidates are compared with.
+        rules: By what candidates are judged.
+        belief: What the delivered arm believes of compliances; None of a rigid arm.
+    """
+    plain, every = chosen.held_out
+    if belief is None or not len(every):
+        return chosen
+    own, rules = replace(chosen.own, elastic=belief.metric), replace(rules, strength=belief.strength)
+    blocks = _left(own, chosen.reduced, chosen.learnt, rules, _blocks(chosen.reduced))
+    return replace(chosen, held_out=(plain, _by_block(blocks)))
+
+
+def _held_out(own: Choice, S: Array, parts: Sequence[Part], how: tuple[Learnt, Rules], whole: Array) -> Array:
     """Sums of squares of some parts by the others; frames and mounts that these hardly tell are fitted anew.
 
     Args:
         own: The unknowns.
         S: Squares of all readings.
         parts: What is held out: a block, or a series.
-        how: Sizes of errors, and the constraint of the arm that is delivered.
+        how: Sizes of errors, and by what candidates are judged.
         whole: Variances of frames and mounts by all readings, (k,).
     """
-    (learnt, constraint), k = how, len(whole)
+    (learnt, rules), k = how, len(whole)
     T, every = squares(own, total(parts)), np.arange(len(own.columns))
     others = S - T
     alone = np.flatnonzero(np.abs(others[:, : own.rigid, :k]).sum(axis=(0, 1)) == 0)
     rest, at = np.delete(every, alone), np.delete(np.arange(len(every) + 1), alone)
     if len(alone):
         others = others[:, at][:, :, at]
-    found = solve(Choice(own.unknowns, own.columns[rest], own.elastic), others, learnt, LOOSE, constraint)
+    found = solve(
+        Choice(own.unknowns, own.columns[rest], own.elastic), others, learnt, rules.strength, rules.constraint
+    )
     told = rest[rest < k]
     opened = told[found.variances(np.arange(len(told))) > OPENED * whole[told]]
     v, open_ = np.zeros(len(every) + 1), np.r_[alone, opened]

@@ -22,6 +22,7 @@ from testbench.identify.absolute.choose import (
     blocks_of,
     choose,
     patterned,
+    with_belief,
 )
 from testbench.identify.absolute.evidence import Choice, Learnt, choice, learn, squares, usual
 from testbench.identify.absolute.inner import eliminate, moved
@@ -176,8 +177,10 @@ def explain(found: Gathered, options: Options) -> Calibration:
     """
     series, reduced = found.series, found.reduced
     expected = expected_of(series)
-    chosen = _choose(found, options, units(expected, found.noise)[list(reduced.kinds)])
+    rules = Rules(units(expected, found.noise)[list(reduced.kinds)], options.constraint)
+    chosen = _choose(found, options, rules)
     solved = eliminate(chosen.own, chosen.reduced, chosen.learnt, options.constraint, options.strength)
+    chosen = with_belief(chosen, rules, solved.belief)
     after = moved(found.state, chosen.own, solved.x)
     factor = found.noise.factor.copy()
     factor[list(reduced.kinds)] = chosen.learnt.factor
@@ -212,7 +215,7 @@ def first_fit(
     return state, noise
 
 
-def _choose(found: Gathered, options: Options, unit: Array) -> Chosen:
+def _choose(found: Gathered, options: Options, rules: Rules) -> Chosen:
     """What is tried, in order, or taken where it was asked for; links bring their own joints."""
     unknowns, reduced, vjm = found.unknowns, found.reduced, found.state.vjm
     joints, links = (metric(found.prior, vjm, most(vjm.arm)) for most in (joints_only, all153))
@@ -224,7 +227,7 @@ def _choose(found: Gathered, options: Options, unit: Array) -> Chosen:
     } | {name: Candidate(name, frozenset({name})) for name in KINDS[1:]}
     on = [every[name] for name in NAMES if name in options.may]
     if options.only is None:
-        return choose(unknowns, reduced, on, Rules(unit, options.constraint))
+        return choose(unknowns, reduced, on, rules)
     kinds = GEOMETRY.union(*(one.kinds for one in on))
     elastic = [one.elastic for one in on if one.elastic is not None]
     own = choice(unknowns, kinds - {"pattern"}, elastic[-1] if elastic else None)

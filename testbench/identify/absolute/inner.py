@@ -33,6 +33,7 @@ class Solved:
     estimate: Estimate | None  #: Compliances; None of a rigid arm.
     spent: float  #: Equations that the unknowns spend.
     pressed: float  #: Chi squared that compliances without the cone would take away [1]; 0 of a rigid arm.
+    belief: Belief | None  #: What is believed of compliances; None of a rigid arm.
 
 
 def eliminate(
@@ -59,6 +60,7 @@ def eliminate(
     R = T[:r, :r]
     if own.elastic is None:
         x, root, estimate, pressed = solve_triangular(R, T[:r, c]), R, None, 0.0
+        belief = None
     else:
         regression = of_compliances(T, own.elastic, int(reduced.counts.sum()))
         belief = Belief(own.elastic, strength) if strength else _believed(regression, own.elastic)
@@ -78,7 +80,7 @@ def eliminate(
     if (basis := own.unknowns.basis) is not None:
         B = basis[own.columns][:, own.columns].toarray()  # its columns are orthogonal
         x, root = B @ x, np.asarray(np.linalg.qr(root / (B**2).sum(axis=0) @ B.T, mode="r"))
-    return Solved(x, root, estimate, spent, pressed)
+    return Solved(x, root, estimate, spent, pressed, belief)
 
 
 def _pressed(regression: Regression, belief: Belief, estimate: Estimate) -> float:
