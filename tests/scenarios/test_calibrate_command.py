@@ -84,12 +84,13 @@ def readings(arm):
 
 
 @pytest.fixture(scope="module")
-def made(arm, readings):
+def made(arm, readings, legible):
     """Folder of a model, what was said, and the rows that are off; the third series is never seen."""
     rows = [spoiled(path) for path in readings[:2]]
     out = arm.parent / "model"
     flags = ("--orders", 30, "--without", "links", "--without", "stiffening")
-    return out, fine("calibrate", arm, *readings[:2], *flags, "--out", out), rows
+    with legible():
+        return out, fine("calibrate", arm, *readings[:2], *flags, "--out", out), rows
 
 
 @pytest.fixture(scope="module")

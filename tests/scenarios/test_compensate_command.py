@@ -63,10 +63,13 @@ def folder(kr500, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def bounded(folder, asked, tmp_path_factory):
+def bounded(folder, asked, tmp_path_factory, legible):
     """Corrected by a model with a prior: every point has an interval."""
     out = tmp_path_factory.mktemp("bounded")
-    fine("compensate", folder / "sure", joints_csv(out / "mill.csv", asked[0]), "--out", out / "right.csv")
+    with legible():
+        fine(
+            "compensate", folder / "sure", joints_csv(out / "mill.csv", asked[0]), "--out", out / "right.csv"
+        )
     return out
 
 

@@ -53,9 +53,10 @@ def fixtures(*flags):
     """The folder of a plan, and its plan.json."""
 
     @pytest.fixture(scope="module")
-    def folder(tmp_path_factory):
+    def folder(tmp_path_factory, legible):
         out = tmp_path_factory.mktemp("plan") / "first"
-        fine("plan", *flags, "--out", out)
+        with legible():
+            fine("plan", *flags, "--out", out)
         return out
 
     @pytest.fixture(scope="module")
