@@ -256,7 +256,7 @@ def rotation(axis: Array, angle: float) -> Array:
 
 
 def skew(vectors: Array) -> Array:
-    """Return W with W v = vectors x v, (..., 3, 3), of (..., 3); its rows are x, y and z times the vectors."""
+    """Return W with W v = vectors x v, (..., 3, 3), of (..., 3); its rows are the axes times vectors."""
     W = np.zeros((*vectors.shape, 3))
     for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         W[..., x, y], W[..., x, z] = -vectors[..., z], vectors[..., y]

@@ -11,7 +11,7 @@ from serial_arms import write_arm
 ARMS = {"scara": "zzZ", "nine": "zyzyzyzXY"}
 
 
-@pytest.fixture(scope="module", params=ARMS)
+@pytest.fixture(scope="module", params=["scara", pytest.param("nine", marks=pytest.mark.study)])
 def made(request, tmp_path_factory):
     """An arm, and runs of it without a pose file."""
     folder = tmp_path_factory.mktemp("arm")
