@@ -245,6 +245,7 @@ def test_poses_held_back_are_scored_with_intervals_and_none_where_the_data_see_n
     assert f"{found['half_width_mm']:.3f}" in said
 
 
+@pytest.mark.study
 def test_a_pose_whose_targets_were_all_lost_is_lived_with(tmp_path):
     """The tracker saw nothing in pose 3: fits, cross-validation and doubts do without it."""
     out, data = tmp_path / "fit", tmp_path / "lost_everywhere.csv"

@@ -156,6 +156,7 @@ def test_equal_seeds_give_equal_files(planned, tmp_path):
         assert (planned / name).read_bytes() == (tmp_path / "again" / name).read_bytes(), name
 
 
+@pytest.mark.study
 def test_a_plan_simulated_and_identified_keeps_its_promise(planned, report, kr500, tmp_path):
     fine("simulate", ARM, planned / "plan.csv", "--out", tmp_path / "data.csv")
     weights = [-float(row["force_z_N"]) / 9.81 for row in table(tmp_path / "data.csv")]
