@@ -1,8 +1,10 @@
 """What several tests share: the arms, built once, and a way to make a broken copy of one."""
 
+import gc
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import IO
 from unittest import mock
 
 import numpy as np
@@ -16,6 +18,9 @@ from serial_arms import turned_arm
 from threadpoolctl import threadpool_limits
 
 from testbench.campaign.campaign import Cell, build_cell
+from testbench.cli import GARBAGE
+from testbench.studies import run
+from testbench.views import figure as views
 
 LOOKS = {"blank_panes", "open_page"}  #: Fixtures that draw recordings and pages.
 ATTACKS = {"hostile", "property"} | {
@@ -26,10 +31,11 @@ ROOT = Path(__file__).resolve().parents[1]
 MODELS = ROOT / "models"
 STUDIES = {file.stem for file in (ROOT / "scenarios").glob("*.py")}
 """Each has a file of tests, which run it and then look at it."""
-SAVE = Figure.savefig
+SAVE = views.save
 
 pytest.register_assert_rewrite("page_checks", "reports", "run_here")
 threadpool_limits(1)  # as every command does: several BLAS threads change result bits
+gc.set_threshold(GARBAGE)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -43,6 +49,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("attack")
 
 
+def pytest_collection_finish() -> None:
+    """Seek no garbage among what was imported and collected: that takes a tenth of all tests."""
+    gc.freeze()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def lazy_disk() -> Iterator[None]:
     """Files are not waited for until they are on the disk: a loss of power is none of a test."""
@@ -51,24 +62,37 @@ def lazy_disk() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def laid_out() -> Iterator[None]:
-    """Figures are laid out and looked at, and not drawn: that would double their time."""
+def undrawn() -> Iterator[None]:
+    """Figures are made, but those of commands are not drawn: that takes a third of a command's time.
 
-    picture = Image.linear_gradient("L").convert("RGB").point([*range(256), *[0] * 512])
-
-    def lay_out(figure: Figure, file: Path, **_: object) -> None:
-        figure.draw_without_rendering()
-        check_legible(figure)
-        picture.save(file, "PNG")
-
-    with mock.patch.object(Figure, "savefig", lay_out):
+    Those of studies are laid out and looked at; `legible` and `pixels` have more drawn.
+    """
+    with mock.patch.object(views, "save", _blank), mock.patch.object(run, "save", _look_at):
         yield
 
 
+def _blank(_: Figure, file: Path | IO[bytes]) -> None:
+    """Write a picture of any colours in the place of a figure."""
+    Image.linear_gradient("L").convert("RGB").point([*range(256), *[0] * 512]).save(file, "PNG")
+
+
+def _look_at(figure: Figure, file: Path | IO[bytes]) -> None:
+    """Lay a figure out and check what a reader must find."""
+    figure.draw_without_rendering()
+    check_legible(figure)
+    _blank(figure, file)
+
+
 @pytest.fixture(scope="session")
-def pixels(laid_out: None) -> Callable[[], AbstractContextManager[object]]:
-    """A context in which figures are drawn after all."""
-    return lambda: mock.patch.object(Figure, "savefig", SAVE)
+def legible(undrawn: None) -> Callable[[], AbstractContextManager[object]]:
+    """A context in which figures of commands are laid out and looked at."""
+    return lambda: mock.patch.object(views, "save", _look_at)
+
+
+@pytest.fixture(scope="session")
+def pixels(undrawn: None) -> Callable[[], AbstractContextManager[object]]:
+    """A context in which figures of commands are drawn after all."""
+    return lambda: mock.patch.object(views, "save", SAVE)
 
 
 @pytest.fixture(scope="session")

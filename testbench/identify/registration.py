@@ -239,7 +239,7 @@ def _jacobian(seen: Means, at: Layout, free: Mask) -> Array:
     """Change of modelled readings with turn and shift of free frames and with targets, (n, 3, k)."""
     R, n = at.rotation[seen.frame], np.arange(len(seen.frame))
     J = np.zeros((len(n), 3, 6 * len(free) + at.targets.size))
-    turned = R @ np.cross(np.eye(3), points(seen, at.targets)[:, None]).swapaxes(1, 2)
+    turned = R @ skew(points(seen, at.targets)).swapaxes(1, 2)
     for axis in range(3):
         J[n, :, 6 * seen.frame + axis] = turned[:, :, axis]
         J[n, axis, 6 * seen.frame + 3 + axis] = 1.0

@@ -3,7 +3,7 @@
 import numpy as np
 
 from testbench.errors import Array
-from testbench.model.vjm import Vjm, body_poses, cross
+from testbench.model.vjm import Vjm, body_poses, cross, skew
 
 
 def turn_between(start: Array, end: Array) -> Array:
@@ -16,7 +16,7 @@ def turn_between(start: Array, end: Array) -> Array:
 def turned(turn: Array) -> Array:
     """Rotations (points, 3, 3) of rotation vectors (points, 3) [rad], by Rodrigues' formula."""
     angle = np.linalg.norm(turn, axis=1)[:, None, None]
-    K = np.cross(np.eye(3), turn[:, None])
+    K = skew(turn)
     half = np.sinc(angle / (2 * np.pi))
     return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + half**2 / 2 * K @ K)
 

@@ -255,10 +255,12 @@ def rotation(axis: Array, angle: float) -> Array:
     return np.asarray(np.eye(3) + np.sin(angle) * W + (1 - np.cos(angle)) * W @ W)
 
 
-def skew(axis: Array) -> Array:
-    """W with W v = axis x v, (3, 3)."""
-    x, y, z = axis
-    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+def skew(vectors: Array) -> Array:
+    """Return W with W v = vectors x v, (..., 3, 3), of (..., 3); its rows are the axes times vectors."""
+    W = np.zeros((*vectors.shape, 3))
+    for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        W[..., x, y], W[..., x, z] = -vectors[..., z], vectors[..., y]
+    return W
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from testbench.campaign.models import JOINTS
 from testbench.errors import Array
 from testbench.report.table import MODEL, Row, Trials, aligned, shared
-from testbench.trials.spread import DRAWS, TAIL, Cells, median_interval
+from testbench.trials.spread import TAIL, Cells, median_interval, redrawn
 from testbench.views.gains import ratio
 from testbench.views.markdown import Markdown, as_markdown, counted, listed
 from testbench.views.schema import ALIKE
@@ -178,7 +178,7 @@ def _of_one(a: Array, b: Array) -> tuple[float, tuple[float, float] | None]:
         return times, None
     k = min(n, BLOCKS)
     ours, theirs = (np.add.reduceat(own**2, np.arange(k) * n // k) for own in (a, b))
-    count = np.random.default_rng(0).multinomial(k, np.full(k, 1 / k), size=DRAWS)
+    count = redrawn(k)
     low, high = np.quantile(np.sqrt((count @ theirs) / (count @ ours)), (TAIL, 1 - TAIL)).tolist()
     return times, (low, high)
 

@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -74,9 +75,13 @@ def spread(values: Sequence[float] | Array, trials: Cells | None = None) -> Spre
     """
     own = np.asarray(values, dtype=float)
     median, low, high = np.quantile(own, (0.5, 0.05, 0.95)).tolist()
-    each = own if trials is None else np.array([np.median(own[rows]) for rows in _by_trial(trials)])
+    groups = [] if trials is None else _by_trial(trials)
+    if 0 < len(groups) < len(own):
+        each = np.array([np.median(own[rows]) for rows in groups])
+    else:
+        each = own[np.concatenate(groups)] if groups else own
     drawn = np.linspace(0, len(each) - 1, min(len(each), DOTS)).round().astype(int)
-    inside = median_interval(own, trials)
+    inside = _interval(own, groups)
     return Spread(
         median, low, high, float(own.min()), float(own.max()), len(each), tuple(each[drawn].tolist()), inside
     )
@@ -93,8 +98,13 @@ def median_interval(values: Array, trials: Cells | None = None) -> tuple[float, 
     Returns:
         That of the sign test; None of so few trials that it has none.
     """
+    return _interval(np.asarray(values), [] if trials is None else _by_trial(trials))
+
+
+def _interval(values: Array, groups: Sequence[Ids]) -> tuple[float, float] | None:
+    """Return what `median_interval` does, of the places of every trial's cases; none where each is a trial."""
     order, n = np.argsort(values, kind="stable"), len(values)
-    own, groups = np.asarray(values)[order], [] if trials is None else _by_trial(trials)
+    own = values[order]
     count = len(groups) if len(groups) < n and groups else n
     outside = int(np.count_nonzero(bdtr(np.arange(count // 2 + 1), count, 0.5) <= TAIL))
     if not outside:
@@ -104,11 +114,26 @@ def median_interval(values: Array, trials: Cells | None = None) -> tuple[float, 
     trial = np.empty(n, dtype=int)
     for k, rows in enumerate(groups):
         trial[rows] = k
-    times = np.random.default_rng(0).multinomial(count, np.full(count, 1 / count), size=DRAWS)
-    reached = np.cumsum(times[:, trial[order]], axis=1)
-    medians = own[(2 * reached >= reached[:, -1:]).argmax(axis=1)]
-    low, high = np.quantile(medians, (TAIL, 1 - TAIL)).tolist()
+    times = redrawn(count)
+    upto = np.cumsum(np.eye(count, dtype=int)[trial[order]], axis=0)  # cases of each trial, (n, trials)
+    half, first, last = times @ upto[-1] / 2, np.zeros(DRAWS, dtype=int), np.full(DRAWS, n - 1)
+    for _ in range(n.bit_length()):  # by halves: the first case up to which half of those drawn lie
+        middle_ = (first + last) // 2
+        enough = np.einsum("dt,dt->d", times, upto[middle_]) >= half
+        first, last = np.where(enough, first, middle_ + 1), np.where(enough, middle_, last)
+    low, high = np.quantile(own[last], (TAIL, 1 - TAIL)).tolist()
     return low, high
+
+
+@lru_cache(maxsize=4)
+def redrawn(count: int) -> Ids:
+    """Draw a bootstrap: how often each of so many trials is in each draw, (DRAWS, count), the same each time.
+
+    Kept, as all columns of a table have as many trials; drawing takes longer than what is done with it.
+    """
+    times = np.random.default_rng(0).multinomial(count, np.full(count, 1 / count), size=DRAWS)
+    times.flags.writeable = False
+    return times
 
 
 def independent(holds: Cells, trials: Cells) -> int:

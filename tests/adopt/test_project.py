@@ -86,6 +86,7 @@ def test_from_a_urdf_and_an_instrument_s_file_to_a_corrected_program_in_seven_co
     assert taken(Path("runs/calibrate"))["taken"] == known
 
 
+@pytest.mark.study
 def test_a_file_has_its_own_values_and_flags_count_more(cell):
     NAME.write_text(
         f'arm = "{ARM}"\nsigma_um = 40\nload = "460kg"\n'

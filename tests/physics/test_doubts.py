@@ -140,7 +140,7 @@ def test_a_reading_that_outweighs_all_others_or_is_the_only_one_is_named(sets, m
     assert [doubt.kind for doubt in doubts(given, own.prior)] == ["pose"]
 
 
-@pytest.mark.parametrize("seed", [1017, 1029])
+@pytest.mark.parametrize("seed", [pytest.param(1017, marks=pytest.mark.study), 1029])
 def test_one_run_exchanged_among_few_is_named_and_no_noise(made, seed):
     """It alone makes all ten scatter 17 and 40 times their noise, in which it hides."""
     own = made(seed)
@@ -246,6 +246,7 @@ def told(vjm, data, frame="base"):
     return [(doubt.name, doubt.sentence) for doubt in found]
 
 
+@pytest.mark.study
 def test_single_runs_are_found_among_many(sets):
     """More runs than are weighed together."""
     once, rng = sets["levels"].data, np.random.default_rng(3)
@@ -284,7 +285,7 @@ def hung(made):
     [
         ((0.6e-3, -0.4e-3, 0.35e-3), (0, 0, 0), False),
         ((0.6e-3, -0.4e-3, 0.35e-3), (0, 0, 0), True),
-        ((9e-3, -10e-3, 6.6e-3), (3e-3, 0, 4e-3), False),
+        pytest.param((9e-3, -10e-3, 6.6e-3), (3e-3, 0, 4e-3), False, marks=pytest.mark.study),
     ],
 )
 def test_a_tracker_that_moved_between_two_readings_is_named_with_run_and_size(hung, shift, turn, loaded):
@@ -346,6 +347,7 @@ def test_of_many_targets_two_that_have_each_others_names_are_named(kr500, frame)
     assert "T17, T30" in sentence
 
 
+@pytest.mark.study
 def test_many_targets_take_little_memory(kr500):
     vjm, data = plate(kr500, runs=8, targets=150)
     tracemalloc.start()

@@ -217,6 +217,7 @@ def test_what_cannot_be_searched_is_refused(arm_6r, data):
             Budget(**numbers)
 
 
+@pytest.mark.study
 def test_the_papers_search_ends_at_the_conic_optimum_and_f_m_falls_until_there(best):
     """By the same random numbers at the same place; local solves are seen to fall too."""
     problem, seen, of_several = factorised.factorise(best.regression), [], []
@@ -289,6 +290,7 @@ def test_the_fit_of_least_squares_is_kept_and_the_free_directions_are_those_of_g
     assert np.abs(moved[0] - moved[1]).max() > 0.1 * size
 
 
+@pytest.mark.study
 def test_where_no_equal_fit_is_sought_there_is_none(kr500):
     ls, taken = [], []
     for structure, poses in ((mgco68(kr500.arm), (8, 12)), (all153(kr500.arm), (4, 12, 20))):

@@ -231,6 +231,7 @@ def test_predictions_and_stiffness_of_a_model_with_laws(kr500, campaigns, estima
     np.testing.assert_allclose(found, by_steps, rtol=0, atol=0.02 * np.abs(by_steps).max())
 
 
+@pytest.mark.study
 def test_a_model_with_laws_is_told_kept_and_read_again(kr500, campaigns, tmp_path):
     """From the command to the folder and back: sizes in its table, the same predictions."""
     data, out = tmp_path / "data.csv", tmp_path / "fit"

@@ -87,6 +87,11 @@ def test_the_default_gives_way_to_joints_alone_only_where_these_are_clearly_bett
     chosen = choose(kr500, data, cad)
     assert (chosen.name, chosen.estimate.of_compliances.structure.n) == (DEFAULT, 153)
     assert chosen.why.startswith("the default; in cross-validation no rival")
+
+
+@pytest.mark.study
+def test_the_default_is_recommended_and_errs_less_on_poses_held_out_than_least_squares(kr500, campaign):
+    data, cad = campaign.identification, cad_prior(kr500.arm)
     found = recommend(kr500, default_models(kr500, cad), data)
     by_name = {c.name: c.errors for c in found.candidates}
     assert found.name == DEFAULT
@@ -270,6 +275,7 @@ def test_rejected_readings_are_listed_with_their_distance_and_runs_without_any_l
     assert any(f"no reading is left of run {data.run[6]}:" in words for words in said)
 
 
+@pytest.mark.study
 def test_too_many_rejections_too_few_left_and_a_search_that_did_not_converge_are_said(kr500, monkeypatch):
     data, s = readings(kr500, 2, "nonlinear"), mgco68(kr500.arm)
     units = rough(kr500, s, 2)

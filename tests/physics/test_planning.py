@@ -195,6 +195,7 @@ def with_compliance(plant, C_theta):
     return replace(plant, C=C)
 
 
+@pytest.mark.study
 def test_errors_on_the_whole_arm_are_those_of_arms_drawn_measured_and_identified(kr500, spec, poses):
     """Arms of 153 compliances, MuJoCo's first-order deflections: least squares, and MGCO68 with its prior."""
     prior = cad_prior(kr500.arm)

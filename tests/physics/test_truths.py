@@ -157,6 +157,7 @@ def test_turning_a_beam_turns_its_compliance(rng):
     assert quarter[2, 3] == pytest.approx(-TUBE[2, 4])  # phi_y of before is -phi_x
 
 
+@pytest.mark.study
 def test_links_of_a_member_of_the_family_are_all_stiffer_or_one_of_them_is_softer(kr500):
     met, soft = set(), set()
     for seed in SEEDS:

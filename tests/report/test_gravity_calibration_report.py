@@ -118,6 +118,7 @@ def test_the_figure_draws_the_numbers_in_the_colour_of_each_model():
         check_forest(axes, [at(m, path) for m in rows], looks)
 
 
+@pytest.mark.study
 def test_arrows_lead_from_where_markers_go_to_where_each_model_has_them_of_stored_rows_alone():
     asked = Settings("kr500_l480", Scenario(arm="kr500_l480", workspace_poses=5), 37.0)
     table = table_of(range(1, 2), lambda seed: trials(asked, [seed])[0])

@@ -189,7 +189,7 @@ def test_where_the_default_loses_is_said_the_worst_first():
     )
 
 
-@pytest.mark.parametrize("worst", ["own weight", STIFF])
+@pytest.mark.parametrize("worst", ["own weight", pytest.param(STIFF, marks=pytest.mark.study)])
 def test_the_costliest_disturbance_is_named_whichever_it_is(worst):
     errors = {(case, DEFAULT, 0.0): 20.0 + k for k, case in enumerate(CASES)}
     errors |= {(NONE, DEFAULT, 0.0): 20.0, (NONE, DEFAULT, 40.0): 45.0, (worst, DEFAULT, 0.0): 90.0}

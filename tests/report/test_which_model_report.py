@@ -1,6 +1,7 @@
 """What is said and drawn of the default method is what its trials hold, of trials that are made up."""
 
 from dataclasses import replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -30,8 +31,13 @@ METHODS = {DEFAULT: ("ALL153", "psd", True), **FIXED}
 LINKS = ("link_1", "link_2")
 
 
+@cache
 def rows_of(seed):
     """Of a trial, in every case; what is known of some methods alone is None of the others."""
+    return tuple(_rows_of(seed))
+
+
+def _rows_of(seed):
     rng = np.random.default_rng(seed)
     for arm, prior in pairs(seed):
         wrong = {"link": LINKS[seed % 2], "joints": "joints"}.get(prior)
@@ -79,11 +85,13 @@ def test_every_method_is_compared_case_by_case_with_joints_alone(of_all):
         check_spread(joints.times, every["Joints"] / every[DEFAULT])
 
 
-@pytest.mark.parametrize("factor", [1.04, 1.06])
-def test_a_method_loses_beyond_five_per_cent(factor):
-    sizes = {"Joints": 200.0, "MGCO56": 200.0 * factor}
+def test_a_method_loses_beyond_five_per_cent():
+    sizes = {"Joints": 200.0, "MLS56": 208.0, "MGCO56": 212.0}
     f = made(lambda row: {"rms_um": sizes.get(row.name, row.rms_um)})[1].numbers
-    assert {m.loses for m in f.family if m.name == "MGCO56"} == {factor > 1.05}
+    assert {(m.name, m.loses) for m in f.family if m.name in ("MLS56", "MGCO56")} == {
+        ("MLS56", False),
+        ("MGCO56", True),
+    }
 
 
 def test_the_worst_case_and_the_losses_are_those_of_the_default():

@@ -11,7 +11,7 @@ from serial_arms import write_arm
 ARMS = {"scara": "zzZ", "nine": "zyzyzyzXY"}
 
 
-@pytest.fixture(scope="module", params=ARMS)
+@pytest.fixture(scope="module", params=["scara", pytest.param("nine", marks=pytest.mark.study)])
 def made(request, tmp_path_factory):
     """An arm, and runs of it without a pose file."""
     folder = tmp_path_factory.mktemp("arm")
@@ -83,6 +83,7 @@ def test_a_payload_far_beyond_the_stated_one_is_doubted_and_hung(tmp_path):
     assert "• Doubt: 16 kg hang" in run("data", "check", arm, out)
 
 
+@pytest.mark.study
 def test_a_link_without_joints_is_identified_predicted_and_exported(tmp_path):
     data, fit = tmp_path / "data.csv", tmp_path / "fit"
     run("simulate", "single_link", "--poses", 4, "--out", data)

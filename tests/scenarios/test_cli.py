@@ -65,7 +65,10 @@ def test_check_says_what_is_in_the_arm_and_what_to_confirm():
     assert not re.search(r"\de[+-]?\d", words)
 
 
-@pytest.mark.parametrize("asked", ["data check kr500_l480 docs/example_dataset.csv", "plan --help"])
+@pytest.mark.parametrize(
+    "asked",
+    ["data check kr500_l480 docs/example_dataset.csv", pytest.param("plan --help", marks=pytest.mark.study)],
+)
 def test_a_reader_that_is_gone_is_no_missed_threshold(asked):
     words = [sys.executable, "-c", "from testbench.cli import main; main()", *asked.split()]
     gone = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -90,7 +93,10 @@ FILLED = ["Joints + prior", "MGCO56 + prior", "MGCO68 + prior", "ALL153 + prior"
 EVERY = ["Joints", "MLS32", "MLS56", "MGCO47", "MGCO56", "MGCO68", "MGCO69", "MGCO147", "ALL153"]
 
 
-@pytest.mark.parametrize(("flags", "wanted"), [([], [*PLAIN, *FILLED]), (["--no-prior"], EVERY)])
+@pytest.mark.parametrize(
+    ("flags", "wanted"),
+    [([], [*PLAIN, *FILLED]), pytest.param(["--no-prior"], EVERY, marks=pytest.mark.study)],
+)
 def test_without_a_model_those_of_the_default_are_fitted(simulated, tmp_path, flags, wanted):
     _, written = identified(simulated / "data.csv", tmp_path / "fit", *flags)
     assert [m["name"] for m in written["models"]] == wanted
@@ -239,6 +245,7 @@ def test_poses_held_back_are_scored_with_intervals_and_none_where_the_data_see_n
     assert f"{found['half_width_mm']:.3f}" in said
 
 
+@pytest.mark.study
 def test_a_pose_whose_targets_were_all_lost_is_lived_with(tmp_path):
     """The tracker saw nothing in pose 3: fits, cross-validation and doubts do without it."""
     out, data = tmp_path / "fit", tmp_path / "lost_everywhere.csv"

@@ -118,8 +118,9 @@ def said(tmp_path, *runs):
     return " ".join(done.stdout.split()), json.loads((tmp_path / "out" / "report.json").read_text())
 
 
-def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path):
-    text, report = said(tmp_path, many, many)
+def test_the_same_run_twice_is_alike_and_nothing_differs(many, tmp_path, legible):
+    with legible():
+        text, report = said(tmp_path, many, many)
     assert "Nothing differs between A and B, neither inputs nor numbers." in text
     assert "Inputs are the same: settings, arms, seeds, versions, commit." in text
     assert (report["inputs"], report["beside"][0]["equal"]) == ([], True)

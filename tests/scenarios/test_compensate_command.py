@@ -63,10 +63,13 @@ def folder(kr500, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def bounded(folder, asked, tmp_path_factory):
+def bounded(folder, asked, tmp_path_factory, legible):
     """Corrected by a model with a prior: every point has an interval."""
     out = tmp_path_factory.mktemp("bounded")
-    fine("compensate", folder / "sure", joints_csv(out / "mill.csv", asked[0]), "--out", out / "right.csv")
+    with legible():
+        fine(
+            "compensate", folder / "sure", joints_csv(out / "mill.csv", asked[0]), "--out", out / "right.csv"
+        )
     return out
 
 
@@ -168,6 +171,7 @@ def test_set_points_of_the_tool_are_corrected_as_their_joints_are(kr500, folder,
     assert np.abs(ours - read_program(corrected[0] / "right.csv", kr500.arm).q).max() < 1e-8
 
 
+@pytest.mark.study
 def test_a_program_without_loads_bears_the_payload_as_in_predict(folder, asked, tmp_path):
     """One rule for both: what the arm states hangs, or what --load says."""
     q, *_ = asked
@@ -206,6 +210,7 @@ def test_a_point_that_is_stated_counts_even_where_it_is_the_tools_origin(folder,
     assert abs(ours["before_mm"]["max"] / tips["before_mm"]["max"] - 1) > 0.01
 
 
+@pytest.mark.study
 def test_weights_do_not_turn_joint_1_and_the_page_says_so(folder, corrected, tmp_path):
     out, _ = corrected
     assert "joint_1" in fine(

@@ -25,13 +25,14 @@ MODELS = ("--model", "Joints", "--model", "MGCO56", "--no-prior")
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def made(tmp_path_factory, legible):
     """Folder of a model, and what was said."""
     folder = tmp_path_factory.mktemp("identified")
     poses = ROOT / "docs" / "poses.csv"
     run("simulate", "kr500_l480", poses, "--out", folder / "data.csv", "--payload-kg", 460.3, "--seed", 3)
     flags = ("--check-pose", 4, "--check-pose", 9, "--out", folder / "fit")
-    return folder / "fit", run("identify", "kr500_l480", folder / "data.csv", *MODELS, *flags)
+    with legible():
+        return folder / "fit", run("identify", "kr500_l480", folder / "data.csv", *MODELS, *flags)
 
 
 @pytest.fixture(scope="module")

@@ -331,6 +331,7 @@ def test_the_line_of_the_page_gives_the_equations():
     assert np.abs(off).max() < 1e-9 * np.linalg.norm(given["A"]) * np.linalg.norm(given["y"])
 
 
+@pytest.mark.study
 def test_identify_shows_own_estimators_and_names_those_that_fail(files):
     data, out = files / "data.csv", files / "fit"
     poses = ROOT / "docs" / "poses.csv"

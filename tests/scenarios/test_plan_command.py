@@ -53,9 +53,10 @@ def fixtures(*flags):
     """The folder of a plan, and its plan.json."""
 
     @pytest.fixture(scope="module")
-    def folder(tmp_path_factory):
+    def folder(tmp_path_factory, legible):
         out = tmp_path_factory.mktemp("plan") / "first"
-        fine("plan", *flags, "--out", out)
+        with legible():
+            fine("plan", *flags, "--out", out)
         return out
 
     @pytest.fixture(scope="module")
@@ -144,6 +145,7 @@ def test_the_plan_is_read_back_bit_by_bit_and_is_free_of_collision(planned, repo
     assert {float(row["load_kg"]) for row in rows} <= {460.0, 150.0}
 
 
+@pytest.mark.study
 def test_equal_seeds_give_equal_files(planned, tmp_path):
     fine("plan", ARM, "--task", TASKS, *FLAGS, "--out", tmp_path / "again")
     for name in {*FILES} - {
@@ -154,6 +156,7 @@ def test_equal_seeds_give_equal_files(planned, tmp_path):
         assert (planned / name).read_bytes() == (tmp_path / "again" / name).read_bytes(), name
 
 
+@pytest.mark.study
 def test_a_plan_simulated_and_identified_keeps_its_promise(planned, report, kr500, tmp_path):
     fine("simulate", ARM, planned / "plan.csv", "--out", tmp_path / "data.csv")
     weights = [-float(row["force_z_N"]) / 9.81 for row in table(tmp_path / "data.csv")]
@@ -210,6 +213,7 @@ def test_tasks_that_no_hung_weight_can_serve_are_named_without_a_prior(tmp_path)
     assert "needed is a prior (leave out --no-prior) or a load in another direction" in line
 
 
+@pytest.mark.study
 def test_a_pull_shows_the_joint_that_no_hung_weight_turns(tmp_path, kr500):
     """Joint 1 has a vertical axis: weights give it no torque, whatever the pose; a force along y does."""
     sideways = tasks_with(tmp_path, "force_x_N,force_y_N,force_z_N", "0,2000,0")

@@ -60,12 +60,13 @@ def model(kr500, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def made(model, q):
+def made(model, q, legible):
     """Folder of the results, and what was said; one pose is pulled harder than any reading was."""
     rows = [f"0,0,0,{MASS}"] * (POSES - 1) + [f"0,{PULL},0,0"]
     out = model.parent / "out"
     file = poses_file(model.parent / "poses.csv", q, rows)
-    return out, fine("predict", model, file, "--push", 1000, "--out", out)
+    with legible():
+        return out, fine("predict", model, file, "--push", 1000, "--out", out)
 
 
 def test_every_pose_and_point_is_what_the_library_says_and_holds_the_truth(kr500, model, made, q):

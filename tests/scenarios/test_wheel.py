@@ -38,12 +38,14 @@ def run(program, cwd, *args):
     return done.stdout
 
 
+@pytest.mark.study
 def test_it_is_the_installed_package_that_answers(program, tmp_path):
     where = run(program.with_name("python"), tmp_path, "-c", "import testbench; print(testbench.__file__)")
     assert Path(where.strip()).is_relative_to(program.parents[1])
     assert "identify" in run(program, tmp_path, "--help")
 
 
+@pytest.mark.study
 def test_an_arm_that_comes_with_it_is_found_by_name(program, tmp_path):
     assert "markers P1, P2, P3" in run(program, tmp_path, "check", "kr500_l480")
 

@@ -3,6 +3,8 @@
 import pytest
 from legible import check_legible
 
+from testbench.studies import run
+from testbench.views import figure as views
 from testbench.views.figure import page, say
 
 
@@ -44,3 +46,14 @@ def test_a_fault_is_found(said):
     FAULTS[said](figure, axes)
     with pytest.raises(AssertionError, match=said):
         looked_at(figure)
+
+
+def test_figures_of_studies_are_looked_at_where_they_are_written_and_those_of_commands_where_asked(
+    legible, tmp_path
+):
+    figure, axes = drawn()
+    axes.set_xlabel("rms_mm")
+    with pytest.raises(AssertionError, match="not for a reader"):
+        run.save(figure, tmp_path / "a.png")
+    with legible(), pytest.raises(AssertionError, match="not for a reader"):
+        views.save(figure, tmp_path / "a.png")

@@ -13,7 +13,7 @@ from testbench.errors import Array, Ids, Mask
 from testbench.identify.closed_form import kabsch
 from testbench.identify.registration import Frame
 from testbench.model.tool_motion import turned
-from testbench.model.vjm import Chain, Vjm, chain, translation_rows
+from testbench.model.vjm import Chain, Vjm, chain, skew, translation_rows
 
 STILL = Frame(np.eye(3), np.zeros(3))
 PENALTY = 4.0  #: Nats that a free number has to earn.
@@ -115,8 +115,8 @@ def _refined(seen: Seen, free: Free, where: Chain, now: Fit) -> Fit:
     about = now.residual - now.frame.translation + seen.read  # the targets about the frame's origin
     columns: list[Array] = []
     if free.frame:
-        columns += [np.broadcast_to(e, about.shape) for e in np.eye(3)]
-        columns += [np.cross(e, about) for e in np.eye(3)]
+        columns += [*np.broadcast_to(np.eye(3)[:, None, None], (3, *about.shape))]
+        columns += [*skew(about).transpose(2, 0, 1, 3)]
     if free.theta:
         J = translation_rows(where, now.markers)[:, free.theta].reshape(*seen.markers.shape, -1, len(seen.q))
         columns += list(np.einsum("mxcp,yx->cpmy", J, now.frame.rotation))
@@ -124,6 +124,7 @@ def _refined(seen: Seen, free: Free, where: Chain, now: Fit) -> Fit:
     weight = seen.there / (1 + np.square(now.residual / scale).sum(axis=-1) / 3)
     root = np.sqrt(weight)[..., None]
     left, held = root * np.stack([-now.residual, *columns]), np.zeros_like(now.markers)
+    size = np.maximum([np.linalg.norm(column) for column in left[1:]], 1e-12)
     if free.targets:  # a target moves its own readings alone: they are left out of all others' columns first
         R = root[..., None] * (now.frame.rotation @ where.rotation)[:, None]
         own = np.einsum("pmxa,cpmx->cma", R, left) / np.maximum((root**2).sum(axis=0), 1e-12)
@@ -131,7 +132,6 @@ def _refined(seen: Seen, free: Free, where: Chain, now: Fit) -> Fit:
     off, *common = left.reshape(len(left), -1)
     step = np.zeros(0)
     if common:
-        size = np.maximum([np.linalg.norm(root * column) for column in columns], 1e-12)
         step = np.linalg.lstsq(np.stack(common, axis=1) / size, off)[0] / size
     if free.targets:
         held = own[0] - np.tensordot(step, own[1:], 1)
