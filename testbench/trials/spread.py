@@ -102,7 +102,7 @@ def median_interval(values: Array, trials: Cells | None = None) -> tuple[float, 
 
 
 def _interval(values: Array, groups: Sequence[Ids]) -> tuple[float, float] | None:
-    """Return what `median_interval` does, of the places of every trial's cases; none where each is a trial."""
+    """Return what `median_interval` does, of the places of every trial's cases; none where each is one."""
     order, n = np.argsort(values, kind="stable"), len(values)
     own = values[order]
     count = len(groups) if len(groups) < n and groups else n
