@@ -37,7 +37,7 @@ def mapped(lab, odd):
 XML, TOML, ROBOT, DATA = "arm/rigid.xml", "arm/elastic.toml", "robot.urdf", "data.csv"
 CHECK, NEW, READ = "check arm", "new robot --from robot.urdf", "data check arm data.csv"
 PLACES = {
-    "size of a geom": (text(XML, '(?<=size=")0.0675(?=")'), CHECK, "rigid.xml: line ", "<geom>: size"),
+    "size of a geom": (text(XML, '(?<=size=")0.0675(?=")'), CHECK, "rigid.xml"),
     "mass of a robot's link": (text(ROBOT, '(?<=value=")9(?=")'), NEW, "robot.urdf", "<mass>: value"),
     "diameter": (text(TOML, r"(?<=outer_diameter = \{ value = )[^,]+"), CHECK, "elastic.toml"),
     "place of a target": (cell(DATA, "before_x_m"), READ, DATA),
