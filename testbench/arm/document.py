@@ -82,7 +82,7 @@ def parse_xml(path: Path, text: str) -> ET.Element:
         raise InputError(path, "", f"not well-formed XML: {err}") from err
     for e in root.iter():
         for key, value in e.attrib.items():
-            if "nan" in value.lower().split() and key != "name":
+            if "nan" in [word.lstrip("+-") for word in value.lower().split()] and key != "name":
                 raise InputError(path, place_of(e), f"{key}: expected numbers, got {value[:SHOWN]!r}")
     return root
 

@@ -1,7 +1,8 @@
 """A stranger's MJCF, read as text: what an arm may contain, and where its chain is.
 
 MJCF can include any file of the disk, replicate without end and crash a reader; so an arm's file
-passes an allow-list of elements and attributes before MuJoCo or Pinocchio see it.
+passes a list of elements, and of attributes where the model reads them or gravity could go, before MuJoCo
+sees it.
 """
 
 import math
@@ -10,7 +11,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from testbench.arm.decimal import WRITTEN, read_decimals
-from testbench.arm.document import inside, parse_xml, place_of
+from testbench.arm.document import SHOWN, inside, parse_xml, place_of
 from testbench.errors import InputError, read_text
 
 PLACED = "pos quat axisangle euler xyaxes zaxis"
@@ -24,13 +25,14 @@ ATTRIBUTES = {
     for element, attributes in {
         "compiler": "angle autolimits inertiafromgeom meshdir",
         "option": "gravity jacobian timestep integrator cone solver iterations tolerance",
+        "flag": "contact filterparent midphase nativeccd multiccd energy",
         "mesh": "name class file scale refpos refquat inertia smoothnormal maxhullvert vertex normal face",
         "body": f"name childclass {PLACED}",
         "inertial": f"mass diaginertia fullinertia {PLACED}",
         "joint": "name type axis pos range limited armature damping group",
     }.items()
 }
-"""Attributes of elements that the model reads too: it would miss all others, such as gravcomp."""
+"""Attributes of elements that the model reads too: it would miss all others, and gravity switched off."""
 NUMBERS = {
     **{"pos": 3, "quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3},
     **{"diaginertia": 3, "fullinertia": 6},
@@ -41,7 +43,6 @@ LENGTH = 1000.0  #: Largest length [m].
 MOST = 20_000  #: Elements of an arm in all.
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 64
-SHOWN = 80  #: Characters of a value that a message repeats.
 GRAVITY = 9.81  #: Gravitational acceleration along -z of every cell [m/s^2]; MuJoCo's default.
 
 

@@ -36,10 +36,9 @@ def mesh(name: str, make: Spoil) -> Spoil:
     return spoil
 
 
-def stl(count: int, claimed: int | None = None, value: float = 0.1) -> bytes:
+def stl(count: int, value: float = 0.1) -> bytes:
     """Binary STL of triangles that are all the same."""
-    head = bytes(80) + struct.pack("<I", count if claimed is None else claimed)
-    return head + count * struct.pack("<12fH", *[value] * 12, 0)
+    return bytes(80) + struct.pack("<I", count) + count * struct.pack("<12fH", *[value] * 12, 0)
 
 
 def surface(corners: np.ndarray, faces: np.ndarray) -> bytes:

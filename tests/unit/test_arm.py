@@ -255,6 +255,11 @@ TEXTS = {
     "a spring": (inside('<joint stiffness="1"/>'), "<joint>: 'stiffness' is not allowed; allowed are"),
     "a default joint": (inside("<default><joint/></default>"), "<default>: no defaults for joints"),
     "gravity on the moon": (inside('<option gravity="0 0 -1.62"/>'), "gravity: expected '0 0 -9.81'"),
+    "gravity switched off": (
+        inside('<option><flag gravity="disable"/></option>'),
+        "'gravity' is not allowed",
+    ),
+    "a number that is none": (inside('<geom size="-NaN"/>'), "<geom>: size: expected numbers, got '-NaN'"),
     "angles in gon": (inside('<compiler angle="gon"/>'), "angle: expected 'degree' or 'radian', got 'gon'"),
     **{
         f"a mesh at {file}": (mesh(file), f"<mesh name='m'>: file: {OUTSIDE}")
