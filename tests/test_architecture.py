@@ -23,7 +23,7 @@ FLOORS = (
 """Rooms from the ground up; scenarios stand beside the command line."""
 DOORS = {
     "mujoco": "plant",
-    "pinocchio": "model/kinematics.py",
+    "pinocchio": ("model/kinematics.py", "plant/import_robot/urdf.py"),
     "rerun": "views/recording",
     "clarabel": "identify/cone.py",
     "jinja2": "views/page/page.py",

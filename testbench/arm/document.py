@@ -19,6 +19,7 @@ class Strict(BaseModel):
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+SHOWN = 80  #: Characters of a name or value that a message repeats.
 UNFIT = "=+-@'"
 """What no name begins with: spreadsheets compute such a cell, and commands take it for a flag."""
 
@@ -64,14 +65,29 @@ def parse_toml(path: Path, text: str) -> dict[str, object]:
 
 
 def parse_xml(path: Path, text: str) -> ET.Element:
-    """The root element of a file's text.
+    """Parse a file's text.
+
+    Returns:
+        Its root element.
 
     Raises:
-        InputError: When it is not well-formed, or defines entities.
+        InputError: When it is not well-formed, defines entities, or has a number that is none: MuJoCo would
+            print a warning of it, and write that into a file.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise InputError(path, "", "document types and entities are not allowed")
     try:
-        return ET.fromstring(text)
+        root = ET.fromstring(text)
     except (ET.ParseError, LookupError, ValueError) as err:
         raise InputError(path, "", f"not well-formed XML: {err}") from err
+    for e in root.iter():
+        for key, value in e.attrib.items():
+            if "nan" in [word.lstrip("+-") for word in value.lower().split()] and key != "name":
+                raise InputError(path, place_of(e), f"{key}: expected numbers, got {value[:SHOWN]!r}")
+    return root
+
+
+def place_of(e: ET.Element) -> str:
+    """Name an element of XML for a message: its tag and its name."""
+    name = e.get("name", "")[:SHOWN]
+    return f"<{e.tag} name={name!r}>" if name else f"<{e.tag}>"

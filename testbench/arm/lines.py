@@ -1,14 +1,11 @@
 """Where in a person's file a value stands, for the message about it: line and column, counted from 1."""
 
 import re
-import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from pathlib import Path
-from xml.parsers import expat
 
-from testbench.errors import InputError, read_bytes, read_text
+from testbench.errors import InputError, read_text
 
-SHOWN = 80  #: Letters of a name that a place has.
 MAX_BYTES = 16_000_000  #: More than any file whose places are told.
 HEADER = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]")
 KEY = re.compile(r"\s*([\w.-]+)\s*=")
@@ -66,21 +63,3 @@ def _inside(line: str, start: int, keys: Sequence[str | int]) -> int:
             break
         start += found.start()
     return start
-
-
-def xml_place(path: Path, element: ET.Element) -> str:
-    """Line and column of the first such element of a file, its tag and its name."""
-    found: list[str] = []
-    parser = expat.ParserCreate()
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        if not found and (tag, attributes) == (element.tag, element.attrib):
-            found.append(f"line {parser.CurrentLineNumber}, column {parser.CurrentColumnNumber + 1}, ")
-
-    parser.StartElementHandler = start
-    try:
-        parser.Parse(read_bytes(path, MAX_BYTES), True)
-    except (InputError, expat.ExpatError):
-        found.clear()  # it has changed since it was read
-    name = element.get("name", "")[:SHOWN]
-    return "".join(found) + (f"<{element.tag} name={name!r}>" if name else f"<{element.tag}>")

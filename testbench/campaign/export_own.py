@@ -30,16 +30,14 @@ from testbench.identify.absolute.state import State
 from testbench.model.kinematics import urdf_poses
 from testbench.model.vjm import rotation, skew
 from testbench.plant.import_robot.chain import fit_names
-from testbench.plant.import_robot.compiled import compiled
 from testbench.plant.import_robot.robot import Body, Joint, Robot
 from testbench.plant.import_robot.source import MAX_BYTES, read_xml
 from testbench.plant.import_robot.tip import path_to, usual_tip
-from testbench.plant.import_robot.urdf import clean_urdf
+from testbench.plant.import_robot.urdf import read_tree
 
 SAME = 1e-4
 """Most that a robot's own drawing differs from the arm's [m, rad]: a right angle of five digits does so."""
 STILL = 1e-12  #: Less than this is rounding [m, 1].
-SHAPES = ("visual", "collision")
 UNTOLD = 1e-4
 """Smallest singular value that counts, over the largest: rounding does not tell where parallel axes end."""
 
@@ -88,12 +86,9 @@ def read_own(file: Path, arm: Arm, tip: str | None = None) -> Own:
 
 
 def chain_of(file: Path, text: str, root: ET.Element, arm: Arm, tip: str | None = None) -> Own:
-    """The same of a URDF that is read, its text and its root element, which is changed."""
+    """The same of a URDF that is read, its text and its root element."""
     loose = any("://" not in mesh.get("filename", "") for mesh in root.iter("mesh"))
-    for link in root.findall("link"):
-        for shape in [e for e in link if e.tag in SHAPES]:
-            link.remove(shape)
-    tree = compiled(file, file.stem, clean_urdf(file, root))
+    tree = read_tree(file, root)
     end = _tip(file, tree, arm, tip)
     path = path_to(tree, end)
     bodies = tuple(tree.bodies[k] for k in path)

@@ -1,5 +1,6 @@
 """What others read in a robot's file, and what both sides of ours read in the arm made of it."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,7 +48,18 @@ def pinocchio_urdf(file, tip, names, q):
 
 def mujoco_mjcf(file, tip, names, q):
     """MuJoCo's own reading of an MJCF; the tip is a body or a site."""
-    model = mujoco.MjModel.from_xml_path(str(file))
+    return _mujoco(mujoco.MjModel.from_xml_path(str(file)), tip, names, q)
+
+
+def mujoco_urdf(file, tip, names, q):
+    """MuJoCo's own reading of a URDF without its shapes: ours is Pinocchio's."""
+    text = re.sub(r"<(visual|collision)>.*?</\1>", "", file.read_text(), flags=re.DOTALL)
+    bounds = 'fusestatic="false" inertiafromgeom="false" boundmass="1e-12" boundinertia="1e-12"'
+    text = text.replace("</robot>", f"<mujoco><compiler {bounds}/></mujoco></robot>")
+    return _mujoco(mujoco.MjModel.from_xml_string(text), tip, names, q)
+
+
+def _mujoco(model, tip, names, q):
     data = mujoco.MjData(model)
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, tip)
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, tip)

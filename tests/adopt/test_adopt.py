@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from oracles import mujoco_mjcf, ours, pinocchio_urdf, random_q
+from oracles import mujoco_mjcf, mujoco_urdf, ours, random_q
 from strangers import classes_mjcf, heavy_urdf, light_urdf, mounted_mjcf, sliding_mjcf
 
 from testbench.arm.folder import load_arm
@@ -15,8 +15,8 @@ from testbench.plant.import_robot.weigh import DENSITY
 from testbench.plant.import_robot.write import drawn_mesh
 
 ARMS = {
-    light_urdf: (pinocchio_urdf, "tool0", "a1 a2 a3 a4 a5 a6 a7"),
-    heavy_urdf: (pinocchio_urdf, "tool0", "joint_a1 joint_a2 joint_a3 joint_a4 joint_a5 joint_a6"),
+    light_urdf: (mujoco_urdf, "tool0", "a1 a2 a3 a4 a5 a6 a7"),
+    heavy_urdf: (mujoco_urdf, "tool0", "joint_a1 joint_a2 joint_a3 joint_a4 joint_a5 joint_a6"),
     classes_mjcf: (mujoco_mjcf, "flange", "joint1 joint2 joint3 joint4 joint5 joint6 joint7"),
     mounted_mjcf: (mujoco_mjcf, "attachment_site", "j1 j2 j3 j4 j5 j6"),
     sliding_mjcf: (mujoco_mjcf, "tcp", "track turn lift tilt wrist"),
@@ -42,8 +42,11 @@ def notes(chain):
 
 
 @pytest.mark.parametrize("robot", ARMS)
-def test_model_and_plant_place_and_weigh_the_arm_as_the_stranger_s_own_library_does(arms, robot):
-    """Positions are written to 1e-12 m, masses to nine digits; a part without mass weighs 1 mg."""
+def test_model_and_plant_place_and_weigh_the_arm_as_mujoco_reads_the_stranger_s_file(arms, robot):
+    """Pinocchio reads a URDF for us, so its judge is MuJoCo.
+
+    Positions are written to 1e-12 m, masses to nine digits; a part without mass weighs 1 mg.
+    """
     file, chain, folder = arms[robot]
     library, tip, joints = ARMS[robot]
     names, q = random_q(folder)
@@ -51,7 +54,7 @@ def test_model_and_plant_place_and_weigh_the_arm_as_the_stranger_s_own_library_d
     theirs = library(file, tip, names, q)
     for own in ours(folder, q):
         assert np.abs(own.tips - theirs.tips).max() < 1e-9
-        if robot is not heavy_urdf:  # Pinocchio takes no mass for nothing
+        if robot is not heavy_urdf:  # which states no masses
             assert own.mass == pytest.approx(theirs.mass, rel=1e-7)
             assert np.abs(own.coms - theirs.coms).max() < 1e-7
             assert np.abs(own.inertia - theirs.inertia).max() < 1e-6 * np.abs(theirs.inertia).max()

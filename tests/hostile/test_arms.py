@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from spoil import Spoil, holds, link, sparse, swap
+from spoil import Spoil, holds, link, sparse
 
 MESH = '<mesh name="m" file="{}"/>'
 GEOM = '<geom type="mesh" mesh="m"/>'
@@ -36,14 +36,9 @@ def mesh(name: str, make: Spoil) -> Spoil:
     return spoil
 
 
-def stl(count: int, claimed: int | None = None, value: float = 0.1) -> bytes:
+def stl(count: int, value: float = 0.1) -> bytes:
     """Binary STL of triangles that are all the same."""
-    head = bytes(80) + struct.pack("<I", count if claimed is None else claimed)
-    return head + count * struct.pack("<12fH", *[value] * 12, 0)
-
-
-def msh(*counts: int, body: int = 100) -> bytes:
-    return struct.pack("<4i", *counts) + bytes(body)
+    return bytes(80) + struct.pack("<I", count) + count * struct.pack("<12fH", *[value] * 12, 0)
 
 
 def surface(corners: np.ndarray, faces: np.ndarray) -> bytes:
@@ -72,10 +67,6 @@ def ball(count: int) -> bytes:
     return surface(corners, np.arange(3 * count).reshape(-1, 3))
 
 
-def rigid(pattern: str, new: str) -> Spoil:
-    return lambda arm: swap(pattern, new)(arm / "rigid.xml")
-
-
 def touching(count: int) -> Spoil:
     """The arm with so many geoms in each of two links, all in one place."""
 
@@ -89,7 +80,6 @@ def touching(count: int) -> Spoil:
     return spoil
 
 
-MANY = [f'a{k}="1"' for k in range(50_000)]
 ARMS: dict[str, tuple[Spoil, str]] = {
     "a supersphere": (asset('<mesh name="m" builtin="supersphere"/>'), "'builtin' is not allowed"),
     "a pipe": (mesh("a.stl", os.mkfifo), "got a folder or a device"),
@@ -97,32 +87,15 @@ ARMS: dict[str, tuple[Spoil, str]] = {
     "a link that leads out": (mesh("a.stl", link("/etc/passwd")), "inside the arm's folder"),
     "a link to itself": (mesh("a.stl", lambda file: file.symlink_to(file)), "a.stl: cannot be read"),
     "100 GB of nothing": (mesh("a.stl", sparse(10**11)), "expected at most 64000000 bytes"),
-    "60 MB of nothing": (mesh("a.stl", sparse(6 * 10**7)), "expected binary STL"),
-    "a head that lies": (mesh("a.stl", holds(stl(4, 4 * 10**9))), "expected binary STL"),
-    "a million triangles": (mesh("a.stl", holds(stl(10**6))), "200000 triangles, got 1000000"),
-    "corners that are no number": (mesh("a.stl", holds(stl(4, value=np.nan))), "vertex 1: expected finite"),
-    "a polygon without end": (mesh("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 500}\n")), "256 corners of a face"),
-    "a line without end": (mesh("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 10**6}\n")), "bytes in a line"),
-    "a million vertices": (mesh("a.obj", holds(OBJ * 200_000 + "f 1 2 3\n")), "at most 600000 vertices"),
-    "vertices of 1e308 m": (mesh("a.obj", holds(f"{OBJ}v 1e308 0 0\nf 1 2 3\n")), "vertex 5: expected"),
+    "a mesh cut short": (mesh("a.stl", holds(stl(4)[:200])), "rigid.xml: MuJoCo refuses"),
+    "a million triangles": (mesh("a.stl", holds(stl(10**6))), "between 1 and 200000 in STL file 'a.stl'"),
+    "corners that are no number": (mesh("a.stl", holds(stl(4, value=np.nan))), "coordinate 0 is not finite"),
     "an index that is none": (mesh("a.obj", holds(f"{OBJ}f 1 2 3\nf 1 2 99\n")), "rigid.xml: MuJoCo refuses"),
-    "MSH of two billion": (mesh("a.msh", holds(msh(2**30, 0, 0, 2**30))), "by its head"),
     "a mesh of another kind": (mesh("a.dae", holds("<a/>")), "expected a mesh: stl, obj, msh"),
-    **{tag: (asset(f"<{tag}/>"), f"<{tag}>") for tag in ("texture", "hfield", "skin")},
+    "a texture": (asset("<texture/>"), "<texture>"),
     **{tag: (inside(f"<{tag}/>"), f"<{tag}>: not allowed") for tag in ("composite", "plugin", "include")},
-    "50,000 bodies": (inside("<body/>" * 50_000), "at most 1000 in an arm"),
-    "50,000 attributes": (inside(f"<geom {' '.join(MANY)}/>"), "'a0' is not allowed"),
-    "50,000 cameras": (inside("<camera/>" * 50_000), "at most 100 in an arm"),
-    "50,000 pairs to exclude": (
-        rigid("</mujoco>", "<contact>" + '<exclude body1="a" body2="b"/>' * 50_000 + "</contact></mujoco>"),
-        "<exclude>: expected at most 1000",
-    ),
-    "a name of 3 MB": (rigid('name="link_0"', f'name="{"x" * 3_000_000}"'), "name: expected at most 1000"),
-    "a million numbers": (inside(f'<geom size="{"1 " * 1_000_000}"/>'), "size: expected finite numbers"),
-    "a picture of a terabyte": (
-        rigid("<worldbody>", '<visual><global offwidth="1000000"/></visual><worldbody>'),
-        "offwidth: expected finite numbers up to 16384",
-    ),
+    "50,000 bodies": (inside("<body/>" * 50_000), "at most 20000 elements"),
+    "a million numbers": (inside(f'<geom size="{"1 " * 1_000_000}"/>'), "rigid.xml: MuJoCo refuses"),
     "250,000 pairs of geoms": (touching(500), "expected at most 50000 pairs of geoms"),
     "40,000 contacts": (touching(200), "expected at most 5000 contacts in a pose"),
 }
@@ -173,26 +146,17 @@ def test_a_hostile_arm_is_refused_in_one_line(attack, lab, name):
     attack(lab, "check", "arm").refused("arm/", said)
 
 
-PLY = "ply\nformat {}\nelement vertex {}\nproperty float x\nelement face {}\nend_header\n"
-BOMB = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset/>
-<library_nodes>{}</library_nodes>
-<library_visual_scenes><visual_scene id="s"><node><instance_node url="#k0"/></node>
-</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>""".format(
-    "".join(f'<node id="k{k}">' + f'<instance_node url="#k{k + 1}"/>' * 10 + "</node>" for k in range(9))
+GROWING = '<!DOCTYPE m [<!ENTITY e0 "ab">{}]><COLLADA>&e20;</COLLADA>'.format(
+    "".join(f'<!ENTITY e{k + 1} "{f"&e{k};" * 10}">' for k in range(20))
 )
 ROBOTS: dict[str, tuple[str, Spoil, str]] = {
     "a pipe": ("a.stl", os.mkfifo, "got a folder or a device"),
     "100 GB of nothing": ("a.dae", sparse(10**11), "expected at most 64000000 bytes"),
-    "a head that lies": ("a.stl", holds(stl(4, 4 * 10**9)), "expected STL, binary"),
+    "a mesh cut short": ("a.stl", holds(stl(4)[:200]), "no triangles in this stl"),
     "a million triangles": ("a.stl", holds(stl(10**6)), "at most 500000 triangles"),
-    "solids without end": ("a.stl", holds("solid a\nendsolid\n" * 10**5), "at most 2000 solids"),
-    "groups without end": ("a.obj", holds(OBJ + "o a\nusemtl b\nf 1 2 3\n" * 10**4), "at most 2000 groups"),
-    "a line without end": ("a.obj", holds(f"{OBJ}f {'1 2 3 ' * 10**6}\n"), "bytes in a line"),
-    "two billion vertices": ("a.ply", holds(PLY.format("ascii 1.0", 2 * 10**9, 1)), "1500000 elements"),
-    "a head without end": ("a.ply", holds("ply\n" + "comment\n" * 10**5), "expected the head of a PLY file"),
-    "a scene of 10^9 instances": ("a.dae", holds(BOMB), "at most 2000 instances"),
-    "an entity": ("a.dae", holds('<!DOCTYPE m [<!ENTITY a "b">]><a>&a;</a>'), "document types and entities"),
-    "deep XML": ("a.dae", holds("<a>" * 10**5), "expected COLLADA in UTF-8"),
+    "no mesh": ("a.ply", holds("not a mesh"), "not read as ply"),
+    "XML of another kind": ("a.dae", holds("<a/>"), "not read as dae"),
+    "entities that grow": ("a.dae", holds(GROWING), "not read as dae"),
 }
 
 

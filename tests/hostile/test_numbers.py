@@ -37,7 +37,7 @@ def mapped(lab, odd):
 XML, TOML, ROBOT, DATA = "arm/rigid.xml", "arm/elastic.toml", "robot.urdf", "data.csv"
 CHECK, NEW, READ = "check arm", "new robot --from robot.urdf", "data check arm data.csv"
 PLACES = {
-    "size of a geom": (text(XML, '(?<=size=")0.0675(?=")'), CHECK, "rigid.xml: line ", "<geom>: size"),
+    "mass of a link": (text(XML, '(?<=mass=")[0-9.]+(?=")'), CHECK, "rigid.xml", "mass: "),
     "mass of a robot's link": (text(ROBOT, '(?<=value=")9(?=")'), NEW, "robot.urdf", "<mass>: value"),
     "diameter": (text(TOML, r"(?<=outer_diameter = \{ value = )[^,]+"), CHECK, "elastic.toml"),
     "place of a target": (cell(DATA, "before_x_m"), READ, DATA),
@@ -48,7 +48,7 @@ PLACES = {
     "flag": (lambda lab, odd: None, "plan arm --task tasks.csv --tracker 4,-1,{}", "--tracker"),
 }
 EVERY = {
-    **dict.fromkeys(("size of a geom", "mass of a robot's link", "place of a target"), ODD),
+    **dict.fromkeys(("mass of a link", "mass of a robot's link", "place of a target"), ODD),
     **dict.fromkeys(("task", "map", "flag"), ("Arabic", "hex float", "beyond")),
     "run": ("Arabic", "underscore"),
     "diameter": ("Arabic", "hex float", "infinite", "none", "beyond"),  # TOML has underscores and hex

@@ -10,9 +10,7 @@ from refused import refused
 from spoil import swap
 
 from testbench.arm.folder import load_arm
-from testbench.arm.mesh import MAX_FACES, read_meshes
 from testbench.arm.mjcf import MAX_DEPTH, read_mjcf
-from testbench.errors import InputError
 
 MODELS = Path(__file__).parents[2] / "models"
 LENGTH, AXIS = r"(?<=tube\.length = \{ value = )[^,]+", r"(?<=axis = )\[.*?\]"
@@ -179,12 +177,12 @@ WRONG_CHAIN = {
         ["'joint_2'>: expected a hinge or a slide, got 'ball'"],
     ),
     "a joint off its body's origin": (r'name="joint_2"', 'name="joint_2" pos="0 0 0.1"', ["expected no pos"]),
-    "a missing range": (HINGE, hinge('axis="0 1 0"'), ["line 21, column 11, <joint", "attribute range of 2"]),
+    "a missing range": (HINGE, hinge('axis="0 1 0"'), ["<joint name='joint_2'>", "attribute range of 2"]),
     "an inverted range": (HINGE, hinge('axis="0 1 0" range="1 -1"'), ["expected lower < upper, got '1"]),
     "a range too wide to draw from": (
         HINGE,
         hinge('axis="0 1 0" range="-1e308 1e308"'),
-        ["<joint name='joint_2'>: range: expected finite numbers up to 1e+06"],
+        ["<joint name='joint_2'>: range: expected 2 number(s) up to 1e+06"],
     ),
     "a zero axis": (HINGE, hinge('axis="0 0 0" range="-1 1"'), ["axis: expected a direction, got zero"]),
     "a joint of the base": (
@@ -250,13 +248,18 @@ TEXTS = {
     },
     "4 MB": (inside(f"<!--{'x' * 4_000_000}-->"), "expected at most 4000000 bytes, got 4000"),
     "a zero mass": (inside('<inertial pos="0 0 0" mass="0"/>'), "mass: expected more than 0 kg, got 0.0"),
-    "a mass in words": (inside('<inertial mass="heavy"/>'), r"mass: expected finite numbers up to 1e\+06"),
-    "a mass of 1e300 kg": (inside('<inertial mass="1e300"/>'), r"mass: expected finite numbers up to 1e\+06"),
+    "a mass in words": (inside('<inertial mass="heavy"/>'), r"mass: expected 1 number\(s\) up to 1e\+06"),
+    "a mass of 1e300 kg": (inside('<inertial mass="1e300"/>'), r"mass: expected 1 number\(s\) up to 1e\+06"),
     "three of a quaternion's four": (inside('<body quat="1 0 0"/>'), r"<body>: quat: expected 4 number\(s\)"),
     "a weightless body": (inside('<body gravcomp="1"/>'), "<body>: 'gravcomp' is not allowed; allowed are"),
     "a spring": (inside('<joint stiffness="1"/>'), "<joint>: 'stiffness' is not allowed; allowed are"),
     "a default joint": (inside("<default><joint/></default>"), "<default>: no defaults for joints"),
     "gravity on the moon": (inside('<option gravity="0 0 -1.62"/>'), "gravity: expected '0 0 -9.81'"),
+    "gravity switched off": (
+        inside('<option><flag gravity="disable"/></option>'),
+        "'gravity' is not allowed",
+    ),
+    "a number that is none": (inside('<geom size="-NaN"/>'), "<geom>: size: expected numbers, got '-NaN'"),
     "angles in gon": (inside('<compiler angle="gon"/>'), "angle: expected 'degree' or 'radian', got 'gon'"),
     **{
         f"a mesh at {file}": (mesh(file), f"<mesh name='m'>: file: {OUTSIDE}")
@@ -296,17 +299,6 @@ def test_meshes_inside_the_folder_are_accepted_and_a_link_to_itself_leads_nowher
     assert read_mjcf(file).find("asset/mesh") is not None
     (file.parent / "loop.stl").symlink_to("loop.stl")
     assert read_mjcf(rigid(mesh("loop.stl"))).find("asset/mesh") is not None
-
-
-def test_a_polygon_of_a_mesh_counts_as_the_triangles_that_it_is_cut_into(tmp_path):
-    """A quadrilateral as two: 100,000 of them are as many triangles as a mesh may have."""
-    corners, face = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\n", "f 1 2 3 4\n"
-    file = tmp_path / "a.obj"
-    file.write_text(corners + face * (MAX_FACES // 2))
-    assert read_meshes({"a": file}) == {"a": file.read_bytes()}
-    file.write_text(corners + face * (MAX_FACES // 2 + 1))
-    with pytest.raises(InputError, match=f"a.obj: expected at most {MAX_FACES} triangles"):
-        read_meshes({"a": file})
 
 
 # A compensator

@@ -11,26 +11,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.errors import Array, InputError
-from testbench.plant.import_robot.compiled import compiled
+from testbench.errors import Array, InputError, cut
 from testbench.plant.import_robot.couple import Rows, chain_map, map_of
 from testbench.plant.import_robot.equalities import Coupling
-from testbench.plant.import_robot.mjcf import clean_mjcf
+from testbench.plant.import_robot.mjcf import read_mjcf
 from testbench.plant.import_robot.robot import Body, Chain, Note, Robot, Shape, Site, moved
 from testbench.plant.import_robot.solids import combined
 from testbench.plant.import_robot.source import read_xml
 from testbench.plant.import_robot.tip import Tip, named_tips, path_to, usual_tip
-from testbench.plant.import_robot.urdf import clean_urdf
+from testbench.plant.import_robot.urdf import read_urdf
 from testbench.plant.import_robot.weigh import weigh
 
 FEWEST, MOST = 3, 9  #: Moving joints of an arm.
 LONGEST = 50.0  #: Farthest of a body from the body before [m].
 HEAVIEST = 1e5  #: Of a body [kg].
+LISTED = 200  #: Characters of names in a message.
 LONGEST_NAME = 40  #: Characters of a name: room for what is put behind it.
 RESERVED = ("world",)
 LEFT = "left out"  #: Kind of a note.
 SPECK = 1e-6  #: Mass of a part of which the file says nothing [kg].
-CLEANERS = {"robot": clean_urdf, "mujoco": clean_mjcf}
+READERS = {"robot": read_urdf, "mujoco": read_mjcf}
 
 
 def read_robot(file: Path) -> Robot:
@@ -40,10 +40,9 @@ def read_robot(file: Path) -> Robot:
         InputError: Names the file, the place and what was expected.
     """
     root = read_xml(file)
-    if root.tag not in CLEANERS:
+    if root.tag not in READERS:
         raise InputError(file, "", f"expected URDF (<robot>) or MJCF (<mujoco>) at the top, got <{root.tag}>")
-    name = root.get("name" if root.tag == "robot" else "model") or file.stem
-    return compiled(file, name, CLEANERS[root.tag](file, root))
+    return READERS[root.tag](file, root)
 
 
 def read_chain(file: Path, tip: str | None = None) -> Chain:
@@ -104,7 +103,7 @@ def _check_joints(file: Path, robot: Robot, path: list[int]) -> None:
             raise InputError(file, "", f"{name} {body.odd}; an arm's joints turn or slide")
     names = [joint.name for k in path if (joint := robot.bodies[k].joint)]
     if not FEWEST <= len(names) <= MOST:
-        there, end = ", ".join(names) or "none", robot.bodies[path[-1]].name
+        there, end = cut(", ".join(names), LISTED) or "none", robot.bodies[path[-1]].name
         wanted = f"expected {FEWEST} to {MOST} moving joints up to {end!r}"
         raise InputError(file, "", f"{wanted}, got {len(names)}: {there}; --tip names another end")
 

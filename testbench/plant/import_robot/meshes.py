@@ -10,16 +10,21 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from testbench.arm.mesh import MOST_FACES, MeshError, check_count, mesh_bytes
-from testbench.errors import Array
+from testbench.errors import Array, InputError, read_bytes
 from testbench.plant.import_robot.robot import Faces, Mesh, Note, Surface
 from testbench.plant.import_robot.solids import outermost
 
+KINDS = ("stl", "obj", "ply", "dae")
+MAX_BYTES = 64_000_000  #: Of one mesh file.
 MAX_TOTAL = 100_000_000  #: Of all mesh files of a robot.
+MAX_FACES = 500_000  #: Triangles of a mesh.
 MAX_ALL_FACES = 1_000_000  #: Triangles of a robot, those of a mesh as often as it is shown.
-MAX_ALL_CORNERS = 600_000  #: Of the same, those in one place once.
 LARGEST = 30.0  #: Of a mesh; more is a slip of units [m].
 CELLS = 2**20 - 1  #: Corners are in one place where they are on a grid of so many cells from the origin.
+
+
+class MeshError(Exception):
+    """A mesh that cannot be read; the reader of a stranger's robot goes on without it and says so."""
 
 
 @dataclass(eq=False)
@@ -30,7 +35,6 @@ class Meshes:
     failed: dict[str, str] = field(default_factory=dict)
     size: int = 0  #: Of all that was read [byte].
     faces: int = 0  #: Of all that was asked for.
-    corners: int = 0  #: Of the same.
 
     def load(self, file: Path) -> Mesh:
         """The triangles of a file.
@@ -38,33 +42,33 @@ class Meshes:
         Raises:
             MeshError: When it cannot be read.
         """
-        self._check()
-        if file in self.read:
-            mesh = self.read[file]
-            self._count(mesh.vertices, mesh.faces)
-            return mesh
-        data = mesh_bytes(file)
-        self.size += len(data)
-        self._check()
-        vertices, faces, rgba = _parsed(data, file.suffix[1:].lower())
-        self._count(vertices, faces)
-        self.read[file] = Mesh(vertices, faces, outermost(vertices), rgba)
+        if file not in self.read:
+            kind = file.suffix[1:].lower()
+            if kind not in KINDS:
+                raise MeshError(f"expected a mesh: {', '.join(KINDS)}")
+            _check("triangles in all shapes", self.faces, MAX_ALL_FACES)
+            try:
+                data = read_bytes(file, MAX_BYTES)
+            except InputError as err:
+                raise MeshError(str(err).removeprefix(f"{file}: ")) from err
+            self.size += len(data)
+            _check("bytes in all meshes", self.size, MAX_TOTAL)
+            vertices, faces, rgba = _parsed(data, kind)
+            self.read[file] = Mesh(vertices, faces, outermost(vertices), rgba)
+        self.faces += len(self.read[file].faces)
+        _check("triangles in all shapes", self.faces, MAX_ALL_FACES)
         return self.read[file]
-
-    def _count(self, vertices: Array, faces: Faces) -> None:
-        self.corners, self.faces = self.corners + len(vertices), self.faces + len(faces)
-        self._check()
-
-    def _check(self) -> None:
-        """Once they are too many in all, no further one is read."""
-        check_count("bytes in all meshes", self.size, MAX_TOTAL)
-        check_count("triangles in all shapes", self.faces, MAX_ALL_FACES)
-        check_count("corners in all shapes", self.corners, MAX_ALL_CORNERS)
 
     def notes(self) -> list[Note]:
         """Which meshes the arm goes without, and why."""
         names = tuple(f"{name} ({why})" for name, why in self.failed.items())
         return [Note("meshes", names)] if names else []
+
+
+def _check(what: str, count: int, most: int) -> None:
+    """Refuse too much of something: once it is too much, no further mesh is read."""
+    if count > most:
+        raise MeshError(f"expected at most {most} {what}, got {count}; simplify the mesh")
 
 
 def _parsed(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
@@ -79,7 +83,7 @@ def _parsed(data: bytes, kind: str) -> tuple[Array, Faces, Array | None]:
         raise MeshError(f"not read as {kind}: {why}") from err
     if not np.isfinite(vertices).all():
         raise MeshError("expected finite numbers")
-    check_count("triangles", len(faces), MOST_FACES)
+    _check("triangles", len(faces), MAX_FACES)
     vertices, faces = _welded(vertices, faces)
     if not len(faces):
         raise MeshError("no triangle has an area")

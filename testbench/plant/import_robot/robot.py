@@ -1,5 +1,6 @@
 """A robot as a list of bodies in SI, whatever its file's format, and the serial chain in it."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -16,6 +17,8 @@ Surface = tuple[Array, Faces]
 """Corners, (v, 3) [m], and three of them a triangle, (f, 3)."""
 
 
+UNLIMITED = 2 * math.pi  #: Of a turning joint without limits, each way [rad].
+SLIDE = 1.0  #: Of a sliding joint without limits, each way [m].
 Point = tuple[str, Array]
 """Name and position in the tool's frame, (3,) [m]."""
 
@@ -146,6 +149,11 @@ class Chain:
     def mass(self) -> float:
         """Of the whole arm, the base with it [kg]."""
         return sum(part.mass for part in self.parts)
+
+
+def endless(*, prismatic: bool) -> tuple[float, float]:
+    """Limits that stand in for those that a file does not state [rad, m]."""
+    return (-SLIDE, SLIDE) if prismatic else (-UNLIMITED, UNLIMITED)
 
 
 def pose_of(rotation: Array, position: Array) -> Array:

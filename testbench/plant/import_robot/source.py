@@ -5,22 +5,17 @@ import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-import numpy as np
-
 from testbench.arm.document import parse_xml
-from testbench.arm.lines import xml_place
-from testbench.arm.mjcf import numbers
-from testbench.errors import Array, InputError, read_text, word
+from testbench.errors import InputError, read_text, word
 
 MAX_BYTES = 16_000_000
 MAX_ELEMENTS = 20_000
 MAX_DEPTH = 150
-MAX_SHAPES = 2000  #: Of a robot: every <geometry> of URDF, every <geom> of MJCF.
-MAX_BODIES = 500  #: Of a robot: the time that MuJoCo takes grows with the cube of those in a row.
+MOST_OF = {"geometry": 2000, "geom": 2000, "joint": 500, "body": 500}
+"""Elements of a kind: the time that MuJoCo takes grows with the cube of bodies in a row."""
 MAX_PACKAGE = 1_000_000  #: Of a package.xml.
 UP = 8  #: Folders above the URDF in which a package is looked for.
 FIND = re.compile(r"\$\(find ([\w-]+)\)")  #: How xacro names a package.
-LARGEST = 1e9  #: Of any number that is read; what an arm can have is checked on the whole tree.
 
 
 def read_xml(file: Path) -> ET.Element:
@@ -42,6 +37,9 @@ def read_xml(file: Path) -> ET.Element:
         level = [child for e in level for child in e]
     if level or count > MAX_ELEMENTS:
         raise InputError(file, "", f"expected at most {MAX_ELEMENTS} elements, {MAX_DEPTH} deep")
+    for tag, most in MOST_OF.items():
+        if (count := sum(1 for _ in root.iter(tag))) > most:
+            raise InputError(file, f"<{tag}>", f"expected at most {most} in a robot, got {count}")
     return root
 
 
@@ -52,45 +50,6 @@ def _expand(file: Path, text: str) -> str:
     where = dict.fromkeys(f" -d {word(roots[0].parent)}" for roots in found if roots)
     done = f"xacrodoc {word(file)}{''.join(where)} -o {word(target)}"
     return f"pip install xacrodoc; {done}; arguments of the file follow as NAME:=VALUE"
-
-
-def check_count(file: Path, root: ET.Element, tag: str, most: int) -> None:
-    """Refuse a robot of more shapes or joints than any has with an InputError."""
-    count = sum(1 for _ in root.iter(tag))
-    if count > most:
-        raise InputError(file, f"<{tag}>", f"expected at most {most} in a robot, got {count}")
-
-
-def read_numbers(file: Path, e: ET.Element, key: str, count: int) -> Array:
-    """An attribute as so many numbers, (count,).
-
-    Raises:
-        InputError: When it is something else.
-    """
-    return np.array(numbers(file, e, key, count, LARGEST))
-
-
-def check_numbers(file: Path, root: ET.Element) -> None:
-    """Refuse attributes that Python reads as numbers if one of them is no decimal, or too large."""
-    for e in root.iter():
-        for key, text in e.attrib.items():
-            try:
-                list(map(float, text.split()))
-            except ValueError:  # words
-                continue
-            read_numbers(file, e, key, len(text.split()))
-
-
-def need(file: Path, e: ET.Element, key: str) -> str:
-    """An attribute that must be there.
-
-    Raises:
-        InputError: When it is not, or is empty.
-    """
-    text = e.get(key, "")
-    if not text.strip():
-        raise InputError(file, xml_place(file, e), f"expected an attribute {key}")
-    return text
 
 
 def packages(folder: Path, name: str) -> list[Path]:

@@ -1,50 +1,40 @@
-"""URDF before MuJoCo compiles it: only what an arm's statics needs, joints checked, meshes read by us.
+"""URDF by Pinocchio, which checks it, and places and weighs its links; shapes are read from its elements.
 
-MuJoCo would take two trees for one, mimic joints for free ones, limits of 0 to 0 for none, a torus for
-nothing; refuse joints that float; and name no joint whose link is missing. It reads neither COLLADA nor PLY,
-nor large meshes: it gets boxes for all.
+Pinocchio's reader of shapes in Python gives up the whole robot for one mesh that is not there, and it keeps
+neither mimicry nor which joints state limits, so these are read here.
 """
 
-import copy
+import contextlib
 import os
+import re
+import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import BinaryIO
 from urllib.parse import unquote, urlparse
 
-import mujoco
 import numpy as np
+import pinocchio as pin
 
-from testbench.arm.document import inside
-from testbench.arm.lines import xml_place
-from testbench.arm.mesh import MeshError
+from testbench.arm.document import inside, place_of, unique
+from testbench.arm.mjcf import numbers
 from testbench.errors import Array, InputError
-from testbench.plant.collide import VISUAL_GROUPS
-from testbench.plant.import_robot.compiled import ROOT, Cleaned
 from testbench.plant.import_robot.equalities import Coupling
-from testbench.plant.import_robot.meshes import LARGEST, Meshes, check_size, stl_bytes
-from testbench.plant.import_robot.robot import Mesh, Note
+from testbench.plant.import_robot.meshes import LARGEST, MeshError, Meshes, check_size
+from testbench.plant.import_robot.robot import Body, Joint, Mesh, Note, Robot, Shape, endless, pose_of
 from testbench.plant.import_robot.solids import VISIBLE, plausible, primitive
-from testbench.plant.import_robot.source import (
-    MAX_BODIES,
-    MAX_DEPTH,
-    MAX_SHAPES,
-    UP,
-    check_count,
-    check_numbers,
-    need,
-    packages,
-    read_numbers,
-)
+from testbench.plant.import_robot.source import UP, packages
 from testbench.plant.import_robot.tip import ARM_JOINTS
+from testbench.plant.shapes import Kind
 
 MOVING = ("revolute", "continuous", "prismatic")
 ODD = {"floating": "floats free", "planar": "is planar", "spherical": "is a ball joint"}
-KEPT = frozenset(
-    "robot link inertial mass inertia origin visual collision geometry mesh box sphere".split()
-    + "cylinder capsule material color joint parent child axis limit".split()
-)
-FORMS = {
+PLACED = ("origin", "parent", "child", "axis")  #: What Pinocchio reads of a joint.
+INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+FORMS: dict[Kind, dict[str, int]] = {
     "box": {"size": 3},
     "sphere": {"radius": 1},
     "cylinder": {"radius": 1, "length": 1},
@@ -53,242 +43,256 @@ FORMS = {
 """Primitives, and how many numbers their attributes have."""
 THINNEST = 1e-6  #: What is thinner has no extent [m].
 ENDLESS = 1000.0  #: Limits beyond it mean none [rad, m].
+MOST = 1e9  #: Of any number that is read; what an arm can have is checked on the whole tree.
+SAID = re.compile(rb"Error:\s+(.*)")  #: How Pinocchio's parser begins its complaints.
 
 
-def clean_urdf(file: Path, root: ET.Element) -> Cleaned:
-    """What MuJoCo is to compile.
+def read_urdf(file: Path, root: ET.Element) -> Robot:
+    """Read all links of a robot with their shapes.
 
     Args:
         file: The URDF, for messages and meshes.
-        root: Its root element; it is changed.
+        root: Its root element.
 
     Raises:
-        InputError: When links or joints are wrong.
+        InputError: When links, joints or shapes are wrong.
     """
-    check_count(file, root, "geometry", MAX_SHAPES)
-    check_count(file, root, "joint", MAX_BODIES)
-    links, joints = root.findall("link"), root.findall("joint")
-    _check_tree(file, links, joints)
-    mimics = {e.get("name", ""): e.find("mimic") for e in joints}
-    _keep(root)
-    check_numbers(file, root)
-    odd = {_end(file, e, "child"): why for e in joints if (why := ODD.get(e.get("type", "")))}
-    locked = _hold(file, joints)
-    meshes, surfaces = Meshes(), dict[str, Mesh]()
-    for link in links:
-        _check_inertial(file, link)
-    _shapes(file, root, meshes, surfaces)
-    for e in root.iter():
-        for key in [key for key, text in e.attrib.items() if key in ("name", "link") and text == "world"]:
-            e.set(key, ROOT)
-    options = {
-        "fusestatic": "false",
-        "discardvisual": "false",
-        "inertiafromgeom": "false",
-        "strippath": "false",
-    }
-    bounds = {"balanceinertia": "true", "boundmass": "1e-14", "boundinertia": "1e-14"}
-    ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", {**options, **bounds})
-    box = primitive("box", np.array([1.0, 2.0, 3.0]))
-    assets = dict.fromkeys((f"{name}.stl" for name in surfaces), stl_bytes(box.vertices + 1, box.faces))
-    notes = [Note("locked", tuple(locked))] if locked else []
-    text = ET.tostring(root, encoding="unicode")
-    couplings = _couplings(file, joints, mimics)
-    return Cleaned(text, assets, (*notes, *meshes.notes()), _prepare, surfaces, odd, couplings)
+    robot, meshes = read_tree(file, root), Meshes()
+    colours = {m.get("name", ""): m.find("color") for m in root.findall("material")}
+    shapes = {e.get("name", ""): _shapes(file, e, colours, meshes) for e in root.findall("link")}
+    bodies = tuple(replace(body, shapes=shapes[body.name]) for body in robot.bodies)
+    return replace(robot, bodies=bodies, notes=(*robot.notes, *meshes.notes()))
 
 
-def _check_tree(file: Path, links: Sequence[ET.Element], joints: Sequence[ET.Element]) -> None:
-    """One tree of links with names of their own, not too deep for MuJoCo."""
-    for elements in (links, joints):
-        first = {need(file, e, "name"): e for e in reversed(elements)}
-        if twice := [e for e in elements if first[e.get("name", "")] is not e]:
-            raise InputError(file, xml_place(file, twice[0]), "the name stands twice")
-    children: dict[str, list[str]] = {e.get("name", ""): [] for e in links}
-    roots = dict.fromkeys(children)
-    for joint in joints:
-        parent, child = _end(file, joint, "parent"), _end(file, joint, "child")
-        for which, end in (("parent", parent), ("child", child)):
-            if end not in children:
-                raise InputError(file, xml_place(file, joint), f"{which}: there is no link {end!r}")
-        if child not in roots:
-            problem = f"link {child!r} is another joint's child already: leave out what closes the loop"
-            raise InputError(file, xml_place(file, joint), problem)
-        del roots[child]
-        children[parent].append(child)
-    if len(roots) != 1:
-        got = ", ".join(roots) or ("a circle of joints" if links else "no links")
-        raise InputError(file, "<robot>", f"expected one link without a parent, got {got}")
-    left, level = set(children), list(roots)
-    for _ in range(MAX_DEPTH):
-        left -= set(level)
-        level = [child for link in level for child in children[link]]
-    if left:
-        problem = f"these links stand in a circle of joints: {', '.join(sorted(left))}"
-        raise InputError(
-            file, "<robot>", f"expected at most {MAX_DEPTH} links in a row" if level else problem
+def read_tree(file: Path, root: ET.Element) -> Robot:
+    """Read all links of a robot without their shapes; Raises as `read_urdf`."""
+    joints = {e.get("name", ""): e for e in root.findall("joint")}
+    limits = {name: _limits(file, e) for name, e in joints.items()}
+    locked = _locked(joints, limits)
+    couplings = _couplings(file, joints, locked)
+    follows = {own.follower: next((n for n in own.terms if n != own.follower), "") for own in couplings}
+    model = _by_pinocchio(file, root)
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    links = {f.parentJoint: f.name for f in model.frames if f.type == pin.FrameType.BODY}
+    rank = {name: k for k, name in enumerate(joints)}
+    above = {j: [rank[model.names[i]] for i in list(model.supports[j])[2:]] for j in range(1, model.njoints)}
+    order = sorted(above, key=lambda j: (len(above[j]), above[j]))  # as the file has them, parents first
+    bodies = []
+    for j in order:
+        name, inertia = model.names[j], model.inertias[j]
+        moves = j > 1 and name not in locked
+        kind = joints[name].get("type", "") if moves else "fixed"
+        own = _joint(file, joints[name], data.joints[j].S, limits[name]) if kind in MOVING else None
+        body = Body(
+            name=links[j],
+            parent=order.index(model.parents[j]) if j > 1 else -1,
+            pose=model.jointPlacements[j].homogeneous,
+            joint=own,
+            odd=ODD.get(kind, ""),
+            follows=follows.get(name, "") if own else "",
+            mass=inertia.mass,
+            com=inertia.lever.copy(),
+            inertia=plausible(inertia.inertia) if inertia.mass else np.zeros((3, 3)),
+            weighed=inertia.mass > 0,
         )
+        bodies.append(body)
+    notes = (Note("locked", tuple(locked)),) if locked else ()
+    return Robot(root.get("name") or file.stem, tuple(bodies), notes, tuple(couplings))
 
 
-def _end(file: Path, joint: ET.Element, which: str) -> str:
-    end = joint.find(which)
-    if end is None:
-        raise InputError(file, xml_place(file, joint), f"expected a <{which}>")
-    return need(file, end, "link")
+def _by_pinocchio(file: Path, root: ET.Element) -> pin.Model:
+    """All links, each behind a joint that moves, the first behind one that floats: so each keeps its inertia.
 
-
-def _keep(root: ET.Element) -> None:
-    """Take out what is not on the list, and of limits all but the two."""
-    for parent in list(root.iter()):
-        for child in [e for e in parent if e.tag not in KEPT and parent.tag != "geometry"]:
-            parent.remove(child)
-    for limit in root.iter("limit"):
-        for key in set(limit.attrib) - {"lower", "upper"}:
-            del limit.attrib[key]
-
-
-def _hold(file: Path, joints: Sequence[ET.Element]) -> list[str]:
-    """Joints as MuJoCo has them, without limits that mean none.
-
-    Returns:
-        Those that limits of 0 to 0 lock; none where no arm would be left: their exporter knew no limits.
+    Raises:
+        InputError: With the words of Pinocchio's parser, or when the joints are no tree.
     """
-    moving = [e for e in joints if e.get("type") in MOVING]
-    zero = [e for e in moving if _limits(file, e) == (0, 0)]
-    locked = zero if len(moving) - len(zero) >= ARM_JOINTS else []
-    for e in joints:
-        kind = e.get("type", "")
-        if kind in ODD or e in locked:
-            e.set("type", "fixed")
-        elif kind not in (*MOVING, "fixed"):
+    bare = ET.Element("robot", name="bare")
+    for link in root.findall("link"):
+        ET.SubElement(bare, "link", name=link.get("name", "")).extend(_inertial(file, link))
+    for joint in root.findall("joint"):
+        kind = joint.get("type", "")
+        if kind not in (*MOVING, *ODD, "fixed"):
             problem = f"type: expected {', '.join(MOVING)} or fixed, got {kind!r}"
-            raise InputError(file, xml_place(file, e), problem)
-    return [e.get("name", "") for e in locked]
+            raise InputError(file, place_of(joint), problem)
+        kind = "prismatic" if kind == "prismatic" else "revolute"
+        e = ET.SubElement(bare, "joint", name=joint.get("name", ""), type=kind)
+        e.extend(child for child in joint if child.tag in PLACED)
+        ET.SubElement(e, "limit", dict.fromkeys(("lower", "upper", "effort", "velocity"), "0"))
+    names = [e.get("name", "") for e in bare.findall("joint")]
+    children = Counter(e.get("link", "") for e in bare.findall("joint/child"))
+    if twice := [name for name, count in children.items() if count > 1]:
+        problem = f"link {twice[0]!r} is the child of two joints: leave out what closes the loop"
+        raise InputError(file, "<robot>", problem)
+    with _standard_error() as said:
+        try:
+            text = ET.tostring(bare, encoding="unicode")
+            model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), unique("root", names))
+        except (RuntimeError, ValueError, IndexError) as err:
+            said.seek(0)
+            found = SAID.search(said.read())
+            why = " ".join(found[1].decode(errors="replace").split()) if found else str(err)
+            raise InputError(file, "", f"Pinocchio refuses it: {why}") from err
+    if lost := [name for name in names if not model.existJointName(name)]:
+        problem = f"expected a tree of links; no way leads from the first one over {', '.join(lost)}:"
+        raise InputError(file, "<robot>", f"{problem} leave out what closes a loop")
+    return model
 
 
-def _couplings(
-    file: Path, joints: Sequence[ET.Element], mimics: Mapping[str, ET.Element | None]
-) -> list[Coupling]:
-    """What joints mimic: q = multiplier q_other + offset; one that is held stands at zero."""
-    kinds = {e.get("name", ""): e.get("type") for e in joints}
-    found = []
-    for name, mimic in mimics.items():
-        if mimic is None or kinds[name] not in MOVING:
-            continue
-        other, numbers = need(file, mimic, "joint"), {"multiplier": 1.0, "offset": 0.0}
-        numbers |= {
-            key: float(read_numbers(file, mimic, key, 1)[0]) for key in numbers if key in mimic.attrib
-        }
-        terms, label = {name: 1.0}, f"joint {name!r} mimics {other!r}"
-        if other == name:
-            raise InputError(file, f"<joint name={name!r}>", "it mimics itself")
-        if kinds.get(other) in (None, *MOVING):  # one that is not there is refused where an arm has it
-            terms[other] = -numbers["multiplier"]
-        found.append(Coupling(label, terms, numbers["offset"], name))
-    return found
+@contextlib.contextmanager
+def _standard_error() -> Iterator[BinaryIO]:
+    """Keep what libraries in C++ say on standard error meanwhile."""
+    with tempfile.TemporaryFile() as said:
+        real = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            yield said
+        finally:
+            os.dup2(real, 2)
+            os.close(real)
+
+
+def _numbers(file: Path, e: ET.Element | None, key: str, default: Sequence[float]) -> Array:
+    """An attribute as so many numbers as the default has, which stands in for one that is not there."""
+    if e is None or key not in e.attrib:
+        return np.array(default, dtype=float)
+    return np.array(numbers(file, e, key, len(default), MOST))
+
+
+def _inertial(file: Path, link: ET.Element) -> list[ET.Element]:
+    """The <inertial> of a link of a mass above zero, else nothing."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return []
+    mass = float(_numbers(file, inertial.find("mass"), "value", [0.0])[0])
+    if mass < 0:
+        raise InputError(file, place_of(link), f"mass: expected more than 0 kg, got {mass}")
+    found = ET.Element("inertial")
+    found.extend(e for e in inertial if e.tag in ("origin", "mass", "inertia"))
+    if found.find("inertia") is None:
+        ET.SubElement(found, "inertia", dict.fromkeys(INERTIA, "0"))
+    return [found] if mass else []
 
 
 def _limits(file: Path, e: ET.Element) -> tuple[float, float] | None:
-    """The limits that a joint states [rad, m]; None, and no <limit>, where it states none that bounds."""
-    if (limit := e.find("limit")) is None:
+    """The limits that a joint states [rad, m]; None where it states none that bounds."""
+    limit = e.find("limit")
+    if limit is None or not {"lower", "upper"} & limit.attrib.keys() or e.get("type") == "continuous":
         return None
-    found = {key: float(read_numbers(file, limit, key, 1)[0]) for key in limit.attrib}
-    lower, upper = found.get("lower", 0.0), found.get("upper", 0.0)
-    bounds = bool(found) and e.get("type") != "continuous" and max(abs(lower), abs(upper)) <= ENDLESS
-    if bounds and not lower < upper and (lower or upper):
-        problem = f"limit: expected lower < upper, got {lower:g} and {upper:g}"
-        raise InputError(file, xml_place(file, e), problem)
-    if not bounds or lower == upper:
-        e.remove(limit)
-    return (lower, upper) if bounds else None
+    lower, upper = (float(_numbers(file, limit, key, [0.0])[0]) for key in ("lower", "upper"))
+    if max(abs(lower), abs(upper)) > ENDLESS:
+        return None
+    if not lower < upper and (lower or upper):
+        raise InputError(file, place_of(e), f"limit: expected lower < upper, got {lower:g} and {upper:g}")
+    return lower, upper
 
 
-def _check_inertial(file: Path, link: ET.Element) -> None:
-    """A link of a mass above zero, or of none."""
-    for inertial in link.findall("inertial"):
-        mass = inertial.find("mass")
-        kilograms = 0.0 if mass is None else float(read_numbers(file, mass, "value", 1)[0])
-        if kilograms < 0:
-            raise InputError(file, xml_place(file, link), f"mass: expected more than 0 kg, got {kilograms}")
-        if kilograms == 0:
-            link.remove(inertial)
-        elif inertial.find("inertia") is None:
-            ET.SubElement(inertial, "inertia", dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "0"))
+def _locked(joints: Mapping[str, ET.Element], limits: Mapping[str, tuple[float, float] | None]) -> list[str]:
+    """Joints that limits of 0 to 0 lock; none where no arm would be left: their exporter knew no limits."""
+    moving = [name for name, e in joints.items() if e.get("type") in MOVING]
+    locked = [name for name in moving if limits[name] == (0, 0)]
+    return locked if len(moving) - len(locked) >= ARM_JOINTS else []
 
 
-def _shapes(file: Path, root: ET.Element, meshes: Meshes, surfaces: dict[str, Mesh]) -> None:
-    """Take out shapes without extent, or that cannot be read, which is noted; each other has one colour."""
-    colours = {m.get("name", ""): m.find("color") for m in root.findall("material")}
-    for link in root.findall("link"):
-        shown = link.findall("visual")
-        for e in [*shown, *link.findall("collision")]:
-            form = next(iter(e.findall("geometry/*")), None)
-            if form is None or not _is_there(file, form, meshes, surfaces):
-                link.remove(e)
-            else:
-                rgba = _colour(file, e, colours, surfaces.get(form.get("filename", "").removesuffix(".stl")))
-                for material in e.findall("material"):
-                    e.remove(material)
-                ET.SubElement(ET.SubElement(e, "material"), "color", rgba=" ".join(map(repr, rgba.tolist())))
-        if shown and link.find("visual") is None:  # none that can be read
-            for e in link.findall("collision"):
-                link.append(copy.deepcopy(e))
-                link[-1].tag = "visual"
-    for material in root.findall("material"):
-        root.remove(material)
-    for k, look in enumerate(root.iter("material")):  # for MuJoCo a name has the colour that it had first
-        look.set("name", f"{k}")
+def _joint(file: Path, e: ET.Element, axis: Array, limits: tuple[float, float] | None) -> Joint:
+    """A joint that moves, its motion in the link's frame Pinocchio's (6,) [1]."""
+    slides = e.get("type") == "prismatic"
+    axis = np.ravel(axis)[:3] if slides else np.ravel(axis)[3:]
+    if not abs(np.linalg.norm(axis) - 1) < THINNEST:
+        raise InputError(file, place_of(e), "axis: expected a direction, got zero")
+    limited = limits is not None and limits != (0, 0)
+    lower, upper = limits if limits and limited else endless(prismatic=slides)
+    return Joint(e.get("name", ""), axis, slides, lower, upper, limited)
 
 
-def _colour(file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None], mesh: Mesh | None) -> Array:
-    """Of the element's own material, of the robot's of that name, of its mesh, or ours, (4,) [1]."""
-    colour, material = e.find("material/color"), e.find("material")
-    if colour is None and material is not None:
-        colour = colours.get(material.get("name", ""))
-    if colour is not None:
-        return read_numbers(file, colour, "rgba", 4)
-    return VISIBLE if mesh is None or mesh.rgba is None else mesh.rgba
+def _couplings(file: Path, joints: Mapping[str, ET.Element], locked: Sequence[str]) -> list[Coupling]:
+    """What joints mimic: q = multiplier q_other + offset; one that is held stands at zero."""
+    moving = {name for name, e in joints.items() if e.get("type") in MOVING} - set(locked)
+    found = []
+    for name, e in joints.items():
+        if name not in moving or (mimic := e.find("mimic")) is None:
+            continue
+        other = mimic.get("joint", "")
+        if other == name:
+            raise InputError(file, place_of(e), "it mimics itself")
+        terms = {name: 1.0}
+        if other in moving or other not in joints:  # one that is not there is refused where an arm has it
+            terms[other] = -float(_numbers(file, mimic, "multiplier", [1.0])[0])
+        offset = float(_numbers(file, mimic, "offset", [0.0])[0])
+        found.append(Coupling(f"joint {name!r} mimics {other!r}", terms, offset, name))
+    return found
 
 
-def _is_there(file: Path, form: ET.Element, meshes: Meshes, surfaces: dict[str, Mesh]) -> bool:
-    """Whether a shape has an extent; a mesh is read."""
-    if form.tag == "mesh":
-        return _is_read(file, form, meshes, surfaces)
-    if form.tag not in FORMS:
-        raise InputError(file, xml_place(file, form), f"expected {', '.join(FORMS)} or mesh as a <geometry>")
-    sizes = np.concatenate([read_numbers(file, form, key, count) for key, count in FORMS[form.tag].items()])
-    if not 0 <= min(sizes) <= max(sizes) <= LARGEST:
-        raise InputError(
-            file, xml_place(file, form), f"expected sizes of 0 to {LARGEST:g} m, got {sizes.tolist()}"
-        )
-    return bool(min(sizes) > THINNEST)
+def _shapes(
+    file: Path, link: ET.Element, colours: Mapping[str, ET.Element | None], meshes: Meshes
+) -> tuple[Shape, ...]:
+    """Shapes of a link that have an extent; what collides is drawn where nothing that is can be read."""
+    visual, collision = (
+        [s for e in link.findall(tag) if (s := _shape(file, e, colours, meshes))]
+        for tag in ("visual", "collision")
+    )
+    if link.find("visual") is not None and not visual:
+        visual = collision
+    hard = (replace(s, rgba=VISIBLE, visual=False, collides=True) for s in collision)
+    return (*visual, *hard)
 
 
-def _is_read(file: Path, form: ET.Element, meshes: Meshes, surfaces: dict[str, Mesh]) -> bool:
-    """Whether a mesh can be read; MuJoCo has a box in its place, of a name of its own at each scale."""
-    name = need(file, form, "filename")
-    scale = read_numbers(file, form, "scale", 3) if "scale" in form.attrib else np.ones(3)
+def _shape(
+    file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None], meshes: Meshes
+) -> Shape | None:
+    """A shape as it is drawn; None where it has no extent or its mesh cannot be read, which is noted."""
+    form, origin = next(iter(e.findall("geometry/*")), None), e.find("origin")
+    if form is None:
+        return None
+    kind: Kind = next((kind for kind in FORMS if kind == form.tag), "mesh")
+    size = _size(file, form, kind)
+    mesh = _mesh(file, form, meshes) if kind == "mesh" else primitive(kind, size) if size.any() else None
+    if mesh is None:
+        return None
+    turn = pin.rpy.rpyToMatrix(*_numbers(file, origin, "rpy", [0.0] * 3))
+    pose = pose_of(turn, _numbers(file, origin, "xyz", [0.0] * 3))
+    return Shape(kind, size, pose, mesh, _colour(file, e, colours, mesh), visual=True, collides=False)
+
+
+def _size(file: Path, form: ET.Element, kind: Kind) -> Array:
+    """Size of a primitive as MuJoCo counts it, (3,) [m], lengths halved; zero where it has no extent."""
+    size = np.zeros(3)
+    if form.tag not in (*FORMS, "mesh"):
+        raise InputError(file, place_of(form), f"expected {', '.join(FORMS)} or mesh as a <geometry>")
+    if kind == "mesh":
+        return size
+    found = np.concatenate([numbers(file, form, key, count) for key, count in FORMS[kind].items()])
+    if not 0 <= min(found) <= max(found) <= LARGEST:
+        problem = f"expected sizes of 0 to {LARGEST:g} m, got {found.tolist()}"
+        raise InputError(file, place_of(form), problem)
+    if min(found) > THINNEST:
+        size[: len(found)] = found
+        size[0 if kind == "box" else 1 :] /= 2
+    return size
+
+
+def _mesh(file: Path, form: ET.Element, meshes: Meshes) -> Mesh | None:
+    """A mesh in metres; None where it cannot be read, which is noted."""
+    name = form.get("filename", "")
+    scale = _numbers(file, form, "scale", [1.0] * 3)
     try:
         mesh = meshes.load(find_mesh(file, name))
         check_size(mesh.vertices * scale)
     except MeshError as err:
         meshes.failed[name.rpartition("/")[2]] = str(err)
-        return False
+        return None
     faces = mesh.faces if np.prod(scale) > 0 else mesh.faces[:, ::-1]  # a mirrored surface turns inside out
-    form.attrib = {"filename": f"{len(surfaces)}.stl"}
-    surfaces[f"{len(surfaces)}"] = Mesh(mesh.vertices * scale, faces, mesh.outer * scale, mesh.rgba)
-    return True
+    return Mesh(mesh.vertices * scale, faces, mesh.outer * scale, mesh.rgba)
 
 
-def _prepare(spec: mujoco.MjSpec) -> None:
-    """What collides is not drawn, and inertias are such as bodies can have."""
-    for geom in spec.geoms:
-        if geom.contype:
-            geom.group, geom.rgba = VISUAL_GROUPS, VISIBLE
-    for body in spec.bodies:
-        if body.explicitinertial:
-            xx, yy, zz, xy, xz, yz = body.fullinertia
-            tensor = plausible(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
-            body.fullinertia = tensor[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
+def _colour(file: Path, e: ET.Element, colours: Mapping[str, ET.Element | None], mesh: Mesh) -> Array:
+    """Of the element's own material, of the robot's of that name, of its mesh, or ours, (4,) [1]."""
+    colour, material = e.find("material/color"), e.find("material")
+    if colour is None and material is not None:
+        colour = colours.get(material.get("name", ""))
+    if colour is not None:
+        return np.array(numbers(file, colour, "rgba", 4))
+    return VISIBLE if mesh.rgba is None else mesh.rgba
 
 
 def find_mesh(urdf: Path, name: str) -> Path:
