@@ -39,7 +39,7 @@ from testbench.model.load import Load, resultant
 from testbench.model.structure import Structure, all153, joints_only, labels_of
 from testbench.model.vjm import Vjm, tool_pose
 from testbench.model.weights import Weights, no_weights, read_weights
-from testbench.output.replace import reading
+from testbench.output.whole import reading
 
 if TYPE_CHECKING:  # who only reads a model needs no fits
     from testbench.campaign.fits import Identified
