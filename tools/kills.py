@@ -59,7 +59,7 @@ CODES = {"TERM": (143, -15), "INT": (130, -2), "KILL": (-9,)}
 """Exit codes after each signal; negative ones also before a command has begun, while Python starts."""
 UNDER_WAY = r"(^|/)\.[^/]+\.(new|lock)(/|$)"
 """Names of what a run makes, and of the lock that keeps others out of its place."""
-MOVING = r"(^|/)\.[^/]+\.new/(earlier|\d)"  #: Names of earlier results that have left their place.
+MOVING = r"(^|/)\.[^/]+\.new/(earlier|gone)/"  #: Names of earlier results that have left their place.
 OURS = r"testbench/(?!(cli/|studies/|shell/)?__init__|shell/interrupt)"
 """In a traceback: a module of ours that is imported when stops are heeded already."""
 WAYS = ("TERM", "INT", "KILL", "TERM group", "INT group", "KILL group", "INT INT", "TERM KILL")

