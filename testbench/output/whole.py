@@ -113,6 +113,8 @@ def _settle(place: Path) -> None:
     if os.path.lexists(earlier):
         if not os.path.lexists(place):  # killed between the two renames
             earlier.rename(place)
+        elif os.path.lexists(home / NEW / place.name):
+            raise InputError(place, "", f"stands where a run was that is in {earlier}; move one of them away")
         else:
             for guest in guests(earlier, read_manifest(earlier).files):
                 if not os.path.lexists(place / guest):

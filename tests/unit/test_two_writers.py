@@ -174,6 +174,21 @@ def test_a_kill_at_any_moment_leaves_the_old_run_or_the_new_one_and_what_is_of_n
     assert len(found) > 5
 
 
+def test_a_folder_that_is_made_after_a_kill_does_not_cost_the_earlier_run(tmp_path, monkeypatch):
+    write(out := tmp_path / "run", "old")
+    for k in range(30):
+        killed_at(k, monkeypatch, write, out, "one")
+        if not out.exists():
+            break
+    out.mkdir()
+    with pytest.raises(InputError, match=r"stands where a run was that is in .*\.run\.new/earlier"):
+        write(out, "two")
+    out.rmdir()
+    write(tmp_path / "other", "two")
+    restore(out)
+    assert whose(out) == "old"
+
+
 def write_several(folder, tag):
     """Files that belong together, one of them deeper."""
     with whole_files([folder / name for name in ("1.csv", "deep/2.csv", "3.csv")]) as parts:
