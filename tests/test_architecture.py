@@ -8,7 +8,7 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "testbench"
 FLOORS = (
-    {"display", "errors", "stops", "child", "session"},
+    {"display", "errors", "child", "session"},
     {"files", "output", "arm"},
     {"data", "model", "trials"},
     {"plant", "identify"},
@@ -140,7 +140,6 @@ def test_truth_and_model_share_no_code_not_even_through_others(model):
         "display",
         "errors",
         "session",
-        "stops",
         "files",
         "output",
         "arm",

@@ -11,6 +11,7 @@ import hashlib
 import io
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -27,6 +28,7 @@ from testbench.cli.program import COMMANDS, program
 from testbench.shell import command
 
 ROOT = Path(__file__).resolve().parents[1]
+UNDER_WAY = r"(^|/)\.[^/]+\.(new|lock)(/|$)"  #: Names of what a command makes, and of the lock of its place.
 MAIN = "from testbench.cli import main; main()"
 READ = 2**20  #: Files above are told by size and time alone [byte].
 REAL = 50  #: One of so many cases runs as a process of its own.
@@ -231,7 +233,7 @@ def problem(args: list[str], before: State, after: State, done: tuple[int, str, 
     code, out, err = done
     changed = sorted(name for name in before if after.get(name) != before[name])
     new = sorted(after.keys() - before.keys())
-    left = [name for name in new if ".new-" in name or name.endswith(".part") or "MUJOCO_LOG" in name]
+    left = [name for name in new if re.search(UNDER_WAY, name) or "MUJOCO_LOG" in name]
     if "Traceback" in out + err or code not in (0, 2):
         return f"exit code {code}: {err[-1500:]}"
     if code == 2 and (err.count("\n") != 1 or not err.startswith("error: ")):

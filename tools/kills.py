@@ -35,9 +35,8 @@ from testbench.trials.store import stored_seeds
 ROOT = Path(__file__).resolve().parents[1]
 MAIN = (sys.executable, "-c", "from testbench.cli import main; main()")
 TRIALS = f"""
-from testbench import stops
 from testbench.shell import interrupt
-stops.handle(interrupt.leave_at_once)
+interrupt.handle(interrupt.leave_at_once)
 import sys
 from testbench.shell import command
 sys.path.insert(0, {str(ROOT / "tests" / "scenarios")!r})
@@ -51,17 +50,17 @@ LONGEST = 900.0
 CHAIN = 5  #: Kills before a case is run to its end.
 LATE, MOST_LATE = "too late", 4  #: What a kill after the end counts as; most of them for each that hits.
 MOST_FAULTS = 20  #: After which no more is tried.
-CLOCKS = ("manifest.json", "recording.rrd")  #: Files that tell the time, or have a random identity.
+CLOCKS = ("manifest.json", "recording.rrd", "run.log")  #: Tell the time, or have a random identity.
 VIEWS = (".md", ".html")  #: Show the report, and how long solvers took.
 TIMED = ("solver_comparison",)  #: Studies of times: ratios of them, curves over them.
 TIME = r"seconds|ratio_to_conic"  #: In the names of what a clock measured, and of ratios of that.
 SHM = Path("/dev/shm")
 CODES = {"TERM": (143, -15), "INT": (130, -2), "KILL": (-9,)}
 """Exit codes after each signal; negative ones also before a command has begun, while Python starts."""
-UNDER_WAY = r"(^|/)\.((new|claim|ready)-|ready/)"
-"""Names of what a run makes, of what keeps others out of it, and of what is on its way to its place."""
-MOVING = r"(^|/)\.ready"  #: Names of the latter: earlier results may have left their places for it.
-OURS = r"testbench/(?!(cli/|studies/|shell/)?__init__|stops|shell/interrupt)"
+UNDER_WAY = r"(^|/)\.[^/]+\.(new|lock)(/|$)"
+"""Names of what a run makes, and of the lock that keeps others out of its place."""
+MOVING = r"(^|/)\.[^/]+\.new/(earlier|gone)/"  #: Names of earlier results that have left their place.
+OURS = r"testbench/(?!(cli/|studies/|shell/)?__init__|shell/interrupt)"
 """In a traceback: a module of ours that is imported when stops are heeded already."""
 WAYS = ("TERM", "INT", "KILL", "TERM group", "INT group", "KILL group", "INT INT", "TERM KILL")
 """Signals, one after the other; to the process, or to its group as a terminal or a supervisor does."""

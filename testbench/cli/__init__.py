@@ -3,7 +3,6 @@
 import gc
 import sys
 
-from testbench import stops
 from testbench.shell import interrupt
 from testbench.shell.surroundings import undisturbed
 
@@ -12,7 +11,7 @@ GARBAGE = 50_000  #: Objects between two searches for garbage: looking every 700
 
 def main() -> None:
     """Entry point of the command."""
-    stops.handle(interrupt.leave_at_once)
+    interrupt.handle(interrupt.leave_at_once)
     undisturbed()
     gc.set_threshold(GARBAGE)
     from testbench.cli.program import program  # here: imports can be interrupted from now on

@@ -13,7 +13,7 @@ from testbench.commands.compare_rows import worse
 from testbench.errors import BenchError
 from testbench.output.manifest import read_run
 from testbench.output.place import claim_folder
-from testbench.output.replace import reading
+from testbench.output.whole import reading
 from testbench.shell.options import Force, takes
 from testbench.views import terminal
 from testbench.views.markdown import as_plain

@@ -18,8 +18,7 @@ from testbench.correct.newton import Aim, Asked, Hold
 from testbench.data.motion import CSV, WRITERS, format_of
 from testbench.data.program import read_program
 from testbench.errors import BenchError, InputError
-from testbench.output.place import Kind, claim_file, claim_folder
-from testbench.output.replace import inside
+from testbench.output.place import Kind, check_file, claim_folder, inside
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views.terminal import looked_at, plain_console, print_words
 
@@ -86,10 +85,8 @@ def command(asked: Options) -> None:
     kind = Kind("a corrected program", rb"[^\n]*correction_")
     if form != CSV:
         kind = Kind(f"a program in {WRITERS[form].title}", WRITERS[form].begins.encode())
-    with (
-        claim_file(program_to, kind, inputs=given, force=asked.force),
-        claim_folder(folder, COMMAND, own=frozenset(), inputs=given, force=asked.force),
-    ):
+    check_file(program_to, kind, inputs=given, force=asked.force)
+    with claim_folder(folder, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         aim = _aim(asked)
         model = load_model(asked.model, asked.arm)
         if not model.arm.joints:

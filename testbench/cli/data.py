@@ -16,7 +16,7 @@ from testbench.cli.arguments import ShownFolder
 from testbench.commands.data import COMMAND, column_lines, column_rows, listed, report, understand, write
 from testbench.data.read_series import read_series
 from testbench.errors import BenchError, sheet_of
-from testbench.output.place import Kind, claim_file, claim_folder
+from testbench.output.place import Kind, check_file, claim_folder
 from testbench.output.whole import whole_file
 from testbench.shell.options import Force, takes
 from testbench.shell.project import ProjectCommand
@@ -89,23 +89,23 @@ def propose_map(asked: MapOptions) -> None:
     file = sheet_of(asked.dataset)[0]
     out, console = asked.out or file.with_suffix(".toml"), plain_console()
     inputs = [find_arm(asked.arm), file, *([asked.log] if asked.log else [])]
-    with claim_file(out, MAP, inputs=inputs, force=asked.force):
-        cell = build_cell(asked.arm)
-        entries = propose(asked.dataset, cell.arm, asked.log, out.parent)
-        with whole_file(out) as part:
-            part.write_text(
-                f"# A map of {file.name}, proposed by testbench data map\n{map_text(entries)}", "utf-8"
-            )
-        guesses = {why: [own.key for own in entries if own.why == why] for *_, why in entries if why}
-        said = (f"guess      {', '.join(keys)}: {why}" for why, keys in guesses.items())
-        console.print("\n".join([f"map        {out}", *said, ""]), soft_wrap=True)
-        export = read_series(asked.dataset, cell.arm, out)
-        rows = sum(one.rows for one in export.series)
-        lines = [
-            *column_lines(list(column_rows(export.columns))),
-            "",
-            *(f"- {note}" for note in export.notes),
-        ]
-        console.print("\n".join([*lines, f"{rows} readings"]), soft_wrap=True)
-        off = 1e3 * kinematic_misfit(cell.vjm, export.series)
-        console.print(f"They fit the arm as drawn to {off:.3g} mm (median).")
+    check_file(out, MAP, inputs=inputs, force=asked.force)
+    cell = build_cell(asked.arm)
+    entries = propose(asked.dataset, cell.arm, asked.log, out.parent)
+    with whole_file(out) as part:
+        part.write_text(
+            f"# A map of {file.name}, proposed by testbench data map\n{map_text(entries)}", "utf-8"
+        )
+    guesses = {why: [own.key for own in entries if own.why == why] for *_, why in entries if why}
+    said = (f"guess      {', '.join(keys)}: {why}" for why, keys in guesses.items())
+    console.print("\n".join([f"map        {out}", *said, ""]), soft_wrap=True)
+    export = read_series(asked.dataset, cell.arm, out)
+    rows = sum(one.rows for one in export.series)
+    lines = [
+        *column_lines(list(column_rows(export.columns))),
+        "",
+        *(f"- {note}" for note in export.notes),
+    ]
+    console.print("\n".join([*lines, f"{rows} readings"]), soft_wrap=True)
+    off = 1e3 * kinematic_misfit(cell.vjm, export.series)
+    console.print(f"They fit the arm as drawn to {off:.3g} mm (median).")

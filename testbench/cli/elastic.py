@@ -12,7 +12,7 @@ from testbench.arm.mjcf import assets, read_mjcf
 from testbench.campaign.campaign import build_cell
 from testbench.campaign.campaign_flags import ArmName
 from testbench.errors import InputError, read_bytes, word
-from testbench.output.place import Kind, claim_file
+from testbench.output.place import Kind, check_file
 from testbench.output.whole import whole_files
 from testbench.plant.elastic import elastic_mjcf
 from testbench.shell.options import Force
@@ -25,10 +25,10 @@ def command(
     arm: ArmName, file: Annotated[Path, typer.Argument(help="MJCF to write.")], force: Force = False
 ) -> None:
     """Write the arm with its springs."""
-    with claim_file(file, ELASTIC, inputs=[find_arm(arm)], force=force):
-        write_elastic(build_cell(arm).arm, file)
-        console = plain_console()
-        console.print(f"{file}; open it with: python -m mujoco.viewer --mjcf={word(file)}", soft_wrap=True)
+    check_file(file, ELASTIC, inputs=[find_arm(arm)], force=force)
+    write_elastic(build_cell(arm).arm, file)
+    console = plain_console()
+    console.print(f"{file}; open it with: python -m mujoco.viewer --mjcf={word(file)}", soft_wrap=True)
 
 
 def write_elastic(arm: Arm, file: Path) -> None:

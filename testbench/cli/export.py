@@ -2,7 +2,6 @@
 
 import contextlib
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -23,7 +22,7 @@ from testbench.campaign.export_left import BestOffsets, Sizes
 from testbench.errors import BenchError, InputError
 from testbench.identify.arm_model import ArmModel
 from testbench.output.manifest import read_plain
-from testbench.output.place import HEAD, INSTEAD, Kind, claim_file, look
+from testbench.output.place import HEAD, INSTEAD, Kind, check_file, look
 from testbench.output.whole import writing
 from testbench.shell.options import Force, takes
 from testbench.trials.rows import Row
@@ -76,8 +75,8 @@ def _write_urdf(asked: Options, urdf: Path) -> None:
     out = (asked.out or Path(f"{urdf.stem}_calibrated.urdf")) if own else urdf
     if out.suffix.lower() != ".urdf":
         raise InputError(out, "", "expected the name of a URDF, ending with .urdf")
-    with _claimed(asked, out, URDF, [urdf] if own else []) as model:
-        _export(model, draft_own(model.state, urdf, asked.tip) if own else draft_new(model.state), out)
+    model = _read(asked, out, URDF, [urdf] if own else [])
+    _export(model, draft_own(model.state, urdf, asked.tip) if own else draft_new(model.state), out)
 
 
 def _write_into(asked: Options, file: Path) -> None:
@@ -88,25 +87,22 @@ def _write_into(asked: Options, file: Path) -> None:
         raise BenchError(f"--gears: expected numbers with commas between, got {asked.gears!r}") from err
     if gears and form is not ABB:
         raise BenchError("--gears: is for ABB's motors alone")
-    with _claimed(asked, out, CONTROLLER, [file]) as model:
-        if form is UR:
-            _export(model, draft_ur(model.state, file), out)
-        else:
-            _say(model, _offset_words(model.arm, out, *export_offsets(model.state, file, out, gears)))
+    model = _read(asked, out, CONTROLLER, [file])
+    if form is UR:
+        _export(model, draft_ur(model.state, file), out)
+    else:
+        _say(model, _offset_words(model.arm, out, *export_offsets(model.state, file, out, gears)))
 
 
-@contextlib.contextmanager
-def _claimed(asked: Options, out: Path, kind: Kind, files: list[Path]) -> Iterator[ArmModel]:
-    """The model, while the places of both files are ours."""
+def _read(asked: Options, out: Path, kind: Kind, files: list[Path]) -> ArmModel:
+    """The model, once both files may be written."""
     inputs = [asked.model, *files]
-    with (
-        claim_file(out, kind, inputs=inputs, force=asked.force),
-        claim_file(beside_of(out), BESIDE, inputs=inputs, force=asked.force),
-    ):
-        model = load_model(asked.model)
-        if not asked.force:
-            _refuse_another(out, model.arm.name)
-        yield model
+    check_file(out, kind, inputs=inputs, force=asked.force)
+    check_file(beside_of(out), BESIDE, inputs=inputs, force=asked.force)
+    model = load_model(asked.model)
+    if not asked.force:
+        _refuse_another(out, model.arm.name)
+    return model
 
 
 def _export(model: ArmModel, draft: Draft, out: Path) -> None:

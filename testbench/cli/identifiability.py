@@ -1,6 +1,5 @@
 """testbench identifiability ARM DATA: what runs can tell of a model, before any fit."""
 
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -17,7 +16,7 @@ from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.runs import files_read, read, register
 from testbench.commands.identifiability import report, write
 from testbench.identify.prior import Strength, cad_prior
-from testbench.output.place import PNG, claim_file
+from testbench.output.place import PNG, check_file
 from testbench.output.whole import whole_file
 from testbench.shell.options import Force, of_flag, takes
 from testbench.views import terminal
@@ -42,28 +41,26 @@ class Options:
 def command(runs: Readings, asked: Options) -> None:
     """Say what is seen, what is not, and what would help."""
     png = asked.figure
-    with ExitStack() as held:
-        if png is not None:
-            inputs = [find_arm(runs.arm), *files_read(runs)]
-            held.enter_context(claim_file(png, PNG, inputs=inputs, force=asked.force))
-        cell = build_cell(runs.arm)
-        with of_flag("--model"):
-            [entry] = named_models(cell, [asked.model or plain_name(cell)])
-        export = read(cell, runs)
-        cell, found = register(cell, export, runs)
-        strength = Strength(asked.uncertainty_percent / 100)
-        told = describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength)
-        said = report(told, cell.arm.name)
-        console = terminal.plain_console()
-        console.print(terminal.as_plain(said.title))
-        where = "" if asked.more else "with --more"
-        terminal.print_words(console, said, [said.tables["help"]], where=where)
-        if asked.more:
-            console.print(Markdown(said.block("more")))
-        console.print(
-            "\n".join(f"- {note}" for note in (*export.notes, *registration_notes(found))), soft_wrap=True
-        )
-        if png is not None:
-            with whole_file(png) as part:
-                write(said, part)
-            console.print(f"figure     {png}", soft_wrap=True)
+    if png is not None:
+        check_file(png, PNG, inputs=[find_arm(runs.arm), *files_read(runs)], force=asked.force)
+    cell = build_cell(runs.arm)
+    with of_flag("--model"):
+        [entry] = named_models(cell, [asked.model or plain_name(cell)])
+    export = read(cell, runs)
+    cell, found = register(cell, export, runs)
+    strength = Strength(asked.uncertainty_percent / 100)
+    told = describe(cell.vjm, entry.structure, found.data, cad_prior(cell.arm), strength)
+    said = report(told, cell.arm.name)
+    console = terminal.plain_console()
+    console.print(terminal.as_plain(said.title))
+    where = "" if asked.more else "with --more"
+    terminal.print_words(console, said, [said.tables["help"]], where=where)
+    if asked.more:
+        console.print(Markdown(said.block("more")))
+    console.print(
+        "\n".join(f"- {note}" for note in (*export.notes, *registration_notes(found))), soft_wrap=True
+    )
+    if png is not None:
+        with whole_file(png) as part:
+            write(said, part)
+        console.print(f"figure     {png}", soft_wrap=True)

@@ -12,7 +12,7 @@ import typer
 from testbench.campaign.model_folder import ARM
 from testbench.data.mapping import is_map
 from testbench.errors import BenchError
-from testbench.output.place import Kind, claim_file, look
+from testbench.output.place import Kind, check_file, look
 from testbench.output.whole import whole_file
 from testbench.shell.options import Force, takes
 from testbench.shell.project import NAME, TEMPLATE, parse_project
@@ -43,7 +43,8 @@ def command(asked: Options) -> None:
     told = dict(map(_pair, asked.values or []))
     text = _filled(TEMPLATE.read_text(encoding="utf-8"), _found() | told)
     parse_project(NAME, text)
-    with claim_file(NAME, PROJECT, inputs=[], force=True), whole_file(NAME) as part:
+    check_file(NAME, PROJECT, force=True)
+    with whole_file(NAME) as part:
         part.write_text(text, encoding="utf-8")
     taken = [line for line in text.splitlines() if line and not line.startswith("#")]
     several = [

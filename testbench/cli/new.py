@@ -15,7 +15,7 @@ from testbench.campaign.campaign import build_cell
 from testbench.campaign.new_arm import write_arm
 from testbench.campaign.propose import Wishes
 from testbench.errors import Array, BenchError, InputError, check_array, word
-from testbench.output.place import new_folder
+from testbench.output.whole import new_folder
 from testbench.plant.import_robot.chain import read_chain
 from testbench.plant.import_robot.robot import pose_of
 from testbench.views.terminal import plain_console

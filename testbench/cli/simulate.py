@@ -1,7 +1,6 @@
 """testbench simulate ARM [FILE] --out DATA: measured runs of the true arm."""
 
 from collections.abc import Iterable, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -20,7 +19,7 @@ from testbench.cli.arguments import Orientations, absolute_alone
 from testbench.data.program import read_poses
 from testbench.data.write import write_csv, write_series
 from testbench.errors import Array, BenchError, InputError
-from testbench.output.place import Kind, claim_file
+from testbench.output.place import Kind, check_file
 from testbench.output.whole import whole_files
 from testbench.plant.disturbance import Disturbances, GeometryErrors
 from testbench.plant.disturbed import disturb
@@ -121,14 +120,13 @@ def command(asked: Options, absolute: Absolute) -> None:
     """Settle the true arm, read the markers, write the dataset."""
     inputs = [find_arm(asked.arm), *filter(None, [asked.file, asked.mapping])]
     kind = READINGS if absolute.absolute else DATASET
-    with ExitStack() as held:
-        for path in _files(asked.out, absolute.series):
-            held.enter_context(claim_file(path, kind, inputs=inputs, force=asked.force))
-        cell = build_cell(asked.arm)
-        if absolute.absolute:
-            _read_absolutely(cell, asked, absolute)
-        else:
-            _read_deflections(cell, asked)
+    for path in _files(asked.out, absolute.series):
+        check_file(path, kind, inputs=inputs, force=asked.force)
+    cell = build_cell(asked.arm)
+    if absolute.absolute:
+        _read_absolutely(cell, asked, absolute)
+    else:
+        _read_deflections(cell, asked)
 
 
 def _read_absolutely(cell: Cell, asked: Options, absolute: Absolute) -> None:

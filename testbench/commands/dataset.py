@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
@@ -18,8 +19,8 @@ from testbench.campaign.perturbed_prior import PRIORS_CALLED
 from testbench.campaign.public_dataset import ARM, GRID, SCENARIO, TABLES, write_rounds
 from testbench.campaign.true_arms import CALLED, TRUTHS
 from testbench.errors import BenchError
-from testbench.output.place import claim_folder, whole_folder
-from testbench.output.whole import temporary_folder
+from testbench.output.place import claim_folder
+from testbench.output.whole import whole_folder
 from testbench.shell.trials import show_progress
 from testbench.trials.engine import Chunks
 from testbench.trials.local import on_cores
@@ -41,13 +42,13 @@ def build(out: Path, seeds: range, workers: int | None, console: Console, *, for
     with (
         claim_folder(out, COMMAND, own=frozenset(), force=force),
         whole_folder(out) as folder,
-        temporary_folder() as parts,
+        TemporaryDirectory() as parts,
     ):
-        work = partial(write_rounds, seeds[0], str(parts))
+        work = partial(write_rounds, seeds[0], parts)
         chunks = on_cores(work, ([k] for k in rounds), workers=workers)
         show_progress(_counted(chunks), len(rounds), "rounds", kept=False)
         for name in TABLES:
-            join_tables([parts / str(k) / name for k in rounds], folder / name)
+            join_tables([Path(parts, str(k), name) for k in rounds], folder / name)
         home = folder / "arms" / ARM
         home.mkdir(parents=True)
         copy_arm(load_arm(find_arm(ARM)), home)

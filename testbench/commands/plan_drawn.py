@@ -16,7 +16,6 @@ from testbench.campaign.workspace_errors import ErrorPlaces
 from testbench.design.planning import Plan
 from testbench.errors import Array
 from testbench.model.vjm import chain, tool_points
-from testbench.output.whole import write_whole
 from testbench.plant.shapes import rigid_frames
 from testbench.report.report import Report
 from testbench.report.table import Row
@@ -200,7 +199,7 @@ def _cells(row: Row, joints: Sequence[Joint]) -> dict[str, str]:
 def _write_table(head: Sequence[str], rows: Sequence[Sequence[object]], path: Path) -> None:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([head, *rows])
-    write_whole(text.getvalue(), path)
+    path.write_text(text.getvalue(), encoding="utf-8")
 
 
 def plan_columns(joints: Sequence[Joint], *, pulls: bool = False) -> list[str]:

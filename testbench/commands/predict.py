@@ -17,7 +17,6 @@ from testbench.data.formula import as_cell
 from testbench.errors import Array, Ids
 from testbench.identify.posterior import CONFIDENCE
 from testbench.model.vjm import turns
-from testbench.output.whole import whole_file
 from testbench.plant.shapes import elastic_frames, rigid_frames
 from testbench.report.columns import columns
 from testbench.report.leave import Asked, leave
@@ -74,7 +73,7 @@ def write_predictions(made: Predicted, folder: Path) -> None:
     of_tool = np.hstack([found.turn, tool.principal, tool.softest])
     parts = (found.position, found.position_half, found.deflection, found.half)
     names = [as_cell(name) for name in made.names]
-    with whole_file(folder / TABLE) as part, part.open("w", encoding="utf-8", newline="") as file:
+    with (folder / TABLE).open("w", encoding="utf-8", newline="") as file:
         rows = csv.writer(file, lineterminator="\n")
         arm = made.model.arm
         rows.writerow(prediction_columns(arm.file_joints))

@@ -11,11 +11,10 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 from pydantic_core import from_json
 
-from testbench.errors import InputError, open_file, read_bytes, read_text, shown
+from testbench.errors import InputError, read_bytes, read_text, shown
 
 NAME = "manifest.json"
 MOST = 16 * 2**20  #: Largest one that is read [byte].
-LARGEST = 2**32  #: Largest file of a run that is looked into [byte].
 FILES = 10_000  #: Most that a run has.
 File = Annotated[str, Field(pattern=r"^[^\x00]*$")]
 
@@ -46,15 +45,6 @@ def read_manifest(folder: Path) -> Manifest:
     except (InputError, ValidationError):
         return NONE
     return found if "testbench" in found.versions else NONE
-
-
-def has_digest(path: Path, sha256: str | None) -> bool:
-    """Whether a plain file, no link to one, has this SHA-256."""
-    try:
-        with open_file(path, LARGEST) as file:
-            return not path.is_symlink() and hashlib.file_digest(file, "sha256").hexdigest() == sha256
-    except InputError:
-        return False
 
 
 def is_run(folder: Path) -> bool:

@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from testbench.errors import InputError
-from testbench.output.lock import CLAIM, claim
 from testbench.output.manifest import is_run, read_manifest
-from testbench.output.replace import inside, put_in_place, settle
-from testbench.output.whole import NAME, folder_for, scratch, whole_file, writing
+from testbench.output.whole import claimed, guests, writing
 
-LONGEST = 255  #: Longest name of a file [byte].
+LONGEST = 250  #: Longest name of a file [byte]: five more make that of its lock.
 HEAD = 4096  #: How much of a file says what it is [byte].
 INSTEAD = "choose another name, or replace it by --force"
 
@@ -29,21 +27,6 @@ class Kind:
 
 
 PNG = Kind("a PNG picture", rb"\x89PNG\r\n")
-
-
-@contextlib.contextmanager
-def claim_file(path: Path, kind: Kind, *, inputs: Sequence[Path] = (), force: bool = False) -> Iterator[None]:
-    """The file is this command's alone inside of the block, before anything is computed.
-
-    Args and Raises: as of `check_file`; InputError too when another run has it.
-    """
-    check_file(path, kind, inputs=inputs, force=force)
-    with contextlib.ExitStack() as stack:
-        with writing(path):
-            stack.enter_context(folder_for(path.parent))
-            stack.enter_context(claim(path.parent, path.parent, shared=True))  # no run's folder meanwhile
-            stack.enter_context(claim(path, path.parent))
-        yield
 
 
 def check_file(path: Path, kind: Kind, *, inputs: Sequence[Path] = (), force: bool = False) -> None:
@@ -95,6 +78,11 @@ def look(path: Path) -> os.stat_result | None:
     return None
 
 
+def inside(path: Path, folder: Path) -> bool:
+    """Whether a path leads into a folder, or to it."""
+    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+
+
 def same(path: Path, other: Path) -> bool:
     """Whether two paths lead to one file."""
     try:
@@ -136,13 +124,8 @@ def claim_folder(
     if out is None:
         yield
         return
-    settle(out)
     check_folder(out, command, own=own, inputs=inputs, force=force)
-    with contextlib.ExitStack() as stack:
-        with writing(out):
-            stack.enter_context(folder_for(out))
-            stack.enter_context(claim(out, out))
-        settle(out)
+    with claimed(out):
         check_folder(out, command, own=own, inputs=inputs, force=force)
         yield
 
@@ -175,66 +158,19 @@ def check_folder(
             raise InputError(out, "", f"lies in the folder of a run; {ELSEWHERE}")
         if status is not None:
             _check_held(out, command, own)
-    check_writable(out, out)
+    if inside(Path(), out) or out.is_mount():
+        raise InputError(out, "", "is the working folder or a mount; expected the name of a folder in it")
 
 
 def _check_held(out: Path, command: str, own: frozenset[str]) -> None:
+    """Refuse a folder with a run of another command, or with anything that is none of its run."""
     found = read_manifest(out)
     if found.command not in (command, ""):
         raise InputError(out, "", f"holds a run of {found.command}, expected {command}; {ELSEWHERE}")
-    for path in _entries(out, own, found.files):
-        if not path.is_file() or path.is_symlink() or path.relative_to(out).as_posix() not in found.files:
-            problem = f"is not of {command}, and a run folder holds only runs; {ELSEWHERE}"
-            raise InputError(path, "", problem)
-
-
-def _entries(out: Path, own: frozenset[str], named: frozenset[str]) -> Iterator[Path]:
-    """What lies in a run's folder, and in folders of it that hold named files; not what is its own."""
     try:
-        for path in sorted(out.iterdir()):
-            if path.name in own or NAME.fullmatch(path.name) or CLAIM.fullmatch(path.name):
-                continue
-            if path.is_dir() and not path.is_symlink() and any(f.startswith(f"{path.name}/") for f in named):
-                below = frozenset(f.removeprefix(f"{path.name}/") for f in named)
-                yield from _entries(path, frozenset(), below)
-            else:
-                yield path
+        for guest in guests(out, found.files):
+            if guest.parts[0] not in own:
+                problem = f"is not of {command}, and a run folder holds only runs; {ELSEWHERE}"
+                raise InputError(out / guest, "", problem)
     except OSError as err:
         raise InputError(out, "", f"cannot be read: {err.strerror}") from err
-
-
-@contextlib.contextmanager
-def whole_folder(out: Path) -> Iterator[Path]:
-    """A scratch folder whose files replace the run in `out` once the block has ended well.
-
-    After an error or Ctrl-C the earlier results stand as they were; after a kill they do, or the next command
-    that opens the folder puts the new ones in place.
-
-    Args:
-        out: Folder of the results; made where it does not exist.
-
-    Raises:
-        InputError: When the folder cannot be made or written.
-    """
-    with writing(out), folder_for(out):
-        settle(out)
-        with scratch(out) as folder:
-            yield folder
-            put_in_place(out, folder)
-
-
-@contextlib.contextmanager
-def new_folder(out: Path) -> Iterator[Path]:
-    """A scratch folder that becomes `out` once the block has ended well; nothing is left of it otherwise.
-
-    Args:
-        out: A folder that does not exist yet; it is named so in the block too.
-
-    Raises:
-        InputError: When it exists, or cannot be made or written.
-    """
-    if look(out) is not None:
-        raise InputError(out, "", "exists already; expected the name of a new folder")
-    with whole_file(out) as part, writing(out), claim(out, out.parent):
-        part.mkdir()
-        yield part

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench import files
 from testbench.campaign.model_folder import digests
-from testbench.output.place import whole_folder
+from testbench.output.whole import whole_folder
 from testbench.report.report import Report
 from testbench.session import stepwise
 from testbench.views.scene import Seen, typical_first

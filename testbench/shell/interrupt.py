@@ -1,4 +1,7 @@
-"""Ctrl-C and its like at any moment: one line, an exit code, no traceback."""
+"""Ctrl-C and its like at any moment: one line, an exit code, no traceback.
+
+Imports nothing but what Python has loaded.
+"""
 
 import contextlib
 import os
@@ -6,11 +9,20 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 
-from testbench import stops
-
+STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl-C, a supervisor's request, the loss of the terminal."""
 SIGNALLED = 128  #: Exit code after a signal, less its number.
 INTERRUPTED = SIGNALLED + signal.SIGINT
 STANDS = "earlier results stand as they were"
+
+
+def handle(handler: Callable[..., object]) -> dict[int, Callable[..., object] | int | None]:
+    """Make it the handler of the stops, but for those that are ignored; returns those before.
+
+    Ignored is what must not interrupt: by nohup, or for a job in the background.
+    """
+    heeded = [number for number in STOPS if signal.getsignal(number) not in (signal.SIG_IGN, None)]
+    return {number: signal.signal(number, handler) for number in heeded}
 
 
 def leave_at_once(number: int, _: object) -> None:
@@ -37,14 +49,15 @@ def raised() -> Iterator[Callable[[], int]]:
 
     def first(number: int, _: object) -> None:
         came.append(number)
-        stops.handle(leave_at_once)
+        handle(leave_at_once)
         raise KeyboardInterrupt
 
-    before = stops.handle(first)
+    before = handle(first)
     try:
         yield lambda: SIGNALLED + came[0] if came else 0
     finally:
-        stops.restore(before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def leave(code: int) -> None:
@@ -53,6 +66,6 @@ def leave(code: int) -> None:
     Raises:
         SystemExit: Always.
     """
-    for number in stops.STOPS:
+    for number in STOPS:
         signal.signal(number, signal.SIG_IGN)
     sys.exit(code)

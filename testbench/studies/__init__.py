@@ -2,7 +2,6 @@
 
 from importlib import import_module
 
-from testbench import stops
 from testbench.shell import interrupt
 from testbench.shell.surroundings import undisturbed
 
@@ -13,7 +12,7 @@ def main(name: str) -> None:
     Args:
         name: Of its folder.
     """
-    stops.handle(interrupt.leave_at_once)
+    interrupt.handle(interrupt.leave_at_once)
     undisturbed()
     from testbench.shell import command  # here: imports can be interrupted from now on
     from testbench.studies.run import app

@@ -18,7 +18,8 @@ from testbench import files
 from testbench.campaign.model_folder import digests
 from testbench.campaign.own_estimator import EstimatorOptions, digests_of
 from testbench.errors import InputError
-from testbench.output.place import claim_folder, whole_folder
+from testbench.output.place import claim_folder
+from testbench.output.whole import whole_folder
 from testbench.report.failures import FAILURES, failures, fitted, with_failures
 from testbench.report.report import Report
 from testbench.report.table import Trials

@@ -20,9 +20,8 @@ from typing import BinaryIO, Generic, TypeVar
 
 from testbench import files
 from testbench.errors import BenchError, InputError
-from testbench.output.lock import locked
 from testbench.output.manifest import read_manifest
-from testbench.output.whole import folder_for, sweep, sync_names, writing
+from testbench.output.whole import folder_for, sync_names, writing
 from testbench.trials.experiment import Experiment, check_header
 from testbench.trials.rows import Table, check_types, columns, restorer
 
@@ -272,8 +271,6 @@ def open_store(
     """
     path = folder / FILE
     with folder_for(folder):
-        with writing(path):
-            sweep(folder)
         made = not os.path.lexists(path)
         with _opened(path) as file:
             store = None
@@ -303,7 +300,7 @@ def _opened(path: Path) -> Iterator[int]:
         file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
     try:
         with writing(path):
-            status, ours = os.fstat(file), locked(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            status, ours = os.fstat(file), _locked(file)
             ours = ours and os.path.lexists(path) and os.path.samestat(status, path.lstat())
         if not ours:
             problem = "another run is writing it: wait for it or choose another folder"
@@ -313,6 +310,17 @@ def _opened(path: Path) -> Iterator[int]:
         yield file
     finally:
         os.close(file)
+
+
+def _locked(file: int) -> bool:
+    """Whether an open file is ours from now on; so it is where there are no locks."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def _check_plain(path: Path) -> None:

@@ -71,6 +71,6 @@ def test_a_full_disk_is_one_line_and_leaves_earlier_results(attack, cell, name):
         assert made.code == 0, made
     refused = attack(cell, *words, largest=FULL)
     refused.refused("cannot be")
-    assert not any(".new-" in word for word in refused.err.split()), refused.err
+    assert ".new" not in refused.err
     for path in cell.glob("made*"):
         remove(path)

@@ -1,19 +1,17 @@
-"""Folders of models that a stranger forged, checksums and all: `predict` refuses what no model can say."""
+"""Folders of models that a stranger forged: `predict` refuses what no model can say."""
 
 import contextlib
-import hashlib
 import io
 import json
 import shutil
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from testbench.campaign.model_folder import read_arrays, sealed
+from testbench.campaign.arm_models import _read_arrays
 from testbench.errors import InputError
 
 Change = Callable[[dict], object]
@@ -41,17 +39,12 @@ def says(*place: str, value: object) -> Change:
 FORGED = {
     "an arm of a long name": (says("arm", value="x" * 5_000_000), "arm: String should have at most 255"),
     "an arm of a name that no XML holds": (says("arm", value="a\0b"), "arm: String should match pattern"),
-    "a note that fills pages": (says("notes", value=["x" * 10**6]), "notes.0: String should have at most"),
     "a name that fills pages": (says("name", value="x" * 10**6), "name: String should have at most"),
     "masses of 1e300 kg": (says("weights", "mass_kg", value=[1e300] * 8), "weights.mass_kg.0: Input should"),
-    "a compliance of 1e308": (says("joints", value={"joint_1": 1e308}), "joints.joint_1: Input should"),
+    "a constant of 1e308": (says("theta_0", value=[1e308]), "theta_0.0: Input should"),
+    "a method that fills pages": (says("about", "method", value="x" * 10**6), "about.method: String should"),
+    "more rows than fit in memory": ({"root": np.zeros((700_000, 56))}, "bytes when unpacked"),
     "100,000 doubts": (says("about", "doubts", value=["?"] * 10**5), "about.doubts: List should have at"),
-    "no digests": (says("digests", value={}), "is not the arm of the model"),
-    "a format of 30 digits": (says("format", value=10**30), "is a stiffness of format"),
-    "rows that are none": (says("spread", "heavy_rows", value=10**9), "spread.heavy_rows"),
-    "errors of 1e200": ({"root": np.full((200, 56), 1e200)}, "root: expected numbers up to 1e+100"),
-    "half a million rows in 245 kB": ({"root": np.zeros((558_035, 56))}, "root.npy: expected at most 10000"),
-    "no errors": ({"root": np.zeros((0, 56))}, "heavy_rows"),
     "three axes": ({"root": np.zeros((2, 56, 2))}, "root: expected shape"),
     "objects": ({"root": np.array([{}], dtype=object)}, "Object arrays cannot be loaded"),
 }
@@ -67,7 +60,7 @@ def test_a_forged_document_or_posterior_is_refused(attack, model, tmp_path, name
     change(document)
     with np.load(posterior) as old:
         np.savez_compressed(posterior, **{**old, **arrays})
-    file.write_text(json.dumps(sealed(document, posterior.read_bytes())))
+    file.write_text(json.dumps(document))
     attack(lab, "predict", "model", "poses.csv", "--out", "out").refused("model/", said)
 
 
@@ -85,10 +78,9 @@ def test_a_damaged_posterior_is_read_or_refused_whatever_numpy_and_zipfile_raise
         text, raw = bytearray(head.encode()), io.BytesIO()
         text[rng.integers(len(text))] = rng.choice(list(b"'()[]{},:01L-.T \n\\"))
         with zipfile.ZipFile(raw, "w", method) as packed:
-            packed.writestr("pi.npy", b"\x93NUMPY\1\0" + len(text).to_bytes(2, "little") + text + bytes(8))
+            packed.writestr("root.npy", b"\x93NUMPY\1\0" + len(text).to_bytes(2, "little") + text + bytes(8))
         damaged = bytearray(raw.getvalue())
         damaged[rng.integers(len(damaged))] = rng.integers(256)
         (tmp_path / "posterior.npz").write_bytes(damaged)
-        own = SimpleNamespace(posterior=hashlib.sha256(damaged).hexdigest(), ARRAYS=["pi"])
         with contextlib.suppress(InputError):
-            read_arrays(tmp_path, own)
+            _read_arrays(tmp_path / "posterior.npz")

@@ -19,8 +19,6 @@ import testbench as tb
 from testbench.arm.folder import load_arm
 from testbench.campaign.absolute import File, evenly, read_all, score
 from testbench.campaign.arm_models import read_model
-from testbench.campaign.model_folder import sealed
-from testbench.errors import InputError
 from testbench.identify.absolute.align import aligned
 from testbench.identify.absolute.posterior import RegisteredSeries, predict, without
 from testbench.identify.absolute.scatter import residuals
@@ -197,32 +195,23 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, 
         refused("score", made[0], same, said=told)
 
 
-FLAT = {"rotation": [[1.0, 1.0, 1.0]] * 3, "translation_m": [0.0] * 3}
 TAMPERED = {
     "theta_0 [m, rad]: expected shape": lambda d: {"theta_0": d["theta_0"][:-1]},
-    "those of 6 compliances last": lambda d: {"columns": d["columns"][:-2]},
     "root: expected shape": lambda d: {"columns": d["columns"][2:]},
-    "those of 0 compliances last": lambda d: {"compliances": "none"},
-    "expected a rotation": lambda d: {"frames": {"f": FLAT}},
-    "expected a symmetric matrix": lambda d: {"C_theta": np.tri(len(d["C_theta"])).tolist()},
-    "factor": lambda d: {"noise": {**d["noise"], "factor": [0.0] * 4}},
-    "compliances": lambda d: {"compliances": "feathers"},
-    "digests": lambda d: {"digests": None},
+    "noise.factor.0: Input should be greater": lambda d: {"noise": {**d["noise"], "factor": [0.0] * 4}},
+    "expected a model of testbench calibrate": lambda d: {"noise": None},
     "orders: expected different": lambda d: {"errors": {**d["errors"], "orders": [2, 2]}},
     "open_position_m": lambda d: {"noise": {**d["noise"], "open_position_m": float("nan")}},
+    "is a model of format 2, this version reads 3": lambda d: {"format": 2},
 }
 
 
 @pytest.mark.parametrize("words", TAMPERED)
 def test_a_model_that_was_tampered_with_is_one_line(words, made, readings, tmp_path):
-    """By one who computes its checksums again, and by one who does not."""
     folder = shutil.copytree(made[0], tmp_path / "model")
     document = json.loads((folder / "model.json").read_text())
-    changed = document | TAMPERED[words](document)
-    forged = sealed(changed, (folder / "posterior.npz").read_bytes())
-    for own, told in ((forged, words), ({**document, "theta_0": [9.0] * 48}, "model.json: checksum: ")):
-        (folder / "model.json").write_text(json.dumps(own))
-        refused("score", folder, readings[2], said=told)
+    (folder / "model.json").write_text(json.dumps(document | TAMPERED[words](document)))
+    refused("score", folder, readings[2], said=words)
 
 
 @pytest.mark.parametrize(
@@ -242,17 +231,12 @@ def test_what_cannot_be_calibrated_is_said_and_nothing_is_written(readings, line
     refused("calibrate", arm, *more, part, "--out", tmp_path / "out", said=words, below=tmp_path)
 
 
-def test_the_arm_of_the_model_is_the_one_that_was_calibrated(made, arm, tmp_path):
+def test_the_arm_of_the_model_is_the_one_that_was_calibrated(made, arm):
     """With its meshes: collisions are found and it is drawn from the folder alone."""
     model = tb.load_model(made[0], arm)
     assert model.arm.joints == load_arm(arm).joints
     assert model.arm.name == "flagged"
     assert build_plant(model.arm).load.shape == (3,)
-    (folder := tmp_path / "model").mkdir()
-    shutil.copytree(made[0], folder, dirs_exist_ok=True)
-    (folder / "meshes" / "flag.stl").unlink()
-    with pytest.raises(InputError, match=r"flag.stl: is not the arm of the model"):
-        tb.load_model(folder)
 
 
 def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, readings):
@@ -274,7 +258,7 @@ def test_a_loaded_model_is_as_sure_as_the_calibration_with_its_frame_held(made, 
     assert model.scatter > 0
 
 
-def test_a_model_says_where_it_comes_from_and_one_of_format_1_does_not(made, readings, tmp_path):
+def test_a_model_says_where_it_comes_from(made):
     about = tb.load_model(made[0]).about
     assert about.method == "absolute calibration: geometry, joint springs, joint errors"
     assert [*about.data] == ["r_1.csv", "r_2.csv"]
@@ -283,17 +267,6 @@ def test_a_model_says_where_it_comes_from_and_one_of_format_1_does_not(made, rea
         "Not read, hence extrapolated",
         "Own weight is the only load",
     ]
-    folder = shutil.copytree(made[0], tmp_path / "model")
-    document = json.loads((folder / "model.json").read_text())
-    shutil.rmtree(folder / "meshes")
-    digests = {name: document["digests"][name] for name in ("rigid.xml", "elastic.toml")}
-    later = ("about", "posterior", "checksum")
-    old = {k: v for k, v in document.items() if k not in later} | {"format": 1, "digests": digests}
-    (folder / "model.json").write_text(json.dumps(old))
-    model = tb.load_model(folder)
-    assert (model.about.force, model.about.data) == (None, {})
-    assert np.array_equal(model.state.C_theta, tb.load_model(made[0]).state.C_theta)
-    fine("score", folder, readings[2], "--frame-poses", 20)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,16 @@ from own_urdf import own_urdf
 from run_here import do, fine, held, refused
 
 from testbench import files
-from testbench.campaign.arm_models import read_model
+from testbench.arm.folder import load_arm
+from testbench.campaign.arm_models import read_model, save_model
 from testbench.campaign.controller_files import STAMP
+from testbench.identify.absolute.noise import Noise
+from testbench.identify.absolute.state import nominal
+from testbench.identify.arm_model import About, ArmModel
+from testbench.identify.posterior import Posterior
+from testbench.model.kinematics import build_vjm
+from testbench.model.structure import joints_only
+from testbench.model.weights import Weights
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -22,24 +31,13 @@ def place(tmp_path, monkeypatch):
     """A folder to work in, with a model of errors of geometry alone and the robot's own URDF."""
     monkeypatch.chdir(tmp_path)
     (model := tmp_path / "model").mkdir()
-    for name in ("rigid.xml", "elastic.toml"):
-        shutil.copyfile(ROOT / "models" / "ur10" / name, model / name)
-    rng = np.random.default_rng(4)
+    rng, vjm = np.random.default_rng(4), build_vjm(load_arm(ROOT / "models" / "ur10"))
     theta = np.zeros(48)
     theta[6:36] = rng.uniform(-5e-4, 5e-4, 30)
-    document = {
-        **{"format": 1, "kind": "absolute calibration", "arm": "ur10", "compliances": "none"},
-        "digests": {name: files.digest(model / name) for name in ("rigid.xml", "elastic.toml")},
-        "theta_0": theta.tolist(),
-        "C_theta": np.zeros((48, 48)).tolist(),
-        "errors": {"orders": [], "ratio": False, "play": False, "stiffening": False}
-        | {"coefficients": [[]] * 6, "torque_scale": [1.0] * 6},
-        "weights": {"mass_kg": [1.0] * 8, "centre_m": [[0.0] * 3] * 8},
-        "noise": {"open_position_m": 0.0, "open_rotation_rad": 0.0, "factor": [1.0] * 4},
-        **{"columns": [], "frames": {}, "mounts": {}},
-    }
-    (model / "model.json").write_text(json.dumps(document))
-    np.savez(model / "posterior.npz", root=np.zeros((0, 0)), L=np.zeros((0, 0)))
+    state = replace(nominal(vjm, Weights(np.ones(8), np.zeros((8, 3))), np.ones(6)), theta_0=theta)
+    none = Posterior.normal(np.zeros(0), np.zeros((0, 0)))
+    known = ArmModel(state, joints_only(vjm.arm), np.zeros(0, int), none, About("geometry"), Noise())
+    save_model(known, model, name="geometry", fit={})
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "robot.urdf").write_text(own_urdf(read_model(model).vjm, rng)[0])
     return tmp_path

@@ -11,7 +11,7 @@ from typing import Annotated
 import trial_work
 import typer
 
-from testbench.output.place import whole_folder
+from testbench.output.whole import whole_folder
 from testbench.shell import command, interrupt
 from testbench.shell.options import Common, takes
 from testbench.shell.trials import choose_backend, show_progress

@@ -1,19 +1,17 @@
-"""Outputs replace what is of their kind, and nothing else; what a killed process left is removed."""
+"""Outputs replace what is of their kind, and nothing else."""
 
-import errno
 import hashlib
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from testbench.errors import InputError
 from testbench.files import git_commit, write_manifest
-from testbench.output.place import PNG, check_file, check_folder, new_folder, whole_folder
-from testbench.output.whole import HOST, scratch, whole_file, write_whole
+from testbench.output.place import PNG, check_file, check_folder, claim_folder
+from testbench.output.whole import new_folder, whole_file, whole_folder
 
 OURS, OTHER = "testbench identify", "testbench plan"
 PICTURE = b"\x89PNG\r\n\x1a\n"
@@ -30,7 +28,7 @@ def write_run(out, *names, command=OURS):
 
 def folder_refused(out, text, **kwargs):
     with pytest.raises(InputError, match=text) as caught:
-        check_folder(out, OURS, **({"force": False} | kwargs))
+        claim_folder(out, OURS, **({"force": False} | kwargs)).__enter__()
     return str(caught.value)
 
 
@@ -59,7 +57,15 @@ def test_other_runs_links_files_and_inputs_are_refused(tmp_path):
     (tmp_path / "run" / "manifest.json").unlink()
     (tmp_path / "run" / "manifest.json").symlink_to(tmp_path / "plan" / "manifest.json")
     folder_refused(tmp_path / "run", "holds a run of testbench plan")
-    folder_refused(tmp_path / ("x" * 300) / "y", "more than 255 bytes")
+    for long in (Path("x" * 300, "y"), Path("x" * 251)):
+        folder_refused(tmp_path / long, "more than 250 bytes")
+
+
+def test_a_folder_that_cannot_be_renamed_is_refused(tmp_path, monkeypatch):
+    (tmp_path / "here" / "deeper").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "here" / "deeper")
+    for name in (".", "..", tmp_path / "here", "/proc"):
+        folder_refused(Path(name), "is the working folder or a mount", force=True)
 
 
 def test_a_failure_leaves_no_folder_behind(tmp_path):
@@ -90,7 +96,7 @@ def test_a_file_is_replaced_by_one_of_its_kind_only(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for other in (tmp_path, tmp_path / "pipe", "/dev/null"):
         refused(tmp_path / other, "got a folder or a device", force=True)
-    refused(tmp_path / "x" / ("y" * 300), "more than 255 bytes")
+    refused(tmp_path / "x" / ("y" * 300), "more than 250 bytes")
     write_run(tmp_path / "run", "a.json")
     refused(tmp_path / "run" / "x.png", "a run folder holds only runs")
 
@@ -100,31 +106,6 @@ def test_a_place_that_cannot_be_written_is_found_before_anything_is_made(tmp_pat
     with pytest.raises(InputError, match="cannot be written"):
         check_file(tmp_path / "/proc/new/x.png", PNG)
     folder_refused(tmp_path / "/proc/new", "cannot be written")
-
-
-def test_what_killed_processes_left_goes_and_what_others_make_stays(tmp_path, monkeypatch):
-    code = "import os, sys; from testbench.output.place import whole_folder; from pathlib import Path\n"
-    code += "with whole_folder(Path(sys.argv[1])) as f: (f / 'half').touch(); os.kill(os.getpid(), 9)"
-    subprocess.run([sys.executable, "-c", code, tmp_path], check=False)
-    [left] = tmp_path.glob(".new-*")
-    elsewhere = tmp_path / left.name.replace(HOST, "elsewhere", 1)
-    for path in (elsewhere, tmp_path / ".new-mine"):
-        path.touch()
-    for write in (lambda out: write_whole("", out / "a.csv"), lambda out: write_run(out, "a.json")):
-        with scratch(tmp_path) as neighbour, monkeypatch.context() as patch:
-            left.mkdir(exist_ok=True)
-            (left / "half").touch()
-            patch.setattr("fcntl.flock", no_locks)
-            write(tmp_path)
-            assert left.exists()  # where there are no locks, nobody knows whose it is
-            patch.undo()
-            write(tmp_path)
-            assert not left.exists()
-            assert all(path.exists() for path in (elsewhere, tmp_path / ".new-mine", neighbour))
-
-
-def no_locks(*_):
-    raise OSError(errno.ENOLCK, "No locks available")
 
 
 def test_a_run_takes_the_place_of_one_of_its_kind_with_all_of_its_files_and_folders(tmp_path):
@@ -147,6 +128,37 @@ def test_a_run_takes_the_place_of_one_of_its_kind_with_all_of_its_files_and_fold
     write_run(run, "c.json")
     assert (part / "b.json").exists()
     assert not (run / "meshes").exists()
+
+
+def test_what_is_of_no_run_is_never_removed_even_by_force(tmp_path):
+    """It moves with the folder, into which it was put before or while the run was made."""
+    mine = ["meshes/mine.stl", "notes/deep/thesis.tex", "trials.log"]
+    write_run(tmp_path / "run", "meshes/1.stl", "a.json")
+    for name in mine:
+        (tmp_path / "run" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "run" / name).write_text("mine")
+    (tmp_path / "run" / "empty").mkdir()
+    (tmp_path / "run" / "link").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "link").symlink_to(tmp_path / "run")
+    for out in (tmp_path / "run", tmp_path / "link"):
+        write_run(out, "b.json")
+        assert all((out / name).read_text() == "mine" for name in mine)
+        found = {p.name for p in out.iterdir()}
+        assert found == {"b.json", "manifest.json", "meshes", "notes", "trials.log", "empty", "link"}
+    for out in ("run/empty", "run/notes"):
+        with pytest.raises(InputError, match=f"{out}.*got a folder; move it away"):
+            write_run(tmp_path / "run", Path(out).name)
+    assert all((tmp_path / "run" / name).read_text() == "mine" for name in mine)
+    (tmp_path / ".run.lock").write_text("mine")
+    write_run(tmp_path / "run", "c.json")
+    (tmp_path / ".run.new").mkdir()
+    (tmp_path / ".run.new" / "mine").touch()
+    with pytest.raises(InputError, match=r"\.run\.new: is nothing that a run leaves which was killed"):
+        write_run(tmp_path / "run", "d.json")
+    found = {p.relative_to(tmp_path).as_posix() for p in tmp_path.glob("*")}
+    assert found == {"run", "link", ".run.lock", ".run.new"}
+    assert (tmp_path / ".run.new" / "mine").exists()
+    assert (tmp_path / "run" / "c.json").exists()
 
 
 def test_the_commit_of_a_checkout_says_whether_it_was_changed(tmp_path):

@@ -1,4 +1,4 @@
-"""One file a run: strict, closed in any case, replaced only by a whole one; and what draws in it."""
+"""One file a run: strict, closed in any case, written only when it is whole; and what draws in it."""
 
 import contextlib
 import hashlib
@@ -14,7 +14,6 @@ from rerun.components import MarkerShape
 
 from testbench.errors import Array
 from testbench.files import versions
-from testbench.output.whole import whole_file
 from testbench.views.colours import GREY, Colour, Look
 
 SCRUB = 10.0  #: How long the timeline that a reader lands on is played [s].
@@ -129,8 +128,7 @@ def recording(
             stream.send_blueprint(blueprint)
             _write_properties(stream, header)
             yield Pen(stream)
-            with whole_file(path) as part:
-                part.write_bytes(memory.drain_as_bytes())
+            path.write_bytes(memory.drain_as_bytes())
         finally:
             stream.disconnect()
     finally:

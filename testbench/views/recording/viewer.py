@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from testbench.errors import BenchError, InputError
-from testbench.output.replace import settle
+from testbench.output.whole import restore
 
 HERE = "127.0.0.1"  #: The address of this machine that no other one reaches.
 BEGINS = b"RRF2"  #: What a recording of Rerun begins with.
@@ -33,7 +33,7 @@ def newest(folder: Path) -> Path:
     if folder.is_file() and folder.suffix == ".rrd":
         found = [folder]
     else:
-        settle(folder, read=True)
+        restore(folder)
         found = [file for there in ("*.rrd", "*/*.rrd") for file in folder.glob(there)]
         found = [file for file in found if file.is_file()]  # a pipe of that name has no end
     if not found:
