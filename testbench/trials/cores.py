@@ -35,13 +35,13 @@ def on_cores(work: Work, chunks: Sequence[Sequence[int]], *, workers: int | None
         yield from here(work, chunks)
         return
     # One BLAS thread, and arrays as they are: where they lie in memory changes the last digits of results.
-    options = {"inner_max_num_threads": 1, "initializer": _end_with, "initargs": (os.getpid(),)}
+    options = {"inner_max_num_threads": 1, "initializer": _begin, "initargs": (os.getpid(),)}
     try:
         with (
             parallel_config("loky", **options),
             Parallel(count, return_as="generator_unordered", batch_size=1, max_nbytes=None) as pool,
         ):
-            # Workers leave stops to this process: what is blocked while they start they never get.
+            # No stop reaches a worker before it has begun: it would say so with a traceback.
             signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
             try:
                 found = pool(delayed(do_chunk)(work, seeds) for seeds in chunks)
@@ -52,8 +52,10 @@ def on_cores(work: Work, chunks: Sequence[Sequence[int]], *, workers: int | None
         raise WorkersLost("a worker was killed, or crashed, or ran out of memory") from err
 
 
-def _end_with(parent: int) -> None:
-    """End this worker, at the latest soon after the process that started it."""
+def _begin(parent: int) -> None:
+    """Have this worker leave stops to the process that started it, and end soon after that one."""
+    for number in STOPS:
+        signal.signal(number, signal.SIG_IGN)
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -293,6 +293,7 @@ def test_a_cluster_gives_the_same_bytes_and_uses_all_its_workers(tmp_path, alone
     assert (tmp_path / "script" / "trials.parquet").read_bytes() == alone
 
 
+@pytest.mark.attack
 def test_the_bench_finds_on_a_cluster_what_it_finds_here(tmp_path, secure):
     address, *_ = secure
     entry, found = tmp_path / "draws.py", []
@@ -339,6 +340,7 @@ def test_a_cluster_that_is_started_as_the_page_says_listens_on_its_address_alone
     assert {place.partition(":")[0] for place in ports} == {"0100007F"}
 
 
+@pytest.mark.attack
 def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(tmp_path, alone, secure):
     address, worker, _, _ = secure
     pids = tmp_path / "pids"
