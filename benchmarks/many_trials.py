@@ -14,9 +14,9 @@ from measure import MODELS, Row, at_least, interleave, note, spread
 from testbench.campaign.campaign import build_cell
 from testbench.identify import gco
 from testbench.studies.single_link import trial as single_link
+from testbench.trials.cores import on_cores
 from testbench.trials.engine import run_study
 from testbench.trials.experiment import Experiment
-from testbench.trials.local import on_cores
 from testbench.trials.store import open_store, write_parquet
 
 SEEDS = range(1, 2001)  # some 20 s on one process
@@ -59,7 +59,7 @@ def study(workers: int, shares: list[float]) -> None:
             for _ in run_study(draws, store, partial(on_cores, workers=workers), size=CHUNK):
                 pass
             write_parquet(store, Path(name))
-            inside = math.fsum(row.seconds for _, rows in store.trials() for row in rows)
+            inside = math.fsum(row.seconds for row in store.rows())
     shares.append(inside / (workers * (time.perf_counter() - start)))
 
 

@@ -1,4 +1,4 @@
-"""Estimators of anybody in frozen tasks; `testbench bench` does the same, and judges by fresh seeds.
+"""Estimators of anybody in frozen tasks; `testbench bench` does the same.
 
 python scenarios/bench.py ENTRY.py --out runs/bench
 """

@@ -1,11 +1,14 @@
 """A command under way: what it took from a project file, how far it is, and the log that it leaves."""
 
+import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import NamedTuple, TypeVar
 
 T = TypeVar("T")
+STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl-C, a supervisor's request, the loss of the terminal: signals that end a command in good order."""
 
 
 def _nobody(_: str, done: int, total: int) -> None:

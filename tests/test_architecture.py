@@ -8,7 +8,7 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "testbench"
 FLOORS = (
-    {"display", "errors", "child", "session"},
+    {"display", "errors", "session"},
     {"files", "output", "arm"},
     {"data", "model", "trials"},
     {"plant", "identify"},
@@ -30,6 +30,7 @@ DOORS = {
     **dict.fromkeys(("markdown_it", "markupsafe"), "views/page/page.py"),
     "pyarrow": ("trials", "data/table.py", "report/table.py"),
     "distributed": "trials/cluster.py",
+    "joblib": "trials/cores.py",
     "trimesh": ("plant/import_robot/meshes.py", "plant/import_robot/solids.py"),
     "fast_simplification": "plant/import_robot/meshes.py",
 }

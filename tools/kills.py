@@ -30,7 +30,8 @@ from pathlib import Path
 
 from pyarrow import parquet
 
-from testbench.trials.store import stored_seeds
+from testbench.errors import InputError
+from testbench.trials.store import part_seeds
 
 ROOT = Path(__file__).resolve().parents[1]
 MAIN = (sys.executable, "-c", "from testbench.cli import main; main()")
@@ -302,9 +303,9 @@ def stored(out: Path) -> dict[Path, int]:
     for ended in out.rglob("trials.parquet"):
         if not re.search(UNDER_WAY, ended.relative_to(out).as_posix()):
             found[ended.with_suffix("")] = int(parquet.read_schema(ended).metadata[b"trials"])
-    for store in out.rglob("trials.log"):
-        with contextlib.suppress(FileNotFoundError):  # it has just ended
-            found[store.with_suffix("")] = len(stored_seeds(store))
+    for part in out.rglob("trials/*.parquet"):
+        with contextlib.suppress(InputError):  # its run has just ended
+            found[part.parent] = found.get(part.parent, 0) + len(part_seeds(part))
     return found
 
 

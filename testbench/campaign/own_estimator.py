@@ -1,10 +1,8 @@
 """Estimators of one's own beside ours: their flags, their models, and what is asked of their answers."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +13,7 @@ from testbench import files
 from testbench.arm.stiffness import SYMMETRY_TOLERANCE, eigenvalue_scale
 from testbench.campaign.campaign import Cell
 from testbench.campaign.models import MODELS, Model
-from testbench.campaign.own_process import SUFFIX, Limits, Own, ask, file_of, server
+from testbench.campaign.own_process import SUFFIX, Limits, Own, ask, file_of
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate
@@ -72,10 +70,7 @@ def read_own(texts: Sequence[str], limits: Limits, taken: Sequence[str], flag: s
 
     BenchError when one cannot be imported, lacks its function, or has a name that is taken.
     """
-    if not texts:
-        return ()
-    with server() as link:
-        found = tuple(_read(link, text, limits, flag) for text in texts)
+    found = tuple(_read(text, limits, flag) for text in texts)
     names = [own.name for own in found]
     for name in names:
         if names.count(name) > 1 or name.casefold() in map(str.casefold, taken):
@@ -83,7 +78,7 @@ def read_own(texts: Sequence[str], limits: Limits, taken: Sequence[str], flag: s
     return found
 
 
-def _read(link: Connection, text: str, limits: Limits, flag: str) -> Own:
+def _read(text: str, limits: Limits, flag: str) -> Own:
     found = ASKED.fullmatch(text)
     source = found["source"] if found else ""
     if not found or not (source.endswith(SUFFIX) or MODULE.fullmatch(source)):
@@ -96,7 +91,7 @@ def _read(link: Connection, text: str, limits: Limits, flag: str) -> Own:
         files.digest(Path(source))  # refuses what is no file
     own = Own(name, source, found["function"], limits)
     try:
-        return replace(own, sha256=files.digest(file_of(link, own)))
+        return replace(own, sha256=files.digest(file_of(own)))
     except BenchError as err:
         raise BenchError(f"{flag}: {source}: {err}") from err
 
@@ -109,27 +104,24 @@ def digests_of(own: Sequence[Own]) -> dict[str, dict[str, str]]:
 Models = Callable[[Cell, Prior | None], list[Model]]
 
 
-@contextmanager
-def engaged(own: Sequence[Own]) -> Iterator[Connection]:
-    """A process that answers calls of them; BenchError when a file is not the one that was asked for."""
-    with server() as link:
-        for each in own:
-            if files.digest(file_of(link, each)) != each.sha256:
-                raise BenchError(f"{FLAG}: {each.source} has changed since the run began")
-        yield link
+def check_unchanged(own: Sequence[Own]) -> None:
+    """Refuse, by BenchError, a file that is not the one that was asked for."""
+    for each in own:
+        if files.digest(file_of(each)) != each.sha256:
+            raise BenchError(f"{FLAG}: {each.source} has changed since the run began")
 
 
-@contextmanager
-def hired(own: Sequence[Own]) -> Iterator[Models]:
-    """In the block a function makes their models of a cell and the prior of a trial; see `engaged`."""
-    if not own:
-        yield lambda _cell, _prior: []
-        return
-    with engaged(own) as link:
-        yield lambda cell, prior: [
-            Model(each.name, replace(all153(cell.arm), name=f"own {k}"), Hired(each, link, prior))
-            for k, each in enumerate(own, 1)
-        ]
+def hired(own: Sequence[Own]) -> Models:
+    """Return a function that makes their models of a cell and the prior of a trial.
+
+    Raises:
+        BenchError: When a file has changed, see `check_unchanged`.
+    """
+    check_unchanged(own)
+    return lambda cell, prior: [
+        Model(each.name, replace(all153(cell.arm), name=f"own {k}"), Hired(each, prior))
+        for k, each in enumerate(own, 1)
+    ]
 
 
 @dataclass(frozen=True)
@@ -137,12 +129,11 @@ class Hired:
     """An estimator of one's own, called like any method."""
 
     own: Own
-    link: Connection  #: To the process that calls it.
     prior: Prior | None  #: Of the trial; None where there is none.
 
     def __call__(self, vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
         """Its answer, judged as every estimate is; BenchError where it has none."""
-        pi = parameters(structure, ask(self.link, self.own, (vjm, structure, data, self.prior)).found)
+        pi = parameters(structure, ask(self.own, (vjm, structure, data, self.prior)).found)
         words = f"own estimator {self.own.function}"
         estimate = make_estimate(reduce(vjm, structure, data), pi, method=words, constraint="own")
         check_reach(deflections(vjm, estimate, data), vjm)

@@ -69,9 +69,8 @@ def command(readings: Readings, asked: Options, tried: EstimatorOptions) -> None
         filed = cell
         cell, runs = read_runs(filed, readings, asked.check_pose or (), full_pose=asked.full_pose)
         models = _models(cell, asked)
-        with hired(own) as more:
-            models += more(cell, cad_prior(cell.arm) if asked.prior else None)
-            found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
+        models += hired(own)(cell, cad_prior(cell.arm) if asked.prior else None)
+        found = fit(cell, models, runs, time.perf_counter, widths=asked.intervals)
         if asked.strict:
             from testbench.campaign.arm_check import check  # here: it reads the arm once more
 

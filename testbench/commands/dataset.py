@@ -22,8 +22,8 @@ from testbench.errors import BenchError
 from testbench.output.place import claim_folder
 from testbench.output.whole import whole_folder
 from testbench.shell.trials import show_progress
+from testbench.trials.cores import on_cores
 from testbench.trials.engine import Chunks
-from testbench.trials.local import on_cores
 from testbench.trials.tables import join_tables, kinds
 
 COMMAND = "testbench dataset build"
@@ -45,7 +45,7 @@ def build(out: Path, seeds: range, workers: int | None, console: Console, *, for
         TemporaryDirectory() as parts,
     ):
         work = partial(write_rounds, seeds[0], parts)
-        chunks = on_cores(work, ([k] for k in rounds), workers=workers)
+        chunks = on_cores(work, [[k] for k in rounds], workers=workers)
         show_progress(_counted(chunks), len(rounds), "rounds", kept=False)
         for name in TABLES:
             join_tables([Path(parts, str(k), name) for k in rounds], folder / name)

@@ -49,7 +49,7 @@ def read_manifest(folder: Path) -> Manifest:
 
 def is_run(folder: Path) -> bool:
     """Whether a folder is that of a run, finished or under way."""
-    return bool(read_manifest(folder).command) or (folder / "trials.log").is_file()
+    return bool(read_manifest(folder).command) or any(folder.glob("trials/*.parquet"))
 
 
 REPORTS = "report.json", "plan.json"  #: Numbers of a run, by the name that its command gives them.

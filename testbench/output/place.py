@@ -103,7 +103,7 @@ def check_writable(folder: Path, path: Path) -> None:
         pass
 
 
-UNDER_WAY = frozenset(("trials.log", "prepared"))
+UNDER_WAY = frozenset(("trials", "prepared"))
 """What a study keeps in its folder beside the files of a finished run."""
 ELSEWHERE = "choose another folder, or write into this one by --force"
 

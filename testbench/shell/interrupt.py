@@ -9,8 +9,8 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 
-STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Ctrl-C, a supervisor's request, the loss of the terminal."""
+from testbench.session import STOPS
+
 SIGNALLED = 128  #: Exit code after a signal, less its number.
 INTERRUPTED = SIGNALLED + signal.SIGINT
 STANDS = "earlier results stand as they were"

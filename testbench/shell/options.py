@@ -90,7 +90,7 @@ class Common:
     seed: Annotated[int, typer.Option(min=0, max=2**62, help="Seed of all random numbers.")] = 1
     seeds: Annotated[
         int | None,
-        typer.Option(min=1, max=10_000_000, help="Trials, each with its own seed: medians and spreads."),
+        typer.Option(min=1, max=1_000_000, help="Trials, each with its own seed: medians and spreads."),
     ] = None
     out: Annotated[Path | None, typer.Option(help="Folder of the results.")] = None
     force: Force = False

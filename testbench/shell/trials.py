@@ -8,8 +8,8 @@ from testbench.session import tell
 from testbench.shell.interrupt import STANDS
 from testbench.shell.options import Common
 from testbench.trials.cluster import check_address, check_certificates, on_cluster
+from testbench.trials.cores import on_cores
 from testbench.trials.engine import Backend
-from testbench.trials.local import on_cores
 
 
 def choose_backend(asked: Common) -> Backend:

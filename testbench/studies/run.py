@@ -1,10 +1,8 @@
 """The command of a study: trials on the engine, then its report and every view of it, all or nothing."""
 
-import contextlib
 import json
-import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -25,11 +23,10 @@ from testbench.report.report import Report
 from testbench.report.table import Trials
 from testbench.shell.options import Common, takes
 from testbench.shell.trials import choose_backend, show_progress
-from testbench.studies.patched import checked, sums
 from testbench.studies.study import AnyStudy, Everywhere, P, Run
 from testbench.trials.engine import Backend, run_study
 from testbench.trials.experiment import Experiment
-from testbench.trials.store import FILE, WHOLE, open_store, write_parquet
+from testbench.trials.store import open_store, write_parquet
 from testbench.views import terminal
 from testbench.views.figure import Figure, headed, save
 from testbench.views.markdown import titled
@@ -73,20 +70,19 @@ def run(
     plain, own = TypeAdapter(type(settings)).dump_python(settings, mode="json"), estimators.own
     plain |= {"own": {each.name: asdict(each) for each in own}} if own else {}
     text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
-    known, sha = sums(study.trials), digests_of((*study.own(settings), *own))
-    scenario = {"settings": plain, "models": digests(arms), **sha, **known}
+    sha = digests_of((*study.own(settings), *own))
+    scenario = {"settings": plain, "models": digests(arms), **sha}
     script = f"scenarios/{study.name}.py"
     experiment = Experiment(study.name, scenario, seeds)
     backend, remote = choose_backend(common), common.cluster is not None
     with (
-        _of_stored(out, resume=common.resume),
         claim_folder(out, script, inputs=arms, force=common.force),
         open_store(out, experiment, row=study.row, resume=common.resume) as store,
         whole_folder(out) as folder,
     ):
         if study.prepare:
             settings = study.prepare(settings, _everywhere(experiment, backend, common, out / PREPARED))
-        work = partial(checked, study.trials, known, settings, own)
+        work = partial(study.trials, settings, **({"own": own} if own else {}))
         show_progress(run_study(work, store, backend, size=study.size, remote=remote), len(seeds), "trials")
         report = _reported(study, settings, seeds, Trials.read(write_parquet(store, folder)))
         figures = _write(study, Run(study.name, settings, seeds, report, folder, text))
@@ -98,21 +94,6 @@ def run(
     console.print(terminal.as_plain(report.title))
     terminal.print_words(console, report, _shown(study, report))
     terminal.print_places(console, out, figures=figures, data=study.data)
-
-
-@contextlib.contextmanager
-def _of_stored(out: Path, *, resume: bool) -> Iterator[None]:
-    """A fault over trials that were stored before is told as theirs: who computes checksums forges them."""
-    places = [folder / name for folder in (out, out / PREPARED) for name in (FILE, WHOLE)]
-    stored = resume and any(map(os.path.lexists, places))
-    try:
-        yield
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RuntimeError) as err:
-        if not stored:
-            raise
-        last = (str(err).splitlines() or [""])[-1]
-        problem = f"expected trials of this study, of those that are stored nothing can be said: {last}"
-        raise InputError(out, "", f"{problem}; choose another folder to start afresh") from err
 
 
 def _reported(study: AnyStudy, settings: Any, seeds: range, trials: Trials) -> Report:
@@ -165,7 +146,7 @@ def _everywhere(experiment: Experiment, backend: Backend, common: Common, folder
         with open_store(folder, own, row=row, resume=common.resume) as store:
             show_progress(run_study(work, store, backend, remote=common.cluster is not None), pieces, words)
             write_parquet(store, folder)
-            return [found for _, rows in store.trials() for found in rows]
+            return store.rows()
 
     return everywhere
 

@@ -10,10 +10,9 @@ import contextlib
 import ipaddress
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from functools import partial
-from itertools import islice
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -24,7 +23,6 @@ from testbench.trials.engine import Chunk, Chunks, Work, WorkersLost, do_chunk
 from testbench.trials.experiment import numeric_versions
 
 PATIENCE = 10.0  #: Time that scheduler and workers have to answer [s].
-BACKLOG = 1000  #: Chunks on the cluster at a time: memory stays flat, and that many threads stay busy.
 POLL, LOOK = 0.01, 500  #: Time between looks for results [s]; looks without any before one for workers.
 LOGS = ("distributed", "distributed.client")
 EXTRA = "--cluster needs the extra packages: pip install 'testbench[cluster]'"
@@ -77,7 +75,7 @@ def _is_here(host: str) -> bool:
 
 def on_cluster(
     work: Work,
-    chunks: Iterable[Sequence[int]],
+    chunks: Sequence[Sequence[int]],
     *,
     address: str,
     insecure: bool = False,
@@ -182,11 +180,10 @@ def _do(work: Work, seeds: Sequence[int]) -> Chunk:
     return do_chunk(work, seeds)
 
 
-def _results(client: Any, task: Callable[[Sequence[int]], Chunk], chunks: Iterable[Sequence[int]]) -> Chunks:
+def _results(client: Any, task: Callable[[Sequence[int]], Chunk], chunks: Sequence[Sequence[int]]) -> Chunks:
     from distributed import as_completed
 
-    calls = (client.submit(task, seeds, pure=False) for seeds in chunks)
-    under_way = as_completed(islice(calls, BACKLOG), loop=client.loop, with_results=True)
+    under_way = as_completed(client.map(task, chunks, pure=False), loop=client.loop, with_results=True)
     try:
         while under_way.count():
             _wait(client, under_way)
@@ -194,7 +191,6 @@ def _results(client: Any, task: Callable[[Sequence[int]], Chunk], chunks: Iterab
             if not isinstance(chunk, Chunk):  # a future that was cancelled, not by us
                 raise WorkersLost("--cluster: the scheduler dropped the trials")
             yield chunk
-            under_way.update(islice(calls, 1))
     finally:
         with contextlib.suppress(OSError, TimeoutError, CancelledError):
             client.cancel(list(under_way.futures))

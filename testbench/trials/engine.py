@@ -1,9 +1,8 @@
 """The engine: the trials that a store lacks are done in chunks on a backend, and stored as they come."""
 
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, is_dataclass
-from itertools import islice
 from typing import Any
 
 import scipy.linalg  # noqa: F401 - its BLAS has to be loaded before it can be limited
@@ -40,10 +39,10 @@ class WorkersLost(BenchError):
 
 
 Chunks = Generator[Chunk, None, None]
-Backend = Callable[[Work, Iterable[Sequence[int]]], Chunks]
+Backend = Callable[[Work, Sequence[Sequence[int]]], Chunks]
 """Runs the work on chunks of seeds and gives them back as they are done, in any order.
 
-It raises WorkersLost where trials may be done again. Seeds are drawn as they are needed; closed, it stops.
+It raises WorkersLost where trials may be done again; closed, it stops.
 """
 
 
@@ -66,7 +65,7 @@ def _tables(seeds: Sequence[int], results: Sequence[Found]) -> list[Table]:
     return [tabled(rows) for rows in results]
 
 
-def here(work: Work, chunks: Iterable[Sequence[int]]) -> Chunks:
+def here(work: Work, chunks: Sequence[Sequence[int]]) -> Chunks:
     """The backend of this process."""
     return (do_chunk(work, seeds) for seeds in chunks)
 
@@ -104,19 +103,14 @@ def run_study(
 
 
 def _attempt(work: Work, store: TrialStore[Any], backend: Backend, size: int) -> Iterator[int]:
-    done = store.count
-    with closing(backend(work, _chunks(store.missing(), size))) as chunks:
+    missing = store.missing()
+    todo = [missing[k : k + size] for k in range(0, len(missing), size)]
+    with closing(backend(work, todo)) as chunks:
         for chunk in chunks:
             if chunk.problem:
                 raise BenchError(chunk.problem)
             store.append(chunk.seeds, chunk.found)
-            done += len(chunk.seeds)
-            yield done
-
-
-def _chunks(seeds: Iterator[int], size: int) -> Iterator[Sequence[int]]:
-    while chunk := tuple(islice(seeds, size)):
-        yield chunk
+            yield store.count
 
 
 def _resumable(problem: str, store: TrialStore[Any]) -> BenchError:

@@ -1,7 +1,7 @@
 """A trial's rows by column, and back: rows are frozen dataclasses, nested ones dotted columns."""
 
 import math
-from collections.abc import Callable, Hashable, Mapping, Sequence, Set
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from types import NoneType, UnionType
@@ -41,14 +41,10 @@ class Column:
 
     kind: type  #: float, int, str or bool.
     several: bool  #: Whether a cell holds a tuple of them, perhaps None among them.
-    empty: bool  #: Whether a cell may be None.
-    words: frozenset[str]  #: The words that it may hold; none for any.
 
 
-def columns(row: type, prefix: str = "", *, empty: bool = False) -> dict[str, Column]:
+def columns(row: type, prefix: str = "") -> dict[str, Column]:
     """Columns of a dataclass of rows as `flatten` describes it, from the types of its fields.
-
-    Those of a dataclass that may be None may all be empty.
 
     A dataclass beside plain types, as `Spread` in `Number`, is of summaries and no column; a share, which is
     a truth value or a float, is a truth value in the rows of a trial.
@@ -59,8 +55,8 @@ def columns(row: type, prefix: str = "", *, empty: bool = False) -> dict[str, Co
     found: dict[str, Column] = {}
     for field, kinds in _kinds(row).items():
         nested = _nested(kinds)
-        name, gap = prefix + field, empty or NoneType in kinds
-        found |= columns(nested, f"{name}.", empty=gap) if nested else {name: _column(name, kinds, gap)}
+        name = prefix + field
+        found |= columns(nested, f"{name}.") if nested else {name: _column(name, kinds)}
     if SEED in found:
         raise BenchError(f"{row.__name__}: expected columns with names other than {SEED!r}")
     return found
@@ -86,7 +82,7 @@ def _nested(kinds: set[Any]) -> type | None:
     return next(iter(plain)) if len(plain) == 1 and all(map(is_dataclass, plain)) else None
 
 
-def _column(name: str, kinds: set[Any], empty: bool) -> Column:
+def _column(name: str, kinds: set[Any]) -> Column:
     several = [own for own in kinds if get_origin(own) is tuple]
     if several:
         kinds = {own for part in get_args(several[0]) if part is not ... for own in _alternatives(part)}
@@ -97,7 +93,7 @@ def _column(name: str, kinds: set[Any], empty: bool) -> Column:
         plain = {wide} if plain == both else plain
     if len(plain) != 1 or not plain <= {float, int, str, bool}:
         raise BenchError(f"rows: {name}: expected a type of numbers or words, got {kinds}")
-    return Column(plain.pop(), bool(several), empty, frozenset(words))
+    return Column(plain.pop(), bool(several))
 
 
 def flatten(row: object, prefix: str = "") -> Flat:
@@ -125,59 +121,15 @@ def tabled(rows: Sequence[object]) -> Table:
     """Rows of a trial by column; BenchError where they are not of one dataclass, see `flatten`."""
     flat = [flatten(row) for row in rows]
     for row in flat:
-        _check_names(row.keys(), flat[0].keys())
+        if row.keys() != flat[0].keys():
+            differ = ", ".join(sorted(row.keys() ^ flat[0].keys()))
+            raise BenchError(f"rows: expected the columns of one dataclass, they differ in {differ}")
     return {name: [row[name] for row in flat] for name in flat[0]} if flat else {}
 
 
 def count(table: Table) -> int:
     """How many rows a trial has."""
     return len(next(iter(table.values()))) if table else 0
-
-
-def check_types(table: Table, columns: Mapping[str, Column]) -> None:
-    """Refuse, by BenchError, other columns, values of other types and integers above 64 bits.
-
-    No columns at all are those of no rows.
-    """
-    if not table:
-        return
-    _check_names(table.keys(), columns.keys())
-    if len({len(cells) for cells in table.values()}) > 1:
-        raise BenchError("rows: expected as many cells in every column")
-    for name, cells in table.items():
-        column = columns[name]
-        none = {NoneType} if column.empty else set()
-        if column.several:
-            _check_cells(name, column, cells, {tuple, list} | none)
-            cells, none = [part for own in cells if isinstance(own, tuple | list) for part in own], {NoneType}
-        _check_cells(name, column, cells, ({float, int} if column.kind is float else {column.kind}) | none)
-
-
-def _check_names(found: Set[str], wanted: Set[str]) -> None:
-    if found != wanted:
-        differ = ", ".join(sorted(found ^ wanted))
-        raise BenchError(f"rows: expected the columns of one dataclass, they differ in {differ}")
-
-
-def _check_cells(name: str, column: Column, cells: Sequence[Value], fits: Set[type]) -> None:
-    """All types at once: a trial may have many rows."""
-    found = set(map(type, cells))
-    wrong = [own for own in cells if type(own) not in fits] if found - fits else []
-    if column.words and not wrong:
-        wrong = [own for own in cells if own is not None and own not in column.words]
-    if int in found:
-        wrong += [own for own in cells if isinstance(own, int) and not -LARGEST <= own < LARGEST]
-    if str in found:
-        wrong += filter(_no_text, cells)
-    if wrong:
-        what = " or ".join(map(repr, sorted(column.words))) or column.kind.__name__
-        what = f"a tuple of {what}" if column.several else what
-        raise BenchError(f"rows: {name}: expected {what}, got {wrong[0]!r:.80}")
-
-
-def _no_text(value: object) -> bool:
-    """Whether it is a word with half a character in it, which no file can hold."""
-    return isinstance(value, str) and any("\ud800" <= c <= "\udfff" for c in value)
 
 
 def _plain(name: str, value: object) -> Plain:
@@ -189,21 +141,17 @@ def _plain(name: str, value: object) -> Plain:
     raise BenchError(f"rows: {name}: expected a number, a word or None, got {type(plain).__name__}")
 
 
-def restorer(kind: type[R]) -> Callable[[Table], tuple[R, ...]]:
-    """What makes a trial's rows of the columns that they were taken apart to, see `check_types`.
+def restored(kind: type[R], table: Table) -> list[R]:
+    """Rows of the columns that they were taken apart to.
 
-    It raises BenchError when a word is none that the row may have.
+    Raises:
+        BenchError: When a cell is none that the row may have.
     """
-    adapter = TypeAdapter(kind)
-
-    def restore(table: Table) -> tuple[R, ...]:
-        try:
-            return tuple(adapter.validate_python(row) for row in (_nest(kind, table, "") if table else ()))
-        except ValidationError as err:
-            first = err.errors(include_url=False)[0]
-            raise BenchError(f"rows: {'.'.join(map(str, first['loc']))}: {first['msg']}") from err
-
-    return restore
+    try:
+        return TypeAdapter(list[kind]).validate_python(_nest(kind, table, ""))  # type: ignore[valid-type]
+    except ValidationError as err:
+        first = err.errors(include_url=False)[0]
+        raise BenchError(f"rows: {'.'.join(map(str, first['loc']))}: {first['msg']}") from err
 
 
 def _nest(kind: type, table: Table, prefix: str) -> list[dict[str, Any]]:

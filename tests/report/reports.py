@@ -18,7 +18,7 @@ from testbench.campaign.evaluation import Measured
 from testbench.campaign.workspace_errors import Places
 from testbench.report.report import read
 from testbench.report.table import Trials
-from testbench.trials.parquet import write_trials
+from testbench.trials.parquet import arrow_table, write_trials
 from testbench.trials.rows import columns, tabled
 from testbench.trials.spread import Spread, ends, middle
 from testbench.views import terminal
@@ -34,9 +34,8 @@ def table_of(seeds, rows):
     kind = type(next(row for found in own.values() for row in found))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trials.parquet"
-        write_trials(
-            path, {}, columns(kind), len(own), [(seed, tabled(found)) for seed, found in own.items()]
-        )
+        flat = [(seed, tabled(found)) for seed, found in own.items()]
+        write_trials(path, arrow_table(columns(kind), flat))
         return Trials.read(path)
 
 

@@ -58,8 +58,8 @@ def trials():
     return table_of(SEEDS, lambda seed: list(rows(seed)))
 
 
-def made(trials, secret=""):
-    return report(Settings(TASKS, (1, 1), (), 1, secret), SEEDS, trials)
+def made(trials):
+    return report(Settings(TASKS, (1, 1), (), 1), SEEDS, trials)
 
 
 def test_words_tables_and_picture_say_what_the_trials_hold(trials):
@@ -116,13 +116,6 @@ def test_intervals_of_a_ratio_hold_the_truth_as_often_as_they_say():
         [row] = [r for r in standings({"a": np.exp(L), JOINTS: np.ones(40)}, JOINTS) if r.name == "a"]
         inside += row.ratio_low <= np.exp(0.1) <= row.ratio_high
     assert inside >= 88
-
-
-def test_a_secret_and_what_it_was_committed_to_by_stand_in_the_report(trials):
-    text = made(trials, "ab" * 32).whole()
-    assert "ab" * 32 in text
-    assert "SHA-256" in text
-    assert "public seeds" not in text
 
 
 def test_half_widths_are_those_of_a_normal_distribution():

@@ -12,7 +12,7 @@ from testbench.report import table
 from testbench.report.columns import EVERY, KNOWN, columns
 from testbench.report.report import Report, read, say
 from testbench.report.table import Row, Trials, aligned, matched, merged, paired, plain
-from testbench.trials.parquet import write_trials
+from testbench.trials.parquet import arrow_table, write_trials
 from testbench.trials.rows import columns as row_columns
 from testbench.trials.rows import tabled
 from testbench.trials.spread import Spread
@@ -83,7 +83,7 @@ def test_a_merged_row_holds_quantiles_shares_and_what_is_the_same(trials):
 def test_what_was_written_is_read_as_what_was_made(tmp_path, trials, monkeypatch, many):
     """Held in memory, and of many rows column by column from the file."""
     flat = [(seed, tabled(rows(seed))) for seed in SEEDS]
-    write_trials(tmp_path / "trials.parquet", {}, row_columns(ModelRow), len(SEEDS), flat)
+    write_trials(tmp_path / "trials.parquet", arrow_table(row_columns(ModelRow), flat))
     monkeypatch.setattr(table, "MANY", many)
     own = Trials.read(tmp_path / "trials.parquet")
     assert list(own.columns) == list(trials.columns)

@@ -20,7 +20,7 @@ from testbench.commands.compare_rows import differ
 from testbench.report.columns import columns as quantities
 from testbench.report.report import read_report
 from testbench.report.table import Row, Trials, merged
-from testbench.trials.parquet import write_trials
+from testbench.trials.parquet import arrow_table, write_trials
 from testbench.trials.rows import columns, tabled
 from testbench.trials.spread import Spread
 from testbench.views.colours import look
@@ -69,7 +69,7 @@ def calibration(out, seeds, scale=1.0, sigma=50e-6):
     wide = {seed: np.exp(np.random.default_rng(seed).normal()) for seed in seeds}
     flat = [(s, tabled([row(n, float(mm * wide[s]), s) for n, mm in sizes.items()])) for s in seeds]
     out.mkdir()
-    write_trials(out / "trials.parquet", {}, columns(ModelRow), len(seeds), flat)
+    write_trials(out / "trials.parquet", arrow_table(columns(ModelRow), flat))
     models = merged(Trials.read(out / "trials.parquet").drop("seed"), "name")
     table = Table(quantities("name workspace.rms_mm identification.rms_mm"), models)
     numbers = {"models": models, "recommended": "ALL153 + prior"}

@@ -85,7 +85,6 @@ WRONG = [
     ("bench --quick --out out ridge=own.py", "ENTRY.py: the name 'ridge' is taken: put another before it"),
     ("bench --quick --out out default=own.py:estimate", "the name 'default' is taken"),
     ("bench --quick --out out own.py:lacks", "own.py: it has no function 'lacks'"),
-    ("bench own.py --judge own.py", "expected a secret"),
 ]
 
 

@@ -25,11 +25,6 @@ class Toy:
     blob: str = ""
 
 
-@dataclass(frozen=True)
-class Cheap:
-    number: float
-
-
 def _touch(pids):
     if pids:
         (Path(pids) / str(os.getpid())).touch()
@@ -62,11 +57,6 @@ def endless_trials(pause, pids, seeds):
     while seeds[-1] >= LATE:
         time.sleep(1)
     return trials(pause, pids, seeds)
-
-
-def cheap_trials(seeds):
-    """Nothing but one number."""
-    return [[Cheap(float(seed) / 7)] for seed in seeds]
 
 
 def bad_trials(seeds):

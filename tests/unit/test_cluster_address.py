@@ -14,7 +14,7 @@ from testbench.shell.trials import choose_backend
 from testbench.studies.gravity_calibration.study import STUDY
 from testbench.studies.run import app
 from testbench.trials.cluster import check_address, on_cluster
-from testbench.trials.local import on_cores
+from testbench.trials.cores import on_cores
 
 SAFE = """tls://cluster.example:8786 tls://[2001:db8::1]:8786 tcp://127.1.2.3:8786 tcp://[::1]:8786
     tcp://localhost:8786""".split()

@@ -13,7 +13,6 @@ from testbench.report.report import Report, say
 from testbench.report.table import Row, Trials
 from testbench.studies.bench import scores, trial
 from testbench.studies.bench.entries import DEFAULT, FLOORS, JOINTS
-from testbench.studies.bench.secret import commitment
 from testbench.studies.bench.tasks import REAL, TASKS
 from testbench.studies.bench.trial import EntryRow, Settings
 from testbench.studies.factorial import compare
@@ -50,7 +49,6 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         seed=seeds_of(seeds),
         trials=len(seeds),
         tasks=[Row(task=name, **vars(TASKS[name])) for name in asked.tasks],
-        judged=Row(secret=asked.secret, sha256=commitment(asked.secret)) if asked.secret else None,
         dataset=compare.dataset(trials),
         board=boards,
         scores=[
@@ -125,8 +123,7 @@ def _failures(trials: Trials) -> list[Row]:
 
 def _title(f: Row) -> Markdown:
     tasks, arms = counted(len(f.tasks), "task"), counted(f.trials, "true arm")
-    of = "a secret" if f.judged else "development"
-    return say("{tasks}, {arms} each, seeds of {of}; errors of deflection", tasks=tasks, arms=arms, of=of)
+    return say("{tasks}, {arms} each; errors of deflection", tasks=tasks, arms=arms)
 
 
 def _worst(f: Row, name: str) -> Markdown:
@@ -140,8 +137,6 @@ def _worst(f: Row, name: str) -> Markdown:
 
 
 def _claims(f: Row) -> Iterator[Markdown]:
-    if f.judged:
-        yield say("Seeds were drawn from the secret {secret}, committed to as SHA-256 {sha256}.", f.judged)
     for name in dict.fromkeys(row.name for row in f.failures):
         own = [row for row in f.failures if row.name == name]
         count = sum(row["count"] for row in own)

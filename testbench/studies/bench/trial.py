@@ -4,7 +4,6 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from io import StringIO
-from multiprocessing.connection import Connection
 from typing import Annotated
 
 import numpy as np
@@ -15,7 +14,7 @@ from testbench.campaign.campaign import build_cell
 from testbench.campaign.evaluation import unseen
 from testbench.campaign.model_selection import with_priors
 from testbench.campaign.models import named_models
-from testbench.campaign.own_estimator import MOST, LimitOptions, check_reach, engaged, parameters
+from testbench.campaign.own_estimator import MOST, LimitOptions, check_reach, check_unchanged, parameters
 from testbench.campaign.own_process import Own, ask
 from testbench.campaign.rows import FAILED, MM, NO_ERRORS, DatasetRow, ErrorRow, dataset_row, error_row
 from testbench.data.dataset import Dataset
@@ -53,7 +52,6 @@ class Settings:
     versions: tuple[int, ...]  #: Of them.
     own: tuple[Own, ...]  #: Entries.
     first: int  #: The first seed.
-    secret: str = ""  #: What judged seeds were drawn from; empty where they are public.
 
 
 @dataclass(frozen=True)
@@ -91,13 +89,13 @@ def trials(asked: Settings, seeds: Sequence[int]) -> list[list[EntryRow]]:
     """Rows of some seeds, one an answer."""
     cells = {arm: build_cell(find_arm(arm)) for arm in {TASKS[name].arm for name in asked.tasks}}
     found: list[list[EntryRow]] = []
-    with engaged(asked.own) as link:
-        for seed in seeds:
-            made = [problem(TASKS[name], cells[TASKS[name].arm], seed) for name in asked.tasks]
-            each = zip(asked.tasks, made, strict=True)
-            rows = [row for name, own in each for row in _task(name, own, asked.own, link)]
-            first = _with_data(rows[0], made[0]) if seed == asked.first else rows[0]
-            found.append([first, *rows[1:]])
+    check_unchanged(asked.own)
+    for seed in seeds:
+        made = [problem(TASKS[name], cells[TASKS[name].arm], seed) for name in asked.tasks]
+        each = zip(asked.tasks, made, strict=True)
+        rows = [row for name, own in each for row in _task(name, own, asked.own)]
+        first = _with_data(rows[0], made[0]) if seed == asked.first else rows[0]
+        found.append([first, *rows[1:]])
     return found
 
 
@@ -110,14 +108,14 @@ def _with_data(row: EntryRow, own: Problem) -> EntryRow:
     return replace(row, data_file=text.getvalue())
 
 
-def _task(task: str, own: Problem, entries: Sequence[Own], link: Connection) -> Iterator[EntryRow]:
+def _task(task: str, own: Problem, entries: Sequence[Own]) -> Iterator[EntryRow]:
     """Rows of a task, those without a prior first."""
     size = MM * score(own.predict(np.zeros(own.structure.n)), own.true).rms
     about = (task, own.true_arm, size)
     for prior in (None, own.prior):
         for k, entry in enumerate(entries, 1):
             row = EntryRow(entry.name, f"own {k}", "own", prior is not None, *about)
-            yield _answered(row, own, link, entry, prior)
+            yield _answered(row, own, entry, prior)
     yield _by_default(EntryRow(DEFAULT, LEARNS[0], "psd", True, *about), own)
 
 
@@ -138,10 +136,10 @@ def _by_default(row: EntryRow, own: Problem) -> EntryRow:
     )
 
 
-def _answered(row: EntryRow, own: Problem, link: Connection, entry: Own, prior: Prior | None) -> EntryRow:
+def _answered(row: EntryRow, own: Problem, entry: Own, prior: Prior | None) -> EntryRow:
     """What an entry makes of it, or why it makes nothing."""
     try:
-        answer = ask(link, entry, (unseen(own.cell.vjm), own.structure, own.data, prior))
+        answer = ask(entry, (unseen(own.cell.vjm), own.structure, own.data, prior))
         pi = parameters(own.structure, answer.found)
         K = None if answer.covariance is None else covariance(answer.covariance, len(pi))
         check_reach(moved := own.predict(pi), own.cell.vjm)

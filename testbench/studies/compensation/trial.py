@@ -97,8 +97,8 @@ class Fit:
 def trials(asked: Settings, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[JobsRow]]:
     """Rows of some seeds; `asked` holds the scene."""
     cell = build_cell(find_arm(asked.arm))
-    with hired(own) as models:
-        return [_trial(cell, asked, seed, models) for seed in seeds]
+    models = hired(own)
+    return [_trial(cell, asked, seed, models) for seed in seeds]
 
 
 def _trial(cell: Cell, asked: Settings, seed: int, own: Models) -> list[JobsRow]:

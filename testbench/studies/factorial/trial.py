@@ -130,8 +130,8 @@ def each_seed(
 
     @wraps(trial)
     def trials(asked: S, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[R]]:
-        with hired(own) as models:
-            return [list(trial(asked, seed, models)) for seed in seeds]
+        models = hired(own)
+        return [list(trial(asked, seed, models)) for seed in seeds]
 
     return trials
 

@@ -46,12 +46,12 @@ def settings(options: CampaignOptions, quick: bool, seeds: range) -> Settings:
 def trials(asked: Settings, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[CampaignRow]]:
     """Rows of some seeds, one a model; estimators of one's own are the last."""
     cell, found = build_cell(find_arm(asked.arm)), []
-    with hired(own) as models:
-        for seed in seeds:
-            true, campaign = calibrate(cell, asked, seed)
-            every = results(true, campaign, models(true, wrong_prior(true, seed)))
-            arm, placed = member(asked.true_arm, seed), seed == asked.first
-            found.append(campaign_rows(true, campaign, every, arm, placed=placed))
+    models = hired(own)
+    for seed in seeds:
+        true, campaign = calibrate(cell, asked, seed)
+        every = results(true, campaign, models(true, wrong_prior(true, seed)))
+        arm, placed = member(asked.true_arm, seed), seed == asked.first
+        found.append(campaign_rows(true, campaign, every, arm, placed=placed))
     return found
 
 

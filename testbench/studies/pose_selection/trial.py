@@ -95,14 +95,14 @@ def trials(asked: Settings, seeds: Sequence[int], own: Sequence[Own] = ()) -> li
     """Rows of some seeds; `asked` holds the plans."""
     cell = build_cell(find_arm(asked.arm))
     bench, places = build_bench(cell, asked), (asked, s.elsewhere(asked))
-    with hired(own) as models:
-        return [
-            [
-                *of_plans(bench, seed, models),
-                *(row for there in places for row in of_ground(cell, there, seed, models)),
-            ]
-            for seed in seeds
+    models = hired(own)
+    return [
+        [
+            *of_plans(bench, seed, models),
+            *(row for there in places for row in of_ground(cell, there, seed, models)),
         ]
+        for seed in seeds
+    ]
 
 
 def tried(cell: Cell, seed: int, own: Models) -> dict[str, Model]:

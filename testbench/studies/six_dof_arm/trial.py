@@ -83,9 +83,8 @@ def settings(options: Options, quick: bool, seeds: range) -> Settings:
 def trials(asked: Settings, seeds: Sequence[int], own: Sequence[Own] = ()) -> list[list[SixDofRow]]:
     """Rows of some seeds: all models under two truths, and in the first seeds every order m."""
     cell = build_cell(find_arm(asked.arm))
-    with hired(own) as more:
-        every = [*models(cell), *more(cell, None)]
-        return [list(_trial(cell, every, asked, seed)) for seed in seeds]
+    every = [*models(cell), *hired(own)(cell, None)]
+    return [list(_trial(cell, every, asked, seed)) for seed in seeds]
 
 
 def models(cell: Cell) -> list[Model]:
