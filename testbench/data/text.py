@@ -55,11 +55,9 @@ def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]
                 raise InputError(path, place, f"{problem}; a map's [file] may say the encoding") from err
         else:
             if "\0" in text:
-                place = f"line {text.count(chr(10), 0, text.index(chr(0))) + 1}"
-                problem = (
-                    "expected text, got a zero byte; for UTF-16 without a mark say the encoding in a map"
-                )
-                raise InputError(path, place, problem)
+                line = text.count("\n", 0, text.index("\0")) + 1
+                hint = "for UTF-16 without a mark say the encoding in a map"
+                raise InputError(path, f"line {line}", f"expected text, got a zero byte; {hint}")
             return text, name
     raise AssertionError
 
@@ -71,8 +69,8 @@ def split_lines(path: Path, text: str) -> list[str]:
         InputError: If quotes never end, or there are more than `MAX_LINES`.
     """
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    if text.count("\n") > MAX_LINES:
-        raise InputError(path, "", f"expected at most {MAX_LINES} lines, got {text.count(chr(10))}")
+    if (count := text.count("\n")) > MAX_LINES:
+        raise InputError(path, "", f"expected at most {MAX_LINES} lines, got {count}")
     lines, first = text.split("\n"), -1
     for k, line in enumerate(lines) if '"' in text else ():
         odd = line.count('"') % 2
@@ -213,9 +211,13 @@ def _names(lines: Sequence[str], delimiter: str) -> list[str]:
     *upper, lowest = [cells_in(line, delimiter) for line in lines]
     while lowest and not lowest[-1]:
         lowest.pop()
-    merged = [[*accumulate(row, lambda left, own: own or left), *[""] * len(lowest)] for row in upper]
+    merged = [[*accumulate(row, _kept), *[""] * len(lowest)] for row in upper]
     names = (" ".join(filter(None, column)) for column in zip(*merged, lowest, strict=False))
     return list(map(shown, names))
+
+
+def _kept(left: str, own: str) -> str:
+    return own or left
 
 
 def _full(cells: Sequence[str], count: int) -> bool:
@@ -243,14 +245,15 @@ def rows_of(path: Path, header: Header, lines: Sequence[str]) -> tuple[bytes, st
     blanks, rows = _blanks(header.delimiter), list[str]()
     for k in header.body:
         line = _divided(lines[k], header.delimiter)[0] if blanks else lines[k]
-        if '"' in line or line.count(mark) != count - 1 or len(line) > LONGEST:
+        if len(line) > LONGEST:
+            raise InputError(path, f"line {k + 1}", f"expected at most {LONGEST} letters, got {len(line)}")
+        if '"' in line or line.count(mark) != count - 1:
             cells = _cells(line, mark)
             while len(cells) > count and not cells[-1].strip():
                 cells.pop()
-            if len(cells) != count or len(line) > LONGEST:
-                got = f"{len(cells)}" if len(line) <= LONGEST else f"a row of {len(line)} letters"
+            if len(cells) != count:
                 hint = "; for a line behind the table say footer = 1 in the map's [file]"
-                problem = f"expected {count} fields, got {got}" + hint * (k == header.body[-1])
+                problem = f"expected {count} fields, got {len(cells)}" + hint * (k == header.body[-1])
                 raise InputError(path, f"line {k + 1}", problem)
             line = mark.join('"{}"'.format(cell.replace('"', '""')) for cell in cells)
         rows.append(line)
