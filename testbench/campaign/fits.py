@@ -77,7 +77,7 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
     widest = runs.check or runs.used
     if widths and widest.runs > SHOWN:
         runs = replace(runs, notes=(*runs.notes, f"intervals are of {SHOWN} of {widest.runs} runs, evenly"))
-        widest = in_order(widest, evenly(np.arange(widest.runs)))
+        widest = in_order(widest, evenly(np.arange(widest.runs), SHOWN))
     every = [(m.name, estimate) for m, estimate in zip(own.models, own.estimates, strict=True)]
     estimates = dict(every)
     # beside a prior, intervals that count noise alone would look the surest
