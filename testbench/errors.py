@@ -19,6 +19,7 @@ Mask = npt.NDArray[np.bool_]
 MAX_MESSAGE = 2000
 """Longest message about a file [characters]: a file of garbage is not repeated to its owner."""
 
+SPREADSHEETS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 PLAIN = "expected a file, got a folder or a device"
 
 
@@ -43,7 +44,7 @@ def word(path: Path) -> str:
 def sheet_of(path: Path) -> tuple[Path, str]:
     """A file, and the sheet of it that FILE.xlsx#SHEET means; "" where none is said."""
     file, mark, sheet = path.name.partition("#")
-    if mark and sheet and file.lower().endswith((".xlsx", ".xlsm")):
+    if mark and sheet and file.lower().endswith(SPREADSHEETS):
         return path.with_name(file), sheet
     return path, ""
 

@@ -24,7 +24,7 @@ from testbench.views import figure as views
 
 LOOKS = {"blank_panes", "open_page"}  #: Fixtures that draw recordings and pages.
 ATTACKS = {"hostile", "property"} | {
-    f"test_{name}.py" for name in "fuzz model_folder stream trial_engine trial_store two_writers".split()
+    f"test_{name}.py" for name in "fuzz model_folder trial_engine trial_store two_writers".split()
 }
 """Folders and files of tests that attack: by inputs, kills, races, full disks."""
 ROOT = Path(__file__).resolve().parents[1]

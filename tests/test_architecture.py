@@ -29,6 +29,7 @@ DOORS = {
     "jinja2": "views/page/page.py",
     **dict.fromkeys(("markdown_it", "markupsafe"), "views/page/page.py"),
     "pyarrow": ("trials", "data/table.py", "report/table.py"),
+    "python_calamine": "data/workbook.py",
     "distributed": "trials/cluster.py",
     "joblib": "trials/cores.py",
     "trimesh": ("plant/import_robot/meshes.py", "plant/import_robot/solids.py"),

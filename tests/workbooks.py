@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 Cell = str | float | None
 BEGIN = '<?xml version="1.0" encoding="UTF-8" standalone="yes"?>'
 MAIN = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
-LINK = 'xmlns:r="http://schemas.openxmlformats.org/officeDocument/2006/relationships"'
+OFFICE = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
+LINK = f'xmlns:r="{OFFICE}"'
 STYLES = (
     f"{BEGIN}<styleSheet {MAIN}>"
     '<numFmts><numFmt numFmtId="164" formatCode="yyyy\\-mm\\-dd\\ hh:mm:ss"/>'
@@ -52,6 +53,8 @@ def parts(sheets: Mapping[str, Sequence[Sequence[Cell]]], hidden: Sequence[str] 
         names.append(f'<sheet name="{name}" sheetId="{k}"{state} r:id="rId{k}"/>')
         links.append(f'<Relationship Id="rId{k}" Type="x/worksheet" Target="worksheets/sheet{k}.xml"/>')
     made["xl/workbook.xml"] = f"{BEGIN}<workbook {MAIN} {LINK}><sheets>{''.join(names)}</sheets></workbook>"
+    book = f'<Relationship Id="r" Type="{OFFICE}/officeDocument" Target="xl/workbook.xml"/>'
+    made["_rels/.rels"] = f"{BEGIN}<Relationships>{book}</Relationships>"
     made["xl/_rels/workbook.xml.rels"] = f"{BEGIN}<Relationships>{''.join(links)}</Relationships>"
     texts = "".join(f"<si><t>{_escaped(word)}</t></si>" for word in words)
     made["xl/sharedStrings.xml"] = f"{BEGIN}<sst {MAIN}>{texts}</sst>"

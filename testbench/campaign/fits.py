@@ -12,17 +12,15 @@ from testbench.campaign.identifiability import set_aside
 from testbench.campaign.model_selection import Recommendation, default_name, folded, recommend, why
 from testbench.campaign.models import Model
 from testbench.campaign.rows import MM, error_row, fit_row
-from testbench.campaign.runs import Many, Runs
-from testbench.data.dataset import Dataset, in_order
-from testbench.data.spool import SHOWN, some
+from testbench.campaign.runs import Runs
+from testbench.data.dataset import SHOWN, Dataset, evenly, in_order
 from testbench.errors import Array, BenchError
 from testbench.identify import Estimate, Method, intervals
-from testbench.identify.evaluate import Score, deflections, judge, score
+from testbench.identify.evaluate import Score, deflections, score
 from testbench.identify.fold import BLOCK_RUNS, Parts, with_poses
 from testbench.identify.hierarchy import Unchecked, contradicted, unchecked
 from testbench.identify.metric import metric
 from testbench.identify.regression import ROUNDING, Regression
-from testbench.identify.weighed import MOST_READINGS
 from testbench.model.laws import UNIT_SIZES, sizes_of, vjm_of
 from testbench.model.vjm import chain, generalised_load
 from testbench.session import stepwise
@@ -37,7 +35,7 @@ class Identified:
     """Models fitted to a user's runs, and what there is to say of them."""
 
     fits: Row  #: Numbers and words, as `fit` has them.
-    runs: Runs  #: Of many those that are looked at one by one, the worst among them.
+    runs: Runs
     estimates: Mapping[str, Estimate]  #: By the name of the model.
     held_out: Mapping[str, Array]  #: F_M of models on what was held out in turn, (folds,) [1].
 
@@ -51,7 +49,7 @@ class Identified:
 class Found:
     """Models fitted to runs; one entry a model."""
 
-    runs: Runs  #: Of very many those that are looked at one by one, the worst among them.
+    runs: Runs
     models: Sequence[Model]
     estimates: Sequence[Estimate]
     seconds: Sequence[float]  #: Of the fit; the runs were reduced for all models before.
@@ -77,9 +75,9 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
         raise BenchError("; ".join([*(doubt.sentence for doubt in runs.doubts), str(err)])) from err
     runs, taken = own.runs, own.taken
     widest = runs.check or runs.used
-    if widths and runs.many is None and widest.runs > SHOWN:
+    if widths and widest.runs > SHOWN:
         runs = replace(runs, notes=(*runs.notes, f"intervals are of {SHOWN} of {widest.runs} runs, evenly"))
-        widest = in_order(widest, some(np.arange(widest.runs)))
+        widest = in_order(widest, evenly(np.arange(widest.runs), SHOWN))
     every = [(m.name, estimate) for m, estimate in zip(own.models, own.estimates, strict=True)]
     estimates = dict(every)
     # beside a prior, intervals that count noise alone would look the surest
@@ -88,8 +86,8 @@ def fit(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, *, widths
     fits = Row(
         dataset=runs.name,
         arm=cell.arm.name,
-        runs=runs.used.runs if runs.many is None else int(runs.many.used.sum()),
-        poses=len(np.unique(runs.used.pose)) if runs.many is None else runs.many.poses,
+        runs=runs.used.runs,
+        poses=len(np.unique(runs.used.pose)),
         models=tuple(
             _fit(cell, own, k, widest if wanted else None)
             for k, wanted in enumerate(stepwise(sure, "intervals"))
@@ -139,9 +137,6 @@ def _working(
     Raises:
         BenchError: When no model is left.
     """
-    if runs.many is not None and not all(map(_plain, models)):
-        said = f"expected at most {MOST_READINGS} readings, got {runs.many.every.runs} runs"
-        raise BenchError(f"robust fit, or an estimator of your own: {said}")
     lost: list[EstimatorFailed] = []
     own: dict[str, tuple[Estimate, float]] = {}
     for model in (model for model in models if not _plain(model)):
@@ -165,28 +160,23 @@ Own = Mapping[str, tuple[Estimate, float]]  #: What is fitted already, and its t
 
 def _fit_all(cell: Cell, models: Sequence[Model], runs: Runs, clock: Clock, own: Own) -> Found:
     """Fit, judge and choose models; BenchError when a method cannot fit its structure."""
-    many, estimates, seconds = runs.many, [], []
-    reduced = folded(cell, models, runs.used, many)
+    estimates, seconds = [], []
+    reduced = folded(cell, models, runs.used)
     for model in stepwise(models, "fitting models"):
         start = clock()
         if plain := _plain(model):
             readings: Parts | Regression = reduced.parts[model.structure.name]
             if isinstance(readings, Parts) and not plain.penalised:
-                readings = readings.together()
-                if many is None:
-                    readings = with_poses(cell.vjm, readings, runs.used)
+                readings = with_poses(cell.vjm, readings.together(), runs.used)
             estimate = plain.of(cell.vjm, readings)
             spent = clock() - start
         else:
             estimate, spent = own[model.name]
         estimates.append(estimate)
         seconds.append(spent)
-    found = Found(runs, models, estimates, seconds, (), (), recommend(cell, models, reduced))
-    if many is not None:
-        return _judged(cell, found, many)
     used = [_errors(cell, each, runs.used) for each in estimates]
     check = [None if runs.check is None else _errors(cell, each, runs.check) for each in estimates]
-    return replace(found, used=used, check=check)
+    return Found(runs, models, estimates, seconds, used, check, recommend(cell, models, reduced))
 
 
 def _plain(model: Model) -> Method | None:
@@ -197,23 +187,6 @@ def _plain(model: Model) -> Method | None:
 
 def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> Score:
     return score(deflections(cell.vjm, estimate, data)[data.seen], data.deflection[data.seen])
-
-
-def _judged(cell: Cell, found: Found, many: Many) -> Found:
-    """Models judged on very many runs; of these those that are looked at, the worst among them."""
-    best = next(k for k, m in enumerate(found.models) if m.name == found.taken.name)
-    used, worst = judge(cell.vjm, found.estimates, many.every, many.used, best)
-    held = None if many.used.all() else judge(cell.vjm, found.estimates, many.every, ~many.used, best)
-    worst = worst if held is None else np.union1d(worst, held[1])
-    every, fitted, held_back = many.looked_at(worst)
-    note = (
-        f"all {many.every.runs} runs are fitted and judged; doubts, intervals, tables and pictures are of "
-        f"{every.runs} of them, evenly out of all and those of which most is left"
-    )
-    notes = (*found.runs.notes, note)
-    shown = replace(found.runs, every=every, used=fitted, check=held_back, notes=notes)
-    check = [None] * len(found.models) if held is None else held[0]
-    return replace(found, runs=shown, used=used, check=check)
 
 
 def _of_prior(by_name: Mapping[str, Estimate], taken: str, default: str) -> list[Doubt]:

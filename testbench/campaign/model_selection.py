@@ -18,7 +18,6 @@ from testbench.campaign.advice import of_average
 from testbench.campaign.campaign import Cell
 from testbench.campaign.evaluation import of_model
 from testbench.campaign.models import EVERY, JOINTS, MODELS, Model, named_models, own_name, right_name
-from testbench.campaign.runs import Many
 from testbench.data.dataset import Dataset, select
 from testbench.errors import Array, Ids
 from testbench.identify import Estimate, Method, with_prior
@@ -111,19 +110,16 @@ class Folded:
 
     data: Dataset  #: Those that are held, for estimators of one's own.
     poses: int  #: All are in.
-    part: Ids  #: Of every run, `crossval.parts_of`.
+    part: Ids  #: Of every run, `crossval.divided`.
     parts: Mapping[str, Parts]  #: By the name of the structure.
 
 
-def folded(cell: Cell, models: Sequence[Model], data: Dataset, many: Many | None = None) -> Folded:
-    """Runs reduced for the structures of models: those that are held, or very many block by block."""
+def folded(cell: Cell, models: Sequence[Model], data: Dataset) -> Folded:
+    """Runs reduced for the structures of models."""
     structures = {m.structure.name: m.structure for m in models}
-    poses, part = len(np.unique(data.pose)), divided(data) if many is None else many.part
-    runs = data if many is None else many.every
-    parts = reduce_parts(cell.vjm, list(structures.values()), runs, part)
-    return Folded(
-        data, poses if many is None else many.poses, part, dict(zip(structures, parts, strict=True))
-    )
+    part = divided(data)
+    parts = reduce_parts(cell.vjm, list(structures.values()), data, part)
+    return Folded(data, len(np.unique(data.pose)), part, dict(zip(structures, parts, strict=True)))
 
 
 def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | Folded) -> Recommendation:

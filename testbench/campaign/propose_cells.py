@@ -7,11 +7,10 @@ from itertools import accumulate
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.header import cells_in
-from testbench.data.lines import Line, read_letters, split_lines
 from testbench.data.meaning import places, plain
 from testbench.data.names import XYZ, Unit, find_unit, split_unit
 from testbench.data.table import Table
+from testbench.data.text import BLANK, cells_in, read_letters, split_lines
 from testbench.errors import Array
 
 NUMBERS = {
@@ -60,22 +59,23 @@ def cell_pattern(texts: Sequence[str], count: int) -> tuple[list[str], Array] | 
     return None
 
 
-def lines_above(table: Table) -> list[Line]:
+def lines_above(table: Table) -> list[str]:
     """The lines before a table's header that say something; none where the file has no header."""
     if table.header < 2:
         return []
     text, _ = read_letters(table.path, None, ".")
     head = "\n".join(text.splitlines()[: table.header - 1])
-    return [line for line in split_lines(table.path, head) if len(line.text) <= LONGEST]
+    lines = split_lines(table.path, head)
+    return [line for line in lines if line.strip(BLANK) and len(line) <= LONGEST]
 
 
-def length_said(above: Sequence[Line]) -> str:
+def length_said(above: Sequence[str]) -> str:
     """The unit of length that lines above a header say, as "Length Units,Meters"; "" where none does."""
-    found = (find_unit(word) for line in above for word in LENGTH.findall(line.text))
+    found = (find_unit(word) for line in above for word in LENGTH.findall(line))
     return next((unit.name for unit in found if unit and unit.si == "m"), "")
 
 
-def names_below_targets(table: Table, above: Sequence[Line], arm: Arm) -> list[str]:
+def names_below_targets(table: Table, above: Sequence[str], arm: Arm) -> list[str]:
     """Names of all columns where the targets stand in a line above the axes, as motion capture writes them.
 
     Returns:
@@ -108,7 +108,7 @@ def names_below_targets(table: Table, above: Sequence[Line], arm: Arm) -> list[s
     ]
 
 
-def _filled(line: Line, table: Table) -> list[str]:
+def _filled(line: str, table: Table) -> list[str]:
     """The cells of a line above the header, each as wide as the columns below it."""
     cells = cells_in(line, table.delimiter)[: len(table.names)]
     wide = [*cells, *[""] * (len(table.names) - len(cells))]

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated, get_args
 
@@ -18,16 +17,14 @@ from testbench.campaign.doubt import Doubt, said
 from testbench.campaign.plan_input import overloads
 from testbench.campaign.registration_notes import registration_notes
 from testbench.campaign.rows import MM, UM
-from testbench.data.dataset import Dataset, select, split
-from testbench.data.read_pairs import Export, How, read_export, read_held
-from testbench.data.spool import Campaign, some
-from testbench.errors import BenchError, Ids, InputError, Mask, read_text
-from testbench.identify.crossval import parts_of
+from testbench.data.dataset import Dataset, split
+from testbench.data.read_pairs import Export, read_export
+from testbench.errors import BenchError, InputError, read_text
 from testbench.identify.diagnosis.deflected import scale
 from testbench.identify.diagnosis.find import HandedIn, doubts, open_places
 from testbench.identify.metric import metric
 from testbench.identify.prior import cad_prior
-from testbench.identify.registered import STATION, Choice, Registered, in_base, registered, station
+from testbench.identify.registered import STATION, Choice, Registered, registered, station
 from testbench.identify.registration import Frame, spread
 from testbench.model.structure import all153
 
@@ -48,39 +45,12 @@ class _File(Strict):
     frame: list[_Frame] = Field(min_length=1, max_length=100)
 
 
-@dataclass(frozen=True, eq=False)
-class Many:
-    """Runs block by block."""
-
-    every: Campaign  #: All of them, in the base's frame.
-    used: Mask  #: Those to fit, (runs,).
-
-    @property
-    def poses(self) -> int:
-        """How many poses those to fit are in."""
-        return len(np.unique(self.every.pose[self.used]))
-
-    @property
-    def part(self) -> Ids:
-        """Of every run what is held out with it, (runs,), `crossval.parts_of`."""
-        return parts_of(self.every.pose, self.every.level, self.used)
-
-    def looked_at(self, worst: Ids) -> tuple[Dataset, Dataset, Dataset | None]:
-        """Runs that are looked at one by one, these worst among them: all, those to fit, those held back."""
-        place = np.arange(self.every.runs)
-        kept = [some(place[own]) for own in (self.used, ~self.used) if own.any()]
-        runs = np.unique(np.concatenate([*kept, worst]))
-        data = self.every.pick(runs)
-        used = self.used[runs]
-        return data, select(data, used), None if used.all() else select(data, ~used)
-
-
 @dataclass(frozen=True)
 class Runs:
     """A user's runs."""
 
     name: str  #: Of the file.
-    every: Dataset  #: All of them, or those that are looked at one by one.
+    every: Dataset  #: All of them.
     used: Dataset  #: Those to fit.
     check: Dataset | None  #: Those held back; None if there are none.
     notes: tuple[str, ...] = ()  #: What was understood of them.
@@ -88,12 +58,6 @@ class Runs:
     doubts: tuple[Doubt, ...] = ()  #: What may be wrong with them, the likeliest first.
     #: By what factor the deflections exceed those that the arm's folder says [1]; None where nobody looked.
     scale: float | None = None
-    many: Many | None = None  #: All, where they are too many to hold.
-
-    @property
-    def total(self) -> int:
-        """How many there are."""
-        return self.every.runs if self.many is None else self.many.every.runs
 
 
 def files_read(asked: Readings) -> list[Path]:
@@ -108,20 +72,13 @@ def _frame_files(frame: str) -> list[Path]:
 
 def read(cell: Cell, asked: Readings) -> Export:
     """The runs as they were read; InputError names what is wrong with the file or its map."""
-    return _loaded(asked, read_held(*_how(cell, asked)))
-
-
-def _how(cell: Cell, asked: Readings) -> How:
-    """File, arm with the targets that its folder lacks, map, sigma [m] and load [kg]."""
-    arm, sigma = cell.arm, None if asked.sigma_um is None else asked.sigma_um / UM
-    markers = (*arm.markers, *(asked.new_target or ()))
+    sigma = None if asked.sigma_um is None else asked.sigma_um / UM
+    markers = (*cell.arm.markers, *(asked.new_target or ()))
     if "" in markers or len(set(markers)) < len(markers):
-        new, have = ", ".join(asked.new_target or ()), ", ".join(arm.markers)
-        raise BenchError(f"--new-target: expected new names, got {new}; {arm.name} has {have}")
-    return asked.dataset, replace(arm, markers=markers), asked.mapping, sigma, asked.load
-
-
-def _loaded(asked: Readings, found: Export) -> Export:
+        new, have = ", ".join(asked.new_target or ()), ", ".join(cell.arm.markers)
+        raise BenchError(f"--new-target: expected new names, got {new}; {cell.arm.name} has {have}")
+    arm = replace(cell.arm, markers=markers)
+    found = read_export(asked.dataset, arm, asked.mapping, sigma, asked.load)
     if not found.data.wrench.any():
         raise InputError(asked.dataset, "", "expected loads, all forces and moments are 0")
     return found
@@ -174,7 +131,7 @@ def read_runs(
         BenchError: When a pose is not in the data, none is left on one side, no target was read in those held
             back, or a frame cannot be found.
     """
-    export = _loaded(asked, read_export(*_how(cell, asked)))
+    export = read(cell, asked)
     if full_pose and export.data.rotation_before is None:
         problem = "expected rotation_before_*_rad, rotation_after_*_rad and sigma_rad for the rotation term"
         raise InputError(asked.dataset, "header", f"{problem} (--full-pose); it has positions only")
@@ -187,8 +144,6 @@ def read_runs(
         registration_row(found),
     )
     runs = Runs(name, found.data, found.data, None, notes, frames, doubts, factor)
-    if export.every is not None:
-        return cell, replace(runs, many=_many(export.every, found, held))
     if not held:
         return cell, runs
     try:
@@ -199,21 +154,6 @@ def read_runs(
         problem = f"expected readings in pose {list(held)}, every target was lost there"
         raise BenchError(f"--check-pose: {problem}")
     return cell, replace(runs, used=used, check=check)
-
-
-def _many(every: Campaign, found: Registered, held: Sequence[int]) -> Many:
-    """All runs in the base's frame, those in the poses that are held back left out of the fit."""
-    if found.frame == "tracker":
-        assert found.registration is not None
-        every = replace(every, mend=partial(in_base, found.registration))
-    poses = np.array(held, dtype=int)
-    missing, used = np.setdiff1d(poses, every.pose), ~np.isin(every.pose, poses)
-    if len(missing):
-        count = len(np.unique(every.pose))
-        raise BenchError(f"--check-pose: no pose {missing[0]} in the dataset, which has {count}")
-    if not used.any():
-        raise BenchError(f"--check-pose: expected runs on both sides, got {every.runs} of {every.runs}")
-    return Many(every, used)
 
 
 def to_base(cell: Cell, data: Dataset, frame: str = "auto") -> tuple[Cell, Registered]:

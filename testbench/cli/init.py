@@ -19,7 +19,8 @@ from testbench.shell.project import NAME, TEMPLATE, parse_project
 from testbench.views.terminal import plain_console
 
 PROJECT = Kind("a project file", b"# What testbench takes")
-TABLES = (".csv", ".txt", ".dat", ".tsv", ".log", ".xlsx")  #: Endings of files that may be readings.
+TABLES = (".csv", ".txt", ".dat", ".tsv", ".log", ".xlsx", ".xls", ".ods")
+"""Endings of files that may be readings."""
 
 
 @dataclass(frozen=True)

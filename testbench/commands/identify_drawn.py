@@ -49,7 +49,7 @@ def seen(cell: Cell, found: Identified, f: Row, left: Mapping[str, Array]) -> Se
         runs, title = _runs(cell, found, f, {name: left[name] for name in names}, some)
         groups.append(runs)
         lines = [_line(f, name, MM * longest(left[name])[some]) for name in names]
-        labels, note = [str(data.run[k]) for k in some], of_all(len(some), found.runs.total, "runs")
+        labels, note = [str(data.run[k]) for k in some], of_all(len(some), found.runs.every.runs, "runs")
         charts = [RunChart(LEFT_MM, 0, "run", labels, lines, f.noise_p95_mm, note)]
     if f.map is not None:
         groups.append(_places(cell, f.map.errors, f.recommended))

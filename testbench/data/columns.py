@@ -199,7 +199,19 @@ def find_columns(table: Table, names: Names, arm: Arm) -> Columns:
     table = table.worded(loads, {word: value.replace(".", mark) for word, value in names.loads.items()})
     if names.map.file.merged:
         table = table.filled([c.index for c in found.values() if c.index not in readings])
+    if table.sheet and "" not in names.lost:
+        _refuse_blanks(table, [c for c in found.values() if c.index in readings])
     return Columns(table, names, found, ignored, mark, _warnings(table, names, ignored))
+
+
+def _refuse_blanks(table: Table, columns: Sequence[Column]) -> None:
+    """Refuse blank cells of readings in a sheet: they may be errors, or formulas without a result."""
+    blank = np.array([table.blank(c.index) for c in columns], dtype=bool).reshape(-1, table.rows).T
+    problem = (
+        "expected a number, got a blank cell, an error or a formula without its result; if blank cells are "
+    )
+    problem += 'lost targets say so in the map: [words] lost = ""'
+    table.refuse(blank, [c.name for c in columns], problem)
 
 
 def _warnings(table: Table, names: Names, ignored: Sequence[str]) -> tuple[str, ...]:
@@ -251,13 +263,13 @@ def _unit(table: Table, k: int, own: Named, arm: Arm) -> Unit | None:
     said = [unit for unit in (own.unit, own.header, table.units[k]) if unit]
     if not said and (parts := split_unit(table.names[k])):
         said = [parts[1]]
-    place, expected = f"line {table.header}, column {table.names[k]}", " or ".join(f"_{u}" for u in allowed)
+    expected = " or ".join(f"_{u}" for u in allowed)
     if not said:
         problem = f"expected a unit at the end of the name such as {expected}, in brackets, or in a map"
-        raise InputError(table.path, place, problem)
+        raise table.header_error(problem, table.names[k])
     if said[0].si not in allowed or any(u != said[0] for u in said):
         got = " and ".join(dict.fromkeys(u.name for u in said))
-        raise InputError(table.path, place, f"expected one unit, of {expected}, got {got}")
+        raise table.header_error(f"expected one unit, of {expected}, got {got}", table.names[k])
     return said[0]
 
 

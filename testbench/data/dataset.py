@@ -1,6 +1,6 @@
 """Measured runs as arrays: one load in one pose a run, every marker read before and after loading."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, TypeVar
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 Shapes = dict[str, tuple[int | None, ...]]
 """Of arrays by name and unit; None for any length."""
 
+SHOWN = 600  #: Runs that are looked at one by one, evenly out of all.
 SKEW = 1e-9  #: Share of a matrix by which it may differ from its transpose.
 
 
@@ -169,7 +170,8 @@ Rows = TypeVar("Rows", bound="DataclassInstance")
 def joined(parts: Sequence[Rows]) -> Rows:
     """Rows of several parts, one after the other."""
     every = [arrays(part) for part in parts]
-    return with_arrays(parts[0], {name: np.concatenate([own[name] for own in every]) for name in every[0]})
+    whole = {name: np.concatenate([own[name] for own in every]) for name in every[0]}
+    return replace(parts[0], **whole)
 
 
 def arrays(data: "DataclassInstance") -> dict[str, npt.NDArray[np.generic]]:
@@ -183,9 +185,9 @@ def in_order(data: Rows, rows: Ids | Mask | slice) -> Rows:
     return replace(data, **{name: own[rows] for name, own in arrays(data).items()})
 
 
-def with_arrays(data: Rows, every: Mapping[str, npt.NDArray[np.generic]]) -> Rows:
-    """The same with other arrays."""
-    return replace(data, **every)
+def evenly(runs: Ids, most: int = SHOWN) -> Ids:
+    """Return at most so many of the runs, evenly, the first and the last among them."""
+    return np.asarray(runs[np.linspace(0, len(runs) - 1, min(most, len(runs))).round().astype(int)])
 
 
 def split(data: Dataset, poses: Ids) -> tuple[Dataset, Dataset]:

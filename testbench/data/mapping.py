@@ -32,6 +32,7 @@ NOTATION = r"^(vector|(intrinsic|extrinsic) [xyz]{3})$"  #: Of three angles.
 
 Text = Annotated[str, Field(min_length=1, max_length=200)]
 Frame = Literal["base", "tracker"]
+Word = Annotated[str, Field(max_length=200)]  #: Of a cell, which may be blank.
 Words = tuple[str, ...]
 
 
@@ -91,7 +92,7 @@ class Map(Strict):
     columns: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
     optional: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
     cells: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=20)
-    words: dict[Text, Text | list[Text]] = Field(default_factory=dict, max_length=200)
+    words: dict[Text, Word | list[Word]] = Field(default_factory=dict, max_length=200)
     values: dict[Text, float] = Field(default_factory=dict, max_length=50)
     scale: dict[Text, Annotated[float, Field(gt=0, lt=1e6)]] = Field(default_factory=dict, max_length=50)
 
@@ -223,6 +224,8 @@ def _words(path: Path, found: Map, arm: Arm) -> tuple[dict[str, Words], Words, W
         if key not in known and not is_decimal(key):
             raise InputError(path, f"words.{key}", f"expected one of {', '.join(known)}, or a load as 150.0")
     words = {key: _tuple(value) for key, value in found.words.items()}
+    if blank := [key for key, own in words.items() if "" in own and key != LOST]:
+        raise InputError(path, f"words.{blank[0]}", "expected words, got ''; a blank cell may only be `lost`")
     return words, words.pop(IGNORE, ()), words.pop(LOST, ())
 
 

@@ -1,36 +1,30 @@
 """Measured runs read from a text file as it comes from an instrument, a spreadsheet or a robot."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from testbench.arm.folder import Arm
-from testbench.data.columns import Columns, find_columns
+from testbench.data.columns import Columns, find_columns, read_columns
 from testbench.data.dataset import Dataset, in_order
-from testbench.data.lines import MAX_BYTES
 from testbench.data.mapping import read_map
 from testbench.data.names import ENTRIES, Slot, columns_of
 from testbench.data.pair import HELD, Paired, pair
 from testbench.data.readings import Readings, averaged, markers_only, read_readings
 from testbench.data.rows import Conditions, read_conditions
 from testbench.data.scatter import read_covariances, read_scatter
-from testbench.data.spool import Campaign, some, spooled
-from testbench.data.stream import Source, Whole, alike, read_source
 from testbench.data.table import table_of
-from testbench.errors import Array, Ids, Mask, open_file
+from testbench.errors import Array, Ids, Mask
 
 
 @dataclass(frozen=True)
 class Export:
     """A file that was read, and how it was understood."""
 
-    data: Dataset  #: The runs, or some of them, evenly.
+    data: Dataset  #: The runs.
     columns: Columns  #: Which column says what.
     notes: tuple[str, ...]  #: What was assumed, left out or numbered; none for a file that says it all.
-    every: Campaign | None = None  #: All runs, where they are too many to be held.
 
 
 def read_csv(path: str | Path, arm: Arm) -> Dataset:
@@ -46,11 +40,7 @@ def read_csv(path: str | Path, arm: Arm) -> Dataset:
     Raises:
         InputError: Names the line and what was expected.
     """
-    return read_held(Path(path), arm, None, None, None).data
-
-
-How = tuple[Path, Arm, Path | None, float | None, float | None]
-"""Arguments of `read_export`."""
+    return read_export(Path(path), arm).data
 
 
 def read_export(
@@ -60,7 +50,7 @@ def read_export(
     sigma: float | None = None,
     load: float | None = None,
 ) -> Export:
-    """Read and check the runs of an arm; memory does not grow with those of a large file.
+    """Read and check the runs of an arm.
 
     Args:
         path: The file; docs/formats.md has an example of every form.
@@ -73,19 +63,7 @@ def read_export(
         InputError: Names line and column, or key of the map, and what was expected.
     """
     names = replace(read_map(mapping, arm), load=load)
-
-    def compute(columns: Columns) -> Export:
-        return runs_of(columns, arm, sigma)
-
-    return read_source(Source(path, arm, names, _run_column, ("run", "pose", "station"), compute), _gathered)
-
-
-def read_held(*how: *How) -> Export:
-    """The same with all runs in memory; InputError where the file is too large for that."""
-    with open_file(how[0], MAX_BYTES):
-        found = read_export(*how)
-    every = found.every
-    return found if every is None else replace(found, data=every.pick(np.arange(every.runs)), every=None)
+    return runs_of(read_columns(path, names, arm), arm, sigma)
 
 
 def from_text(text: str, arm: Arm) -> Dataset:
@@ -93,23 +71,6 @@ def from_text(text: str, arm: Arm) -> Dataset:
     names = read_map(None, arm)
     table = table_of(Path("runs"), (text, "utf-8"), names.knows, names.map.file)
     return runs_of(find_columns(table, names, arm), arm, None).data
-
-
-def _run_column(columns: Columns) -> list[int]:
-    """The column of runs, where every row says its run and pose and has both readings."""
-    run, pose = columns.get(Slot("run")), columns.get(Slot("pose"))
-    single = all(c.slot.when for c in columns.every("reading"))
-    return [run.index] if run and pose and single else []
-
-
-def _gathered(exports: Iterator[Export]) -> Export:
-    """All runs in a file of their own, and some."""
-    first = next(exports)
-    blocks = (export.data for export in chain([first], exports))
-    every = spooled(alike(first.columns.table.path, first.data, data) for data in blocks)
-    if len(np.unique(every.run)) < every.runs:  # rows of a run do not stand together
-        raise Whole
-    return replace(first, data=every.pick(some(np.arange(every.runs))), every=every)
 
 
 def runs_of(columns: Columns, arm: Arm, sigma: float | None) -> Export:

@@ -3,7 +3,6 @@
 Those of several targets at one time are one row of a series.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,27 +10,16 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.beside import read_rotations, read_temperature, read_time, read_torques
-from testbench.data.columns import Columns
-from testbench.data.lines import MAX_BYTES
+from testbench.data.columns import Columns, read_columns
 from testbench.data.mapping import read_map
 from testbench.data.names import ROTATIONS, WHEN, Slot, What, series_names
 from testbench.data.pair import HELD, not_held
 from testbench.data.read_pairs import runs_of
 from testbench.data.readings import Readings, averaged, markers_only, placed, read_readings
-from testbench.data.rows import (
-    POSES,
-    Conditions,
-    first_rows,
-    number_rows,
-    read_conditions,
-    repeats,
-    same_poses,
-)
+from testbench.data.rows import Conditions, first_rows, number_rows, read_conditions, repeats
 from testbench.data.scatter import Scatter, read_scatter
 from testbench.data.series import Series, select_rows, series_of
-from testbench.data.spool import together
-from testbench.data.stream import Source, Whole, alike, read_source
-from testbench.errors import Array, Ids, open_file, stem_of
+from testbench.errors import Array, Ids, stem_of
 
 ALONE = "target"  #: Name of a file's only target where the arm has several.
 APART = 0.02  #: Readings of one target in one pose that are farther apart are of two targets [m].
@@ -78,49 +66,12 @@ def read_series(
     path = Path(path)
     names = replace(read_map(None if mapping is None else Path(mapping), arm, series_names), load=load)
     arm = replace(arm, markers=names.markers)
-
-    def compute(columns: Columns) -> SeriesExport:
-        return _series_of_columns(columns, arm, sigma)
-
-    with open_file(path, MAX_BYTES):  # all of it is held
-        found = read_source(Source(path, arm, names, _pose_columns, ("run", "pose"), compute), _gathered)
+    found = _series_of_columns(read_columns(path, names, arm), arm, sigma)
     if not len(found.lost):
         return found
     places = ", ".join(map(str, found.lost[:TOLD].tolist())) + ", ..." * (len(found.lost) > TOLD)
     lost = f"{len(found.lost)} rows without a reading are left out, of line {places}"
     return replace(found, notes=(*found.notes, lost))
-
-
-def _pose_columns(columns: Columns) -> list[int]:
-    """The columns that rows of a pose share; none for pairs, and for times that count from the first row."""
-    if any(c.slot.when for c in columns.every("reading")) or Slot("time") in columns.found:
-        return []
-    return [c.index for c in columns.every("pose") or columns.every("joint")]
-
-
-def _gathered(exports: Iterator[SeriesExport]) -> SeriesExport:
-    """All blocks of a file; a pose has one identifier, and stands in one block."""
-    batches, known, named = dict[str, list[Series]](), 0, True
-    met, lost, notes = dict[str, list[Ids]](), list[Ids](), dict[str, None]()
-    for export in exports:
-        named = export.columns.get(Slot("pose")) is not None
-        for batch in export.series:
-            every = batches.setdefault(batch.name, [])
-            own = alike(export.columns.table.path, (every or [batch])[0], batch)
-            every.append(replace(own, pose=own.pose + known))
-            met.setdefault(own.name, []).append(np.unique(every[-1].pose))
-        known += 0 if named else max(int(batch.pose.max()) for batch in export.series)
-        lost.append(export.lost)
-        notes |= dict.fromkeys(note for note in export.notes if not note.startswith(POSES))
-    series = tuple(map(together, batches.values()))
-    for one in series:
-        poses = np.concatenate(met[one.name])
-        if not named:
-            poses = same_poses(one.q[np.unique(one.pose, return_index=True)[1]])
-        if len(np.unique(poses)) < len(poses):
-            raise Whole
-    said = (*notes, *([] if named else [f"{POSES}: {known} of them"]))
-    return SeriesExport(series, export.columns, said, np.concatenate(lost))
 
 
 def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:

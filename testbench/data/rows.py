@@ -84,8 +84,8 @@ def _taken_off(columns: Columns) -> Mask | None:
 
 def identifiers(columns: Columns, column: Column) -> tuple[Ids, str]:
     """Integers as they stand there; names by the number in each, or numbered in their order."""
-    if columns.table.counts(column.index):
-        return columns.table.integers(column.index), ""
+    if (counted := columns.table.counts(column.index)) is not None:
+        return counted, ""
     texts = columns.table.texts(column.index)
     names = list(dict.fromkeys(texts))
     if "" in names or any(map(is_integer, names)):
@@ -178,10 +178,12 @@ def _load(columns: Columns, own: Column | float | None) -> Array:
     elif (
         isinstance(own, Column)
         and own.slot.what == "mass"
+        and not columns.table.sheet  # a formula without its result
         and not any(c.slot.when for c in columns.every("reading"))
     ):
         idle = np.isnan(values)  # nothing hangs
-    problem = "expected a finite number in a loaded row, got ''"
+    hint = "; say 0 where nothing hangs" if columns.table.sheet else ""
+    problem = f"expected a finite number in a loaded row, got ''{hint}"
     columns.table.refuse(np.isnan(values) & ~idle, own.name if isinstance(own, Column) else "", problem)
     return np.where(idle, 0.0, values)
 

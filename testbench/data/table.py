@@ -12,13 +12,13 @@ from pyarrow import csv
 
 from testbench.arm.decimal import NUMBER, is_integer
 from testbench.data.formula import from_cell
-from testbench.data.header import Header, find_header, row_of
-from testbench.data.lines import read_letters, split_lines
 from testbench.data.mapping import Layout
 from testbench.data.names import Unit, squeeze
+from testbench.data.text import Header, find_header, read_letters, rows_of, split_lines
 from testbench.data.workbook import SHEET
 from testbench.errors import Array, Ids, InputError, Mask, shown
 
+BLOCK = 16_000_000  #: What Arrow parses at a time [byte]: more than the longest row.
 COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
 DIVIDED = "|".join(f"({mark}[0-9]{{3}})+" for mark in ("X", "'", r"[ \x{00a0}\x{202f}]"))
 GROUPED = {
@@ -30,7 +30,7 @@ GROUPED = {
 
 @dataclass(frozen=True)
 class Table:
-    """The cells of a text file."""
+    """The cells of a text file or a sheet."""
 
     path: Path  #: The file.
     names: tuple[str, ...]  #: Of the columns, as they stand in the file.
@@ -40,7 +40,8 @@ class Table:
     lines: Ids  #: Line of every row in the file, (rows,).
     notes: tuple[str, ...]  #: How the file was read.
     decimal: str | None  #: The decimal mark; None where the cells decide.
-    #: Of every column: texts, or numbers where all of a column were read as such.
+    sheet: str  #: Name of the sheet, in which a blank cell may be an error; "" of a text file.
+    #: Of every column: texts, or numbers that were computed.
     cells: Sequence["pa.Array"] = field(repr=False)
 
     @property
@@ -51,11 +52,16 @@ class Table:
     def error(self, row: int, column: str, problem: str) -> InputError:
         """What is wrong in a row, counted from 0, and in which column; "" for the whole row."""
         line = self.lines[row] if row < self.rows else 1 + max([self.header, *self.lines[-1:]])
-        return InputError(self.path, f"line {line}" + (f", column {column}" if column else ""), problem)
+        return InputError(self.path, self.place(int(line), column), problem)
 
-    def header_error(self, problem: str) -> InputError:
-        """What is wrong with the columns."""
-        return InputError(self.path, f"line {self.header}", problem)
+    def header_error(self, problem: str, column: str = "") -> InputError:
+        """What is wrong with the columns, or with the header of one."""
+        return InputError(self.path, self.place(self.header, column), problem)
+
+    def place(self, line: int, column: str = "") -> str:
+        """Return where something stands in the file, in words."""
+        row = f"sheet {self.sheet}, row {line}" if self.sheet else f"line {line}"
+        return f"{row}, column {column}" if column else row
 
     def refuse(self, bad: Mask, columns: str | Sequence[str], problem: str | Callable[..., str]) -> None:
         """InputError at the first place under a mask, if there is any.
@@ -82,10 +88,6 @@ class Table:
             return np.asarray(pc.is_null(self.cells[k]).to_numpy(zero_copy_only=False))
         return np.asarray(pc.equal(self.cells[k], "").to_numpy(zero_copy_only=False))
 
-    def counts(self, k: int) -> bool:
-        """Whether all of a column were read as integers."""
-        return bool(pa.types.is_integer(self.cells[k].type))
-
     def take(self, rows: Mask | Ids) -> "Table":
         """Rows under a mask, or by their places, in any order."""
         places = np.arange(self.rows)[rows]
@@ -99,7 +101,10 @@ class Table:
             self,
             names=(*self.names, *(other.names[k] for k in kept)),
             units=(*self.units, *(other.units[k] for k in kept)),
-            cells=[*map(_pointed, self.cells), *(_pointed(other.cells[k].take(rows)) for k in kept)],
+            cells=[
+                *map(_decimal_points, self.cells),
+                *(_decimal_points(other.cells[k].take(rows)) for k in kept),
+            ],
             notes=(*self.notes, *(f"{other.path.name}: {note}" for note in other.notes)),
         )
 
@@ -149,10 +154,16 @@ class Table:
                 cells[k] = pc.if_else(pc.equal(cells[k], word), meant, cells[k])
         return replace(self, cells=cells)
 
+    def counts(self, k: int) -> Ids | None:
+        """Return a column as integers, (rows,); None if a cell holds anything but the digits of one."""
+        if not pc.all(pc.match_substring_regex(self.cells[k], "^[0-9]{1,18}$")).as_py():
+            return None
+        return np.asarray(pc.cast(self.cells[k], pa.int64()).to_numpy())
+
     def integers(self, k: int) -> Ids:
         """A column of integers of 64 bits, (rows,); InputError names the first cell that holds none."""
-        if self.counts(k):
-            return np.asarray(self.cells[k].to_numpy())
+        if (counted := self.counts(k)) is not None:
+            return counted
         texts = self.texts(k)
         found = {text: int(text) for text in dict.fromkeys(texts) if is_integer(text)}
         bad = np.array([text not in found for text in texts], dtype=bool)
@@ -167,9 +178,12 @@ class Table:
             return self.decimal
         count = {",": 0, ".": 0}
         for k in columns:
-            comma = pc.match_substring_regex(self.cells[k], f"{COMMA}|{GROUPED[',']}")
-            count[","] += pc.sum(comma).as_py() or 0
-            count["."] += pc.sum(pc.and_not(pc.match_substring(self.cells[k], "."), comma)).as_py() or 0
+            if pc.any(pc.match_substring(self.cells[k], ",")).as_py():
+                comma = pc.match_substring_regex(self.cells[k], f"{COMMA}|{GROUPED[',']}")
+                count[","] += pc.sum(comma).as_py() or 0
+                count["."] += pc.sum(pc.and_not(pc.match_substring(self.cells[k], "."), comma)).as_py() or 0
+            else:
+                count["."] += pc.sum(pc.match_substring(self.cells[k], ".")).as_py() or 0
         return max(count, key=lambda mark: (count[mark], mark))
 
     def numbers(self, k: int, mark: str = ".", words: str = "") -> Array:
@@ -186,16 +200,16 @@ class Table:
         plain = self.cells[k]
         if pa.types.is_floating(plain.type):
             return np.asarray(plain.to_numpy(zero_copy_only=False))
-        grouped = pc.match_substring_regex(plain, GROUPED[mark])
-        if pc.any(grouped).as_py():
-            whole = pc.replace_substring_regex(plain, rf"[^0-9{mark}+-]", "")
-            plain = pc.if_else(grouped, whole, plain)
-        if mark == ",":
-            swapped = pc.replace_substring(plain, ".", "_")  # 1.234 is no number there
-            plain = pc.replace_substring(swapped, ",", ".")
         blank = self.blank(k)
-        sound = pc.match_substring_regex(plain, NUMBER)
-        values = pc.cast(pc.if_else(sound, plain, "nan"), pa.float64()).to_numpy(zero_copy_only=False)
+        try:
+            values = _parsed(pc.if_else(blank, None, _pointed(plain, mark)))
+        except pa.ArrowInvalid:
+            values = np.full(self.rows, np.nan)
+        if not (np.isfinite(values) | blank).all():  # thousands, or what is no number
+            grouped = pc.match_substring_regex(plain, GROUPED[mark])
+            whole = pc.replace_substring_regex(plain, rf"[^0-9{mark}+-]", "")
+            pointed = _pointed(pc.if_else(grouped, whole, plain), mark)
+            values = _parsed(pc.if_else(pc.match_substring_regex(pointed, NUMBER), pointed, "nan"))
         bad = np.flatnonzero(~np.isfinite(values) & ~blank)
         if len(bad):
             text = self.texts(k)[bad[0]]
@@ -203,7 +217,17 @@ class Table:
             hint = f"the decimal mark here is {mark!r}; thousands are divided before one only"
             hint = f"; {hint}" if marked else words
             raise self.error(bad[0], self.names[k], f"expected a finite number, got {text[:80]!r}{hint}")
-        return np.asarray(values)
+        return values
+
+
+def _pointed(cells: "pa.Array", mark: str) -> "pa.Array":
+    """Numbers with a decimal point in place of the mark; beside a comma 1.234 is none."""
+    return cells if mark == "." else pc.replace_substring(pc.replace_substring(cells, ".", "_"), ",", ".")
+
+
+def _parsed(cells: "pa.Array") -> Array:
+    """Texts as numbers, (rows,), NaN where null."""
+    return np.asarray(pc.cast(cells, pa.float64()).to_numpy(zero_copy_only=False))
 
 
 def read_table(path: Path, known: Callable[[str], bool], layout: Layout | None = None) -> Table:
@@ -218,26 +242,27 @@ def read_table(path: Path, known: Callable[[str], bool], layout: Layout | None =
         InputError: When it cannot be read, is empty, or is no table.
     """
     layout = layout or Layout()
-    text, how = read_letters(path, layout.encoding, layout.decimal or ".")
-    if how.startswith(SHEET):
-        layout = layout.model_copy(update={"delimiter": "\t" if "\t" in text else None})
-    return table_of(path, (text, how), known, layout)
+    return table_of(path, read_letters(path, layout.encoding, layout.decimal or "."), known, layout)
 
 
 def table_of(path: Path, letters: tuple[str, str], known: Callable[[str], bool], layout: Layout) -> Table:
-    """The same of a text and its encoding."""
+    """Return the table of a text that was read, and how it was."""
     text, encoding = letters
-    header = find_header(path, split_lines(path, text), layout, known)
+    if encoding.startswith(SHEET):
+        layout = layout.model_copy(update={"delimiter": "\t" if "\t" in text else None})
+    lines = split_lines(path, text)
+    header = find_header(path, lines, layout, known)
     return Table(
         path=path,
         names=header.names,
         units=header.units,
         header=header.line,
         delimiter=header.delimiter,
-        lines=np.array([line.number for line in header.body], dtype=int),
+        lines=np.array(header.body, dtype=int) + 1,
         notes=_notes(encoding, header),
         decimal=layout.decimal,
-        cells=_parse(path, header),
+        sheet=encoding.removeprefix(SHEET) if encoding.startswith(SHEET) else "",
+        cells=_cells(*rows_of(path, header, lines), len(header.names)),
     )
 
 
@@ -254,74 +279,21 @@ def _notes(encoding: str, header: Header) -> tuple[str, ...]:
     return (*found, *["the line below the header holds units"] * any(header.units))
 
 
-TOGETHER = 20_000  #: Cells that are told apart at a time: each takes many times its letters.
-NUMBER_CELL, ID_CELL, WORD_CELL = pa.float64(), pa.int64(), pa.string()
-"""What plain cells of a column hold: a finite number or nothing, an integer, anything."""
+def _cells(content: bytes, mark: str, count: int) -> list["pa.Array"]:
+    """Cells of rows of CSV without blanks around them, a column each."""
+    if not content:
+        return [pa.array([], pa.string())] * count
+    names = list(map(str, range(count)))
+    read = csv.read_csv(
+        pa.BufferReader(content),
+        csv.ReadOptions(column_names=names, block_size=BLOCK),
+        csv.ParseOptions(delimiter=mark, ignore_empty_lines=False),
+        csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
+    )
+    return [pc.utf8_trim_whitespace(read[name].combine_chunks()) for name in names]
 
 
-def release() -> None:
-    """Give memory of tables that are gone back to the system."""
-    pa.default_memory_pool().release_unused()
-
-
-def read_numbers(
-    table: Table, content: bytes, number: int, kinds: Mapping[int, "pa.DataType"]
-) -> Table | None:
-    """More rows of a table, told apart by one byte, their columns read at once; no others are looked at.
-
-    Args:
-        table: The rows before.
-        content: Whole lines.
-        number: How many lines there are in the file before them.
-        kinds: The columns that are read, and what their cells hold.
-
-    Returns:
-        None for anything that has to be looked at line by line: comments, quotes, blank lines, cells that are
-        none of this.
-    """
-    if len(table.delimiter.encode()) > 1 or table.delimiter == " " or not content.isascii():
-        return None
-    if any(mark in content for mark in (b'"', b"#", b"//", b"\r", b"\0")):
-        return None
-    names = [str(k) for k in range(len(table.names))]
-    try:
-        read = csv.read_csv(
-            pa.BufferReader(content),
-            csv.ReadOptions(block_size=len(content) + 1, column_names=names),
-            csv.ParseOptions(delimiter=table.delimiter, quote_char=False, ignore_empty_lines=False),
-            csv.ConvertOptions(
-                column_types={names[k]: kind for k, kind in kinds.items()},
-                include_columns=[names[k] for k in kinds],
-                null_values=[""],
-                decimal_point=table.decimal or ".",
-            ),
-        )
-    except pa.ArrowInvalid:
-        return None
-    rows = content.count(b"\n") + (not content.endswith(b"\n"))
-    cells = [pa.nulls(rows)] * len(names)
-    for k, kind in kinds.items():
-        own = cells[k] = read[names[k]].combine_chunks()  # one at a time: they are large
-        if kind is WORD_CELL:
-            cells[k] = pc.utf8_trim_whitespace(own)
-        endless = kind is NUMBER_CELL and pc.all(pc.is_finite(own)).as_py() is False
-        if len(own) != rows or endless or (kind is ID_CELL and own.null_count):
-            return None
-    return replace(table, lines=number + 1 + np.arange(rows), cells=cells)
-
-
-def _pointed(cells: "pa.Array") -> "pa.Array":
+def _decimal_points(cells: "pa.Array") -> "pa.Array":
     """Decimal commas of a column of numbers as points."""
     plain = pc.match_substring_regex(cells, rf"{COMMA}|^[+-]?[0-9]*$")
     return pc.replace_substring(cells, ",", ".") if pc.all(plain).as_py() else cells
-
-
-def _parse(path: Path, header: Header) -> list["pa.Array"]:
-    """Cells without blanks around them, a column each."""
-    count, lines = len(header.names), header.body
-    step = 1 + TOGETHER // (1 + count)
-    parts = (lines[k : k + step] for k in range(0, len(lines) or 1, step))
-    rows = (pa.array([row_of(path, header, line) for line in part], pa.string()) for part in parts)
-    cut = (pc.utf8_trim_whitespace(pc.split_pattern(part, "\n").flatten()) for part in rows)
-    cells, begins = pa.concat_arrays(cut), count * np.arange(len(lines))
-    return [cells.take(k + begins) for k in range(count)]

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.arm.decimal import is_decimal
-from testbench.data.lines import read_letters
 from testbench.data.mapping import Layout
 from testbench.data.table import Table, read_table, table_of
+from testbench.data.text import read_letters
 from testbench.data.workbook import SHEET
 from testbench.errors import InputError
 

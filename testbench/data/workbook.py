@@ -1,42 +1,30 @@
-"""A sheet of an .xlsx workbook as the text of a table: its cells as the file holds them, divided by tabs.
-
-A date is never its number: a spreadsheet makes 1.2 the first of February. A formula is its last result. The
-parts of a workbook, XML in a zip (ECMA-376), are read piece by piece within limits.
-"""
+"""Sheets of workbooks (.xlsx, .xls, .ods) as the text of a table, read by calamine."""
 
 import io
-import re
 import zipfile
-import zlib
-from collections.abc import Callable, Iterator, Mapping
-from datetime import datetime, timedelta
-from functools import lru_cache
+from collections.abc import Sequence
+from datetime import date, datetime, time, timedelta
 from pathlib import Path
-from xml.parsers import expat
+
+from python_calamine import CalamineError, CalamineWorkbook, SheetTypeEnum, SheetVisibleEnum
 
 from testbench.errors import InputError, sheet_of, shown
 
-MAX_LETTERS, MAX_TAG, MAX_DEPTH = 300_000_000, 10_000_000, 100  #: Of a part or table, a tag, elements nested.
-MAX_ELEMENTS = 3_000_000  #: Of a part: a cell with a number is two. Larger tables come as CSV.
-MAX_PARTS, ROWS, COLUMNS = 10_000, 1_048_576, 16_384  #: Of a workbook, and of its largest sheet.
-BLOCK = 100_000  #: Bytes that are parsed at a time: few, for the memory of their elements.
-BOOK, LINKS, TEXTS, STYLES = (
-    f"xl/{name}.xml{more}"
-    for name, more in (("workbook", ""), ("_rels/workbook", ".rels"), ("sharedStrings", ""), ("styles", ""))
+MAX_UNPACKED = (
+    600_000_000  #: Size of all parts of a workbook [byte]: calamine holds each cell, however small.
 )
-SHEET = "sheet"  #: Begins the words of what was read.
-ENTRY = b"PK\x01\x02"  #: Before the name of every part.
-TIMES = {*range(14, 23), 45, 46, 47}  #: Numbers of formats of dates and times that have no code.
-MUTE = re.compile(r'"[^"]*"|\[(?!(?:h+|m+|s+)\])[^\]]*\]|[\\_*].', re.IGNORECASE)  #: Says nothing of a date.
-DATE = re.compile("[ymdhs]", re.IGNORECASE)
-DAY_0 = datetime(1899, 12, 30)
-UNSAID = "a formula without its result: save the file in a spreadsheet"
-Element = tuple[str, Mapping[str, str], str]  #: Name, attributes and letters, at its end.
-Said = Callable[[Mapping[str, str], str], str]  #: What a cell of these attributes and letters says.
+WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  #: Beginnings of the files: zip, and that of old .xls.
+SHEET = "sheet "  #: Before the name of the sheet, in how a table of a workbook was read.
+DAY_0 = datetime(1899, 12, 30)  #: From which a spreadsheet counts.
+
+Cell = float | str | bool | time | date | datetime | timedelta
 
 
 def sheet_text(path: Path, content: bytes, mark: str) -> tuple[str, str]:
-    """The cells of the sheet that a path names behind `#`, else of the first that is not hidden.
+    """Return the cells of one sheet as text, one line per row, with tabs between the cells.
+
+    The sheet is the one that the path names behind `#`, else the first that is not hidden. A formula is its
+    last result. Calamine returns an error, and a formula without its result, as a blank cell.
 
     Args:
         path: The file, and the sheet.
@@ -44,182 +32,51 @@ def sheet_text(path: Path, content: bytes, mark: str) -> tuple[str, str]:
         mark: The decimal mark that numbers get.
 
     Returns:
-        A line a row, as it is numbered there, all of as many cells; and which sheet it is.
+        The text, and which sheet it is.
 
     Raises:
-        InputError: When it is no workbook, has no such sheet, or is too large.
+        InputError: If calamine cannot read the file, it has no such sheet, or it unpacks to too much.
     """
     try:
-        if content.count(ENTRY) > MAX_PARTS:
-            raise ValueError(f"more than {MAX_PARTS} parts")
+        _check_size(content)
+        book = CalamineWorkbook.from_filelike(io.BytesIO(content))
+        tables = [sheet for sheet in book.sheets_metadata if sheet.typ == SheetTypeEnum.WorkSheet]
+        seen = [sheet.name for sheet in tables if sheet.visible == SheetVisibleEnum.Visible]
+        if not book.sheet_names:
+            raise ValueError("it has no sheet")
+        name = sheet_of(path)[1] or [*seen, *book.sheet_names][0]
+        if name not in book.sheet_names:
+            have = ", ".join(book.sheet_names)
+            raise InputError(path, "", f"expected one of its sheets, {have}, got {name!r}")
+        rows = book.get_sheet_by_name(name).to_python(skip_empty_area=False)
+    except (CalamineError, zipfile.BadZipFile, ValueError) as err:
+        problem = f"expected a workbook: {err}; save it without a password, or export it as CSV"
+        raise InputError(path, "", problem) from err
+    return "\n".join(_line(row, mark) for row in rows), f"{SHEET}{name}"
+
+
+def _check_size(content: bytes) -> None:
+    """Refuse, by ValueError, a zip whose parts are larger than what is read."""
+    if content.startswith(WORKBOOKS[0]):
         with zipfile.ZipFile(io.BytesIO(content)) as book:
-            part, name = _find_sheet(path, book)
-            return _lines(_elements(book, part), _meaning(book, mark)), f"{SHEET} {name}"
-    except (zipfile.BadZipFile, zlib.error, expat.ExpatError, EOFError, OSError) as err:
-        raise InputError(path, "", f"not a whole .xlsx workbook: {err}") from err
-    except (ValueError, LookupError, RuntimeError) as err:  # also a password, or a rare way of packing
-        raise InputError(path, "", f"not a workbook that is read here: {err}; export it as CSV") from err
+            size = sum(part.file_size for part in book.infolist())
+        if size > MAX_UNPACKED:
+            raise ValueError(f"at most {MAX_UNPACKED} bytes when unpacked, got {size}")
 
 
-def _meaning(book: zipfile.ZipFile, mark: str) -> Said:
-    """What cells say, by the texts that they share and their formats."""
-    parts = book.namelist()
-    words = list(_words(_elements(book, TEXTS))) if TEXTS in parts else []
-    dates = _dates(_elements(book, STYLES)) if STYLES in parts else []
-
-    def said(cell: Mapping[str, str], letters: str) -> str:
-        kind, style = cell.get("t", "n"), int(cell.get("s", "0"))
-        if kind == "n" and style < len(dates) and dates[style]:
-            try:
-                return str(DAY_0 + timedelta(milliseconds=round(86_400_000 * float(letters))))
-            except OverflowError:  # ##### on the screen
-                return letters
-        if kind == "n":
-            return shown(letters).strip().removesuffix(".0").replace(".", mark)
-        known = {"s": words, "b": ["FALSE", "TRUE"]}.get(kind)
-        text = shown(known[int(letters)] if known is not None else letters).strip()
-        text = text.lstrip("#") if kind == "e" else text  # #N/A begins no comment
-        return '"{}"'.format(text.replace('"', '""')) if '"' in text else text
-
-    return said
+def _line(row: Sequence[Cell], mark: str) -> str:
+    return "\t".join([_text(cell, mark) for cell in row])
 
 
-def _words(elements: Iterator[Element]) -> Iterator[str]:
-    """The shared texts, without how they are spoken."""
-    pieces: list[str] = []
-    for name, _, letters in elements:
-        if name == "t":
-            pieces.append(letters)
-        elif name == "rPh":
-            pieces.pop()
-        elif name == "si":
-            yield "".join(pieces)
-            pieces.clear()
-
-
-def _dates(elements: Iterator[Element]) -> list[bool]:
-    """Of every style, whether it shows a date or time."""
-    times, styles = {str(k) for k in TIMES}, list[bool]()
-    for name, own, _ in elements:
-        if name == "numFmt" and DATE.search(MUTE.sub("", own["formatCode"])):
-            times.add(own["numFmtId"])
-        elif name == "xf":
-            styles.append(own.get("numFmtId") in times)
-        elif name == "cellStyleXfs":
-            styles.clear()
-        elif name == "cellXfs":
-            break
-    return styles
-
-
-def _lines(elements: Iterator[Element], said: Said) -> str:
-    """The rows of a sheet, one a line, blank ones too; ValueError where they are too many."""
-    lines, counts, size = list[str](), list[int](), 0
-    for number, cells in _rows(elements, said):
-        blank = (number or len(lines) + 1) - 1 - len(lines)
-        if blank < 0 or len(lines) + blank >= ROWS:
-            raise ValueError(f"row {number} stands behind row {len(lines)} of at most {ROWS}")
-        lines += [""] * blank + ["\t".join(cells)]
-        counts += [1] * blank + [max(1, len(cells))]
-        size += len(lines[-1])
-        if size > MAX_LETTERS:
-            raise ValueError(f"expected at most {MAX_LETTERS} letters of a table")
-    widest = max(counts, default=1)
-    if size + widest * len(lines) > MAX_LETTERS:
-        raise ValueError(f"expected at most {MAX_LETTERS} letters, got {len(lines)} rows of {widest} cells")
-    return "\n".join(line + "\t" * (widest - k) for line, k in zip(lines, counts, strict=True))
-
-
-def _rows(elements: Iterator[Element], said: Said) -> Iterator[tuple[int, list[str]]]:
-    """Number, 0 if not said, and cells of every row, without blank ones at its end."""
-    cells, letters, formula, column = list[str](), "", False, 0
-    for name, own, text in elements:
-        if name in ("v", "t"):
-            letters += text
-        elif name == "f":
-            formula = True
-        elif name == "c":
-            column = _column(own.get("r", ""), column)
-            cell = said(own, letters) if letters else UNSAID * formula
-            cells += [*[""] * (column - 1 - len(cells)), cell] if cell else []
-            letters, formula = "", False
-        elif name == "row":
-            yield int(own.get("r", "0")), cells
-            cells, column = [], 0
-
-
-def _column(place: str, last: int) -> int:
-    """The column of a cell, counted from 1, behind the last one."""
-    column = 0
-    for letter in place.rstrip("0123456789")[:4]:
-        column = 26 * column + int(letter, 36) - 9
-    column = column or last + 1
-    if not last < column <= COLUMNS:
-        raise ValueError(f"cell {place[:20]!r} stands behind column {last} of at most {COLUMNS}")
-    return column
-
-
-def _find_sheet(path: Path, book: zipfile.ZipFile) -> tuple[str, str]:
-    """The part of the sheet that is meant, and its name."""
-    own = {shown(one["name"]): one for name, one, _ in _elements(book, BOOK) if name == "sheet"}
-    seen = [name for name, one in own.items() if one.get("state", "visible") == "visible"]
-    asked = sheet_of(path)[1] or next(iter(seen or own), "")
-    if asked not in own:
-        raise InputError(path, "", f"expected one of its sheets, {', '.join(own)}, got {asked!r}")
-    targets = (one["Target"] for _, one, _ in _elements(book, LINKS) if one.get("Id") == own[asked]["id"])
-    target = next(targets, "")
-    return target[1:] if target.startswith("/") else f"xl/{target}", asked
-
-
-def _elements(book: zipfile.ZipFile, part: str) -> Iterator[Element]:
-    """The ends of all elements of a part, names without what stands before them.
-
-    Raises:
-        ValueError: When it is missing, too large or too deep, or has a document type, as entities need it.
-    """
-    if part not in book.namelist():
-        raise ValueError(f"it has no {part}")
-    found, opened, letters = list[Element](), list[tuple[str, dict[str, str]]](), list[str]()
-
-    def begin(name: str, own: dict[str, str]) -> None:
-        if len(opened) == MAX_DEPTH:
-            refuse(f"more than {MAX_DEPTH} elements in one another")
-        opened.append((_local(name), {_local(k): v for k, v in own.items()} if own else own))
-        letters.clear()
-
-    def end(_: str) -> None:
-        found.append((*opened.pop(), "".join(letters)))
-        letters.clear()
-
-    def refuse(why: str, *_: object) -> None:
-        raise ValueError(f"{part}: {why}")
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = begin, end
-    parser.CharacterDataHandler = letters.append
-    parser.StartDoctypeDeclHandler = lambda *_: refuse("document types are not allowed")
-    most = f"expected at most {MAX_LETTERS} bytes, {MAX_TAG} of an element, {MAX_ELEMENTS} elements"
-    size = silent = count = 0
-    with book.open(part) as file:  # to count is quick, to parse is not
-        while block := file.read(BLOCK):
-            size, count = size + len(block), count + block.count(b"<")
-            if size > MAX_LETTERS or count > 2 * MAX_ELEMENTS:
-                refuse(most)
-    count = 0
-    with book.open(part) as file:
-        while block := file.read(BLOCK):
-            silent += len(block)
-            if silent > MAX_TAG or count > MAX_ELEMENTS:
-                refuse(most)
-            parser.Parse(block)
-            silent, count = 0 if found else silent, count + len(found)
-            yield from found
-            found.clear()
-    parser.Parse(b"", True)
-    yield from found
-
-
-@lru_cache(1000)
-def _local(name: str) -> str:
-    """A name without what stands before its colon."""
-    return name.rpartition(":")[2]
+def _text(cell: Cell, mark: str) -> str:
+    """Return a cell as text. A date is never its number: a spreadsheet makes 1.2 the first of February."""
+    if isinstance(cell, bool):
+        return str(cell).upper()
+    if isinstance(cell, float | int):
+        return repr(cell).removesuffix(".0").replace(".", mark)
+    if isinstance(cell, timedelta):
+        return str(DAY_0 + cell)
+    if isinstance(cell, date) and not isinstance(cell, datetime):
+        return str(datetime.combine(cell, time()))
+    text = shown(str(cell)).strip()
+    return '"{}"'.format(text.replace('"', '""')) if '"' in text else text

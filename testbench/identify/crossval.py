@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, BenchError, Ids, Mask
+from testbench.errors import Array, BenchError, Ids
 from testbench.identify.fold import Parts
 from testbench.identify.regression import Regression
 
@@ -53,30 +53,19 @@ class Candidate:
 
 
 def divided(data: Dataset) -> Ids:
-    """Part of every run, (runs,), -1 of those without a reading."""
+    """Deal out runs: fold of the pose times `FOLDS` plus fold of the load, (runs,); -1 without a reading.
+
+    Loads are of one level whose forces and moments are alike in length.
+    """
     level = np.linalg.norm(data.wrench.reshape(-1, 2, 3), axis=2)
-    part = parts_of(data.pose, level, np.ones(data.runs, dtype=bool))  # dealt out as where runs are streamed
+    force, moment = (np.unique(own, return_inverse=True)[1] for own in level.round(LEVEL_DIGITS).T)
+    load = np.unique(force * len(level) + moment, return_inverse=True)[1] % FOLDS
+    part = np.unique(data.pose, return_inverse=True)[1] % FOLDS * FOLDS + load
     return np.where(data.seen.any(axis=1), part, -1)
 
 
-def parts_of(pose: Ids, level: Array, used: Mask) -> Ids:
-    """Part of every run, (runs,): fold of its pose times `FOLDS` plus fold of its load; -1 where not used.
-
-    Args:
-        pose: Of every run; they are dealt out in turn.
-        level: Lengths of its force and moment, (runs, 2) [N, N m]; loads are of one level whose lengths are
-            alike. Levels are dealt out in turn where there are more than `FOLDS`.
-        used: Runs to reduce, (runs,).
-    """
-    force, moment = (np.unique(own, return_inverse=True)[1] for own in level[used].round(LEVEL_DIGITS).T)
-    load = np.unique(force * len(level) + moment, return_inverse=True)[1] % FOLDS
-    part = np.full(len(pose), -1)
-    part[used] = np.unique(pose[used], return_inverse=True)[1] % FOLDS * FOLDS + load
-    return part
-
-
 def folds(parts: Parts) -> list[Fold]:
-    """Poses held out, two at least (BenchError), then load levels where there are several; of `parts_of`."""
+    """Poses held out, two at least (BenchError), then load levels where there are several; of `divided`."""
     some = parts.every
     pose, load = some // FOLDS, some % FOLDS
     if len(np.unique(pose)) < 2:

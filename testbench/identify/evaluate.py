@@ -1,4 +1,4 @@
-"""How good a model is: errors of predicted deflections, of runs that are held or of very many in one pass."""
+"""How good a model is: errors of predicted deflections."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,15 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, BenchError, Ids, Mask
+from testbench.errors import Array, BenchError
 from testbench.identify.estimate import Estimate
-from testbench.identify.fold import BLOCK_RUNS, Blocks, in_threads
+from testbench.identify.fold import BLOCK_RUNS
 from testbench.model.laws import as_loaded, vjm_of
 from testbench.model.vjm import Vjm, chain, generalised_load, marker_points, translation_rows
-
-BINS, LEAST, DECADES = 30_000, 1e-12, 15
-"""Of the counts by which quantiles are found: each is 0.12 % wide."""
-FAR = 40  #: Runs that are remembered for what is left of them.
 
 
 @dataclass(frozen=True)
@@ -88,81 +84,3 @@ def score(predicted: Array, reference: Array) -> Score:
         p95_relative=float(np.percentile(share, 95)) if share.size else None,
         max_relative=float(share.max()) if share.size else None,
     )
-
-
-def judge(
-    vjm: Vjm, estimates: Sequence[Estimate], blocks: Blocks, which: Mask, taken: int
-) -> tuple[tuple[Score, ...], Ids]:
-    """Errors of models on runs.
-
-    Args:
-        vjm: The model.
-        estimates: What was identified.
-        blocks: The runs.
-        which: Those that count, (runs,).
-        taken: Which model's largest errors are remembered.
-
-    Returns:
-        Scores of every model, and the runs of which one of them leaves most, by index in rising order.
-    """
-
-    def work(share: Sequence[int]) -> _Sums:
-        found = _Sums(len(estimates))
-        for k in share:
-            runs, data = blocks.block(k)
-            if which[runs].any():
-                found.add(all_deflections(vjm, estimates, data), data, (runs, which[runs]), taken)
-        return found
-
-    one, *more = in_threads(blocks, work)
-    for other in more:
-        one.join(other)
-    return tuple(map(one.score, range(len(estimates)))), np.sort(one.far[:, 1]).astype(int)
-
-
-class _Sums:
-    """What is counted of errors, absolute [m] and relative [1], model by model."""
-
-    def __init__(self, models: int) -> None:
-        self.square, self.most = np.zeros(models), np.zeros((2, models))
-        self.counts = np.zeros((2, models, BINS), dtype=np.int64)
-        self.far = np.zeros((0, 2))  #: Largest error of a run below zero, and its index: the FAR worst.
-
-    def add(self, moved: Array, data: Dataset, counted: tuple[Ids, Mask], taken: int) -> None:
-        """Deflections of a block by every model, (models, runs, m, 3) [m]; indices of runs, which count."""
-        runs, use = counted
-        seen = data.seen & use[:, None]
-        left = np.linalg.norm(moved - data.deflection, axis=-1)
-        size = np.linalg.norm(data.deflection, axis=-1)[seen]
-        self._remember(np.column_stack([-np.where(seen, left[taken], 0.0).max(axis=1), runs])[use])
-        for k, own in enumerate(left[:, seen]):
-            self.square[k] += (own**2).sum()
-            for kind, values in enumerate((own, own[size > 0] / size[size > 0])):
-                self.most[kind, k] = max(self.most[kind, k], values.max(initial=0.0))
-                bins = np.log10(np.maximum(values, LEAST) / LEAST) * (BINS / DECADES)
-                self.counts[kind, k] += np.bincount(bins.astype(int).clip(max=BINS - 1), minlength=BINS)
-
-    def join(self, other: "_Sums") -> None:
-        """What another thread counted."""
-        self.square += other.square
-        self.most = np.maximum(self.most, other.most)
-        self.counts += other.counts
-        self._remember(other.far)
-
-    def _remember(self, far: Array) -> None:
-        both = np.vstack([self.far, far])
-        self.far = both[np.lexsort((both[:, 1], both[:, 0]))[:FAR]]
-
-    def score(self, k: int) -> Score:
-        """Of a model; quantiles are the middle of their bin."""
-        sums = [(np.cumsum(counts), 0.95 * (counts.sum() - 1)) for counts in self.counts[:, k]]
-        places = [np.searchsorted(*one, side="right") + 0.5 for one in sums]
-        p95, share = (float(LEAST * 10 ** (place * DECADES / BINS)) for place in places)
-        moved = self.counts[1, k].any()
-        return Score(
-            rms=float(np.sqrt(self.square[k] / self.counts[0, k].sum())),
-            p95=p95,
-            max=float(self.most[0, k]),
-            p95_relative=share if moved else None,
-            max_relative=float(self.most[1, k]) if moved else None,
-        )

@@ -1,18 +1,15 @@
 """Readings boiled down: rows [A | y] folded by QR into triangular factors, part by part; parts add up.
 
 A part is what is left out, or kept, together: runs whose pose is of one fold and whose load is of one fold, a
-block of joint space. Memory does not grow with the rows. Two threads share the blocks of a large file, always
-in the same way: sums do not depend on chance.
+block of joint space. Memory does not grow with the rows.
 """
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol, TypeVar
 
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
@@ -47,9 +44,7 @@ SORTED_RUNS = (
 )  #: Pairs sorted by their parts at a time, so that memory does not grow with them.
 BATCH = 3_000_000  #: Numbers of the equations of absolute readings that are in memory at a time.
 PANEL = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
-THREADS = 2
 FEWEST, MOST_POSES = 4, 60  #: Poses of a dataset whose rows are kept pose by pose.
-Found = TypeVar("Found")
 
 
 class Folded:
@@ -139,23 +134,6 @@ class Parts:
         return regression_of(self.structure, tuple(terms))
 
 
-class Blocks(Protocol):
-    """Runs block by block."""
-
-    def __len__(self) -> int:
-        """How many blocks there are."""
-
-    def block(self, k: int) -> tuple[Ids, Dataset]:
-        """A block: indices of its runs among all, and these; for any thread."""
-
-
-def in_threads(blocks: Blocks, work: Callable[[Sequence[int]], Found]) -> list[Found]:
-    """What is found in shares of the blocks, each by a thread of its own."""
-    shares = [range(k, len(blocks), THREADS) for k in range(THREADS)]
-    with ThreadPoolExecutor(THREADS) as pool:
-        return list(pool.map(work, shares))
-
-
 def reduce(vjm: Vjm, structure: Structure, data: Dataset | Regression) -> Regression:
     """Boil a dataset down to the triangular factors of its weighted rows; memory does not grow with the runs.
 
@@ -189,8 +167,8 @@ def with_poses(vjm: Vjm, regression: Regression, data: Dataset) -> Regression:
     return replace(regression, poses=tuple(factors[at][:, parts.columns] for at in sorted(factors)))
 
 
-def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Blocks, part: Ids) -> list[Parts]:
-    """The rows of several models on runs that are held, or come block by block, in parts.
+def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset, part: Ids) -> list[Parts]:
+    """Reduce the rows of several models on runs, in parts.
 
     Args:
         vjm: The model.
@@ -207,32 +185,19 @@ def reduce_parts(vjm: Vjm, structures: Sequence[Structure], runs: Dataset | Bloc
     own = [widest, *(s for s, place in zip(structures, places, strict=True) if place is None)]
     unknowns = [compliances(vjm_of(vjm, s), s) for s in own]
 
-    def of(some: Iterable[tuple[Ids | slice, Dataset]]) -> list[Folded]:
-        found = [Folded(s.n + 1) for s in own]
-        for at, data in some:
-            if isinstance(runs, Dataset) or part[at].max() >= 0:
-                check_runs(vjm, data)
-                for these in _blocks_of(part[at]):
-                    load = Load(data.wrench[these], data.point[these])
-                    told = {
-                        v: straight(as_loaded(v, data.taken_off, these), data.q[these], [load])
-                        for v in {one.vjm for one in unknowns}
-                    }
-                    for one, folded in zip(unknowns, found, strict=True):
-                        folded.take(*pair_rows(one, told[one.vjm], data, these), part[at][these])
-        return found
-
-    if isinstance(runs, Dataset):
-        first = of([(slice(None), runs)])
-    else:
-        blocks = runs
-        first, *more = in_threads(blocks, lambda share: of(blocks.block(k) for k in share))
-        for other in more:
-            for ours, theirs in zip(first, other, strict=True):
-                ours.join(theirs)
-    alone = iter(first[1:])
+    found = [Folded(s.n + 1) for s in own]
+    check_runs(vjm, runs)
+    for these in _blocks_of(part):
+        load = Load(runs.wrench[these], runs.point[these])
+        told = {
+            v: straight(as_loaded(v, runs.taken_off, these), runs.q[these], [load])
+            for v in {one.vjm for one in unknowns}
+        }
+        for one, folded in zip(unknowns, found, strict=True):
+            folded.take(*pair_rows(one, told[one.vjm], runs, these), part[these])
+    alone = iter(found[1:])
     return [
-        Parts(s, next(alone), slice(None)) if place is None else Parts(s, first[0], place)
+        Parts(s, next(alone), slice(None)) if place is None else Parts(s, found[0], place)
         for s, place in zip(structures, places, strict=True)
     ]
 

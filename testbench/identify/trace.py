@@ -65,7 +65,7 @@ def learnt(vjm: Vjm, parts: Parts | Regression) -> Penalty | None:
 
     Args:
         vjm: The model.
-        parts: The readings in parts, `crossval.parts_of`. Of a regression, or of a single pose, nothing can
+        parts: The readings in parts, `crossval.divided`. Of a regression, or of a single pose, nothing can
             be held out: there generalised cross-validation chooses (Golub, Heath, Wahba 1979).
 
     Returns:

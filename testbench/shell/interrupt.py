@@ -1,6 +1,6 @@
 """Ctrl-C and its like at any moment: one line, an exit code, no traceback.
 
-Imports nothing but what Python has loaded.
+Imports next to nothing: it is there before anything else.
 """
 
 import contextlib

@@ -18,8 +18,11 @@ from testbench import BenchError, compensate, gco, intervals, least_squares, pre
 from testbench.campaign import named_parameters
 from testbench.campaign.absolute_truth import REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.campaign.campaign import Scenario, clear_poses, simulate, stream
+from testbench.campaign.fits import fit
+from testbench.campaign.models import named_models
 from testbench.campaign.pose_campaign import FullPose
 from testbench.campaign.pose_campaign import simulate as simulate_full_pose
+from testbench.campaign.runs import Runs
 from testbench.correct.newton import asked
 from testbench.correct.rest import rest
 from testbench.data.dataset import in_order
@@ -330,3 +333,14 @@ def test_memory_of_intervals_grows_with_what_they_are_and_not_with_their_rows(kr
     few, many = peak(500), peak(1000)
     rows = 8 * s.n * (many[1] - few[1])
     assert many[0] - few[0] < rows / 10
+
+
+def test_of_many_runs_some_have_intervals_evenly_and_the_notes_say_so(kr500, monkeypatch):
+    data = simulate(kr500, Scenario(arm="kr500_l480", truth="linear", workspace_poses=1), 3).identification
+    monkeypatch.setattr("testbench.campaign.fits.SHOWN", 4)
+    runs = Runs("runs.csv", data, data, None)
+    fits = fit(kr500, named_models(kr500, ["Joints"]), runs, lambda: 0.0, widths=True).fits
+    shown = [row["run"] for row in fits.models[0].intervals.deflections[:: len(data.markers)]]
+    assert len(set(shown)) == 4
+    assert (shown[0], shown[-1]) == (data.run[0], data.run[-1])
+    assert f"intervals are of 4 of {data.runs} runs" in fits.notes[-1]

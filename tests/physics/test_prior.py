@@ -19,7 +19,7 @@ from testbench.data.dataset import select
 from testbench.identify import average, hierarchy
 from testbench.identify import posterior as posteriors
 from testbench.identify.average import averaged, of_two_priors
-from testbench.identify.crossval import FOLDS, Candidate, parts_of, unless_beaten
+from testbench.identify.crossval import FOLDS, Candidate, divided, unless_beaten
 from testbench.identify.estimate import Average, make_estimate
 from testbench.identify.evidence import bends, greatest, posterior
 from testbench.identify.metric import Belief, metric, rescaled, whitened
@@ -491,16 +491,21 @@ def test_intervals_of_laws_and_of_none_are_mixed_as_likely_as_they_are(kr500, ca
     np.testing.assert_allclose(found, sum(each), rtol=1e-9)
 
 
-def test_poses_and_levels_of_load_are_dealt_out_in_turn():
+def test_poses_and_levels_of_load_are_dealt_out_in_turn(campaign):
     """Levels are pairs of a force and a moment: of equal sums or lengths two of them may still differ."""
     level = np.array([[100.0, 0.0], [0.0, 100.0], [100.0, 50.0], [100.04, 0.0], [50.0, 100.0]])
-    used = np.array([True, True, True, True, True])
-    part = parts_of(np.array([7, 7, 9, 9, 11]), level, used)
+    data = select(campaign.identification, np.arange(campaign.identification.runs) < 5)
+    wrench = np.zeros((5, 6))
+    wrench[:, [2, 4]] = -level
+    data = replace(data, pose=np.array([7, 7, 9, 9, 11]), wrench=wrench)
+    part = divided(data)
     assert (part // FOLDS).tolist() == [0, 0, 1, 1, 2]
     load = part % FOLDS
     assert load[0] == load[3]
     assert len(set(load[[0, 1, 2, 4]])) == 4
-    assert parts_of(np.array([7, 7, 9, 9, 11]), level, ~used | (level[:, 1] > 0)).tolist()[0] == -1
+    precision = np.tile(np.eye(3), (*data.before.shape[:2], 1, 1))
+    precision[0] = 0.0
+    assert divided(replace(data, precision=precision)).tolist() == [-1, *part[1:]]
 
 
 @pytest.mark.parametrize("laws", [False, True])

@@ -4,7 +4,7 @@ import csv
 import io
 import itertools
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +16,9 @@ from testbench.arm.folder import Arm, load_arm
 from testbench.campaign.tracker import LaserTracker, precision
 from testbench.data.dataset import Dataset, select, split
 from testbench.data.read_pairs import read_csv
+from testbench.data.table import read_table
 from testbench.data.write import write_csv
-from testbench.errors import BenchError
+from testbench.errors import BenchError, InputError
 
 MODELS = Path(__file__).parents[2] / "models"
 ARM = load_arm(MODELS / "kr500_l480")
@@ -148,7 +149,7 @@ def test_what_cannot_be_written_leaves_no_file(tmp_path):
         (b"\xff\xfe1\x002", "byte 5: expected text in utf-16-le: truncated data"),
         (b"run,pose\n1,\x81\n", "byte 12: expected text in utf-8 or cp1252"),
         (b'run,pose\n"1,2\n', "line 2: not a table: quotes without an end"),
-        (b'run,pose\nx"1,2"\n', "line 2: expected 2 fields, quotes around whole cells, got 1"),
+        (b'run,pose\n"1,2"\n', "line 2: expected 2 fields, got 1"),
         (b"run," + b"x" * 200_000, "line 1: expected a header of at most 20000 letters, got 200004"),
         (b"\0" * 10, "line 1: expected text, got a zero byte"),
         (b"run;pose;marker\n1;2;P1\n", "'joint_5_rad', 'joint_6_rad']"),
@@ -159,6 +160,59 @@ def test_file_that_is_no_dataset_is_refused(tmp_path, content, expected):
     if content is not None:
         file.write_bytes(content)
     assert expected in refused(read_csv, file, ARM)
+
+
+# The forms of a text table
+
+
+def quoted(text: str) -> bytes:
+    return text.replace(",P2,", ', "P2",').replace(",P3,", ',"P3\n",').encode() + b'""\n\r\n'
+
+
+def remarks(text: str) -> bytes:
+    head, *rows = text.splitlines()
+    more = [f'{head},x ("),y ("),"a, b"', *(f'{row},é,5,"1"", 2"' for row in rows)]
+    return "\n".join(more).encode("cp1252")
+
+
+FORMS: dict[str, Callable[[str], bytes]] = {
+    "windows": lambda text: text.replace("\n", "\r\n").encode("utf-8-sig"),
+    "utf_16": lambda text: text.replace("\n", "\r").encode("utf-16"),
+    "decimal_comma": lambda text: text.replace(",", ";").replace(".", ",").encode(),
+    "tabs_and_no_end": lambda text: text.replace(",", "\t").rstrip("\n").encode(),
+    "runs_of_blanks": lambda text: text.replace(",", "  ").encode(),
+    "title": lambda text: f"Report; of a day\n\n\n{text}".encode(),
+    "comments_and_blank_lines": lambda text: text.replace("\n12,", "\n\n# a remark\n,,,\n12,").encode(),
+    "header_again": lambda text: text.replace("\n13,", f"\n{text[: text.index(chr(10))]}\n13,", 1).encode(),
+    "blanks_and_signs": lambda text: text.replace(",P3,", ", P3 ,").replace(",0.", ",+0.").encode(),
+    "ragged": lambda text: text.replace(",3e-05\n", ",3e-05,, ,\n", 5).encode(),
+    "quotes": quoted,
+    "remarks": remarks,
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_table_is_read_bit_by_bit_however_it_is_written(tmp_path, form):
+    data, file = dataset(), tmp_path / "dataset.csv"
+    file.write_bytes(FORMS[form](written(tmp_path, data).read_text(encoding="utf-8")))
+    back = read_csv(file, ARM)
+    for field in fields(Dataset):
+        np.testing.assert_array_equal(getattr(back, field.name), getattr(data, field.name), field.name)
+
+
+def test_numbers_are_those_of_python_to_the_last_bit_and_of_ascii_decimals_alone(tmp_path):
+    rng, file = np.random.default_rng(1), tmp_path / "numbers.txt"
+    bits = rng.integers(0, 2**63, 3000).view(float)
+    texts = [f"{x:.{k % 20}e}" for k, x in enumerate(bits.tolist()) if np.isfinite(x)]
+    texts += ["+1.5", "-.5", "7.", "007", "0.1e+2", "1E3", "5e-324", "9" * 300, "0." + "0" * 300 + "1" * 90]
+    file.write_text("\n".join(["x_m", *texts]))
+    found = read_table(file, lambda name: name == "x_m").numbers(0)
+    assert found.tobytes() == np.array([float(text) for text in texts]).tobytes()
+    for none in (*"0x10 1_0 nan -inf infinity 1e999 1,5 １ 1d3 --1 e5 .".split(), "1 2"):
+        file.write_text(f"x_m;y\n1.5;2\n{none};2\n")
+        table = read_table(file, lambda name: name == "x_m")
+        with pytest.raises(InputError, match="line 3, column x_m: expected a finite number, got"):
+            table.numbers(0)
 
 
 # The header, then the rows, then runs and markers

@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.data.dataset import Dataset, in_order, select
+from testbench.data.dataset import Dataset, evenly, in_order, select
 from testbench.data.series import Series, select_rows, series_of
-from testbench.data.spool import some
 from testbench.errors import Array, BenchError, InputError
 from testbench.identify.absolute.align import with_targets
 from testbench.identify.absolute.fit import first_fit
@@ -264,7 +263,7 @@ def moved(vjm: Vjm, data: Dataset, prior: Prior) -> list[Finding]:
         data: The runs in the base's frame, in order of time.
         prior: What the arm's folder expects.
     """
-    series = tuple(_in_time(in_order(data, some(np.arange(data.runs)))))
+    series = tuple(_in_time(in_order(data, evenly(np.arange(data.runs)))))
     steps = [places(one, FEWEST) for one in series]
     if not vjm.arm.joints or not any(map(len, steps)):
         return []
