@@ -121,7 +121,8 @@ import numpy as np
 
 
 def both(*_):
-    while time.process_time() < 0.2:
+    start = time.process_time()
+    while time.process_time() - start < 0.2:
         pass
     return [1, 2], np.eye(2)
 
@@ -136,7 +137,7 @@ import time
 
 import numpy as np
 
-SLEEP = ["sleep", os.environ["LASTS"]]
+SLEEP = ["sleep", "LASTS"]
 
 
 def child(*_):
@@ -361,10 +362,9 @@ def test_a_prediction_beyond_the_arm_is_a_failure_and_one_of_millimetres_is_none
             model.estimator(kr500.vjm, model.structure, data)
 
 
-def test_processes_that_a_call_leaves_are_ended_with_it_and_the_next_call_is_answered(files, monkeypatch):
+def test_processes_that_a_call_leaves_are_ended_with_it_and_the_next_call_is_answered(files):
     lasts = f"600.{os.getpid()}"
-    monkeypatch.setenv("LASTS", lasts)
-    (files / "leaves.py").write_text(LEAVES)
+    (files / "leaves.py").write_text(LEAVES.replace("LASTS", lasts))
     for name, fails in {"child": 0, "slow": 1, "dies": 1}.items():
         own = Own(name, str(files / "leaves.py"), name, Limits(6.0 if name == "slow" else 30.0))
         with pytest.raises(BenchError) if fails else nullcontext():
@@ -373,10 +373,9 @@ def test_processes_that_a_call_leaves_are_ended_with_it_and_the_next_call_is_ans
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_a_call_ends_with_the_process_that_asked_for_it(files, monkeypatch):
+def test_a_call_ends_with_the_process_that_asked_for_it(files):
     lasts = f"601.{os.getpid()}"
-    monkeypatch.setenv("LASTS", lasts)
-    (files / "leaves.py").write_text(LEAVES)
+    (files / "leaves.py").write_text(LEAVES.replace("LASTS", lasts))
     words = [sys.executable, "-c", ASKS.format(file=str(files / "leaves.py"))]
     with subprocess.Popen(words) as asking:
         assert until(lambda: sleeping(lasts))
@@ -414,7 +413,7 @@ def test_a_second_array_is_the_covariance_and_processor_time_is_taken(files):
         ask(Own("half", str(files / "pairs.py"), "half", Limits(30.0)), (1, 2, 3, 4))
     np.testing.assert_array_equal(answer.found, [1, 2])
     np.testing.assert_array_equal(answer.covariance, np.eye(2))
-    assert answer.cpu_seconds > 0.2
+    assert answer.cpu_seconds >= 0.2
 
 
 def test_nine_own_estimators_are_told_apart():

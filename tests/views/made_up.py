@@ -41,6 +41,10 @@ def _number(rng):
     return float(LEAST * (MOST / LEAST) ** rng.uniform())
 
 
+def _count(rng):
+    return round(_number(rng))
+
+
 def _maker(kind: Any, name: str) -> Callable[[Generator], Any]:
     """What makes a value of a type up from rng."""
     origin, args = get_origin(kind), get_args(kind)
@@ -48,7 +52,9 @@ def _maker(kind: Any, name: str) -> Callable[[Generator], Any]:
         return lambda rng: args[rng.integers(len(args))]
     if origin in (Union, types.UnionType):  # a number that could be spread, or a share, is one trial's
         alone = {bool, float} == set(args) or next(a for a in args if a is not type(None))
-        return _truth if alone is True else _number if Spread in args else _maker(alone, name)
+        if Spread in args:
+            return _count if int in args else _number
+        return _truth if alone is True else _maker(alone, name)
     if origin is tuple:
         makers = [_maker(a, name) for a in (args[:1] * COUNT if args[-1] is Ellipsis else args)]
         return lambda rng: tuple(make(rng) for make in makers)
