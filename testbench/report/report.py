@@ -91,12 +91,15 @@ class Report:
     badge: Badge | None = None  #: Who wins; None where nothing is compared.
 
     def __post_init__(self) -> None:
-        """The winner is marked in every table that names it and marks nothing else."""
-        found = {
-            name: own if own.bold or not own.columns else replace(own, bold=self.winner)
-            for name, own in self.tables.items()
-        }
+        """Every table that names what the badge is about, and marks nothing else, is led by it."""
+        found = {name: self.led(own) for name, own in self.tables.items()}
         object.__setattr__(self, "tables", found)
+
+    def led(self, table: Table) -> Table:
+        """Put what the badge is about on top of a table that marks nothing, and mark it if it wins."""
+        if table.bold or not table.columns or not self.badge:
+            return table
+        return replace(table.led_by(self.badge.winner), bold=self.badge.marked)
 
     @property
     def winner(self) -> str:

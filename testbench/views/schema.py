@@ -101,10 +101,16 @@ class Table:
 
     def __post_init__(self) -> None:
         """What is marked is first, unless several rows are."""
-        marked = [self.marks(row) for row in self.rows]
-        if sum(marked) == 1:
-            k = marked.index(True)
-            object.__setattr__(self, "rows", [self.rows[k], *self.rows[:k], *self.rows[k + 1 :]])
+        if self.bold and self.columns:
+            object.__setattr__(self, "rows", self._led_by(self.bold))
+
+    def led_by(self, name: str) -> "Table":
+        """Move the row of a name to the top; nothing moves where none or several have it."""
+        return replace(self, rows=self._led_by(name))
+
+    def _led_by(self, name: str) -> Sequence[object]:
+        at = [k for k, row in enumerate(self.rows) if self.columns[0].cell(row) == name]
+        return self.rows if len(at) != 1 else [self.rows[at[0]], *self.rows[: at[0]], *self.rows[at[0] + 1 :]]
 
     def marks(self, row: object) -> bool:
         """Whether it is marked in every view."""

@@ -165,12 +165,12 @@ def check_ranges(axes, numbers, looks, unit=None):
     assert low > high  # the first on top
 
 
-def place_of(winner, names):
-    """Where the winner stands among names; None where nothing wins."""
-    return [*names].index(winner) if winner else None
+def place_of(found, names):
+    """Where the one that a report's badge is about stands among names, and whether it is marked."""
+    return [*names].index(found.badge.winner), bool(found.winner)
 
 
-def check_forest(axes, numbers, looks, unit="mm", first=0):
+def check_forest(axes, numbers, looks, unit="mm", first=(0, True)):
     """Dots, spreads, colours, weights, bands and unit of a pane of `figure.forest`, the winner on top.
 
     Args:
@@ -178,12 +178,12 @@ def check_forest(axes, numbers, looks, unit="mm", first=0):
         numbers: What is drawn, one a row.
         looks: Of the rows.
         unit: Of its axis; None without.
-        first: Which of them is the winner; None where none of them is.
+        first: Which of them is on top, None for the first; and whether it is marked.
     """
     assert unit is None or unit_in(axes.get_xlabel()) == unit
     low, high = axes.get_ylim()
     assert low > high  # the first row on top
-    order = sorted(range(len(numbers)), key=lambda k: k != first)
+    order = sorted(range(len(numbers)), key=lambda k: k != first[0])
     texts = [text.get_text().split()[-1] for text in axes.get_yticklabels()]
     sizes = []
     for y, k in enumerate(order):
@@ -208,7 +208,7 @@ def check_forest(axes, numbers, looks, unit="mm", first=0):
     assert [(band.get_y(), band.get_height()) for band in axes.patches] == [(y - 0.5, 1.0) for y in best]
     for y, band in zip(best, axes.patches, strict=True):
         assert matplotlib.colors.same_color(band.get_facecolor()[:3], looks[order[y]].hex)
-    assert first is None or sizes[0] == max(sizes) > min(sizes[1:])
+    assert not first[1] or sizes[0] == max(sizes) > min(sizes[1:])
 
 
 def best_of_trials(numbers):

@@ -101,7 +101,7 @@ def test_the_figure_draws_the_numbers_in_the_colour_of_each_model(numbers):
     for axes, arm in zip(figures(found)["absolute_calibration.png"].axes, s.ARMS, strict=True):
         if len(numbers) == 1:
             errors = [find(models, arm=arm, name=name).error_mm for name in s.BY_POSES]
-            first = place_of(found.winner, s.BY_POSES)
+            first = place_of(found, s.BY_POSES)
             check_forest(axes, errors, [LOOKS[name] for name in s.BY_POSES], first=first)
             continue
         shades = {line.get_label(): line.get_color() for line in axes.get_lines()}

@@ -100,7 +100,7 @@ def test_tables_hold_every_model_but_a_completion_that_exists_in_no_seed():
     found, one = made(), made(1)
     check(one, ["short"])
     assert (" to " in grid(one.tables["models"]), one.numbers["by_arm"]) == (False, [])
-    names = sorted(MODELS, key=lambda name: name != found.winner)
+    names = sorted(MODELS, key=lambda name: name != found.badge.winner)
     assert [r.name for r in found.tables["models"].rows] == names
     assert [r.name for r in found.tables["short"].rows] == [n for n in names if n != EQUAL_FIT]
     [(head, cells)] = tables_of(grid(found.tables["by_arm"]))
@@ -115,7 +115,7 @@ def test_the_figure_draws_the_numbers_in_the_colour_of_each_model():
     looks = [look(m.structure, m.constraint, m.prior) for m in rows]
     panes = ("workspace.rms_mm", "check_true.rms_mm", "check.rms_mm")
     for axes, path in zip(figures(found)["models.png"].axes, panes, strict=True):
-        check_forest(axes, [at(m, path) for m in rows], looks)
+        check_forest(axes, [at(m, path) for m in rows], looks, first=(0, bool(found.winner)))
 
 
 @pytest.mark.study

@@ -206,5 +206,5 @@ def test_the_figure_draws_the_reports_numbers_in_the_look_of_each_criterion(both
     quick, _ = made(scope=replace(SCOPE, poses=(12,), fewer=(12,)))
     rows = quick.numbers["criteria"]
     for axes, key in zip(figures(quick)["pose_selection.png"].axes, keys[:2], strict=True):
-        first = place_of(quick.winner, [row.plan for row in rows])
+        first = place_of(quick, [row.plan for row in rows])
         check_forest(axes, [row[key] for row in rows], [LOOKS[row.plan] for row in rows], first=first)

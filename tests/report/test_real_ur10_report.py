@@ -122,7 +122,7 @@ def test_the_figure_draws_the_ladder_in_the_colours_of_its_models(made):
     found, _ = made
     for axes, key in zip(figures(found)["real_ur10.png"].axes, PANES, strict=True):
         means = [at(find(found.numbers["models"], name=name), key) for name in LADDER]
-        check_forest(axes, means, [LOOKS[name] for name in LADDER], first=place_of(found.winner, LADDER))
+        check_forest(axes, means, [LOOKS[name] for name in LADDER], first=place_of(found, LADDER))
     assert [LOOKS[name].colour for name in TWO] == [colours.JOINTS, colours.JOINTS_PRIOR]
 
 

@@ -126,7 +126,7 @@ def test_the_figure_draws_errors_in_the_units_and_colours_of_the_methods(found):
             for line in axes.get_lines()
             if len(line.get_xdata()) == 1 and line.get_marker() != "D"
         ]
-        names = sorted(MODELS, key=lambda name: name != found.winner)
+        names = sorted(MODELS, key=lambda name: name != found.badge.winner)
         assert [x for x, _ in drawn] == [MODELS[name][key == ROTATION] for name in names]
         shades = dict(zip(names, (colour for _, colour in drawn), strict=True))
         assert [shades["MLS36"], shades["MGCO21"]] == [hexadecimal(LEAST_SQUARES), hexadecimal(GCO)]

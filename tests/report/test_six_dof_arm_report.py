@@ -134,7 +134,7 @@ def test_a_tie_break_counts_equal_fits_and_conservative_ones_apart():
 
 def test_the_figure_draws_both_truths_and_the_papers_numbers_in_the_colours_of_the_models(found):
     panes, models = figures(found)["six_dof_arm.png"].axes, found.numbers["models"]
-    first = place_of(found.winner, [m.name for m in models])
+    first = place_of(found, [m.name for m in models])
     paths = ("check_true.p95_mm", "check.p95_mm", "nonlinear.check_true.p95_mm")
     for axes, path in zip(panes, paths, strict=True):
         check_forest(

@@ -86,7 +86,7 @@ def test_the_figure_draws_time_and_bound_of_every_solver_in_its_colour():
     rows = found.numbers["solvers"]
     looks = [LOOKS[row.key] for row in rows]
     times, bounds = figures(found)["solver_comparison.png"].axes
-    first = place_of(found.winner, [row.key for row in rows])
+    first = place_of(found, [row.key for row in rows])
     check_forest(times, [row.seconds_to_1_percent for row in rows], looks, "s", first)
     check_forest(bounds, [row.relative_excess_bound for row in rows], looks, None, first)
     assert [key for key, look in LOOKS.items() if look.colour == GCO] == ["d"]

@@ -182,6 +182,6 @@ def test_the_figure_draws_the_numbers_in_the_colour_of_each_method(of_all):
     for axes, poses in zip(figures(found)["which_model.png"].axes, POSES, strict=True):
         assert axes.get_title() == f"{poses} poses"
         errors = {m.name: m.rms_um for m in found.numbers.family if m.poses == poses}
-        check_forest(axes, [errors[name] for name in METHODS], looks, "um", place_of(found.winner, METHODS))
+        check_forest(axes, [errors[name] for name in METHODS], looks, "um", place_of(found, METHODS))
         [joints] = [line for line in axes.get_lines() if line.get_linestyle() == ":"]
         assert set(joints.get_xdata()) == {middle(errors["Joints"])}

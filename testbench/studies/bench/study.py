@@ -177,7 +177,7 @@ def figures(found: Report) -> Mapping[str, Figure]:
     """Ratios arm by arm."""
     f = Row(found.numbers)
     board = f.board[CLASSES[True]]
-    table = Table(columns("name over"), board, bold=found.winner)
+    table = found.led(Table(columns("name over"), board))
     words = (
         "Error over that of the default, arm by arm over all tasks; dotted: the default. Labels are medians, "
         "numbers of the table geometric means, where every failure counts."

@@ -78,8 +78,8 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         claims=list(_claims(f)),
         numbers=f,
         tables={
-            "short": Table(columns(SHORT, paper=False), told, bold=mark, headline=TRUE),
-            "models": Table(columns(MODELS), f.models, bold=mark),
+            "short": Table(columns(SHORT, paper=False), told, headline=TRUE),
+            "models": Table(columns(MODELS), f.models),
             "by_arm": pivot(by_arm, *columns("name true_arm"), KNOWN[TRUE]),
         },
         body=["models", READING, "by_arm"],
@@ -180,7 +180,7 @@ def figures(found: Report) -> dict[str, Figure]:
     paper = "; grey diamonds: the paper" if any(m.paper for m in f.models) else ""
     return {
         "models.png": forest(
-            Table(columns(MODELS), distinct(f.models), bold=found.tables["models"].bold),
+            found.led(Table(columns(MODELS), distinct(f.models))),
             PANES,
             f"{f.arm} under {f.payload_kg:g} kg, RMS over the workspace: {campaigns.gains_told(f.gains)}",
             f"RMS errors. Filled: prior; dotted: joint stiffness only{paper}.",

@@ -95,8 +95,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
                 columns(CRITERIA),
                 f.criteria,
                 f"{n} poses by criterion",
-                badge.marked if badge else "",
-                "tasks_mm",
+                headline="tasks_mm",
                 looks=LOOKS,
             ),
             "grounds": Table(

@@ -97,7 +97,6 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     f |= {"which_m": _which_m(f), "claims": list(_judged(f))}
     straight = trials.where(m=0, truth=TRUTHS[0])
     own = badge.of_models(straight, f.models, f.take, ERROR)
-    mark = own.marked if own else ""
     f["map"] = campaigns.error_map(
         straight, badge.drawn(own, straight["name"], *campaigns.own(f.models), f.gains.least_squares.theirs)
     )
@@ -118,8 +117,8 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         claims=list(_claims(f)),
         numbers=f,
         tables={
-            "short": Table(columns(SHORT, paper=False), f.models, bold=mark, headline=ERROR),
-            "models": Table(columns(TABLE_II), f.models, bold=mark),
+            "short": Table(columns(SHORT, paper=False), f.models, headline=ERROR),
+            "models": Table(columns(TABLE_II), f.models),
             "claims": Table(columns("claim verdict why"), f.claims, "The paper's statements"),
             "order": Table(columns(ORDER), [*f.order.MGCO69, *f.order.MGCO56], "The order m, Eq. (20)"),
         },
@@ -286,7 +285,7 @@ def figures(found: Report) -> dict[str, Figure]:
     f = Row(found.numbers)
     reading = "Errors of 95 % of the check runs. Dotted: joint stiffness only; diamonds: the paper's."
     answer = f"{f.arm}, section 5.2, true error of 95 % in the check runs: {campaigns.gains_told(f.gains)}"
-    table = Table(columns(TABLE_II), f.models, bold=found.winner)
+    table = found.led(Table(columns(TABLE_II), f.models))
     return {"six_dof_arm.png": forest(table, PANES, answer, reading, JOINTS)}
 
 

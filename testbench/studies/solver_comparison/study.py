@@ -190,7 +190,7 @@ def figures(found: Report) -> dict[str, Figure]:
     rows = {row.key: row for row in f.solvers}
     return {
         "solver_comparison.png": forest(
-            Table(columns(SHORT), f.solvers, bold=found.winner, looks=LOOKS),
+            found.led(Table(columns(SHORT), f.solvers, looks=LOOKS)),
             PANES,
             f"To within 1 % of the least F_M the paper's optimiser takes {times(rows['a'])} the time of the "
             f"conic program with its proof; one local solve {times(rows['b'])}, without proof",
