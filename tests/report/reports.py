@@ -66,7 +66,9 @@ def check(report, printed):
     assert again.whole() == report.whole()
     for name, table in report.tables.items():
         assert json.dumps(html.grid(again.tables[name])) == json.dumps(html.grid(table)), name
-    check_tables([html.grid(own) for own in report.tables.values() if own.rows], report.winner)
+    check_tables(
+        [html.grid(own) for own in report.tables.values() if own.rows], report.badge and report.badge.json()
+    )
     console = Console(width=WIDTH, record=True, file=io.StringIO())
     terminal.print_words(console, report, [report.tables[name] for name in printed])
     shown = console.export_text()
