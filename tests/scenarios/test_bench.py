@@ -41,7 +41,7 @@ FROZEN = {
     "frame": (1, "off_40", 2741.171, 6.1478, 2.631999),
     "stations": (1, "off_40", 2237.785, 6.15007, 2.382489),
     "other-arms": (1, "soft_link", 724.9501, 6.147792, 2.734013),
-    "ur10": (1, "ur10", 15.81004, 0.3162947, 0),
+    "ur10": (2, "ur10", 16.61840, 0.3162947, 0),
     "wrong-prior": (1, "off_40", 701.8159, 5.69154, 2.631999),
 }
 """With seed 3: version, true arm; sizes of readings [1], of what the prior predicts and of the truth [mm]."""

@@ -41,7 +41,7 @@ def raises(kinematics, structure, data, prior):
     raise ValueError("no | *way*")
 
 
-def nan(kinematics, structure, data, prior):
+def blank(kinematics, structure, data, prior):
     return np.full(structure.n, np.nan)
 
 
@@ -77,7 +77,7 @@ def few(kinematics, structure):
 """
 WHY = {
     "raises": "raised ValueError: no | *way*",
-    "nan": "expected finite numbers, got NaN or infinity",
+    "blank": "expected finite numbers, got NaN or infinity",
     "huge": "expected compliances of at most 1 in SI units, got a larger one",
     "nothing": "expected an array, got None",
     "shape": "wrong shape: expected (153,) or (48, 48), got (3,)",
@@ -303,8 +303,8 @@ def test_identify_shows_own_estimators_and_names_those_that_fail(files):
         ("{}/broken.py:f", "broken.py: raised SyntaxError"),
         ("{}/exits.py:f", "exits.py: raised SystemExit: 3"),
         ("no_such_module:f", "no_such_module: raised ModuleNotFoundError"),
-        ("MGCO56={}/bad.py:nan", "the name 'MGCO56' is taken"),
-        ("a b={}/bad.py:nan", "expected a name of letters"),
+        ("MGCO56={}/bad.py:blank", "the name 'MGCO56' is taken"),
+        ("a b={}/bad.py:blank", "expected a name of letters"),
     ],
 )
 @pytest.mark.attack
@@ -317,7 +317,7 @@ def test_what_cannot_be_imported_is_told_in_one_line_before_anything_is_done(fil
 
 
 def test_a_worker_refuses_a_file_that_is_not_the_one_asked_for(files):
-    own = Own("nan", str(files / "bad.py"), "nan", Limits(5.0), sha256="0" * 64)
+    own = Own("blank", str(files / "bad.py"), "blank", Limits(5.0), sha256="0" * 64)
     with pytest.raises(BenchError, match="has changed since the run began"):
         hired([own])
 
