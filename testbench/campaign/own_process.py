@@ -102,6 +102,7 @@ def _called(own: Own, given: Given | None) -> Answer | str:
         process.start()
         theirs.close()
         try:
+            ours.recv()  # it has begun: to load the library takes no time of the call
             slow = BenchError(f"too slow: stopped after {own.limits.seconds:g} s")
             found: Answer | str | BenchError = ours.recv() if ours.poll(own.limits.seconds) else slow
         except EOFError:
@@ -123,6 +124,7 @@ def _serve(link: Connection, own: Own, given: Given | None) -> None:
         os.dup2(2, 1)
         Thread(target=_end_with_parent, daemon=True).start()
         _limit(own.limits)
+        link.send(None)
         with threadpool_limits(1):
             link.send(_answer(own, given))
     finally:
@@ -162,9 +164,9 @@ def _answer(own: Own, given: Given | None) -> Answer | str | BenchError:
         start = time.process_time()
         found = function(*given)
         seconds = time.process_time() - start
-        several = isinstance(found, tuple) and len(found) == 2
-        first, second = found if several else (found, None)
-        return Answer(_array(first), _array(second) if several else None, seconds)
+        parts = found if isinstance(found, tuple) and len(found) == 2 else (found,)
+        arrays = [_array(part) for part in parts]
+        return Answer(arrays[0], arrays[1] if len(arrays) > 1 else None, seconds)
     except BenchError as err:
         return BenchError(str(err))  # one that can travel
     except BaseException as err:  # any, SystemExit among them: it is the user's code
