@@ -53,13 +53,12 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
     f = _numbers(asked, seeds, trials)
     told = distinct(f.models)
     own = badge.of_models(trials, told, DEFAULT, TRUE)
-    mark = own.marked if own else ""
     f["map"] = campaigns.error_map(
         trials.where(name={m.name for m in told}),
         badge.drawn(own, trials["name"], *campaigns.own(told), best(told, "none", prior=False)),
     )
     arms = [row for row in f.by_arm if row.name in {m.name for m in told}]
-    by_arm = Table((), arms, "RMS error over the workspace by true arm, mm", mark)
+    by_arm = Table((), arms, "RMS error over the workspace by true arm, mm")
     return Report(
         scenario=STUDY.name,
         question=say("{arm} under {payload_kg:g} kg: which stiffness model predicts its sag best?", f),

@@ -232,7 +232,7 @@ def _tables(f: Row) -> dict[str, Table]:
 def _over_family(f: Row) -> Table:
     """Methods by number of poses, in the order of the family."""
     name, poses = columns("name poses")
-    rows = Table((), f.family, "RMS error over the workspace, um", CHOSEN)
+    rows = Table((), f.family, "RMS error over the workspace, um")
     return replace(pivot(rows, name, replace(poses, unit="poses"), RMS), looks=_looks(f.family))
 
 
