@@ -100,6 +100,7 @@ def _called(own: Own, given: Given | None) -> Answer | str:
     with ours:
         process = context.Process(target=_serve, args=(theirs, own, given))
         process.start()
+        assert process.pid  # 0 would be our own group
         theirs.close()
         try:
             ours.recv()  # it has begun: to load the library takes no time of the call
@@ -110,7 +111,7 @@ def _called(own: Own, given: Given | None) -> Answer | str:
         finally:
             process.kill()
             with suppress(ProcessLookupError):  # all of the group have ended
-                os.killpg(process.pid or 0, signal.SIGKILL)
+                os.killpg(process.pid, signal.SIGKILL)
             process.join()
     if isinstance(found, BenchError):
         raise BenchError(shown(" ".join(str(found).split()))[:LONGEST])

@@ -108,13 +108,13 @@ def _settle(place: Path) -> None:
     if not os.path.lexists(home):
         return
     if home.is_symlink() or {path.name for path in home.iterdir()} - {NEW, EARLIER, GONE}:
-        raise InputError(home, "", "is nothing that a run leaves which was killed; move it away")
+        raise InputError(home, "", "is not what a killed run leaves; move it away")
     earlier = home / EARLIER
     if os.path.lexists(earlier):
         if not os.path.lexists(place):  # killed between the two renames
             earlier.rename(place)
         elif os.path.lexists(home / NEW / place.name):
-            raise InputError(place, "", f"stands where a run was that is in {earlier}; move one of them away")
+            raise InputError(place, "", f"stands in the place of the run that is in {earlier}; move one away")
         else:
             for guest in guests(earlier, read_manifest(earlier).files):
                 if not os.path.lexists(place / guest):

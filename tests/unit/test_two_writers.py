@@ -181,7 +181,7 @@ def test_a_folder_that_is_made_after_a_kill_does_not_cost_the_earlier_run(tmp_pa
         if not out.exists():
             break
     out.mkdir()
-    with pytest.raises(InputError, match=r"stands where a run was that is in .*\.run\.new/earlier"):
+    with pytest.raises(InputError, match=r"stands in the place of the run that is in .*\.run\.new/earlier"):
         write(out, "two")
     out.rmdir()
     write(tmp_path / "other", "two")

@@ -1,7 +1,6 @@
 """What noise costs, by method and structure, and what better instruments are worth."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -87,7 +86,7 @@ def report(asked: Settings, seeds: range, trials: Trials) -> Report:
         ),
         claims=list(_claims(f)),
         numbers=f,
-        tables=(tables := _tables(f, own.marked if (own := parts["gravity"].badge) else "")),
+        tables=(tables := _tables(f)),
         body=[*tables, HOW],
         badge=parts["gravity"].badge,
     )
@@ -168,14 +167,13 @@ def _claims(f: Row) -> Iterator[Markdown]:
     )
 
 
-def _tables(f: Row, winner: str) -> dict[str, Table]:
-    """Errors by model and noise, with what a um of it costs, the winner marked; instruments by distance."""
+def _tables(f: Row) -> dict[str, Table]:
+    """Errors by model and noise, with what a um of it costs; instruments by distance."""
     found = {}
     for part, words in PARTS.items():
         title = f"{words}: RMS error, um, by noise of a reading"
         rows = compare.existing(f.sweeps[part])
-        own = compare.errors(rows, "name", "sigma_um", title, last="um_per_um")
-        found[part] = replace(own, bold=winner)
+        found[part] = compare.errors(rows, "name", "sigma_um", title, last="um_per_um")
     rows = [Row(row, instrument=f"{row.truth} truth: {row.instrument}") for row in f.instruments]
     title = f"KR 500, {INSTRUMENT}: RMS error, um, by distance of the instrument"
     return found | {"instruments": compare.errors(rows, "instrument", "distance_m", title)}
