@@ -10,6 +10,7 @@ from testbench.model.structure import all153, template56
 from testbench.studies.identifiability.trial import FILLERS, GCO, LS
 from testbench.views import colours
 from testbench.views.colours import CHOICE, SCALE, SERIES, look
+from testbench.views.recording import run
 
 APART = 5.0  #: Least CIEDE2000 of two models' colours: a just noticeable one is 1.
 GROUNDS = ((252, 252, 252), (28, 28, 30))  #: A page, and a label in the dark viewer.
@@ -156,6 +157,12 @@ def test_purple_is_load_and_nothing_else():
     for name, colour in [*EVERY.items(), *((c, c) for c in (*SCALE, *SERIES))]:
         angle, chroma = hue(colour)
         assert (chroma > 10 and 300 < angle < 358) == (name == "LOAD"), (name, angle)
+
+
+def test_words_for_colours_call_no_model_by_the_colour_of_another_role():
+    roles = {run._hue(getattr(colours, name)) for name in ("NOMINAL", "MEASURED", "LOAD", "TASK", "GREY")}
+    called = {name: run._hue(own.colour) for name, own in TOGETHER.items() if run._hue(own.colour) in roles}
+    assert called == {}
 
 
 def test_one_model_has_one_colour_whatever_a_study_calls_its_structure():
