@@ -172,6 +172,7 @@ def test_joint_errors_that_stand_in_for_soft_links_are_declined_once_links_are_k
     assert not found.state.n.any()
 
 
+@pytest.mark.study
 def test_a_series_is_foretold_only_by_a_fair_share_of_the_readings(kr500, monkeypatch):
     """What 12 readings in one corner tell of an arm must not decide which errors it has."""
     (long, short), _ = simulate_series(kr500, AbsoluteCampaign(series=2, poses=100), 21)

@@ -72,6 +72,7 @@ def check_ranks(z):
         assert kstest(own, "uniform").pvalue > LEVEL
 
 
+@pytest.mark.study
 def test_identify_knows_how_far_fresh_readings_lead_it_astray(arm_6r, rng):
     """Least squares of section 5.2: poses, readings and what is asked for are drawn anew."""
     s, z = template56(arm_6r.arm), []
@@ -103,6 +104,7 @@ def test_identify_with_a_prior_is_as_sure_as_arms_of_the_prior_differ_from_it(kr
         check_ranks(found)
 
 
+@pytest.mark.study
 def test_calibrate_is_as_sure_of_geometry_and_joints_as_its_errors_are_large(arms):
     """All 78 numbers of an arm, in independent directions; then those that the readings tell most of."""
     z, told = [], []
@@ -154,6 +156,7 @@ def test_predict_and_compensate_are_as_sure_as_arms_of_their_doubts_differ_and_m
         check_ranks(own)
 
 
+@pytest.mark.study
 def test_positions_lie_in_their_ellipsoids(arms, kr500):
     """Of readings in poses that were never measured; the error itself is below that of geometry."""
     inside, error = [], []
@@ -178,6 +181,7 @@ def test_an_interval_is_as_wide_as_noise_by_the_normal_and_the_prior_by_students
     np.testing.assert_allclose(own.half_widths(a, 0.9), np.hypot(*widths))
 
 
+@pytest.mark.study
 def test_intervals_have_names_and_the_units_of_people(arms):
     *_, own = arms[0]
     by_name = {(one.part, one.name): one for one in named_parameters.intervals(own)}

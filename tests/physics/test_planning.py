@@ -144,6 +144,7 @@ def test_every_criterion_makes_a_plan_with_a_certificate(kr500, spec, poses, nam
     assert 0 < found.efficiency <= 1
 
 
+@pytest.mark.study
 def test_two_loads_are_chosen_pose_by_pose_and_hung_one_after_the_other_by_the_seed(kr500, spec, poses):
     side = Load(np.array([0, 4500.0, 0, 0, 0, 0]), spec.loads[0].point)  # loads joint 1, as no weight does
     both, reach = replace(spec, loads=(spec.loads[0], side)), Reach(lambda q: clear(kr500, q))

@@ -362,6 +362,7 @@ def test_a_prediction_beyond_the_arm_is_a_failure_and_one_of_millimetres_is_none
             model.estimator(kr500.vjm, model.structure, data)
 
 
+@pytest.mark.attack
 def test_processes_that_a_call_leaves_are_ended_with_it_and_the_next_call_is_answered(files):
     lasts = f"600.{os.getpid()}"
     (files / "leaves.py").write_text(LEAVES.replace("LASTS", lasts))
@@ -372,6 +373,7 @@ def test_processes_that_a_call_leaves_are_ended_with_it_and_the_next_call_is_ans
         assert (name, until(lambda: not sleeping(lasts))) == (name, True)
 
 
+@pytest.mark.attack
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_a_call_ends_with_the_process_that_asked_for_it(files):
     lasts = f"601.{os.getpid()}"
