@@ -13,6 +13,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from testbench.arm.folder import load_arm as load_arm
     from testbench.campaign.arm_models import load_model as load_model
+    from testbench.campaign.arm_models import save_model as save_model
     from testbench.campaign.campaign import Scenario as Scenario
     from testbench.campaign.campaign import build_cell as build_cell
     from testbench.campaign.campaign import simulate as simulate
@@ -44,11 +45,13 @@ if TYPE_CHECKING:
     from testbench.identify import robust as robust
     from testbench.identify import with_prior as with_prior
     from testbench.identify.absolute.fit import calibrate as calibrate
+    from testbench.identify.arm_model import ArmModel as ArmModel
     from testbench.identify.evaluate import deflections as deflections
     from testbench.identify.evaluate import score as score
     from testbench.identify.prior import cad_prior as cad_prior
     from testbench.identify.registered import registered as registered
     from testbench.model.load import Load as Load
+    from testbench.model.load import weight as weight
     from testbench.model.structure import Structure as Structure
 
 HOMES = {
@@ -80,7 +83,9 @@ HOMES = {
     "deflections": "identify.evaluate",
     "score": "identify.evaluate",
     "calibrate": "identify.absolute.fit",
+    "ArmModel": "identify.arm_model",
     "Load": "model.load",
+    "weight": "model.load",
     "predict": "correct.predicted",
     "Aim": "correct.newton",
     "compensate": "correct.compensated",
@@ -88,6 +93,7 @@ HOMES = {
     "write_program": "data.write",
     "stiffness": "correct.stiffness",
     "load_model": "campaign.arm_models",
+    "save_model": "campaign.arm_models",
     "PlanSettings": "campaign.plan_settings",
     "plan": "campaign.plan",
     "BenchError": "errors",

@@ -28,7 +28,7 @@ from testbench.identify.absolute.noise import KINDS, Noise
 from testbench.identify.absolute.posterior import model_of
 from testbench.identify.absolute.state import Mount, State
 from testbench.identify.absolute.unknowns import Unknowns
-from testbench.identify.arm_model import About, ArmModel, of_estimate
+from testbench.identify.arm_model import About, ArmModel
 from testbench.identify.metric import Belief
 from testbench.identify.posterior import Posterior
 from testbench.identify.registration import Frame
@@ -38,9 +38,9 @@ from testbench.model.laws import vjm_of, with_laws
 from testbench.model.load import Load, resultant
 from testbench.model.structure import Structure, all153, labels_of
 from testbench.model.vjm import Vjm, tool_pose
-from testbench.model.weights import Weights, no_weights, read_weights
+from testbench.model.weights import Weights, weights_known
 from testbench.output.manifest import told_as
-from testbench.output.whole import reading
+from testbench.output.whole import reading, whole_folder
 
 if TYPE_CHECKING:  # who only reads a model needs no fits
     from testbench.campaign.fits import Identified
@@ -325,14 +325,28 @@ def _state(found: Document, vjm: Vjm, structure: Structure) -> State:
     )
 
 
-def save_model(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, object]) -> None:
-    """Write a model into a folder that exists: the arm's files, model.json and posterior.npz.
+def save_model(model: ArmModel, folder: str | Path) -> None:
+    """Write a model as a folder that `load_model` and every command read: the arm's files and the posterior.
 
     Args:
-        model: The arm as it was identified.
+        model: The identified arm.
+        folder: Where to. An earlier model there is replaced once the new one is whole.
+
+    Raises:
+        InputError: When the folder cannot be written.
+    """
+    with whole_folder(Path(folder)) as made:
+        write_files(model, made, name=model.about.method, fit={})
+
+
+def write_files(model: ArmModel, folder: Path, *, name: str, fit: Mapping[str, object]) -> None:
+    """Write a model's files into a folder that exists: those of the arm, model.json and posterior.npz.
+
+    Args:
+        model: The identified arm.
         folder: Where to.
-        name: Of the model, such as ALL153 + prior.
-        fit: What else there is to say of it, as plain data.
+        name: Name of the model, such as ALL153 + prior.
+        fit: More about the fit for people, as plain data; nothing is computed from it.
     """
     state, structure, own, about = model.state, model.structure, model.posterior, model.about
     values, noise = structure.entries(state.C_theta).tolist(), model.noise
@@ -402,8 +416,7 @@ def write_stiffness(
 ) -> None:
     """Write the model to take into a folder that exists; `data` has the SHA-256 of every file of readings."""
     fits, estimate, used = found.fits, found.taken, runs.used
-    weights, notes = weights_known(cell.arm)
-    model = of_estimate(cell.vjm, estimate, weights)
+    model, notes = cell.model(estimate), weights_known(cell.arm)[1]
     doubts = [*(doubt.sentence for doubt in fits.doubts), *notes]
     about = _about(f"{fits.recommended}: {estimate.method}", data, doubts, _about_tool(cell.vjm, used))
     fit = {
@@ -426,15 +439,7 @@ def write_stiffness(
         },
         "notes": [*notes, *fits.notes],
     }
-    save_model(replace(model, about=about), folder, name=fits.recommended, fit=fit)
-
-
-def weights_known(arm: Arm) -> tuple[Weights, list[str]]:
-    """What the links weigh, and a note where nobody knows: own weight is then left out."""
-    try:
-        return read_weights(arm), []
-    except InputError as err:
-        return no_weights(arm), [f"Own weight is left out: {err}"]
+    write_files(replace(model, about=about), folder, name=fits.recommended, fit=fit)
 
 
 def _prior(belief: Belief) -> object:
@@ -466,7 +471,7 @@ def write_model(
     method = f"absolute calibration: {', '.join(['geometry', *kept])}"
     loads = np.concatenate([_about_tool(vjm, one) for one in calibration.series])
     model = replace(model_of(calibration), about=_about(method, data, doubts, loads))
-    save_model(model, folder, name=method, fit={})
+    write_files(model, folder, name=method, fit={})
 
 
 def _about(method: str, data: Mapping[str, str], doubts: Sequence[str], loads: Array) -> About:

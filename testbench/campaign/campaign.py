@@ -17,9 +17,13 @@ from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, InputError, Mask
 from testbench.model.kinematics import build_vjm
 from testbench.model.poses import WorkArea, random_poses
+from testbench.model.structure import labels_of
 from testbench.model.vjm import Vjm, body_poses
 
 if TYPE_CHECKING:  # importing MuJoCo takes a sixth of a second, and --help does without
+    from testbench.identify.absolute.fit import Calibration
+    from testbench.identify.arm_model import ArmModel
+    from testbench.identify.estimate import Estimate
     from testbench.plant.build import Plant
     from testbench.plant.equilibrium import Equilibrium
     from testbench.plant.site import Site
@@ -136,6 +140,34 @@ class Cell(Displayed):
         from testbench.plant.site import build_site
 
         return build_site(self.arm, floor=self.floor)
+
+    def model(self, found: "Estimate | Calibration") -> "ArmModel":
+        """Make the model of this arm that `predict`, `compensate`, `stiffness` and `save_model` take.
+
+        Args:
+            found: An estimate of compliances by any estimator, or what `calibrate` returns.
+
+        Returns:
+            The identified arm: its state theta = theta_0 + C_theta u, and the posterior of what is uncertain.
+            From an estimate it is the arm as drawn, bent by its own weight where rigid.xml states masses.
+
+        Raises:
+            BenchError: When the estimate is one of another arm.
+        """
+        from testbench.identify.absolute.fit import Calibration  # here: simulating needs no fits
+        from testbench.identify.absolute.posterior import model_of
+        from testbench.identify.arm_model import of_estimate
+        from testbench.identify.estimate import Estimate
+        from testbench.model.weights import weights_known
+
+        if isinstance(found, Calibration):
+            return model_of(found)
+        if not isinstance(found, Estimate):
+            raise BenchError(f"model: expected an Estimate or a Calibration, got {type(found).__name__}")
+        names, own = found.structure.labels, labels_of(self.arm)
+        if names[: len(own)] != own:
+            raise BenchError(f"model: expected an estimate of {self.arm.name}, got one of {names[0]} ...")
+        return of_estimate(self.vjm, found, weights_known(self.arm)[0])
 
 
 @dataclass(frozen=True, repr=False)

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.campaign.arm_models import weights_known
 from testbench.campaign.campaign import Cell, clear_poses, stream
 from testbench.campaign.fits import Identified
 from testbench.campaign.identifiability import told
@@ -15,7 +14,6 @@ from testbench.campaign.workspace_errors import Meaning, bounded_mm, error_place
 from testbench.correct.predicted import predict
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, NoEquilibrium, PoseError
-from testbench.identify.arm_model import of_estimate
 from testbench.identify.evaluate import all_deflections
 from testbench.identify.prior import Strength, cad_prior
 from testbench.model.laws import STRUT
@@ -211,11 +209,11 @@ def elsewhere(cell: Cell, found: Identified) -> Row:
     data, taken = found.runs.used, found.fits.recommended
     k = int(np.linalg.norm(data.wrench[:, :3], axis=1).argmax())
     load = Load(data.wrench[k], data.point[k])
-    q, weights = clear_poses(cell, None, PLACES, stream(0)), weights_known(cell.arm)[0]
+    q = clear_poses(cell, None, PLACES, stream(0))
     moved, half, missing = {}, {}, []
     mine = {m.name for m in found.fits.models if m.constraint == "own"} - {taken}
     for name in (name for name in compared(found.fits.models, taken) if name not in mine):
-        own = of_estimate(cell.vjm, found.estimates[name], weights)
+        own = cell.model(found.estimates[name])
         try:
             there = predict(own, q, [load], points=np.zeros((0, 3)))
         except NoEquilibrium:

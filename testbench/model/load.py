@@ -39,7 +39,15 @@ class Load:
 
 
 def weight(vjm: Vjm, mass: float | Array) -> Load:
-    """A mass that hangs from the arm's load point, or one a pose, (poses,) [kg]."""
+    """Make the load of a mass that hangs from the arm's load point, w = (0, 0, -m g, 0, 0, 0).
+
+    Args:
+        vjm: The arm.
+        mass: Mass, or one for each pose, (poses,) [kg].
+
+    Returns:
+        The load, the same in all poses or with a row for each pose.
+    """
     wrench = np.zeros((*np.shape(mass), 6))
     wrench[..., 2] = -GRAVITY * mass
     return Load(wrench, np.broadcast_to(vjm.load, (*np.shape(mass), 3)))

@@ -57,6 +57,21 @@ def read_weights(arm: Arm) -> Weights:
     return Weights(mass[:, 0], moment / np.where(mass > 0, mass, 1))
 
 
+def weights_known(arm: Arm) -> tuple[Weights, list[str]]:
+    """Read what the links weigh, or take nothing where the arm's file does not state it.
+
+    Args:
+        arm: The arm.
+
+    Returns:
+        Masses and centres, and a note for the user where own weight is left out.
+    """
+    try:
+        return read_weights(arm), []
+    except InputError as err:
+        return no_weights(arm), [f"Own weight is left out: {err}"]
+
+
 def _fixed(
     arm: Arm, root: ET.Element, body: ET.Element, chain_bodies: list[ET.Element]
 ) -> Iterator[tuple[ET.Element, Array]]:

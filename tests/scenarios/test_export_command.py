@@ -13,7 +13,7 @@ from run_here import do, fine, held, refused
 
 from testbench import files
 from testbench.arm.folder import load_arm
-from testbench.campaign.arm_models import read_model, save_model
+from testbench.campaign.arm_models import read_model, write_files
 from testbench.campaign.controller_files import STAMP
 from testbench.identify.absolute.noise import Noise
 from testbench.identify.absolute.state import nominal
@@ -37,7 +37,7 @@ def place(tmp_path, monkeypatch):
     state = replace(nominal(vjm, Weights(np.ones(8), np.zeros((8, 3))), np.ones(6)), theta_0=theta)
     none = Posterior.normal(np.zeros(0), np.zeros((0, 0)))
     known = ArmModel(state, joints_only(vjm.arm), np.zeros(0, int), none, About("geometry"), Noise())
-    save_model(known, model, name="geometry", fit={})
+    write_files(known, model, name="geometry", fit={})
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "robot.urdf").write_text(own_urdf(read_model(model).vjm, rng)[0])
     return tmp_path

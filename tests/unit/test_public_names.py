@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 import testbench as tb
 from testbench.identify import Method
 
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "api.md").read_text(encoding="utf-8")
 HEAVY = {"mujoco", "pinocchio", "rerun", "matplotlib", "scipy", "numpy"}
 
 
@@ -73,3 +75,26 @@ def test_what_is_public_shows_itself_in_a_line_and_in_a_small_table(cell):
         assert own._repr_html_().count("<tr>") == len(own.about())
     assert repr(runs.check).startswith("Dataset(runs=6, poses=3, markers=P1 P2 P3, deflection_mm=")
     assert "<th>unknowns</th><td>56</td>" in estimate._repr_html_()
+
+
+def test_the_loop_of_the_page_runs_and_prints_what_the_page_says(tmp_path, monkeypatch, capsys):
+    """From readings to a corrected program: every step takes what the one before returns."""
+    monkeypatch.chdir(tmp_path)
+    exec(compile(re.search(r"```python\n(.*?)```", PAGE, re.DOTALL)[1], "api.md", "exec"), {})
+    said, told = capsys.readouterr().out, re.search(r"```text\n(.*?)```", PAGE, re.DOTALL)[1]
+    number = re.compile(r"-?\d+\.\d+")
+    assert number.sub("", said) == number.sub("", told)
+    shown, found = ([float(x) for x in number.findall(text)] for text in (told, said))
+    np.testing.assert_allclose(found, shown, rtol=0, atol=0.02)
+
+
+def test_a_model_is_of_the_arm_that_was_identified_and_of_nothing_else(cell):
+    runs = tb.simulate(cell, seed=1)
+    estimate = tb.gco(cell.vjm, tb.MODELS["MGCO56"](cell).structure, runs.identification)
+    q, load = runs.check.q[:1], tb.weight(cell.vjm, 460.3)
+    there = tb.predict(cell.model(estimate), q, [load], linear=True)
+    np.testing.assert_allclose(there.deflection[0, 1:], tb.deflections(cell.vjm, estimate, runs.check)[0])
+    with pytest.raises(tb.BenchError, match="expected an estimate of ur10, got one of link_0"):
+        tb.build_cell("ur10").model(estimate)
+    with pytest.raises(tb.BenchError, match="expected an Estimate or a Calibration, got ndarray"):
+        cell.model(estimate.pi)
