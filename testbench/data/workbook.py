@@ -1,6 +1,8 @@
 """Sheets of workbooks (.xlsx, .xls, .ods) as the text of a table, read by calamine."""
 
+import functools
 import io
+import re
 import zipfile
 from collections.abc import Sequence
 from datetime import date, datetime, time, timedelta
@@ -13,6 +15,9 @@ from testbench.errors import InputError, sheet_of, shown
 MAX_UNPACKED = (
     600_000_000  #: Size of all parts of a workbook [byte]: calamine holds each cell, however small.
 )
+MAX_CELLS = 20_000_000
+"""Rows times columns of a sheet: calamine holds 32 bytes for each cell between the first and the last one."""
+CELL = re.compile(rb'<c r="([A-Z]{1,3})([0-9]{1,7})"')  #: Name of a cell in the XML of a sheet.
 WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  #: Beginnings of the files: zip, and that of old .xls.
 SHEET = "sheet "  #: Before the name of the sheet, in how a table of a workbook was read.
 DAY_0 = datetime(1899, 12, 30)  #: From which a spreadsheet counts.
@@ -56,12 +61,28 @@ def sheet_text(path: Path, content: bytes, mark: str) -> tuple[str, str]:
 
 
 def _check_size(content: bytes) -> None:
-    """Refuse, by ValueError, a zip whose parts are larger than what is read."""
+    """Refuse, by ValueError, a workbook that would fill the memory: large parts, or a cell far from others."""
     if content.startswith(WORKBOOKS[0]):
         with zipfile.ZipFile(io.BytesIO(content)) as book:
             size = sum(part.file_size for part in book.infolist())
-        if size > MAX_UNPACKED:
-            raise ValueError(f"at most {MAX_UNPACKED} bytes when unpacked, got {size}")
+            if size > MAX_UNPACKED:
+                raise ValueError(f"at most {MAX_UNPACKED} bytes when unpacked, got {size}")
+            for part in book.namelist():
+                if part.startswith("xl/worksheets/sheet"):
+                    _check_extent(book.read(part))
+
+
+def _check_extent(sheet: bytes) -> None:
+    """Refuse, by ValueError, a sheet of which calamine would hold too many blank cells."""
+    rows, columns = 0, set()
+    for cell in CELL.finditer(sheet):
+        rows = max(rows, int(cell[2]))
+        columns.add(cell[1])
+    last = max(columns, key=lambda name: (len(name), name), default=b"")
+    count = functools.reduce(lambda x, letter: 26 * x + letter - ord("A") + 1, last, 0)
+    if rows * count > MAX_CELLS:
+        far = f"its cells reach from A1 to column {last.decode()} and row {rows}"
+        raise ValueError(f"{far}, more than {MAX_CELLS} cells: delete what stands far from the table")
 
 
 def _line(row: Sequence[Cell], mark: str) -> str:

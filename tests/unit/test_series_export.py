@@ -353,6 +353,18 @@ def test_the_sheet_is_the_one_behind_the_mark_else_the_first_that_is_seen(tmp_pa
     assert "expected one of its sheets, Draft, A, B, got 'C'" in refused(one_of, tmp_path / "one.xlsx#C")
 
 
+def test_a_cell_far_from_the_table_is_refused_by_its_column_and_row(tmp_path):
+    """Calamine would ask for 500 GB, and end the process."""
+    file = write(tmp_path, A=ROWS)
+    whole = parts({"A": ROWS})
+    [sheet] = [name for name in whole if name.startswith("xl/worksheets/")]
+    far = '<row r="1048576"><c r="XFD1048576"><v>1</v></c></row></sheetData>'
+    file.write_bytes(packed(whole | {sheet: whole[sheet].replace("</sheetData>", far)}))
+    assert "its cells reach from A1 to column XFD and row 1048576, more than 20000000" in refused(
+        one_of, file
+    )
+
+
 def test_two_sheets_are_two_series_and_one_sheet_twice_is_refused(tmp_path):
     other = [NAMES, *(NUMBERS[:, [0, 1, 2, 3, 4, 5, 7, 6, 8]] + 0.01).tolist()]
     write(tmp_path, A=ROWS, B=other)
