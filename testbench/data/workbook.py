@@ -61,7 +61,7 @@ def sheet_text(path: Path, content: bytes, mark: str) -> tuple[str, str]:
 
 
 def _check_size(content: bytes) -> None:
-    """Refuse, by ValueError, a workbook that would fill the memory: large parts, or a cell far from others."""
+    """Refuse, by ValueError, a workbook that would fill the memory by large parts or a cell far away."""
     if content.startswith(WORKBOOKS[0]):
         with zipfile.ZipFile(io.BytesIO(content)) as book:
             size = sum(part.file_size for part in book.infolist())
