@@ -92,7 +92,7 @@ class Vjm(Displayed):
 
     @cached_property
     def steps(self) -> Array:
-        """From each joint to the next one, to the tool at last, in the link's axes, (n + 1, 3) [m]."""
+        """Return vectors from each body to the next, base to tool, in the former's axes, (n + 1, 3) [m]."""
         return np.array([pose[:3, 3] for pose in (*self.placements, self.tool)])
 
     @property
